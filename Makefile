@@ -1,0 +1,44 @@
+# The two commands of the README are `make demo` and `make test`; `make help` lists the others.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+
+QUALITY ?= light
+export FEATURES := drapery/hdf5
+TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
+export DRAPERY := $(TARGET)/release/drapery
+export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
+
+.PHONY: help
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+.PHONY: setup
+setup: ## install what is missing: Debian packages and the Python environment .venv
+	@.ci/setup
+
+.PHONY: build
+build: setup ## release build of the commands, with HDF5
+	cargo build --release --workspace --features $(FEATURES)
+
+.PHONY: demo
+demo: build ## simulate a dressed character and render six frames of it; QUALITY=full for the fine garments
+	@.ci/demo $(QUALITY)
+
+.PHONY: test
+test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
+	cargo test --release --workspace --features $(FEATURES)
+	.venv/bin/python -m pytest tests/oracle
+
+.PHONY: test-full
+test-full: build ## the suites too long for CI; writes docs/test-full.md
+	@.ci/test-full
+
+.PHONY: bench
+bench: setup ## benches of the solver's parts
+	cargo bench --package drapery-core
+
+.PHONY: lint
+lint: setup ## formatting and lints, as CI checks them
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --features $(FEATURES) -- -D warnings

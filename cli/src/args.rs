@@ -1,0 +1,177 @@
+//! What was typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::exit_code;
+
+/// Offline cloth solver: animated bodies and garments in, vertex caches out.
+#[derive(Debug, Parser)]
+#[command(name = "drapery", version, after_help = exit_code::TABLE, max_term_width = 120)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    #[command(flatten)]
+    pub(crate) log: LogArgs,
+}
+
+/// What is logged, and where.
+#[derive(Debug, Args)]
+pub(crate) struct LogArgs {
+    /// Say more (twice: everything)
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub(crate) verbose: u8,
+    /// Say nothing but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// Also write the log as JSON lines to this file
+    #[arg(long, value_name = "FILE", global = true)]
+    pub(crate) log_json: Option<PathBuf>,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Simulate a scene and write the caches
+    Run(RunArgs),
+    /// Report every problem of a scene and of each frame of its inputs; simulate nothing
+    Check(CheckArgs),
+    /// Show what will run and why: effects, settings, memory, threads, formats
+    Plan(PlanArgs),
+    /// Show what a mesh or cache file holds
+    Info(FileArgs),
+    /// Check that a cache can be loaded by other applications
+    Verify(FileArgs),
+    /// Print the JSON schema of scene files, for editors
+    Schema,
+    /// List the material presets
+    Materials,
+}
+
+/// A scene and what is changed in it.
+#[derive(Debug, Args)]
+pub(crate) struct SceneArgs {
+    /// Scene file
+    pub(crate) scene: PathBuf,
+    /// Frames to deliver, for example 1001-1100; the scene's own range when left out
+    #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
+    pub(crate) frames: Option<FrameRange>,
+    /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
+    pub(crate) settings: Vec<(String, String)>,
+    /// Number of threads [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK, or all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// Folder for the caches and the record of the run [default: out/<shot name>]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace the run that the folder holds
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// How progress is reported
+    #[arg(long, value_enum, default_value_t = ProgressStyle::Auto, env = "DRAPERY_PROGRESS")]
+    pub(crate) progress: ProgressStyle,
+}
+
+/// Arguments of `check`.
+#[derive(Debug, Args)]
+pub(crate) struct CheckArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+}
+
+/// Arguments of `plan`.
+#[derive(Debug, Args)]
+pub(crate) struct PlanArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// One file.
+#[derive(Debug, Args)]
+pub(crate) struct FileArgs {
+    /// Mesh or cache file
+    pub(crate) file: PathBuf,
+}
+
+/// How progress is reported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ProgressStyle {
+    /// A bar on a terminal, otherwise one line a frame
+    Auto,
+    /// ALF_PROGRESS n% (Tractor, Deadline, OpenCue)
+    Alf,
+    /// TR_PROGRESS n (Tractor)
+    Tr,
+    /// openjd_progress: n (Deadline Cloud)
+    Openjd,
+    /// Progress: n% (Deadline 10)
+    Deadline,
+    /// One JSON object a frame
+    Json,
+    /// Nothing
+    None,
+}
+
+/// First and last frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct FrameRange {
+    pub(crate) first: i64,
+    pub(crate) last: i64,
+}
+
+fn parse_frames(text: &str) -> Result<FrameRange, String> {
+    let number = |word: &str| word.parse::<i64>().map_err(|_| format!("`{word}` is not a frame number"));
+    if text.contains(['x', ':', ',']) {
+        return Err("a simulation cannot leave out frames: give one range such as 1001-1100".into());
+    }
+    // The first character may be the sign of a negative frame.
+    let split = text.char_indices().skip(1).find(|(_, c)| *c == '-').map(|(i, _)| i);
+    let (first, last) = match split {
+        Some(i) => (number(&text[..i])?, number(&text[i + 1..])?),
+        None => (number(text)?, number(text)?),
+    };
+    if last < first {
+        return Err(format!("the last frame, {last}, comes before the first, {first}"));
+    }
+    Ok(FrameRange { first, last })
+}
+
+fn parse_setting(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.trim().to_owned())),
+        _ => Err("write it as name=value, for example resolution=80".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn frame_ranges_may_be_negative_and_may_not_skip() {
+        assert_eq!(parse_frames("1001-1100"), Ok(FrameRange { first: 1001, last: 1100 }));
+        assert_eq!(parse_frames("-10--5"), Ok(FrameRange { first: -10, last: -5 }));
+        assert_eq!(parse_frames("7"), Ok(FrameRange { first: 7, last: 7 }));
+        assert!(parse_frames("1-10x2").unwrap_err().contains("cannot leave out frames"));
+        assert!(parse_frames("10-1").unwrap_err().contains("comes before"));
+        assert!(parse_frames("a-b").unwrap_err().contains("`a`"));
+    }
+}

@@ -1,0 +1,41 @@
+//! Exit codes, in one place. Farm software reads them; they never change their meaning.
+
+use drapery_io::error::IoError;
+use drapery_io::shot::ShotError;
+
+/// How the program ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum ExitCode {
+    Done = 0,
+    Usage = 2,
+    BadInput = 65,
+    MissingInput = 66,
+    Internal = 70,
+    CannotCreate = 73,
+    Io = 74,
+    Scene = 78,
+    SolverGaveUp = 80,
+    VerificationFailed = 82,
+}
+
+/// The table that `--help` prints.
+pub(crate) const TABLE: &str = "Exit codes:
+   0  done
+   2  the command line could not be understood
+  65  an input file holds data that cannot be used
+  66  an input file is missing
+  70  internal error
+  73  an output could not be created, or holds another run
+  74  reading or writing failed (disk full)
+  75  stopped early at a valid state: run again (reserved)
+  78  the scene file is wrong
+  80  the solver gave up
+  81  quality limits exceeded (reserved)
+  82  a verified file breaks a rule";
+
+impl From<ExitCode> for std::process::ExitCode {
+    fn from(code: ExitCode) -> Self {
+        Self::from(code as u8)
+    }
+}

@@ -1,0 +1,2 @@
+//! Drapery command. 
+fn main() {}

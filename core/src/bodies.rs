@@ -1,0 +1,372 @@
+//! Bodies at both ends of a time step, and what a cloth vertex finds of them: analytic shapes in rigid motion and animated
+//! triangle surfaces behind one interface (method 5.1).
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+
+use crate::Vec3;
+use crate::effects::pins::{along_path, attach};
+use crate::error::{Problem, Problems};
+use crate::geometry::moving_surface::MovingSurface;
+use crate::geometry::path::{Crossings, Side};
+use crate::geometry::shapes::Shape;
+use crate::scene::{BodyDescription, BodyShape, RigidMotion, Scene, SurfaceAttachment};
+use crate::tolerances;
+
+/// Positions of the points of a mesh at one time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Solver time [s].
+    pub time: f64,
+    /// Positions [m], in the mesh's own order.
+    pub positions: Vec<Vec3>,
+}
+
+/// Two samples between which positions move straight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Samples {
+    /// The earlier one.
+    pub a: Sample,
+    /// The later one; the same at the very start.
+    pub b: Sample,
+}
+
+impl Samples {
+    /// Standing still at one sample.
+    pub fn still(sample: Sample) -> Self {
+        Self { a: sample.clone(), b: sample }
+    }
+
+    /// Goes on to the next sample.
+    pub fn push(&mut self, next: Sample) {
+        self.a = std::mem::replace(&mut self.b, next);
+    }
+
+    /// Position of a row at a time between the samples [m].
+    pub fn position(&self, row: usize, time: f64) -> Vec3 {
+        let span = self.b.time - self.a.time;
+        let share = if span > 0.0 { ((time - self.a.time) / span).clamp(0.0, 1.0) } else { 1.0 };
+        self.a.positions[row].lerp(&self.b.positions[row], share)
+    }
+}
+
+/// A place of a body near a vertex, at the end of the step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyPoint {
+    /// Signed distance from the surface to the vertex [m], negative inside.
+    pub phi: f64,
+    /// Outward unit direction in which that distance grows.
+    pub normal: Vec3,
+    /// Velocity of the material point below the vertex at the end of the step [m/s].
+    pub velocity: Vec3,
+    /// How far that material point moved during the step [m].
+    pub displacement: Vec3,
+    /// Triangle, for surfaces.
+    pub triangle: u32,
+    /// Whether this part of the surface lies inside the body itself, where there is no outside to push to.
+    pub buried: bool,
+}
+
+/// One body.
+#[derive(Debug)]
+pub struct Body {
+    kind: Kind,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Distance from the surface at which a vertex is in contact: thickness plus gap [m].
+    pub offset: f64,
+    /// Distance that cloth keeps [m].
+    pub thickness: f64,
+    /// Fastest speed of pushing out [m/s].
+    pub max_push_speed: f64,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Rigid { shape: Shape, motion: RigidMotion, poses: [Isometry3<f64>; 2], spinning: bool },
+    Surface(Box<Surface>),
+}
+
+#[derive(Debug)]
+struct Surface {
+    mesh: MovingSurface,
+    samples: Samples,
+    /// Whether each point lies inside another part of the body, at the two samples.
+    buried: [Vec<bool>; 2],
+    /// Pairs of triangles that cross each other at the later sample.
+    crossings: usize,
+    /// Fastest point between the samples [m/s].
+    speed: f64,
+}
+
+/// All bodies of a scene, between the ends of one step.
+#[derive(Debug, Default)]
+pub struct Bodies {
+    list: Vec<Body>,
+    times: [f64; 2],
+}
+
+impl Bodies {
+    /// The bodies of a scene at its start; `samples[b]` is the first sample of each surface.
+    ///
+    /// # Errors
+    /// A surface without a sample, or one whose sample does not fit.
+    pub fn new(scene: &Scene, samples: &[Vec<Sample>], time: f64) -> Result<Self, Problems> {
+        let gap = tolerances::CONTACT_GAP * scene.mean_edge();
+        let mut list = Vec::new();
+        let mut problems = Vec::new();
+        for (b, description) in scene.description().bodies.iter().enumerate() {
+            let first = samples.get(b).and_then(|s| s.last());
+            match Kind::new(description, first) {
+                Ok(kind) => list.push(Body {
+                    kind,
+                    friction: description.friction,
+                    offset: description.thickness + gap,
+                    thickness: description.thickness,
+                    max_push_speed: description.max_push_speed,
+                }),
+                Err(what) => problems.push(Problem::data(
+                    format!("body \"{}\"", description.name),
+                    what,
+                    "look at the body's file around the first frame",
+                )),
+            }
+        }
+        let mut bodies = Self { list, times: [time; 2] };
+        if !problems.is_empty() {
+            return Err(Problems(problems));
+        }
+        bodies.set_step(time, time);
+        Ok(bodies)
+    }
+
+    /// The bodies.
+    pub fn list(&self) -> &[Body] {
+        &self.list
+    }
+
+    /// Number of deforming surfaces.
+    pub fn surface_count(&self) -> usize {
+        self.list.iter().filter(|b| b.is_surface()).count()
+    }
+
+    /// Takes the next sample of a surface; its motion from now on is from the last one to this one.
+    ///
+    /// # Errors
+    /// The sample does not fit the surface.
+    pub fn push_sample(&mut self, body: usize, sample: Sample) -> Result<(), String> {
+        match &mut self.list[body].kind {
+            Kind::Surface(surface) => surface.push(sample).map_err(|e| e.to_string()),
+            Kind::Rigid { .. } => Err("an analytic body takes no samples".into()),
+        }
+    }
+
+    /// Time of the latest sample of a surface [s].
+    pub fn sampled_until(&self, body: usize) -> f64 {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.samples.b.time,
+            Kind::Rigid { .. } => f64::INFINITY,
+        }
+    }
+
+    /// Puts all bodies at the ends of a step [s].
+    pub fn set_step(&mut self, t0: f64, t1: f64) {
+        self.times = [t0, t1];
+        for body in &mut self.list {
+            match &mut body.kind {
+                Kind::Rigid { motion, poses, spinning, .. } => {
+                    *poses = [pose(motion, t0), pose(motion, t1)];
+                    *spinning = t1 > motion.spin_start;
+                }
+                Kind::Surface(surface) => surface.mesh.set_step(t0, t1),
+            }
+        }
+    }
+
+    /// Positions of a surface's points at the end of the step [m]; empty for analytic bodies.
+    pub fn surface_positions(&self, body: usize) -> &[Vec3] {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.mesh.positions(),
+            Kind::Rigid { .. } => &[],
+        }
+    }
+
+    /// Pairs of triangles of all bodies that cross each other at their latest samples.
+    pub fn self_crossings(&self) -> usize {
+        let crossings = |body: &Body| if let Kind::Surface(surface) = &body.kind { surface.crossings } else { 0 };
+        self.list.iter().map(crossings).sum()
+    }
+
+    /// The attachment of a garment's vertex at `place` [m] to the nearest place of a surface at the end of the step.
+    pub fn bind(&self, body: usize, vertex: u32, place: Vec3) -> Option<SurfaceAttachment> {
+        let Kind::Surface(surface) = &self.list[body].kind else { return None };
+        let found = surface.mesh.closest(&place, f64::MAX.sqrt(), None)?;
+        let points = surface.mesh.triangles()[found.triangle as usize];
+        let corners = points.map(|p| surface.mesh.positions()[p as usize]);
+        Some(attach(vertex, place, points, found.weights, corners))
+    }
+
+    /// Length of the step [s].
+    fn dt(&self) -> f64 {
+        self.times[1] - self.times[0]
+    }
+
+    /// The place of a body closest to `x` [m] at the end of the step, if it is within `reach` [m].
+    pub fn closest(&self, body: usize, x: &Vec3, reach: f64, hint: Option<u32>) -> Option<BodyPoint> {
+        match &self.list[body].kind {
+            Kind::Rigid { shape, poses, .. } => {
+                let local = poses[1].inverse_transform_point(&(*x).into()).coords;
+                let (phi, normal) = shape.signed_distance(&local);
+                (phi <= reach).then(|| self.rigid_point(body, &local, phi, &normal))
+            }
+            Kind::Surface(surface) => {
+                let found = surface.mesh.closest(x, reach, hint)?;
+                let velocity = surface.mesh.velocity(found.triangle, found.weights);
+                Some(BodyPoint {
+                    phi: found.distance,
+                    normal: found.gradient(x),
+                    velocity,
+                    displacement: velocity * self.dt(),
+                    triangle: found.triangle,
+                    buried: surface.is_buried(found.triangle),
+                })
+            }
+        }
+    }
+
+    /// The place through which a vertex enters a body when it moves straight from `from` at the start of the step to `to`
+    /// at its end, as seen from `to`: the distance is that to the tangent plane of the entry.
+    pub fn entry(&self, body: usize, from: &Vec3, to: &Vec3) -> Option<BodyPoint> {
+        match &self.list[body].kind {
+            Kind::Rigid { shape, poses, .. } => {
+                let local_from = poses[0].inverse_transform_point(&(*from).into()).coords;
+                let local_to = poses[1].inverse_transform_point(&(*to).into()).coords;
+                let share = shape.first_entry(&local_from, &local_to, self.list[body].thickness)?;
+                let entry = local_from.lerp(&local_to, share);
+                let (phi, normal) = shape.signed_distance(&entry);
+                let phi = phi + normal.dot(&(local_to - entry));
+                Some(self.rigid_point(body, &entry, phi, &normal))
+            }
+            Kind::Surface(surface) => {
+                let hit = surface.mesh.path_hit(from, to, surface.crossings_that_count())?;
+                let corners = surface.mesh.triangles()[hit.triangle as usize].map(|p| surface.mesh.positions()[p as usize]);
+                let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).try_normalize(0.0)?;
+                let normal = if hit.side == Side::Front { normal } else { -normal };
+                let velocity = surface.mesh.velocity(hit.triangle, hit.weights);
+                Some(BodyPoint {
+                    phi: normal.dot(&(to - surface.mesh.point_at(hit.triangle, hit.weights, 1.0))),
+                    normal,
+                    velocity,
+                    displacement: velocity * self.dt(),
+                    triangle: hit.triangle,
+                    buried: surface.is_buried(hit.triangle),
+                })
+            }
+        }
+    }
+
+    /// Signed distance of `x` from a rigid body at the start of the step [m]; zero for surfaces, which keep no tree there.
+    pub fn distance_at_start(&self, body: usize, x: &Vec3) -> f64 {
+        match &self.list[body].kind {
+            Kind::Rigid { shape, poses, .. } => {
+                shape.signed_distance(&poses[0].inverse_transform_point(&(*x).into()).coords).0
+            }
+            Kind::Surface(_) => 0.0,
+        }
+    }
+
+    /// Fastest point of a surface between its samples [m/s]; infinite for rigid bodies, whose distances are cheap.
+    pub fn fastest(&self, body: usize) -> f64 {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.speed,
+            Kind::Rigid { .. } => f64::INFINITY,
+        }
+    }
+
+    /// What the material point at `local` of a rigid body does.
+    fn rigid_point(&self, body: usize, local: &Vec3, phi: f64, normal: &Vec3) -> BodyPoint {
+        let Kind::Rigid { motion, poses, spinning, .. } = &self.list[body].kind else {
+            unreachable!("only called for rigid bodies")
+        };
+        let ends = [0, 1].map(|k| poses[k].transform_point(&(*local).into()).coords);
+        let centres = [0, 1].map(|k| poses[k].translation.vector);
+        let dt = self.dt();
+        let linear = if dt > 0.0 { (centres[1] - centres[0]) / dt } else { Vec3::zeros() };
+        let turning = if *spinning { motion.angular_velocity.cross(&(ends[1] - centres[1])) } else { Vec3::zeros() };
+        BodyPoint {
+            phi,
+            normal: poses[1].rotation * normal,
+            velocity: linear + turning,
+            displacement: ends[1] - ends[0],
+            triangle: 0,
+            buried: false,
+        }
+    }
+}
+
+impl Body {
+    /// Whether it is a triangle surface.
+    pub fn is_surface(&self) -> bool {
+        matches!(self.kind, Kind::Surface(_))
+    }
+}
+
+impl Kind {
+    fn new(description: &BodyDescription, first: Option<&Sample>) -> Result<Self, String> {
+        let shape = match &description.shape {
+            BodyShape::HalfSpace => Shape::HalfSpace,
+            BodyShape::Sphere { radius } => Shape::Sphere { radius: *radius },
+            BodyShape::Capsule { radius, half_length } => Shape::Capsule { radius: *radius, half_length: *half_length },
+            BodyShape::Cylinder { radius, half_length } => Shape::Cylinder { radius: *radius, half_length: *half_length },
+            BodyShape::Box { half_extents } => Shape::Box { half_extents: (*half_extents).into() },
+            BodyShape::Surface { triangles, point_count } => {
+                let first = first.ok_or("there is no sample of its positions at the start")?;
+                let mut surface = Surface {
+                    mesh: MovingSurface::new(triangles.clone(), *point_count).map_err(|e| e.to_string())?,
+                    samples: Samples::still(first.clone()),
+                    buried: [Vec::new(), Vec::new()],
+                    crossings: 0,
+                    speed: 0.0,
+                };
+                surface.push(first.clone()).map_err(|e| e.to_string())?;
+                surface.buried[0] = surface.buried[1].clone();
+                return Ok(Self::Surface(Box::new(surface)));
+            }
+        };
+        let poses = [Isometry3::identity(); 2];
+        Ok(Self::Rigid { shape, motion: description.motion.clone(), poses, spinning: false })
+    }
+}
+
+impl Surface {
+    fn push(&mut self, sample: Sample) -> Result<(), crate::geometry::moving_surface::SurfaceError> {
+        let (a, b) = (&self.samples.b, &sample);
+        self.mesh.set_samples(a.time, &a.positions, b.time, &b.positions)?;
+        let span = b.time - a.time;
+        let farthest = a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max).sqrt();
+        self.speed = if span > 0.0 { farthest / span } else { 0.0 };
+        let found = self.mesh.self_crossing(&b.positions);
+        self.crossings = found.pairs.len();
+        self.buried.swap(0, 1);
+        self.buried[1] = found.buried;
+        self.samples.push(sample);
+        Ok(())
+    }
+
+    /// Whether a corner of the triangle lies inside another part of the body at either sample.
+    fn is_buried(&self, triangle: u32) -> bool {
+        let corners = self.mesh.triangles()[triangle as usize];
+        self.buried.iter().any(|buried| corners.iter().any(|c| buried.get(*c as usize).copied().unwrap_or(false)))
+    }
+
+    /// A closed body can only be entered; an open surface is met from both sides.
+    fn crossings_that_count(&self) -> Crossings {
+        if self.mesh.is_closed() { Crossings::Entering } else { Crossings::Any }
+    }
+}
+
+/// Pose of a rigid motion at a time.
+fn pose(motion: &RigidMotion, time: f64) -> Isometry3<f64> {
+    let turned = motion.angular_velocity * (time - motion.spin_start).max(0.0);
+    let rotation = UnitQuaternion::from_scaled_axis(turned) * motion.rotation;
+    Isometry3::from_parts(Translation3::from(along_path(&motion.path, time)), rotation)
+}

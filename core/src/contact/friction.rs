@@ -1,0 +1,60 @@
+//! Contact of one vertex with one body and accurate friction (method 5.2), corrected as in 5.4 and 5.6.
+//!
+//! The position correction never feeds a velocity back. The velocity of the vertex and its average velocity over the step
+//! are corrected separately, each with its own normal impulse, so a vertex at rest on a body feels no friction on the
+//! velocity it came with, and exactly the Coulomb bound of the load of this step on the motion of this step.
+//!
+//! Two velocities of the body are used: the mean over the step for the average velocity (a vertex that sticks then stays on
+//! its material point also where the body turns), and the one at the end of the step for the vertex's own velocity.
+
+use crate::Vec3;
+use crate::bodies::{Body, BodyPoint};
+use crate::tolerances::NO_DIRECTION;
+
+/// What a contact makes of a vertex.
+#[derive(Debug, Clone, Copy)]
+pub struct Response {
+    /// Corrected position [m].
+    pub position: Vec3,
+    /// Corrected velocity [m/s].
+    pub velocity: Vec3,
+    /// Normal component that the average velocity has after the correction [m/s]: the constraint of the second solve.
+    pub normal_velocity: f64,
+}
+
+/// Velocity after an inelastic impact with Coulomb friction in impulse form: the normal component does not approach, the
+/// tangential one changes by at most the friction coefficient times the change of the normal one.
+pub fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, friction: f64) -> Vec3 {
+    let relative = velocity - body_velocity;
+    let approach = relative.dot(normal);
+    let tangential = relative - normal * approach;
+    let stopped = -approach.min(0.0);
+    let speed = tangential.norm();
+    let bound = friction * stopped;
+    let kept = if speed <= NO_DIRECTION || bound >= speed { 0.0 } else { 1.0 - bound / speed };
+    // Without an impulse the velocity has to come back bit for bit, not by adding what was subtracted.
+    if stopped == 0.0 { *velocity } else { body_velocity + normal * approach.max(0.0) + tangential * kept }
+}
+
+/// Moves a vertex that ended a step at `x` (from `x_old`, both in m) too close to a body, and corrects `velocity` [m/s].
+pub fn respond(body: &Body, at: &BodyPoint, x: &Vec3, x_old: &Vec3, velocity: &Vec3, dt: f64) -> Response {
+    let n = &at.normal;
+    let depth = (body.offset - at.phi).min(dt * body.max_push_speed);
+    let average = (x - x_old) / dt;
+    let body_average = at.displacement / dt;
+    let depth_at_start = depth + dt * (average - body_average).dot(n);
+    let (fraction, contact) = if depth_at_start < 0.0 {
+        let fraction = depth_at_start / (depth_at_start - depth);
+        (fraction, x_old.lerp(x, fraction))
+    } else {
+        (0.0, x_old + n * depth_at_start)
+    };
+    let corrected = coulomb(&average, &body_average, n, body.friction);
+    // From the contact on, the vertex rides with the body along the normal and slides with friction along the surface.
+    let riding = n * body_average.dot(n) + (corrected - n * corrected.dot(n));
+    Response {
+        position: contact + riding * ((1.0 - fraction) * dt),
+        velocity: coulomb(velocity, &at.velocity, n, body.friction),
+        normal_velocity: corrected.dot(n),
+    }
+}

@@ -1,0 +1,3 @@
+//! What contact effects share.
+
+pub mod friction;

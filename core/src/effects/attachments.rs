@@ -1,0 +1,102 @@
+//! Attachments: springs of zero length that pull vertices to the place where a pin would hold them (method 1.9, 2.6).
+//!
+//! ```toml
+//! [[garment.pin]]
+//! vertices = [0, 40]
+//! to = "body:hero"
+//! mode = "spring"
+//! stiffness = "200 N/m"
+//! damping_ratio = 1.0
+//! ```
+
+use crate::Vec3;
+use crate::effects::pins::pinned_vertices;
+use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartView, Scope};
+use crate::error::Problem;
+use crate::scene::PinHold;
+use crate::settings::Settings;
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "attachments",
+    summary: "springs that pull vertices to prescribed places",
+    scope: Scope::Implied,
+    fields: &[],
+    needs: &[Need::State, Need::PinTargets],
+    build,
+};
+
+#[derive(Debug, Clone, Copy)]
+struct Attachment {
+    /// Vertex counted from the part's first.
+    vertex: usize,
+    target: usize,
+    /// Stiffness [N/m].
+    stiffness: f64,
+    /// Damping [N s/m].
+    damping: f64,
+    /// Whether it holds during this step.
+    active: bool,
+}
+
+/// The attachments of one part.
+struct PartAttachments {
+    start: usize,
+    springs: Vec<Attachment>,
+}
+
+fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let (scene, parts) = (context.scene, context.scene.parts());
+    let mut entries = Vec::new();
+    for (target, (pin, _, garment, vertex)) in pinned_vertices(scene).enumerate() {
+        if let PinHold::Spring { stiffness, damping_ratio } = scene.description().pins[pin].hold {
+            let solver = parts.solver_index(garment, vertex);
+            let part = parts.part_of(solver);
+            let damping = 2.0 * damping_ratio * (stiffness * scene.masses()[solver]).sqrt();
+            let vertex = solver - parts.ranges()[part].start;
+            entries.push((part, Attachment { vertex, target, stiffness, damping, active: false }));
+        }
+    }
+    entries.sort_by_key(|(part, a)| (*part, a.vertex, a.target));
+    let bytes = entries.len() * size_of::<Attachment>();
+    let forces = entries
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|group| {
+            let springs = group.iter().map(|(_, a)| *a).collect();
+            let force = PartAttachments { start: parts.ranges()[group[0].0].start, springs };
+            (group[0].0, Box::new(force) as Box<dyn Force>)
+        })
+        .collect();
+    Ok(Effect { forces, bytes, ..Effect::default() })
+}
+
+impl Force for PartAttachments {
+    fn update(&mut self, view: &PartView<'_>, f: &mut [Vec3]) {
+        for a in &mut self.springs {
+            a.active = view.targets.is_active(a.target);
+            if a.active {
+                let apart = view.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
+                // The target's own velocity is part of the damping force that does not depend on the unknown.
+                f[a.vertex] += apart * a.stiffness + view.targets.velocity(a.target) * a.damping;
+            }
+        }
+    }
+
+    fn add_damping(&self, v: &[Vec3], f: &mut [Vec3]) {
+        for a in self.springs.iter().filter(|a| a.active) {
+            f[a.vertex] -= v[self.start + a.vertex] * a.damping;
+        }
+    }
+
+    fn add_stiffness(&self, sums: &mut [f64]) {
+        for a in &self.springs {
+            sums[a.vertex] += a.stiffness;
+        }
+    }
+
+    fn energy(&self, view: &PartView<'_>) -> f64 {
+        let active = self.springs.iter().filter(|a| a.active);
+        let apart = |a: &Attachment| view.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
+        active.map(|a| 0.5 * a.stiffness * apart(a).norm_squared()).sum()
+    }
+}

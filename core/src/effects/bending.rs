@@ -1,0 +1,40 @@
+//! Bending: a spring across every inner edge, between the two vertices that its triangles do not share (method 1.2).
+//!
+//! ```toml
+//! [garment.bending]
+//! stiffness = "20 N/m"
+//! damping_ratio = 0.5
+//! ```
+//!
+//! Limits: a flat hinge resists folding only at second order, so the stiffness is not a bending rigidity in N·m.
+
+use crate::effects::springs::{self, FIELDS, SpringElement};
+use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::error::Problem;
+use crate::mesh::TriangleMesh;
+use crate::settings::Settings;
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "bending",
+    summary: "springs across the inner edges resist folding",
+    scope: Scope::Garment,
+    fields: FIELDS,
+    needs: &[Need::State],
+    build,
+};
+
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    springs::build_effect(settings, context, "bending", across_hinges, false)
+}
+
+/// One spring per pair of triangles that share an edge; pairs whose opposite corners coincide have nothing to hold apart.
+fn across_hinges(mesh: &TriangleMesh) -> Vec<SpringElement> {
+    let at = |v: u32| mesh.rest_positions()[v as usize];
+    let element = |hinge: &crate::mesh::Hinge| SpringElement {
+        vertices: hinge.opposite,
+        rest_length: (at(hinge.opposite[0]) - at(hinge.opposite[1])).norm(),
+        area: hinge.triangles.iter().map(|t| mesh.rest_areas()[*t as usize]).sum(),
+    };
+    mesh.hinges().iter().map(element).filter(|e| e.rest_length > 0.0).collect()
+}

@@ -1,0 +1,424 @@
+//! Body collision: cloth vertices stay outside bodies and feel their friction (method section 5).
+//!
+//! It exists as soon as the scene has a body; each body brings its own `friction` and `thickness`. Only vertices are tested:
+//! a body's edge sharper than the cloth's triangles can show through between them.
+//!
+//! Contact is found at the end of a step by signed distance, and along the path of the step where the vertex moved far
+//! enough, relative to the body, to have passed through. A vertex between two surfaces that face each other closer than
+//! their thicknesses keeps half the gap from each; where the surfaces have passed through one another (a body that
+//! crosses itself) there is no outside, and the vertex is released until there is one again. Both are counted.
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::bodies::{Bodies, BodyPoint};
+use crate::contact::friction::{coulomb, respond};
+use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::error::Problem;
+use crate::metrics::Metrics;
+use crate::settings::Settings;
+use crate::tolerances::FACING;
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "body_collision",
+    summary: "cloth stays outside bodies and feels their friction",
+    scope: Scope::Implied,
+    fields: &[],
+    needs: &[Need::State, Need::Bodies],
+    build,
+};
+
+/// Vertices that one task works on.
+const CHUNK: usize = 128;
+
+/// Bodies that can hold a vertex at the same time.
+const HOLDS: usize = 2;
+
+/// Distance beyond contact within which surfaces are looked for, in mean edge lengths: vertices farther away are left alone
+/// until they can have come closer.
+const SEARCH_EDGES: f64 = 1.0;
+
+/// A body near a vertex at the end of a step.
+#[derive(Debug, Clone, Copy)]
+struct Hold {
+    body: usize,
+    at: BodyPoint,
+    /// Distance at which this vertex is in contact [m]: the body's, or half a gap that is narrower.
+    offset: f64,
+    /// Whether the vertex was put there by the contact, and the normal velocity that the second solve keeps [m/s].
+    constraint: Option<f64>,
+}
+
+/// Bodies near one vertex.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct VertexContact {
+    holds: [Option<Hold>; HOLDS],
+}
+
+/// What is remembered of a surface body near a vertex, to save searches; it never changes their answer.
+#[derive(Debug, Clone, Copy)]
+struct Memory {
+    /// The vertex is at least this far from contact's reference surface [m]; negative inside.
+    clearance: f64,
+    hint: u32,
+}
+
+/// Counts of one pass.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    contacts: u64,
+    squeezed: u64,
+    pinched: u64,
+    along_path: u64,
+    queries: u64,
+}
+
+/// The effect: contact state of all vertices.
+#[derive(Debug)]
+pub struct BodyCollision {
+    contacts: Vec<VertexContact>,
+    /// Surface bodies of each vertex, vertex by vertex.
+    memory: Vec<Memory>,
+    /// For each body, its place among the surfaces of `memory`.
+    memory_slot: Vec<Option<usize>>,
+    surfaces: usize,
+    /// Whether pins hold the vertex in all directions, so that no body can move it.
+    held: Vec<bool>,
+    search: f64,
+}
+
+/// The step as body collision sees it.
+#[derive(Clone, Copy)]
+pub struct CollisionStep<'a> {
+    /// Bodies at both ends of the step.
+    pub bodies: &'a Bodies,
+    /// Length of the step [s].
+    pub dt: f64,
+    /// Positions at its start [m].
+    pub x: &'a [Vec3],
+    /// Velocities at its start [m/s].
+    pub v: &'a [Vec3],
+    /// Velocities of the half step [m/s].
+    pub v_half: &'a [Vec3],
+}
+
+fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let (scene, vertices) = (context.scene, context.scene.parts().vertex_count());
+    let mut surfaces = 0;
+    let mut memory_slot = Vec::new();
+    for body in &scene.description().bodies {
+        let deforming = matches!(body.shape, crate::scene::BodyShape::Surface { .. });
+        memory_slot.push(deforming.then_some(surfaces));
+        surfaces += usize::from(deforming);
+    }
+    let collision = BodyCollision {
+        contacts: vec![VertexContact::default(); vertices],
+        memory: vec![Memory { clearance: 0.0, hint: u32::MAX }; vertices * surfaces],
+        memory_slot,
+        surfaces,
+        held: vec![false; vertices],
+        search: SEARCH_EDGES * scene.mean_edge(),
+    };
+    let bytes = vertices * (size_of::<VertexContact>() + 1 + surfaces * size_of::<Memory>());
+    Ok(Effect { body_collision: Some(collision), bytes, ..Effect::default() })
+}
+
+impl BodyCollision {
+    /// Tells which vertices are held in all directions during this step.
+    pub fn set_held(&mut self, held: impl Iterator<Item = (usize, bool)>) {
+        held.for_each(|(vertex, holds)| self.held[vertex] = holds);
+    }
+
+    /// B.4: corrects the velocities that the step started with and finds the positions at its end.
+    ///
+    /// First the velocity alone (`v_star`), from where the vertex would go with `v_half`; then the position, from where it
+    /// goes with the corrected velocity plus what the half step added.
+    pub fn positions(&mut self, step: &CollisionStep<'_>, x1: &mut [Vec3], v_star: &mut [Vec3], metrics: &mut Metrics) {
+        let slots = &self.memory_slot;
+        let (search, surfaces) = (self.search, self.surfaces);
+        let chunks = x1.par_chunks_mut(CHUNK).zip(v_star.par_chunks_mut(CHUNK));
+        let chunks = chunks.zip(self.contacts.par_chunks_mut(CHUNK)).zip(self.held.par_chunks(CHUNK)).enumerate();
+        let work = |(c, (((x1, v_star), contacts), held)): Chunk<'_>, memory: &mut [Memory]| {
+            let mut counts = Counts::default();
+            for i in 0..x1.len() {
+                let vertex = c * CHUNK + i;
+                contacts[i] = VertexContact::default();
+                v_star[i] = step.v[vertex];
+                x1[i] = step.x[vertex] + step.v_half[vertex] * step.dt;
+                if !held[i] {
+                    let memory = &mut memory[i * surfaces..(i + 1) * surfaces];
+                    let own_way = (step.v[vertex].norm() + step.v_half[vertex].norm()) * step.dt;
+                    let answers = [None; CACHED];
+                    let mut search = Search { step, slots, search, memory, counts: &mut counts, own_way, answers };
+                    search.vertex(vertex, &mut x1[i], &mut v_star[i], &mut contacts[i]);
+                }
+            }
+            counts
+        };
+        let counts = if surfaces == 0 {
+            chunks.map(|chunk| work(chunk, &mut [])).reduce(Counts::default, Counts::plus)
+        } else {
+            let memory = self.memory.par_chunks_mut(CHUNK * surfaces);
+            chunks.zip(memory).map(|(chunk, memory)| work(chunk, memory)).reduce(Counts::default, Counts::plus)
+        };
+        metrics.count("body_contacts", counts.contacts);
+        metrics.count("body_squeezed", counts.squeezed);
+        metrics.count("body_pinched", counts.pinched);
+        metrics.count("body_contacts_along_path", counts.along_path);
+        metrics.count("body_queries", counts.queries);
+    }
+
+    /// Gives the vertices in contact their normal velocity: the initial guess of the second solve.
+    pub fn set_velocities(&self, start: usize, v: &mut [Vec3]) {
+        for (v, contact) in v.iter_mut().zip(&self.contacts[start..]) {
+            for (normal, target) in contact.constraints() {
+                *v += normal * (target - v.dot(&normal));
+            }
+        }
+    }
+
+    /// Removes the contact normals from a residual or search direction.
+    pub fn project(&self, start: usize, r: &mut [Vec3]) {
+        for (r, contact) in r.iter_mut().zip(&self.contacts[start..]) {
+            for (normal, _) in contact.orthogonal_constraints() {
+                *r -= normal * r.dot(&normal);
+            }
+        }
+    }
+
+    /// Whether some vertex of this range is constrained by a contact.
+    pub fn is_constrained(&self, vertices: std::ops::Range<usize>) -> bool {
+        self.contacts[vertices].iter().any(|c| c.constraints().next().is_some())
+    }
+
+    /// B.7: no vertex approaches a body that it would touch in the next step, and friction acts with the full load. The
+    /// look-ahead is relative to the body (method 5.4).
+    pub fn final_velocity(&self, bodies: &Bodies, dt: f64, v: &mut [Vec3]) {
+        v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).for_each(|(v, contacts)| {
+            for (v, contact) in v.iter_mut().zip(contacts) {
+                for hold in contact.holds.iter().flatten() {
+                    let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
+                    if ahead < hold.offset {
+                        *v = coulomb(v, &hold.at.velocity, &hold.at.normal, bodies.list()[hold.body].friction);
+                    }
+                }
+            }
+        });
+    }
+}
+
+type Chunk<'a> = (usize, (((&'a mut [Vec3], &'a mut [Vec3]), &'a mut [VertexContact]), &'a [bool]));
+
+impl Counts {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            contacts: self.contacts + other.contacts,
+            squeezed: self.squeezed + other.squeezed,
+            pinched: self.pinched + other.pinched,
+            along_path: self.along_path + other.along_path,
+            queries: self.queries + other.queries,
+        }
+    }
+}
+
+impl VertexContact {
+    /// Normals and the normal velocities they are to have.
+    fn constraints(&self) -> impl Iterator<Item = (Vec3, f64)> + '_ {
+        self.holds.iter().flatten().filter_map(|hold| hold.constraint.map(|target| (hold.at.normal, target)))
+    }
+
+    /// The same directions made orthogonal, so that removing one does not bring back another.
+    fn orthogonal_constraints(&self) -> impl Iterator<Item = (Vec3, f64)> + '_ {
+        let mut before: Option<Vec3> = None;
+        self.constraints().filter_map(move |(normal, target)| {
+            let free = before.map_or(normal, |b| normal - b * normal.dot(&b));
+            let free = free.try_normalize(f64::EPSILON.sqrt())?;
+            before = Some(free);
+            Some((free, target))
+        })
+    }
+
+    fn add(&mut self, hold: Hold) {
+        // A body that holds the vertex already is replaced: the later answer is the better one.
+        let same = self.holds.iter().position(|h| h.is_some_and(|h| h.body == hold.body));
+        let free = same.or_else(|| self.holds.iter().position(Option::is_none));
+        if let Some(place) = free {
+            self.holds[place] = Some(hold);
+        }
+    }
+}
+
+/// Bodies whose last answer is kept while one vertex is worked on.
+const CACHED: usize = 4;
+
+/// A question to a body and its answer.
+#[derive(Clone, Copy)]
+struct Answer {
+    body: usize,
+    place: Vec3,
+    found: Option<BodyPoint>,
+}
+
+/// The search for contacts of one vertex.
+struct Search<'a> {
+    step: &'a CollisionStep<'a>,
+    slots: &'a [Option<usize>],
+    search: f64,
+    memory: &'a mut [Memory],
+    counts: &'a mut Counts,
+    /// Farthest that the vertex itself can get in this step, bodies apart [m].
+    own_way: f64,
+    /// Questions that come again: an untouched vertex is looked up once.
+    answers: [Option<Answer>; CACHED],
+}
+
+impl Search<'_> {
+    fn vertex(&mut self, vertex: usize, x1: &mut Vec3, v_star: &mut Vec3, contact: &mut VertexContact) {
+        let step = *self.step;
+        let (x, dt) = (&step.x[vertex], step.dt);
+        let before = *x1;
+        // Velocity pass.
+        let mut met = false;
+        for body in 0..step.bodies.list().len() {
+            if let Some(at) = self.contact(body, x, &before) {
+                *v_star = respond(&step.bodies.list()[body], &at, &before, x, v_star, dt).velocity;
+                met = true;
+            }
+        }
+        // Position pass.
+        let tentative = if met { x + (*v_star + (step.v_half[vertex] - step.v[vertex])) * dt } else { before };
+        *x1 = tentative;
+        let mut touched = None;
+        for body in 0..step.bodies.list().len() {
+            if let Some(at) = self.contact(body, x, x1) {
+                let response = respond(&step.bodies.list()[body], &at, x1, x, v_star, dt);
+                *x1 = response.position;
+                touched = Some((body, at.normal));
+                contact.add(Hold { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
+            }
+        }
+        self.counts.contacts += u64::from(touched.is_some());
+        if !self.settle(x1, contact, touched) {
+            self.counts.pinched += 1;
+            *contact = VertexContact::default();
+            (*x1, *v_star) = (before, step.v[vertex]);
+        }
+        self.remember(x1);
+    }
+
+    /// Farthest that the vertex and a surface can approach in this step [m].
+    fn way(&self, body: usize) -> f64 {
+        self.own_way + self.step.bodies.fastest(body) * self.step.dt
+    }
+
+    /// The nearest place of a body to `place`, if the vertex can touch the body in this step.
+    fn nearest(&mut self, body: usize, place: &Vec3) -> Option<BodyPoint> {
+        let bodies = self.step.bodies;
+        let Some(slot) = self.slots[body] else {
+            return bodies.closest(body, place, f64::INFINITY, None);
+        };
+        let memory = &self.memory[slot];
+        let way = self.way(body);
+        if memory.clearance > bodies.list()[body].offset + 2.0 * way {
+            return None;
+        }
+        let cached = &mut self.answers[slot % CACHED];
+        if let Some(answer) = cached.filter(|a| a.body == body && a.place == *place) {
+            return answer.found;
+        }
+        self.counts.queries += 1;
+        let reach = bodies.list()[body].offset + self.search + 2.0 * way + (-memory.clearance).max(0.0);
+        let found = bodies.closest(body, place, reach, Some(memory.hint));
+        *cached = Some(Answer { body, place: *place, found });
+        if let Some(at) = found {
+            self.memory[slot].hint = at.triangle;
+        }
+        found
+    }
+
+    /// Where a vertex that goes from `x` to `to` touches a body, if it does.
+    fn contact(&mut self, body: usize, x: &Vec3, to: &Vec3) -> Option<BodyPoint> {
+        let bodies = self.step.bodies;
+        let properties = &bodies.list()[body];
+        let at_end = self.nearest(body, to);
+        let at_start = match self.slots[body] {
+            Some(slot) => self.memory[slot].clearance,
+            None => bodies.distance_at_start(body, x),
+        };
+        // Having passed through takes a way longer than the distance to the surface at the start; a short way behind it
+        // is seen by the signed distance at the end.
+        let travelled = at_end.map_or(self.way(body), |at| (to - x - at.displacement).norm());
+        let may_have_passed = at_start >= 0.0 && travelled > at_start + 0.5 * properties.thickness;
+        let at_entry = if may_have_passed { bodies.entry(body, x, to) } else { None };
+        let found = match (at_end, at_entry) {
+            (Some(end), Some(entry)) if end.phi >= properties.offset || end.normal.dot(&entry.normal) < 0.5 => {
+                self.counts.along_path += 1;
+                entry
+            }
+            (None, Some(entry)) => {
+                self.counts.along_path += 1;
+                entry
+            }
+            (Some(end), _) => end,
+            (None, None) => return None,
+        };
+        // Inside the body itself there is no outside to push to.
+        (found.phi < properties.offset && !found.buried).then_some(found)
+    }
+
+    /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. False where the surfaces
+    /// have passed through one another and the vertex has to be let go.
+    fn settle(&mut self, x1: &mut Vec3, contact: &mut VertexContact, touched: Option<(usize, Vec3)>) -> bool {
+        let bodies = self.step.bodies;
+        for body in 0..bodies.list().len() {
+            let properties = &bodies.list()[body];
+            let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
+            let Some(mut at) = self.nearest(body, x1) else { continue };
+            if at.buried {
+                if at.phi < properties.thickness && touched.is_some() {
+                    return false;
+                }
+                continue;
+            }
+            let mut offset = properties.offset;
+            let facing = touched.filter(|(_, n)| at.phi < properties.thickness && at.normal.dot(n) < FACING);
+            if let Some((first, normal)) = facing {
+                let first_offset = bodies.list()[first].offset;
+                let gap = first_offset + at.phi;
+                if gap <= 0.0 {
+                    return false;
+                }
+                self.counts.squeezed += 1;
+                *x1 -= normal * (first_offset - 0.5 * gap);
+                offset = 0.5 * gap;
+                let Some(between) = self.nearest(body, x1) else { continue };
+                at = between;
+            } else if constraint.is_some() && at.phi < properties.thickness {
+                // The surface is curved: what the tangent plane left too deep is moved straight out.
+                let deep = (properties.offset - at.phi).min(self.step.dt * properties.max_push_speed);
+                *x1 += at.normal * deep;
+                at.phi += deep;
+            }
+            if constraint.is_some() || at.phi < offset + 2.0 * (self.own_way + at.displacement.norm()) {
+                contact.add(Hold { body, at, offset, constraint });
+            }
+        }
+        true
+    }
+
+    /// Notes how far the vertex is from the surfaces now.
+    fn remember(&mut self, x1: &Vec3) {
+        for body in 0..self.slots.len() {
+            let Some(slot) = self.slots[body] else { continue };
+            let offset = self.step.bodies.list()[body].offset;
+            let (before, way) = (self.memory[slot].clearance, self.way(body));
+            self.memory[slot].clearance = if before > offset + 2.0 * way {
+                before - way
+            } else {
+                let reach = offset + self.search + 2.0 * way + (-before).max(0.0);
+                self.nearest(body, x1).map_or(reach, |at| at.phi)
+            };
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! Gravity: every vertex feels its mass times a constant acceleration.
+//!
+//! ```toml
+//! [gravity]
+//! acceleration = [0, -9.81, 0]
+//! ```
+
+use crate::Vec3;
+use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartView, Scope};
+use crate::error::Problem;
+use crate::settings::{Default, Dimension, Field, Settings};
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "gravity",
+    summary: "a constant acceleration of every vertex",
+    scope: Scope::Scene,
+    fields: &[Field {
+        name: "acceleration",
+        dimension: Dimension::Acceleration,
+        default: Default::Vector([0.0, -9.81, 0.0]),
+        range: (-1e4, 1e4),
+        help: "acceleration in solver axes (y up); the earth's is [0, -9.81, 0] m/s²",
+    }],
+    needs: &[Need::State],
+    build,
+};
+
+struct Gravity {
+    acceleration: Vec3,
+}
+
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let acceleration = Vec3::from(settings.vector("acceleration"));
+    let parts = context.scene.parts().count();
+    let forces = (0..parts).map(|part| (part, Box::new(Gravity { acceleration }) as Box<dyn Force>)).collect();
+    Ok(Effect { forces, bytes: parts * size_of::<Gravity>(), ..Effect::default() })
+}
+
+impl Force for Gravity {
+    fn update(&mut self, view: &PartView<'_>, f: &mut [Vec3]) {
+        for (f, m) in f.iter_mut().zip(view.masses) {
+            *f += self.acceleration * *m;
+        }
+    }
+
+    fn energy(&self, view: &PartView<'_>) -> f64 {
+        let own = &view.x[view.start..view.start + view.masses.len()];
+        own.iter().zip(view.masses).map(|(x, m)| -m * self.acceleration.dot(x)).sum()
+    }
+}

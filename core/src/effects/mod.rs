@@ -1,0 +1,183 @@
+//! Effects: everything that can act on cloth. An effect exists only when the scene asks for it.
+//!
+//! Each effect is one file that holds its manual page, its [`EffectSpec`], what it builds, and its tests. To add one,
+//! write the file and list it in [`REGISTRY`]; the order there is the order of execution.
+
+pub mod attachments;
+pub mod bending;
+pub mod body_collision;
+pub mod gravity;
+pub mod pins;
+pub mod springs;
+pub mod stretch;
+
+use crate::Vec3;
+use crate::error::{Problem, Problems};
+use crate::scene::Scene;
+use crate::settings::{Field, Settings};
+
+/// All effects, in the order of execution.
+pub static REGISTRY: &[&EffectSpec] =
+    &[&gravity::SPEC, &stretch::SPEC, &bending::SPEC, &attachments::SPEC, &pins::SPEC, &body_collision::SPEC];
+
+/// Where an effect is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// By a table of the scene.
+    Scene,
+    /// By a table under a garment.
+    Garment,
+    /// By pins or bodies; it has no table of its own.
+    Implied,
+}
+
+/// Structures that effects share; a scene builds only those that some effect needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Need {
+    /// Masses and the split into parts: always there.
+    State,
+    /// Where pinned vertices have to be at the ends of a step.
+    PinTargets,
+    /// Bodies at both ends of a step, with trees over the triangles of deforming surfaces.
+    Bodies,
+}
+
+/// What the registry knows of an effect.
+#[derive(Debug)]
+pub struct EffectSpec {
+    /// The word in the scene file, and the file's name.
+    pub name: &'static str,
+    /// One line for help and the reference page.
+    pub summary: &'static str,
+    /// Where it is asked for.
+    pub scope: Scope,
+    /// Its settings.
+    pub fields: &'static [Field],
+    /// Structures that it needs.
+    pub needs: &'static [Need],
+    /// Makes the effect for one garment or for the whole scene.
+    pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
+}
+
+/// What an effect may look at while it is made.
+pub struct BuildContext<'a> {
+    /// The checked scene.
+    pub scene: &'a Scene,
+    /// The garment it acts on; `None` for the whole scene.
+    pub garment: Option<usize>,
+}
+
+/// What an effect puts into the step.
+#[derive(Default)]
+pub struct Effect {
+    /// Forces, each on one part.
+    pub forces: Vec<(usize, Box<dyn Force>)>,
+    /// Whether hard pins are to be imposed.
+    pub pins: Option<pins::HardPins>,
+    /// Whether cloth collides with bodies.
+    pub body_collision: Option<body_collision::BodyCollision>,
+    /// Memory held [bytes].
+    pub bytes: usize,
+}
+
+/// One part of the cloth as a force sees it.
+#[derive(Clone, Copy)]
+pub struct PartView<'a> {
+    /// First vertex of the part in solver order.
+    pub start: usize,
+    /// Masses of the part's vertices [kg].
+    pub masses: &'a [f64],
+    /// Positions of all vertices [m].
+    pub x: &'a [Vec3],
+    /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle.
+    pub fraction: f64,
+    /// Where pinned vertices have to be during the step.
+    pub targets: &'a pins::PinTargets,
+}
+
+/// A force on the vertices of one part. Elastic parts are explicit, damping parts implicit.
+///
+/// An element that crosses a border is evaluated by both parts, with the same operands.
+pub trait Force: Send + Sync {
+    /// Remembers directions at these positions for the damping products, and adds the forces that do not depend on
+    /// velocity to `f`, the part's own slice [N].
+    fn update(&mut self, view: &PartView<'_>, f: &mut [Vec3]);
+
+    /// Adds the damping force at velocities `v` of all vertices to `f`, the part's own slice [N]. Linear in `v`, symmetric,
+    /// never adding energy; directions are those of the last `update`.
+    fn add_damping(&self, _v: &[Vec3], _f: &mut [Vec3]) {}
+
+    /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
+    fn add_stiffness(&self, _sums: &mut [f64]) {}
+
+    /// Largest rate of relative change of length [1/s] at these positions and velocities of all vertices.
+    fn strain_rate(&self, _x: &[Vec3], _v: &[Vec3]) -> f64 {
+        0.0
+    }
+
+    /// Potential energy [J]; an element that crosses a border counts with half its energy in each part.
+    fn energy(&self, _view: &PartView<'_>) -> f64 {
+        0.0
+    }
+
+    /// The most stretched edge: strain and vertices in solver order.
+    fn largest_strain(&self, _x: &[Vec3]) -> Option<(f64, [usize; 2])> {
+        None
+    }
+}
+
+/// An effect that runs, for `drapery plan`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedEffect {
+    /// Name in the registry.
+    pub name: &'static str,
+    /// Garment it acts on; `None` for the whole scene.
+    pub garment: Option<String>,
+    /// Why it is there.
+    pub because: String,
+    /// Checked settings.
+    pub settings: Settings,
+    /// Structures that it needs.
+    pub needs: &'static [Need],
+    /// Memory held [bytes].
+    pub bytes: usize,
+}
+
+/// The effect of this name.
+pub fn find(name: &str) -> Option<&'static EffectSpec> {
+    REGISTRY.iter().copied().find(|spec| spec.name == name)
+}
+
+/// Builds what the scene asks for, in the order of the registry, then in that of the garments.
+///
+/// # Errors
+/// All problems of all effects: unknown names, settings out of range, contradictions.
+pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems> {
+    let mut requests: Vec<_> = scene.description().effects.iter().collect();
+    let rank = |name: &str| REGISTRY.iter().position(|spec| spec.name == name);
+    requests.sort_by_key(|r| (rank(&r.effect), r.garment));
+    let mut built = Vec::new();
+    let mut problems = Vec::new();
+    for request in requests {
+        let garment = request.garment.map(|g| scene.description().garments[g].name.clone());
+        let place = garment.as_ref().map_or(request.effect.clone(), |g| format!("garment \"{g}\", {}", request.effect));
+        // Scene::validate has refused unknown names.
+        let Some(spec) = find(&request.effect) else { continue };
+        let settings = match Settings::check(spec.fields, &request.settings) {
+            Ok(settings) => settings,
+            Err(texts) => {
+                problems.extend(texts.into_iter().map(|t| Problem::scene(&place, t, "correct it in the scene file")));
+                continue;
+            }
+        };
+        match (spec.build)(&settings, &BuildContext { scene, garment: request.garment }) {
+            Ok(effect) => {
+                let (because, bytes) = (request.because.clone(), effect.bytes);
+                let planned = PlannedEffect { name: spec.name, garment, because, settings, needs: spec.needs, bytes };
+                built.push((planned, effect));
+            }
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if problems.is_empty() { Ok(built) } else { Err(Problems(problems)) }
+}

@@ -1,0 +1,283 @@
+//! Pins: vertices whose motion is prescribed. Hard pins replace the motion of their vertices; the `attachments` effect
+//! holds by springs instead. Both follow the same targets: the start position (moved along a path), an animated track, or
+//! a place on a body's surface.
+//!
+//! ```toml
+//! [[garment.pin]]
+//! vertices = [0, 40]
+//! to = "start"          # or "body:hero"
+//! ```
+
+use crate::Vec3;
+use crate::bodies::{Bodies, Samples};
+use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::error::Problem;
+use crate::parallel::parts::Parts;
+use crate::scene::{PinHold, PinTarget, Scene, SurfaceAttachment};
+use crate::settings::Settings;
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "pins",
+    summary: "vertices that move as prescribed",
+    scope: Scope::Implied,
+    fields: &[],
+    needs: &[Need::State, Need::PinTargets],
+    build,
+};
+
+fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let pins = HardPins::new(context.scene);
+    let bytes = pins.entries.len() * size_of::<HardPin>() + pins.rows.len() * size_of::<usize>();
+    Ok(Effect { pins: Some(pins), bytes, ..Effect::default() })
+}
+
+/// What one pinned vertex follows.
+#[derive(Debug, Clone)]
+enum Source {
+    /// A place, moved along a piecewise linear path of offsets.
+    Path { place: Vec3, pin: usize },
+    /// A row of a track.
+    Track { track: usize, row: usize },
+    /// A place on a body.
+    Surface { body: usize, attachment: SurfaceAttachment },
+}
+
+#[derive(Debug, Clone)]
+struct Target {
+    /// Number of the pin in the scene.
+    pin: usize,
+    source: Source,
+}
+
+/// Where pinned vertices have to be at both ends of the current step.
+#[derive(Debug, Default)]
+pub struct PinTargets {
+    targets: Vec<Target>,
+    paths: Vec<Vec<(f64, Vec3)>>,
+    windows: Vec<(f64, f64)>,
+    at_t0: Vec<Vec3>,
+    at_t1: Vec<Vec3>,
+    active: Vec<bool>,
+    dt: f64,
+}
+
+/// Every (pin, row, garment, vertex) of a scene in the order of the targets.
+pub(crate) fn pinned_vertices(scene: &Scene) -> impl Iterator<Item = (usize, usize, usize, u32)> + '_ {
+    scene.description().pins.iter().enumerate().flat_map(|(p, pin)| {
+        let vertices: Vec<u32> = match &pin.target {
+            PinTarget::Path { vertices, .. }
+            | PinTarget::Track { vertices, .. }
+            | PinTarget::BodyNearest { vertices, .. } => vertices.clone(),
+            PinTarget::Body { attachments, .. } => attachments.iter().map(|a| a.vertex).collect(),
+        };
+        vertices.into_iter().enumerate().map(move |(row, vertex)| (p, row, pin.garment, vertex))
+    })
+}
+
+impl PinTargets {
+    /// Targets of all pins at the start: `x` are the start positions in solver order, `bodies` stand at the start time.
+    ///
+    /// # Errors
+    /// A vertex that is to be bound to the nearest place of a body finds none.
+    pub fn new(scene: &Scene, x: &[Vec3], bodies: &Bodies, tracks: &[Samples], time: f64) -> Result<Self, Problem> {
+        let mut built = Self::default();
+        for pin in &scene.description().pins {
+            built.windows.push((pin.from, pin.until));
+            built.paths.push(match &pin.target {
+                PinTarget::Path { offsets, .. } => offsets.clone(),
+                _ => Vec::new(),
+            });
+        }
+        for (pin, row, garment, vertex) in pinned_vertices(scene) {
+            let place = x[scene.parts().solver_index(garment, vertex)];
+            let source = match &scene.description().pins[pin].target {
+                PinTarget::Path { .. } => Source::Path { place, pin },
+                PinTarget::Track { track, .. } => Source::Track { track: *track, row },
+                PinTarget::Body { body, attachments } => Source::Surface { body: *body, attachment: attachments[row] },
+                PinTarget::BodyNearest { body, .. } => {
+                    let attachment = bodies.bind(*body, vertex, place).ok_or_else(|| {
+                        let name = &scene.description().garments[garment].name;
+                        let place = format!("garment \"{name}\", pin {pin}, vertex {vertex}");
+                        Problem::data(place, "the body has no surface to bind to", "bind to a body read from a mesh file")
+                    })?;
+                    Source::Surface { body: *body, attachment }
+                }
+            };
+            built.targets.push(Target { pin, source });
+        }
+        built.at_t1 = built.targets.iter().map(|t| built.evaluate(t, bodies, tracks, time)).collect();
+        built.at_t0 = built.at_t1.clone();
+        built.active = vec![false; built.targets.len()];
+        Ok(built)
+    }
+
+    /// Goes on to the step from `t0` to `t1`; `bodies` stand at `t1`.
+    pub fn set_step(&mut self, bodies: &Bodies, tracks: &[Samples], t0: f64, t1: f64) {
+        self.dt = t1 - t0;
+        std::mem::swap(&mut self.at_t0, &mut self.at_t1);
+        for i in 0..self.targets.len() {
+            self.at_t1[i] = self.evaluate(&self.targets[i], bodies, tracks, t1);
+            let (from, until) = self.windows[self.targets[i].pin];
+            self.active[i] = from <= t0 && t0 < until;
+        }
+    }
+
+    /// Whether there is nothing to follow.
+    pub fn is_empty(&self) -> bool {
+        self.targets.is_empty()
+    }
+
+    /// Whether the target holds during this step.
+    pub fn is_active(&self, target: usize) -> bool {
+        self.active[target]
+    }
+
+    /// Position at a fraction of the step [m].
+    pub fn position(&self, target: usize, fraction: f64) -> Vec3 {
+        self.at_t0[target].lerp(&self.at_t1[target], fraction)
+    }
+
+    /// Mean velocity over the step [m/s].
+    pub fn velocity(&self, target: usize) -> Vec3 {
+        if self.dt > 0.0 { (self.at_t1[target] - self.at_t0[target]) / self.dt } else { Vec3::zeros() }
+    }
+
+    /// Times at which some pin starts or stops holding [s].
+    pub fn window_times(&self) -> impl Iterator<Item = f64> + '_ {
+        self.windows.iter().flat_map(|(from, until)| [*from, *until]).filter(|t| t.is_finite())
+    }
+
+    fn evaluate(&self, target: &Target, bodies: &Bodies, tracks: &[Samples], time: f64) -> Vec3 {
+        match &target.source {
+            Source::Path { place, pin } => place + along_path(&self.paths[*pin], time),
+            Source::Track { track, row } => tracks[*track].position(*row, time),
+            Source::Surface { body, attachment } => {
+                let points = bodies.surface_positions(*body);
+                attached_position(attachment, attachment.body_points.map(|p| points[p as usize]))
+            }
+        }
+    }
+}
+
+/// Piecewise linear value at `time`, held before the first and after the last key; zero without keys.
+pub(crate) fn along_path(keys: &[(f64, Vec3)], time: f64) -> Vec3 {
+    let next = keys.partition_point(|(t, _)| *t <= time);
+    match (next.checked_sub(1).map(|i| keys[i]), keys.get(next)) {
+        (None, None) => Vec3::zeros(),
+        (None, Some((_, first))) => *first,
+        (Some((_, last)), None) => last,
+        (Some((ta, a)), Some((tb, b))) => a.lerp(b, (time - ta) / (tb - ta)),
+    }
+}
+
+/// Frame of a triangle: tangent along the first edge, bitangent = normal × tangent, normal.
+fn triangle_frame([a, b, c]: [Vec3; 3]) -> [Vec3; 3] {
+    let tangent = (b - a).try_normalize(0.0).unwrap_or_else(Vec3::x);
+    let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vec3::y);
+    [tangent, normal.cross(&tangent), normal]
+}
+
+/// Place of an attachment on its triangle's current corners [m].
+fn attached_position(attachment: &SurfaceAttachment, corners: [Vec3; 3]) -> Vec3 {
+    let frame = triangle_frame(corners);
+    let on_surface: Vec3 = (0..3).map(|i| corners[i] * attachment.weights[i]).sum();
+    on_surface + (0..3).map(|i| frame[i] * attachment.offset[i]).sum::<Vec3>()
+}
+
+/// The attachment that puts a vertex at `place` [m], given a triangle and the weights of the point below it.
+pub(crate) fn attach(vertex: u32, place: Vec3, body_points: [u32; 3], weights: [f64; 3], corners: [Vec3; 3]) -> SurfaceAttachment {
+    let on_surface: Vec3 = (0..3).map(|i| corners[i] * weights[i]).sum();
+    let frame = triangle_frame(corners);
+    let apart = place - on_surface;
+    SurfaceAttachment { vertex, body_points, weights, offset: Vec3::from(frame.map(|axis| axis.dot(&apart))) }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct HardPin {
+    vertex: usize,
+    target: usize,
+    axes: [bool; 3],
+}
+
+/// Vertices whose position and velocity are prescribed, sorted by solver index.
+#[derive(Debug)]
+pub struct HardPins {
+    entries: Vec<HardPin>,
+    /// First entry of each part; one more at the end.
+    rows: Vec<usize>,
+}
+
+impl HardPins {
+    fn new(scene: &Scene) -> Self {
+        let parts: &Parts = scene.parts();
+        let pins = &scene.description().pins;
+        let mut entries: Vec<HardPin> = pinned_vertices(scene)
+            .enumerate()
+            .filter(|(_, (pin, ..))| pins[*pin].hold == PinHold::Hard)
+            .map(|(target, (pin, _, garment, vertex))| HardPin {
+                vertex: parts.solver_index(garment, vertex),
+                target,
+                axes: pins[pin].axes,
+            })
+            .collect();
+        entries.sort_unstable_by_key(|e| (e.vertex, e.target));
+        let mut rows: Vec<usize> =
+            parts.ranges().iter().map(|r| entries.partition_point(|e| e.vertex < r.start)).collect();
+        rows.push(entries.len());
+        Self { entries, rows }
+    }
+
+    /// Calls `set(vertex in the part, axis, target)` for every held component of a part.
+    fn held(&self, part: usize, start: usize, targets: &PinTargets, mut set: impl FnMut(usize, usize, usize)) {
+        for pin in &self.entries[self.rows[part]..self.rows[part + 1]] {
+            if targets.is_active(pin.target) {
+                (0..3).filter(|axis| pin.axes[*axis]).for_each(|axis| set(pin.vertex - start, axis, pin.target));
+            }
+        }
+    }
+
+    /// Puts the part's held components where they have to be at the end of the step.
+    pub fn set_positions(&self, part: usize, start: usize, targets: &PinTargets, x: &mut [Vec3]) {
+        self.held(part, start, targets, |vertex, axis, target| x[vertex][axis] = targets.at_t1[target][axis]);
+    }
+
+    /// Gives the part's held components their prescribed velocity.
+    pub fn set_velocities(&self, part: usize, start: usize, targets: &PinTargets, v: &mut [Vec3]) {
+        self.held(part, start, targets, |vertex, axis, target| v[vertex][axis] = targets.velocity(target)[axis]);
+    }
+
+    /// Removes the part's held components from a residual or search direction.
+    pub fn project(&self, part: usize, start: usize, targets: &PinTargets, r: &mut [Vec3]) {
+        self.held(part, start, targets, |vertex, axis, _| r[vertex][axis] = 0.0);
+    }
+
+    /// Vertices that are held in all directions by one pin at some time, in solver order.
+    pub fn fully_held(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.entries.iter().filter(|e| e.axes == [true; 3]).map(|e| (e.vertex, e.target))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_attachment_rebuilds_its_place_and_follows_a_turned_triangle() {
+        let corners = [Vec3::new(0.0, 0.0, 0.0), Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.0, 0.0, -1.0)];
+        let place = Vec3::new(0.5, 0.3, -0.2);
+        let attachment = attach(7, place, [0, 1, 2], [0.6, 0.2, 0.2], corners);
+        assert!((attached_position(&attachment, corners) - place).norm() < 1e-15);
+        let turn = nalgebra::Rotation3::from_axis_angle(&Vec3::z_axis(), 1.1);
+        let moved = attached_position(&attachment, corners.map(|c| turn * c + Vec3::x()));
+        assert!((moved - (turn * place + Vec3::x())).norm() < 1e-15);
+    }
+
+    #[test]
+    fn a_path_is_held_at_its_ends() {
+        let keys = [(1.0, Vec3::x()), (3.0, 3.0 * Vec3::x())];
+        for (time, x) in [(0.0, 1.0), (1.0, 1.0), (2.0, 2.0), (3.0, 3.0), (9.0, 3.0)] {
+            assert_eq!(along_path(&keys, time).x, x);
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Stretch: a spring along every edge of the triangulation, the paper's in-plane model (method 1.2).
+//!
+//! ```toml
+//! [garment.stretch]
+//! stiffness = "500 N/m"     # membrane stiffness: the same cloth at every mesh density
+//! damping_ratio = 1.0
+//! ```
+//!
+//! The paper's scenes write `spring_stiffness = 4.142136` [N] instead: the force of one spring per unit strain, which makes
+//! a finer mesh of the same cloth stiffer. Limits: in-plane stiffness is isotropic and shear follows from the mesh.
+
+use crate::effects::springs::{self, FIELDS};
+use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::error::Problem;
+use crate::settings::Settings;
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "stretch",
+    summary: "springs along the edges resist stretching and compression",
+    scope: Scope::Garment,
+    fields: FIELDS,
+    needs: &[Need::State],
+    build,
+};
+
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    springs::build_effect(settings, context, "stretch", springs::along_edges, true)
+}

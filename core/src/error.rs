@@ -1,0 +1,105 @@
+//! What can go wrong: problems of a scene (all reported at once) and errors of a step.
+
+use std::fmt;
+
+/// One thing wrong with a scene: where, what, and what to do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// Object and element, for example `garment "skirt", face 12`.
+    pub place: String,
+    /// What is wrong, and why it matters.
+    pub what: String,
+    /// What to do.
+    pub advice: String,
+    /// Whether the scene's settings are at fault, or the data of an input file.
+    pub kind: ProblemKind,
+}
+
+/// Kind of a problem; it decides the exit code of the command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ProblemKind {
+    /// The scene file says something impossible.
+    Scene,
+    /// A mesh or a motion cannot be simulated.
+    Data,
+}
+
+impl Problem {
+    /// A problem of the scene's own settings.
+    pub fn scene(place: impl Into<String>, what: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self { place: place.into(), what: what.into(), advice: advice.into(), kind: ProblemKind::Scene }
+    }
+
+    /// A problem of a mesh or a motion.
+    pub fn data(place: impl Into<String>, what: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self { place: place.into(), what: what.into(), advice: advice.into(), kind: ProblemKind::Data }
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}\n  help: {}", self.place, self.what, self.advice)
+    }
+}
+
+/// All problems of a scene; never empty.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problems(pub Vec<Problem>);
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let texts: Vec<_> = self.0.iter().map(Problem::to_string).collect();
+        f.write_str(&texts.join("\n"))
+    }
+}
+
+impl std::error::Error for Problems {}
+
+/// Why a step could not be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StepError {
+    /// A position or velocity became infinite or not a number.
+    #[error(
+        "garment \"{garment}\", vertex {vertex}: not a finite number after stage {stage}, frame {frame}, time {time} s \
+         (last step {dt:e} s)\n  help: lower solver.cfl or solver.max_dt, or raise the damping of this garment"
+    )]
+    NotFinite {
+        /// Name of the garment.
+        garment: String,
+        /// Vertex in the garment's own order.
+        vertex: usize,
+        /// Frame being computed.
+        frame: i64,
+        /// Solver time [s].
+        time: f64,
+        /// Stage of the step.
+        stage: &'static str,
+        /// Length of the step [s].
+        dt: f64,
+    },
+    /// The step that stability asks for is shorter than the scene allows.
+    #[error(
+        "frame {frame}, time {time} s: the time step fell to {dt:e} s, below solver.min_dt = {min_dt:e} s, because of \
+         {because}\n  help: the cloth is being stretched faster than it can follow; look at this frame's bodies and pins"
+    )]
+    StepTooSmall {
+        /// Frame being computed.
+        frame: i64,
+        /// Solver time [s].
+        time: f64,
+        /// Step that was asked for [s].
+        dt: f64,
+        /// Smallest step allowed [s].
+        min_dt: f64,
+        /// What asked for it.
+        because: &'static str,
+    },
+    /// The caller's samples do not cover the frame or do not fit the scene.
+    #[error("frame {frame}: {what}")]
+    Input {
+        /// Frame asked for.
+        frame: i64,
+        /// What is wrong.
+        what: String,
+    },
+}

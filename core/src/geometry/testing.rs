@@ -1,0 +1,66 @@
+//! Seeded random numbers and small meshes for the tests of this module.
+
+use crate::Vec3;
+
+/// SplitMix64: the same numbers on every machine.
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    /// Uniform in [-1, 1).
+    pub(crate) fn number(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// Uniform in the cube [-1, 1)³.
+    pub(crate) fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.number(), self.number(), self.number())
+    }
+}
+
+/// A closed triangulated torus about the y axis, facing outwards; `n` segments around, `n / 2` across.
+pub(crate) fn torus(n: u32, large: f64, small: f64) -> (Vec<[u32; 3]>, Vec<Vec3>) {
+    let m = n / 2;
+    let mut points = Vec::new();
+    for i in 0..n {
+        let (sin_u, cos_u) = (std::f64::consts::TAU * f64::from(i) / f64::from(n)).sin_cos();
+        for j in 0..m {
+            let (sin_v, cos_v) = (std::f64::consts::TAU * f64::from(j) / f64::from(m)).sin_cos();
+            let r = large + small * cos_v;
+            points.push(Vec3::new(r * cos_u, small * sin_v, r * sin_u));
+        }
+    }
+    let id = |i: u32, j: u32| (i % n) * m + j % m;
+    let mut triangles = Vec::new();
+    for i in 0..n {
+        for j in 0..m {
+            triangles.push([id(i, j), id(i, j + 1), id(i + 1, j + 1)]);
+            triangles.push([id(i, j), id(i + 1, j + 1), id(i + 1, j)]);
+        }
+    }
+    (triangles, points)
+}
+
+/// The cube [-1, 1]³ as twelve triangles, facing outwards.
+pub(crate) fn cube() -> (Vec<[u32; 3]>, Vec<Vec3>) {
+    let side = |bit: u32| if bit == 0 { -1.0 } else { 1.0 };
+    let points = (0..8)
+        .map(|i| Vec3::new(side(i & 1), side(i & 2), side(i & 4)))
+        .collect();
+    let quads = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let triangles = quads
+        .iter()
+        .flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]])
+        .collect();
+    (triangles, points)
+}

@@ -1,0 +1,43 @@
+//! The small numbers of geometry: each says what it means, what it scales with, and which test breaks if it is wrong.
+
+/// Sine of a triangle's corner angle below which its plane is not trusted and only its edges are used. The rounding
+/// error of the unit normal is about machine epsilon over this sine: here one part in a million. Guarded by
+/// `a_triangle_without_area_is_its_edges`.
+pub const SLIVER_SINE: f64 = 1e-10;
+
+/// Squared sine of the angle between two segments below which they count as parallel (method, Appendix B.1). Guarded by
+/// `segments_are_as_close_as_the_best_sample`.
+pub const PARALLEL_SINE_SQUARED: f64 = 1e-12;
+
+/// Relative excess that covers the rounding of a squared box distance in `f32`: eight operations of 6e-8 each. Guarded by
+/// `nearest_is_what_looking_at_every_primitive_finds`.
+pub const BOX_DISTANCE: f64 = 1e-6;
+
+/// Relative slack of the ray against box test, far above the `f64` rounding of its few operations. Guarded by
+/// `the_ray_count_equals_the_sum_of_solid_angles`.
+pub const RAY_SLAB: f64 = 1e-12;
+
+/// Distance from the triangle accepted at a root of the volume, relative to the lengths that entered it, so that
+/// neighbouring triangles leave no slit between them. A transversal root is placed to about a thousand times machine
+/// epsilon. Guarded by `paths_through_the_edges_and_corners_of_a_fan_leave_no_slit`.
+pub const SLIT: f64 = 1e-9;
+
+/// Rounding error of the signed volume of a point and a triangle, relative to the product of its three lengths: the two
+/// products and sums behind it. Guarded by `a_point_that_starts_on_the_surface_and_sinks_is_caught_at_once`.
+pub const VOLUME: f64 = 16.0 * f64::EPSILON;
+
+/// Distance from a surface, relative to the size of the coordinates, below which the direction from the surface to a
+/// point is lost in rounding and the normal is used: it leaves four digits. Guarded by
+/// `the_gradient_on_the_surface_is_its_normal`.
+pub const DIRECTION: f64 = 1e4 * f64::EPSILON;
+
+/// The winding just outside a vertex is looked up this share of the way into a triangle beside it, and …
+/// Guarded, with the next, by `vertices_of_overlapping_bodies_are_buried_where_they_lie_inside_the_other`.
+pub const INTO_TRIANGLE: f64 = 1e-3;
+
+/// … this share of the triangle's size off it, along its normal: far above rounding, far below any gap that matters.
+pub const OFF_TRIANGLE: f64 = 1e-6;
+
+/// The tree of a surface is built anew when the motion has made it this much more expensive than it was when built.
+/// Changes time only, never an answer: `a_refit_tree_answers_like_a_new_one_on_any_number_of_threads`.
+pub const REBUILD_COST: f64 = 1.3;

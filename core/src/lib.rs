@@ -1,0 +1,48 @@
+//! Drapery's cloth solver: numbers in, numbers out.
+//!
+//! The method is that of Selle, Su, Irving and Fedkiw (IEEE TVCG 15(2), 2009): a mass-spring cloth advanced by a
+//! semi-implicit step (elastic forces explicit, damping implicit) with geometric body contact and accurate friction.
+//! Everything is `f64` and SI. The crate does no input or output: a caller describes a scene with plain data
+//! ([`scene::SceneDescription`]), has it checked ([`scene::Scene::validate`]) and advances it frame by frame.
+//!
+//! ```
+//! use drapery_core::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+//! use drapery_core::mesh::PolygonMesh;
+//! use drapery_core::simulation::{FrameInput, Simulation};
+//!
+//! // One square of cloth with 0.2 kg/m², falling freely.
+//! let mesh = PolygonMesh::from_triangles(
+//!     vec![[0.0, 0.0, 0.0].into(), [1.0, 0.0, 0.0].into(), [0.0, 0.0, 1.0].into(), [1.0, 0.0, 1.0].into()],
+//!     &[[0, 2, 1], [1, 2, 3]],
+//! );
+//! let mut description = SceneDescription::new("falling square");
+//! description.garments.push(GarmentDescription::new("sheet", mesh, 0.2));
+//! description.effects.push(EffectRequest::of_scene("gravity").with_vector("acceleration", [0.0, -9.81, 0.0]));
+//! let scene = Scene::validate(description).expect("a valid scene");
+//! let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("effects can be built");
+//! let summary = simulation.advance(&FrameInput::to_frame(1)).expect("a step of free fall");
+//! assert!(summary.steps >= 1);
+//! ```
+//!
+//! Read the modules in this order: `scene` (what is simulated), `step` (one time step, line by line as in the paper),
+//! `simulation` (the loop around it), then what the step calls.
+
+pub mod scene;
+pub mod step;
+pub mod simulation;
+pub mod mesh;
+pub mod state;
+pub mod time_step;
+pub mod solve;
+pub mod effects;
+pub mod bodies;
+pub mod contact;
+pub mod geometry;
+pub mod parallel;
+pub mod settings;
+pub mod tolerances;
+pub mod metrics;
+pub mod error;
+
+/// A point, displacement, velocity or force; the unit is said where it is used.
+pub type Vec3 = nalgebra::Vector3<f64>;

@@ -1,0 +1,257 @@
+//! Meshes: the artist's polygons as they are in the file, and the fixed triangulation that is simulated.
+
+use std::ops::Range;
+
+use crate::Vec3;
+
+/// Polygons of any size over points [m]; kept for output exactly as they were read.
+///
+/// Faces wind counter-clockwise seen from outside.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PolygonMesh {
+    /// Positions [m].
+    pub points: Vec<Vec3>,
+    /// Number of corners of each face.
+    pub face_counts: Vec<u32>,
+    /// Point of each corner, face by face.
+    pub face_indices: Vec<u32>,
+}
+
+impl PolygonMesh {
+    /// A mesh of triangles.
+    pub fn from_triangles(points: Vec<Vec3>, triangles: &[[u32; 3]]) -> Self {
+        Self { points, face_counts: vec![3; triangles.len()], face_indices: triangles.concat() }
+    }
+
+    /// The corners of each face. Assumes that the counts add up to the number of indices.
+    pub fn faces(&self) -> impl Iterator<Item = &[u32]> {
+        let mut start = 0;
+        self.face_counts.iter().map(move |count| {
+            let corners = &self.face_indices[start..start + *count as usize];
+            start += *count as usize;
+            corners
+        })
+    }
+
+    /// Triangulates every face by a rule that depends on the positions alone: quads along their shorter diagonal (the
+    /// first on ties), larger polygons by cutting ears. Returns the triangles and, for each, its polygon.
+    pub fn triangulate(&self) -> (Vec<[u32; 3]>, Vec<u32>) {
+        let mut triangles = Vec::new();
+        let mut polygons = Vec::new();
+        for (polygon, corners) in self.faces().enumerate() {
+            triangulate_face(&self.points, corners, &mut triangles);
+            polygons.resize(triangles.len(), polygon as u32);
+        }
+        (triangles, polygons)
+    }
+}
+
+/// Appends the triangles of one polygon.
+fn triangulate_face(points: &[Vec3], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
+    match *corners {
+        [a, b, c] => triangles.push([a, b, c]),
+        [a, b, c, d] => {
+            let at = |i: u32| points[i as usize];
+            // A concave quad has to be cut at its reflex corner, whatever the diagonals' lengths.
+            let convex = |p: u32, q: u32, r: u32, s: u32| {
+                (at(q) - at(p)).cross(&(at(r) - at(p))).dot(&(at(r) - at(p)).cross(&(at(s) - at(p)))) > 0.0
+            };
+            let (along_ac, along_bd) = (convex(a, b, c, d), convex(b, c, d, a));
+            let shorter_ac = (at(a) - at(c)).norm_squared() <= (at(b) - at(d)).norm_squared();
+            if (shorter_ac && along_ac) || !along_bd {
+                triangles.extend([[a, b, c], [a, c, d]]);
+            } else {
+                triangles.extend([[b, c, d], [b, d, a]]);
+            }
+        }
+        _ => cut_ears(points, corners, triangles),
+    }
+}
+
+/// Ear cutting in the plane of the polygon's mean normal; takes the first ear found, so the result is fixed by the order
+/// of the corners. A polygon without a proper ear (it crosses itself) is fanned from its first corner.
+fn cut_ears(points: &[Vec3], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
+    let at = |i: u32| points[i as usize];
+    let origin = at(corners[0]);
+    let normal: Vec3 = corners.windows(2).map(|w| (at(w[0]) - origin).cross(&(at(w[1]) - origin))).sum();
+    let mut ring = corners.to_vec();
+    while ring.len() > 3 {
+        let count = ring.len();
+        let ear = (0..count).find(|&i| {
+            let (p, q, r) = (ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]);
+            let side = |u: u32, v: u32, w: u32| (at(v) - at(u)).cross(&(at(w) - at(u))).dot(&normal);
+            side(p, q, r) > 0.0
+                && ring.iter().all(|&s| {
+                    [p, q, r].contains(&s) || side(p, q, s) < 0.0 || side(q, r, s) < 0.0 || side(r, p, s) < 0.0
+                })
+        });
+        let Some(i) = ear else {
+            break;
+        };
+        triangles.push([ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]]);
+        ring.remove(i);
+    }
+    triangles.extend((1..ring.len().saturating_sub(1)).map(|i| [ring[0], ring[i], ring[i + 1]]));
+}
+
+/// An edge of the triangulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Edge {
+    /// Its two vertices, the smaller number first.
+    pub vertices: [u32; 2],
+}
+
+/// Two triangles that share an edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Hinge {
+    /// Number of the shared edge.
+    pub edge: u32,
+    /// The corners opposite to it, in the order of the triangles' numbers.
+    pub opposite: [u32; 2],
+    /// The triangles.
+    pub triangles: [u32; 2],
+}
+
+/// The simulated triangulation of a garment, vertices numbered as in its file, with what follows from the rest shape.
+#[derive(Debug, Clone)]
+pub struct TriangleMesh {
+    triangles: Vec<[u32; 3]>,
+    polygons: Vec<u32>,
+    edges: Vec<Edge>,
+    edge_triangles: Vec<Range<u32>>,
+    hinges: Vec<Hinge>,
+    rest_positions: Vec<Vec3>,
+    rest_areas: Vec<f64>,
+    edge_areas: Vec<f64>,
+}
+
+impl TriangleMesh {
+    /// Triangulates `mesh` and derives edges (ascending by vertex numbers) and hinges (every pair of triangles that share
+    /// an edge, also where more than two meet). Assumes valid indices; `Scene::validate` checks them.
+    pub fn new(mesh: &PolygonMesh) -> Self {
+        let (triangles, polygons) = mesh.triangulate();
+        let at = |i: u32| mesh.points[i as usize];
+        let rest_areas: Vec<f64> = triangles
+            .iter()
+            .map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))).norm())
+            .collect();
+        // One entry per side of each triangle; sorting brings the sides of an edge together.
+        let mut sides: Vec<([u32; 2], u32, u32)> = Vec::with_capacity(3 * triangles.len());
+        for (t, &[a, b, c]) in triangles.iter().enumerate() {
+            for (p, q, opposite) in [(a, b, c), (b, c, a), (c, a, b)] {
+                sides.push(([p.min(q), p.max(q)], t as u32, opposite));
+            }
+        }
+        sides.sort_unstable();
+        let mut built = Self {
+            triangles,
+            polygons,
+            edges: Vec::new(),
+            edge_triangles: Vec::new(),
+            hinges: Vec::new(),
+            rest_positions: mesh.points.clone(),
+            rest_areas,
+            edge_areas: Vec::new(),
+        };
+        let mut start = 0;
+        for group in sides.chunk_by(|a, b| a.0 == b.0) {
+            let edge = built.edges.len() as u32;
+            built.edges.push(Edge { vertices: group[0].0 });
+            built.edge_triangles.push(start..start + group.len() as u32);
+            built.edge_areas.push(group.iter().map(|(_, t, _)| built.rest_areas[*t as usize]).sum());
+            start += group.len() as u32;
+            for (i, first) in group.iter().enumerate() {
+                built.hinges.extend(group[i + 1..].iter().map(|second| Hinge {
+                    edge,
+                    opposite: [first.2, second.2],
+                    triangles: [first.1, second.1],
+                }));
+            }
+        }
+        built
+    }
+
+    /// Triangles, counter-clockwise seen from the side that the polygons face.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Polygon of each triangle.
+    pub fn polygons(&self) -> &[u32] {
+        &self.polygons
+    }
+
+    /// Edges, ascending by vertex numbers.
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    /// Number of triangles at an edge.
+    pub fn triangles_at_edge(&self, edge: usize) -> usize {
+        self.edge_triangles[edge].len()
+    }
+
+    /// Pairs of triangles that share an edge, ascending by edge.
+    pub fn hinges(&self) -> &[Hinge] {
+        &self.hinges
+    }
+
+    /// Rest positions [m].
+    pub fn rest_positions(&self) -> &[Vec3] {
+        &self.rest_positions
+    }
+
+    /// Rest area of each triangle [m²].
+    pub fn rest_areas(&self) -> &[f64] {
+        &self.rest_areas
+    }
+
+    /// Sum of the rest areas of the triangles at each edge [m²].
+    pub fn edge_areas(&self) -> &[f64] {
+        &self.edge_areas
+    }
+
+    /// Rest length of an edge [m].
+    pub fn rest_length(&self, edge: Edge) -> f64 {
+        let [a, b] = edge.vertices;
+        (self.rest_positions[a as usize] - self.rest_positions[b as usize]).norm()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area_of(points: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
+        let at = |i: u32| points[i as usize];
+        triangles.iter().map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))).z).sum()
+    }
+
+    #[test]
+    fn a_concave_polygon_keeps_its_area_and_its_winding() {
+        // An arrow head and an L: the shoelace formula gives their areas.
+        let arrow: Vec<Vec3> = [[0.0, 0.0], [2.0, -1.0], [0.5, 0.0], [2.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).into();
+        let corner: Vec<Vec3> = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]]
+            .map(|[x, y]| Vec3::new(x, y, 0.0))
+            .into();
+        for (points, area) in [(arrow, 0.5), (corner, 4.0)] {
+            let count = points.len() as u32;
+            let mesh = PolygonMesh { points: points.clone(), face_counts: vec![count], face_indices: (0..count).collect() };
+            let (triangles, _) = mesh.triangulate();
+            assert_eq!(triangles.len(), count as usize - 2);
+            assert!((area_of(&points, &triangles) - area).abs() < 1e-15);
+            assert!(triangles.iter().all(|t| area_of(&points, &[*t]) > 0.0), "{triangles:?}");
+        }
+    }
+
+    #[test]
+    fn a_square_of_two_triangles_has_five_edges_and_one_hinge() {
+        let points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).into();
+        let mesh = TriangleMesh::new(&PolygonMesh { points, face_counts: vec![4], face_indices: vec![0, 1, 2, 3] });
+        assert_eq!(mesh.edges().len(), 5);
+        assert_eq!(mesh.hinges().len(), 1);
+        assert_eq!(mesh.edge_areas().iter().copied().fold(0.0, f64::max), 1.0);
+        let [p, q] = mesh.hinges()[0].opposite;
+        assert_ne!(p, q);
+    }
+}

@@ -1,0 +1,397 @@
+//! What is simulated: plain data that anyone may fill in ([`SceneDescription`]), and its checked, immutable form
+//! ([`Scene`]).
+//!
+//! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
+//! that every index is in range, every number finite and every rest edge longer than zero.
+
+mod validate;
+
+use std::collections::BTreeMap;
+
+use nalgebra::UnitQuaternion;
+
+use crate::Vec3;
+use crate::mesh::{PolygonMesh, TriangleMesh};
+use crate::parallel::parts::Parts;
+use crate::settings::SettingValue;
+
+/// A scene as plain data, in SI units. Nothing in it is checked.
+#[derive(Debug, Clone)]
+pub struct SceneDescription {
+    /// Name of the shot, for messages.
+    pub name: String,
+    /// Frame rate and the frame from which time is counted.
+    pub timeline: Timeline,
+    /// Settings of the time integration.
+    pub solver: SolverSettings,
+    /// Garments, in the order of their output.
+    pub garments: Vec<GarmentDescription>,
+    /// Bodies that the garments collide with, in order of priority.
+    pub bodies: Vec<BodyDescription>,
+    /// Vertices whose motion is prescribed or that are held by springs.
+    pub pins: Vec<PinDescription>,
+    /// Effects asked for. What is not here does not exist while the scene runs.
+    pub effects: Vec<EffectRequest>,
+}
+
+/// Frame rate as a rational number and the frame at which time is zero.
+///
+/// Times are computed from integers, never accumulated: frame `f` is at `(f - origin) · denominator / numerator` s.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timeline {
+    /// Numerator of the frames per second, for example 24 or 24000.
+    pub fps_numerator: u32,
+    /// Denominator of the frames per second, for example 1 or 1001.
+    pub fps_denominator: u32,
+    /// Frame at which solver time is zero. Bodies' motions count their seconds from here.
+    pub origin: i64,
+    /// Frame at which the simulation starts, at or before `origin` (earlier when there is a pre-roll).
+    pub start: i64,
+}
+
+impl Timeline {
+    /// Solver time of a frame [s].
+    pub fn time(&self, frame: i64) -> f64 {
+        (frame - self.origin) as f64 * f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
+    }
+
+    /// Length of one frame [s].
+    pub fn frame_duration(&self) -> f64 {
+        f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
+    }
+}
+
+impl Default for Timeline {
+    /// 24 frames per second from frame 0.
+    fn default() -> Self {
+        Self { fps_numerator: 24, fps_denominator: 1, origin: 0, start: 0 }
+    }
+}
+
+/// Settings of the time integration (method sections 1.12, 2.5 and 2.7).
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolverSettings {
+    /// CFL number of the elastic step limit; 4 is the authors' value for cloth, below 2.83 is provably stable.
+    pub cfl: f64,
+    /// Largest time step [s]; `None` leaves the choice to the CFL number and the strain rate.
+    pub max_dt: Option<f64>,
+    /// A step that would have to be shorter than this ends the run with an error [s].
+    pub min_dt: f64,
+    /// Largest relative change of an edge's length in one step.
+    pub strain_per_step: f64,
+    /// Largest nodal residual at which the damping solve stops [m/s]; `None` takes the smaller of 1e-2 m/s and a tenth
+    /// of what gravity adds in one step, so that accuracy does not fade as steps get shorter (method 2.5).
+    pub cg_tolerance: Option<f64>,
+    /// Largest number of conjugate gradient iterations of one solve; a solve that reaches it is counted, not fatal.
+    pub cg_max_iterations: usize,
+}
+
+impl Default for SolverSettings {
+    fn default() -> Self {
+        Self {
+            cfl: 4.0,
+            max_dt: None,
+            min_dt: 1e-9,
+            strain_per_step: 0.1,
+            cg_tolerance: None,
+            cg_max_iterations: 200,
+        }
+    }
+}
+
+/// A garment: its mesh at rest, where it starts, and what it weighs.
+#[derive(Debug, Clone)]
+pub struct GarmentDescription {
+    /// Name, unique among the garments; it names the output files.
+    pub name: String,
+    /// Rest shape with the artist's polygons; a fixed triangulation of it is simulated.
+    pub mesh: PolygonMesh,
+    /// Positions at the start [m] when they differ from the rest shape; one per point.
+    pub start: Option<Vec<Vec3>>,
+    /// Velocity of every point at the start [m/s].
+    pub velocity: Vec3,
+    /// How the mass of the points follows from the mesh.
+    pub mass: Mass,
+}
+
+/// Mass of a garment's points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mass {
+    /// Areal density [kg/m²]: a point gets a third of the rest area of its triangles.
+    Density(f64),
+    /// The same mass for each point, adding up to this [kg] (the authors' panels).
+    UniformTotal(f64),
+}
+
+/// A body that garments collide with. It moves as prescribed; cloth never moves it.
+#[derive(Debug, Clone)]
+pub struct BodyDescription {
+    /// Name, unique among the bodies.
+    pub name: String,
+    /// Surface of the body.
+    pub shape: BodyShape,
+    /// Motion of an analytic shape; a deforming surface moves by its samples and ignores this.
+    pub motion: RigidMotion,
+    /// Coulomb friction coefficient against cloth.
+    pub friction: f64,
+    /// Distance that cloth keeps from the surface [m].
+    pub thickness: f64,
+    /// Fastest speed at which a vertex that is already too deep is pushed out [m/s]; infinite corrects in one step.
+    pub max_push_speed: f64,
+}
+
+/// Surface of a body, in its own frame.
+#[derive(Debug, Clone)]
+pub enum BodyShape {
+    /// Everything below the plane y = 0.
+    HalfSpace,
+    /// Ball around the origin; radius in m.
+    Sphere {
+        /// Radius [m].
+        radius: f64,
+    },
+    /// Points within `radius` of the segment from (0, -half_length, 0) to (0, half_length, 0).
+    Capsule {
+        /// Radius [m].
+        radius: f64,
+        /// Half the length of the axis [m].
+        half_length: f64,
+    },
+    /// Capped cylinder along y.
+    Cylinder {
+        /// Radius [m].
+        radius: f64,
+        /// Half the height [m].
+        half_length: f64,
+    },
+    /// Box around the origin.
+    Box {
+        /// Half the edge lengths along x, y and z [m].
+        half_extents: Vec3,
+    },
+    /// A deforming triangle mesh whose positions the caller pushes frame by frame, in world space.
+    Surface {
+        /// Triangles, counter-clockwise seen from outside.
+        triangles: Vec<[u32; 3]>,
+        /// Number of points of every sample.
+        point_count: usize,
+    },
+}
+
+/// Prescribed rigid motion: a piecewise linear path of the origin, and a rotation that may spin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigidMotion {
+    /// Times [s] and positions [m] of the origin, ascending in time; held before the first and after the last.
+    pub path: Vec<(f64, Vec3)>,
+    /// Orientation before any spin.
+    pub rotation: UnitQuaternion<f64>,
+    /// Angular velocity in world axes [rad/s], acting from `spin_start` on.
+    pub angular_velocity: Vec3,
+    /// Solver time at which the spin starts [s].
+    pub spin_start: f64,
+}
+
+impl RigidMotion {
+    /// At rest at `position` [m].
+    pub fn at(position: Vec3) -> Self {
+        Self {
+            path: vec![(0.0, position)],
+            rotation: UnitQuaternion::identity(),
+            angular_velocity: Vec3::zeros(),
+            spin_start: 0.0,
+        }
+    }
+}
+
+/// Vertices of a garment that are held.
+#[derive(Debug, Clone)]
+pub struct PinDescription {
+    /// Index of the garment.
+    pub garment: usize,
+    /// What the vertices follow, and which vertices.
+    pub target: PinTarget,
+    /// Axes in which a hard pin holds (world x, y, z).
+    pub axes: [bool; 3],
+    /// Solver time from which it holds [s].
+    pub from: f64,
+    /// Solver time at which it lets go [s].
+    pub until: f64,
+    /// Hard, or by a spring.
+    pub hold: PinHold,
+}
+
+/// What a pinned vertex follows.
+#[derive(Debug, Clone)]
+pub enum PinTarget {
+    /// The place where the vertex is when the simulation starts, moved along a path relative to it.
+    Path {
+        /// Vertex numbers in the garment's own order.
+        vertices: Vec<u32>,
+        /// Times [s] and offsets [m] from the start position, piecewise linear; empty stays put.
+        offsets: Vec<(f64, Vec3)>,
+    },
+    /// Positions that the caller pushes frame by frame: row `i` of the track belongs to `vertices[i]`.
+    Track {
+        /// Vertex numbers in the garment's own order.
+        vertices: Vec<u32>,
+        /// Number of the track in [`crate::simulation::FrameInput::tracks`].
+        track: usize,
+    },
+    /// Places on the surface of a body.
+    Body {
+        /// Index of the body; it must be a deforming surface.
+        body: usize,
+        /// One attachment per vertex.
+        attachments: Vec<SurfaceAttachment>,
+    },
+    /// The nearest places on the surface of a body when the simulation starts.
+    BodyNearest {
+        /// Index of the body; it must be a deforming surface.
+        body: usize,
+        /// Vertex numbers in the garment's own order.
+        vertices: Vec<u32>,
+    },
+}
+
+/// A vertex attached to a triangle of a body: barycentric point plus an offset in the triangle's frame.
+///
+/// The frame is tangent = direction of the first edge, bitangent = normal × tangent, normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceAttachment {
+    /// Vertex number in the garment's own order.
+    pub vertex: u32,
+    /// Points of the body that form the triangle.
+    pub body_points: [u32; 3],
+    /// Barycentric weights, adding up to one.
+    pub weights: [f64; 3],
+    /// Offset along tangent, bitangent and normal [m].
+    pub offset: Vec3,
+}
+
+/// How a pin holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PinHold {
+    /// The vertex is where the target is.
+    Hard,
+    /// A zero-length spring pulls the vertex to the target.
+    Spring {
+        /// Stiffness [N/m].
+        stiffness: f64,
+        /// Damping as a fraction of critical damping of the vertex on this spring.
+        damping_ratio: f64,
+    },
+}
+
+/// An effect that the scene asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectRequest {
+    /// Name in the registry.
+    pub effect: String,
+    /// Garment it acts on; `None` for the whole scene.
+    pub garment: Option<usize>,
+    /// Settings by name, as written; what is left out takes the default of the effect.
+    pub settings: BTreeMap<String, SettingValue>,
+    /// Why it is there, for `drapery plan`.
+    pub because: String,
+}
+
+impl EffectRequest {
+    /// An effect on the whole scene with default settings.
+    pub fn of_scene(effect: &str) -> Self {
+        Self { effect: effect.into(), garment: None, settings: BTreeMap::new(), because: "the scene asks for it".into() }
+    }
+
+    /// An effect on one garment with default settings.
+    pub fn of_garment(effect: &str, garment: usize) -> Self {
+        Self { garment: Some(garment), ..Self::of_scene(effect) }
+    }
+
+    /// The same with a number set (in the setting's SI unit).
+    pub fn with(mut self, setting: &str, value: f64) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Number(value));
+        self
+    }
+
+    /// The same with a text set: a word, or a number with its unit such as `"2 mm"`.
+    pub fn with_text(mut self, setting: &str, value: &str) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Text(value.into()));
+        self
+    }
+
+    /// The same with a vector set (in the setting's SI unit).
+    pub fn with_vector(mut self, setting: &str, value: [f64; 3]) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Vector(value));
+        self
+    }
+}
+
+impl SceneDescription {
+    /// An empty scene at 24 frames per second.
+    pub fn new(name: &str) -> Self {
+        Self {
+            name: name.into(),
+            timeline: Timeline::default(),
+            solver: SolverSettings::default(),
+            garments: Vec::new(),
+            bodies: Vec::new(),
+            pins: Vec::new(),
+            effects: Vec::new(),
+        }
+    }
+}
+
+impl GarmentDescription {
+    /// A garment of areal density `density` [kg/m²] that starts at rest in its rest shape.
+    pub fn new(name: &str, mesh: PolygonMesh, density: f64) -> Self {
+        Self { name: name.into(), mesh, start: None, velocity: Vec3::zeros(), mass: Mass::Density(density) }
+    }
+}
+
+impl BodyDescription {
+    /// A frictionless body without thickness.
+    pub fn new(name: &str, shape: BodyShape, motion: RigidMotion) -> Self {
+        Self { name: name.into(), shape, motion, friction: 0.0, thickness: 0.0, max_push_speed: f64::INFINITY }
+    }
+}
+
+/// A checked scene: indices in range, numbers finite, rest edges longer than zero, effects known.
+#[derive(Debug)]
+pub struct Scene {
+    /// What it was made from.
+    description: SceneDescription,
+    /// Simulated mesh of each garment, vertices numbered as in the garment's file.
+    meshes: Vec<TriangleMesh>,
+    /// Fixed split of all vertices, and the order in which the solver stores them.
+    parts: Parts,
+    /// Mass of each vertex in solver order [kg].
+    masses: Vec<f64>,
+    /// Mean rest edge length over all garments [m]: the length that tolerances scale with.
+    mean_edge: f64,
+}
+
+impl Scene {
+    /// The description that this scene was made from.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    /// The simulated mesh of each garment, vertices numbered as in the garment's file.
+    pub fn meshes(&self) -> &[TriangleMesh] {
+        &self.meshes
+    }
+
+    /// The fixed split of all vertices.
+    pub fn parts(&self) -> &Parts {
+        &self.parts
+    }
+
+    /// Mass of each vertex in solver order [kg].
+    pub fn masses(&self) -> &[f64] {
+        &self.masses
+    }
+
+    /// Mean rest edge length over all garments [m].
+    pub fn mean_edge(&self) -> f64 {
+        self.mean_edge
+    }
+}

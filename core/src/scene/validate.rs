@@ -1,0 +1,355 @@
+//! From a description to a scene: every problem is reported, none is repaired.
+
+use std::collections::BTreeSet;
+
+use crate::Vec3;
+use crate::effects::{self, Scope};
+use crate::error::{Problem, Problems};
+use crate::mesh::{PolygonMesh, TriangleMesh};
+use crate::parallel::parts::Parts;
+use crate::scene::{BodyDescription, BodyShape, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription};
+use crate::settings::nearest;
+use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
+
+/// Elements of one kind that are listed before the rest is only counted.
+const LISTED: usize = 5;
+
+impl Scene {
+    /// Checks a description and derives what does not change: triangulation, masses, parts.
+    ///
+    /// # Errors
+    /// All problems at once, each with its place and what to do.
+    pub fn validate(description: SceneDescription) -> Result<Self, Problems> {
+        let mut problems = Vec::new();
+        check_solver(&description, &mut problems);
+        check_names(&description, &mut problems);
+        for garment in &description.garments {
+            check_garment(garment, &mut problems);
+        }
+        for body in &description.bodies {
+            check_body(body, &mut problems);
+        }
+        check_pins(&description, &mut problems);
+        check_effects(&description, &mut problems);
+        if !problems.is_empty() {
+            return Err(Problems(problems));
+        }
+        let meshes: Vec<_> = description.garments.iter().map(|g| TriangleMesh::new(&g.mesh)).collect();
+        let rest: Vec<&[Vec3]> = description.garments.iter().map(|g| g.mesh.points.as_slice()).collect();
+        let parts = Parts::new(&rest);
+        let mut masses = vec![0.0; parts.vertex_count()];
+        for (g, (garment, mesh)) in description.garments.iter().zip(&meshes).enumerate() {
+            for (vertex, mass) in vertex_masses(garment, mesh).into_iter().enumerate() {
+                masses[parts.solver_index(g, vertex as u32)] = mass;
+            }
+        }
+        let lengths = || meshes.iter().flat_map(|m| m.edges().iter().map(|e| m.rest_length(*e)));
+        let mean_edge = lengths().sum::<f64>() / lengths().count() as f64;
+        Ok(Self { description, meshes, parts, masses, mean_edge })
+    }
+}
+
+/// Mass of each vertex in the garment's own order [kg].
+fn vertex_masses(garment: &GarmentDescription, mesh: &TriangleMesh) -> Vec<f64> {
+    let count = garment.mesh.points.len();
+    match garment.mass {
+        Mass::UniformTotal(total) => vec![total / count as f64; count],
+        Mass::Density(density) => {
+            let mut masses = vec![0.0; count];
+            for (triangle, area) in mesh.triangles().iter().zip(mesh.rest_areas()) {
+                triangle.iter().for_each(|v| masses[*v as usize] += density * area / 3.0);
+            }
+            masses
+        }
+    }
+}
+
+fn check_solver(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    let timeline = &description.timeline;
+    if timeline.fps_numerator == 0 || timeline.fps_denominator == 0 {
+        problems.push(Problem::scene("shot.fps", "the frame rate is zero", "write for example fps = \"24\""));
+    }
+    if timeline.start > timeline.origin {
+        problems.push(Problem::scene("shot", "the simulation starts after the first frame", "let it start at or before it"));
+    }
+    let solver = &description.solver;
+    let positive = [
+        ("solver.cfl", Some(solver.cfl)),
+        ("solver.max_dt", solver.max_dt),
+        ("solver.min_dt", Some(solver.min_dt)),
+        ("solver.strain_per_step", Some(solver.strain_per_step)),
+        ("solver.cg_tolerance", solver.cg_tolerance),
+    ];
+    for (name, value) in positive {
+        if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
+            problems.push(Problem::scene(name, "it has to be a positive number", "leave it out to take the default"));
+        }
+    }
+    if solver.cg_max_iterations == 0 {
+        problems.push(Problem::scene("solver.cg_max_iterations", "it is zero", "allow at least one iteration; 200 is usual"));
+    }
+    if description.garments.is_empty() {
+        problems.push(Problem::scene("scene", "there is no garment to simulate", "add a [[garment]]"));
+    }
+}
+
+fn check_names(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    let kinds: [(&str, Vec<&str>); 2] = [
+        ("garment", description.garments.iter().map(|g| g.name.as_str()).collect()),
+        ("body", description.bodies.iter().map(|b| b.name.as_str()).collect()),
+    ];
+    for (kind, names) in kinds {
+        let mut seen = BTreeSet::new();
+        for name in names {
+            let usable = !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || "_-.".contains(c)) && !name.starts_with('.');
+            if !usable {
+                let what = format!("\"{name}\" cannot be a name: it names files and objects");
+                problems.push(Problem::scene(kind, what, "use letters, digits, _ and -"));
+            }
+            if !seen.insert(name) {
+                problems.push(Problem::scene(format!("{kind} \"{name}\""), "two have this name", "rename one of them"));
+            }
+        }
+    }
+}
+
+fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
+    let place = |what: &str| format!("garment \"{}\"{what}", garment.name);
+    match garment.mass {
+        Mass::Density(m) | Mass::UniformTotal(m) if !(m > 0.0 && m.is_finite()) => {
+            problems.push(Problem::scene(place(", density"), format!("the mass {m} is not positive"), "cloth weighs 0.03 to 1 kg/m²"));
+        }
+        _ => {}
+    }
+    if !garment.velocity.iter().all(|v| v.is_finite()) {
+        problems.push(Problem::scene(place(", velocity"), "it is not finite", "write three numbers in m/s"));
+    }
+    let before = problems.len();
+    check_mesh(&garment.name, &garment.mesh, problems);
+    if let Some(start) = &garment.start {
+        if start.len() != garment.mesh.points.len() {
+            let what = format!("the start pose has {} points, the rest shape {}", start.len(), garment.mesh.points.len());
+            problems.push(Problem::data(place(""), what, "use a start pose of the same mesh"));
+        }
+        finite_points(&place(", start pose"), start, problems);
+    }
+    if problems.len() == before {
+        check_elements(garment, problems);
+    }
+}
+
+/// Indices and numbers: what has to hold before anything can be derived.
+fn check_mesh(name: &str, mesh: &PolygonMesh, problems: &mut Vec<Problem>) {
+    let place = |what: String| format!("garment \"{name}\"{what}");
+    finite_points(&place(String::new()), &mesh.points, problems);
+    let corners: u64 = mesh.face_counts.iter().map(|c| u64::from(*c)).sum();
+    if mesh.face_counts.is_empty() {
+        problems.push(Problem::data(place(String::new()), "it has no faces", "export a mesh with polygons"));
+    } else if corners != mesh.face_indices.len() as u64 {
+        let what = format!("its faces have {corners} corners, but {} indices are given", mesh.face_indices.len());
+        problems.push(Problem::data(place(String::new()), what, "export the mesh again"));
+    } else {
+        let count = mesh.points.len() as u32;
+        let bad = |corners: &[u32]| corners.len() < 3 || corners.iter().any(|v| *v >= count);
+        let faces = mesh.faces().enumerate().filter(|(_, corners)| bad(corners)).map(|(f, _)| f);
+        report(faces, problems, |list| {
+            let what = format!("faces {list} have fewer than three corners or name a point that does not exist ({count} points)");
+            Problem::data(place(String::new()), what, "export the mesh again")
+        });
+    }
+}
+
+fn finite_points(place: &str, points: &[Vec3], problems: &mut Vec<Problem>) {
+    let broken = points.iter().enumerate().filter(|(_, p)| !p.iter().all(|c| c.is_finite())).map(|(i, _)| i);
+    report(broken, problems, |list| {
+        Problem::data(place, format!("vertices {list} are not finite numbers"), "repair these points and export the mesh again")
+    });
+}
+
+/// Degenerate, duplicate and missing elements.
+fn check_elements(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
+    let place = format!("garment \"{}\"", garment.name);
+    let mesh = TriangleMesh::new(&garment.mesh);
+    let points = &garment.mesh.points;
+    let (low, high) = points.iter().fold((points[0], points[0]), |(l, h), p| (l.inf(p), h.sup(p)));
+    let size = (high - low).norm();
+    let short = mesh.edges().iter().filter(|e| mesh.rest_length(**e) <= DEGENERATE_EDGE * size);
+    report(short.map(|e| format!("{}-{}", e.vertices[0], e.vertices[1])), problems, |list| {
+        Problem::data(&place, format!("edges {list} have no length"), "merge coinciding points (merge by distance)")
+    });
+    let longest = |t: &[u32; 3]| (0..3).map(|i| (points[t[i] as usize] - points[t[(i + 1) % 3] as usize]).norm_squared()).fold(0.0, f64::max);
+    let flat = mesh.triangles().iter().zip(mesh.rest_areas()).zip(mesh.polygons());
+    let flat: BTreeSet<u32> = flat.filter(|((t, area), _)| **area <= DEGENERATE_AREA * longest(t)).map(|(_, f)| *f).collect();
+    report(flat.iter(), problems, |list| {
+        Problem::data(&place, format!("faces {list} have no area"), "delete these faces or dissolve their corners")
+    });
+    let mut seen = BTreeSet::new();
+    let mut twice = BTreeSet::new();
+    for (t, polygon) in mesh.triangles().iter().zip(mesh.polygons()) {
+        let mut key = *t;
+        key.sort_unstable();
+        if !seen.insert(key) {
+            twice.insert(*polygon);
+        }
+    }
+    report(twice.iter(), problems, |list| {
+        Problem::data(&place, format!("faces {list} lie on other faces of the same corners"), "delete the duplicate faces")
+    });
+    let mut used = vec![false; points.len()];
+    garment.mesh.face_indices.iter().for_each(|v| used[*v as usize] = true);
+    let loose = used.iter().enumerate().filter(|(_, u)| !**u).map(|(i, _)| i);
+    report(loose, problems, |list| {
+        Problem::data(&place, format!("vertices {list} belong to no face"), "delete loose vertices (clean up the mesh)")
+    });
+}
+
+/// Adds one problem for a list of elements, if there are any; long lists are cut.
+fn report<T: ToString>(elements: impl Iterator<Item = T>, problems: &mut Vec<Problem>, make: impl FnOnce(String) -> Problem) {
+    let mut names = Vec::new();
+    let mut count = 0;
+    for element in elements {
+        count += 1;
+        if names.len() < LISTED {
+            names.push(element.to_string());
+        }
+    }
+    if count > 0 {
+        let more = if count > LISTED { format!(" and {} more", count - LISTED) } else { String::new() };
+        problems.push(make(format!("{}{more}", names.join(", "))));
+    }
+}
+
+fn check_body(body: &BodyDescription, problems: &mut Vec<Problem>) {
+    let place = format!("body \"{}\"", body.name);
+    let sizes: Vec<f64> = match &body.shape {
+        BodyShape::HalfSpace => Vec::new(),
+        BodyShape::Sphere { radius } => vec![*radius],
+        BodyShape::Capsule { radius, half_length } | BodyShape::Cylinder { radius, half_length } => vec![*radius, *half_length],
+        BodyShape::Box { half_extents } => half_extents.iter().copied().collect(),
+        BodyShape::Surface { triangles, .. } => {
+            if triangles.is_empty() {
+                problems.push(Problem::data(&place, "it has no faces", "choose an object path that holds a mesh"));
+            }
+            Vec::new()
+        }
+    };
+    if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
+        problems.push(Problem::scene(&place, "its sizes have to be positive", "write lengths in metres or with a unit"));
+    }
+    let bad = |value: f64| value.is_nan() || value < 0.0;
+    if bad(body.friction) || bad(body.thickness) || body.thickness.is_infinite() || body.max_push_speed.is_nan() || body.max_push_speed <= 0.0 {
+        let what = "friction and thickness must not be negative, and max_push_speed has to be positive";
+        problems.push(Problem::scene(&place, what, "correct them in the scene file"));
+    }
+    let ascending = body.motion.path.windows(2).all(|w| w[0].0 < w[1].0);
+    let finite = body.motion.path.iter().all(|(t, x)| t.is_finite() && x.iter().all(|c| c.is_finite()));
+    if !ascending || !finite {
+        problems.push(Problem::scene(&place, "its path needs ascending times and finite positions", "correct `path`"));
+    }
+}
+
+fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    // Hard holds by (garment, vertex, axis): two at the same time contradict each other.
+    let mut holds: Vec<(usize, u32, usize, f64, f64, usize)> = Vec::new();
+    for (p, pin) in description.pins.iter().enumerate() {
+        let Some(garment) = description.garments.get(pin.garment) else {
+            problems.push(Problem::scene(format!("pin {p}"), "it names a garment that does not exist", "correct its garment"));
+            continue;
+        };
+        let place = format!("garment \"{}\", pin {p}", garment.name);
+        let count = garment.mesh.points.len();
+        let vertices: Vec<u32> = match &pin.target {
+            PinTarget::Path { vertices, .. } | PinTarget::Track { vertices, .. } => vertices.clone(),
+            PinTarget::BodyNearest { vertices, body } => {
+                check_pin_body(description, *body, &place, problems);
+                vertices.clone()
+            }
+            PinTarget::Body { body, attachments } => {
+                if let Some(points) = check_pin_body(description, *body, &place, problems) {
+                    let bad = attachments.iter().filter(|a| a.body_points.iter().any(|b| *b as usize >= points));
+                    report(bad.map(|a| a.vertex), problems, |list| {
+                        let what = format!("vertices {list} are attached to body points that do not exist ({points} points)");
+                        Problem::data(&place, what, "use the attachments made for this body")
+                    });
+                }
+                attachments.iter().map(|a| a.vertex).collect()
+            }
+        };
+        let missing = vertices.iter().filter(|v| **v as usize >= count);
+        report(missing, problems, |list| {
+            let what = format!("vertices {list} do not exist: the garment has {count}, numbered from 0");
+            Problem::data(&place, what, "use vertex numbers of this mesh")
+        });
+        if pin.from >= pin.until || pin.from.is_nan() || pin.until.is_nan() {
+            problems.push(Problem::scene(&place, "it lets go before it holds", "make `from` smaller than `until`"));
+        }
+        match pin.hold {
+            PinHold::Spring { stiffness, damping_ratio } => {
+                if !(stiffness > 0.0 && stiffness.is_finite() && damping_ratio >= 0.0 && damping_ratio.is_finite()) {
+                    problems.push(Problem::scene(&place, "its spring needs a positive stiffness", "write for example stiffness = \"200 N/m\""));
+                }
+            }
+            PinHold::Hard => {
+                let axes = (0..3).filter(|axis| pin.axes[*axis]);
+                holds.extend(axes.flat_map(|axis| vertices.iter().map(move |v| (pin.garment, *v, axis, pin.from, pin.until, p))));
+            }
+        }
+    }
+    holds.sort_unstable_by(|a, b| (a.0, a.1, a.2).cmp(&(b.0, b.1, b.2)).then(a.3.total_cmp(&b.3)));
+    let clashes = holds.windows(2).filter(|w| (w[0].0, w[0].1, w[0].2) == (w[1].0, w[1].1, w[1].2) && w[1].3 < w[0].4);
+    let clashes: BTreeSet<_> = clashes.map(|w| (w[0].0, w[0].1, w[0].5, w[1].5)).collect();
+    for (garment, vertex, a, b) in clashes.into_iter().take(LISTED) {
+        let place = format!("garment \"{}\", vertex {vertex}", description.garments[garment].name);
+        let what = format!("pins {a} and {b} hold it at the same time");
+        problems.push(Problem::scene(place, what, "let one of them go before the other holds, or make one a spring"));
+    }
+}
+
+/// Number of points of the body a pin is attached to, if it is a surface.
+fn check_pin_body(description: &SceneDescription, body: usize, place: &str, problems: &mut Vec<Problem>) -> Option<usize> {
+    match description.bodies.get(body).map(|b| &b.shape) {
+        Some(BodyShape::Surface { point_count, .. }) => Some(*point_count),
+        _ => {
+            let what = "it is attached to a body that is not a mesh";
+            problems.push(Problem::scene(place, what, "attach it to a body read from a file"));
+            None
+        }
+    }
+}
+
+fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    let mut seen = BTreeSet::new();
+    for request in &description.effects {
+        let name = request.effect.as_str();
+        let Some(spec) = effects::find(name) else {
+            let names = effects::REGISTRY.iter().map(|s| s.name);
+            let advice = nearest(name, names).map_or_else(|| "see the list of effects".to_owned(), |n| format!("did you mean `{n}`?"));
+            problems.push(Problem::scene(name, "there is no effect of this name", advice));
+            continue;
+        };
+        let fits = match spec.scope {
+            Scope::Scene => request.garment.is_none(),
+            Scope::Garment => request.garment.is_some_and(|g| g < description.garments.len()),
+            Scope::Implied => true,
+        };
+        if !fits {
+            problems.push(Problem::scene(name, "it stands in the wrong place", "see the reference page of effects"));
+        }
+        if !seen.insert((name, request.garment)) {
+            problems.push(Problem::scene(name, "it is asked for twice", "remove one of the tables"));
+        }
+    }
+    let has = |name: &str| description.effects.iter().any(|e| e.effect == name);
+    let by_springs = |p: &crate::scene::PinDescription| matches!(p.hold, PinHold::Spring { .. });
+    let implied = [
+        ("body_collision", !description.bodies.is_empty(), "a body"),
+        ("pins", description.pins.iter().any(|p| !by_springs(p)), "a pin"),
+        ("attachments", description.pins.iter().any(by_springs), "a spring pin"),
+    ];
+    for (name, needed, by) in implied {
+        if needed != has(name) {
+            let what = if needed { format!("{by} needs this effect") } else { format!("it needs {by}") };
+            problems.push(Problem::scene(name, what, "ask for both or neither"));
+        }
+    }
+}

@@ -1,0 +1,442 @@
+//! A scene with its state and effects, advanced frame by frame.
+
+use std::sync::Arc;
+
+use crate::Vec3;
+use crate::bodies::{Bodies, Samples};
+use crate::effects::body_collision::BodyCollision;
+use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::{PartView, PlannedEffect, build_all};
+use crate::error::{Problem, Problems, StepError};
+use crate::metrics::Metrics;
+use crate::parallel::sum::join;
+use crate::scene::{BodyShape, PinTarget, Scene};
+use crate::solve::conjugate_gradient::Stop;
+use crate::solve::implicit_velocity::PartForces;
+use crate::state::State;
+use crate::step::{Scratch, StepContext, advance};
+use crate::time_step::StepLimit;
+use crate::tolerances::CG_GRAVITY_FRACTION;
+
+pub use crate::bodies::Sample;
+
+/// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
+const STANDARD_GRAVITY: f64 = 9.81;
+
+/// Largest tolerance of the damping solves when it is chosen automatically [m/s]; the authors' value.
+const CG_TOLERANCE: f64 = 1e-2;
+
+/// What the caller pushes for one frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameInput {
+    /// The frame to reach.
+    pub frame: i64,
+    /// For each body the samples after the last frame up to this one, ascending in time, the last exactly at this frame; empty
+    /// for analytic shapes.
+    pub bodies: Vec<Vec<Sample>>,
+    /// For each track of pinned positions, likewise.
+    pub tracks: Vec<Vec<Sample>>,
+}
+
+impl FrameInput {
+    /// Input of a scene without animated meshes.
+    pub fn to_frame(frame: i64) -> Self {
+        Self { frame, bodies: Vec::new(), tracks: Vec::new() }
+    }
+}
+
+/// The most stretched edge of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StrainRecord {
+    /// Name of the garment.
+    pub garment: String,
+    /// Its vertices in the garment's own order.
+    pub vertices: [u32; 2],
+    /// Relative change of its length.
+    pub strain: f64,
+}
+
+/// What happened in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameSummary {
+    /// The frame reached.
+    pub frame: i64,
+    /// Time steps.
+    pub steps: u64,
+    /// Shortest step [s].
+    pub dt_min: f64,
+    /// Longest step [s].
+    pub dt_max: f64,
+    /// Iterations of all damping solves.
+    pub cg_iterations: u64,
+    /// Seconds by stage, and counts.
+    pub metrics: Metrics,
+    /// The most stretched edge at the end of the frame.
+    pub max_strain: Option<StrainRecord>,
+    /// Kinetic energy at the end of the frame [J].
+    pub kinetic_energy: f64,
+    /// Potential energy at the end of the frame [J].
+    pub potential_energy: f64,
+    /// Pairs of body triangles that cross each other at the frame.
+    pub body_self_crossings: u64,
+}
+
+/// A running simulation.
+pub struct Simulation {
+    scene: Arc<Scene>,
+    state: State,
+    frame: i64,
+    forces: PartForces,
+    pins: Option<HardPins>,
+    targets: PinTargets,
+    tracks: Vec<Samples>,
+    collision: Option<BodyCollision>,
+    bodies: Bodies,
+    limit: StepLimit,
+    scratch: Scratch,
+    metrics: Metrics,
+    plan: Vec<PlannedEffect>,
+}
+
+impl Simulation {
+    /// Builds the effects that the scene asks for and puts everything at the start frame.
+    ///
+    /// `start` holds one sample per deforming body and track, at the start time.
+    ///
+    /// # Errors
+    /// All problems of the effects' settings, of the first samples, and of vertices that start inside a body.
+    pub fn new(scene: Scene, start: &FrameInput) -> Result<Self, Problems> {
+        let scene = Arc::new(scene);
+        let state = State::at_start(&scene);
+        let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
+        let tracks = first_tracks(&scene, start)?;
+        let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time).map_err(|p| Problems(vec![p]))?;
+        let parts = scene.parts();
+        let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
+        let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
+        for (planned, effect) in build_all(&scene)? {
+            for (part, force) in effect.forces {
+                forces[part].push(force);
+            }
+            pins = pins.or(effect.pins);
+            collision = collision.or(effect.body_collision);
+            plan.push(planned);
+        }
+        if collision.is_some() {
+            start_outside(&scene, &state, &bodies, pins.as_ref())?;
+        }
+        let limit = StepLimit::new(parts, scene.masses(), &forces, scene.description().solver.cfl);
+        let scratch = Scratch::new(parts, collision.is_some());
+        let frame = scene.description().timeline.start;
+        let metrics = Metrics::default();
+        let mut simulation =
+            Self { scene, state, frame, forces, pins, targets, tracks, collision, bodies, limit, scratch, metrics, plan };
+        simulation.pins_take_hold();
+        Ok(simulation)
+    }
+
+    /// Hard pins start where their targets are.
+    fn pins_take_hold(&mut self) {
+        if let Some(pins) = &self.pins {
+            let time = self.state.time;
+            self.targets.set_step(&self.bodies, &self.tracks, time, time);
+            let parts = self.scene.parts();
+            for (part, range) in parts.ranges().iter().enumerate() {
+                pins.set_positions(part, range.start, &self.targets, &mut self.state.x[range.clone()]);
+            }
+        }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The frame that the state belongs to.
+    pub fn frame(&self) -> i64 {
+        self.frame
+    }
+
+    /// Positions and velocities in solver order.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The effects that run, in order.
+    pub fn plan(&self) -> &[PlannedEffect] {
+        &self.plan
+    }
+
+    /// Memory of the state and the scratch arrays [bytes].
+    pub fn bytes(&self) -> usize {
+        2 * self.state.x.len() * size_of::<Vec3>() + self.scratch.bytes()
+    }
+
+    /// Largest step that the elastic forces allow [s].
+    pub fn elastic_step(&self) -> f64 {
+        self.limit.elastic
+    }
+
+    /// Positions of a garment in its own order [m].
+    pub fn garment_positions(&self, garment: usize, out: &mut Vec<Vec3>) {
+        self.gather(garment, &self.state.x, out);
+    }
+
+    /// Velocities of a garment in its own order [m/s].
+    pub fn garment_velocities(&self, garment: usize, out: &mut Vec<Vec3>) {
+        self.gather(garment, &self.state.v, out);
+    }
+
+    fn gather(&self, garment: usize, from: &[Vec3], out: &mut Vec<Vec3>) {
+        let parts = self.scene.parts();
+        out.clear();
+        out.resize(parts.garment(garment).len(), Vec3::zeros());
+        for solver in parts.garment(garment) {
+            out[parts.own_vertex(solver).1 as usize] = from[solver];
+        }
+    }
+
+    /// Goes on to the frame of `input`, the one after the current frame.
+    ///
+    /// # Errors
+    /// Samples that do not cover the frame; a number that is no longer finite; a step below the scene's shortest.
+    pub fn advance(&mut self, input: &FrameInput) -> Result<FrameSummary, StepError> {
+        if input.frame != self.frame + 1 {
+            return Err(self.input_error(input, format!("the next frame is {}, not {}", self.frame + 1, input.frame)));
+        }
+        let timeline = self.scene.description().timeline;
+        let (from, to) = (self.state.time, timeline.time(input.frame));
+        let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
+        stops.extend(self.targets.window_times());
+        stops.retain(|t| *t > from && *t < to);
+        stops.push(to);
+        stops.sort_unstable_by(f64::total_cmp);
+        stops.dedup();
+        let mut summary = FrameSummary {
+            frame: input.frame,
+            steps: 0,
+            dt_min: f64::INFINITY,
+            dt_max: 0.0,
+            cg_iterations: 0,
+            metrics: Metrics::default(),
+            max_strain: None,
+            kinetic_energy: 0.0,
+            potential_energy: 0.0,
+            body_self_crossings: 0,
+        };
+        for stop in stops {
+            self.push_samples(input, stop, to)?;
+            self.run_to(stop, input.frame, &mut summary)?;
+        }
+        self.frame = input.frame;
+        self.measure(&mut summary)?;
+        Ok(summary)
+    }
+
+    /// Steps until `end` [s].
+    fn run_to(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<(), StepError> {
+        let scene = Arc::clone(&self.scene);
+        let settings = &scene.description().solver;
+        let parts = scene.parts();
+        loop {
+            let state = &self.state;
+            let (limit, forces, metrics) = (&mut self.limit, &self.forces, &mut self.metrics);
+            let choice = metrics.stage("dt", |_| {
+                limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end))
+            });
+            if choice.limit < settings.min_dt {
+                let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
+                let (dt, min_dt, time) = (choice.limit, settings.min_dt, state.time);
+                return Err(StepError::StepTooSmall { frame, time, dt, min_dt, because });
+            }
+            let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
+            let stop = Stop {
+                tolerance: settings.cg_tolerance.unwrap_or(automatic),
+                max_iterations: settings.cg_max_iterations,
+            };
+            let mut context = StepContext {
+                parts,
+                masses: scene.masses(),
+                state: &mut self.state,
+                forces: &mut self.forces,
+                pins: self.pins.as_ref(),
+                targets: &mut self.targets,
+                tracks: &self.tracks,
+                collision: self.collision.as_mut(),
+                bodies: &mut self.bodies,
+                scratch: &mut self.scratch,
+                stop,
+                metrics: &mut self.metrics,
+            };
+            let report = advance(&mut context, choice.dt);
+            if let Some(stage) = report.not_finite {
+                return Err(self.not_finite(stage, frame, choice.dt));
+            }
+            summary.steps += 1;
+            summary.cg_iterations += report.cg_iterations as u64;
+            summary.dt_min = summary.dt_min.min(choice.dt);
+            summary.dt_max = summary.dt_max.max(choice.dt);
+            if choice.ends_interval {
+                // The time of a frame comes from integers, not from a sum of steps.
+                self.state.time = end;
+                return Ok(());
+            }
+        }
+    }
+
+    /// Hands bodies and tracks the samples that the interval up to `stop` needs.
+    fn push_samples(&mut self, input: &FrameInput, stop: f64, frame_end: f64) -> Result<(), StepError> {
+        let start = self.state.time;
+        // The next sample of each mesh is the first one at or after the end of the interval; take it once.
+        let needed = |samples: &[Sample]| samples.iter().find(|s| s.time >= stop).cloned();
+        for body in 0..self.bodies.list().len() {
+            if !self.bodies.list()[body].is_surface() {
+                continue;
+            }
+            let samples = input.bodies.get(body).map_or(&[][..], Vec::as_slice);
+            if samples.last().is_none_or(|s| s.time != frame_end) {
+                let name = &self.scene.description().bodies[body].name;
+                return Err(self.input_error(input, format!("body \"{name}\" has no sample at the frame's time")));
+            }
+            let next = needed(samples);
+            if let Some(sample) = next.filter(|s| s.time > self.bodies.sampled_until(body)) {
+                self.bodies.push_sample(body, sample).map_err(|e| self.input_error(input, e))?;
+            }
+        }
+        for track in 0..self.tracks.len() {
+            let samples = input.tracks.get(track).map_or(&[][..], Vec::as_slice);
+            let Some(sample) = needed(samples) else {
+                return Err(self.input_error(input, format!("track {track} has no sample at the frame's time")));
+            };
+            if sample.positions.len() != self.tracks[track].b.positions.len() {
+                return Err(self.input_error(input, format!("track {track} changes its number of points")));
+            }
+            if sample.time > self.tracks[track].b.time.max(start) {
+                self.tracks[track].push(sample);
+            }
+        }
+        Ok(())
+    }
+
+    /// Fills in what is measured at the end of a frame, and makes sure that everything is finite.
+    fn measure(&mut self, summary: &mut FrameSummary) -> Result<(), StepError> {
+        let finite = |v: &Vec3| v.iter().all(|c| c.is_finite());
+        if !self.state.x.iter().chain(&self.state.v).all(finite) {
+            return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
+        }
+        let parts = self.scene.parts();
+        let masses = self.scene.masses();
+        let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
+        let mut strain: Option<(f64, [usize; 2])> = None;
+        for (range, forces) in parts.ranges().iter().zip(&self.forces) {
+            let own = &masses[range.clone()];
+            kinetic.push(0.5 * crate::parallel::sum::weighted_dot(own, &self.state.v[range.clone()], &self.state.v[range.clone()]));
+            let view =
+                PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, targets: &self.targets };
+            potential.extend(forces.iter().map(|f| f.energy(&view)));
+            let largest = forces.iter().filter_map(|f| f.largest_strain(&self.state.x));
+            strain = largest.chain(strain).max_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        summary.kinetic_energy = join(&kinetic);
+        summary.potential_energy = join(&potential);
+        summary.max_strain = strain.map(|(strain, ends)| {
+            let (garment, _) = parts.own_vertex(ends[0]);
+            let mut vertices = ends.map(|v| parts.own_vertex(v).1);
+            vertices.sort_unstable();
+            StrainRecord { garment: self.scene.description().garments[garment].name.clone(), vertices, strain }
+        });
+        summary.body_self_crossings = self.bodies.self_crossings() as u64;
+        summary.metrics = self.metrics.take();
+        Ok(())
+    }
+
+    fn not_finite(&self, stage: &'static str, frame: i64, dt: f64) -> StepError {
+        let finite = |v: &Vec3| v.iter().all(|c| c.is_finite());
+        let broken = self.state.x.iter().zip(&self.state.v).position(|(x, v)| !finite(x) || !finite(v)).unwrap_or(0);
+        let (garment, vertex) = self.scene.parts().own_vertex(broken);
+        StepError::NotFinite {
+            garment: self.scene.description().garments[garment].name.clone(),
+            vertex: vertex as usize,
+            frame,
+            time: self.state.time,
+            stage,
+            dt,
+        }
+    }
+
+    fn input_error(&self, input: &FrameInput, what: String) -> StepError {
+        StepError::Input { frame: input.frame, what }
+    }
+}
+
+/// The first sample of every track.
+fn first_tracks(scene: &Scene, start: &FrameInput) -> Result<Vec<Samples>, Problems> {
+    let mut problems = Vec::new();
+    let mut tracks = Vec::new();
+    for (number, track) in start.tracks.iter().enumerate() {
+        match track.last() {
+            Some(sample) => tracks.push(Samples::still(sample.clone())),
+            None => problems.push(Problem::data(
+                format!("track {number}"),
+                "there is no sample of its positions at the start",
+                "look at the file that the pin follows around the first frame",
+            )),
+        }
+    }
+    for (p, pin) in scene.description().pins.iter().enumerate() {
+        if let PinTarget::Track { vertices, track } = &pin.target
+            && tracks.get(*track).is_none_or(|t| t.b.positions.len() != vertices.len())
+        {
+            let name = &scene.description().garments[pin.garment].name;
+            problems.push(Problem::data(
+                format!("garment \"{name}\", pin {p}"),
+                "the animated positions do not fit the pinned vertices",
+                "give one position per pinned vertex at every frame",
+            ));
+        }
+    }
+    if problems.is_empty() { Ok(tracks) } else { Err(Problems(problems)) }
+}
+
+/// Refuses garments whose free vertices start inside a body; names the deepest of each.
+fn start_outside(scene: &Scene, state: &State, bodies: &Bodies, pins: Option<&HardPins>) -> Result<(), Problems> {
+    let mut held = vec![false; state.x.len()];
+    pins.into_iter().flat_map(HardPins::fully_held).for_each(|(vertex, _)| held[vertex] = true);
+    let description = scene.description();
+    let mut problems = Vec::new();
+    for (g, garment) in description.garments.iter().enumerate() {
+        for (b, body) in description.bodies.iter().enumerate() {
+            let reach = scene.mean_edge() * 10.0;
+            let depth = |vertex: usize| {
+                // A vertex lies inside a crossing body's own overlap as soon as its nearest surface says so.
+                bodies.closest(b, &state.x[vertex], reach, None).map_or(f64::INFINITY, |at| at.phi)
+            };
+            let inside: Vec<(f64, usize)> = scene
+                .parts()
+                .garment(g)
+                .filter(|vertex| !held[*vertex])
+                .map(|vertex| (depth(vertex), vertex))
+                .filter(|(phi, _)| *phi < 0.0)
+                .collect();
+            let Some((deepest, vertex)) = inside.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+            let (_, own) = scene.parts().own_vertex(vertex);
+            let is_surface = matches!(body.shape, BodyShape::Surface { .. });
+            problems.push(Problem::data(
+                format!("garment \"{}\", vertex {own}", garment.name),
+                format!(
+                    "{} of its vertices start inside body \"{}\"; this one is deepest, {:.2} mm",
+                    inside.len(),
+                    body.name,
+                    -1e3 * deepest
+                ),
+                if is_surface {
+                    "move the garment off the body at the start frame, or start from a draped pose; if everything is \
+                     inside, the body's faces may be wound the wrong way"
+                } else {
+                    "move the garment or the body in the scene"
+                },
+            ));
+        }
+    }
+    if problems.is_empty() { Ok(()) } else { Err(Problems(problems)) }
+}

@@ -1,0 +1,157 @@
+//! Matrix-free, projected conjugate gradients for `(I - h M⁻¹ G) v = b` in the mass inner product (method 2.3-2.5).
+//!
+//! The unknowns are velocities; the residual is measured by its largest nodal length [m/s]. Because the initial guess
+//! satisfies every constraint, the first projected residual is `P h M⁻¹ G v` and the right-hand side itself is not needed.
+//! Each iteration is three passes over the parts, each reading and writing every array once.
+
+use crate::Vec3;
+use crate::parallel::parts::Parts;
+use crate::parallel::split::{PerBlock, PerVertex};
+use crate::parallel::sum::{SUM_BLOCK, join, largest, weighted_dot};
+
+/// The operator and the constraints.
+pub trait System: Sync {
+    /// Writes `h M⁻¹ G s` of one part into `q`, the part's own slice; `s` are velocities of all vertices.
+    fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]);
+
+    /// Removes the constrained directions of one part from `r`, the part's own slice.
+    fn project(&self, part: usize, r: &mut [Vec3]);
+}
+
+/// Scratch of the solver; made once.
+#[derive(Debug)]
+pub struct ConjugateGradient {
+    r: Vec<Vec3>,
+    s: Vec<Vec3>,
+    q: Vec<Vec3>,
+    dots: Vec<f64>,
+    residuals: Vec<f64>,
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy)]
+pub struct Stop {
+    /// Largest nodal residual [m/s].
+    pub tolerance: f64,
+    /// Largest number of iterations.
+    pub max_iterations: usize,
+}
+
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Outcome {
+    /// Iterations made.
+    pub iterations: usize,
+    /// Whether the tolerance was reached.
+    pub converged: bool,
+    /// Whether every number stayed finite.
+    pub finite: bool,
+}
+
+impl ConjugateGradient {
+    /// Scratch for all vertices of the parts.
+    pub fn new(parts: &Parts) -> Self {
+        let vertices = vec![Vec3::zeros(); parts.vertex_count()];
+        let blocks = vec![0.0; *parts.block_starts().last().unwrap_or(&0)];
+        Self { r: vertices.clone(), s: vertices.clone(), q: vertices, dots: blocks.clone(), residuals: blocks }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        3 * self.r.len() * size_of::<Vec3>() + 2 * self.dots.len() * size_of::<f64>()
+    }
+
+    /// Solves in place: `v` holds the initial guess, which satisfies the constraints, and then the solution.
+    pub fn solve(&mut self, parts: &Parts, masses: &[f64], system: &impl System, v: &mut [Vec3], stop: Stop) -> Outcome {
+        let (mut rho, mut residual) = self.first_residual(parts, masses, system, v);
+        let mut rho_before = f64::INFINITY;
+        for iterations in 0.. {
+            let finite = rho.is_finite();
+            let converged = residual <= stop.tolerance && (iterations >= 1 || residual < f64::EPSILON);
+            if converged || rho == 0.0 || !finite || iterations == stop.max_iterations {
+                return Outcome { iterations, converged: converged || rho == 0.0, finite };
+            }
+            self.direction(parts, rho / rho_before);
+            let curvature = self.product(parts, masses, system);
+            rho_before = rho;
+            (rho, residual) = self.advance(parts, masses, v, rho / curvature);
+        }
+        unreachable!("the loop ends at the largest number of iterations")
+    }
+
+    /// `r = P h M⁻¹ G v`; returns `<r, r>` and the largest nodal residual.
+    fn first_residual(&mut self, parts: &Parts, masses: &[f64], system: &impl System, v: &[Vec3]) -> (f64, f64) {
+        let slices = (PerVertex(&mut self.r), PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
+        parts.for_each(slices, &|part, (r, dots, residuals)| {
+            system.damping(part, v, r.0);
+            system.project(part, r.0);
+            measure(&masses[parts.ranges()[part].clone()], r.0, dots.0, residuals.0);
+        });
+        (join(&self.dots), largest(&self.residuals).sqrt())
+    }
+
+    /// `s = r + β s`.
+    fn direction(&mut self, parts: &Parts, beta: f64) {
+        let r = &self.r;
+        parts.for_each(PerVertex(&mut self.s), &|part, s| {
+            let r = &r[parts.ranges()[part].clone()];
+            if beta == 0.0 {
+                // The first direction of a solve owes nothing to the last of the solve before, not even a signed zero.
+                s.0.copy_from_slice(r);
+                return;
+            }
+            for (s, r) in s.0.iter_mut().zip(r) {
+                *s = r + *s * beta;
+            }
+        });
+    }
+
+    /// `q = P A s`; returns `<s, q>`.
+    pub fn product(&mut self, parts: &Parts, masses: &[f64], system: &impl System) -> f64 {
+        let s = &self.s;
+        parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
+            let range = parts.ranges()[part].clone();
+            system.damping(part, s, q.0);
+            for (q, s) in q.0.iter_mut().zip(&s[range.clone()]) {
+                *q = s - *q;
+            }
+            system.project(part, q.0);
+            let blocks = masses[range.clone()].chunks(SUM_BLOCK).zip(s[range].chunks(SUM_BLOCK)).zip(q.0.chunks(SUM_BLOCK));
+            for (dot, ((m, s), q)) in dots.0.iter_mut().zip(blocks) {
+                *dot = weighted_dot(m, s, q);
+            }
+        });
+        join(&self.dots)
+    }
+
+    /// `v += α s`, `r -= α q`; returns `<r, r>` and the largest nodal residual.
+    fn advance(&mut self, parts: &Parts, masses: &[f64], v: &mut [Vec3], alpha: f64) -> (f64, f64) {
+        let (s, q) = (&self.s, &self.q);
+        let slices =
+            (PerVertex(v), PerVertex(&mut self.r), PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
+        parts.for_each(slices, &|part, (v, r, dots, residuals)| {
+            let range = parts.ranges()[part].clone();
+            let steps = v.0.iter_mut().zip(r.0.iter_mut()).zip(s[range.clone()].iter().zip(&q[range.clone()]));
+            for ((v, r), (s, q)) in steps {
+                *v += s * alpha;
+                *r -= q * alpha;
+            }
+            measure(&masses[range], r.0, dots.0, residuals.0);
+        });
+        (join(&self.dots), largest(&self.residuals).sqrt())
+    }
+}
+
+/// Block sums of `<r, r>` and block maxima of `|r|²`.
+fn measure(masses: &[f64], r: &[Vec3], dots: &mut [f64], residuals: &mut [f64]) {
+    let blocks = masses.chunks(SUM_BLOCK).zip(r.chunks(SUM_BLOCK));
+    for ((dot, residual), (m, r)) in dots.iter_mut().zip(residuals).zip(blocks) {
+        let (mut sum, mut max) = (0.0, 0.0_f64);
+        for (m, r) in m.iter().zip(r) {
+            let squared = r.norm_squared();
+            sum += m * squared;
+            max = max.max(squared);
+        }
+        (*dot, *residual) = (sum, max);
+    }
+}

@@ -1,0 +1,111 @@
+//! Half a step of velocity, B.1 and B.5: elastic forces explicit, damping implicit (method 2.2).
+//!
+//! `(I - h M⁻¹ G) v' = v + h M⁻¹ F` with h half the time step, F the forces that do not depend on velocity and G the damping
+//! matrix, both at given positions.
+
+use crate::Vec3;
+use crate::effects::body_collision::BodyCollision;
+use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::{Force, PartView};
+use crate::parallel::parts::Parts;
+use crate::parallel::split::{PerPart, PerVertex};
+use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop, System};
+
+/// Forces of every part, in the order of the registry.
+pub type PartForces = Vec<Vec<Box<dyn Force>>>;
+
+/// What the solve acts on.
+pub struct VelocityProblem<'a> {
+    /// The split of the vertices.
+    pub parts: &'a Parts,
+    /// Masses in solver order [kg].
+    pub masses: &'a [f64],
+    /// Where pinned vertices have to be.
+    pub targets: &'a PinTargets,
+    /// Hard pins, if there are any.
+    pub pins: Option<&'a HardPins>,
+    /// Contacts with bodies whose normals are constrained: in the second solve only.
+    pub contacts: Option<&'a BodyCollision>,
+    /// Half the time step [s].
+    pub half_step: f64,
+    /// Positions at which forces are evaluated [m].
+    pub x: &'a [Vec3],
+    /// Fraction of the step that these positions belong to.
+    pub fraction: f64,
+    /// When to stop iterating.
+    pub stop: Stop,
+}
+
+struct DampingSystem<'a> {
+    problem: &'a VelocityProblem<'a>,
+    forces: &'a PartForces,
+}
+
+impl System for DampingSystem<'_> {
+    fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]) {
+        q.fill(Vec3::zeros());
+        for force in &self.forces[part] {
+            force.add_damping(s, q);
+        }
+        let (h, masses) = (self.problem.half_step, &self.problem.masses[self.problem.parts.ranges()[part].clone()]);
+        for (q, m) in q.iter_mut().zip(masses) {
+            *q *= h / m;
+        }
+    }
+
+    fn project(&self, part: usize, r: &mut [Vec3]) {
+        let start = self.problem.parts.ranges()[part].start;
+        if let Some(contacts) = self.problem.contacts {
+            contacts.project(start, r);
+        }
+        if let Some(pins) = self.problem.pins {
+            pins.project(part, start, self.problem.targets, r);
+        }
+    }
+}
+
+impl VelocityProblem<'_> {
+    /// Solves from `v`; the solution goes to `out`, `b = v + h M⁻¹ F` to `explicit`. Forces remember the directions at `x`.
+    pub fn solve(
+        &self,
+        forces: &mut PartForces,
+        cg: &mut ConjugateGradient,
+        v: &[Vec3],
+        explicit: &mut [Vec3],
+        out: &mut [Vec3],
+    ) -> Outcome {
+        let slices = (PerVertex(explicit), PerVertex(&mut *out), PerPart(forces));
+        self.parts.for_each(slices, &|part, (explicit, out, forces)| {
+            let range = self.parts.ranges()[part].clone();
+            let masses = &self.masses[range.clone()];
+            let view = PartView { start: range.start, masses, x: self.x, fraction: self.fraction, targets: self.targets };
+            explicit.0.fill(Vec3::zeros());
+            for force in &mut forces.0[0] {
+                force.update(&view, explicit.0);
+            }
+            for ((f, m), (v, out)) in explicit.0.iter_mut().zip(masses).zip(v[range.clone()].iter().zip(&mut *out.0)) {
+                *f = v + *f * (self.half_step / m);
+                *out = *f;
+            }
+            if let Some(contacts) = self.contacts {
+                contacts.set_velocities(range.start, out.0);
+            }
+            if let Some(pins) = self.pins {
+                pins.set_velocities(part, range.start, self.targets, out.0);
+            }
+        });
+        cg.solve(self.parts, self.masses, &DampingSystem { problem: self, forces }, out, self.stop)
+    }
+
+    /// Undoes the projection: `v ← b + h M⁻¹ G v_cg`, so that constrained vertices get back the velocity that the forces
+    /// would have given them, which is the load that friction needs. `v_cg` is not changed.
+    pub fn undo_projection(&self, forces: &PartForces, explicit: &[Vec3], v_cg: &[Vec3], out: &mut [Vec3]) {
+        let system = DampingSystem { problem: self, forces };
+        self.parts.for_each(PerVertex(out), &|part, out| {
+            system.damping(part, v_cg, out.0);
+            for (out, b) in out.0.iter_mut().zip(&explicit[self.parts.ranges()[part].clone()]) {
+                *out += b;
+            }
+        });
+    }
+}

@@ -1,0 +1,260 @@
+//! One time step, line by line as in the paper (method 0.3 and 2.2).
+//!
+//! ```text
+//! A    (self-contact: remember the collision-free state and find pairs near it)
+//! B.1  v½  =  v + dt/2 · a(x, v½)                        backward Euler on damping
+//! B.2  (self-contact: repulsion of v½)
+//! B.3  x'  =  x + dt · v½
+//! B.4  x', v*  ←  body collision
+//! B.5  v½  =  v* + dt/2 · a((x + x')/2, v½)              contact normals constrained, then the projection is undone
+//! B.6  v'  =  2 v½ − v*
+//! B.7  v'  ←  body friction with the full load
+//! B.8  (self-contact: repulsion of v')
+//! C    (self-contact: resolve what is left between the remembered positions and x')
+//! ```
+//!
+//! The lines in brackets are the places of self-contact; nothing runs there.
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::bodies::{Bodies, Samples};
+use crate::effects::body_collision::{BodyCollision, CollisionStep};
+use crate::effects::pins::{HardPins, PinTargets};
+use crate::metrics::Metrics;
+use crate::parallel::parts::Parts;
+use crate::parallel::split::PerVertex;
+use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop};
+use crate::solve::implicit_velocity::{PartForces, VelocityProblem};
+use crate::state::State;
+
+/// Vertices that one task of a plain vector update works on.
+const CHUNK: usize = 4096;
+
+/// Arrays that a step writes and the next one overwrites; never saved.
+#[derive(Debug)]
+pub struct Scratch {
+    v_half: Vec<Vec3>,
+    v_star: Vec<Vec3>,
+    x_new: Vec<Vec3>,
+    x_middle: Vec<Vec3>,
+    explicit: Vec<Vec3>,
+    cg: ConjugateGradient,
+}
+
+impl Scratch {
+    /// Arrays for all vertices of the parts; `with_bodies` adds what only body collision needs.
+    pub fn new(parts: &Parts, with_bodies: bool) -> Self {
+        let vertices = vec![Vec3::zeros(); parts.vertex_count()];
+        let v_star = if with_bodies { vertices.clone() } else { Vec::new() };
+        Self {
+            v_half: vertices.clone(),
+            v_star,
+            x_new: vertices.clone(),
+            x_middle: vertices.clone(),
+            explicit: vertices,
+            cg: ConjugateGradient::new(parts),
+        }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        (4 * self.x_new.len() + self.v_star.len()) * size_of::<Vec3>() + self.cg.bytes()
+    }
+}
+
+/// Everything that a step works with.
+pub struct StepContext<'a> {
+    /// The split of the vertices.
+    pub parts: &'a Parts,
+    /// Masses in solver order [kg].
+    pub masses: &'a [f64],
+    /// Positions and velocities, changed by the step.
+    pub state: &'a mut State,
+    /// Forces of every part.
+    pub forces: &'a mut PartForces,
+    /// Hard pins, if the scene has any.
+    pub pins: Option<&'a HardPins>,
+    /// Where pinned vertices have to be.
+    pub targets: &'a mut PinTargets,
+    /// Animated positions that pins follow.
+    pub tracks: &'a [Samples],
+    /// Body collision, if the scene has bodies.
+    pub collision: Option<&'a mut BodyCollision>,
+    /// The bodies.
+    pub bodies: &'a mut Bodies,
+    /// Scratch arrays.
+    pub scratch: &'a mut Scratch,
+    /// When the damping solves stop.
+    pub stop: Stop,
+    /// Seconds and counts.
+    pub metrics: &'a mut Metrics,
+}
+
+/// What a step reports.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct StepReport {
+    /// Iterations of both solves.
+    pub cg_iterations: usize,
+    /// Stage at which a number stopped being finite.
+    pub not_finite: Option<&'static str>,
+}
+
+/// Advances the state by `dt` [s].
+pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
+    let mut report = StepReport::default();
+    let time = context.state.time;
+    context.move_prescribed(time, time + dt);
+    context.first_half(dt, &mut report); //                                     B.1
+    context.end_positions(dt); //                                               B.3, B.4
+    context.second_half(dt, &mut report); //                                    B.5, B.6
+    context.final_velocities(dt); //                                            B.7
+    context.state.time = time + dt;
+    report
+}
+
+impl StepContext<'_> {
+    /// Puts bodies and pin targets at both ends of the step.
+    fn move_prescribed(&mut self, t0: f64, t1: f64) {
+        let Self { bodies, targets, tracks, collision, pins, metrics, .. } = self;
+        if bodies.list().is_empty() && pins.is_none() && targets.is_empty() {
+            return;
+        }
+        metrics.stage("bodies and pins", |_| {
+            bodies.set_step(t0, t1);
+            targets.set_step(bodies, tracks, t0, t1);
+            if let (Some(collision), Some(pins)) = (collision, pins) {
+                collision.set_held(pins.fully_held().map(|(vertex, target)| (vertex, targets.is_active(target))));
+            }
+        });
+    }
+
+    /// B.1: v½ from x and v.
+    fn first_half(&mut self, dt: f64, report: &mut StepReport) {
+        let Self { parts, masses, state, forces, pins, targets, scratch, stop, metrics, .. } = self;
+        let Scratch { v_half, explicit, cg, .. } = &mut **scratch;
+        metrics.stage("B.1 velocity", |m| {
+            let problem = VelocityProblem {
+                parts,
+                masses,
+                targets,
+                pins: *pins,
+                contacts: None,
+                half_step: 0.5 * dt,
+                x: &state.x,
+                fraction: 0.0,
+                stop: *stop,
+            };
+            let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
+            note(outcome, "B.1", m, report);
+        });
+    }
+
+    /// B.3 and B.4: x' and, with bodies, v*.
+    fn end_positions(&mut self, dt: f64) {
+        let Self { parts, state, pins, targets, collision, bodies, scratch, metrics, .. } = self;
+        let Scratch { v_half, v_star, x_new, .. } = &mut **scratch;
+        if let Some(collision) = collision {
+            metrics.stage("B.4 body collision", |m| {
+                let step = CollisionStep { bodies, dt, x: &state.x, v: &state.v, v_half };
+                collision.positions(&step, x_new, v_star, m);
+            });
+        } else {
+            metrics.stage("B.3 positions", |_| {
+                let chunks = x_new.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK)).zip(v_half.par_chunks(CHUNK));
+                chunks.for_each(|((x_new, x), v)| {
+                    for ((x_new, x), v) in x_new.iter_mut().zip(x).zip(v) {
+                        *x_new = x + v * dt;
+                    }
+                });
+            });
+        }
+        if let Some(pins) = pins {
+            parts.for_each(PerVertex(x_new), &|part, x_new| {
+                pins.set_positions(part, parts.ranges()[part].start, targets, x_new.0);
+            });
+        }
+    }
+
+    /// B.5 and B.6: the velocity at the end, from the forces at the middle.
+    fn second_half(&mut self, dt: f64, report: &mut StepReport) {
+        let Self { parts, masses, state, forces, pins, targets, collision, scratch, stop, metrics, .. } = self;
+        let Scratch { v_half, v_star, x_new, x_middle, explicit, cg } = &mut **scratch;
+        metrics.stage("B.5 velocity", |m| {
+            let chunks = x_middle.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK)).zip(x_new.par_chunks(CHUNK));
+            chunks.for_each(|((middle, x), x_new)| {
+                for ((middle, x), x_new) in middle.iter_mut().zip(x).zip(x_new) {
+                    *middle = (x + x_new) * 0.5;
+                }
+            });
+            let contacts = collision.as_deref();
+            let v_start: &[Vec3] = if contacts.is_some() { v_star } else { &state.v };
+            let problem = VelocityProblem {
+                parts,
+                masses,
+                targets,
+                pins: *pins,
+                contacts,
+                half_step: 0.5 * dt,
+                x: x_middle,
+                fraction: 0.5,
+                stop: *stop,
+            };
+            let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
+            note(outcome, "B.5", m, report);
+            // Without a constrained contact there is no projection to undo: the solution is what the formula gives, to the
+            // tolerance of the solve.
+            if contacts.is_some_and(|c| c.is_constrained(0..v_half.len())) {
+                problem.undo_projection(forces, explicit, v_half, &mut state.v);
+                extrapolate(&mut state.v, None, v_star);
+            } else if contacts.is_some() {
+                extrapolate(&mut state.v, Some(v_half), v_star);
+            } else {
+                extrapolate_in_place(&mut state.v, v_half);
+            }
+        });
+        std::mem::swap(&mut state.x, x_new);
+    }
+
+    /// B.7, and the prescribed velocities.
+    fn final_velocities(&mut self, dt: f64) {
+        let Self { parts, state, pins, targets, collision, bodies, metrics, .. } = self;
+        if let Some(collision) = collision {
+            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, &mut state.v));
+        }
+        if let Some(pins) = pins {
+            parts.for_each(PerVertex(&mut state.v), &|part, v| {
+                pins.set_velocities(part, parts.ranges()[part].start, targets, v.0);
+            });
+        }
+    }
+}
+
+/// Counts a solve.
+fn note(outcome: Outcome, stage: &'static str, metrics: &mut Metrics, report: &mut StepReport) {
+    report.cg_iterations += outcome.iterations;
+    metrics.count("cg_iterations", outcome.iterations as u64);
+    metrics.count("cg_short", u64::from(!outcome.converged));
+    if !outcome.finite {
+        report.not_finite = report.not_finite.or(Some(stage));
+    }
+}
+
+/// B.6: `v ← 2 v½ − v*`; v½ is what `v` holds if it is not given.
+fn extrapolate(v: &mut [Vec3], v_half: Option<&[Vec3]>, v_star: &[Vec3]) {
+    v.par_chunks_mut(CHUNK).zip(v_star.par_chunks(CHUNK)).enumerate().for_each(|(c, (v, v_star))| {
+        let half = v_half.map(|h| &h[c * CHUNK..c * CHUNK + v.len()]);
+        for i in 0..v.len() {
+            v[i] = half.map_or(v[i], |h| h[i]) * 2.0 - v_star[i];
+        }
+    });
+}
+
+/// B.6 without bodies, where v* is v itself.
+fn extrapolate_in_place(v: &mut [Vec3], v_half: &[Vec3]) {
+    v.par_chunks_mut(CHUNK).zip(v_half.par_chunks(CHUNK)).for_each(|(v, half)| {
+        for (v, half) in v.iter_mut().zip(half) {
+            *v = half * 2.0 - *v;
+        }
+    });
+}

@@ -1,0 +1,27 @@
+//! The only place with small numbers. Each says what it means, what it scales with, and which test breaks if it is wrong.
+
+/// Distance outside a body's offset surface at which a vertex in contact is parked, as a fraction of the mean rest edge
+/// length. It only has to exceed rounding: contact is tested against the same offset (method 5.6), so its size does not
+/// change how a vertex rests or slides. Guarded by `a_block_sticks_on_an_incline_at_every_step_length`.
+pub const CONTACT_GAP: f64 = 1e-5;
+
+/// Speed below which a tangential velocity has no direction worth keeping [m/s]. Guarded by the friction tests.
+pub const NO_DIRECTION: f64 = 1e-300;
+
+/// Shortest rest edge that is not degenerate, relative to the size of its garment. Guarded by the validation tests.
+pub const DEGENERATE_EDGE: f64 = 1e-9;
+
+/// Smallest rest area of a triangle relative to the square of its longest edge. Guarded by the validation tests.
+pub const DEGENERATE_AREA: f64 = 1e-10;
+
+/// Fraction of the remaining time that a step may take when two steps remain before the end of an interval; a little over
+/// a half, so that rounding leaves no sliver of a third step (method 2.7).
+pub const LAST_TWO_STEPS: f64 = 0.51;
+
+/// Share of one step's free fall at which the damping solve stops when the scene gives no tolerance (method 2.5, 8 no. 15).
+/// Guarded by `order_of_convergence_in_dt`.
+pub const CG_GRAVITY_FRACTION: f64 = 0.1;
+
+/// Cosine between two contact normals below which the contacts face each other (a pinch) and above which they form a
+/// crease that both can be satisfied in. Guarded by the pinch tests.
+pub const FACING: f64 = -0.5;

@@ -1,0 +1,191 @@
+//! What mesh files and caches are to the rest of the program: a mesh with its attributes, a reader that can be asked for
+//! any time, and a writer that takes one frame after the other.
+//!
+//! Readers and writers speak the file's own units and axes on the file's side; [`crate::mesh_source::MeshSource`] and the
+//! writers convert at the door. Faces are counter-clockwise seen from outside everywhere in the program; formats that
+//! store them the other way round are reversed on reading and again on writing.
+
+use std::path::Path;
+
+use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
+use drapery_core::scene::Timeline;
+pub use drapery_alembic::{DataType, Scope};
+
+use crate::error::IoError;
+use crate::units::Units;
+
+/// Texture coordinates: a list of values, and for every face corner which value it has.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Uvs {
+    /// Name of the UV set in the source file; empty when it has none.
+    pub name: String,
+    /// Texture coordinates.
+    pub values: Vec<[f32; 2]>,
+    /// Value of each face corner, in the order of the mesh's face indices.
+    pub indices: Vec<u32>,
+}
+
+/// A named set of faces, such as a panel or the faces of one material.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FaceSet {
+    /// Its name.
+    pub name: String,
+    /// Face numbers, ascending.
+    pub faces: Vec<u32>,
+}
+
+/// An attribute of a mesh that is handed through from the source file to the output, value by value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MeshParam {
+    /// Its name.
+    pub name: String,
+    /// What one value belongs to. Values of face corners are in Alembic's order, clockwise seen from outside.
+    pub scope: Scope,
+    /// Type of one value.
+    pub data_type: DataType,
+    /// What the numbers mean, in Alembic's words; empty for plain numbers.
+    pub interpretation: String,
+    /// Name of a UV set, when it is one and has one.
+    pub source_name: Option<String>,
+    /// The values as stored bytes.
+    pub values: Vec<u8>,
+    /// Value used at each place, when values are shared.
+    pub indices: Option<Vec<u32>>,
+}
+
+/// A mesh with everything that is handed through to the output.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MeshData {
+    /// Full path of the object in its file (`/hero/geo/skirt/skirtShape`); empty when the format has no paths.
+    pub object_path: String,
+    /// Points and polygons.
+    pub mesh: PolygonMesh,
+    /// Texture coordinates, if there are any.
+    pub uvs: Option<Uvs>,
+    /// Face sets in the order of the file.
+    pub face_sets: Vec<FaceSet>,
+    /// Other attributes, passed through as they are.
+    pub params: Vec<MeshParam>,
+}
+
+impl MeshData {
+    /// A mesh without attributes.
+    pub fn new(mesh: PolygonMesh) -> Self {
+        Self { mesh, ..Self::default() }
+    }
+}
+
+/// Number of corners of each face, and the point of each corner.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Connectivity {
+    /// Number of corners of each face.
+    pub face_counts: Vec<u32>,
+    /// Point of each corner, face by face.
+    pub face_indices: Vec<u32>,
+}
+
+/// An opened mesh, in the units and axes of its file, transforms of all parents applied.
+pub trait MeshReader {
+    /// Paths of the objects that were chosen, in the order in which they are merged.
+    fn objects(&self) -> Vec<String>;
+
+    /// Times at which anything of the chosen objects or their parents is stored [s], ascending; empty when nothing moves.
+    fn sample_times(&self) -> &[f64];
+
+    /// The mesh at a time [s]; between samples as [`MeshReader::positions_at`].
+    ///
+    /// # Errors
+    /// The file cannot be read or contradicts itself.
+    fn mesh_at(&self, time: f64) -> Result<MeshData, IoError>;
+
+    /// Positions at a time [s], linear between the samples around it, held before the first and after the last.
+    ///
+    /// # Errors
+    /// The file cannot be read or contradicts itself.
+    fn positions_at(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError>;
+
+    /// How faces and points hang together at a time [s], or `None` when the file promises that it never changes.
+    ///
+    /// # Errors
+    /// The file cannot be read or contradicts itself.
+    fn connectivity_at(&self, time: f64) -> Result<Option<Connectivity>, IoError>;
+}
+
+/// What a cache will hold, known before its first frame.
+#[derive(Debug, Clone)]
+pub struct CachePlan<'a> {
+    /// Name of the garment.
+    pub garment: &'a str,
+    /// The garment's mesh and attributes; positions do not matter.
+    pub mesh: &'a MeshData,
+    /// Units and up axis of the file.
+    pub units: Units,
+    /// Frame rate.
+    pub timeline: Timeline,
+    /// First frame.
+    pub first_frame: i64,
+    /// Last frame.
+    pub last_frame: i64,
+    /// Whether velocities are stored.
+    pub velocities: bool,
+}
+
+impl CachePlan<'_> {
+    /// Full object path in the file: that of the source, or `/<garment>/<garment>Shape`.
+    pub fn object_path(&self) -> String {
+        if self.mesh.object_path.is_empty() {
+            return format!("/{0}/{0}Shape", self.garment);
+        }
+        self.mesh.object_path.clone()
+    }
+
+    /// File time of a frame [s]: frame / fps, computed from integers.
+    pub fn file_time(&self, frame: i64) -> f64 {
+        frame as f64 * f64::from(self.timeline.fps_denominator) / f64::from(self.timeline.fps_numerator)
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        f64::from(self.timeline.fps_numerator) / f64::from(self.timeline.fps_denominator)
+    }
+
+    /// Number of frames.
+    pub fn frame_count(&self) -> usize {
+        usize::try_from(self.last_frame - self.first_frame + 1).unwrap_or(0)
+    }
+}
+
+/// The program and version that caches name as their origin.
+pub const APPLICATION: &str = concat!("Drapery ", env!("CARGO_PKG_VERSION"));
+
+/// One frame of a garment, in SI units with Y up.
+#[derive(Debug, Clone, Copy)]
+pub struct CacheFrame<'a> {
+    /// Frame number.
+    pub frame: i64,
+    /// Positions [m].
+    pub positions: &'a [Vec3],
+    /// Velocities [m/s].
+    pub velocities: &'a [Vec3],
+}
+
+/// A cache being written. Frames come in ascending order without gaps.
+///
+/// After every [`CacheWriter::write`] the file is valid under its final name, also when the process is killed.
+pub trait CacheWriter {
+    /// The file.
+    fn path(&self) -> &Path;
+
+    /// Appends a frame and makes it visible to readers.
+    ///
+    /// # Errors
+    /// The disk refuses; the frames before stay intact.
+    fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError>;
+
+    /// Brings everything to the disk.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    fn finish(&mut self) -> Result<(), IoError>;
+}

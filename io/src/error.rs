@@ -1,0 +1,108 @@
+//! What can go wrong with files: which file, what was being done, and what to do about it.
+
+use std::path::{Path, PathBuf};
+
+use drapery_alembic::AlembicError;
+
+/// An error of reading or writing files.
+#[derive(Debug, thiserror::Error)]
+pub enum IoError {
+    /// A file that is to be read does not exist.
+    #[error("{}: there is no such file\n  help: check the path; relative paths start at the scene file's folder", path.display())]
+    Missing {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file could not be read.
+    #[error("{}: could not be read: {source}\n  help: check that it is a file and that you may read it", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Reason given by the system.
+        source: std::io::Error,
+    },
+    /// An output file or folder could not be created.
+    #[error("{}: could not be created: {source}\n  help: check that the folder exists and that you may write there", path.display())]
+    Create {
+        /// The file or folder.
+        path: PathBuf,
+        /// Reason given by the system.
+        source: std::io::Error,
+    },
+    /// Writing to an output file failed.
+    #[error("{}: could not be written: {source}\n  help: the disk may be full; frames before this one are intact", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Reason given by the system.
+        source: std::io::Error,
+    },
+    /// The output folder holds another run.
+    #[error(
+        "{}: this folder already holds a run\n  help: choose another folder with --out, or replace that run with --overwrite",
+        path.display()
+    )]
+    OutputExists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file's content cannot be used.
+    #[error("{}: {place}: {what}\n  help: {advice}", path.display())]
+    Data {
+        /// The file.
+        path: PathBuf,
+        /// Line, object or element.
+        place: String,
+        /// What is wrong.
+        what: String,
+        /// What to do.
+        advice: String,
+    },
+    /// A file has a format that is not read or written here.
+    #[error("{}: {what}\n  help: {advice}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        what: String,
+        /// What would be accepted.
+        advice: String,
+    },
+    /// An Alembic archive could not be read or written.
+    #[error(transparent)]
+    Alembic(#[from] AlembicError),
+    /// The HDF5 library refused.
+    #[cfg(feature = "hdf5")]
+    #[error("{}: HDF5: {source}\n  help: check that the folder exists, that you may write there, and free space", path.display())]
+    Hdf5 {
+        /// The file.
+        path: PathBuf,
+        /// Reason given by the library.
+        source: hdf5::Error,
+    },
+}
+
+impl IoError {
+    /// An error of reading `path`; a missing file gets its own kind.
+    pub fn reading(path: &Path, source: std::io::Error) -> Self {
+        if source.kind() == std::io::ErrorKind::NotFound {
+            return Self::Missing { path: path.to_owned() };
+        }
+        Self::Read { path: path.to_owned(), source }
+    }
+
+    /// An error of creating `path`.
+    pub fn creating(path: &Path, source: std::io::Error) -> Self {
+        Self::Create { path: path.to_owned(), source }
+    }
+
+    /// An error of writing to `path`.
+    pub fn writing(path: &Path, source: std::io::Error) -> Self {
+        Self::Write { path: path.to_owned(), source }
+    }
+
+    /// Content of `path` that cannot be used.
+    pub fn data(path: &Path, place: impl Into<String>, what: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self::Data { path: path.to_owned(), place: place.into(), what: what.into(), advice: advice.into() }
+    }
+}

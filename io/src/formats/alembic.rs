@@ -1,0 +1,316 @@
+//! Alembic meshes: polygon meshes and subdivision surfaces, with the transforms of all parents applied at the time asked
+//! for. Objects are chosen by a pattern over their full paths; several are merged in the order of their paths.
+//!
+//! Alembic faces are clockwise seen from outside, so they are reversed on reading; under a mirrored parent they already
+//! are counter-clockwise in the world. Shears and scales need no care: points go through the full matrix.
+
+use std::path::{Path, PathBuf};
+
+use drapery_alembic::{
+    Archive, GeomParam, Matrix, PodType, PolyMesh, Schema, Scope, TopologyVariance, Xform, transform_point,
+};
+use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
+use globset::GlobBuilder;
+
+use super::alembic_writer::reversed;
+use crate::cache::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
+use crate::error::IoError;
+
+/// Times closer than this are one sample [s]: archives round frame / fps differently for points and transforms.
+const SAME_TIME: f64 = 1e-6;
+
+/// A time this close to a stored one, in sample steps, is that sample and not a blend of two.
+const SAME_SAMPLE: f64 = 1e-3;
+
+/// Meshes of an archive, read as one.
+#[derive(Debug)]
+pub struct AlembicMesh {
+    path: PathBuf,
+    meshes: Vec<PolyMesh>,
+    times: Vec<f64>,
+}
+
+impl AlembicMesh {
+    /// Opens the meshes whose path fits `pattern` (`*` stands for any letters, also over several levels); all meshes
+    /// without a pattern.
+    ///
+    /// # Errors
+    /// The file is missing or damaged, the pattern is malformed, or no mesh fits it.
+    pub fn open(path: &Path, pattern: Option<&str>) -> Result<Self, IoError> {
+        // The system's own words for a missing file are the same everywhere; ours carry advice.
+        std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
+        let archive = Archive::open(path)?;
+        let mut meshes = PolyMesh::all(&archive)?;
+        meshes.sort_by(|a, b| a.object().path().cmp(b.object().path()));
+        if let Some(pattern) = pattern {
+            let fits = GlobBuilder::new(pattern).literal_separator(false).build().map_err(|e| {
+                IoError::data(path, format!("path = \"{pattern}\""), e.to_string(), "write it like /hero/geo/*")
+            })?;
+            let fits = fits.compile_matcher();
+            let paths: Vec<String> = meshes.iter().map(|mesh| mesh.object().path().to_owned()).collect();
+            meshes.retain(|mesh| fits.is_match(mesh.object().path()));
+            if meshes.is_empty() && !paths.is_empty() {
+                let what = format!("no mesh has a path like {pattern}");
+                return Err(IoError::data(path, "objects", what, format!("its meshes are {}", paths.join(", "))));
+            }
+        }
+        if meshes.is_empty() {
+            return Err(IoError::data(path, "objects", without_meshes(&archive), "export the meshes themselves"));
+        }
+        let times = sample_times(&meshes)?;
+        Ok(Self { path: path.to_owned(), meshes, times })
+    }
+
+    /// World positions of one mesh at a time at which something is stored.
+    fn world_positions(&self, mesh: &PolyMesh, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
+        let matrix = mesh.world_matrix_at(time)?;
+        let (below, above, share) = mesh.time_sampling().bracket(time, mesh.sample_count());
+        let mut local = mesh.positions(below)?;
+        if above != below && share > 0.0 && mesh.topology_variance() != TopologyVariance::Constant {
+            let next = mesh.positions(above)?;
+            if next.len() != local.len() {
+                return Err(self.changed(mesh, time, local.len(), next.len()));
+            }
+            for (p, q) in local.iter_mut().zip(&next) {
+                *p = std::array::from_fn(|i| (f64::from(p[i]) + (f64::from(q[i]) - f64::from(p[i])) * share) as f32);
+            }
+        }
+        positions.extend(local.iter().map(|p| Vec3::from(transform_point(p.map(f64::from), &matrix))));
+        Ok(())
+    }
+
+    fn changed(&self, mesh: &PolyMesh, time: f64, before: usize, after: usize) -> IoError {
+        IoError::data(
+            &self.path,
+            format!("object {}, time {time:.6} s", mesh.object().path()),
+            format!("the number of points changes from {before} to {after}"),
+            "export it with constant topology (no modifiers that change it)",
+        )
+    }
+
+    /// All objects at a time at which something is stored.
+    fn positions_at_sample(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
+        positions.clear();
+        self.meshes.iter().try_for_each(|mesh| self.world_positions(mesh, time, positions))
+    }
+
+    /// The stored times around `time` and the share of the second; equal on a sample and outside.
+    fn bracket(&self, time: f64) -> (f64, f64, f64) {
+        let Some((&first, &last)) = self.times.first().zip(self.times.last()) else {
+            return (0.0, 0.0, 0.0);
+        };
+        let step = (last - first) / (self.times.len() - 1).max(1) as f64;
+        let near = |t: f64| (t - time).abs() <= SAME_SAMPLE * step;
+        let after = self.times.partition_point(|&t| t < time);
+        let below = self.times[after.max(1) - 1];
+        let above = self.times[after.min(self.times.len() - 1)];
+        if near(above) || time <= first {
+            (above, above, 0.0)
+        } else if near(below) || time >= last {
+            (below, below, 0.0)
+        } else {
+            (below, above, (time - below) / (above - below))
+        }
+    }
+}
+
+impl MeshReader for AlembicMesh {
+    fn objects(&self) -> Vec<String> {
+        self.meshes.iter().map(|mesh| mesh.object().path().to_owned()).collect()
+    }
+
+    fn sample_times(&self) -> &[f64] {
+        &self.times
+    }
+
+    fn mesh_at(&self, time: f64) -> Result<MeshData, IoError> {
+        let mut merged: Option<MeshData> = None;
+        for mesh in &self.meshes {
+            let data = read_mesh(mesh, time)?;
+            merged = Some(match merged {
+                None => data,
+                Some(so_far) => merge(so_far, data),
+            });
+        }
+        let mut merged = merged.unwrap_or_default(); // never without meshes
+        self.positions_at(time, &mut merged.mesh.points)?;
+        Ok(merged)
+    }
+
+    fn positions_at(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
+        let (below, above, share) = self.bracket(time);
+        self.positions_at_sample(below, positions)?;
+        if share > 0.0 {
+            let mut next = Vec::new();
+            self.positions_at_sample(above, &mut next)?;
+            if next.len() != positions.len() {
+                return Err(self.changed(&self.meshes[0], above, positions.len(), next.len()));
+            }
+            for (p, q) in positions.iter_mut().zip(&next) {
+                *p += (q - *p) * share;
+            }
+        }
+        Ok(())
+    }
+
+    fn connectivity_at(&self, time: f64) -> Result<Option<Connectivity>, IoError> {
+        if self.meshes.iter().all(|mesh| mesh.topology_variance() != TopologyVariance::Heterogeneous) {
+            return Ok(None);
+        }
+        let mut all = Connectivity::default();
+        for mesh in &self.meshes {
+            let faces = mesh.faces(mesh.time_sampling().floor_index(time, mesh.sample_count()))?;
+            all.face_counts.extend(faces.face_counts);
+            all.face_indices.extend(faces.face_indices);
+        }
+        Ok(Some(all))
+    }
+}
+
+/// Says what an archive holds instead of meshes.
+fn without_meshes(archive: &Archive) -> String {
+    let others: Vec<String> = archive
+        .objects()
+        .filter(|object| !matches!(object.schema(), Schema::Xform | Schema::Group))
+        .take(5)
+        .map(|object| format!("{} ({:?})", object.path(), object.schema()))
+        .collect();
+    if others.is_empty() { "it holds no mesh".into() } else { format!("it holds no mesh, but {}", others.join(", ")) }
+}
+
+/// Times at which points or transforms change, ascending.
+fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
+    let mut times = Vec::new();
+    for mesh in meshes {
+        if mesh.topology_variance() != TopologyVariance::Constant {
+            times.extend(mesh.times());
+        }
+        let mut parent = mesh.object().parent();
+        while let Some(object) = parent {
+            if object.schema() == Schema::Xform {
+                let xform = Xform::of(&object)?;
+                if !xform.is_constant() {
+                    times.extend((0..xform.sample_count()).map(|index| xform.time(index)));
+                }
+            }
+            parent = object.parent();
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    times.dedup_by(|b, a| *b - *a < SAME_TIME);
+    Ok(times)
+}
+
+/// One mesh without its points, faces turned counter-clockwise in the world.
+fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
+    let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
+    let faces = mesh.faces(sample)?;
+    let mirrored = determinant(&mesh.world_matrix_at(time)?) < 0.0;
+    let turn = |corners: Vec<u32>| {
+        if mirrored { corners } else { reversed(&faces.face_counts, &corners).collect() }
+    };
+    let uvs = mesh.uv().map(|uv| read_uvs(&uv, sample, &faces.face_indices)).transpose()?.flatten();
+    let uvs = uvs.map(|uvs| Uvs { indices: turn(uvs.indices), ..uvs });
+    let mut params = Vec::new();
+    for attribute in mesh.attributes() {
+        let corners = mirrored.then_some(faces.face_counts.as_slice());
+        params.extend(read_param(&attribute, sample, corners)?);
+    }
+    let face_set = |set: drapery_alembic::FaceSet| FaceSet {
+        name: set.name,
+        faces: set.faces.into_iter().filter_map(|face| u32::try_from(face).ok()).collect(),
+    };
+    let point_count = mesh.positions(sample)?.len();
+    Ok(MeshData {
+        object_path: mesh.object().path().to_owned(),
+        mesh: PolygonMesh {
+            points: vec![Vec3::zeros(); point_count],
+            face_indices: turn(faces.face_indices.clone()),
+            face_counts: faces.face_counts,
+        },
+        uvs,
+        face_sets: mesh.face_sets()?.into_iter().map(face_set).collect(),
+        params,
+    })
+}
+
+/// UVs as one index a face corner, in the file's order of corners; none when they do not fit the mesh.
+fn read_uvs(uv: &GeomParam, sample: usize, face_indices: &[u32]) -> Result<Option<Uvs>, IoError> {
+    if uv.data_type().pod != PodType::F32 || uv.data_type().extent != 2 {
+        return Ok(None);
+    }
+    let stored = uv.values(sample)?;
+    let values: Vec<[f32; 2]> = stored
+        .chunks_exact(8)
+        .map(|v| [[v[0], v[1], v[2], v[3]], [v[4], v[5], v[6], v[7]]].map(f32::from_le_bytes))
+        .collect();
+    let indices = uv.indices(sample)?.unwrap_or_else(|| (0..values.len() as u32).collect());
+    let corners: Option<Vec<u32>> = match uv.scope() {
+        Scope::FaceVarying => Some(indices),
+        Scope::Vertex | Scope::Varying => face_indices.iter().map(|&p| indices.get(p as usize).copied()).collect(),
+        Scope::Constant | Scope::Uniform => None,
+    };
+    let fits = |c: &Vec<u32>| c.len() == face_indices.len() && c.iter().all(|&i| (i as usize) < values.len());
+    let name = uv.source_name().unwrap_or_default().to_owned();
+    Ok(corners.filter(fits).map(|indices| Uvs { name, values, indices }))
+}
+
+/// An attribute to hand through. `mirrored` holds the face counts when the corners of the output run the other way.
+fn read_param(param: &GeomParam, sample: usize, mirrored: Option<&[u32]>) -> Result<Option<MeshParam>, IoError> {
+    let mut values = param.values(sample)?;
+    let mut indices = param.indices(sample)?;
+    if let (Some(face_counts), Scope::FaceVarying) = (mirrored, param.scope()) {
+        let size = param.data_type().element_size();
+        let corner_count = face_counts.iter().map(|&n| n as usize).sum::<usize>();
+        let order: Vec<u32> = reversed(face_counts, &(0..corner_count as u32).collect::<Vec<_>>()).collect();
+        match &mut indices {
+            Some(indices) if indices.len() == corner_count => {
+                *indices = order.iter().map(|&corner| indices[corner as usize]).collect();
+            }
+            None if size > 0 && values.len() == size * corner_count => {
+                values = order.iter().flat_map(|&c| &values[c as usize * size..][..size]).copied().collect();
+            }
+            // Texts without indices, or a count that does not fit: better left out than on the wrong corners.
+            _ => return Ok(None),
+        }
+    }
+    Ok(Some(MeshParam {
+        name: param.name().to_owned(),
+        scope: param.scope(),
+        data_type: param.data_type(),
+        interpretation: param.interpretation().to_owned(),
+        source_name: param.source_name().map(str::to_owned),
+        values,
+        indices,
+    }))
+}
+
+/// Volume of the unit cube under the linear part; negative for a mirror.
+fn determinant(m: &Matrix) -> f64 {
+    let row = |i: usize| Vec3::new(m[4 * i], m[4 * i + 1], m[4 * i + 2]);
+    row(0).dot(&row(1).cross(&row(2)))
+}
+
+/// Two meshes as one; attributes other than UVs and face sets belong to single objects and are dropped.
+fn merge(mut a: MeshData, b: MeshData) -> MeshData {
+    let (points, faces) = (a.mesh.points.len() as u32, a.mesh.face_counts.len() as u32);
+    a.mesh.points.extend(b.mesh.points);
+    a.mesh.face_counts.extend(b.mesh.face_counts);
+    a.mesh.face_indices.extend(b.mesh.face_indices.iter().map(|i| i + points));
+    a.uvs = a.uvs.zip(b.uvs).map(|(mut u, v)| {
+        let values = u.values.len() as u32;
+        u.values.extend(v.values);
+        u.indices.extend(v.indices.iter().map(|i| i + values));
+        u
+    });
+    for set in b.face_sets {
+        let moved = set.faces.iter().map(|face| face + faces);
+        match a.face_sets.iter_mut().find(|known| known.name == set.name) {
+            Some(known) => known.faces.extend(moved),
+            None => a.face_sets.push(FaceSet { faces: moved.collect(), name: set.name }),
+        }
+    }
+    a.params.clear();
+    a
+}

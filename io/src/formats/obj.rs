@@ -1,0 +1,287 @@
+//! Wavefront OBJ meshes: points in the order of the file, polygons of any size, texture coordinates with their own
+//! indices. Materials (`usemtl`), or else groups and objects, become face sets. The file has no time and no units.
+//!
+//! Lines that describe curves, lines, normals or material libraries are passed over.
+
+use std::path::{Path, PathBuf};
+
+use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
+
+use crate::cache::{Connectivity, FaceSet, MeshData, MeshReader, Uvs};
+use crate::error::IoError;
+
+/// An OBJ file in memory.
+#[derive(Debug)]
+pub struct ObjMesh {
+    name: String,
+    data: MeshData,
+}
+
+/// Index that stands for "this corner has no texture coordinate".
+const NO_UV: u32 = u32::MAX;
+
+/// What is collected while reading.
+#[derive(Default)]
+struct Parsed {
+    points: Vec<Vec3>,
+    uv_values: Vec<[f32; 2]>,
+    uv_indices: Vec<u32>,
+    face_counts: Vec<u32>,
+    face_indices: Vec<u32>,
+    materials: SetOfFaces,
+    groups: SetOfFaces,
+}
+
+/// Faces by the name that was current when they were read.
+#[derive(Default)]
+struct SetOfFaces {
+    sets: Vec<FaceSet>,
+    current: Option<usize>,
+}
+
+impl SetOfFaces {
+    fn begin(&mut self, name: &str) {
+        let known = self.sets.iter().position(|set| set.name == name);
+        self.current = Some(known.unwrap_or_else(|| {
+            self.sets.push(FaceSet { name: name.to_owned(), faces: Vec::new() });
+            self.sets.len() - 1
+        }));
+    }
+
+    fn add(&mut self, face: u32) {
+        if let Some(current) = self.current {
+            self.sets[current].faces.push(face);
+        }
+    }
+
+    fn used(self) -> Vec<FaceSet> {
+        self.sets.into_iter().filter(|set| !set.faces.is_empty()).collect()
+    }
+}
+
+impl ObjMesh {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, a line cannot be understood, or a face names a point that does not exist.
+    pub fn open(path: &Path) -> Result<Self, IoError> {
+        let bytes = std::fs::read(path).map_err(|e| IoError::reading(path, e))?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self { name, data: parse(&String::from_utf8_lossy(&bytes), path)? })
+    }
+}
+
+impl MeshReader for ObjMesh {
+    fn objects(&self) -> Vec<String> {
+        vec![self.name.clone()]
+    }
+
+    fn sample_times(&self) -> &[f64] {
+        &[]
+    }
+
+    fn mesh_at(&self, _time: f64) -> Result<MeshData, IoError> {
+        Ok(self.data.clone())
+    }
+
+    fn positions_at(&self, _time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
+        positions.clone_from(&self.data.mesh.points);
+        Ok(())
+    }
+
+    fn connectivity_at(&self, _time: f64) -> Result<Option<Connectivity>, IoError> {
+        Ok(None)
+    }
+}
+
+/// A line of the file, for messages.
+struct Place<'a> {
+    path: &'a Path,
+    line: usize,
+}
+
+impl Place<'_> {
+    fn error(&self, what: impl Into<String>) -> IoError {
+        IoError::Data {
+            path: PathBuf::from(self.path),
+            place: format!("line {}", self.line),
+            what: what.into(),
+            advice: "the file is cut off or damaged; export it again".into(),
+        }
+    }
+}
+
+fn parse(text: &str, path: &Path) -> Result<MeshData, IoError> {
+    let mut parsed = Parsed::default();
+    let mut continued = String::new();
+    for (number, line) in text.lines().enumerate() {
+        let place = Place { path, line: number + 1 };
+        let line = line.trim_end();
+        // A backslash at the end of a line joins the next one.
+        if let Some(start) = line.strip_suffix('\\') {
+            continued.push_str(start);
+            continued.push(' ');
+        } else if continued.is_empty() {
+            parsed.take_line(line, &place)?;
+        } else {
+            continued.push_str(line);
+            parsed.take_line(&continued, &place)?;
+            continued.clear();
+        }
+    }
+    Ok(parsed.finish())
+}
+
+impl Parsed {
+    fn take_line(&mut self, line: &str, place: &Place<'_>) -> Result<(), IoError> {
+        let mut words = line.split_ascii_whitespace();
+        match words.next() {
+            Some("v") => {
+                let [x, y, z] = numbers::<3>(&mut words, place)?;
+                self.points.push(Vec3::new(x, y, z));
+            }
+            Some("vt") => {
+                let [u] = numbers::<1>(&mut words, place)?;
+                // A texture coordinate may have one number only; the second then is 0.
+                let v = words.next().map_or(Ok(0.0), |word| number(word, place))?;
+                self.uv_values.push([u as f32, v as f32]);
+            }
+            Some("f") => self.take_face(words, place)?,
+            Some("usemtl") => self.materials.begin(words.next().unwrap_or_default()),
+            Some("g" | "o") => self.groups.begin(words.next().unwrap_or("default")),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn take_face<'a>(&mut self, corners: impl Iterator<Item = &'a str>, place: &Place<'_>) -> Result<(), IoError> {
+        let first = self.face_indices.len();
+        for corner in corners {
+            let mut parts = corner.split('/');
+            let point = index(parts.next().unwrap_or_default(), self.points.len(), "point", place)?;
+            let uv = match parts.next() {
+                None | Some("") => NO_UV,
+                Some(word) => index(word, self.uv_values.len(), "texture coordinate", place)?,
+            };
+            self.face_indices.push(point);
+            self.uv_indices.push(uv);
+        }
+        let count = (self.face_indices.len() - first) as u32;
+        if count < 3 {
+            return Err(place.error(format!("a face with {count} corners; it takes at least 3")));
+        }
+        let face = self.face_counts.len() as u32;
+        self.face_counts.push(count);
+        self.materials.add(face);
+        self.groups.add(face);
+        Ok(())
+    }
+
+    fn finish(mut self) -> MeshData {
+        let uvs = self.uvs();
+        let materials = self.materials.used();
+        let groups = self.groups.used();
+        // One group around everything says nothing.
+        let groups = if groups.len() > 1 { groups } else { Vec::new() };
+        MeshData {
+            object_path: String::new(),
+            mesh: PolygonMesh {
+                points: self.points,
+                face_counts: self.face_counts,
+                face_indices: self.face_indices,
+            },
+            uvs,
+            face_sets: if materials.is_empty() { groups } else { materials },
+            params: Vec::new(),
+        }
+    }
+
+    /// Corners without a texture coordinate, if only some have none, get the value (0, 0).
+    fn uvs(&mut self) -> Option<Uvs> {
+        if self.uv_indices.iter().all(|&i| i == NO_UV) {
+            return None;
+        }
+        let mut values = std::mem::take(&mut self.uv_values);
+        let mut indices = std::mem::take(&mut self.uv_indices);
+        if indices.contains(&NO_UV) {
+            let origin = values.len() as u32;
+            values.push([0.0, 0.0]);
+            indices.iter_mut().filter(|i| **i == NO_UV).for_each(|i| *i = origin);
+        }
+        Some(Uvs { name: String::new(), values, indices })
+    }
+}
+
+fn number(word: &str, place: &Place<'_>) -> Result<f64, IoError> {
+    word.parse().map_err(|_| place.error(format!("`{word}` is not a number")))
+}
+
+fn numbers<'a, const N: usize>(
+    words: &mut impl Iterator<Item = &'a str>,
+    place: &Place<'_>,
+) -> Result<[f64; N], IoError> {
+    let mut values = [0.0; N];
+    for value in &mut values {
+        *value = number(words.next().ok_or_else(|| place.error(format!("{N} numbers are expected")))?, place)?;
+    }
+    Ok(values)
+}
+
+/// Index of a list that counts from 1, or backwards from -1.
+fn index(word: &str, count: usize, what: &str, place: &Place<'_>) -> Result<u32, IoError> {
+    let written: i64 = word.parse().map_err(|_| place.error(format!("`{word}` is not the number of a {what}")))?;
+    let count = count as i64;
+    let index = if written < 0 { count + written } else { written - 1 };
+    if index < 0 || index >= count {
+        return Err(place.error(format!("{what} {written} does not exist; {count} came before this line")));
+    }
+    Ok(index as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOUSE: &str = "# a quad, a triangle and a pentagon\n\
+        v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 1.5 0\nv 9 9 9\n\
+        vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+        usemtl wall\nf 1/1 2/2 3/3 4/4\nusemtl roof\nf -3/4 -4/3 -2/1\nusemtl wall\nf 1 2 \\\n3 5 4\n";
+
+    fn parsed(text: &str) -> Result<MeshData, IoError> {
+        parse(text, Path::new("house.obj"))
+    }
+
+    #[test]
+    fn point_order_polygons_and_uv_indices_stay_as_in_the_file() {
+        let data = parsed(HOUSE).unwrap();
+        // The sixth point belongs to no face and stays where it is.
+        assert_eq!(data.mesh.points.len(), 6);
+        assert_eq!(data.mesh.face_counts, [4, 3, 5]);
+        assert_eq!(data.mesh.face_indices, [0, 1, 2, 3, 3, 2, 4, 0, 1, 2, 4, 3]);
+        let uvs = data.uvs.unwrap();
+        assert_eq!(uvs.indices, [0, 1, 2, 3, 3, 2, 0, 4, 4, 4, 4, 4]);
+        assert_eq!(uvs.values[4], [0.0, 0.0]);
+    }
+
+    #[test]
+    fn materials_become_face_sets() {
+        let sets = parsed(HOUSE).unwrap().face_sets;
+        assert_eq!(sets[0], FaceSet { name: "wall".into(), faces: vec![0, 2] });
+        assert_eq!(sets[1], FaceSet { name: "roof".into(), faces: vec![1] });
+    }
+
+    #[test]
+    fn a_broken_line_is_named() {
+        for (text, expected) in [
+            ("v 0 0 0\nv 0 zero 0\n", "line 2: `zero` is not a number"),
+            ("v 0 0 0\nf 1 1 2\n", "line 2: point 2 does not exist; 1 came before this line"),
+            ("v 0 0\n", "line 1: 3 numbers are expected"),
+            ("v 0 0 0\nf 1 1\n", "line 2: a face with 2 corners"),
+            ("v 0 0 0\nf 0 1 1\n", "point 0 does not exist"),
+        ] {
+            let message = parsed(text).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+}

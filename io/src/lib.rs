@@ -1,0 +1,13 @@
+//! Drapery's files: scenes, meshes, caches, and the loop that turns one into the other frame by frame.
+//!
+//! Everything inside the program is in metres, seconds and kilograms with Y up and faces counter-clockwise; files may
+//! differ, and are converted where they are read or written. The library never prints.
+
+pub mod atomic_file;
+pub mod cache;
+pub mod error;
+pub mod formats;
+pub mod mesh_source;
+pub mod run_record;
+pub mod shot;
+pub mod units;

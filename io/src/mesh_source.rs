@@ -1,0 +1,149 @@
+//! A mesh from a file, still or moving, in metres with Y up: what bodies, garments and pin targets are read through.
+
+use std::path::{Path, PathBuf};
+
+use drapery_core::Vec3;
+
+use crate::cache::{Connectivity, MeshData, MeshReader};
+use crate::error::IoError;
+use crate::formats;
+use crate::units::Units;
+
+/// Times closer than this share of a sample step are the same: programs round frame / fps differently.
+const SAME_SAMPLE: f64 = 1e-3;
+
+/// An opened mesh file, or the objects chosen in it, converted to metres with Y up.
+pub struct MeshSource {
+    path: PathBuf,
+    units: Units,
+    reader: Box<dyn MeshReader>,
+}
+
+impl std::fmt::Debug for MeshSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("MeshSource").field("path", &self.path).field("objects", &self.reader.objects()).finish()
+    }
+}
+
+impl MeshSource {
+    /// Opens `path`. `pattern` chooses objects by their full path (`/hero/geo/*`); without it all meshes are taken.
+    /// Several objects are merged in the order of their paths.
+    ///
+    /// # Errors
+    /// The file is missing, damaged or of an unknown format, or the pattern fits no mesh.
+    pub fn open(path: &Path, pattern: Option<&str>, units: Units) -> Result<Self, IoError> {
+        Ok(Self { path: path.to_owned(), units, reader: formats::open_mesh(path, pattern)? })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Units and up axis of the file.
+    pub fn units(&self) -> Units {
+        self.units
+    }
+
+    /// Paths of the objects that were chosen, in the order in which they are merged.
+    pub fn objects(&self) -> Vec<String> {
+        self.reader.objects()
+    }
+
+    /// Times of the samples [s], ascending; empty when the mesh never moves.
+    pub fn sample_times(&self) -> &[f64] {
+        self.reader.sample_times()
+    }
+
+    /// Time of the first sample [s]; 0 when the mesh never moves.
+    pub fn first_time(&self) -> f64 {
+        self.sample_times().first().copied().unwrap_or(0.0)
+    }
+
+    /// Times of the samples strictly between two times [s]; samples that lie on one of them are left out.
+    pub fn times_between(&self, after: f64, before: f64) -> &[f64] {
+        let times = self.sample_times();
+        let margin = self.tolerance();
+        let start = times.partition_point(|&t| t <= after + margin);
+        let end = times.partition_point(|&t| t < before - margin);
+        &times[start..end.max(start)]
+    }
+
+    /// Whether samples reach from one time to another [s]; a mesh that never moves covers everything.
+    pub fn covers(&self, first: f64, last: f64) -> bool {
+        let margin = self.tolerance();
+        match self.sample_times() {
+            [] => true,
+            times => times[0] <= first + margin && last <= times[times.len() - 1] + margin,
+        }
+    }
+
+    fn tolerance(&self) -> f64 {
+        let times = self.sample_times();
+        match times {
+            [first, .., last] => SAME_SAMPLE * (last - first) / (times.len() - 1) as f64,
+            _ => SAME_SAMPLE,
+        }
+    }
+
+    /// The mesh at a time [s of the file].
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn mesh_at(&self, time: f64) -> Result<MeshData, IoError> {
+        let mut data = self.reader.mesh_at(time)?;
+        self.convert(&mut data.mesh.points);
+        Ok(data)
+    }
+
+    /// Positions at a time [s of the file], in metres; linear between samples, held outside their range.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn positions_at(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
+        self.reader.positions_at(time, positions)?;
+        self.convert(positions);
+        Ok(())
+    }
+
+    /// How faces and points hang together at a time [s of the file]; `None` when it never changes.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn connectivity_at(&self, time: f64) -> Result<Option<Connectivity>, IoError> {
+        self.reader.connectivity_at(time)
+    }
+
+    fn convert(&self, positions: &mut [Vec3]) {
+        for p in positions {
+            *p = self.units.to_si(*p);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::{LengthUnit, UpAxis};
+
+    #[test]
+    fn an_obj_in_centimetres_with_z_up_arrives_in_metres_with_y_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tri.obj");
+        std::fs::write(&path, "v 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 2 3\n").unwrap();
+        let units = Units { length: LengthUnit::Centimetre, up: UpAxis::Z };
+        let source = MeshSource::open(&path, None, units).unwrap();
+        let points = source.mesh_at(0.0).unwrap().mesh.points;
+        assert_eq!(points, [Vec3::x(), -Vec3::z(), Vec3::y()]);
+        assert!(source.covers(-1e9, 1e9) && source.times_between(0.0, 1.0).is_empty());
+    }
+
+    #[test]
+    fn a_missing_file_and_an_unknown_format_say_so() {
+        let missing = MeshSource::open(Path::new("no_such.obj"), None, Units::SI).unwrap_err();
+        assert!(matches!(missing, IoError::Missing { .. }));
+        let unknown = MeshSource::open(Path::new("body.fbx"), None, Units::SI).unwrap_err();
+        assert!(unknown.to_string().contains("body.fbx"), "{unknown}");
+        assert!(unknown.to_string().contains(".abc"), "{unknown}");
+    }
+}

@@ -1,0 +1,142 @@
+//! What a run leaves beside its caches: `manifest.json` (what is there, replaced as a whole after every frame) and
+//! `run.jsonl` (one line a frame with everything that was measured).
+
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use drapery_core::metrics::Metrics;
+use drapery_core::simulation::FrameSummary;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::atomic_file;
+use crate::error::IoError;
+
+/// File name of the manifest; a folder that has one holds a run.
+pub const MANIFEST: &str = "manifest.json";
+
+/// File name of the record.
+pub const RECORD: &str = "run.jsonl";
+
+/// File name of the scene with every default written out.
+pub const RESOLVED: &str = "resolved.toml";
+
+/// What a folder of output holds, for programs that pick it up.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Manifest {
+    /// Program and version.
+    pub application: String,
+    /// Name of the shot.
+    pub shot: String,
+    /// Scene file.
+    pub scene: String,
+    /// `running`, `done` or `failed`.
+    pub state: &'static str,
+    /// Why it failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// First frame that is delivered.
+    pub first_frame: i64,
+    /// Last frame that is delivered.
+    pub last_frame: i64,
+    /// Last frame that is complete in every cache; `None` before the first.
+    pub last_complete_frame: Option<i64>,
+    /// Frames per second as a fraction.
+    pub fps: String,
+    /// Unit of length of the caches.
+    pub length_unit: String,
+    /// Up axis of the caches.
+    pub up_axis: String,
+    /// Caches.
+    pub garments: Vec<ManifestGarment>,
+    /// Number of threads.
+    pub threads: usize,
+}
+
+/// The caches of one garment.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ManifestGarment {
+    /// Name of the garment.
+    pub name: String,
+    /// Full path of the object in the archive.
+    pub object_path: String,
+    /// Number of points.
+    pub points: usize,
+    /// File names, relative to the folder.
+    pub files: Vec<String>,
+}
+
+impl Manifest {
+    /// Writes it into `folder`.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write(&self, folder: &Path) -> Result<(), IoError> {
+        // A struct of texts and numbers always has a JSON form.
+        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        atomic_file::replace(&folder.join(MANIFEST), text.as_bytes())
+    }
+}
+
+/// The record being written.
+#[derive(Debug)]
+pub struct RunRecord {
+    path: PathBuf,
+    file: File,
+}
+
+impl RunRecord {
+    /// Creates the record in `folder`.
+    ///
+    /// # Errors
+    /// The file cannot be created.
+    pub fn create(folder: &Path) -> Result<Self, IoError> {
+        let path = folder.join(RECORD);
+        let file = File::create(&path).map_err(|e| IoError::creating(&path, e))?;
+        Ok(Self { path, file })
+    }
+
+    /// Appends a line.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn line(&mut self, value: &Value) -> Result<(), IoError> {
+        let line = format!("{value}\n");
+        self.file.write_all(line.as_bytes()).map_err(|e| IoError::writing(&self.path, e))
+    }
+}
+
+/// Everything that was measured in one frame.
+pub fn frame_record(summary: &FrameSummary, seconds: f64) -> Value {
+    let strain = summary
+        .max_strain
+        .as_ref()
+        .map(|strain| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain}));
+    json!({
+        "record": "frame",
+        "frame": summary.frame,
+        "seconds": seconds,
+        "steps": summary.steps,
+        "dt_min": summary.dt_min,
+        "dt_max": summary.dt_max,
+        "cg_iterations": summary.cg_iterations,
+        "max_strain": strain,
+        "kinetic_energy": summary.kinetic_energy,
+        "potential_energy": summary.potential_energy,
+        "body_self_crossings": summary.body_self_crossings,
+        "stages": stages(&summary.metrics),
+        "counts": counts(&summary.metrics),
+    })
+}
+
+/// Stages with seconds and calls, in the order of their first call.
+pub fn stages(metrics: &Metrics) -> Vec<Value> {
+    let stage = |s: &drapery_core::metrics::Stage| json!({"stage": s.name, "seconds": s.seconds, "calls": s.calls});
+    metrics.stages().iter().map(stage).collect()
+}
+
+/// Counts by name.
+pub fn counts(metrics: &Metrics) -> Value {
+    metrics.counts().iter().map(|(name, amount)| ((*name).to_owned(), Value::from(*amount))).collect()
+}

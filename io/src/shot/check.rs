@@ -1,0 +1,153 @@
+//! What can be wrong with moving inputs, frame by frame: everything is reported at once, before anything is simulated.
+
+use drapery_core::Vec3;
+use drapery_core::error::Problem;
+use drapery_core::scene::Timeline;
+
+use crate::cache::Connectivity;
+use crate::error::IoError;
+use crate::shot::motion::{InputMotion, file_time};
+
+/// A step between samples this many times longer than usual is a hole.
+const HOLE: f64 = 1.5;
+
+/// Frames that the samples have to cover.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Span {
+    pub(crate) timeline: Timeline,
+    pub(crate) last_frame: i64,
+}
+
+impl Span {
+    fn first_time(self) -> f64 {
+        file_time(self.timeline, self.timeline.origin)
+    }
+
+    fn last_time(self) -> f64 {
+        file_time(self.timeline, self.last_frame)
+    }
+
+    /// The frame at a time of the file, in words.
+    fn frame_at(self, time: f64) -> String {
+        let frame = time / self.timeline.frame_duration();
+        if (frame - frame.round()).abs() < 1e-3 { format!("{}", frame.round()) } else { format!("{frame:.3}") }
+    }
+}
+
+/// Problems of one moving input over all samples that the shot uses. `points` is the number that the scene was built with.
+pub(crate) fn check_motion(motion: &InputMotion, span: Span, points: usize) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    problems.extend(outside(motion, span));
+    problems.extend(holes(motion, span));
+    if let Err(error) = check_samples(motion, span, points, &mut problems) {
+        problems.push(Problem::data(&motion.label, error.to_string(), "export the file again"));
+    }
+    problems
+}
+
+fn place(motion: &InputMotion, span: Span, time: f64) -> String {
+    let objects = motion.source.objects();
+    let object = match objects.as_slice() {
+        [one] => one.clone(),
+        many => format!("{} objects", many.len()),
+    };
+    format!("{} ({}, {object}), frame {}", motion.label, motion.source.path().display(), span.frame_at(time))
+}
+
+/// Frames of the shot before the first sample or after the last.
+fn outside(motion: &InputMotion, span: Span) -> Option<Problem> {
+    let times = motion.source.sample_times();
+    if motion.source.covers(span.first_time(), span.last_time()) {
+        return None;
+    }
+    let (first, last) = (times.first()?, times.last()?);
+    let (first, last) = (span.frame_at(*first), span.frame_at(*last));
+    let fps = 1.0 / span.timeline.frame_duration();
+    Some(Problem::data(
+        format!("{} ({})", motion.label, motion.source.path().display()),
+        format!(
+            "its samples reach from frame {first} to {last} at {fps:.6} fps, but frames {} to {} are to be simulated",
+            span.timeline.origin, span.last_frame
+        ),
+        "export the whole range, or choose frames inside it with shot.frames or --frames; check shot.fps too",
+    ))
+}
+
+/// Missing frames: a step between two samples that is much longer than the usual one.
+fn holes(motion: &InputMotion, span: Span) -> Option<Problem> {
+    let times = motion.source.sample_times();
+    let mut steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    let usual = *steps.get(steps.len() / 2)?;
+    // Steps shorter than a frame (shutter samples) may be uneven; a hole is longer than a frame too.
+    let limit = HOLE * usual.max(span.timeline.frame_duration());
+    let hole = times.windows(2).find(|w| w[1] - w[0] > limit && w[1] > span.first_time() && w[0] < span.last_time())?;
+    Some(Problem::data(
+        format!("{} ({})", motion.label, motion.source.path().display()),
+        format!("no samples between frames {} and {}", span.frame_at(hole[0]), span.frame_at(hole[1])),
+        "frames are missing in the file: export it again without gaps",
+    ))
+}
+
+/// Topology, number of points and finite positions of every sample in use; the first problem of each kind.
+fn check_samples(
+    motion: &InputMotion,
+    span: Span,
+    points: usize,
+    problems: &mut Vec<Problem>,
+) -> Result<(), IoError> {
+    let source = &motion.source;
+    let mut times = vec![span.first_time()];
+    times.extend_from_slice(source.times_between(span.first_time(), span.last_time()));
+    if !source.sample_times().is_empty() && span.last_time() > span.first_time() {
+        times.push(span.last_time());
+    }
+    let mut first: Option<Connectivity> = None;
+    let mut positions = Vec::new();
+    let mut bad_number = false;
+    for time in times {
+        if let Some(now) = source.connectivity_at(time)? {
+            let before = first.get_or_insert_with(|| now.clone());
+            if *before != now {
+                problems.push(Problem::data(
+                    place(motion, span, time),
+                    topology_change(before, &now),
+                    "export it with constant topology: same points, same faces, same order in every frame",
+                ));
+                // Positions of another mesh would only repeat the message.
+                return Ok(());
+            }
+        }
+        source.positions_at(time, &mut positions)?;
+        if positions.len() != points {
+            problems.push(Problem::data(
+                place(motion, span, time),
+                format!("{} points, but there were {points} at the start", positions.len()),
+                "export it with constant topology: same points, same faces, same order in every frame",
+            ));
+            return Ok(());
+        }
+        if let Some(vertex) = first_not_finite(&positions).filter(|_| !bad_number) {
+            bad_number = true;
+            problems.push(Problem::data(
+                format!("{}, vertex {vertex}", place(motion, span, time)),
+                "its position is not a finite number",
+                "find what breaks in that frame of the animation and export it again",
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn topology_change(before: &Connectivity, now: &Connectivity) -> String {
+    let (faces_before, faces_now) = (before.face_counts.len(), now.face_counts.len());
+    if faces_before != faces_now {
+        return format!("the topology changes: {faces_now} faces, {faces_before} in the first frame");
+    }
+    let corner = before.face_indices.iter().zip(&now.face_indices).position(|(a, b)| a != b);
+    format!("the topology changes: the same number of faces, but other points from face corner {}", corner.unwrap_or(0))
+}
+
+fn first_not_finite(positions: &[Vec3]) -> Option<usize> {
+    positions.iter().position(|p| !p.iter().all(|x| x.is_finite()))
+}

@@ -1,0 +1,178 @@
+//! Units and axes of files. Everything inside Drapery is in metres with Y up; conversion happens where a file is read or
+//! written, and nowhere else.
+
+use std::fmt;
+
+use drapery_core::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Unit of length of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+pub enum LengthUnit {
+    /// Metres.
+    #[default]
+    #[serde(rename = "m")]
+    Metre,
+    /// Centimetres (the default of Maya and of many rigs).
+    #[serde(rename = "cm")]
+    Centimetre,
+    /// Millimetres.
+    #[serde(rename = "mm")]
+    Millimetre,
+    /// Inches.
+    #[serde(rename = "in")]
+    Inch,
+    /// Feet.
+    #[serde(rename = "ft")]
+    Foot,
+}
+
+impl LengthUnit {
+    /// All units, from the shortest to the longest.
+    pub const ALL: [Self; 5] = [Self::Millimetre, Self::Centimetre, Self::Inch, Self::Foot, Self::Metre];
+
+    /// Length of one unit [m].
+    pub const fn metres(self) -> f64 {
+        match self {
+            Self::Metre => 1.0,
+            Self::Centimetre => 0.01,
+            Self::Millimetre => 0.001,
+            Self::Inch => 0.0254,
+            Self::Foot => 0.3048,
+        }
+    }
+
+    /// Its word in the scene file.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Centimetre => "cm",
+            Self::Millimetre => "mm",
+            Self::Inch => "in",
+            Self::Foot => "ft",
+        }
+    }
+
+    /// Its name in a sentence.
+    const fn plural(self) -> &'static str {
+        match self {
+            Self::Metre => "metres",
+            Self::Centimetre => "centimetres",
+            Self::Millimetre => "millimetres",
+            Self::Inch => "inches",
+            Self::Foot => "feet",
+        }
+    }
+}
+
+/// Axis of a file that points up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+pub enum UpAxis {
+    /// Y is up (Maya, Houdini, most caches).
+    #[default]
+    Y,
+    /// Z is up (Blender, 3ds Max).
+    Z,
+}
+
+/// Unit of length and up axis of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Units {
+    /// Unit of length.
+    pub length: LengthUnit,
+    /// Axis that points up.
+    pub up: UpAxis,
+}
+
+impl Units {
+    /// Metres, Y up: what is used inside.
+    pub const SI: Self = Self { length: LengthUnit::Metre, up: UpAxis::Y };
+
+    /// A position or a displacement of the file as one in metres, Y up. Also turns a velocity per second.
+    pub fn to_si(self, vector: Vec3) -> Vec3 {
+        let turned = match self.up {
+            UpAxis::Y => vector,
+            UpAxis::Z => Vec3::new(vector.x, vector.z, -vector.y),
+        };
+        turned * self.length.metres()
+    }
+
+    /// A position, displacement or velocity in metres, Y up, as one of the file: the inverse of [`Units::to_si`].
+    pub fn from_si(self, vector: Vec3) -> Vec3 {
+        // Dividing, not multiplying by the rounded inverse: 0.12 m has to come back as 12 cm.
+        let scaled = vector / self.length.metres();
+        match self.up {
+            UpAxis::Y => scaled,
+            UpAxis::Z => Vec3::new(scaled.x, -scaled.z, scaled.y),
+        }
+    }
+}
+
+impl fmt::Display for Units {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {:?} up", self.length.plural(), self.up)
+    }
+}
+
+/// Heights that a body from a file may have without anyone asking [m]: from a doll's arm to a four-storey creature.
+const PLAUSIBLE_BODY: std::ops::RangeInclusive<f64> = 0.2..=20.0;
+
+/// Height of a person [m], to which a wrong unit is compared.
+const PERSON: f64 = 1.7;
+
+/// Says what is suspicious about the size of a body that was read from a file, and what to write instead.
+///
+/// `bounds` are the smallest and largest coordinates in metres after conversion from `units`. `None` when the largest
+/// extent is between 0.2 m and 20 m. The unit proposed is the one that brings the body nearest to a person's height.
+pub fn guess_problem(bounds: [Vec3; 2], units: Units) -> Option<String> {
+    let extent = (bounds[1] - bounds[0]).max();
+    if PLAUSIBLE_BODY.contains(&extent) || !extent.is_finite() || extent <= 0.0 {
+        return None;
+    }
+    let height = bounds[1].y - bounds[0].y;
+    let stored = extent / units.length.metres();
+    let miss = |unit: &LengthUnit| (stored * unit.metres() / PERSON).ln().abs();
+    let likely = LengthUnit::ALL.into_iter().min_by(|a, b| miss(a).total_cmp(&miss(b))).unwrap_or_default();
+    let size = if height > 0.0 && (height - extent).abs() < 1e-9 * extent { "high" } else { "across" };
+    let read_as = units.length.plural();
+    if PLAUSIBLE_BODY.contains(&(stored * likely.metres())) && likely != units.length {
+        return Some(format!(
+            "it is {extent:.3} m {size} when read as {read_as}: looks like {}; set units.length = \"{}\"",
+            likely.plural(),
+            likely.word()
+        ));
+    }
+    Some(format!("it is {extent:.3e} m {size} when read as {read_as}; check units.length and the scale of its export"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn body(height: f64) -> [Vec3; 2] {
+        [Vec3::zeros(), Vec3::new(0.3 * height, height, 0.2 * height)]
+    }
+
+    #[test]
+    fn z_up_centimetres_turn_into_metres_and_back_exactly() {
+        let units = Units { length: LengthUnit::Centimetre, up: UpAxis::Z };
+        assert_eq!(units.to_si(Vec3::new(100.0, 200.0, 300.0)), Vec3::new(1.0, 3.0, -2.0));
+        assert_eq!(units.from_si(Vec3::new(0.12, 0.955, 0.03)), Vec3::new(12.0, -3.0, 95.5));
+        // A right-handed frame stays right-handed.
+        let [x, y, z] = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| units.to_si(axis).normalize());
+        assert!((x.cross(&y) - z).norm() < 1e-15);
+    }
+
+    #[test]
+    fn a_body_of_172_units_is_recognised_as_centimetres() {
+        let text = guess_problem(body(172.0), Units::SI).expect("172 m is not a person");
+        assert_eq!(text, "it is 172.000 m high when read as metres: looks like centimetres; set units.length = \"cm\"");
+        let centimetres = Units { length: LengthUnit::Centimetre, up: UpAxis::Y };
+        let text = guess_problem(body(0.0172), centimetres).expect("17 mm is not a person");
+        assert!(text.contains("units.length = \"m\""), "{text}");
+        assert_eq!(guess_problem(body(1.72), Units::SI), None);
+        assert_eq!(guess_problem(body(19.0), Units::SI), None);
+        assert!(guess_problem(body(1.0e7), Units::SI).is_some_and(|text| text.contains("check units.length")));
+    }
+}

@@ -1,0 +1,42 @@
+"""How deep cloth is inside a body, and where the body crosses itself, by libigl and ipctk."""
+
+import igl
+import ipctk
+import numpy as np
+
+
+def crossing_triangles(vertices, faces):
+    """Pairs of triangles (indices) that cross: an edge of one goes through the other; at most a vertex is shared."""
+    edges = igl.edges(faces)
+    order = {tuple(edge): index for index, edge in enumerate(edges.tolist())}
+    broad = ipctk.HashGrid()
+    broad.build(np.asfortranarray(vertices), np.asfortranarray(edges, np.int32), np.asfortranarray(faces, np.int32))
+    faces_of_edge = [[] for _ in edges]
+    for face, (a, b, c) in enumerate(faces.tolist()):
+        for pair in ((a, b), (b, c), (c, a)):
+            faces_of_edge[order[tuple(sorted(pair))]].append(face)
+    found = set()
+    for candidate in broad.detect_edge_face_candidates():
+        edge, face = edges[candidate.edge_id], faces[candidate.face_id]
+        if not ipctk.is_edge_intersecting_triangle(*vertices[edge], *vertices[face]):
+            continue
+        for other in faces_of_edge[candidate.edge_id]:
+            if len(set(faces[other]) & set(face)) < 2:
+                found.add((min(other, candidate.face_id), max(other, candidate.face_id)))
+    return sorted(found)
+
+
+def depths(points, vertices, faces):
+    """Depth of each point below the surface [the file's unit]; negative outside.
+
+    Inside is where the winding number is above one half, which stays meaningful where the body crosses itself.
+    """
+    inside = igl.fast_winding_number(vertices, faces, np.ascontiguousarray(points, float)) > 0.5
+    return np.where(inside, 1.0, -1.0) * distance_to_triangles(points, vertices, faces)
+
+
+def distance_to_triangles(points, vertices, faces):
+    """Distance of each point to the nearest of the triangles; infinite if there are none."""
+    if len(faces) == 0:
+        return np.full(len(points), np.inf)
+    return np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(points, float), vertices, faces)[0])

@@ -1,0 +1,91 @@
+"""Runs the built commands once for each scene that the tests look at.
+
+`DRAPERY` and `DRAPERY_ASSETS` name the programs; `make test` sets them. Without them the release build in
+`target/` is taken.
+"""
+
+import os
+import subprocess
+
+import pytest
+
+from judges import ROOT, SHARED
+
+
+FIGURES = []
+
+
+@pytest.fixture
+def report_figure(request):
+    """Keeps a sentence with figures for the end of the test session, where it is seen also when all is well."""
+    return lambda sentence: FIGURES.append(f"{request.node.name}: {sentence}")
+
+
+def pytest_terminal_summary(terminalreporter):
+    if FIGURES:
+        terminalreporter.section("figures")
+        for line in FIGURES:
+            terminalreporter.line(f"FIGURE {line}")
+
+
+def program(variable, name):
+    path = os.environ.get(variable, str(ROOT / "target" / "release" / name))
+    if not os.path.isfile(path):
+        pytest.exit(f"{path} does not exist; build it with `make build`", returncode=2)
+    return path
+
+
+@pytest.fixture(scope="session")
+def drapery_command():
+    """Command line of a run, as a list: `drapery_command(scene, frames, out, threads, resolution="20")`."""
+    drapery = program("DRAPERY", "drapery")
+
+    def command(scene, frames, out, threads=2, **parameters):
+        line = [drapery, "run", str(ROOT / scene), "--frames", frames, "--out", str(out), "--threads", str(threads)]
+        for name, value in parameters.items():
+            line += ["--set", f"{name}={value}"]
+        return line
+
+    return command
+
+
+@pytest.fixture(scope="session")
+def run_scene(drapery_command, tmp_path_factory):
+    """Runs a scene and returns its output folder; the same run asked for again is not repeated."""
+    finished = {}
+
+    def run(scene, frames, threads=2, **parameters):
+        key = (scene, frames, threads, tuple(sorted(parameters.items())))
+        if key not in finished:
+            out = tmp_path_factory.mktemp("run")
+            command = drapery_command(scene, frames, out, threads, **parameters)
+            done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+            assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout[-4000:]}{done.stderr[-4000:]}"
+            finished[key] = out
+        return finished[key]
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def mannequin(tmp_path_factory):
+    """Folder with the generated character and its light garments."""
+    folder = tmp_path_factory.mktemp("mannequin")
+    command = [program("DRAPERY_ASSETS", "drapery-assets"), "mannequin", "--out", str(folder), "--garments", "light"]
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture(scope="session")
+def dressed(run_scene, mannequin):
+    """Output folder of the first half second of the dressed mannequin."""
+    return run_scene("sample_assets/scenes/dressed_mannequin.toml", "1001-1013", assets=mannequin)
+
+
+@pytest.fixture(scope="session")
+def shared_data():
+    """Folder with data made by others; tests that need it are skipped where it is absent."""
+    if not SHARED.is_dir():
+        pytest.skip("no shared data")
+    return SHARED

@@ -1,0 +1,87 @@
+"""No cloth vertex goes deeper into the body than its thickness, except where the body crosses itself."""
+
+import json
+import tomllib
+
+import igl
+import numpy as np
+import pytest
+
+from body_depth import crossing_triangles, depths, distance_to_triangles
+from judges import hdf5, official, triangles
+
+# Where parts of the body overlap there is no outside to put the cloth: it is released there, and held again when
+# they part. The frames are 42 ms apart, so some cloth near such a place has been inside it since the last frame.
+RELEASE_REACH = 0.030
+
+
+def body_thickness(out):
+    """Thickness of the one body of a run [m]."""
+    resolved = tomllib.loads((out / "resolved.toml").read_text())
+    (body,) = resolved["body"]
+    return body["thickness_mm"] / 1000.0
+
+
+def assert_cloth_stays_outside(out, body_path, report_figure):
+    body = official(body_path)
+    faces = triangles(body["face_counts"], body["face_indices"])
+    thickness = body_thickness(out)
+    caches = {path.stem: hdf5(path) for path in sorted(out.glob("*.h5"))}
+    assert caches
+    worst, worst_at, released, crossing_frames = -np.inf, "", 0, 0
+    for index, time in enumerate(next(iter(caches.values()))["times"]):
+        sample = int(np.argmin(abs(body["times"] - time)))
+        assert abs(body["times"][sample] - time) < 1e-6, f"the body has no sample at {time} s"
+        vertices = body["positions"][sample].astype(float)
+        crossing = sorted({face for pair in crossing_triangles(vertices, faces) for face in pair})
+        crossing_frames += bool(crossing)
+        for garment, cache in caches.items():
+            points = cache["positions"][index].astype(float)
+            depth = depths(points, vertices, faces)
+            excused = distance_to_triangles(points, vertices, faces[crossing]) < RELEASE_REACH
+            released += np.count_nonzero(excused & (depth > thickness))
+            depth[excused] = -np.inf
+            if depth.max() > worst:
+                worst = depth.max()
+                worst_at = f"{garment}, frame {cache['frame_numbers'][index]}, vertex {depth.argmax()}"
+    report_figure(
+        f"deepest vertex {1000 * worst:.3f} mm ({worst_at}), thickness {1000 * thickness:.3f} mm; in all frames "
+        f"{released} vertices deeper within {1000 * RELEASE_REACH:.0f} mm of a self-crossing of the body, "
+        f"which there is in {crossing_frames} of {index + 1} frames"
+    )
+    # Positions are stored in f32.
+    assert worst <= thickness + 1e-6, worst_at
+
+
+def test_the_judge_finds_the_known_crossings_of_a_body(shared_data):
+    body = official(shared_data / "woman_walk_dance" / "body.abc")
+    known = json.loads((shared_data / "woman_walk_dance" / "body_stats.json").read_text())
+    faces = triangles(body["face_counts"], body["face_indices"])
+    for frame in (0, 48, 60):
+        found = crossing_triangles(body["positions"][frame].astype(float), faces)
+        expected = known["self_intersecting_face_pairs"][frame]
+        # Quads may be cut along the other diagonal than in the reference count.
+        assert abs(len(found) - expected) <= 0.1 * expected, f"frame {frame}: {len(found)} pairs, {expected} known"
+
+
+def test_the_judge_measures_the_depth_in_a_box():
+    vertices, faces = igl.bounding_box(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
+    points = np.array([[0.5, 0.9, 0.5], [0.5, 1.2, 0.5], [0.02, 0.5, 0.5]])
+    volume = np.einsum("ij,ij->i", vertices[faces[:, 0]], np.cross(vertices[faces[:, 1]], vertices[faces[:, 2]])).sum()
+    outward = faces if volume > 0 else faces[:, ::-1]
+    np.testing.assert_allclose(depths(points, vertices, outward), [0.1, -0.2, 0.02], atol=1e-12)
+
+
+def test_the_mannequins_garments_stay_outside_it(dressed, mannequin, report_figure):
+    assert_cloth_stays_outside(dressed, mannequin / "body.abc", report_figure)
+
+
+@pytest.mark.full
+def test_the_mannequins_garments_stay_outside_it_in_the_whole_demo(run_scene, mannequin, report_figure):
+    out = run_scene("sample_assets/scenes/dressed_mannequin.toml", "1001-1097", assets=mannequin)
+    assert_cloth_stays_outside(out, mannequin / "body.abc", report_figure)
+
+
+def test_the_real_characters_garments_stay_outside_it(run_scene, shared_data, report_figure):
+    out = run_scene("tests/scenes/dressed_woman.toml", "0-96")
+    assert_cloth_stays_outside(out, shared_data / "woman_walk_dance" / "body.abc", report_figure)
