@@ -1,8 +1,5 @@
 //! Exit codes, in one place. Farm software reads them; they never change their meaning.
 
-use drapery_io::error::IoError;
-use drapery_io::shot::ShotError;
-
 /// How the program ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]

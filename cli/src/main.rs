@@ -1,2 +1,49 @@
-//! Drapery command. 
-fn main() {}
+//! `drapery`, the command: what was typed, what will be done, what came of it.
+
+mod args;
+mod commands;
+mod exit_code;
+mod failure;
+mod log;
+mod plan;
+mod progress;
+mod say;
+
+use clap::Parser;
+
+use crate::args::{Cli, Command};
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+
+fn main() -> std::process::ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(message) => {
+            // Help and version come here too, and go to standard output.
+            let _ = message.print();
+            return if message.use_stderr() { ExitCode::Usage } else { ExitCode::Done }.into();
+        }
+    };
+    // A panic is a fault of the program; the farm is to see an exit code that says so.
+    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| dispatch(&cli)));
+    match outcome.unwrap_or_else(|_| Err(Failure::internal())) {
+        Ok(code) => code.into(),
+        Err(failure) => {
+            failure.report();
+            failure.code.into()
+        }
+    }
+}
+
+fn dispatch(cli: &Cli) -> Result<ExitCode, Failure> {
+    log::start(&cli.log)?;
+    match &cli.command {
+        Command::Run(args) => commands::run::run(args, cli.log.quiet),
+        Command::Check(args) => commands::check::check(args),
+        Command::Plan(args) => commands::plan::plan(args),
+        Command::Info(args) => commands::info::info(&args.file),
+        Command::Verify(args) => commands::verify::verify(&args.file),
+        Command::Schema => commands::schema::schema(),
+        Command::Materials => commands::materials::materials(),
+    }
+}

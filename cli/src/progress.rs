@@ -56,11 +56,16 @@ impl Progress {
         self.percent(report.done * 99 / report.total.max(1));
     }
 
-    /// Reports the end.
-    pub(crate) fn end(&mut self, exit_code: u8) {
+    /// Takes the bar off the terminal.
+    pub(crate) fn clear(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
+    }
+
+    /// Reports the end.
+    pub(crate) fn end(&mut self, exit_code: u8) {
+        self.clear();
         if self.style == ProgressStyle::Json {
             say::line(json!({"record": "end", "exit_code": exit_code}));
         } else if exit_code == 0 {

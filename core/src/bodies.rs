@@ -248,7 +248,8 @@ impl Bodies {
             }
             Kind::Surface(surface) => {
                 let hit = surface.mesh.path_hit(from, to, surface.crossings_that_count())?;
-                let corners = surface.mesh.triangles()[hit.triangle as usize].map(|p| surface.mesh.positions()[p as usize]);
+                let corners =
+                    surface.mesh.triangles()[hit.triangle as usize].map(|p| surface.mesh.positions()[p as usize]);
                 let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).try_normalize(0.0)?;
                 let normal = if hit.side == Side::Front { normal } else { -normal };
                 let velocity = surface.mesh.velocity(hit.triangle, hit.weights);
@@ -316,7 +317,9 @@ impl Kind {
             BodyShape::HalfSpace => Shape::HalfSpace,
             BodyShape::Sphere { radius } => Shape::Sphere { radius: *radius },
             BodyShape::Capsule { radius, half_length } => Shape::Capsule { radius: *radius, half_length: *half_length },
-            BodyShape::Cylinder { radius, half_length } => Shape::Cylinder { radius: *radius, half_length: *half_length },
+            BodyShape::Cylinder { radius, half_length } => {
+                Shape::Cylinder { radius: *radius, half_length: *half_length }
+            }
             BodyShape::Box { half_extents } => Shape::Box { half_extents: (*half_extents).into() },
             BodyShape::Surface { triangles, point_count } => {
                 let first = first.ok_or("there is no sample of its positions at the start")?;
@@ -342,7 +345,8 @@ impl Surface {
         let (a, b) = (&self.samples.b, &sample);
         self.mesh.set_samples(a.time, &a.positions, b.time, &b.positions)?;
         let span = b.time - a.time;
-        let farthest = a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max).sqrt();
+        let farthest =
+            a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max).sqrt();
         self.speed = if span > 0.0 { farthest / span } else { 0.0 };
         let found = self.mesh.self_crossing(&b.positions);
         self.crossings = found.pairs.len();

@@ -27,22 +27,22 @@
 //! Read the modules in this order: `scene` (what is simulated), `step` (one time step, line by line as in the paper),
 //! `simulation` (the loop around it), then what the step calls.
 
-pub mod scene;
-pub mod step;
-pub mod simulation;
-pub mod mesh;
-pub mod state;
-pub mod time_step;
-pub mod solve;
-pub mod effects;
 pub mod bodies;
 pub mod contact;
-pub mod geometry;
-pub mod parallel;
-pub mod settings;
-pub mod tolerances;
-pub mod metrics;
+pub mod effects;
 pub mod error;
+pub mod geometry;
+pub mod mesh;
+pub mod metrics;
+pub mod parallel;
+pub mod scene;
+pub mod settings;
+pub mod simulation;
+pub mod solve;
+pub mod state;
+pub mod step;
+pub mod time_step;
+pub mod tolerances;
 
 /// A point, displacement, velocity or force; the unit is said where it is used.
 pub type Vec3 = nalgebra::Vector3<f64>;

@@ -131,10 +131,8 @@ impl TriangleMesh {
     pub fn new(mesh: &PolygonMesh) -> Self {
         let (triangles, polygons) = mesh.triangulate();
         let at = |i: u32| mesh.points[i as usize];
-        let rest_areas: Vec<f64> = triangles
-            .iter()
-            .map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))).norm())
-            .collect();
+        let rest_areas: Vec<f64> =
+            triangles.iter().map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))).norm()).collect();
         // One entry per side of each triangle; sorting brings the sides of an edge together.
         let mut sides: Vec<([u32; 2], u32, u32)> = Vec::with_capacity(3 * triangles.len());
         for (t, &[a, b, c]) in triangles.iter().enumerate() {
@@ -230,13 +228,15 @@ mod tests {
     #[test]
     fn a_concave_polygon_keeps_its_area_and_its_winding() {
         // An arrow head and an L: the shoelace formula gives their areas.
-        let arrow: Vec<Vec3> = [[0.0, 0.0], [2.0, -1.0], [0.5, 0.0], [2.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).into();
+        let arrow: Vec<Vec3> =
+            [[0.0, 0.0], [2.0, -1.0], [0.5, 0.0], [2.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).into();
         let corner: Vec<Vec3> = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]]
             .map(|[x, y]| Vec3::new(x, y, 0.0))
             .into();
         for (points, area) in [(arrow, 0.5), (corner, 4.0)] {
             let count = points.len() as u32;
-            let mesh = PolygonMesh { points: points.clone(), face_counts: vec![count], face_indices: (0..count).collect() };
+            let mesh =
+                PolygonMesh { points: points.clone(), face_counts: vec![count], face_indices: (0..count).collect() };
             let (triangles, _) = mesh.triangulate();
             assert_eq!(triangles.len(), count as usize - 2);
             assert!((area_of(&points, &triangles) - area).abs() < 1e-15);

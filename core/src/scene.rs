@@ -88,14 +88,7 @@ pub struct SolverSettings {
 
 impl Default for SolverSettings {
     fn default() -> Self {
-        Self {
-            cfl: 4.0,
-            max_dt: None,
-            min_dt: 1e-9,
-            strain_per_step: 0.1,
-            cg_tolerance: None,
-            cg_max_iterations: 200,
-        }
+        Self { cfl: 4.0, max_dt: None, min_dt: 1e-9, strain_per_step: 0.1, cg_tolerance: None, cg_max_iterations: 200 }
     }
 }
 
@@ -298,7 +291,12 @@ pub struct EffectRequest {
 impl EffectRequest {
     /// An effect on the whole scene with default settings.
     pub fn of_scene(effect: &str) -> Self {
-        Self { effect: effect.into(), garment: None, settings: BTreeMap::new(), because: "the scene asks for it".into() }
+        Self {
+            effect: effect.into(),
+            garment: None,
+            settings: BTreeMap::new(),
+            because: "the scene asks for it".into(),
+        }
     }
 
     /// An effect on one garment with default settings.

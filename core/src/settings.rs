@@ -47,7 +47,9 @@ impl Dimension {
             Self::Stiffness => &[("N/m", 1.0), ("mN/m", 1e-3), ("N/cm", 100.0), ("N/mm", 1000.0)],
             Self::Acceleration => &[("m/s²", 1.0), ("m/s^2", 1.0), ("m/s2", 1.0), ("cm/s²", 1e-2), ("cm/s^2", 1e-2)],
             Self::Speed => &[("m/s", 1.0), ("cm/s", 1e-2), ("mm/s", 1e-3)],
-            Self::ArealDensity => &[("kg/m²", 1.0), ("kg/m^2", 1.0), ("kg/m2", 1.0), ("g/m²", 1e-3), ("g/m^2", 1e-3), ("gsm", 1e-3)],
+            Self::ArealDensity => {
+                &[("kg/m²", 1.0), ("kg/m^2", 1.0), ("kg/m2", 1.0), ("g/m²", 1e-3), ("g/m^2", 1e-3), ("gsm", 1e-3)]
+            }
             Self::Time => &[("s", 1.0), ("ms", 1e-3)],
         }
     }
@@ -70,7 +72,11 @@ impl Dimension {
         let (number, unit) = (text[..split].trim(), text[split..].trim());
         let expected = || {
             let units: Vec<_> = self.units().iter().map(|u| u.0).filter(|u| !u.is_empty()).collect();
-            if units.is_empty() { "a number".to_owned() } else { format!("a number with one of the units {}", units.join(", ")) }
+            if units.is_empty() {
+                "a number".to_owned()
+            } else {
+                format!("a number with one of the units {}", units.join(", "))
+            }
         };
         let value: f64 = number.parse().map_err(|_| format!("`{text}` is not a number; expected {}", expected()))?;
         if unit.is_empty() {
@@ -268,7 +274,13 @@ mod tests {
 
     #[test]
     fn a_misspelt_key_names_the_nearest_word() {
-        let fields = [Field { name: "stiffness", dimension: Dimension::Stiffness, default: Default::Number(1.0), range: (0.0, 2.0), help: "" }];
+        let fields = [Field {
+            name: "stiffness",
+            dimension: Dimension::Stiffness,
+            default: Default::Number(1.0),
+            range: (0.0, 2.0),
+            help: "",
+        }];
         let written = BTreeMap::from([("stifness".to_owned(), SettingValue::Number(1.0))]);
         assert!(Settings::check(&fields, &written).unwrap_err()[0].contains("did you mean `stiffness`"));
         let written = BTreeMap::from([("stiffness".to_owned(), SettingValue::Number(3.0))]);

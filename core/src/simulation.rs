@@ -129,8 +129,21 @@ impl Simulation {
         let scratch = Scratch::new(parts, collision.is_some());
         let frame = scene.description().timeline.start;
         let metrics = Metrics::default();
-        let mut simulation =
-            Self { scene, state, frame, forces, pins, targets, tracks, collision, bodies, limit, scratch, metrics, plan };
+        let mut simulation = Self {
+            scene,
+            state,
+            frame,
+            forces,
+            pins,
+            targets,
+            tracks,
+            collision,
+            bodies,
+            limit,
+            scratch,
+            metrics,
+            plan,
+        };
         simulation.pins_take_hold();
         Ok(simulation)
     }
@@ -241,9 +254,8 @@ impl Simulation {
         loop {
             let state = &self.state;
             let (limit, forces, metrics) = (&mut self.limit, &self.forces, &mut self.metrics);
-            let choice = metrics.stage("dt", |_| {
-                limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end))
-            });
+            let choice =
+                metrics.stage("dt", |_| limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end)));
             if choice.limit < settings.min_dt {
                 let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
                 let (dt, min_dt, time) = (choice.limit, settings.min_dt, state.time);
@@ -330,7 +342,13 @@ impl Simulation {
         let mut strain: Option<(f64, [usize; 2])> = None;
         for (range, forces) in parts.ranges().iter().zip(&self.forces) {
             let own = &masses[range.clone()];
-            kinetic.push(0.5 * crate::parallel::sum::weighted_dot(own, &self.state.v[range.clone()], &self.state.v[range.clone()]));
+            kinetic.push(
+                0.5 * crate::parallel::sum::weighted_dot(
+                    own,
+                    &self.state.v[range.clone()],
+                    &self.state.v[range.clone()],
+                ),
+            );
             let view =
                 PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, targets: &self.targets };
             potential.extend(forces.iter().map(|f| f.energy(&view)));

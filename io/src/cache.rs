@@ -7,10 +7,10 @@
 
 use std::path::Path;
 
+pub use drapery_alembic::{DataType, Scope};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
-pub use drapery_alembic::{DataType, Scope};
 
 use crate::error::IoError;
 use crate::units::Units;
@@ -86,7 +86,7 @@ pub struct Connectivity {
 }
 
 /// An opened mesh, in the units and axes of its file, transforms of all parents applied.
-pub trait MeshReader {
+pub trait MeshReader: Send {
     /// Paths of the objects that were chosen, in the order in which they are merged.
     fn objects(&self) -> Vec<String>;
 
@@ -173,7 +173,7 @@ pub struct CacheFrame<'a> {
 /// A cache being written. Frames come in ascending order without gaps.
 ///
 /// After every [`CacheWriter::write`] the file is valid under its final name, also when the process is killed.
-pub trait CacheWriter {
+pub trait CacheWriter: Send {
     /// The file.
     fn path(&self) -> &Path;
 

@@ -46,6 +46,15 @@ pub enum IoError {
         /// The folder.
         path: PathBuf,
     },
+    /// A cache would replace a file that the shot reads.
+    #[error(
+        "{}: this file is an input of the shot; writing the cache would destroy it\n  help: choose another folder with --out",
+        path.display()
+    )]
+    OutputIsInput {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file's content cannot be used.
     #[error("{}: {place}: {what}\n  help: {advice}", path.display())]
     Data {
@@ -82,7 +91,38 @@ pub enum IoError {
     },
 }
 
+/// Whose fault an error is; it decides the exit code of the command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum IoErrorKind {
+    /// An input file is not there or may not be read.
+    MissingInput,
+    /// An input file holds what cannot be used.
+    BadInput,
+    /// An output cannot be created, or would replace something that is needed.
+    CannotCreate,
+    /// The system refused while reading or writing.
+    Io,
+    /// This program asked for something impossible.
+    Internal,
+}
+
 impl IoError {
+    /// Whose fault it is.
+    pub fn kind(&self) -> IoErrorKind {
+        match self {
+            Self::Missing { .. } | Self::Read { .. } => IoErrorKind::MissingInput,
+            Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
+            Self::Write { .. } => IoErrorKind::Io,
+            Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
+            Self::Alembic(AlembicError::Io { action: "create", .. }) => IoErrorKind::CannotCreate,
+            Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
+            Self::Alembic(AlembicError::Refused { .. } | AlembicError::TimeSampling { .. }) => IoErrorKind::Internal,
+            Self::Alembic(_) => IoErrorKind::BadInput,
+            #[cfg(feature = "hdf5")]
+            Self::Hdf5 { .. } => IoErrorKind::CannotCreate,
+        }
+    }
+
     /// An error of reading `path`; a missing file gets its own kind.
     pub fn reading(path: &Path, source: std::io::Error) -> Self {
         if source.kind() == std::io::ErrorKind::NotFound {

@@ -62,8 +62,9 @@ fn body_mesh(limbs: &[Limb], cell: f64) -> SurfaceMesh {
 /// A grid of `cell` \[m\] around limbs that are thicker by `offset` \[m\].
 pub fn grid_around(limbs: &[Limb], offset: f64, cell: f64) -> Grid {
     let empty = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    let (lower, upper) = limbs.iter().map(|limb| limb.shape.bounds()).fold(empty, |whole, part| {
-        (whole.0.inf(&part.0), whole.1.sup(&part.1))
-    });
+    let (lower, upper) = limbs
+        .iter()
+        .map(|limb| limb.shape.bounds())
+        .fold(empty, |whole, part| (whole.0.inf(&part.0), whole.1.sup(&part.1)));
     Grid::around(&lower.add_scalar(-offset), &upper.add_scalar(offset), cell)
 }

@@ -115,16 +115,12 @@ impl Pose {
         let angle = |channel| self.angle(channel);
         let mut rotations = [UnitQuaternion::identity(); Bone::COUNT];
         let mut set = |bone: Bone, rotation| rotations[bone.index()] = rotation;
-        let turned =
-            |turn: f64, bend: f64, lean: f64| about(y, turn) * about(x, bend) * about(z, -lean);
+        let turned = |turn: f64, bend: f64, lean: f64| about(y, turn) * about(x, bend) * about(z, -lean);
         let spine = |share: f64| {
             let part = |channel| share * angle(channel);
             turned(part(Channel::SpineTwist), part(Channel::SpineBend), part(Channel::SpineLean))
         };
-        set(
-            Bone::Pelvis,
-            turned(angle(Channel::PelvisTurn), angle(Channel::PelvisTilt), angle(Channel::PelvisLean)),
-        );
+        set(Bone::Pelvis, turned(angle(Channel::PelvisTurn), angle(Channel::PelvisTilt), angle(Channel::PelvisLean)));
         set(Bone::Abdomen, spine(0.45));
         set(Bone::Chest, spine(0.55));
         set(Bone::Neck, turned(0.4 * angle(Channel::HeadTurn), 0.4 * angle(Channel::HeadNod), 0.0));
@@ -169,7 +165,7 @@ impl Root {
 /// Seconds in which the rest pose turns into the walk.
 const EASE_IN: f64 = 0.5;
 /// The walk turns into the dance between these times \[s\].
-const TO_DANCE: [f64; 2] = [1.6, 2.4];
+const TO_DANCE: [f64; 2] = [1.5, 2.4];
 /// Turn of the character during the walk \[degrees\]; the dance goes on from there.
 const WALK_TURN: f64 = 14.0;
 /// One walk cycle, two steps \[s\].
@@ -252,8 +248,9 @@ impl Motion {
         let samples: Vec<[f64; 3]> = (0..count + 2 * half)
             .map(|i| self.root_velocity_and_rise((i as f64 - half as f64) / PATH_RATE, rest_height))
             .collect();
-        let weights: Vec<f64> =
-            (0..=2 * half).map(|i| (std::f64::consts::PI * (i + 1) as f64 / (2 * half + 2) as f64).sin().powi(2)).collect();
+        let weights: Vec<f64> = (0..=2 * half)
+            .map(|i| (std::f64::consts::PI * (i + 1) as f64 / (2 * half + 2) as f64).sin().powi(2))
+            .collect();
         let total: f64 = weights.iter().sum();
         let smooth = |i: usize, part: usize| -> f64 {
             weights.iter().zip(&samples[i..]).map(|(w, sample)| w * sample[part]).sum::<f64>() / total
@@ -351,9 +348,7 @@ fn walk_curves() -> Vec<(Channel, PeriodicSpline)> {
     for side in Side::BOTH {
         let shift = if side == Side::Left { 0.0 } else { 0.5 };
         let shifted = |degrees: &[f64; 10]| {
-            PeriodicSpline::through(&std::array::from_fn::<f64, 10, _>(|i| {
-                degrees[(i + (10.0 * shift) as usize) % 10]
-            }))
+            PeriodicSpline::through(&std::array::from_fn::<f64, 10, _>(|i| degrees[(i + (10.0 * shift) as usize) % 10]))
         };
         curves.extend(WALK_LEG.iter().map(|(channel, degrees)| (channel(side), shifted(degrees))));
         curves.push((Channel::HipSpread(side), wave(0.5, 0.0, 1.0, 0.0)));
@@ -385,20 +380,20 @@ const DANCE: [(Channel, [f64; 8]); 27] = [
     (HeadTurn,        [  0.0,  10.0,  14.0, -12.0, -24.0, -10.0,  10.0,  16.0]),
     (Shrug(Left),     [  0.0,  10.0,  16.0,   8.0,   2.0,   6.0,  16.0,   8.0]),
     (Shrug(Right),    [  0.0,  10.0,  16.0,   8.0,   6.0,  16.0,  10.0,   2.0]),
-    (ArmRaise(Left),  [-16.0,  46.0, 114.0,  84.0,  14.0,  30.0, 100.0,  52.0]),
-    (ArmRaise(Right), [-16.0,  46.0, 114.0,  84.0,  60.0, 108.0,  66.0,   0.0]),
+    (ArmRaise(Left),  [ 14.0,  62.0, 114.0,  88.0,  18.0,  30.0,  96.0,  66.0]),
+    (ArmRaise(Right), [ 14.0,  62.0, 114.0,  88.0,  60.0, 106.0,  70.0,  10.0]),
     (ArmSwing(Left),  [ 14.0,  10.0,   4.0,   6.0,  18.0,  14.0,   4.0,   8.0]),
     (ArmSwing(Right), [ 14.0,  10.0,   4.0,   6.0,   2.0,   4.0,  10.0,  18.0]),
     (ArmTwist(Left),  [  0.0,  20.0,  45.0,  20.0,   0.0,  10.0,  45.0,  20.0]),
     (ArmTwist(Right), [  0.0,  20.0,  45.0,  20.0,  10.0,  45.0,  25.0,   0.0]),
     (Elbow(Left),     [ 30.0,  28.0,  34.0,  22.0,  44.0,  36.0,  30.0,  24.0]),
     (Elbow(Right),    [ 30.0,  28.0,  34.0,  22.0,  20.0,  30.0,  28.0,  46.0]),
-    (Hip(Left),       [ 10.0,  30.0,  26.0,   6.0,   4.0,   0.0,  -6.0,   4.0]),
-    (Hip(Right),      [  4.0,   0.0,  -6.0,   4.0,  12.0,  30.0,  26.0,   6.0]),
-    (HipSpread(Left), [  0.0,  -8.0, -15.0,   2.0,   6.0,   4.0,  -2.0,   4.0]),
-    (HipSpread(Right),[  6.0,   4.0,  -2.0,   4.0,   0.0,  -8.0, -15.0,   2.0]),
-    (Knee(Left),      [ 20.0,  46.0,  30.0,  14.0,  18.0,  12.0,  10.0,  16.0]),
-    (Knee(Right),     [ 18.0,  12.0,  10.0,  16.0,  20.0,  46.0,  30.0,  14.0]),
+    (Hip(Left),       [ 12.0,  38.0,  27.0,   6.0,   4.0,   0.0,  -6.0,   4.0]),
+    (Hip(Right),      [  4.0,   0.0,  -6.0,   4.0,  14.0,  38.0,  27.0,   6.0]),
+    (HipSpread(Left), [ -2.0, -14.0, -22.0,  -2.0,   6.0,   4.0,  -5.0,   2.0]),
+    (HipSpread(Right),[  6.0,   4.0,  -5.0,   2.0,  -2.0, -14.0, -22.0,  -2.0]),
+    (Knee(Left),      [ 22.0,  60.0,  32.0,  14.0,  18.0,  12.0,  14.0,  16.0]),
+    (Knee(Right),     [ 18.0,  12.0,  14.0,  16.0,  22.0,  60.0,  32.0,  14.0]),
     (Ankle(Left),     [  6.0,   0.0,  -8.0,   6.0,  10.0,   8.0,   8.0,   8.0]),
     (Ankle(Right),    [ 10.0,   8.0,   8.0,   8.0,   6.0,   0.0,  -8.0,   6.0]),
 ];

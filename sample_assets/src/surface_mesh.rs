@@ -206,11 +206,9 @@ fn remove_ambiguities(grid: &Grid, values: &mut [f64]) {
 /// True if a face of the cell has two inside corners across from each other and two outside, or if the inside or the
 /// outside corners do not hang together along the cell's edges.
 fn is_ambiguous(inside: &[bool; 8]) -> bool {
-    let checkered = |&[a, b, c, d]: &[usize; 4]| {
-        inside[a] == inside[d] && inside[b] == inside[c] && inside[a] != inside[b]
-    };
-    const FACES: [[usize; 4]; 6] =
-        [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 4, 5], [2, 3, 6, 7], [0, 2, 4, 6], [1, 3, 5, 7]];
+    let checkered =
+        |&[a, b, c, d]: &[usize; 4]| inside[a] == inside[d] && inside[b] == inside[c] && inside[a] != inside[b];
+    const FACES: [[usize; 4]; 6] = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 4, 5], [2, 3, 6, 7], [0, 2, 4, 6], [1, 3, 5, 7]];
     if FACES.iter().any(checkered) {
         return true;
     }

@@ -2,8 +2,8 @@
 
 Needs the Python package `alembic3d`. Write the files and run:
 
-    cargo run -p drapery-alembic --example write_demo /tmp/demo
-    DRAPERY_ALEMBIC_DEMO=/tmp/demo pytest tests/oracle/test_alembic_official.py
+    cargo run -p drapery-alembic --example write_demo demo_archives
+    DRAPERY_ALEMBIC_DEMO=demo_archives pytest tests/oracle/test_alembic_official.py
 """
 
 import itertools
@@ -131,8 +131,8 @@ def test_face_sets_attributes_and_user_properties():
 
 
 def test_a_continued_archive_has_the_bytes_of_one_written_at_once():
-    read = lambda name: (pathlib.Path(FOLDER) / name).read_bytes()
-    assert read("continued.abc") == read("demo.abc")
+    whole, continued = (pathlib.Path(FOLDER, name).read_bytes() for name in ("demo.abc", "continued.abc"))
+    assert continued == whole
 
 
 def test_bytes_cut_off_behind_the_last_commit_do_no_harm(tmp_path):

@@ -99,7 +99,11 @@ impl PinTargets {
                     let attachment = bodies.bind(*body, vertex, place).ok_or_else(|| {
                         let name = &scene.description().garments[garment].name;
                         let place = format!("garment \"{name}\", pin {pin}, vertex {vertex}");
-                        Problem::data(place, "the body has no surface to bind to", "bind to a body read from a mesh file")
+                        Problem::data(
+                            place,
+                            "the body has no surface to bind to",
+                            "bind to a body read from a mesh file",
+                        )
                     })?;
                     Source::Surface { body: *body, attachment }
                 }
@@ -186,7 +190,13 @@ fn attached_position(attachment: &SurfaceAttachment, corners: [Vec3; 3]) -> Vec3
 }
 
 /// The attachment that puts a vertex at `place` [m], given a triangle and the weights of the point below it.
-pub(crate) fn attach(vertex: u32, place: Vec3, body_points: [u32; 3], weights: [f64; 3], corners: [Vec3; 3]) -> SurfaceAttachment {
+pub(crate) fn attach(
+    vertex: u32,
+    place: Vec3,
+    body_points: [u32; 3],
+    weights: [f64; 3],
+    corners: [Vec3; 3],
+) -> SurfaceAttachment {
     let on_surface: Vec3 = (0..3).map(|i| corners[i] * weights[i]).sum();
     let frame = triangle_frame(corners);
     let apart = place - on_surface;

@@ -176,7 +176,9 @@ fn build_parts(
 /// Springs along the edges of a mesh.
 pub fn along_edges(mesh: &TriangleMesh) -> Vec<SpringElement> {
     let elements = mesh.edges().iter().zip(mesh.edge_areas());
-    elements.map(|(e, area)| SpringElement { vertices: e.vertices, rest_length: mesh.rest_length(*e), area: *area }).collect()
+    elements
+        .map(|(e, area)| SpringElement { vertices: e.vertices, rest_length: mesh.rest_length(*e), area: *area })
+        .collect()
 }
 
 impl PartSprings {
@@ -279,7 +281,8 @@ impl Force for PartSprings {
         if !self.measures_strain {
             return None;
         }
-        let strain = |(i, j, s, _): (usize, usize, usize, bool)| ((x[j] - x[i]).norm() / self.elastic[s][1] - 1.0, [i, j]);
+        let strain =
+            |(i, j, s, _): (usize, usize, usize, bool)| ((x[j] - x[i]).norm() / self.elastic[s][1] - 1.0, [i, j]);
         self.ends().map(strain).max_by(|a, b| a.0.total_cmp(&b.0))
     }
 }

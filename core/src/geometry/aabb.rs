@@ -38,18 +38,12 @@ fn upper(a: f32, b: f32) -> f32 {
 
 impl Aabb {
     /// The box of nothing; the union with it changes nothing.
-    pub const EMPTY: Aabb = Aabb {
-        min: [f32::INFINITY; 3],
-        max: [f32::NEG_INFINITY; 3],
-    };
+    pub const EMPTY: Aabb = Aabb { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
     /// Box of one point.
     #[inline]
     pub fn of_point(p: &Vec3) -> Aabb {
-        Aabb {
-            min: [below(p.x), below(p.y), below(p.z)],
-            max: [above(p.x), above(p.y), above(p.z)],
-        }
+        Aabb { min: [below(p.x), below(p.y), below(p.z)], max: [above(p.x), above(p.y), above(p.z)] }
     }
 
     /// Box of a segment, or of the path of a point that moves straight from `a` to `b`.
@@ -94,10 +88,7 @@ impl Aabb {
     pub(crate) fn distance_squared(&self, point: &Aabb) -> f32 {
         let mut sum = 0.0;
         for k in 0..3 {
-            let d = upper(
-                upper(self.min[k] - point.max[k], point.min[k] - self.max[k]),
-                0.0,
-            );
+            let d = upper(upper(self.min[k] - point.max[k], point.min[k] - self.max[k]), 0.0);
             sum += d * d;
         }
         sum

@@ -31,11 +31,7 @@ struct Node {
     count: u32,
 }
 
-const NO_NODE: Node = Node {
-    bounds: Aabb::EMPTY,
-    first: 0,
-    count: 0,
-};
+const NO_NODE: Node = Node { bounds: Aabb::EMPTY, first: 0, count: 0 };
 
 /// Two siblings in one cache line.
 #[derive(Clone, Copy, Debug)]
@@ -77,21 +73,13 @@ impl Bvh {
     pub fn refit(&mut self, box_of: impl Fn(u32) -> Aabb + Sync) {
         let primitives = &self.primitives;
         let refit_leaves = |pairs: &mut [Siblings]| {
-            for node in pairs
-                .iter_mut()
-                .flat_map(|pair| pair.0.iter_mut())
-                .filter(|node| node.count != INNER)
-            {
+            for node in pairs.iter_mut().flat_map(|pair| pair.0.iter_mut()).filter(|node| node.count != INNER) {
                 let run = &primitives[node.first as usize..(node.first + node.count) as usize];
-                node.bounds = run
-                    .iter()
-                    .fold(Aabb::EMPTY, |bounds, &p| bounds.union(&box_of(p)));
+                node.bounds = run.iter().fold(Aabb::EMPTY, |bounds, &p| bounds.union(&box_of(p)));
             }
         };
         if self.pairs.len() > REFIT_CHUNK {
-            self.pairs
-                .par_chunks_mut(REFIT_CHUNK)
-                .for_each(refit_leaves);
+            self.pairs.par_chunks_mut(REFIT_CHUNK).for_each(refit_leaves);
         } else {
             refit_leaves(&mut self.pairs);
         }
@@ -113,20 +101,9 @@ impl Bvh {
         if total == 0.0 {
             return 0.0;
         }
-        let visits = |node: &Node| {
-            node.bounds.half_area()
-                * if node.count == INNER {
-                    2.0
-                } else {
-                    f64::from(node.count)
-                }
-        };
-        self.pairs
-            .iter()
-            .flat_map(|pair| pair.0.iter())
-            .map(visits)
-            .sum::<f64>()
-            / total
+        let visits =
+            |node: &Node| node.bounds.half_area() * if node.count == INNER { 2.0 } else { f64::from(node.count) };
+        self.pairs.iter().flat_map(|pair| pair.0.iter()).map(visits).sum::<f64>() / total
     }
 
     /// Primitive closest to `point` within `max_distance` \[m\], with its squared distance \[m²\].
@@ -146,8 +123,7 @@ impl Bvh {
             return None;
         }
         let mut best = (u32::MAX, max_distance * max_distance);
-        let reach_of =
-            |best: f64| (best * (1.0 + tolerances::BOX_DISTANCE)) as f32 + f32::MIN_POSITIVE;
+        let reach_of = |best: f64| (best * (1.0 + tolerances::BOX_DISTANCE)) as f32 + f32::MIN_POSITIVE;
         let mut reach = reach_of(best.1);
         let mut visit = |primitive: u32, best: &mut (u32, f64), reach: &mut f32| {
             let d = distance_squared(primitive);
@@ -168,18 +144,13 @@ impl Bvh {
                 continue;
             }
             let children = &self.pairs[pair as usize].0;
-            let d = [
-                children[0].bounds.distance_squared(&target),
-                children[1].bounds.distance_squared(&target),
-            ];
+            let d = [children[0].bounds.distance_squared(&target), children[1].bounds.distance_squared(&target)];
             let near = usize::from(d[1] < d[0]);
             // Leaves are looked at now, the nearer first; of inner nodes the nearer is pushed last, to be popped first.
             for side in [near, 1 - near] {
                 let child = &children[side];
                 if child.count != INNER && d[side] <= reach {
-                    for &primitive in
-                        &self.primitives[child.first as usize..(child.first + child.count) as usize]
-                    {
+                    for &primitive in &self.primitives[child.first as usize..(child.first + child.count) as usize] {
                         visit(primitive, &mut best, &mut reach);
                     }
                 }
@@ -217,8 +188,7 @@ impl Bvh {
                     stack[height] = child.first;
                     height += 1;
                 } else {
-                    let run = &self.primitives
-                        [child.first as usize..(child.first + child.count) as usize];
+                    let run = &self.primitives[child.first as usize..(child.first + child.count) as usize];
                     run.iter().for_each(|&primitive| found(primitive));
                 }
             }
@@ -257,20 +227,11 @@ impl Bvh {
                     self.run(b).iter().for_each(|&q| found(p.min(q), p.max(q)));
                 }
             }
-            (true, false) => self.pairs[a.first as usize]
-                .0
-                .iter()
-                .for_each(|c| self.pairs_between(c, b, found)),
-            (false, true) => self.pairs[b.first as usize]
-                .0
-                .iter()
-                .for_each(|c| self.pairs_between(a, c, found)),
+            (true, false) => self.pairs[a.first as usize].0.iter().for_each(|c| self.pairs_between(c, b, found)),
+            (false, true) => self.pairs[b.first as usize].0.iter().for_each(|c| self.pairs_between(a, c, found)),
             (true, true) => {
                 for c in &self.pairs[a.first as usize].0 {
-                    self.pairs[b.first as usize]
-                        .0
-                        .iter()
-                        .for_each(|d| self.pairs_between(c, d, found));
+                    self.pairs[b.first as usize].0.iter().for_each(|d| self.pairs_between(c, d, found));
                 }
             }
         }
@@ -294,10 +255,7 @@ mod tests {
     }
 
     fn boxes(segments: &[[Vec3; 2]]) -> Vec<Aabb> {
-        segments
-            .iter()
-            .map(|s| Aabb::of_segment(&s[0], &s[1]))
-            .collect()
+        segments.iter().map(|s| Aabb::of_segment(&s[0], &s[1])).collect()
     }
 
     fn distance_squared(p: &Vec3, s: &[Vec3; 2]) -> f64 {
@@ -313,13 +271,8 @@ mod tests {
             for _ in 0..300 {
                 let p = random.vector() * 1.5;
                 let reach = 0.3 + 0.3 * random.number();
-                let all = segments
-                    .iter()
-                    .enumerate()
-                    .map(|(i, s)| (distance_squared(&p, s), i as u32));
-                let expected = all
-                    .filter(|(d, _)| *d <= reach * reach)
-                    .min_by(|a, b| a.partial_cmp(b).unwrap());
+                let all = segments.iter().enumerate().map(|(i, s)| (distance_squared(&p, s), i as u32));
+                let expected = all.filter(|(d, _)| *d <= reach * reach).min_by(|a, b| a.partial_cmp(b).unwrap());
                 let expected = expected.map(|(d, i)| (i, d));
                 let distance = |i: u32| distance_squared(&p, &segments[i as usize]);
                 assert_eq!(tree.nearest(&p, reach, None, distance), expected);
@@ -338,14 +291,9 @@ mod tests {
         let mut random = Random(5);
         for _ in 0..100 {
             let p = random.vector() * 2.0;
-            let found = tree.nearest(&p, f64::INFINITY, Some(93), |i| {
-                distance_squared(&p, &segments[i as usize])
-            });
+            let found = tree.nearest(&p, f64::INFINITY, Some(93), |i| distance_squared(&p, &segments[i as usize]));
             let first_is_closer = distance_squared(&p, &s[0]) < distance_squared(&p, &s[1]);
-            assert_eq!(
-                found.map(|f| f.0),
-                Some(if first_is_closer { 7 } else { 0 })
-            );
+            assert_eq!(found.map(|f| f.0), Some(if first_is_closer { 7 } else { 0 }));
         }
     }
 
@@ -363,9 +311,7 @@ mod tests {
                 found.sort_unstable();
                 assert!(found.windows(2).all(|w| w[0] < w[1]));
                 for i in 0..n as u32 {
-                    assert!(
-                        !boxes[i as usize].overlaps(&region) || found.binary_search(&i).is_ok()
-                    );
+                    assert!(!boxes[i as usize].overlaps(&region) || found.binary_search(&i).is_ok());
                 }
             }
             let mut pairs = Vec::new();
@@ -387,16 +333,10 @@ mod tests {
     fn a_refit_tree_answers_like_a_new_one_on_any_number_of_threads() {
         let mut random = Random(7);
         let before = segments(&mut random, 20_000, 0.02);
-        let after: Vec<_> = before
-            .iter()
-            .map(|s| s.map(|p| p + Vec3::new(p.y, p.z * p.x, 0.3)))
-            .collect();
+        let after: Vec<_> = before.iter().map(|s| s.map(|p| p + Vec3::new(p.y, p.z * p.x, 0.3))).collect();
         let moved = boxes(&after);
         let refit = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut tree = Bvh::build(&boxes(&before));
             pool.install(|| tree.refit(|i| moved[i as usize]));
             tree
@@ -407,10 +347,7 @@ mod tests {
         for _ in 0..200 {
             let p = random.vector();
             let distance = |i: u32| distance_squared(&p, &after[i as usize]);
-            assert_eq!(
-                one.nearest(&p, 1.0, None, distance),
-                new.nearest(&p, 1.0, None, distance)
-            );
+            assert_eq!(one.nearest(&p, 1.0, None, distance), new.nearest(&p, 1.0, None, distance));
         }
         assert!(one.cost() > new.cost());
     }
@@ -418,15 +355,10 @@ mod tests {
     #[test]
     fn coinciding_and_geometrically_spread_boxes_stay_within_the_stack() {
         let same = vec![Aabb::of_point(&Vec3::x()); 5000];
-        let spread: Vec<_> = (0..5000)
-            .map(|i| Aabb::of_point(&(Vec3::x() * 0.99f64.powi(i))))
-            .collect();
+        let spread: Vec<_> = (0..5000).map(|i| Aabb::of_point(&(Vec3::x() * 0.99f64.powi(i)))).collect();
         for boxes in [same, spread] {
             let mut count = 0;
-            Bvh::build(&boxes)
-                .for_each_overlap(&Aabb::of_segment(&Vec3::zeros(), &Vec3::x()), |_| {
-                    count += 1
-                });
+            Bvh::build(&boxes).for_each_overlap(&Aabb::of_segment(&Vec3::zeros(), &Vec3::x()), |_| count += 1);
             assert_eq!(count, 5000);
         }
     }

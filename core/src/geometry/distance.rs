@@ -80,11 +80,7 @@ pub fn closest_on_triangle(p: &Vec3, corners: &[Vec3; 3]) -> TrianglePoint {
             distance_squared: (p - point).norm_squared(),
         };
     }
-    let faces_p = [
-        !flat || gamma < 0.0,
-        !flat || alpha < 0.0,
-        !flat || beta < 0.0,
-    ];
+    let faces_p = [!flat || gamma < 0.0, !flat || alpha < 0.0, !flat || beta < 0.0];
     closest_on_edges(p, corners, faces_p)
 }
 
@@ -103,11 +99,7 @@ fn closest_on_edges(p: &Vec3, corners: &[Vec3; 3], wanted: [bool; 3]) -> Triangl
         }
         let j = (i + 1) % 3;
         let t = closest_on_segment(p, &corners[i], &corners[j]);
-        let point = if t == 1.0 {
-            corners[j]
-        } else {
-            corners[i] + (corners[j] - corners[i]) * t
-        };
+        let point = if t == 1.0 { corners[j] } else { corners[i] + (corners[j] - corners[i]) * t };
         let distance_squared = (p - point).norm_squared();
         if distance_squared < best.distance_squared {
             let mut weights = [0.0; 3];
@@ -120,12 +112,7 @@ fn closest_on_edges(p: &Vec3, corners: &[Vec3; 3], wanted: [bool; 3]) -> Triangl
             } else {
                 TriangleFeature::Edge(i as u8)
             };
-            best = TrianglePoint {
-                point,
-                weights,
-                feature,
-                distance_squared,
-            };
+            best = TrianglePoint { point, weights, feature, distance_squared };
         }
     }
     best
@@ -145,11 +132,7 @@ pub fn closest_on_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> SegmentPair {
     let r2 = uv * uw - uu * vw;
     let pair = |parameters: [f64; 2]| {
         let points = [a[0] + u * parameters[0], b[0] + v * parameters[1]];
-        SegmentPair {
-            parameters,
-            points,
-            distance_squared: (points[0] - points[1]).norm_squared(),
-        }
+        SegmentPair { parameters, points, distance_squared: (points[0] - points[1]).norm_squared() }
     };
     if d > PARALLEL_SINE_SQUARED * uu * vv && 0.0 < r1 && r1 < d && 0.0 < r2 && r2 < d {
         return pair([r1 / d, r2 / d]);
@@ -201,10 +184,7 @@ mod tests {
             assert!(found.weights.iter().all(|&w| w >= 0.0));
             let (exact, sampled) = (found.distance_squared.sqrt(), sampled_distance(&p, &t, n));
             // A sample lies within one grid spacing of every point; edges are at most 2√3 long.
-            assert!(
-                exact <= sampled + 1e-12 && sampled <= exact + 3.5 / f64::from(n),
-                "{exact} {sampled}"
-            );
+            assert!(exact <= sampled + 1e-12 && sampled <= exact + 3.5 / f64::from(n), "{exact} {sampled}");
         }
     }
 
@@ -212,41 +192,13 @@ mod tests {
     fn the_feature_names_the_part_of_the_triangle_that_is_closest() {
         let t = [Vec3::zeros(), Vec3::x(), Vec3::y()];
         let cases = [
-            (
-                Vec3::new(0.2, 0.2, 1.0),
-                TriangleFeature::Face,
-                [0.6, 0.2, 0.2],
-            ),
-            (
-                Vec3::new(0.5, -1.0, 1.0),
-                TriangleFeature::Edge(0),
-                [0.5, 0.5, 0.0],
-            ),
-            (
-                Vec3::new(1.0, 1.0, 0.0),
-                TriangleFeature::Edge(1),
-                [0.0, 0.5, 0.5],
-            ),
-            (
-                Vec3::new(-1.0, 0.25, 0.0),
-                TriangleFeature::Edge(2),
-                [0.75, 0.0, 0.25],
-            ),
-            (
-                Vec3::new(-1.0, -1.0, 3.0),
-                TriangleFeature::Vertex(0),
-                [1.0, 0.0, 0.0],
-            ),
-            (
-                Vec3::new(3.0, 0.0, 0.0),
-                TriangleFeature::Vertex(1),
-                [0.0, 1.0, 0.0],
-            ),
-            (
-                Vec3::new(0.0, 2.0, 0.1),
-                TriangleFeature::Vertex(2),
-                [0.0, 0.0, 1.0],
-            ),
+            (Vec3::new(0.2, 0.2, 1.0), TriangleFeature::Face, [0.6, 0.2, 0.2]),
+            (Vec3::new(0.5, -1.0, 1.0), TriangleFeature::Edge(0), [0.5, 0.5, 0.0]),
+            (Vec3::new(1.0, 1.0, 0.0), TriangleFeature::Edge(1), [0.0, 0.5, 0.5]),
+            (Vec3::new(-1.0, 0.25, 0.0), TriangleFeature::Edge(2), [0.75, 0.0, 0.25]),
+            (Vec3::new(-1.0, -1.0, 3.0), TriangleFeature::Vertex(0), [1.0, 0.0, 0.0]),
+            (Vec3::new(3.0, 0.0, 0.0), TriangleFeature::Vertex(1), [0.0, 1.0, 0.0]),
+            (Vec3::new(0.0, 2.0, 0.1), TriangleFeature::Vertex(2), [0.0, 0.0, 1.0]),
         ];
         for (p, feature, weights) in cases {
             let found = closest_on_triangle(&p, &t);
@@ -288,19 +240,13 @@ mod tests {
             }
             let exact = found.distance_squared.sqrt();
             // Nearly parallel segments are judged at their ends: the error is at most the sine times a length.
-            assert!(
-                exact <= sampled + 4e-6 && sampled <= exact + 3.5 / f64::from(n),
-                "{round}: {exact} {sampled}"
-            );
+            assert!(exact <= sampled + 4e-6 && sampled <= exact + 3.5 / f64::from(n), "{round}: {exact} {sampled}");
         }
     }
 
     #[test]
     fn parallel_overlapping_segments_start_at_the_first_end() {
-        let found = closest_on_segments(
-            &[Vec3::zeros(), Vec3::x()],
-            &[Vec3::y() - Vec3::x(), Vec3::y() + Vec3::x()],
-        );
+        let found = closest_on_segments(&[Vec3::zeros(), Vec3::x()], &[Vec3::y() - Vec3::x(), Vec3::y() + Vec3::x()]);
         assert_eq!(found.parameters, [0.0, 0.5]);
         assert_eq!(found.distance_squared, 1.0);
     }

@@ -56,9 +56,7 @@ pub enum SurfaceError {
         found: usize,
     },
     /// A coordinate that is no number.
-    #[error(
-        "point {point} of the sample at {time} s is not finite\n  help: look for a broken deformer in that frame"
-    )]
+    #[error("point {point} of the sample at {time} s is not finite\n  help: look for a broken deformer in that frame")]
     NotFinite {
         /// Time of the sample \[s\].
         time: f64,
@@ -66,9 +64,7 @@ pub enum SurfaceError {
         point: usize,
     },
     /// The second sample lies before the first.
-    #[error(
-        "the samples at {time_a} s and {time_b} s are in the wrong order\n  help: give the earlier one first"
-    )]
+    #[error("the samples at {time_a} s and {time_b} s are in the wrong order\n  help: give the earlier one first")]
     Times {
         /// Time of the first sample \[s\].
         time_a: f64,
@@ -100,9 +96,7 @@ impl SurfacePoint {
         if self.distance.abs() <= tolerances::DIRECTION * query.amax() {
             return self.normal;
         }
-        ((query - self.point) * self.distance.signum())
-            .try_normalize(0.0)
-            .unwrap_or(self.normal)
+        ((query - self.point) * self.distance.signum()).try_normalize(0.0).unwrap_or(self.normal)
     }
 }
 
@@ -140,20 +134,13 @@ pub struct MovingSurface {
 
 impl MovingSurface {
     /// A surface without positions: no query finds anything before the first samples.
-    pub fn new(
-        triangles: Vec<[u32; 3]>,
-        point_count: usize,
-    ) -> Result<MovingSurface, SurfaceError> {
+    pub fn new(triangles: Vec<[u32; 3]>, point_count: usize) -> Result<MovingSurface, SurfaceError> {
         if triangles.is_empty() {
             return Err(SurfaceError::NoTriangles);
         }
         for (triangle, corners) in triangles.iter().enumerate() {
             if let Some(&point) = corners.iter().find(|&&v| v as usize >= point_count) {
-                return Err(SurfaceError::PointOutOfRange {
-                    triangle,
-                    point,
-                    point_count,
-                });
+                return Err(SurfaceError::PointOutOfRange { triangle, point, point_count });
             }
         }
         let (star_starts, stars) = vertex_stars(&triangles, point_count);
@@ -165,14 +152,8 @@ impl MovingSurface {
             stars,
             closed,
             times: [0.0; 2],
-            samples: [
-                vec![Vec3::zeros(); point_count],
-                vec![Vec3::zeros(); point_count],
-            ],
-            positions: [
-                vec![Vec3::zeros(); point_count],
-                vec![Vec3::zeros(); point_count],
-            ],
+            samples: [vec![Vec3::zeros(); point_count], vec![Vec3::zeros(); point_count]],
+            positions: [vec![Vec3::zeros(); point_count], vec![Vec3::zeros(); point_count]],
             vertex_boxes: vec![[Aabb::EMPTY; 2]; point_count],
             trees: [nothing.clone(), nothing],
             built_cost: 0.0,
@@ -181,27 +162,14 @@ impl MovingSurface {
 
     /// The two samples that the following steps lie between, times in s, positions in m; equal times mean a body at
     /// rest. The step is then the whole interval.
-    pub fn set_samples(
-        &mut self,
-        time_a: f64,
-        a: &[Vec3],
-        time_b: f64,
-        b: &[Vec3],
-    ) -> Result<(), SurfaceError> {
-        if time_a
-            .partial_cmp(&time_b)
-            .is_none_or(std::cmp::Ordering::is_gt)
-        {
+    pub fn set_samples(&mut self, time_a: f64, a: &[Vec3], time_b: f64, b: &[Vec3]) -> Result<(), SurfaceError> {
+        if time_a.partial_cmp(&time_b).is_none_or(std::cmp::Ordering::is_gt) {
             return Err(SurfaceError::Times { time_a, time_b });
         }
         for (time, sample) in [(time_a, a), (time_b, b)] {
             let expected = self.vertex_boxes.len();
             if sample.len() != expected {
-                return Err(SurfaceError::PointCount {
-                    time,
-                    expected,
-                    found: sample.len(),
-                });
+                return Err(SurfaceError::PointCount { time, expected, found: sample.len() });
             }
             if let Some(point) = sample.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
                 return Err(SurfaceError::NotFinite { time, point });
@@ -211,9 +179,7 @@ impl MovingSurface {
         self.samples[0].copy_from_slice(a);
         self.samples[1].copy_from_slice(b);
         self.set_step(time_b, time_b);
-        if self.trees[0].is_empty()
-            || self.trees[0].cost() > tolerances::REBUILD_COST * self.built_cost
-        {
+        if self.trees[0].is_empty() || self.trees[0].cost() > tolerances::REBUILD_COST * self.built_cost {
             let tree = Bvh::build(&self.triangle_boxes(0));
             self.built_cost = tree.cost();
             self.trees = [tree.clone(), tree];
@@ -229,28 +195,15 @@ impl MovingSurface {
         let [a, b] = &self.samples;
         let [start, end] = &mut self.positions;
         let moving = shares[0] != shares[1];
-        let targets = start
-            .par_iter_mut()
-            .zip(end.par_iter_mut())
-            .zip(self.vertex_boxes.par_iter_mut());
+        let targets = start.par_iter_mut().zip(end.par_iter_mut()).zip(self.vertex_boxes.par_iter_mut());
         let sources = a.par_iter().zip(b.par_iter());
-        targets
-            .zip(sources)
-            .with_min_len(MOVE_CHUNK)
-            .for_each(|(((x0, x1), boxes), (a, b))| {
-                // Exact at both ends, so that consecutive samples and steps join without a gap.
-                *x0 = a * (1.0 - shares[0]) + b * shares[0];
-                *x1 = a * (1.0 - shares[1]) + b * shares[1];
-                let at_end = Aabb::of_point(x1);
-                *boxes = [
-                    at_end,
-                    if moving {
-                        at_end.union(&Aabb::of_point(x0))
-                    } else {
-                        at_end
-                    },
-                ];
-            });
+        targets.zip(sources).with_min_len(MOVE_CHUNK).for_each(|(((x0, x1), boxes), (a, b))| {
+            // Exact at both ends, so that consecutive samples and steps join without a gap.
+            *x0 = a * (1.0 - shares[0]) + b * shares[0];
+            *x1 = a * (1.0 - shares[1]) + b * shares[1];
+            let at_end = Aabb::of_point(x1);
+            *boxes = [at_end, if moving { at_end.union(&Aabb::of_point(x0)) } else { at_end }];
+        });
         let (triangles, boxes) = (&self.triangles, &self.vertex_boxes);
         for (kind, tree) in self.trees.iter_mut().enumerate() {
             tree.refit(|t| triangle_box(&triangles[t as usize], boxes, kind));
@@ -282,12 +235,7 @@ impl MovingSurface {
     /// `hint` is a triangle that may be close, such as the answer of the last step: it shortens the search and never
     /// changes its result.
     #[inline]
-    pub fn closest(
-        &self,
-        point: &Vec3,
-        max_distance: f64,
-        hint: Option<u32>,
-    ) -> Option<SurfacePoint> {
+    pub fn closest(&self, point: &Vec3, max_distance: f64, hint: Option<u32>) -> Option<SurfacePoint> {
         let x = &self.positions[1];
         let hint = hint.filter(|&t| (t as usize) < self.trees[0].len());
         let distance_squared = |t| closest_on_triangle(point, &self.corners(x, t)).distance_squared;
@@ -295,10 +243,7 @@ impl MovingSurface {
         let found = closest_on_triangle(point, &self.corners(x, triangle));
         let away = point - found.point;
         let unsigned = found.distance_squared.sqrt();
-        let normal = match self
-            .pseudo_normal(triangle, found.feature)
-            .try_normalize(0.0)
-        {
+        let normal = match self.pseudo_normal(triangle, found.feature).try_normalize(0.0) {
             Some(normal) => normal,
             // All triangles around the feature are without area: no side is known, so outside.
             None => away.try_normalize(0.0).unwrap_or_else(Vec3::y),
@@ -310,13 +255,7 @@ impl MovingSurface {
             _ if height < 0.0 => -unsigned,
             _ => unsigned,
         };
-        Some(SurfacePoint {
-            triangle,
-            weights: found.weights,
-            point: found.point,
-            normal,
-            distance,
-        })
+        Some(SurfacePoint { triangle, weights: found.weights, point: found.point, normal, distance })
     }
 
     /// Velocity of a point of the surface \[m/s\], constant between two samples; zero for a body at rest.
@@ -325,8 +264,7 @@ impl MovingSurface {
         if duration == 0.0 {
             return Vec3::zeros();
         }
-        (self.point_of(&self.samples[1], triangle, weights)
-            - self.point_of(&self.samples[0], triangle, weights))
+        (self.point_of(&self.samples[1], triangle, weights) - self.point_of(&self.samples[0], triangle, weights))
             / duration
     }
 
@@ -349,12 +287,7 @@ impl MovingSurface {
             };
             if best.is_none_or(|b| (hit.fraction, triangle) < (b.fraction, b.triangle)) {
                 let (weights, fraction, side) = (hit.weights, hit.fraction, hit.side);
-                best = Some(PathHit {
-                    triangle,
-                    weights,
-                    fraction,
-                    side,
-                });
+                best = Some(PathHit { triangle, weights, fraction, side });
             }
         });
         best
@@ -368,11 +301,8 @@ impl MovingSurface {
 
     /// Where the surface crosses itself with its points at `positions`, one for each point of the body (a sample, say).
     pub fn self_crossing(&self, positions: &[Vec3]) -> SelfCrossing {
-        let box_of = |t: &[u32; 3]| {
-            t.iter().fold(Aabb::EMPTY, |b, &v| {
-                b.union(&Aabb::of_point(&positions[v as usize]))
-            })
-        };
+        let box_of =
+            |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&positions[v as usize])));
         let tree = if self.trees[0].is_empty() {
             Bvh::build(&self.triangles.iter().map(box_of).collect::<Vec<_>>())
         } else {
@@ -386,18 +316,11 @@ impl MovingSurface {
     /// Fraction of the way from the first sample to the second.
     fn share_of(&self, time: f64) -> f64 {
         let duration = self.times[1] - self.times[0];
-        if duration == 0.0 {
-            1.0
-        } else {
-            ((time - self.times[0]) / duration).clamp(0.0, 1.0)
-        }
+        if duration == 0.0 { 1.0 } else { ((time - self.times[0]) / duration).clamp(0.0, 1.0) }
     }
 
     fn triangle_boxes(&self, kind: usize) -> Vec<Aabb> {
-        self.triangles
-            .iter()
-            .map(|t| triangle_box(t, &self.vertex_boxes, kind))
-            .collect()
+        self.triangles.iter().map(|t| triangle_box(t, &self.vertex_boxes, kind)).collect()
     }
 
     #[inline]
@@ -411,8 +334,7 @@ impl MovingSurface {
     }
 
     fn star(&self, vertex: u32) -> &[u32] {
-        &self.stars[self.star_starts[vertex as usize] as usize
-            ..self.star_starts[vertex as usize + 1] as usize]
+        &self.stars[self.star_starts[vertex as usize] as usize..self.star_starts[vertex as usize + 1] as usize]
     }
 
     /// Angle-weighted pseudo-normal, not normalised: the face normal, the sum over the triangles of an edge, or over
@@ -424,18 +346,12 @@ impl MovingSurface {
             TriangleFeature::Face => self.unit_normal(triangle),
             TriangleFeature::Edge(i) => {
                 let (a, b) = (corners[i as usize], corners[(i as usize + 1) % 3]);
-                let around = self
-                    .star(a)
-                    .iter()
-                    .filter(|&&t| self.triangles[t as usize].contains(&b));
+                let around = self.star(a).iter().filter(|&&t| self.triangles[t as usize].contains(&b));
                 around.map(|&t| self.unit_normal(t)).sum()
             }
             TriangleFeature::Vertex(i) => {
                 let vertex = corners[i as usize];
-                self.star(vertex)
-                    .iter()
-                    .map(|&t| self.unit_normal(t) * self.angle_at(t, vertex))
-                    .sum()
+                self.star(vertex).iter().map(|&t| self.unit_normal(t) * self.angle_at(t, vertex)).sum()
             }
         }
     }
@@ -443,10 +359,7 @@ impl MovingSurface {
     /// Zero for a triangle without area.
     fn unit_normal(&self, triangle: u32) -> Vec3 {
         let [a, b, c] = self.corners(&self.positions[1], triangle);
-        (b - a)
-            .cross(&(c - a))
-            .try_normalize(0.0)
-            .unwrap_or_else(Vec3::zeros)
+        (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vec3::zeros)
     }
 
     /// Angle of the triangle at one of its vertices \[rad\].

@@ -51,12 +51,7 @@ pub struct Crossing {
 /// A point on the surface, or behind it by rounding, at the start counts as outside; on it at the end, as still
 /// outside: a chain of steps never loses it.
 #[inline]
-pub fn first_crossing(
-    point: &[Vec3; 2],
-    start: &[Vec3; 3],
-    end: &[Vec3; 3],
-    wanted: Crossings,
-) -> Option<Crossing> {
+pub fn first_crossing(point: &[Vec3; 2], start: &[Vec3; 3], end: &[Vec3; 3], wanted: Crossings) -> Option<Crossing> {
     let volume = Volume::new(point, start, end);
     if volume.keeps_its_sign() {
         return None;
@@ -75,31 +70,15 @@ struct Volume {
 impl Volume {
     #[inline]
     fn new(point: &[Vec3; 2], start: &[Vec3; 3], end: &[Vec3; 3]) -> Volume {
-        let (ab0, ac0, ap0) = (
-            start[1] - start[0],
-            start[2] - start[0],
-            point[0] - start[0],
-        );
+        let (ab0, ac0, ap0) = (start[1] - start[0], start[2] - start[0], point[0] - start[0]);
         let (ab1, ac1, ap1) = (end[1] - end[0], end[2] - end[0], point[1] - end[0]);
         let (n0, n2) = (ab0.cross(&ac0), ab1.cross(&ac1));
         let n1 = ab0.cross(&ac1) + ab1.cross(&ac0);
-        let coefficients = [
-            n0.dot(&ap0),
-            (n1.dot(&ap0) + n0.dot(&ap1)) / 3.0,
-            (n2.dot(&ap0) + n1.dot(&ap1)) / 3.0,
-            n2.dot(&ap1),
-        ];
+        let coefficients =
+            [n0.dot(&ap0), (n1.dot(&ap0) + n0.dot(&ap1)) / 3.0, (n2.dot(&ap0) + n1.dot(&ap1)) / 3.0, n2.dot(&ap1)];
         let longest = |a: &Vec3, b: &Vec3| a.norm_squared().max(b.norm_squared()).sqrt();
-        let (ab, ac, ap) = (
-            longest(&ab0, &ab1),
-            longest(&ac0, &ac1),
-            longest(&ap0, &ap1),
-        );
-        Volume {
-            coefficients,
-            rounding: tolerances::VOLUME * ab * ac * ap,
-            size: ab.max(ac).max(ap),
-        }
+        let (ab, ac, ap) = (longest(&ab0, &ab1), longest(&ac0, &ac1), longest(&ap0, &ap1));
+        Volume { coefficients, rounding: tolerances::VOLUME * ab * ac * ap, size: ab.max(ac).max(ap) }
     }
 
     #[inline]
@@ -146,11 +125,7 @@ impl Volume {
                 high = s;
             }
             let newton = s - value / slope;
-            let next = if newton > low && newton < high {
-                newton
-            } else {
-                0.5 * (low + high)
-            };
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             if next == s || next <= low || next >= high {
                 break;
             }
@@ -174,11 +149,7 @@ fn roots_between(
         if interval[0] >= interval[1] {
             continue;
         }
-        let value = if interval[1] == 1.0 {
-            volume.coefficients[3]
-        } else {
-            volume.at(interval[1]).0
-        };
+        let value = if interval[1] == 1.0 { volume.coefficients[3] } else { volume.at(interval[1]).0 };
         let was_outside = outside;
         outside = value >= 0.0;
         if outside == was_outside || (outside && wanted == Crossings::Entering) {
@@ -189,11 +160,7 @@ fn roots_between(
         let slit = tolerances::SLIT * volume.size;
         if found.distance_squared <= slit * slit {
             let side = if was_outside { Side::Front } else { Side::Back };
-            return Some(Crossing {
-                fraction,
-                weights: found.weights,
-                side,
-            });
+            return Some(Crossing { fraction, weights: found.weights, side });
         }
     }
     None
@@ -209,11 +176,7 @@ mod tests {
     use super::*;
     use crate::geometry::testing::Random;
 
-    const RIGHT: [Vec3; 3] = [
-        Vec3::new(0.0, 0.0, 0.0),
-        Vec3::new(1.0, 0.0, 0.0),
-        Vec3::new(0.0, 1.0, 0.0),
-    ];
+    const RIGHT: [Vec3; 3] = [Vec3::new(0.0, 0.0, 0.0), Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0)];
 
     fn moved(t: &[Vec3; 3], by: Vec3) -> [Vec3; 3] {
         t.map(|p| p + by)
@@ -221,22 +184,13 @@ mod tests {
 
     #[test]
     fn a_point_falling_through_a_triangle_at_rest_is_found_at_the_exact_fraction() {
-        let hit = first_crossing(
-            &[Vec3::new(0.2, 0.3, 3.0), Vec3::new(0.2, 0.3, -1.0)],
-            &RIGHT,
-            &RIGHT,
-            Crossings::Any,
-        );
+        let hit =
+            first_crossing(&[Vec3::new(0.2, 0.3, 3.0), Vec3::new(0.2, 0.3, -1.0)], &RIGHT, &RIGHT, Crossings::Any);
         let hit = hit.unwrap();
         assert!((hit.fraction - 0.75).abs() < 1e-15 && hit.side == Side::Front);
         assert!((Vec3::from(hit.weights) - Vec3::new(0.5, 0.2, 0.3)).norm() < 1e-15);
         let back = [Vec3::new(0.2, 0.3, -1.0), Vec3::new(0.2, 0.3, 3.0)];
-        assert_eq!(
-            first_crossing(&back, &RIGHT, &RIGHT, Crossings::Any)
-                .unwrap()
-                .side,
-            Side::Back
-        );
+        assert_eq!(first_crossing(&back, &RIGHT, &RIGHT, Crossings::Any).unwrap().side, Side::Back);
         assert!(first_crossing(&back, &RIGHT, &RIGHT, Crossings::Entering).is_none());
         let beside = [Vec3::new(0.7, 0.7, 3.0), Vec3::new(0.7, 0.7, -1.0)];
         assert!(first_crossing(&beside, &RIGHT, &RIGHT, Crossings::Any).is_none());
@@ -246,8 +200,7 @@ mod tests {
     fn motion_shared_by_point_and_triangle_changes_nothing() {
         let flight = Vec3::new(40.0, -20.0, 5.0); // a fast limb seen over one second
         let point = [Vec3::new(0.2, 0.3, 0.1), Vec3::new(0.2, 0.3, -0.3) + flight];
-        let hit =
-            first_crossing(&point, &RIGHT, &moved(&RIGHT, flight), Crossings::Entering).unwrap();
+        let hit = first_crossing(&point, &RIGHT, &moved(&RIGHT, flight), Crossings::Entering).unwrap();
         assert!((hit.fraction - 0.25).abs() < 1e-13);
     }
 
@@ -261,9 +214,7 @@ mod tests {
             let end = [random.vector(), random.vector(), random.vector()];
             let point = [random.vector() * 0.5, random.vector() * 0.5];
             let volume = Volume::new(&point, &start, &end);
-            let samples: Vec<bool> = (0..=400)
-                .map(|i| volume.at(f64::from(i) / 400.0).0 >= 0.0)
-                .collect();
+            let samples: Vec<bool> = (0..=400).map(|i| volume.at(f64::from(i) / 400.0).0 >= 0.0).collect();
             if samples.windows(2).filter(|w| w[0] != w[1]).count() < 2 {
                 continue;
             }
@@ -274,8 +225,7 @@ mod tests {
             };
             let certain = (0..400).find(|&i| samples[i] && !samples[i + 1] && inside(i));
             if let Some(i) = certain {
-                let hit = first_crossing(&point, &start, &end, Crossings::Entering)
-                    .expect("a sampled crossing");
+                let hit = first_crossing(&point, &start, &end, Crossings::Entering).expect("a sampled crossing");
                 assert!(hit.fraction <= (i as f64 + 1.0) / 400.0 + 1e-12);
                 assert!(volume.at(hit.fraction).0.abs() < 1e-12);
             }
@@ -300,12 +250,7 @@ mod tests {
             let through = t[0] * 0.3 + t[1] * 0.4 + t[2] * 0.3;
             let normal = (t[1] - t[0]).cross(&(t[2] - t[0])).normalize();
             // The middle joint lies on the surface up to rounding, on a side nobody chose.
-            let chain = [
-                through + normal * 0.3,
-                through + normal * 0.1,
-                through,
-                through - normal * 0.1,
-            ];
+            let chain = [through + normal * 0.3, through + normal * 0.1, through, through - normal * 0.1];
             let hits = chain
                 .windows(2)
                 .filter(|w| first_crossing(&[w[0], w[1]], &t, &t, Crossings::Entering).is_some())
@@ -326,11 +271,7 @@ mod tests {
         let flight = Vec3::new(3.0, -2.0, 10.0);
         for round in 0..5000 {
             let k = round % 7;
-            let along = if round % 3 == 0 {
-                0.0
-            } else {
-                0.5 + 0.4 * random.number()
-            };
+            let along = if round % 3 == 0 { 0.0 } else { 0.5 + 0.4 * random.number() };
             let target = hub + (rim[k] - hub) * along; // on an edge, or the hub itself
             let sideways = Vec3::new(random.number(), random.number(), 0.0) * 0.3;
             let from = target + sideways + Vec3::z() * 2.0;
@@ -348,9 +289,7 @@ mod tests {
         let line = [Vec3::zeros(), Vec3::x(), Vec3::x() * 2.0];
         let path = [Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 0.0, -1.0)];
         assert!(first_crossing(&path, &line, &line, Crossings::Any).is_none());
-        assert!(
-            first_crossing(&path, &[Vec3::zeros(); 3], &[Vec3::x(); 3], Crossings::Any).is_none()
-        );
+        assert!(first_crossing(&path, &[Vec3::zeros(); 3], &[Vec3::x(); 3], Crossings::Any).is_none());
         let mut broken = RIGHT;
         broken[1].x = f64::NAN;
         assert!(first_crossing(&path, &broken, &RIGHT, Crossings::Any).is_none());

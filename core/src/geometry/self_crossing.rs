@@ -45,10 +45,7 @@ impl SelfCrossing {
 /// decides: filling patches between crossing curves is cheaper but leaks where such a curve ends in a fold. Only a
 /// `closed` surface has an inside. Sides are decided in `f64`, not exactly: triangles that merely touch may go either way.
 pub fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh, closed: bool) -> SelfCrossing {
-    let boxes: Vec<Aabb> = triangles
-        .iter()
-        .map(|t| bounds_of(&t.map(|v| positions[v as usize])))
-        .collect();
+    let boxes: Vec<Aabb> = triangles.iter().map(|t| bounds_of(&t.map(|v| positions[v as usize]))).collect();
     let mut pairs = Vec::new();
     tree.self_pairs(|i, j| {
         if boxes[i as usize].overlaps(&boxes[j as usize]) {
@@ -59,11 +56,7 @@ pub fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh, closed: bool
         }
     });
     pairs.sort_unstable();
-    let buried = if pairs.is_empty() || !closed {
-        Vec::new()
-    } else {
-        buried_vertices(triangles, positions, tree)
-    };
+    let buried = if pairs.is_empty() || !closed { Vec::new() } else { buried_vertices(triangles, positions, tree) };
     SelfCrossing { pairs, buried }
 }
 
@@ -74,16 +67,12 @@ pub fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh, closed: bool
 pub fn winding_number(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh, point: &Vec3) -> i32 {
     let mut winding = 0;
     let on_ray = |bounds: &Aabb| ray_meets(bounds, point);
-    tree.for_each_where(on_ray, |t| {
-        winding += ray_crossing(&triangles[t as usize], positions, point)
-    });
+    tree.for_each_where(on_ray, |t| winding += ray_crossing(&triangles[t as usize], positions, point));
     winding
 }
 
 fn bounds_of(corners: &[Vec3; 3]) -> Aabb {
-    corners
-        .iter()
-        .fold(Aabb::EMPTY, |bounds, p| bounds.union(&Aabb::of_point(p)))
+    corners.iter().fold(Aabb::EMPTY, |bounds, p| bounds.union(&Aabb::of_point(p)))
 }
 
 /// Whether an edge of `a` passes through the triangle `b`. Edges with a corner of `b` touch it in any case and are left
@@ -99,16 +88,14 @@ fn an_edge_crosses(a: &[u32; 3], b: &[u32; 3], x: &[Vec3]) -> bool {
     (0..3).any(|k| {
         let l = (k + 1) % 3;
         let free = !shared[k] && !shared[l];
-        free && in_front[k] != in_front[l]
-            && line_meets(&[x[a[k] as usize], x[a[l] as usize]], &corners)
+        free && in_front[k] != in_front[l] && line_meets(&[x[a[k] as usize], x[a[l] as usize]], &corners)
     })
 }
 
 /// Whether the line through `s` passes inside the triangle: on the same side of its three edges.
 fn line_meets(s: &[Vec3; 2], t: &[Vec3; 3]) -> bool {
     let along = s[1] - s[0];
-    let around =
-        [0, 1, 2].map(|k| along.cross(&(t[k] - s[0])).dot(&(t[(k + 1) % 3] - s[0])) >= 0.0);
+    let around = [0, 1, 2].map(|k| along.cross(&(t[k] - s[0])).dot(&(t[(k + 1) % 3] - s[0])) >= 0.0);
     around[0] == around[1] && around[1] == around[2]
 }
 
@@ -123,8 +110,7 @@ fn buried_vertices(triangles: &[[u32; 3]], x: &[Vec3], tree: &Bvh) -> Vec<bool> 
             }
         }
     }
-    let is_buried =
-        |p: &Option<Vec3>| p.is_some_and(|p| winding_number(triangles, x, tree, &p) >= 1);
+    let is_buried = |p: &Option<Vec3>| p.is_some_and(|p| winding_number(triangles, x, tree, &p) >= 1);
     fronts.par_iter().map(is_buried).collect()
 }
 
@@ -183,11 +169,7 @@ mod tests {
     use crate::geometry::testing::{Random, cube, torus};
 
     fn tree_over(triangles: &[[u32; 3]], x: &[Vec3]) -> Bvh {
-        let box_of = |t: &[u32; 3]| {
-            t.iter().fold(Aabb::EMPTY, |b, &v| {
-                b.union(&Aabb::of_point(&x[v as usize]))
-            })
-        };
+        let box_of = |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&x[v as usize])));
         Bvh::build(&triangles.iter().map(box_of).collect::<Vec<_>>())
     }
 
@@ -215,20 +197,13 @@ mod tests {
     #[test]
     fn the_ray_count_equals_the_sum_of_solid_angles() {
         let mut random = Random(31);
-        for (triangles, x) in [
-            cube(),
-            torus(24, 1.0, 0.3),
-            doubled(torus(16, 0.8, 0.3), Vec3::new(0.3, 0.1, 0.2)),
-        ] {
+        for (triangles, x) in [cube(), torus(24, 1.0, 0.3), doubled(torus(16, 0.8, 0.3), Vec3::new(0.3, 0.1, 0.2))] {
             let tree = tree_over(&triangles, &x);
             let mut counts = [0; 3];
             for _ in 0..3000 {
                 let p = random.vector() * 1.2;
                 let winding = winding_number(&triangles, &x, &tree, &p);
-                assert_eq!(
-                    f64::from(winding),
-                    winding_by_solid_angle(&triangles, &x, &p).round()
-                );
+                assert_eq!(f64::from(winding), winding_by_solid_angle(&triangles, &x, &p).round());
                 counts[winding as usize] += 1;
             }
             assert!(counts[0] > 0 && counts[1] > 0);
@@ -241,10 +216,7 @@ mod tests {
         let tree = tree_over(&triangles, &x);
         let direction = Vec3::new(RAY_SLOPES[0], 1.0, RAY_SLOPES[1]);
         for t in &triangles {
-            for target in [
-                x[t[0] as usize],
-                (x[t[0] as usize] + x[t[1] as usize]) * 0.5,
-            ] {
+            for target in [x[t[0] as usize], (x[t[0] as usize] + x[t[1] as usize]) * 0.5] {
                 let p = target - direction * 5.0; // far below the body
                 assert_eq!(winding_number(&triangles, &x, &tree, &p), 0);
             }
@@ -254,10 +226,7 @@ mod tests {
     #[test]
     fn a_surface_that_does_not_cross_itself_has_no_pairs() {
         let (triangles, x) = torus(24, 1.0, 0.3);
-        assert_eq!(
-            find(&triangles, &x, &tree_over(&triangles, &x), true),
-            SelfCrossing::default()
-        );
+        assert_eq!(find(&triangles, &x, &tree_over(&triangles, &x), true), SelfCrossing::default());
     }
 
     #[test]
@@ -290,14 +259,11 @@ mod tests {
                     (b - a).cross(&(c - a)).dot(&(d - a)) > 0.0
                 };
                 let cut = |s: &[u32; 3], t: &[u32; 3]| {
-                    (0..3)
-                        .map(|k| [s[k], s[(k + 1) % 3]])
-                        .filter(|e| !e.iter().any(|v| t.contains(v)))
-                        .any(|[p, q]| {
-                            let around = [0, 1, 2].map(|k| volume(p, q, t[k], t[(k + 1) % 3]));
-                            let sides = [volume(t[0], t[1], t[2], p), volume(t[0], t[1], t[2], q)];
-                            sides[0] != sides[1] && around.windows(2).all(|w| w[0] == w[1])
-                        })
+                    (0..3).map(|k| [s[k], s[(k + 1) % 3]]).filter(|e| !e.iter().any(|v| t.contains(v))).any(|[p, q]| {
+                        let around = [0, 1, 2].map(|k| volume(p, q, t[k], t[(k + 1) % 3]));
+                        let sides = [volume(t[0], t[1], t[2], p), volume(t[0], t[1], t[2], q)];
+                        sides[0] != sides[1] && around.windows(2).all(|w| w[0] == w[1])
+                    })
                 };
                 if cut(a, b) || cut(b, a) {
                     expected.push([i as u32, j as u32]);

@@ -46,30 +46,17 @@ impl Shape {
         match *self {
             Shape::HalfSpace => (p.y, Vec3::y()),
             Shape::Sphere { radius } => from_centre(p, radius, Vec3::y()),
-            Shape::Capsule {
-                radius,
-                half_length,
-            } => {
+            Shape::Capsule { radius, half_length } => {
                 let on_axis = Vec3::y() * p.y.clamp(-half_length, half_length);
                 from_centre(&(p - on_axis), radius, Vec3::x())
             }
-            Shape::Cylinder {
-                radius,
-                half_length,
-            } => {
+            Shape::Cylinder { radius, half_length } => {
                 let (from_axis, radial) = direction(&Vec3::new(p.x, 0.0, p.z), Vec3::x());
                 let (height, axial) = (p.y.abs() - half_length, Vec3::y() * side_of(p.y));
-                from_slabs(
-                    [from_axis - radius, height, f64::NEG_INFINITY],
-                    [radial, axial, Vec3::zeros()],
-                )
+                from_slabs([from_axis - radius, height, f64::NEG_INFINITY], [radial, axial, Vec3::zeros()])
             }
             Shape::Box { half_extents: h } => {
-                let axes = [
-                    Vec3::x() * side_of(p.x),
-                    Vec3::y() * side_of(p.y),
-                    Vec3::z() * side_of(p.z),
-                ];
+                let axes = [Vec3::x() * side_of(p.x), Vec3::y() * side_of(p.y), Vec3::z() * side_of(p.z)];
                 from_slabs([p.x.abs() - h[0], p.y.abs() - h[1], p.z.abs() - h[2]], axes)
             }
         }
@@ -114,11 +101,7 @@ fn side_of(x: f64) -> f64 {
 /// Length and unit direction of `v`, `fallback` for the zero vector.
 fn direction(v: &Vec3, fallback: Vec3) -> (f64, Vec3) {
     let length = v.norm();
-    if length > 0.0 {
-        (length, v / length)
-    } else {
-        (0.0, fallback)
-    }
+    if length > 0.0 { (length, v / length) } else { (0.0, fallback) }
 }
 
 fn from_centre(v: &Vec3, radius: f64, fallback: Vec3) -> (f64, Vec3) {
@@ -145,17 +128,9 @@ mod tests {
     const SHAPES: [Shape; 5] = [
         Shape::HalfSpace,
         Shape::Sphere { radius: 0.7 },
-        Shape::Capsule {
-            radius: 0.3,
-            half_length: 0.5,
-        },
-        Shape::Cylinder {
-            radius: 0.4,
-            half_length: 0.6,
-        },
-        Shape::Box {
-            half_extents: [0.5, 0.3, 0.7],
-        },
+        Shape::Capsule { radius: 0.3, half_length: 0.5 },
+        Shape::Cylinder { radius: 0.4, half_length: 0.6 },
+        Shape::Box { half_extents: [0.5, 0.3, 0.7] },
     ];
 
     /// Inside by the shape's definition, without its distance.
@@ -163,17 +138,11 @@ mod tests {
         match *shape {
             Shape::HalfSpace => p.y < 0.0,
             Shape::Sphere { radius } => p.norm() < radius,
-            Shape::Capsule {
-                radius,
-                half_length,
-            } => {
+            Shape::Capsule { radius, half_length } => {
                 let beyond = (p.y.abs() - half_length).max(0.0);
                 p.x * p.x + p.z * p.z + beyond * beyond < radius * radius
             }
-            Shape::Cylinder {
-                radius,
-                half_length,
-            } => p.x.hypot(p.z) < radius && p.y.abs() < half_length,
+            Shape::Cylinder { radius, half_length } => p.x.hypot(p.z) < radius && p.y.abs() < half_length,
             Shape::Box { half_extents: h } => (0..3).all(|k| p[k].abs() < h[k]),
         }
     }
@@ -184,11 +153,7 @@ mod tests {
         for shape in SHAPES {
             for _ in 0..2000 {
                 let p = random.vector() * 1.5;
-                assert_eq!(
-                    shape.signed_distance(&p).0 < 0.0,
-                    contains(&shape, &p),
-                    "{shape:?} {p:?}"
-                );
+                assert_eq!(shape.signed_distance(&p).0 < 0.0, contains(&shape, &p), "{shape:?} {p:?}");
             }
         }
     }
@@ -201,10 +166,7 @@ mod tests {
                 let p = random.vector() * 1.5;
                 let (d, n) = shape.signed_distance(&p);
                 assert!((n.norm() - 1.0).abs() < 1e-14);
-                assert!(
-                    shape.signed_distance(&(p - n * d)).0.abs() < 1e-14,
-                    "{shape:?} {p:?}"
-                );
+                assert!(shape.signed_distance(&(p - n * d)).0.abs() < 1e-14, "{shape:?} {p:?}");
                 // No point of the other kind within 99.9 % of the distance.
                 let q = p + random.vector().normalize() * (0.999 * d.abs());
                 assert_eq!(contains(&shape, &q), d < 0.0, "{shape:?} {p:?}");
@@ -226,14 +188,9 @@ mod tests {
                 }
                 for k in 0..3 {
                     let step = Vec3::from_fn(|i, _| if i == k { h } else { 0.0 });
-                    let slope = (shape.signed_distance(&(p + step)).0
-                        - shape.signed_distance(&(p - step)).0)
-                        / (2.0 * h);
-                    assert!(
-                        (slope - n[k]).abs() < 1e-4,
-                        "{shape:?} {p:?} {slope} {}",
-                        n[k]
-                    ); // curvature · h
+                    let slope =
+                        (shape.signed_distance(&(p + step)).0 - shape.signed_distance(&(p - step)).0) / (2.0 * h);
+                    assert!((slope - n[k]).abs() < 1e-4, "{shape:?} {p:?} {slope} {}", n[k]); // curvature · h
                 }
             }
         }
@@ -251,15 +208,9 @@ mod tests {
             Vec3::new(-0.5, 0.0, 0.0),
             Vec3::new(0.0, -0.1, 0.4),
         ];
-        for (shape, p) in SHAPES
-            .iter()
-            .flat_map(|s| points.iter().map(move |p| (s, p)))
-        {
+        for (shape, p) in SHAPES.iter().flat_map(|s| points.iter().map(move |p| (s, p))) {
             let (d, n) = shape.signed_distance(p);
-            assert!(
-                d.is_finite() && (n.norm() - 1.0).abs() < 1e-14,
-                "{shape:?} {p:?}"
-            );
+            assert!(d.is_finite() && (n.norm() - 1.0).abs() < 1e-14, "{shape:?} {p:?}");
         }
     }
 
@@ -273,9 +224,7 @@ mod tests {
                 let (p0, p1) = (random.vector() * 2.0, random.vector() * 2.0);
                 let offset = [0.0, 0.05, -0.05][round % 3];
                 let gap = |s: f64| shape.signed_distance(&(p0 + (p1 - p0) * s)).0 - offset;
-                let sampled = (0..=n)
-                    .map(|i| f64::from(i) / f64::from(n))
-                    .find(|&s| gap(s) <= 0.0);
+                let sampled = (0..=n).map(|i| f64::from(i) / f64::from(n)).find(|&s| gap(s) <= 0.0);
                 match (shape.first_entry(&p0, &p1, offset), sampled) {
                     (Some(s), Some(sample)) => {
                         entered += 1;
@@ -293,9 +242,7 @@ mod tests {
 
     #[test]
     fn a_fast_path_through_a_thin_plate_is_seen() {
-        let plate = Shape::Box {
-            half_extents: [1.0, 1e-4, 1.0],
-        };
+        let plate = Shape::Box { half_extents: [1.0, 1e-4, 1.0] };
         let at = plate.first_entry(&Vec3::new(0.1, 1.0, 0.2), &Vec3::new(0.2, -3.0, 0.1), 0.0);
         assert!((at.unwrap() - (1.0 - 1e-4) / 4.0).abs() < 1e-15);
         assert_eq!(plate.first_entry(&Vec3::y(), &Vec3::y(), 0.0), None);

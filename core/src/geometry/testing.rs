@@ -47,20 +47,8 @@ pub(crate) fn torus(n: u32, large: f64, small: f64) -> (Vec<[u32; 3]>, Vec<Vec3>
 /// The cube [-1, 1]³ as twelve triangles, facing outwards.
 pub(crate) fn cube() -> (Vec<[u32; 3]>, Vec<Vec3>) {
     let side = |bit: u32| if bit == 0 { -1.0 } else { 1.0 };
-    let points = (0..8)
-        .map(|i| Vec3::new(side(i & 1), side(i & 2), side(i & 4)))
-        .collect();
-    let quads = [
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-    ];
-    let triangles = quads
-        .iter()
-        .flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]])
-        .collect();
+    let points = (0..8).map(|i| Vec3::new(side(i & 1), side(i & 2), side(i & 4))).collect();
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
     (triangles, points)
 }

@@ -70,7 +70,11 @@ fn check_solver(description: &SceneDescription, problems: &mut Vec<Problem>) {
         problems.push(Problem::scene("shot.fps", "the frame rate is zero", "write for example fps = \"24\""));
     }
     if timeline.start > timeline.origin {
-        problems.push(Problem::scene("shot", "the simulation starts after the first frame", "let it start at or before it"));
+        problems.push(Problem::scene(
+            "shot",
+            "the simulation starts after the first frame",
+            "let it start at or before it",
+        ));
     }
     let solver = &description.solver;
     let positive = [
@@ -86,7 +90,11 @@ fn check_solver(description: &SceneDescription, problems: &mut Vec<Problem>) {
         }
     }
     if solver.cg_max_iterations == 0 {
-        problems.push(Problem::scene("solver.cg_max_iterations", "it is zero", "allow at least one iteration; 200 is usual"));
+        problems.push(Problem::scene(
+            "solver.cg_max_iterations",
+            "it is zero",
+            "allow at least one iteration; 200 is usual",
+        ));
     }
     if description.garments.is_empty() {
         problems.push(Problem::scene("scene", "there is no garment to simulate", "add a [[garment]]"));
@@ -101,7 +109,9 @@ fn check_names(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (kind, names) in kinds {
         let mut seen = BTreeSet::new();
         for name in names {
-            let usable = !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || "_-.".contains(c)) && !name.starts_with('.');
+            let usable = !name.is_empty()
+                && name.chars().all(|c| c.is_alphanumeric() || "_-.".contains(c))
+                && !name.starts_with('.');
             if !usable {
                 let what = format!("\"{name}\" cannot be a name: it names files and objects");
                 problems.push(Problem::scene(kind, what, "use letters, digits, _ and -"));
@@ -117,7 +127,11 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     let place = |what: &str| format!("garment \"{}\"{what}", garment.name);
     match garment.mass {
         Mass::Density(m) | Mass::UniformTotal(m) if !(m > 0.0 && m.is_finite()) => {
-            problems.push(Problem::scene(place(", density"), format!("the mass {m} is not positive"), "cloth weighs 0.03 to 1 kg/m²"));
+            problems.push(Problem::scene(
+                place(", density"),
+                format!("the mass {m} is not positive"),
+                "cloth weighs 0.03 to 1 kg/m²",
+            ));
         }
         _ => {}
     }
@@ -128,7 +142,8 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     check_mesh(&garment.name, &garment.mesh, problems);
     if let Some(start) = &garment.start {
         if start.len() != garment.mesh.points.len() {
-            let what = format!("the start pose has {} points, the rest shape {}", start.len(), garment.mesh.points.len());
+            let what =
+                format!("the start pose has {} points, the rest shape {}", start.len(), garment.mesh.points.len());
             problems.push(Problem::data(place(""), what, "use a start pose of the same mesh"));
         }
         finite_points(&place(", start pose"), start, problems);
@@ -153,7 +168,9 @@ fn check_mesh(name: &str, mesh: &PolygonMesh, problems: &mut Vec<Problem>) {
         let bad = |corners: &[u32]| corners.len() < 3 || corners.iter().any(|v| *v >= count);
         let faces = mesh.faces().enumerate().filter(|(_, corners)| bad(corners)).map(|(f, _)| f);
         report(faces, problems, |list| {
-            let what = format!("faces {list} have fewer than three corners or name a point that does not exist ({count} points)");
+            let what = format!(
+                "faces {list} have fewer than three corners or name a point that does not exist ({count} points)"
+            );
             Problem::data(place(String::new()), what, "export the mesh again")
         });
     }
@@ -162,7 +179,11 @@ fn check_mesh(name: &str, mesh: &PolygonMesh, problems: &mut Vec<Problem>) {
 fn finite_points(place: &str, points: &[Vec3], problems: &mut Vec<Problem>) {
     let broken = points.iter().enumerate().filter(|(_, p)| !p.iter().all(|c| c.is_finite())).map(|(i, _)| i);
     report(broken, problems, |list| {
-        Problem::data(place, format!("vertices {list} are not finite numbers"), "repair these points and export the mesh again")
+        Problem::data(
+            place,
+            format!("vertices {list} are not finite numbers"),
+            "repair these points and export the mesh again",
+        )
     });
 }
 
@@ -177,9 +198,12 @@ fn check_elements(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     report(short.map(|e| format!("{}-{}", e.vertices[0], e.vertices[1])), problems, |list| {
         Problem::data(&place, format!("edges {list} have no length"), "merge coinciding points (merge by distance)")
     });
-    let longest = |t: &[u32; 3]| (0..3).map(|i| (points[t[i] as usize] - points[t[(i + 1) % 3] as usize]).norm_squared()).fold(0.0, f64::max);
+    let longest = |t: &[u32; 3]| {
+        (0..3).map(|i| (points[t[i] as usize] - points[t[(i + 1) % 3] as usize]).norm_squared()).fold(0.0, f64::max)
+    };
     let flat = mesh.triangles().iter().zip(mesh.rest_areas()).zip(mesh.polygons());
-    let flat: BTreeSet<u32> = flat.filter(|((t, area), _)| **area <= DEGENERATE_AREA * longest(t)).map(|(_, f)| *f).collect();
+    let flat: BTreeSet<u32> =
+        flat.filter(|((t, area), _)| **area <= DEGENERATE_AREA * longest(t)).map(|(_, f)| *f).collect();
     report(flat.iter(), problems, |list| {
         Problem::data(&place, format!("faces {list} have no area"), "delete these faces or dissolve their corners")
     });
@@ -193,7 +217,11 @@ fn check_elements(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
         }
     }
     report(twice.iter(), problems, |list| {
-        Problem::data(&place, format!("faces {list} lie on other faces of the same corners"), "delete the duplicate faces")
+        Problem::data(
+            &place,
+            format!("faces {list} lie on other faces of the same corners"),
+            "delete the duplicate faces",
+        )
     });
     let mut used = vec![false; points.len()];
     garment.mesh.face_indices.iter().for_each(|v| used[*v as usize] = true);
@@ -204,7 +232,11 @@ fn check_elements(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
 }
 
 /// Adds one problem for a list of elements, if there are any; long lists are cut.
-fn report<T: ToString>(elements: impl Iterator<Item = T>, problems: &mut Vec<Problem>, make: impl FnOnce(String) -> Problem) {
+fn report<T: ToString>(
+    elements: impl Iterator<Item = T>,
+    problems: &mut Vec<Problem>,
+    make: impl FnOnce(String) -> Problem,
+) {
     let mut names = Vec::new();
     let mut count = 0;
     for element in elements {
@@ -224,7 +256,9 @@ fn check_body(body: &BodyDescription, problems: &mut Vec<Problem>) {
     let sizes: Vec<f64> = match &body.shape {
         BodyShape::HalfSpace => Vec::new(),
         BodyShape::Sphere { radius } => vec![*radius],
-        BodyShape::Capsule { radius, half_length } | BodyShape::Cylinder { radius, half_length } => vec![*radius, *half_length],
+        BodyShape::Capsule { radius, half_length } | BodyShape::Cylinder { radius, half_length } => {
+            vec![*radius, *half_length]
+        }
         BodyShape::Box { half_extents } => half_extents.iter().copied().collect(),
         BodyShape::Surface { triangles, .. } => {
             if triangles.is_empty() {
@@ -234,10 +268,19 @@ fn check_body(body: &BodyDescription, problems: &mut Vec<Problem>) {
         }
     };
     if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
-        problems.push(Problem::scene(&place, "its sizes have to be positive", "write lengths in metres or with a unit"));
+        problems.push(Problem::scene(
+            &place,
+            "its sizes have to be positive",
+            "write lengths in metres or with a unit",
+        ));
     }
     let bad = |value: f64| value.is_nan() || value < 0.0;
-    if bad(body.friction) || bad(body.thickness) || body.thickness.is_infinite() || body.max_push_speed.is_nan() || body.max_push_speed <= 0.0 {
+    if bad(body.friction)
+        || bad(body.thickness)
+        || body.thickness.is_infinite()
+        || body.max_push_speed.is_nan()
+        || body.max_push_speed <= 0.0
+    {
         let what = "friction and thickness must not be negative, and max_push_speed has to be positive";
         problems.push(Problem::scene(&place, what, "correct them in the scene file"));
     }
@@ -253,7 +296,11 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
     let mut holds: Vec<(usize, u32, usize, f64, f64, usize)> = Vec::new();
     for (p, pin) in description.pins.iter().enumerate() {
         let Some(garment) = description.garments.get(pin.garment) else {
-            problems.push(Problem::scene(format!("pin {p}"), "it names a garment that does not exist", "correct its garment"));
+            problems.push(Problem::scene(
+                format!("pin {p}"),
+                "it names a garment that does not exist",
+                "correct its garment",
+            ));
             continue;
         };
         let place = format!("garment \"{}\", pin {p}", garment.name);
@@ -268,7 +315,8 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
                 if let Some(points) = check_pin_body(description, *body, &place, problems) {
                     let bad = attachments.iter().filter(|a| a.body_points.iter().any(|b| *b as usize >= points));
                     report(bad.map(|a| a.vertex), problems, |list| {
-                        let what = format!("vertices {list} are attached to body points that do not exist ({points} points)");
+                        let what =
+                            format!("vertices {list} are attached to body points that do not exist ({points} points)");
                         Problem::data(&place, what, "use the attachments made for this body")
                     });
                 }
@@ -286,12 +334,18 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
         match pin.hold {
             PinHold::Spring { stiffness, damping_ratio } => {
                 if !(stiffness > 0.0 && stiffness.is_finite() && damping_ratio >= 0.0 && damping_ratio.is_finite()) {
-                    problems.push(Problem::scene(&place, "its spring needs a positive stiffness", "write for example stiffness = \"200 N/m\""));
+                    problems.push(Problem::scene(
+                        &place,
+                        "its spring needs a positive stiffness",
+                        "write for example stiffness = \"200 N/m\"",
+                    ));
                 }
             }
             PinHold::Hard => {
                 let axes = (0..3).filter(|axis| pin.axes[*axis]);
-                holds.extend(axes.flat_map(|axis| vertices.iter().map(move |v| (pin.garment, *v, axis, pin.from, pin.until, p))));
+                holds.extend(
+                    axes.flat_map(|axis| vertices.iter().map(move |v| (pin.garment, *v, axis, pin.from, pin.until, p))),
+                );
             }
         }
     }
@@ -306,7 +360,12 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
 }
 
 /// Number of points of the body a pin is attached to, if it is a surface.
-fn check_pin_body(description: &SceneDescription, body: usize, place: &str, problems: &mut Vec<Problem>) -> Option<usize> {
+fn check_pin_body(
+    description: &SceneDescription,
+    body: usize,
+    place: &str,
+    problems: &mut Vec<Problem>,
+) -> Option<usize> {
     match description.bodies.get(body).map(|b| &b.shape) {
         Some(BodyShape::Surface { point_count, .. }) => Some(*point_count),
         _ => {
@@ -323,7 +382,8 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
         let name = request.effect.as_str();
         let Some(spec) = effects::find(name) else {
             let names = effects::REGISTRY.iter().map(|s| s.name);
-            let advice = nearest(name, names).map_or_else(|| "see the list of effects".to_owned(), |n| format!("did you mean `{n}`?"));
+            let advice = nearest(name, names)
+                .map_or_else(|| "see the list of effects".to_owned(), |n| format!("did you mean `{n}`?"));
             problems.push(Problem::scene(name, "there is no effect of this name", advice));
             continue;
         };

@@ -62,7 +62,14 @@ impl ConjugateGradient {
     }
 
     /// Solves in place: `v` holds the initial guess, which satisfies the constraints, and then the solution.
-    pub fn solve(&mut self, parts: &Parts, masses: &[f64], system: &impl System, v: &mut [Vec3], stop: Stop) -> Outcome {
+    pub fn solve(
+        &mut self,
+        parts: &Parts,
+        masses: &[f64],
+        system: &impl System,
+        v: &mut [Vec3],
+        stop: Stop,
+    ) -> Outcome {
         let (mut rho, mut residual) = self.first_residual(parts, masses, system, v);
         let mut rho_before = f64::INFINITY;
         for iterations in 0.. {
@@ -116,7 +123,8 @@ impl ConjugateGradient {
                 *q = s - *q;
             }
             system.project(part, q.0);
-            let blocks = masses[range.clone()].chunks(SUM_BLOCK).zip(s[range].chunks(SUM_BLOCK)).zip(q.0.chunks(SUM_BLOCK));
+            let blocks =
+                masses[range.clone()].chunks(SUM_BLOCK).zip(s[range].chunks(SUM_BLOCK)).zip(q.0.chunks(SUM_BLOCK));
             for (dot, ((m, s), q)) in dots.0.iter_mut().zip(blocks) {
                 *dot = weighted_dot(m, s, q);
             }
@@ -127,8 +135,7 @@ impl ConjugateGradient {
     /// `v += α s`, `r -= α q`; returns `<r, r>` and the largest nodal residual.
     fn advance(&mut self, parts: &Parts, masses: &[f64], v: &mut [Vec3], alpha: f64) -> (f64, f64) {
         let (s, q) = (&self.s, &self.q);
-        let slices =
-            (PerVertex(v), PerVertex(&mut self.r), PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
+        let slices = (PerVertex(v), PerVertex(&mut self.r), PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
         parts.for_each(slices, &|part, (v, r, dots, residuals)| {
             let range = parts.ranges()[part].clone();
             let steps = v.0.iter_mut().zip(r.0.iter_mut()).zip(s[range.clone()].iter().zip(&q[range.clone()]));

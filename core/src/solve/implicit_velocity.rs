@@ -78,7 +78,8 @@ impl VelocityProblem<'_> {
         self.parts.for_each(slices, &|part, (explicit, out, forces)| {
             let range = self.parts.ranges()[part].clone();
             let masses = &self.masses[range.clone()];
-            let view = PartView { start: range.start, masses, x: self.x, fraction: self.fraction, targets: self.targets };
+            let view =
+                PartView { start: range.start, masses, x: self.x, fraction: self.fraction, targets: self.targets };
             explicit.0.fill(Vec3::zeros());
             for force in &mut forces.0[0] {
                 force.update(&view, explicit.0);

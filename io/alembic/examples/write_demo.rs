@@ -16,26 +16,16 @@ const SIDE: usize = 5;
 const FRAMES: usize = 6;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder = std::env::args()
-        .nth(1)
-        .ok_or("usage: write_demo <folder>")?;
+    let folder = std::env::args().nth(1).ok_or("usage: write_demo <folder>")?;
     let folder = Path::new(&folder);
     std::fs::create_dir_all(folder)?;
-    write_demo(
-        ArchiveWriter::create(folder.join("demo.abc"), &options())?,
-        0..FRAMES,
-        true,
-    )?;
+    write_demo(ArchiveWriter::create(folder.join("demo.abc"), &options())?, 0..FRAMES, true)?;
 
     let continued = folder.join("continued.abc");
     write_demo(ArchiveWriter::create(&continued, &options())?, 0..3, true)?;
     write_demo(ArchiveWriter::append(&continued)?, 3..FRAMES, true)?;
 
-    write_demo(
-        ArchiveWriter::create(folder.join("killed.abc"), &options())?,
-        0..4,
-        false,
-    )?;
+    write_demo(ArchiveWriter::create(folder.join("killed.abc"), &options())?, 0..4, false)?;
     write_changing(&folder.join("changing.abc"))?;
     write_patterns(&folder.join("patterns.abc"))?;
     Ok(())
@@ -52,11 +42,7 @@ fn options() -> ArchiveOptions {
 }
 
 /// Writes `frames` of the cloth. Without `finish`, the last one is not committed, as if the process had been killed.
-fn write_demo(
-    mut archive: ArchiveWriter,
-    frames: std::ops::Range<usize>,
-    finish: bool,
-) -> Result<(), AlembicError> {
+fn write_demo(mut archive: ArchiveWriter, frames: std::ops::Range<usize>, finish: bool) -> Result<(), AlembicError> {
     let sampling = archive.add_time_sampling(TimeSampling::frames(1001.0, 24.0)?)?;
     let root = archive.root();
     let xform = XformWriter::declare(&mut archive, root, "cloth", sampling)?;
@@ -72,10 +58,7 @@ fn write_demo(
     for frame in frames {
         let [positions, velocities, normals] = cloth.at(frame);
         xform.write(&mut archive, &moved_by(frame))?;
-        let topology = Topology {
-            face_counts: &cloth.face_counts,
-            face_indices: &cloth.face_indices,
-        };
+        let topology = Topology { face_counts: &cloth.face_counts, face_indices: &cloth.face_indices };
         let uv = Indexed {
             values: &cloth.uv,
             indices: Some(&cloth.uv_indices),
@@ -86,12 +69,7 @@ fn write_demo(
             topology: (frame == 0).then_some(topology),
             velocities: Some(&velocities),
             uv: (frame == 0).then_some(uv),
-            normals: Some(Indexed {
-                values: &normals,
-                indices: None,
-                scope: Scope::Vertex,
-                source_name: None,
-            }),
+            normals: Some(Indexed { values: &normals, indices: None, scope: Scope::Vertex, source_name: None }),
             ..PolyMeshSample::of(&positions)
         };
         mesh.write(&mut archive, &sample)?;
@@ -100,11 +78,7 @@ fn write_demo(
             archive.commit(Durability::Flushed)?;
         }
     }
-    if finish {
-        archive.finish(Durability::Synced)
-    } else {
-        Ok(())
-    }
+    if finish { archive.finish(Durability::Synced) } else { Ok(()) }
 }
 
 /// What does not change from frame to frame.
@@ -124,55 +98,21 @@ fn write_statics(archive: &mut ArchiveWriter, mesh: &PolyMeshWriter) -> Result<(
         indexed: false,
         time_sampling: 0,
     };
-    let le = |values: &[f32]| {
-        values
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect::<Vec<u8>>()
-    };
+    let le = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
     let vertices = SIDE * SIDE;
-    let weight: Vec<f32> = (0..vertices)
-        .map(|vertex| vertex as f32 / vertices as f32)
-        .collect();
+    let weight: Vec<f32> = (0..vertices).map(|vertex| vertex as f32 / vertices as f32).collect();
     let plain = Interpretation::Plain;
-    let param = GeomParamWriter::declare(
-        archive,
-        attributes,
-        &spec("weight", Scope::Vertex, PodType::F32, 1, plain),
-    )?;
+    let param = GeomParamWriter::declare(archive, attributes, &spec("weight", Scope::Vertex, PodType::F32, 1, plain))?;
     param.write_static(archive, &le(&weight), None)?;
-    let rgb = spec(
-        "colour",
-        Scope::Constant,
-        PodType::F32,
-        3,
-        Interpretation::Rgb,
-    );
-    GeomParamWriter::declare(archive, attributes, &rgb)?.write_static(
-        archive,
-        &le(&[0.25, 0.5, 1.0]),
-        None,
-    )?;
-    let panel: Vec<u8> = (0..faces)
-        .flat_map(|face| (face % 3).to_le_bytes())
-        .collect();
-    let param = GeomParamWriter::declare(
-        archive,
-        attributes,
-        &spec("panel", Scope::Uniform, PodType::I32, 1, plain),
-    )?;
+    let rgb = spec("colour", Scope::Constant, PodType::F32, 3, Interpretation::Rgb);
+    GeomParamWriter::declare(archive, attributes, &rgb)?.write_static(archive, &le(&[0.25, 0.5, 1.0]), None)?;
+    let panel: Vec<u8> = (0..faces).flat_map(|face| (face % 3).to_le_bytes()).collect();
+    let param = GeomParamWriter::declare(archive, attributes, &spec("panel", Scope::Uniform, PodType::I32, 1, plain))?;
     param.write_static(archive, &panel, None)?;
     let fabric = spec("fabric", Scope::Uniform, PodType::String, 1, plain);
-    let fabric = GeomParamSpec {
-        indexed: true,
-        ..fabric
-    };
+    let fabric = GeomParamSpec { indexed: true, ..fabric };
     let indices: Vec<u32> = (0..faces as u32).map(|face| face % 2).collect();
-    GeomParamWriter::declare(archive, attributes, &fabric)?.write_static(
-        archive,
-        b"wool\0silk\0",
-        Some(&indices),
-    )?;
+    GeomParamWriter::declare(archive, attributes, &fabric)?.write_static(archive, b"wool\0silk\0", Some(&indices))?;
 
     let user = mesh.user_properties(archive)?;
     archive.write_static_string(user, "solver", "Drapery")?;
@@ -194,17 +134,13 @@ impl Cloth {
         for row in 0..SIDE - 1 {
             for column in 0..SIDE - 1 {
                 let corner = row * SIDE + column;
-                face_indices.extend(
-                    [corner, corner + 1, corner + SIDE + 1, corner + SIDE].map(|v| v as i32),
-                );
+                face_indices.extend([corner, corner + 1, corner + SIDE + 1, corner + SIDE].map(|v| v as i32));
             }
         }
         let step = 1.0 / (SIDE - 1) as f32;
         Self {
             face_counts: vec![4; face_indices.len() / 4],
-            uv: (0..SIDE * SIDE)
-                .map(|v| [(v % SIDE) as f32 * step, (v / SIDE) as f32 * step])
-                .collect(),
+            uv: (0..SIDE * SIDE).map(|v| [(v % SIDE) as f32 * step, (v / SIDE) as f32 * step]).collect(),
             uv_indices: face_indices.iter().map(|&v| v as u32).collect(),
             face_indices,
         }
@@ -213,10 +149,7 @@ impl Cloth {
     /// Positions, velocities and normals of a frame.
     fn at(&self, frame: usize) -> [Vec<[f32; 3]>; 3] {
         let height = |x: f32, frame: f32| 0.125 * x * frame;
-        let positions = self
-            .uv
-            .iter()
-            .map(|&[x, z]| [x, height(x, frame as f32), z]);
+        let positions = self.uv.iter().map(|&[x, z]| [x, height(x, frame as f32), z]);
         let velocities = self.uv.iter().map(|&[x, _]| [0.0, height(x, 24.0), 0.0]);
         let slope = 0.125 * frame as f32;
         let length = (1.0 + slope * slope).sqrt();
@@ -253,23 +186,11 @@ fn write_changing(path: &Path) -> Result<(), AlembicError> {
     let mut mesh = PolyMeshWriter::declare(&mut archive, xform.object(), "fanShape", sampling)?;
     for triangles in 0..4_i32 {
         let rim = (0..=triangles).map(|i| [(0.5 * i as f32).cos(), 0.0, (0.5 * i as f32).sin()]);
-        let positions: Vec<[f32; 3]> = if triangles == 0 {
-            vec![]
-        } else {
-            [[0.0; 3]].into_iter().chain(rim).collect()
-        };
+        let positions: Vec<[f32; 3]> =
+            if triangles == 0 { vec![] } else { [[0.0; 3]].into_iter().chain(rim).collect() };
         let face_indices: Vec<i32> = (0..triangles).flat_map(|i| [0, i + 1, i + 2]).collect();
-        let topology = Topology {
-            face_counts: &vec![3; triangles as usize],
-            face_indices: &face_indices,
-        };
-        mesh.write(
-            &mut archive,
-            &PolyMeshSample {
-                topology: Some(topology),
-                ..PolyMeshSample::of(&positions)
-            },
-        )?;
+        let topology = Topology { face_counts: &vec![3; triangles as usize], face_indices: &face_indices };
+        mesh.write(&mut archive, &PolyMeshSample { topology: Some(topology), ..PolyMeshSample::of(&positions) })?;
     }
     archive.finish(Durability::Synced)
 }
@@ -282,14 +203,10 @@ fn write_patterns(path: &Path) -> Result<(), AlembicError> {
     let (int, none) = (DataType::new(PodType::I32, 1), MetaData::new());
     for length in 1..=6_u32 {
         for code in 0..3_i32.pow(length) {
-            let values: Vec<i32> = (0..length)
-                .map(|digit| code / 3_i32.pow(digit) % 3)
-                .collect();
+            let values: Vec<i32> = (0..length).map(|digit| code / 3_i32.pow(digit) % 3).collect();
             let name: String = values.iter().map(|value| format!("_{value}")).collect();
-            let scalar =
-                archive.add_scalar_property(top, &format!("s{name}"), &none, int, sampling)?;
-            let array =
-                archive.add_array_property(top, &format!("a{name}"), &none, int, sampling)?;
+            let scalar = archive.add_scalar_property(top, &format!("s{name}"), &none, int, sampling)?;
+            let array = archive.add_array_property(top, &format!("a{name}"), &none, int, sampling)?;
             for value in values {
                 archive.write_sample(scalar, &[value])?;
                 archive.write_sample(array, &vec![7; value as usize])?;

@@ -98,16 +98,8 @@ impl Fault {
 
     pub(crate) fn at(self, path: &Path, place: &str) -> AlembicError {
         match self {
-            Fault::Io(source) => AlembicError::Io {
-                path: path.to_owned(),
-                action: "read",
-                source,
-            },
-            Fault::Damaged(reason) => AlembicError::Damaged {
-                path: path.to_owned(),
-                place: place.to_owned(),
-                reason,
-            },
+            Fault::Io(source) => AlembicError::Io { path: path.to_owned(), action: "read", source },
+            Fault::Damaged(reason) => AlembicError::Damaged { path: path.to_owned(), place: place.to_owned(), reason },
         }
     }
 }

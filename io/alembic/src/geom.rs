@@ -4,22 +4,13 @@
 pub type Bounds = [f64; 6];
 
 /// The box of nothing.
-pub const EMPTY_BOUNDS: Bounds = [
-    f64::MAX,
-    f64::MAX,
-    f64::MAX,
-    -f64::MAX,
-    -f64::MAX,
-    -f64::MAX,
-];
+pub const EMPTY_BOUNDS: Bounds = [f64::MAX, f64::MAX, f64::MAX, -f64::MAX, -f64::MAX, -f64::MAX];
 
 /// 4×4 matrix, row by row, for row vectors: `p' = p M`, translation in elements 12..=14.
 pub type Matrix = [f64; 16];
 
 /// The matrix that changes nothing.
-pub const IDENTITY: Matrix = [
-    1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.,
-];
+pub const IDENTITY: Matrix = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
 
 /// `a b`: for row vectors, the map that applies `a` first.
 pub fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
@@ -73,15 +64,10 @@ impl Scope {
 
     /// The scope with this spelling; anything else is constant, as in the official library.
     pub fn from_name(name: &str) -> Self {
-        [
-            Scope::Uniform,
-            Scope::Varying,
-            Scope::Vertex,
-            Scope::FaceVarying,
-        ]
-        .into_iter()
-        .find(|scope| scope.name() == name)
-        .unwrap_or(Scope::Constant)
+        [Scope::Uniform, Scope::Varying, Scope::Vertex, Scope::FaceVarying]
+            .into_iter()
+            .find(|scope| scope.name() == name)
+            .unwrap_or(Scope::Constant)
     }
 }
 

@@ -38,6 +38,10 @@
 //! # }
 //! ```
 //!
+//! Limits: points, curves, cameras and unknown schemas are listed with their raw properties and not interpreted;
+//! half-precision values are raw bytes; arrays of several dimensions are read as their elements in a row; the old HDF5
+//! container is refused with a message; transforms are written as one matrix.
+//!
 //! Conventions of the format that this crate leaves to its callers: faces are clockwise seen from outside, time is in
 //! seconds, Y is up, and there is no unit of length.
 
@@ -54,10 +58,7 @@ mod reader;
 mod writer;
 
 pub use error::AlembicError;
-pub use geom::{
-    Bounds, EMPTY_BOUNDS, IDENTITY, Interpretation, Matrix, Scope, Visibility, multiply,
-    transform_point,
-};
+pub use geom::{Bounds, EMPTY_BOUNDS, IDENTITY, Interpretation, Matrix, Scope, Visibility, multiply, transform_point};
 pub use metadata::MetaData;
 pub use murmur::murmur3_x64_128;
 pub use property::{DataType, PodType, PodValue};

@@ -18,9 +18,7 @@ impl MetaData {
     pub fn parse(text: &str) -> Self {
         let mut pairs = BTreeMap::new();
         for (key, value) in text.split(';').filter_map(|piece| piece.split_once('=')) {
-            pairs
-                .entry(key.to_owned())
-                .or_insert_with(|| value.to_owned());
+            pairs.entry(key.to_owned()).or_insert_with(|| value.to_owned());
         }
         Self { pairs }
     }
@@ -43,18 +41,13 @@ impl MetaData {
 
     /// All pairs in ascending key order.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
-        self.pairs
-            .iter()
-            .map(|(key, value)| (key.as_str(), value.as_str()))
+        self.pairs.iter().map(|(key, value)| (key.as_str(), value.as_str()))
     }
 
     /// The stored form.
     pub fn serialise(&self) -> String {
-        let pairs: Vec<String> = self
-            .iter()
-            .filter(|(_, value)| !value.is_empty())
-            .map(|(key, value)| format!("{key}={value}"))
-            .collect();
+        let pairs: Vec<String> =
+            self.iter().filter(|(_, value)| !value.is_empty()).map(|(key, value)| format!("{key}={value}")).collect();
         pairs.join(";")
     }
 }
@@ -73,10 +66,7 @@ mod tests {
 
     #[test]
     fn keys_are_stored_in_ascending_order_and_empty_values_left_out() {
-        let metadata = MetaData::new()
-            .with("b", "2;3")
-            .with("a", "1")
-            .with("empty", "");
+        let metadata = MetaData::new().with("b", "2;3").with("a", "1").with("empty", "");
         assert_eq!(metadata.serialise(), "a=1;b=2,3");
     }
 }

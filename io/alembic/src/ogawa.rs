@@ -80,47 +80,25 @@ pub(crate) struct ChunkSource {
 impl ChunkSource {
     /// Opens `path` and checks the header; returns the root group too.
     pub(crate) fn open(path: &Path) -> Result<(Self, Group), AlembicError> {
-        let failed = |source| AlembicError::Io {
-            path: path.to_owned(),
-            action: "open",
-            source,
-        };
+        let failed = |source| AlembicError::Io { path: path.to_owned(), action: "open", source };
         let file = File::open(path).map_err(failed)?;
         let about = file.metadata().map_err(failed)?;
         if !about.is_file() {
             let reason = "this is not a regular file".into();
-            return Err(AlembicError::NotOgawa {
-                path: path.to_owned(),
-                reason,
-            });
+            return Err(AlembicError::NotOgawa { path: path.to_owned(), reason });
         }
-        Self {
-            path: path.to_owned(),
-            length: about.len(),
-            bytes: Bytes::File(Mutex::new(file)),
-        }
-        .with_root()
+        Self { path: path.to_owned(), length: about.len(), bytes: Bytes::File(Mutex::new(file)) }.with_root()
     }
 
     /// The same for an archive in memory; `name` stands for the path in messages.
     pub(crate) fn from_bytes(bytes: Vec<u8>, name: &Path) -> Result<(Self, Group), AlembicError> {
-        Self {
-            path: name.to_owned(),
-            length: bytes.len() as u64,
-            bytes: Bytes::Memory(bytes),
-        }
-        .with_root()
+        Self { path: name.to_owned(), length: bytes.len() as u64, bytes: Bytes::Memory(bytes) }.with_root()
     }
 
     fn with_root(self) -> Result<(Self, Group), AlembicError> {
         let path = self.path.clone();
-        let not_ogawa = |reason: &str| AlembicError::NotOgawa {
-            path: path.clone(),
-            reason: reason.to_owned(),
-        };
-        let start = self
-            .read(0, self.length.min(HEADER_SIZE))
-            .map_err(|fault| fault.at(&path, "header"))?;
+        let not_ogawa = |reason: &str| AlembicError::NotOgawa { path: path.clone(), reason: reason.to_owned() };
+        let start = self.read(0, self.length.min(HEADER_SIZE)).map_err(|fault| fault.at(&path, "header"))?;
         if start.starts_with(&HDF5_SIGNATURE) {
             return Err(AlembicError::Hdf5Container { path });
         }
@@ -165,51 +143,33 @@ impl ChunkSource {
 
     fn u64_at(&self, offset: u64) -> Result<u64, Fault> {
         let bytes = self.read(offset, 8)?;
-        Ok(bytes
-            .iter()
-            .rev()
-            .fold(0, |value, &byte| value << 8 | u64::from(byte)))
+        Ok(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte)))
     }
 
     /// The group behind `slot`.
     pub(crate) fn group(&self, slot: Slot) -> Result<Group, Fault> {
         if slot.is_data() {
-            return Err(Fault::damaged(
-                "a data chunk stands where a group is expected",
-            ));
+            return Err(Fault::damaged("a data chunk stands where a group is expected"));
         }
         if slot.is_empty() {
-            return Ok(Group {
-                offset: 0,
-                count: 0,
-            });
+            return Ok(Group { offset: 0, count: 0 });
         }
         let offset = slot.offset();
         if offset < HEADER_SIZE {
-            return Err(Fault::damaged(format!(
-                "a group at offset {offset}, inside the file header"
-            )));
+            return Err(Fault::damaged(format!("a group at offset {offset}, inside the file header")));
         }
         let count = self.u64_at(offset)?;
         // `u64_at` has shown that offset + 8 is within the file.
         if count > (self.length - offset - 8) / 8 {
-            return Err(Fault::damaged(format!(
-                "a group of {count} entries at offset {offset} runs past the end"
-            )));
+            return Err(Fault::damaged(format!("a group of {count} entries at offset {offset} runs past the end")));
         }
-        Ok(Group {
-            offset,
-            count: count as usize,
-        })
+        Ok(Group { offset, count: count as usize })
     }
 
     /// Entry `index` of a group.
     pub(crate) fn child(&self, group: Group, index: usize) -> Result<Slot, Fault> {
         if index >= group.count {
-            return Err(Fault::damaged(format!(
-                "entry {index} of a group of {} is wanted",
-                group.count
-            )));
+            return Err(Fault::damaged(format!("entry {index} of a group of {} is wanted", group.count)));
         }
         self.u64_at(group.offset + 8 + 8 * index as u64).map(Slot)
     }
@@ -220,10 +180,7 @@ impl ChunkSource {
             return Ok(Vec::new());
         }
         let bytes = self.read(group.offset + 8, 8 * group.count as u64)?;
-        Ok(crate::property::decode::<u64>(&bytes)
-            .into_iter()
-            .map(Slot)
-            .collect())
+        Ok(crate::property::decode::<u64>(&bytes).into_iter().map(Slot).collect())
     }
 
     /// Number of bytes in the data chunk behind `slot`.
@@ -236,15 +193,11 @@ impl ChunkSource {
         }
         let offset = slot.offset();
         if offset < HEADER_SIZE {
-            return Err(Fault::damaged(format!(
-                "data at offset {offset}, inside the file header"
-            )));
+            return Err(Fault::damaged(format!("data at offset {offset}, inside the file header")));
         }
         let size = self.u64_at(offset)?;
         if size > self.length - offset - 8 {
-            return Err(Fault::damaged(format!(
-                "{size} bytes of data at offset {offset} run past the end"
-            )));
+            return Err(Fault::damaged(format!("{size} bytes of data at offset {offset} run past the end")));
         }
         Ok(size)
     }
@@ -257,12 +210,19 @@ impl ChunkSource {
         }
     }
 
+    /// The bytes of the data chunk behind `slot` after its first `skip`; none when the chunk is empty.
+    pub(crate) fn data_after(&self, slot: Slot, skip: u64) -> Result<Vec<u8>, Fault> {
+        match self.data_size(slot)? {
+            0 => Ok(Vec::new()),
+            size if size < skip => Err(Fault::damaged(format!("a sample of {size} bytes, less than its digest"))),
+            size => self.read(slot.offset() + 8 + skip, size - skip),
+        }
+    }
+
     /// The first `size` bytes of the data chunk behind `slot`.
     pub(crate) fn data_start(&self, slot: Slot, size: u64) -> Result<Vec<u8>, Fault> {
         if self.data_size(slot)? < size {
-            return Err(Fault::damaged(format!(
-                "a chunk of data is shorter than {size} bytes"
-            )));
+            return Err(Fault::damaged(format!("a chunk of data is shorter than {size} bytes")));
         }
         self.read(slot.offset() + 8, size)
     }

@@ -56,11 +56,7 @@ impl PackedSamples {
 
     /// How many samples are stored.
     pub(crate) fn stored_count(&self) -> u32 {
-        if self.count == 0 {
-            0
-        } else {
-            self.stored_index(self.count - 1) + 1
-        }
+        if self.count == 0 { 0 } else { self.stored_index(self.count - 1) + 1 }
     }
 }
 
@@ -91,19 +87,11 @@ impl MetaDataTable {
             0 => Some(String::new()),
             _ => self.texts.get(usize::from(index) - 1).cloned(),
         };
-        text.ok_or_else(|| {
-            Fault::damaged(format!(
-                "metadata {index} is not in the table of {}",
-                self.texts.len()
-            ))
-        })
+        text.ok_or_else(|| Fault::damaged(format!("metadata {index} is not in the table of {}", self.texts.len())))
     }
 
     pub(crate) fn pack(&self) -> Vec<u8> {
-        self.texts
-            .iter()
-            .flat_map(|text| std::iter::once(text.len() as u8).chain(text.bytes()))
-            .collect()
+        self.texts.iter().flat_map(|text| std::iter::once(text.len() as u8).chain(text.bytes())).collect()
     }
 
     pub(crate) fn unpack(bytes: &[u8]) -> Result<Self, Fault> {
@@ -124,23 +112,17 @@ struct Cursor<'a> {
 
 impl<'a> Cursor<'a> {
     fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
-        let (taken, rest) = self.bytes.split_at_checked(count).ok_or_else(|| {
-            Fault::damaged(format!(
-                "a header wants {count} bytes where {} remain",
-                self.bytes.len()
-            ))
-        })?;
+        let (taken, rest) = self
+            .bytes
+            .split_at_checked(count)
+            .ok_or_else(|| Fault::damaged(format!("a header wants {count} bytes where {} remain", self.bytes.len())))?;
         self.bytes = rest;
         Ok(taken)
     }
 
     /// Unsigned number of 1, 2 or 4 bytes.
     fn unsigned(&mut self, size: usize) -> Result<u32, Fault> {
-        Ok(self
-            .take(size)?
-            .iter()
-            .rev()
-            .fold(0, |value, &byte| value << 8 | u32::from(byte)))
+        Ok(self.take(size)?.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte)))
     }
 
     fn f64(&mut self) -> Result<f64, Fault> {
@@ -157,10 +139,7 @@ impl<'a> Cursor<'a> {
     fn name(&mut self, length: u32) -> Result<String, Fault> {
         let name = self.text(length)?;
         if name.is_empty() || name.contains('/') {
-            return Err(Fault::damaged(format!(
-                "`{}` is not a name",
-                name.escape_default()
-            )));
+            return Err(Fault::damaged(format!("`{}` is not a name", name.escape_default())));
         }
         Ok(name)
     }
@@ -179,10 +158,7 @@ pub(crate) fn pack_object(object: &PackedObject, table: &mut MetaDataTable, blob
 }
 
 /// Headers of the child objects; `blob` without the hashes.
-pub(crate) fn unpack_objects(
-    blob: &[u8],
-    table: &MetaDataTable,
-) -> Result<Vec<PackedObject>, Fault> {
+pub(crate) fn unpack_objects(blob: &[u8], table: &MetaDataTable) -> Result<Vec<PackedObject>, Fault> {
     let mut cursor = Cursor { bytes: blob };
     let mut objects = Vec::new();
     while !cursor.bytes.is_empty() {
@@ -210,11 +186,7 @@ const HOMOGENEOUS: u32 = 1 << 10;
 const CONSTANT: u32 = 1 << 11;
 
 /// Appends the header of a property.
-pub(crate) fn pack_property(
-    property: &PackedProperty,
-    table: &mut MetaDataTable,
-    blob: &mut Vec<u8>,
-) {
+pub(crate) fn pack_property(property: &PackedProperty, table: &mut MetaDataTable, blob: &mut Vec<u8>) {
     let index = table.index_of(&property.metadata);
     let mut info = u32::from(index) << 20;
     let mut largest = property.name.len().max(property.metadata.len());
@@ -227,9 +199,7 @@ pub(crate) fn pack_property(
         };
         info |= samples.data_type.pod.code() << 4 | u32::from(samples.data_type.extent) << 12;
         info |= if samples.homogeneous { HOMOGENEOUS } else { 0 };
-        largest = largest
-            .max(samples.count as usize)
-            .max(samples.time_sampling as usize);
+        largest = largest.max(samples.count as usize).max(samples.time_sampling as usize);
         numbers.push(samples.count);
         if samples.is_constant() {
             info |= CONSTANT;
@@ -259,10 +229,7 @@ pub(crate) fn pack_property(
 }
 
 /// Headers of the properties of a compound.
-pub(crate) fn unpack_properties(
-    blob: &[u8],
-    table: &MetaDataTable,
-) -> Result<Vec<PackedProperty>, Fault> {
+pub(crate) fn unpack_properties(blob: &[u8], table: &MetaDataTable) -> Result<Vec<PackedProperty>, Fault> {
     let mut cursor = Cursor { bytes: blob };
     let mut properties = Vec::new();
     while !cursor.bytes.is_empty() {
@@ -271,26 +238,17 @@ pub(crate) fn unpack_properties(
     Ok(properties)
 }
 
-fn unpack_property(
-    cursor: &mut Cursor<'_>,
-    table: &MetaDataTable,
-) -> Result<PackedProperty, Fault> {
+fn unpack_property(cursor: &mut Cursor<'_>, table: &MetaDataTable) -> Result<PackedProperty, Fault> {
     let info = cursor.unsigned(4)?;
     let size = match info >> 2 & 3 {
         0 => 1,
         1 => 2,
         2 => 4,
         hint => {
-            return Err(Fault::damaged(format!(
-                "number size {hint} in a property header"
-            )));
+            return Err(Fault::damaged(format!("number size {hint} in a property header")));
         }
     };
-    let samples = if info & KIND == 0 {
-        None
-    } else {
-        Some(unpack_samples(cursor, info, size)?)
-    };
+    let samples = if info & KIND == 0 { None } else { Some(unpack_samples(cursor, info, size)?) };
     let length = cursor.unsigned(size)?;
     let name = cursor.name(length)?;
     let index = (info >> 20 & 0xff) as u8;
@@ -300,17 +258,12 @@ fn unpack_property(
     } else {
         table.text(index)?
     };
-    Ok(PackedProperty {
-        name,
-        metadata,
-        samples,
-    })
+    Ok(PackedProperty { name, metadata, samples })
 }
 
 fn unpack_samples(cursor: &mut Cursor<'_>, info: u32, size: usize) -> Result<PackedSamples, Fault> {
     let code = info >> 4 & 0xf;
-    let pod =
-        PodType::from_code(code).ok_or_else(|| Fault::damaged(format!("element type {code}")))?;
+    let pod = PodType::from_code(code).ok_or_else(|| Fault::damaged(format!("element type {code}")))?;
     let extent = (info >> 12 & 0xff) as u8;
     if extent == 0 {
         return Err(Fault::damaged("a property whose elements have no values"));
@@ -322,18 +275,10 @@ fn unpack_samples(cursor: &mut Cursor<'_>, info: u32, size: usize) -> Result<Pac
     } else if info & CONSTANT != 0 || count < 2 {
         (first_changed, last_changed) = (0, 0);
     }
-    if first_changed > last_changed
-        || (last_changed > 0 && (first_changed == 0 || last_changed >= count))
-    {
-        return Err(Fault::damaged(format!(
-            "samples {first_changed} to {last_changed} of {count} are said to change"
-        )));
+    if first_changed > last_changed || (last_changed > 0 && (first_changed == 0 || last_changed >= count)) {
+        return Err(Fault::damaged(format!("samples {first_changed} to {last_changed} of {count} are said to change")));
     }
-    let time_sampling = if info & HAS_SAMPLING != 0 {
-        cursor.unsigned(size)?
-    } else {
-        0
-    };
+    let time_sampling = if info & HAS_SAMPLING != 0 { cursor.unsigned(size)? } else { 0 };
     Ok(PackedSamples {
         is_array: info & KIND != SCALAR,
         scalar_like: info & KIND == SCALAR_LIKE_ARRAY,
@@ -351,10 +296,7 @@ pub(crate) fn pack_time_sampling(sampling: &TimeSampling, max_samples: u32, blob
     blob.extend_from_slice(&max_samples.to_le_bytes());
     blob.extend_from_slice(&sampling.time_per_cycle().to_le_bytes());
     blob.extend_from_slice(&(sampling.stored_times().len() as u32).to_le_bytes());
-    sampling
-        .stored_times()
-        .iter()
-        .for_each(|time| blob.extend_from_slice(&time.to_le_bytes()));
+    sampling.stored_times().iter().for_each(|time| blob.extend_from_slice(&time.to_le_bytes()));
 }
 
 /// The time sampling table: sampling and largest number of samples of each.
@@ -366,15 +308,10 @@ pub(crate) fn unpack_time_samplings(blob: &[u8]) -> Result<Vec<(TimeSampling, u3
         let time_per_cycle = cursor.f64()?;
         let count = cursor.unsigned(4)? as usize;
         if count > cursor.bytes.len() / 8 {
-            return Err(Fault::damaged(format!(
-                "a time sampling of {count} times, more than the table holds"
-            )));
+            return Err(Fault::damaged(format!("a time sampling of {count} times, more than the table holds")));
         }
-        let times = (0..count)
-            .map(|_| cursor.f64())
-            .collect::<Result<Vec<_>, _>>()?;
-        let sampling = TimeSampling::checked(time_per_cycle, times)
-            .map_err(|e| Fault::damaged(e.to_string()))?;
+        let times = (0..count).map(|_| cursor.f64()).collect::<Result<Vec<_>, _>>()?;
+        let sampling = TimeSampling::checked(time_per_cycle, times).map_err(|e| Fault::damaged(e.to_string()))?;
         samplings.push((sampling, max_samples));
     }
     if samplings.is_empty() {

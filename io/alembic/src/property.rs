@@ -104,13 +104,10 @@ impl DataType {
             }
             _ => {
                 let size = self.element_size();
-                return (size > 0 && payload.len().is_multiple_of(size))
-                    .then(|| payload.len() / size);
+                return (size > 0 && payload.len().is_multiple_of(size)).then(|| payload.len() / size);
             }
         };
-        strings
-            .is_multiple_of(usize::from(self.extent))
-            .then(|| strings / usize::from(self.extent))
+        strings.is_multiple_of(usize::from(self.extent)).then(|| strings / usize::from(self.extent))
     }
 }
 
@@ -189,20 +186,9 @@ pub(crate) fn encode_strings<S: AsRef<str>>(strings: &[S]) -> Option<Vec<u8>> {
 pub(crate) fn decode_strings(pod: PodType, payload: &[u8]) -> Vec<std::string::String> {
     if pod == WideString {
         let units: Vec<u32> = decode(payload);
-        let text = |units: &[u32]| {
-            units
-                .iter()
-                .map(|&u| char::from_u32(u).unwrap_or('\u{fffd}'))
-                .collect()
-        };
-        return units
-            .split_inclusive(|&u| u == 0)
-            .map(|u| text(u.strip_suffix(&[0]).unwrap_or(u)))
-            .collect();
+        let text = |units: &[u32]| units.iter().map(|&u| char::from_u32(u).unwrap_or('\u{fffd}')).collect();
+        return units.split_inclusive(|&u| u == 0).map(|u| text(u.strip_suffix(&[0]).unwrap_or(u))).collect();
     }
     let text = |bytes: &[u8]| std::string::String::from_utf8_lossy(bytes).into_owned();
-    payload
-        .split_inclusive(|&byte| byte == 0)
-        .map(|b| text(b.strip_suffix(&[0]).unwrap_or(b)))
-        .collect()
+    payload.split_inclusive(|&byte| byte == 0).map(|b| text(b.strip_suffix(&[0]).unwrap_or(b))).collect()
 }

@@ -30,43 +30,34 @@ pub enum SamplingKind {
 impl TimeSampling {
     /// One sample a second from 0 s: sampling 0 of every archive, used by static properties.
     pub fn identity() -> Self {
-        Self {
-            time_per_cycle: 1.0,
-            times: vec![0.0],
-        }
+        Self { time_per_cycle: 1.0, times: vec![0.0] }
     }
 
-    /// Sample i at `start + i * step` [s].
+    /// Sample i at `start + i * step` (s).
     pub fn uniform(start: f64, step: f64) -> Result<Self, AlembicError> {
         if step.is_nan() || step <= 0.0 {
-            return Err(refuse(format!(
-                "the step is {step} s; it has to be positive"
-            )));
+            return Err(refuse(format!("the step is {step} s; it has to be positive")));
         }
         Self::checked(step, vec![start])
     }
 
-    /// One sample a frame: the first at `first_frame / frames_per_second` [s].
+    /// One sample a frame: the first at `first_frame / frames_per_second` (s).
     pub fn frames(first_frame: f64, frames_per_second: f64) -> Result<Self, AlembicError> {
         if frames_per_second.is_nan() || frames_per_second <= 0.0 {
-            return Err(refuse(format!(
-                "{frames_per_second} frames per second; it has to be positive"
-            )));
+            return Err(refuse(format!("{frames_per_second} frames per second; it has to be positive")));
         }
         Self::uniform(first_frame / frames_per_second, 1.0 / frames_per_second)
     }
 
-    /// `times` [s] repeated every `time_per_cycle` [s]; strictly increasing and within one cycle.
+    /// `times` (s) repeated every `time_per_cycle` (s); strictly increasing and within one cycle.
     pub fn cyclic(time_per_cycle: f64, times: Vec<f64>) -> Result<Self, AlembicError> {
         if times.len() < 2 {
-            return Err(refuse(
-                "a cycle needs at least two times; use a uniform sampling".into(),
-            ));
+            return Err(refuse("a cycle needs at least two times; use a uniform sampling".into()));
         }
         Self::checked(time_per_cycle, times)
     }
 
-    /// Sample i at `times[i]` [s]; strictly increasing. No property may have more samples than there are times.
+    /// Sample i at `times[i]` (s); strictly increasing. No property may have more samples than there are times.
     pub fn acyclic(times: Vec<f64>) -> Result<Self, AlembicError> {
         Self::checked(ACYCLIC, times)
     }
@@ -76,13 +67,8 @@ impl TimeSampling {
         let Some((&first, &last)) = times.first().zip(times.last()) else {
             return Err(refuse("at least one time is needed".into()));
         };
-        if !time_per_cycle.is_finite()
-            || time_per_cycle < 0.0
-            || times.iter().any(|time| !time.is_finite())
-        {
-            return Err(refuse(
-                "all times have to be finite and the cycle not negative".into(),
-            ));
+        if !time_per_cycle.is_finite() || time_per_cycle < 0.0 || times.iter().any(|time| !time.is_finite()) {
+            return Err(refuse("all times have to be finite and the cycle not negative".into()));
         }
         if times.windows(2).any(|pair| pair[0] >= pair[1]) {
             return Err(refuse("times have to increase strictly".into()));
@@ -94,10 +80,7 @@ impl TimeSampling {
                 last - first
             )));
         }
-        Ok(Self {
-            time_per_cycle,
-            times,
-        })
+        Ok(Self { time_per_cycle, times })
     }
 
     /// Which of the three forms this is.
@@ -111,17 +94,17 @@ impl TimeSampling {
         }
     }
 
-    /// Length of a cycle [s]: the sample step of a uniform sampling. Meaningless for an acyclic one.
+    /// Length of a cycle (s): the sample step of a uniform sampling. Meaningless for an acyclic one.
     pub fn time_per_cycle(&self) -> f64 {
         self.time_per_cycle
     }
 
-    /// The stored times [s].
+    /// The stored times (s).
     pub fn stored_times(&self) -> &[f64] {
         &self.times
     }
 
-    /// Time of sample `index` [s]; past the end of an acyclic sampling, its last time.
+    /// Time of sample `index` (s); past the end of an acyclic sampling, its last time.
     pub fn time(&self, index: usize) -> f64 {
         if self.kind() == SamplingKind::Acyclic {
             return self.times[index.min(self.times.len() - 1)]; // never empty: `checked`
@@ -130,12 +113,12 @@ impl TimeSampling {
         self.times[index % self.times.len()] + cycle as f64 * self.time_per_cycle
     }
 
-    /// Largest index of `0..count` whose time is not after `time` [s]; 0 when all are.
+    /// Largest index of `0..count` whose time is not after `time` (s); 0 when all are.
     pub fn floor_index(&self, time: f64, count: usize) -> usize {
         self.not_after(time, count).saturating_sub(1)
     }
 
-    /// Smallest index of `0..count` whose time is not before `time` [s]; the last when all are.
+    /// Smallest index of `0..count` whose time is not before `time` (s); the last when all are.
     pub fn ceil_index(&self, time: f64, count: usize) -> usize {
         let below = self.floor_index(time, count);
         if (self.time(below) - time).abs() <= self.tolerance(count) || time < self.time(below) {
@@ -144,17 +127,13 @@ impl TimeSampling {
         (below + 1).min(count.saturating_sub(1))
     }
 
-    /// Index of `0..count` whose time is closest to `time` [s]; the earlier of two equally close ones.
+    /// Index of `0..count` whose time is closest to `time` (s); the earlier of two equally close ones.
     pub fn near_index(&self, time: f64, count: usize) -> usize {
         let (below, above) = (self.floor_index(time, count), self.ceil_index(time, count));
-        if time - self.time(below) <= self.time(above) - time {
-            below
-        } else {
-            above
-        }
+        if time - self.time(below) <= self.time(above) - time { below } else { above }
     }
 
-    /// The two samples around `time` [s] and the share of the second, 0..1. Both are equal on a sample (within the
+    /// The two samples around `time` (s) and the share of the second, 0..1. Both are equal on a sample (within the
     /// tolerance) and outside the sampled range.
     pub fn bracket(&self, time: f64, count: usize) -> (usize, usize, f64) {
         let (below, above) = (self.floor_index(time, count), self.ceil_index(time, count));
@@ -174,11 +153,7 @@ impl TimeSampling {
 
     /// Most samples that a property with this sampling may have.
     pub(crate) fn most_samples(&self) -> usize {
-        if self.kind() == SamplingKind::Acyclic {
-            self.times.len()
-        } else {
-            usize::MAX
-        }
+        if self.kind() == SamplingKind::Acyclic { self.times.len() } else { usize::MAX }
     }
 
     fn tolerance(&self, count: usize) -> f64 {
@@ -233,10 +208,7 @@ mod tests {
     #[test]
     fn a_cyclic_sampling_repeats_its_times() {
         let sampling = TimeSampling::cyclic(1.0, vec![0.0, 0.25]).unwrap();
-        assert_eq!(
-            [0, 1, 2, 3].map(|i| sampling.time(i)),
-            [0.0, 0.25, 1.0, 1.25]
-        );
+        assert_eq!([0, 1, 2, 3].map(|i| sampling.time(i)), [0.0, 0.25, 1.0, 1.25]);
         assert_eq!(sampling.floor_index(1.1, 8), 2);
         let (below, above, share) = sampling.bracket(0.625, 8);
         assert_eq!((below, above), (1, 2));

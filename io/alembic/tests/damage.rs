@@ -7,9 +7,7 @@ fn small_archive() -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("small.abc");
     let mut archive = ArchiveWriter::create(&path, &ArchiveOptions::default()).unwrap();
-    let sampling = archive
-        .add_time_sampling(TimeSampling::frames(1.0, 24.0).unwrap())
-        .unwrap();
+    let sampling = archive.add_time_sampling(TimeSampling::frames(1.0, 24.0).unwrap()).unwrap();
     let root = archive.root();
     let xform = XformWriter::declare(&mut archive, root, "x", sampling).unwrap();
     let mut mesh = PolyMeshWriter::declare(&mut archive, xform.object(), "m", sampling).unwrap();
@@ -19,21 +17,9 @@ fn small_archive() -> Vec<u8> {
     for frame in 0..3 {
         let height = frame as f32;
         let positions = [[0.0, height, 0.0], [1.0, height, 0.0], [0.0, height, 1.0]];
-        let topology = Topology {
-            face_counts: &[3],
-            face_indices: &[0, 1, 2],
-        };
-        let uv = Indexed {
-            values: &[[0.0; 2]],
-            indices: Some(&[0; 3]),
-            scope: Scope::FaceVarying,
-            source_name: None,
-        };
-        let sample = PolyMeshSample {
-            topology: Some(topology),
-            uv: Some(uv),
-            ..PolyMeshSample::of(&positions)
-        };
+        let topology = Topology { face_counts: &[3], face_indices: &[0, 1, 2] };
+        let uv = Indexed { values: &[[0.0; 2]], indices: Some(&[0; 3]), scope: Scope::FaceVarying, source_name: None };
+        let sample = PolyMeshSample { topology: Some(topology), uv: Some(uv), ..PolyMeshSample::of(&positions) };
         mesh.write(&mut archive, &sample).unwrap();
         let mut matrix = IDENTITY;
         matrix[12] = f64::from(frame);
@@ -89,11 +75,7 @@ fn an_archive_cut_off_at_any_byte_is_an_error() {
     assert!(read_all(bytes.clone()).is_ok());
     for end in 0..bytes.len() {
         // The root group is the last thing in the file.
-        assert!(
-            read_all(bytes[..end].to_vec()).is_err(),
-            "cut off at {end} of {}",
-            bytes.len()
-        );
+        assert!(read_all(bytes[..end].to_vec()).is_err(), "cut off at {end} of {}", bytes.len());
     }
 }
 
@@ -118,8 +100,8 @@ fn no_flipped_byte_leads_to_a_panic_when_continuing() {
         let mut damaged = bytes.clone();
         damaged[position] ^= 0xff;
         std::fs::write(&path, &damaged).unwrap();
-        if let Ok(archive) = ArchiveWriter::append(&path) {
-            let _ = archive.finish(Durability::Flushed);
+        if let Ok(mut archive) = ArchiveWriter::append(&path) {
+            archive.commit(Durability::Flushed).unwrap();
         }
     }
 }

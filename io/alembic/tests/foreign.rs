@@ -20,12 +20,7 @@ fn json(path: PathBuf) -> Value {
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
-    value
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|x| x.as_f64().unwrap())
-        .collect()
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
 }
 
 #[track_caller]
@@ -34,10 +29,7 @@ fn assert_close(ours: impl IntoIterator<Item = f64>, expected: &Value, what: &st
     assert_eq!(ours.len(), expected.len(), "{what}");
     for (a, b) in ours.iter().zip(&expected) {
         // f32 of a scene of this size, or the nine decimals of the expected file.
-        assert!(
-            (a - b).abs() <= 1e-6 * b.abs().max(1.0),
-            "{what}: {ours:?} instead of {expected:?}"
-        );
+        assert!((a - b).abs() <= 1e-6 * b.abs().max(1.0), "{what}: {ours:?} instead of {expected:?}");
     }
 }
 
@@ -46,10 +38,7 @@ fn extremes(points: &[[f64; 3]]) -> ([f64; 3], [f64; 3]) {
     let fold = |start: f64, pick: fn(f64, f64) -> f64| -> [f64; 3] {
         std::array::from_fn(|axis| points.iter().map(|p| p[axis]).fold(start, pick))
     };
-    (
-        fold(f64::INFINITY, f64::min),
-        fold(f64::NEG_INFINITY, f64::max),
-    )
+    (fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max))
 }
 
 /// The expected file ignores transforms of instance roots (its script asked the header of the instance, which has no
@@ -59,11 +48,7 @@ fn instance_shift(path: &str) -> f64 {
 }
 
 fn check_mesh(mesh: &PolyMesh, expected: &Value, what: &str) {
-    assert_eq!(
-        mesh.sample_count() as u64,
-        expected["num_samples"].as_u64().unwrap(),
-        "{what}"
-    );
+    assert_eq!(mesh.sample_count() as u64, expected["num_samples"].as_u64().unwrap(), "{what}");
     let variance = match mesh.topology_variance() {
         TopologyVariance::Constant => "kConstantTopology",
         TopologyVariance::Homogeneous => "kHomogenousTopology",
@@ -75,15 +60,8 @@ fn check_mesh(mesh: &PolyMesh, expected: &Value, what: &str) {
         assert_close(mesh.times(), &expected["times"], what);
     } else {
         let last = times.last().unwrap().as_f64().unwrap();
-        assert!(
-            (mesh.time(mesh.sample_count() - 1) - last).abs() < 1e-6,
-            "{what}"
-        );
-        assert_close(
-            mesh.times().into_iter().take(4),
-            &Value::from(times[..4].to_vec()),
-            what,
-        );
+        assert!((mesh.time(mesh.sample_count() - 1) - last).abs() < 1e-6, "{what}");
+        assert_close(mesh.times().into_iter().take(4), &Value::from(times[..4].to_vec()), what);
     }
     for sample in expected["samples"].as_array().unwrap() {
         check_sample(mesh, sample, what);
@@ -92,17 +70,9 @@ fn check_mesh(mesh: &PolyMesh, expected: &Value, what: &str) {
         None => assert!(mesh.uv().is_none(), "{what}"),
         Some(expected) => {
             let uv = mesh.uv().unwrap();
-            assert_eq!(
-                uv.is_indexed(),
-                expected["indexed"].as_bool().unwrap(),
-                "{what}"
-            );
+            assert_eq!(uv.is_indexed(), expected["indexed"].as_bool().unwrap(), "{what}");
             assert_eq!(uv.scope(), Scope::FaceVarying, "{what}");
-            assert_eq!(
-                uv.sample_count() as u64,
-                expected["num"].as_u64().unwrap(),
-                "{what}"
-            );
+            assert_eq!(uv.sample_count() as u64, expected["num"].as_u64().unwrap(), "{what}");
             let corners = mesh.face_indices(0).unwrap().len();
             assert_eq!(uv.expanded::<f32, 2>(0).unwrap().len(), corners, "{what}");
         }
@@ -113,28 +83,12 @@ fn check_sample(mesh: &PolyMesh, expected: &Value, what: &str) {
     let index = expected["index"].as_u64().unwrap() as usize;
     let what = format!("{what} sample {index}");
     let (positions, faces) = (mesh.positions(index).unwrap(), mesh.faces(index).unwrap());
-    assert_eq!(
-        positions.len() as u64,
-        expected["num_points"].as_u64().unwrap(),
-        "{what}"
-    );
-    assert_eq!(
-        faces.face_counts.len() as u64,
-        expected["num_faces"].as_u64().unwrap(),
-        "{what}"
-    );
-    assert_eq!(
-        faces.face_indices.len() as u64,
-        expected["num_face_indices"].as_u64().unwrap(),
-        "{what}"
-    );
+    assert_eq!(positions.len() as u64, expected["num_points"].as_u64().unwrap(), "{what}");
+    assert_eq!(faces.face_counts.len() as u64, expected["num_faces"].as_u64().unwrap(), "{what}");
+    assert_eq!(faces.face_indices.len() as u64, expected["num_face_indices"].as_u64().unwrap(), "{what}");
     let first = |values: &[u32], key: &str| {
         let count = expected[key].as_array().unwrap().len();
-        assert_close(
-            values[..count].iter().map(|&v| f64::from(v)),
-            &expected[key],
-            &what,
-        );
+        assert_close(values[..count].iter().map(|&v| f64::from(v)), &expected[key], &what);
     };
     first(&faces.face_counts, "first_face_counts");
     first(&faces.face_indices, "first_face_indices");
@@ -148,9 +102,7 @@ fn check_sample(mesh: &PolyMesh, expected: &Value, what: &str) {
     assert_close(min, &expected["min"], &what);
     assert_close(max, &expected["max"], &what);
     let mut world = mesh.world_positions(index).unwrap();
-    world
-        .iter_mut()
-        .for_each(|p| p[0] -= instance_shift(mesh.object().path()));
+    world.iter_mut().for_each(|p| p[0] -= instance_shift(mesh.object().path()));
     let (min, max) = extremes(&world);
     assert_close(world[0], &expected["first_world"], &what);
     assert_close(min, &expected["world_min"], &what);
@@ -159,27 +111,12 @@ fn check_sample(mesh: &PolyMesh, expected: &Value, what: &str) {
 
 fn check_xform(object: &Object, expected: &Value, what: &str) {
     let xform = Xform::of(object).unwrap();
-    assert_eq!(
-        xform.sample_count() as u64,
-        expected["num_samples"].as_u64().unwrap(),
-        "{what}"
-    );
-    assert_eq!(
-        xform.op_count() as u64,
-        expected["num_ops"].as_u64().unwrap(),
-        "{what}"
-    );
+    assert_eq!(xform.sample_count() as u64, expected["num_samples"].as_u64().unwrap(), "{what}");
+    assert_eq!(xform.op_count() as u64, expected["num_ops"].as_u64().unwrap(), "{what}");
     let time = xform.time(0);
-    assert_eq!(
-        xform.inherits_at(time).unwrap(),
-        expected["inherits"].as_bool().unwrap_or(true),
-        "{what}"
-    );
+    assert_eq!(xform.inherits_at(time).unwrap(), expected["inherits"].as_bool().unwrap_or(true), "{what}");
     if let Some(rows) = expected["matrix0"].as_array() {
-        let flat: Vec<Value> = rows
-            .iter()
-            .flat_map(|row| row.as_array().unwrap().clone())
-            .collect();
+        let flat: Vec<Value> = rows.iter().flat_map(|row| row.as_array().unwrap().clone()).collect();
         assert_close(xform.matrix_at(time).unwrap(), &Value::from(flat), what);
     }
 }
@@ -195,24 +132,13 @@ fn every_foreign_archive_reads_as_in_the_official_library() {
         let opened = Archive::open(folder.join("abc").join(file));
         files += 1;
         if archive_expected["container"] == "HDF5" {
-            assert!(
-                matches!(opened, Err(AlembicError::Hdf5Container { .. })),
-                "{file}"
-            );
+            assert!(matches!(opened, Err(AlembicError::Hdf5Container { .. })), "{file}");
             continue;
         }
         let archive = opened.unwrap();
-        assert_eq!(
-            archive.application(),
-            archive_expected["application"],
-            "{file}"
-        );
+        assert_eq!(archive.application(), archive_expected["application"], "{file}");
         let samplings = archive.time_samplings().count() as u64;
-        assert_eq!(
-            samplings,
-            archive_expected["time_samplings"].as_u64().unwrap(),
-            "{file}"
-        );
+        assert_eq!(samplings, archive_expected["time_samplings"].as_u64().unwrap(), "{file}");
         let objects: Vec<Object> = archive.objects().collect();
         let expected_objects = archive_expected["objects"].as_array().unwrap();
         assert_eq!(objects.len(), expected_objects.len(), "{file}");
@@ -227,46 +153,32 @@ fn every_foreign_archive_reads_as_in_the_official_library() {
                     check_mesh(&PolyMesh::of(object).unwrap(), expected, &what);
                     meshes += 1;
                 }
-                Schema::Xform if object.instance_of().is_none() => {
-                    check_xform(object, expected, &what)
-                }
+                Schema::Xform if object.instance_of().is_none() => check_xform(object, expected, &what),
                 _ => {}
             }
         }
     }
-    assert!(
-        files >= 20 && meshes >= 20,
-        "only {files} files and {meshes} meshes were checked"
-    );
+    assert!(files >= 20 && meshes >= 20, "only {files} files and {meshes} meshes were checked");
 }
 
 #[test]
 fn an_instance_has_the_content_and_the_transform_of_its_source() {
     let Some(folder) = shared_data() else { return };
-    let archive =
-        Archive::open(folder.join("foreign_caches/abc/openusd_nestedInstancing.abc")).unwrap();
+    let archive = Archive::open(folder.join("foreign_caches/abc/openusd_nestedInstancing.abc")).unwrap();
     let instance = archive.object("/rootNode/instance0/f/g").unwrap();
     assert_eq!(instance.instance_of(), Some("/rootNode/instance0/a"));
     assert_eq!(instance.schema(), Schema::Xform);
     // Official library: translation (-2, 0, 0) of the source, under (0, 5, 0) of the parent.
-    assert_eq!(
-        world_matrix_at(&instance, 0.0).unwrap()[12..15],
-        [-2.0, 5.0, 0.0]
-    );
+    assert_eq!(world_matrix_at(&instance, 0.0).unwrap()[12..15], [-2.0, 5.0, 0.0]);
 }
 
 #[test]
 fn face_sets_of_a_maya_export_cover_every_face_once() {
     let Some(folder) = shared_data() else { return };
-    let archive =
-        Archive::open(folder.join("foreign_caches/abc/cortex_sphereWithShadingGroups.abc"))
-            .unwrap();
+    let archive = Archive::open(folder.join("foreign_caches/abc/cortex_sphereWithShadingGroups.abc")).unwrap();
     let mesh = PolyMesh::open(&archive, "/pSphere1/pSphereShape1").unwrap();
     let sets = mesh.face_sets().unwrap();
-    assert_eq!(
-        sets.iter().map(|set| set.name.as_str()).collect::<Vec<_>>(),
-        ["blinn2SG", "blinn1SG"]
-    );
+    assert_eq!(sets.iter().map(|set| set.name.as_str()).collect::<Vec<_>>(), ["blinn2SG", "blinn1SG"]);
     let mut faces: Vec<i32> = sets.iter().flat_map(|set| set.faces.clone()).collect();
     faces.sort_unstable();
     let all: Vec<i32> = (0..mesh.face_counts(0).unwrap().len() as i32).collect();
@@ -280,15 +192,8 @@ fn colour_sets_of_a_maya_export_are_listed_as_attributes() {
     let mesh = PolyMesh::open(&archive, "/hasColorSet/hasColorSetShape").unwrap();
     let attributes = mesh.attributes();
     assert!(!attributes.is_empty());
-    for attribute in attributes
-        .iter()
-        .filter(|attribute| attribute.data_type().pod == PodType::F32)
-    {
-        assert!(
-            !attribute.values(0).unwrap().is_empty(),
-            "{}",
-            attribute.name()
-        );
+    for attribute in attributes.iter().filter(|attribute| attribute.data_type().pod == PodType::F32) {
+        assert!(!attribute.values(0).unwrap().is_empty(), "{}", attribute.name());
     }
 }
 
@@ -297,10 +202,7 @@ fn velocities_of_a_foreign_archive_are_read() {
     let Some(folder) = shared_data() else { return };
     let archive = Archive::open(folder.join("foreign_caches/abc/cortex_velocityCube.abc")).unwrap();
     let mesh = PolyMesh::all(&archive).unwrap().remove(0);
-    assert_eq!(
-        mesh.velocities(0).unwrap().map(|v| v.len()),
-        Some(mesh.positions(0).unwrap().len())
-    );
+    assert_eq!(mesh.velocities(0).unwrap().map(|v| v.len()), Some(mesh.positions(0).unwrap().len()));
 }
 
 #[test]
@@ -310,10 +212,7 @@ fn the_walking_body_has_its_expected_world_positions() {
     let expected = json(folder.join("body_expected.json"));
     let archive = Archive::open(folder.join("body.abc")).unwrap();
     let mesh = PolyMesh::open(&archive, "/woman/woman").unwrap();
-    assert_eq!(
-        mesh.sample_count() as u64,
-        expected["frames"].as_u64().unwrap()
-    );
+    assert_eq!(mesh.sample_count() as u64, expected["frames"].as_u64().unwrap());
     assert_eq!(mesh.topology_variance(), TopologyVariance::Homogeneous);
     for sample in expected["samples"].as_array().unwrap() {
         let frame = sample["frame"].as_u64().unwrap() as usize;
@@ -326,9 +225,8 @@ fn the_walking_body_has_its_expected_world_positions() {
         let (min, max) = extremes(&world);
         assert_close(min, &sample["min"], &what);
         assert_close(max, &sample["max"], &what);
-        let centroid: [f64; 3] = std::array::from_fn(|axis| {
-            world.iter().map(|p| p[axis]).sum::<f64>() / world.len() as f64
-        });
+        let centroid: [f64; 3] =
+            std::array::from_fn(|axis| world.iter().map(|p| p[axis]).sum::<f64>() / world.len() as f64);
         assert_close(centroid, &sample["centroid"], &what);
     }
 }
@@ -338,23 +236,14 @@ fn a_turning_transform_moves_the_sphere_as_described() {
     let Some(folder) = shared_data() else { return };
     let archive = Archive::open(folder.join("drape/sphere_spin.abc")).unwrap();
     let mesh = PolyMesh::all(&archive).unwrap().remove(0);
-    let at_rest: Vec<[f64; 3]> = mesh
-        .positions(0)
-        .unwrap()
-        .iter()
-        .map(|p| p.map(f64::from))
-        .collect();
-    for (frame, moved) in [
-        (24, (|[x, y, z]| [x, y, z]) as fn([f64; 3]) -> [f64; 3]),
-        (36, |[x, y, z]| [z, y, -x]),
-        (72, |p| p),
-    ] {
+    let at_rest: Vec<[f64; 3]> = mesh.positions(0).unwrap().iter().map(|p| p.map(f64::from)).collect();
+    for (frame, moved) in
+        [(24, (|[x, y, z]| [x, y, z]) as fn([f64; 3]) -> [f64; 3]), (36, |[x, y, z]| [z, y, -x]), (72, |p| p)]
+    {
         let matrix = mesh.world_matrix_at(f64::from(frame) / 24.0).unwrap();
         for p in &at_rest {
             let (ours, right) = (transform_point(*p, &matrix), moved(*p));
-            let off = (0..3)
-                .map(|axis| (ours[axis] - right[axis]).abs())
-                .fold(0.0, f64::max);
+            let off = (0..3).map(|axis| (ours[axis] - right[axis]).abs()).fold(0.0, f64::max);
             assert!(off < 1e-6, "frame {frame}: {ours:?} instead of {right:?}");
         }
     }
@@ -386,12 +275,7 @@ fn read_mesh(mesh: &PolyMesh) -> Result<(), AlembicError> {
         mesh.bounds(index)?;
     }
     mesh.face_sets()?;
-    for param in mesh
-        .attributes()
-        .into_iter()
-        .chain(mesh.uv())
-        .chain(mesh.normals())
-    {
+    for param in mesh.attributes().into_iter().chain(mesh.uv()).chain(mesh.normals()) {
         if param.sample_count() > 0 {
             param.values(0)?;
             param.indices(0)?;
@@ -429,16 +313,41 @@ fn malformed_archives_give_an_error_or_what_is_left_in_bounded_time() {
         if let Some(opens) = reference.as_str().unwrap().strip_prefix("opens, ") {
             let objects: usize = opens.trim_end_matches(" objects").parse().unwrap();
             if let Ok(ours) = result {
-                assert!(
-                    ours <= objects,
-                    "{file}: {ours} objects, the official library sees {objects}"
-                );
+                assert!(ours <= objects, "{file}: {ours} objects, the official library sees {objects}");
             }
         } else {
-            assert!(
-                result.is_err() || result.is_ok_and(|objects| objects == 0),
-                "{file}"
-            );
+            assert!(result.is_err() || result.is_ok_and(|objects| objects == 0), "{file}");
         }
     }
+}
+
+#[test]
+fn attributes_and_properties_of_a_foreign_mesh_can_be_passed_on_unchanged() {
+    let Some(folder) = shared_data() else { return };
+    let source = Archive::open(folder.join("foreign_caches/abc/openusd_hasColorSet.abc")).unwrap();
+    let garment = PolyMesh::open(&source, "/hasColorSet/hasColorSetShape").unwrap();
+    let target = tempfile::tempdir().unwrap();
+    let path = target.path().join("copy.abc");
+    let mut archive = ArchiveWriter::create(&path, &ArchiveOptions::default()).unwrap();
+    let root = archive.root();
+    let mesh = PolyMeshWriter::declare(&mut archive, root, "mesh", 0).unwrap();
+    let attributes = mesh.attributes(&mut archive).unwrap();
+    for attribute in garment.attributes() {
+        GeomParamWriter::copy_static(&mut archive, attributes, &attribute, 0).unwrap();
+    }
+    let user = mesh.user_properties(&mut archive).unwrap();
+    archive.copy_static_properties(user, garment.geom()).unwrap();
+    archive.finish(Durability::Flushed).unwrap();
+
+    let archive = Archive::open(&path).unwrap();
+    let copy = PolyMesh::open(&archive, "/mesh").unwrap();
+    let (before, after) = (garment.attributes(), copy.attributes());
+    assert_eq!(before.len(), after.len());
+    for (before, after) in before.iter().zip(&after) {
+        assert_eq!(before.spec(0), after.spec(0));
+        assert_eq!(before.values(0).unwrap(), after.values(0).unwrap());
+        assert_eq!(before.indices(0).unwrap(), after.indices(0).unwrap());
+    }
+    let positions = copy.user_properties().unwrap().samples("P").unwrap();
+    assert_eq!(positions.elements::<f32, 3>(0).unwrap(), garment.positions(0).unwrap());
 }

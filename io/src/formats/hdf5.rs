@@ -26,6 +26,7 @@ use hdf5::{Dataset, H5Type};
 
 use crate::cache::{APPLICATION, CacheFrame, CachePlan, CacheWriter};
 use crate::error::IoError;
+use crate::inspect::{FileSummary, MeshSummary, face_kinds};
 use crate::units::Units;
 
 /// Version of the layout above, stored as the attribute `format_version`.
@@ -111,6 +112,45 @@ impl CacheWriter for Hdf5Writer {
     }
 }
 
+/// What a cache of this layout holds.
+///
+/// # Errors
+/// The file cannot be opened or has another layout.
+pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
+    read_summary(path).map_err(|source| IoError::Hdf5 { path: path.to_owned(), source })
+}
+
+fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
+    let file = hdf5::File::open(path)?;
+    let text = |name: &str| Ok::<_, hdf5::Error>(file.attr(name)?.read_scalar::<VarLenUnicode>()?.to_string());
+    let committed = file.dataset("committed")?.read_raw::<u8>()?;
+    let frames = file.dataset("frame_numbers")?.read_raw::<i64>()?;
+    let times = file.dataset("times")?.read_raw::<f64>()?;
+    let counts = file.dataset("face_counts")?.read_raw::<u32>()?;
+    let mut properties = Vec::new();
+    for name in ["application", "garment", "length_unit", "up_axis"] {
+        properties.push((name.to_owned(), text(name)?));
+    }
+    properties.push(("fps".into(), file.attr("fps")?.read_scalar::<f64>()?.to_string()));
+    if let Some((first, last)) = frames.first().zip(frames.last()) {
+        properties.push(("planned frames".into(), format!("{first}-{last}")));
+    }
+    let done = committed.iter().filter(|mark| **mark == 1).count();
+    properties.push(("committed frames".into(), done.to_string()));
+    let mesh = MeshSummary {
+        path: text("object_path")?,
+        points: file.dataset("positions")?.shape().get(1).copied().unwrap_or(0),
+        faces: face_kinds(&counts),
+        topology: "constant faces, moving points",
+        samples: done,
+        times: [times.first().copied().unwrap_or(0.0), times.get(done.max(1) - 1).copied().unwrap_or(0.0)],
+        uvs: file.dataset("uv_values").ok().map(|uvs| ("uv".to_owned(), uvs.shape()[0])),
+        velocities: file.link_exists("velocities"),
+        ..MeshSummary::default()
+    };
+    Ok(FileSummary { format: "HDF5 (Drapery)", properties, meshes: vec![mesh], others: Vec::new() })
+}
+
 /// Creates the file, fills in what does not change, and closes it.
 fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Offsets> {
     // Times of change are left out so that equal runs give equal bytes.
@@ -133,8 +173,7 @@ fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Offsets> {
         fixed(&file, "uv_indices", &as_i32(&uvs.indices), &[uvs.indices.len()])?;
     }
     let committed = growing::<u8>(&file, "committed", &[frames])?;
-    let velocities =
-        plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
+    let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
     let positions = growing::<f32>(&file, "positions", &[frames, points, 3])?;
     Ok(Offsets { positions, velocities, committed })
 }
@@ -245,6 +284,9 @@ mod tests {
         assert!(values[18..].iter().all(|v| *v == 0.0));
         assert_eq!(file.dataset("velocities").unwrap().read_raw::<f32>().unwrap()[8], 2400.0);
         assert_eq!(file.dataset("times").unwrap().read_raw::<f64>().unwrap()[1], 1002.0 / 24.0);
+        drop(file);
+        let summary = inspect(&folder.path().join("flag.h5")).unwrap();
+        assert_eq!((summary.meshes[0].samples, summary.meshes[0].points), (2, 3));
     }
 
     #[test]

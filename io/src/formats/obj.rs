@@ -186,11 +186,7 @@ impl Parsed {
         let groups = if groups.len() > 1 { groups } else { Vec::new() };
         MeshData {
             object_path: String::new(),
-            mesh: PolygonMesh {
-                points: self.points,
-                face_counts: self.face_counts,
-                face_indices: self.face_indices,
-            },
+            mesh: PolygonMesh { points: self.points, face_counts: self.face_counts, face_indices: self.face_indices },
             uvs,
             face_sets: if materials.is_empty() { groups } else { materials },
             params: Vec::new(),

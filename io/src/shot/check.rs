@@ -7,6 +7,7 @@ use drapery_core::scene::Timeline;
 use crate::cache::Connectivity;
 use crate::error::IoError;
 use crate::shot::motion::{InputMotion, file_time};
+use crate::units::guess_problem;
 
 /// A step between samples this many times longer than usual is a hole.
 const HOLE: f64 = 1.5;
@@ -34,8 +35,9 @@ impl Span {
     }
 }
 
-/// Problems of one moving input over all samples that the shot uses. `points` is the number that the scene was built with.
-pub(crate) fn check_motion(motion: &InputMotion, span: Span, points: usize) -> Vec<Problem> {
+/// Problems of one moving input over all samples that the shot uses. `points` is the number that the scene was built with,
+/// if it was.
+pub(crate) fn check_motion(motion: &InputMotion, span: Span, points: Option<usize>) -> Vec<Problem> {
     let mut problems = Vec::new();
     problems.extend(outside(motion, span));
     problems.extend(holes(motion, span));
@@ -43,6 +45,25 @@ pub(crate) fn check_motion(motion: &InputMotion, span: Span, points: usize) -> V
         problems.push(Problem::data(&motion.label, error.to_string(), "export the file again"));
     }
     problems
+}
+
+/// A body of an unlikely size: an error when it is its height under the scene's general units, a warning when somebody has
+/// written units for this very body or when only its width is unusual (a floor).
+pub(crate) fn check_size(motion: &InputMotion, span: Span, warnings: &mut Vec<String>) -> Option<Problem> {
+    let mut positions = Vec::new();
+    // A file that cannot be read is reported by the check of its samples.
+    motion.source.positions_at(span.first_time(), &mut positions).ok()?;
+    let empty = [Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)];
+    let bounds = positions.iter().fold(empty, |[low, high], p| [low.inf(p), high.sup(p)]);
+    let units = motion.source.units();
+    let what = guess_problem(bounds, units)?;
+    let size = bounds[1] - bounds[0];
+    if motion.own_units || size.y < size.max() {
+        warnings.push(format!("{} ({}): {what}", motion.label, motion.source.path().display()));
+        return None;
+    }
+    let advice = "correct the units; if it really is that size, write `units` at this body";
+    Some(Problem::scene(format!("{} ({})", motion.label, motion.source.path().display()), what, advice))
 }
 
 fn place(motion: &InputMotion, span: Span, time: f64) -> String {
@@ -93,7 +114,7 @@ fn holes(motion: &InputMotion, span: Span) -> Option<Problem> {
 fn check_samples(
     motion: &InputMotion,
     span: Span,
-    points: usize,
+    mut points: Option<usize>,
     problems: &mut Vec<Problem>,
 ) -> Result<(), IoError> {
     let source = &motion.source;
@@ -119,6 +140,7 @@ fn check_samples(
             }
         }
         source.positions_at(time, &mut positions)?;
+        let points = *points.get_or_insert(positions.len());
         if positions.len() != points {
             problems.push(Problem::data(
                 place(motion, span, time),

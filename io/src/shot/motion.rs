@@ -44,8 +44,12 @@ pub struct InputMotion {
     pub label: String,
     /// Its file.
     pub source: MeshSource,
-    /// Rest pose for the pre-roll [m]; the first sample of the file when `None`.
+    /// Rest pose for the pre-roll [m], as many points as the file has; the first sample of the file when `None`.
     pub rest: Option<Vec<Vec3>>,
+    /// Points of the file that are used, in this order; all of them when `None`.
+    pub rows: Option<Vec<u32>>,
+    /// Whether the scene states units for this very file, so that an unusual size is believed.
+    pub own_units: bool,
 }
 
 /// Time of a frame in files [s]: frame / fps, computed from integers.
@@ -65,10 +69,10 @@ impl InputMotion {
             let (from, to) = (file_time(timeline, frame - 1), file_time(timeline, frame));
             let origin = file_time(timeline, timeline.origin);
             for &time in self.source.times_between(from, to) {
-                samples.push(Sample { time: time - origin, positions: self.pose(time)? });
+                samples.push(Sample { time: time - origin, positions: self.chosen(self.pose(time)?) });
             }
         }
-        let positions = self.pose_at_frame(timeline, preroll, frame)?;
+        let positions = self.chosen(self.pose_at_frame(timeline, preroll, frame)?);
         samples.push(Sample { time: timeline.time(frame), positions });
         Ok(samples)
     }
@@ -88,6 +92,14 @@ impl InputMotion {
         }
         let first = self.pose(file_time(timeline, timeline.origin))?;
         Ok(rest.iter().zip(&first).map(|(a, b)| a + (b - a) * share).collect())
+    }
+
+    fn chosen(&self, pose: Vec<Vec3>) -> Vec<Vec3> {
+        match &self.rows {
+            None => pose,
+            // A row that the file does not have is reported when the number of samples does not fit.
+            Some(rows) => rows.iter().filter_map(|row| pose.get(*row as usize).copied()).collect(),
+        }
     }
 
     fn pose(&self, time: f64) -> Result<Vec<Vec3>, IoError> {
@@ -122,6 +134,8 @@ mod tests {
             label: "body \"b\"".into(),
             source: MeshSource::open(&path, None, Units::SI).unwrap(),
             rest: Some(vec![Vec3::zeros(); 3]),
+            rows: None,
+            own_units: false,
         };
         let timeline = Timeline { origin: 1001, start: 991, ..Timeline::default() };
         let preroll = Preroll { settle: 6, blend: 4 };

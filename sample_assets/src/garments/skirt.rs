@@ -65,10 +65,8 @@ impl Skirt {
         for level in 1..LEVELS - 1 {
             for angle in 0..ANGLES {
                 let at = |level: usize, angle: usize| old[level * ANGLES + angle % ANGLES];
-                let around = at(level - 1, angle)
-                    + at(level + 1, angle)
-                    + at(level, angle + 1)
-                    + at(level, angle + ANGLES - 1);
+                let around =
+                    at(level - 1, angle) + at(level + 1, angle) + at(level, angle + 1) + at(level, angle + ANGLES - 1);
                 let i = level * ANGLES + angle;
                 self.radii[i] = (0.5 * old[i] + 0.125 * around).max(closest[i]);
             }

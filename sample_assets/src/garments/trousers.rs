@@ -18,9 +18,7 @@ pub fn trousers(limbs: &[Limb], edge: f64) -> Garment {
     let covered: Vec<Limb> = limbs
         .iter()
         .copied()
-        .filter(|limb| {
-            matches!(limb.bone, Bone::Pelvis | Bone::Abdomen | Bone::Chest | Bone::Thigh(_) | Bone::Shin(_))
-        })
+        .filter(|limb| matches!(limb.bone, Bone::Pelvis | Bone::Abdomen | Bone::Chest | Bone::Thigh(_) | Bone::Shin(_)))
         .collect();
     let legs = loose_legs();
     let field = |p: &Vec3| {

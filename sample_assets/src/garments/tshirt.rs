@@ -26,7 +26,9 @@ pub fn tshirt(limbs: &[Limb], skirt: &Skirt, edge: f64) -> Garment {
     let covered: Vec<Limb> = limbs
         .iter()
         .copied()
-        .filter(|limb| !matches!(limb.bone, Bone::Forearm(_) | Bone::Hand(_) | Bone::Head | Bone::Shin(_) | Bone::Foot(_)))
+        .filter(|limb| {
+            !matches!(limb.bone, Bone::Forearm(_) | Bone::Hand(_) | Bone::Head | Bone::Shin(_) | Bone::Foot(_))
+        })
         .collect();
     let loose = loose_shapes();
     let field = |p: &Vec3| {

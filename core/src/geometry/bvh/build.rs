@@ -29,14 +29,8 @@ struct Split {
 
 impl<'a> Builder<'a> {
     pub(super) fn new(boxes: &'a [Aabb]) -> Self {
-        assert!(
-            boxes.len() < INNER as usize,
-            "a tree holds at most 2^32 - 2 primitives"
-        );
-        let centres = boxes
-            .iter()
-            .map(|b| [0, 1, 2].map(|k| 0.5 * b.min[k] + 0.5 * b.max[k]))
-            .collect();
+        assert!(boxes.len() < INNER as usize, "a tree holds at most 2^32 - 2 primitives");
+        let centres = boxes.iter().map(|b| [0, 1, 2].map(|k| 0.5 * b.min[k] + 0.5 * b.max[k])).collect();
         Builder {
             boxes,
             centres,
@@ -53,59 +47,34 @@ impl<'a> Builder<'a> {
         } else {
             self.split_into(0, all, 0);
         }
-        Bvh {
-            pairs: self.pairs,
-            primitives: self.primitives,
-        }
+        Bvh { pairs: self.pairs, primitives: self.primitives }
     }
 
     /// Splits the run in two and writes both halves into the pair.
     fn split_into(&mut self, pair: usize, run: Range<usize>, depth: usize) {
         let middle = self.partition(run.clone(), depth);
-        let halves = [
-            self.node(run.start..middle, depth),
-            self.node(middle..run.end, depth),
-        ];
+        let halves = [self.node(run.start..middle, depth), self.node(middle..run.end, depth)];
         self.pairs[pair].0 = halves;
     }
 
     fn node(&mut self, run: Range<usize>, depth: usize) -> Node {
-        let bounds = self.primitives[run.clone()]
-            .iter()
-            .fold(Aabb::EMPTY, |b, &p| b.union(&self.boxes[p as usize]));
+        let bounds = self.primitives[run.clone()].iter().fold(Aabb::EMPTY, |b, &p| b.union(&self.boxes[p as usize]));
         if run.len() <= LEAF_SIZE {
-            return Node {
-                bounds,
-                first: run.start as u32,
-                count: run.len() as u32,
-            };
+            return Node { bounds, first: run.start as u32, count: run.len() as u32 };
         }
         let pair = self.pairs.len();
         self.pairs.push(Siblings([NO_NODE; 2]));
         self.split_into(pair, run, depth + 1);
-        Node {
-            bounds,
-            first: pair as u32,
-            count: INNER,
-        }
+        Node { bounds, first: pair as u32, count: INNER }
     }
 
     /// Orders the run so that its two halves come one after the other; returns where the second starts.
     fn partition(&mut self, run: Range<usize>, depth: usize) -> usize {
-        let extent = self.primitives[run.clone()]
-            .iter()
-            .fold(Aabb::EMPTY, |b, &p| {
-                let centre = self.centres[p as usize];
-                b.union(&Aabb {
-                    min: centre,
-                    max: centre,
-                })
-            });
-        let split = if depth < SPLIT_BY_COUNT_DEPTH {
-            self.best_split(&run, &extent)
-        } else {
-            None
-        };
+        let extent = self.primitives[run.clone()].iter().fold(Aabb::EMPTY, |b, &p| {
+            let centre = self.centres[p as usize];
+            b.union(&Aabb { min: centre, max: centre })
+        });
+        let split = if depth < SPLIT_BY_COUNT_DEPTH { self.best_split(&run, &extent) } else { None };
         let Some(split) = split else {
             return self.halve(run, &extent);
         };

@@ -13,11 +13,7 @@ fn at_rest(mesh: (Vec<[u32; 3]>, Vec<Vec3>)) -> MovingSurface {
 fn deformed(x: &[Vec3], amount: f64) -> Vec<Vec3> {
     let twist = |p: &Vec3| {
         let (sin, cos) = (amount * (1.0 + 0.3 * p.y)).sin_cos();
-        Vec3::new(
-            cos * p.x - sin * p.z,
-            p.y + 0.2 * amount * p.x,
-            sin * p.x + cos * p.z,
-        )
+        Vec3::new(cos * p.x - sin * p.z, p.y + 0.2 * amount * p.x, sin * p.x + cos * p.z)
     };
     x.iter().map(twist).collect()
 }
@@ -32,11 +28,7 @@ fn the_sign_of_the_distance_is_that_of_the_winding_number() {
         for _ in 0..4000 {
             let p = random.vector() * 1.3;
             let found = surface.closest(&p, 10.0, None).unwrap();
-            assert_eq!(
-                found.distance < 0.0,
-                surface.winding_number(&p) == 1,
-                "{p:?} {found:?}"
-            );
+            assert_eq!(found.distance < 0.0, surface.winding_number(&p) == 1, "{p:?} {found:?}");
             assert!(((p - found.point).norm() - found.distance.abs()).abs() < 1e-14);
             assert!((found.point + found.gradient(&p) * found.distance - p).norm() < 1e-12);
             inside += usize::from(found.distance < 0.0);
@@ -54,12 +46,10 @@ fn the_closest_point_is_the_one_a_look_at_every_triangle_finds_whatever_the_hint
         // Every fourth point is a vertex or on an edge: several triangles are equally close.
         let t = triangles[round % triangles.len()].map(|v| x[v as usize]);
         let p = [random.vector(), random.vector(), t[0], (t[0] + t[1]) * 0.5][round % 4];
-        let all = triangles.iter().enumerate().map(|(i, t)| {
-            (
-                closest_on_triangle(&p, &t.map(|v| x[v as usize])).distance_squared,
-                i as u32,
-            )
-        });
+        let all = triangles
+            .iter()
+            .enumerate()
+            .map(|(i, t)| (closest_on_triangle(&p, &t.map(|v| x[v as usize])).distance_squared, i as u32));
         let (expected, triangle) = all.min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap();
         let found = surface.closest(&p, 10.0, None);
         assert_eq!(found.map(|f| f.triangle), Some(triangle));
@@ -67,11 +57,7 @@ fn the_closest_point_is_the_one_a_look_at_every_triangle_finds_whatever_the_hint
         for hint in [0, 77, triangle, 1_000_000] {
             assert_eq!(surface.closest(&p, 10.0, Some(hint)), found);
         }
-        assert!(
-            surface
-                .closest(&p, 0.999 * expected.sqrt() - 1e-12, Some(triangle))
-                .is_none()
-        );
+        assert!(surface.closest(&p, 0.999 * expected.sqrt() - 1e-12, Some(triangle)).is_none());
     }
 }
 
@@ -123,10 +109,7 @@ fn the_velocity_is_that_of_the_samples_and_steps_join_without_a_gap() {
     surface.set_step(1.125, 1.5);
     assert_eq!(surface.positions(), &b[..]);
     surface.set_samples(1.5, &b, 1.5, &b).unwrap();
-    assert_eq!(
-        (surface.velocity(5, weights), surface.positions()),
-        (Vec3::zeros(), &b[..])
-    );
+    assert_eq!((surface.velocity(5, weights), surface.positions()), (Vec3::zeros(), &b[..]));
 }
 
 #[test]
@@ -147,9 +130,7 @@ fn a_node_that_ends_inside_a_deforming_body_was_seen_entering_it() {
         let hit = surface.path_hit(&from, &to, Crossings::Entering);
         if let Some(hit) = hit {
             let node = from * (1.0 - hit.fraction) + to * hit.fraction;
-            assert!(
-                (surface.point_at(hit.triangle, hit.weights, hit.fraction) - node).norm() < 1e-8
-            );
+            assert!((surface.point_at(hit.triangle, hit.weights, hit.fraction) - node).norm() < 1e-8);
             assert_eq!(hit.side, Side::Front);
         }
         if starts_outside {
@@ -170,14 +151,9 @@ fn a_thin_limb_at_fifty_metres_a_second_does_not_jump_over_a_node() {
     let mut surface = MovingSurface::new(triangles, x.len()).unwrap();
     surface.set_samples(0.0, &x, 1.0 / 24.0, &moved).unwrap();
     let node = Vec3::new(1.2, 0.0, 0.011);
-    let hit = surface
-        .path_hit(&node, &node, Crossings::Entering)
-        .expect("the limb passes through the node");
+    let hit = surface.path_hit(&node, &node, Crossings::Entering).expect("the limb passes through the node");
     let front = 0.205 + 50.0 / 24.0 * hit.fraction;
-    assert!(
-        (front - 1.2).abs() < 0.01,
-        "hit when the limb's front is at {front} m"
-    );
+    assert!((front - 1.2).abs() < 0.01, "hit when the limb's front is at {front} m");
     assert!(surface.closest(&node, 0.1, None).is_none());
 }
 
@@ -187,25 +163,9 @@ fn an_open_surface_is_hit_from_both_sides() {
     let surface = at_rest((vec![[0, 1, 2]], sheet));
     assert!(!surface.is_closed());
     let (above, below) = (Vec3::new(0.2, 1.0, 0.2), Vec3::new(0.2, -1.0, 0.2));
-    assert_eq!(
-        surface
-            .path_hit(&above, &below, Crossings::Any)
-            .unwrap()
-            .side,
-        Side::Back
-    );
-    assert_eq!(
-        surface
-            .path_hit(&below, &above, Crossings::Any)
-            .unwrap()
-            .side,
-        Side::Front
-    );
-    assert!(
-        surface
-            .path_hit(&above, &below, Crossings::Entering)
-            .is_none()
-    );
+    assert_eq!(surface.path_hit(&above, &below, Crossings::Any).unwrap().side, Side::Back);
+    assert_eq!(surface.path_hit(&below, &above, Crossings::Any).unwrap().side, Side::Front);
+    assert!(surface.path_hit(&above, &below, Crossings::Entering).is_none());
 }
 
 #[test]
@@ -222,68 +182,30 @@ fn faces_without_area_and_doubled_faces_leave_every_answer_finite() {
         assert_eq!(found.distance < 0.0, inside, "{p:?}");
         assert!((found.normal.norm() - 1.0).abs() < 1e-14);
     }
-    let needle = at_rest((
-        vec![[0, 1, 2]],
-        vec![Vec3::zeros(), Vec3::x(), Vec3::x() * 2.0],
-    ));
+    let needle = at_rest((vec![[0, 1, 2]], vec![Vec3::zeros(), Vec3::x(), Vec3::x() * 2.0]));
     let found = needle.closest(&Vec3::y(), 10.0, None).unwrap();
     assert_eq!((found.distance, found.normal), (1.0, Vec3::y()));
-    assert!(
-        needle
-            .closest(&Vec3::zeros(), 1.0, None)
-            .unwrap()
-            .normal
-            .norm()
-            == 1.0
-    );
+    assert!(needle.closest(&Vec3::zeros(), 1.0, None).unwrap().normal.norm() == 1.0);
 }
 
 #[test]
 fn bad_input_is_an_error_that_names_the_element() {
     let point = Vec3::zeros();
-    assert_eq!(
-        MovingSurface::new(vec![], 3).err(),
-        Some(SurfaceError::NoTriangles)
-    );
+    assert_eq!(MovingSurface::new(vec![], 3).err(), Some(SurfaceError::NoTriangles));
     let error = MovingSurface::new(vec![[0, 1, 2], [0, 1, 3]], 3).unwrap_err();
-    assert_eq!(
-        error,
-        SurfaceError::PointOutOfRange {
-            triangle: 1,
-            point: 3,
-            point_count: 3
-        }
-    );
+    assert_eq!(error, SurfaceError::PointOutOfRange { triangle: 1, point: 3, point_count: 3 });
     let mut surface = MovingSurface::new(vec![[0, 1, 2]], 3).unwrap();
     assert!(surface.closest(&point, 1.0, Some(0)).is_none());
     let good = [point; 3];
-    let error = surface
-        .set_samples(0.0, &good, 1.0, &good[..2])
-        .unwrap_err();
-    assert_eq!(
-        error,
-        SurfaceError::PointCount {
-            time: 1.0,
-            expected: 3,
-            found: 2
-        }
-    );
+    let error = surface.set_samples(0.0, &good, 1.0, &good[..2]).unwrap_err();
+    assert_eq!(error, SurfaceError::PointCount { time: 1.0, expected: 3, found: 2 });
     let mut broken = good;
     broken[2].y = f64::NAN;
     let error = surface.set_samples(0.0, &broken, 1.0, &good).unwrap_err();
-    assert_eq!(
-        error,
-        SurfaceError::NotFinite {
-            time: 0.0,
-            point: 2
-        }
-    );
+    assert_eq!(error, SurfaceError::NotFinite { time: 0.0, point: 2 });
     assert_eq!(
         surface.set_samples(2.0, &good, 1.0, &good).unwrap_err(),
-        SurfaceError::Times {
-            time_a: 2.0,
-            time_b: 1.0
-        }
+        SurfaceError::Times { time_a: 2.0, time_b: 1.0 }
     );
     assert!(surface.set_samples(f64::NAN, &good, 1.0, &good).is_err());
 }

@@ -53,15 +53,12 @@ pub(super) struct Budget {
 
 impl Budget {
     pub(super) fn for_file(length: u64) -> Self {
-        Self {
-            left: length.saturating_mul(16).saturating_add(4 << 20),
-        }
+        Self { left: length.saturating_mul(16).saturating_add(4 << 20) }
     }
 
     pub(super) fn spend(&mut self, bytes: usize) -> Result<(), Fault> {
         let left = self.left.checked_sub(bytes as u64);
-        self.left =
-            left.ok_or_else(|| Fault::damaged("the headers are larger than the file can hold"))?;
+        self.left = left.ok_or_else(|| Fault::damaged("the headers are larger than the file can hold"))?;
         Ok(())
     }
 }
@@ -83,16 +80,9 @@ impl Archive {
         let tables = Tables::read(&source, root)?;
         let metadata = MetaData::parse(&tables.metadata);
         let nodes = read_stored(&source, &tables)?;
-        let (mut shared, sources) = instance_sources(Shared {
-            source,
-            tables,
-            metadata,
-            nodes,
-        })?;
-        shared.nodes = expand_instances(&shared.source.path, &shared.nodes, &sources)?;
-        Ok(Self {
-            shared: Arc::new(shared),
-        })
+        let (mut shared, sources) = instance_sources(Shared { source, tables, metadata, nodes })?;
+        shared.nodes = expand_instances(&shared.source, &shared.nodes, &sources)?;
+        Ok(Self { shared: Arc::new(shared) })
     }
 
     /// The file, or the name given for bytes in memory.
@@ -107,21 +97,12 @@ impl Archive {
 
     /// Name and version of the program that asked for the file; empty when it did not say.
     pub fn application(&self) -> &str {
-        self.shared
-            .metadata
-            .get("_ai_Application")
-            .unwrap_or_default()
+        self.shared.metadata.get("_ai_Application").unwrap_or_default()
     }
 
     /// Frames per second as noted by the writer. Sample times are in seconds and do not depend on it.
     pub fn frames_per_second_hint(&self) -> Option<f64> {
-        self.shared
-            .metadata
-            .get("_ai_DCC_FPS")?
-            .trim()
-            .parse()
-            .ok()
-            .filter(|rate: &f64| *rate > 0.0)
+        self.shared.metadata.get("_ai_DCC_FPS")?.trim().parse().ok().filter(|rate: &f64| *rate > 0.0)
     }
 
     /// Version of the writing library as major·10000 + minor·100 + patch.
@@ -131,36 +112,22 @@ impl Archive {
 
     /// All time samplings; index 0 is for static properties.
     pub fn time_samplings(&self) -> impl Iterator<Item = &TimeSampling> {
-        self.shared
-            .tables
-            .samplings
-            .iter()
-            .map(|(sampling, _)| sampling)
+        self.shared.tables.samplings.iter().map(|(sampling, _)| sampling)
     }
 
     /// Largest number of samples of a property with this sampling, as noted by the writer.
     pub fn max_samples(&self, time_sampling: usize) -> Option<u32> {
-        self.shared
-            .tables
-            .samplings
-            .get(time_sampling)
-            .map(|(_, count)| *count)
+        self.shared.tables.samplings.get(time_sampling).map(|(_, count)| *count)
     }
 
     /// The top object, whose path is `/`.
     pub fn top(&self) -> Object {
-        Object {
-            shared: self.shared.clone(),
-            index: 0,
-        }
+        Object { shared: self.shared.clone(), index: 0 }
     }
 
     /// All objects but the top one, depth first in stored order.
     pub fn objects(&self) -> impl Iterator<Item = Object> + '_ {
-        (1..self.shared.nodes.len()).map(|index| Object {
-            shared: self.shared.clone(),
-            index,
-        })
+        (1..self.shared.nodes.len()).map(|index| Object { shared: self.shared.clone(), index })
     }
 
     /// The object with this full path, such as `/body/bodyShape`.
@@ -179,22 +146,12 @@ impl Archive {
     }
 
     fn no_object(&self, path: &str) -> AlembicError {
-        let names: Vec<&str> = self
-            .shared
-            .nodes
-            .iter()
-            .skip(1)
-            .take(8)
-            .map(|node| node.path.as_str())
-            .collect();
+        let names: Vec<&str> = self.shared.nodes.iter().skip(1).take(8).map(|node| node.path.as_str()).collect();
         AlembicError::Missing {
             path: self.path().to_owned(),
             place: path.to_owned(),
             reason: "there is no such object".into(),
-            help: format!(
-                "choose one that is in the file; the first are {}",
-                names.join(", ")
-            ),
+            help: format!("choose one that is in the file; the first are {}", names.join(", ")),
         }
     }
 }
@@ -215,24 +172,18 @@ fn read_stored(source: &ChunkSource, tables: &Tables) -> Result<Vec<Node>, Alemb
     while let Some((index, depth)) = ancestors.pop() {
         let path = nodes[index].path.clone();
         let at = |fault: Fault| fault.at(&source.path, &path);
+        budget.spend(8 * nodes[index].group.count).map_err(at)?;
         let headers = child_headers(source, nodes[index].group, &tables.texts).map_err(at)?;
         if !headers.is_empty() && depth >= DEEPEST {
-            return Err(at(Fault::damaged(format!(
-                "objects are nested more than {DEEPEST} deep"
-            ))));
+            return Err(at(Fault::damaged(format!("objects are nested more than {DEEPEST} deep"))));
         }
         let mut children = Vec::with_capacity(headers.len());
         for (header, slot) in headers {
             let child_path = format!("{}/{}", path.trim_end_matches('/'), header.name);
-            budget
-                .spend(child_path.len() + header.metadata.len() + 24)
-                .map_err(at)?;
+            budget.spend(child_path.len() + header.metadata.len() + 24).map_err(at)?;
             let group = source.group(slot).map_err(at)?;
             if group.count > 0 && has_ancestor(&nodes, index, group) {
-                return Err(at(Fault::damaged(format!(
-                    "child `{}` contains itself",
-                    header.name
-                ))));
+                return Err(at(Fault::damaged(format!("child `{}` contains itself", header.name))));
             }
             children.push(nodes.len());
             nodes.push(Node {
@@ -269,15 +220,8 @@ fn instance_sources(shared: Shared) -> Result<(Shared, HashMap<usize, String>), 
     for (index, node) in shared.nodes.iter().enumerate() {
         if node.metadata.get("isInstance") == Some("1") {
             let properties = Compound::of_group(&shared, node.group, &node.path)?;
-            let text = properties
-                .samples(".instanceSource")
-                .map(|samples| samples.strings(0))
-                .transpose()?;
-            sources.insert(
-                index,
-                text.and_then(|mut strings| strings.pop())
-                    .unwrap_or_default(),
-            );
+            let text = properties.samples(".instanceSource").map(|samples| samples.strings(0)).transpose()?;
+            sources.insert(index, text.and_then(|mut strings| strings.pop()).unwrap_or_default());
         }
     }
     let shared = Arc::into_inner(shared);
@@ -287,51 +231,36 @@ fn instance_sources(shared: Shared) -> Result<(Shared, HashMap<usize, String>), 
 
 /// The tree, depth first, in which every instance has the metadata, properties and children of its source.
 fn expand_instances(
-    file: &Path,
+    source: &ChunkSource,
     stored: &[Node],
     sources: &HashMap<usize, String>,
 ) -> Result<Vec<Node>, AlembicError> {
-    let by_path: HashMap<&str, usize> = stored
-        .iter()
-        .enumerate()
-        .map(|(index, node)| (node.path.as_str(), index))
-        .collect();
+    let by_path: HashMap<&str, usize> =
+        stored.iter().enumerate().map(|(index, node)| (node.path.as_str(), index)).collect();
     let mut nodes: Vec<Node> = Vec::with_capacity(stored.len());
-    let mut budget = Budget::for_file(64 << 20);
+    let mut budget = Budget::for_file(source.length.saturating_add(4 << 20)); // instances need more
     // Stored node, its parent in the new tree, depth.
     let mut waiting = vec![(0_usize, None::<usize>, 0_usize)];
     while let Some((index, parent, depth)) = waiting.pop() {
         let named = &stored[index];
         let above = parent.map(|parent| nodes[parent].path.trim_end_matches('/').to_owned());
         let path = above.map_or("/".to_owned(), |above| format!("{above}/{}", named.name));
-        let at = |reason: String| Fault::Damaged(reason).at(file, &path);
+        let at = |reason: String| Fault::Damaged(reason).at(&source.path, &path);
         let (mut content, mut hops) = (index, 0);
-        while let Some(&next) = sources
-            .get(&content)
-            .and_then(|source| by_path.get(source.as_str()))
-        {
+        while let Some(&next) = sources.get(&content).and_then(|source| by_path.get(source.as_str())) {
             (content, hops) = (next, hops + 1);
             if hops > MOST_HOPS {
-                return Err(at(
-                    "an instance whose sources are instances of each other".into()
-                ));
+                return Err(at("an instance whose sources are instances of each other".into()));
             }
         }
         let group = stored[content].group;
         if parent.is_some_and(|parent| group.count > 0 && has_ancestor(&nodes, parent, group)) {
-            return Err(at(format!(
-                "an instance of `{}`, which contains it",
-                stored[content].path
-            )));
+            return Err(at(format!("an instance of `{}`, which contains it", stored[content].path)));
         }
         if nodes.len() >= MOST_OBJECTS || depth > DEEPEST {
-            return Err(at(
-                "instances expand to more objects than can be kept".into()
-            ));
+            return Err(at("instances expand to more objects than can be kept".into()));
         }
-        budget
-            .spend(path.len())
-            .map_err(|fault| fault.at(file, &path))?;
+        budget.spend(path.len()).map_err(|fault| fault.at(&source.path, &path))?;
         let new = nodes.len();
         nodes.push(Node {
             name: named.name.clone(),
@@ -345,13 +274,7 @@ fn expand_instances(
         if let Some(parent) = parent {
             nodes[parent].children.push(new);
         }
-        waiting.extend(
-            stored[content]
-                .children
-                .iter()
-                .rev()
-                .map(|&child| (child, Some(new), depth + 1)),
-        );
+        waiting.extend(stored[content].children.iter().rev().map(|&child| (child, Some(new), depth + 1)));
     }
     Ok(nodes)
 }

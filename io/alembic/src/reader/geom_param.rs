@@ -21,18 +21,12 @@ impl GeomParam {
     pub(super) fn of(property: &Property) -> Option<Self> {
         let (values, indices) = match property.kind() {
             PropertyKind::Array(samples) => (samples.clone(), None),
-            PropertyKind::Compound(compound) => (
-                compound.samples(".vals")?.clone(),
-                compound.samples(".indices").cloned(),
-            ),
+            PropertyKind::Compound(compound) => {
+                (compound.samples(".vals")?.clone(), compound.samples(".indices").cloned())
+            }
             PropertyKind::Scalar(_) => return None,
         };
-        Some(Self {
-            name: property.name().to_owned(),
-            metadata: property.metadata().clone(),
-            values,
-            indices,
-        })
+        Some(Self { name: property.name().to_owned(), metadata: property.metadata().clone(), values, indices })
     }
 
     pub(super) fn all(compound: &Compound) -> Vec<Self> {
@@ -76,9 +70,7 @@ impl GeomParam {
 
     /// Number of samples.
     pub fn sample_count(&self) -> usize {
-        self.values
-            .len()
-            .max(self.indices.as_ref().map_or(0, Samples::len))
+        self.values.len().max(self.indices.as_ref().map_or(0, Samples::len))
     }
 
     /// Times of the samples.
@@ -106,34 +98,26 @@ impl GeomParam {
 
     /// Indices of sample `index`; none when the parameter is not indexed.
     pub fn indices(&self, index: usize) -> Result<Option<Vec<u32>>, AlembicError> {
-        self.indices
-            .as_ref()
-            .map(|indices| indices.values(clamp(index, indices)))
-            .transpose()
+        self.indices.as_ref().map(|indices| indices.values(clamp(index, indices))).transpose()
+    }
+
+    /// Values of sample `index` as stored, without the indices applied. Fails when `T` × `N` is not the stored type.
+    pub fn elements<T: PodValue, const N: usize>(&self, index: usize) -> Result<Vec<[T; N]>, AlembicError> {
+        self.values.elements(clamp(index, &self.values))
     }
 
     /// Values of sample `index` with the indices applied: one for each place of the scope.
     ///
     /// Fails when `T` × `N` is not the stored type and when an index is out of range.
-    pub fn expanded<T: PodValue, const N: usize>(
-        &self,
-        index: usize,
-    ) -> Result<Vec<[T; N]>, AlembicError> {
-        let values = self.values.elements::<T, N>(clamp(index, &self.values))?;
+    pub fn expanded<T: PodValue, const N: usize>(&self, index: usize) -> Result<Vec<[T; N]>, AlembicError> {
+        let values = self.elements::<T, N>(index)?;
         let Some(indices) = self.indices(index)? else {
             return Ok(values);
         };
         let pick = |&index: &u32| values.get(index as usize).copied();
-        indices
-            .iter()
-            .map(pick)
-            .collect::<Option<_>>()
-            .ok_or_else(|| {
-                self.values.damaged(format!(
-                    "sample {index}: an index is not below the {} values",
-                    values.len()
-                ))
-            })
+        indices.iter().map(pick).collect::<Option<_>>().ok_or_else(|| {
+            self.values.damaged(format!("sample {index}: an index is not below the {} values", values.len()))
+        })
     }
 
     /// Text values of sample `index`, without the indices applied.

@@ -46,10 +46,7 @@ impl Object {
     }
 
     fn other(&self, index: usize) -> Object {
-        Object {
-            shared: self.shared.clone(),
-            index,
-        }
+        Object { shared: self.shared.clone(), index }
     }
 
     /// Name, unique among siblings.
@@ -108,66 +105,35 @@ impl Object {
         Compound::of_group(&self.shared, self.node().group, self.path())
     }
 
-    /// Value of `visible` at `time` [s]; inherited when there is none.
+    /// Value of `visible` at `time` (s); inherited when there is none.
     pub fn visibility_at(&self, time: f64) -> Result<Visibility, AlembicError> {
         let properties = self.properties()?;
-        let Some(samples) = properties
-            .samples("visible")
-            .filter(|samples| !samples.is_empty())
-        else {
+        let Some(samples) = properties.samples("visible").filter(|samples| !samples.is_empty()) else {
             return Ok(Visibility::Inherited);
         };
         let value = samples.values::<i8>(samples.floor_index(time))?;
-        Ok(value.first().map_or(Visibility::Inherited, |&value| {
-            Visibility::from_value(value)
-        }))
+        Ok(value.first().map_or(Visibility::Inherited, |&value| Visibility::from_value(value)))
     }
 
     /// The compound of the schema, with the message for an object of another kind.
-    pub(super) fn schema_compound(
-        &self,
-        name: &str,
-        wanted: &str,
-    ) -> Result<Compound, AlembicError> {
+    pub(super) fn schema_compound(&self, name: &str, wanted: &str) -> Result<Compound, AlembicError> {
         let properties = self.properties()?;
         properties.compound(name).cloned().ok_or_else(|| {
             let reason = match self.instance_of() {
-                Some(source) => format!(
-                    "an instance of `{source}`, which is not in the file or has no `{name}`"
-                ),
-                None => format!(
-                    "not a {wanted}: it has no `{name}` compound (schema `{}`)",
-                    self.schema_name()
-                ),
+                Some(source) => format!("an instance of `{source}`, which is not in the file or has no `{name}`"),
+                None => format!("not a {wanted}: it has no `{name}` compound (schema `{}`)", self.schema_name()),
             };
             self.missing("", reason, &format!("choose an object that is a {wanted}"))
         })
     }
 
     pub(super) fn missing(&self, property: &str, reason: String, help: &str) -> AlembicError {
-        let place = if property.is_empty() {
-            self.path().to_owned()
-        } else {
-            format!("{}:{property}", self.path())
-        };
-        AlembicError::Missing {
-            path: self.shared.source.path.clone(),
-            place,
-            reason,
-            help: help.to_owned(),
-        }
+        let place = if property.is_empty() { self.path().to_owned() } else { format!("{}:{property}", self.path()) };
+        AlembicError::Missing { path: self.shared.source.path.clone(), place, reason, help: help.to_owned() }
     }
 
     pub(super) fn damaged(&self, property: &str, reason: String) -> AlembicError {
-        let place = if property.is_empty() {
-            self.path().to_owned()
-        } else {
-            format!("{}:{property}", self.path())
-        };
-        AlembicError::Damaged {
-            path: self.shared.source.path.clone(),
-            place,
-            reason,
-        }
+        let place = if property.is_empty() { self.path().to_owned() } else { format!("{}:{property}", self.path()) };
+        AlembicError::Damaged { path: self.shared.source.path.clone(), place, reason }
     }
 }

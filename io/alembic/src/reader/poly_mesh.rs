@@ -59,45 +59,23 @@ impl PolyMesh {
     /// All meshes and subdivision surfaces of `archive` in stored order.
     pub fn all(archive: &Archive) -> Result<Vec<Self>, AlembicError> {
         let is_mesh = |object: &Object| matches!(object.schema(), Schema::PolyMesh | Schema::SubD);
-        archive
-            .objects()
-            .filter(is_mesh)
-            .map(|object| Self::of(&object))
-            .collect()
+        archive.objects().filter(is_mesh).map(|object| Self::of(&object)).collect()
     }
 
     /// `object` as a mesh.
     pub fn of(object: &Object) -> Result<Self, AlembicError> {
         if !matches!(object.schema(), Schema::PolyMesh | Schema::SubD) {
             let reason = format!("not a mesh (schema `{}`)", object.schema_name());
-            return Err(object.missing(
-                "",
-                reason,
-                "choose an object that is a mesh; `PolyMesh::all` lists them",
-            ));
+            return Err(object.missing("", reason, "choose an object that is a mesh; `PolyMesh::all` lists them"));
         }
         let geom = object.schema_compound(".geom", "mesh")?;
         let member = |name: &str| {
             geom.samples(name).cloned().ok_or_else(|| {
-                object.missing(
-                    &format!(".geom/{name}"),
-                    "a mesh needs this property".into(),
-                    "export the mesh again",
-                )
+                object.missing(&format!(".geom/{name}"), "a mesh needs this property".into(), "export the mesh again")
             })
         };
-        let (positions, face_indices, face_counts) = (
-            member("P")?,
-            member(".faceIndices")?,
-            member(".faceCounts")?,
-        );
-        Ok(Self {
-            object: object.clone(),
-            geom,
-            positions,
-            face_indices,
-            face_counts,
-        })
+        let (positions, face_indices, face_counts) = (member("P")?, member(".faceIndices")?, member(".faceCounts")?);
+        Ok(Self { object: object.clone(), geom, positions, face_indices, face_counts })
     }
 
     /// The object this mesh is.
@@ -112,10 +90,7 @@ impl PolyMesh {
 
     /// Number of samples.
     pub fn sample_count(&self) -> usize {
-        self.positions
-            .len()
-            .max(self.face_indices.len())
-            .max(self.face_counts.len())
+        self.positions.len().max(self.face_indices.len()).max(self.face_counts.len())
     }
 
     /// Times of the samples.
@@ -123,16 +98,14 @@ impl PolyMesh {
         self.positions.time_sampling()
     }
 
-    /// Time of sample `index` [s].
+    /// Time of sample `index` (s).
     pub fn time(&self, index: usize) -> f64 {
         self.time_sampling().time(index)
     }
 
-    /// Times of all samples [s].
+    /// Times of all samples (s).
     pub fn times(&self) -> Vec<f64> {
-        (0..self.sample_count())
-            .map(|index| self.time(index))
-            .collect()
+        (0..self.sample_count()).map(|index| self.time(index)).collect()
     }
 
     /// How the samples differ.
@@ -151,11 +124,7 @@ impl PolyMesh {
     fn aligned(&self, samples: &Samples, index: usize) -> usize {
         if samples.time_sampling_index() == self.positions.time_sampling_index() {
             // A count out of range stays out of range, so that the error names the sample.
-            if index < self.sample_count() {
-                index.min(samples.len().saturating_sub(1))
-            } else {
-                index
-            }
+            if index < self.sample_count() { index.min(samples.len().saturating_sub(1)) } else { index }
         } else {
             samples.floor_index(self.time(index))
         }
@@ -163,8 +132,7 @@ impl PolyMesh {
 
     /// Local positions of sample `index`.
     pub fn positions(&self, index: usize) -> Result<Vec<[f32; 3]>, AlembicError> {
-        self.positions
-            .elements(self.aligned(&self.positions, index))
+        self.positions.elements(self.aligned(&self.positions, index))
     }
 
     /// World positions of sample `index`, with the transforms above the mesh at the time of the sample.
@@ -174,93 +142,68 @@ impl PolyMesh {
         Ok(self.positions(index)?.into_iter().map(world).collect())
     }
 
-    /// Matrix from local to world space at `time` [s].
+    /// Matrix from local to world space at `time` (s).
     pub fn world_matrix_at(&self, time: f64) -> Result<Matrix, AlembicError> {
         world_matrix_at(&self.object, time)
     }
 
     /// Number of corners of each face of sample `index`, as stored.
     pub fn face_counts(&self, index: usize) -> Result<Vec<i32>, AlembicError> {
-        self.face_counts
-            .values(self.aligned(&self.face_counts, index))
+        self.face_counts.values(self.aligned(&self.face_counts, index))
     }
 
     /// Vertex of each face corner of sample `index`, as stored.
     pub fn face_indices(&self, index: usize) -> Result<Vec<i32>, AlembicError> {
-        self.face_indices
-            .values(self.aligned(&self.face_indices, index))
+        self.face_indices.values(self.aligned(&self.face_indices, index))
     }
 
     /// Faces of sample `index`. Fails when counts and indices contradict each other or name no vertex.
     pub fn faces(&self, index: usize) -> Result<Faces, AlembicError> {
         let (counts, indices) = (self.face_counts(index)?, self.face_indices(index)?);
-        let vertices = self
-            .positions
-            .element_count(self.aligned(&self.positions, index))?;
-        let damaged = |reason: String| {
-            self.object
-                .damaged(".geom", format!("sample {index}: {reason}"))
-        };
+        let vertices = self.positions.element_count(self.aligned(&self.positions, index))?;
+        let damaged = |reason: String| self.object.damaged(".geom", format!("sample {index}: {reason}"));
         let unsigned = |values: Vec<i32>, limit: usize, what: &str| {
             let convert = |value: i32| {
-                let fits = u32::try_from(value)
-                    .ok()
-                    .filter(|&value| (value as usize) < limit);
-                fits.ok_or_else(|| {
-                    damaged(format!(
-                        "{what} {value} is out of range, 0 to below {limit} is right"
-                    ))
-                })
+                let fits = u32::try_from(value).ok().filter(|&value| (value as usize) < limit);
+                fits.ok_or_else(|| damaged(format!("{what} {value} is out of range, 0 to below {limit} is right")))
             };
-            values
-                .into_iter()
-                .map(convert)
-                .collect::<Result<Vec<u32>, AlembicError>>()
+            values.into_iter().map(convert).collect::<Result<Vec<u32>, AlembicError>>()
         };
         let corners = indices.len();
         let face_counts = unsigned(counts, corners + 1, "face corner count")?;
         let face_indices = unsigned(indices, vertices, "vertex")?;
         let total: usize = face_counts.iter().map(|&count| count as usize).sum();
         if total != corners {
-            return Err(damaged(format!(
-                "faces have {total} corners, but {corners} vertex indices are stored"
-            )));
+            return Err(damaged(format!("faces have {total} corners, but {corners} vertex indices are stored")));
         }
-        Ok(Faces {
-            face_counts,
-            face_indices,
-        })
+        Ok(Faces { face_counts, face_indices })
     }
 
-    /// Velocities of sample `index`, per second; none when none are stored or their number is not that of the vertices.
+    /// Velocities of sample `index`, per second; none when none are stored.
+    ///
+    /// Fails when there is not one for each vertex.
     pub fn velocities(&self, index: usize) -> Result<Option<Vec<[f32; 3]>>, AlembicError> {
-        let Some(samples) = self
-            .geom
-            .samples(".velocities")
-            .filter(|samples| !samples.is_empty())
-        else {
+        let Some(samples) = self.geom.samples(".velocities").filter(|samples| !samples.is_empty()) else {
             return Ok(None);
         };
         let velocities = samples.elements(self.aligned(samples, index))?;
-        let vertices = self
-            .positions
-            .element_count(self.aligned(&self.positions, index))?;
-        Ok((velocities.len() == vertices).then_some(velocities))
+        let vertices = self.positions.element_count(self.aligned(&self.positions, index))?;
+        if velocities.is_empty() && vertices > 0 {
+            return Ok(None); // some exporters declare velocities and store none
+        }
+        if velocities.len() != vertices {
+            let reason = format!("sample {index}: {} velocities for {vertices} vertices", velocities.len());
+            return Err(self.object.damaged(".geom/.velocities", reason));
+        }
+        Ok(Some(velocities))
     }
 
     /// Stored local bounds of sample `index`.
     pub fn bounds(&self, index: usize) -> Result<Option<Bounds>, AlembicError> {
-        let Some(samples) = self
-            .geom
-            .samples(".selfBnds")
-            .filter(|samples| !samples.is_empty())
-        else {
+        let Some(samples) = self.geom.samples(".selfBnds").filter(|samples| !samples.is_empty()) else {
             return Ok(None);
         };
-        Ok(samples
-            .elements::<f64, 6>(self.aligned(samples, index))?
-            .first()
-            .copied())
+        Ok(samples.elements::<f64, 6>(self.aligned(samples, index))?.first().copied())
     }
 
     /// UV coordinates.
@@ -279,10 +222,7 @@ impl PolyMesh {
 
     /// Free attributes (`.arbGeomParams`) in stored order.
     pub fn attributes(&self) -> Vec<GeomParam> {
-        self.geom
-            .compound(".arbGeomParams")
-            .map(GeomParam::all)
-            .unwrap_or_default()
+        self.geom.compound(".arbGeomParams").map(GeomParam::all).unwrap_or_default()
     }
 
     /// Free properties (`.userProperties`), such as how the cache was made.
@@ -298,28 +238,17 @@ impl PolyMesh {
     /// Face sets in stored order.
     pub fn face_sets(&self) -> Result<Vec<FaceSet>, AlembicError> {
         let is_set = |object: &Object| object.schema() == Schema::FaceSet;
-        self.object
-            .children()
-            .filter(is_set)
-            .map(|object| read_face_set(&object))
-            .collect()
+        self.object.children().filter(is_set).map(|object| read_face_set(&object)).collect()
     }
 }
 
 fn read_face_set(object: &Object) -> Result<FaceSet, AlembicError> {
     let compound = object.schema_compound(".faceset", "face set")?;
     let first = |name: &str| compound.samples(name).filter(|samples| !samples.is_empty());
-    let faces = first(".faces")
-        .map(|samples| samples.values::<i32>(0))
-        .transpose()?
-        .unwrap_or_default();
+    let faces = first(".faces").map(|samples| samples.values::<i32>(0)).transpose()?.unwrap_or_default();
     let exclusive = match first(".facesExclusive") {
         Some(samples) => samples.raw(0)?.iter().any(|&byte| byte != 0),
         None => false,
     };
-    Ok(FaceSet {
-        name: object.name().to_owned(),
-        faces,
-        exclusive,
-    })
+    Ok(FaceSet { name: object.name().to_owned(), faces, exclusive })
 }

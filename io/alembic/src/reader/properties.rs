@@ -14,7 +14,7 @@ use crate::time_sampling::TimeSampling;
 /// Compounds may be nested this deep.
 const DEEPEST: usize = 200;
 /// Bytes of the digest before every payload.
-const DIGEST: usize = 16;
+const DIGEST: u64 = 16;
 
 /// Properties under a common name, in stored order.
 #[derive(Debug, Clone, Default)]
@@ -51,11 +51,7 @@ pub struct Samples {
 }
 
 impl Compound {
-    pub(super) fn of_group(
-        shared: &Arc<Shared>,
-        object: Group,
-        path: &str,
-    ) -> Result<Self, AlembicError> {
+    pub(super) fn of_group(shared: &Arc<Shared>, object: Group, path: &str) -> Result<Self, AlembicError> {
         let at = |fault: Fault| fault.at(&shared.source.path, path);
         if object.count == 0 {
             return Ok(Self::default());
@@ -79,9 +75,7 @@ impl Compound {
         let source = &shared.source;
         let at = |fault: Fault| fault.at(&source.path, place);
         if depth > DEEPEST {
-            return Err(at(Fault::damaged(format!(
-                "compounds are nested more than {DEEPEST} deep"
-            ))));
+            return Err(at(Fault::damaged(format!("compounds are nested more than {DEEPEST} deep"))));
         }
         let slots = source.children(group).map_err(at)?;
         let Some((&last, slots)) = slots.split_last() else {
@@ -91,40 +85,25 @@ impl Compound {
         budget.spend(blob.len() + 8 * slots.len()).map_err(at)?;
         let headers = unpack_properties(&blob, &shared.tables.texts).map_err(at)?;
         if headers.len() > slots.len() {
-            let reason = format!(
-                "{} property headers for {} properties",
-                headers.len(),
-                slots.len()
-            );
+            let reason = format!("{} property headers for {} properties", headers.len(), slots.len());
             return Err(at(Fault::Damaged(reason)));
         }
         let mut properties = Vec::with_capacity(headers.len());
         for (header, &slot) in headers.into_iter().zip(slots) {
             let place = format!("{place}{}", header.name);
             budget.spend(place.len()).map_err(at)?;
-            let group = source
-                .group(slot)
-                .map_err(|fault| fault.at(&source.path, &place))?;
+            let group = source.group(slot).map_err(|fault| fault.at(&source.path, &place))?;
             let kind = match header.samples {
                 None => {
-                    let inside =
-                        Self::read(shared, group, &format!("{place}/"), depth + 1, budget)?;
+                    let inside = Self::read(shared, group, &format!("{place}/"), depth + 1, budget)?;
                     PropertyKind::Compound(inside)
                 }
                 Some(samples) => {
                     let samples = Samples::checked(shared, group, samples, &place)?;
-                    if samples.header.is_array {
-                        PropertyKind::Array(samples)
-                    } else {
-                        PropertyKind::Scalar(samples)
-                    }
+                    if samples.header.is_array { PropertyKind::Array(samples) } else { PropertyKind::Scalar(samples) }
                 }
             };
-            properties.push(Property {
-                name: header.name,
-                metadata: MetaData::parse(&header.metadata),
-                kind,
-            });
+            properties.push(Property { name: header.name, metadata: MetaData::parse(&header.metadata), kind });
         }
         Ok(Self { properties })
     }
@@ -136,9 +115,7 @@ impl Compound {
 
     /// The first property of this name.
     pub fn property(&self, name: &str) -> Option<&Property> {
-        self.properties
-            .iter()
-            .find(|property| property.name == name)
+        self.properties.iter().find(|property| property.name == name)
     }
 
     /// The compound of this name.
@@ -176,36 +153,16 @@ impl Property {
 }
 
 impl Samples {
-    fn checked(
-        shared: &Arc<Shared>,
-        group: Group,
-        header: PackedSamples,
-        place: &str,
-    ) -> Result<Self, AlembicError> {
+    fn checked(shared: &Arc<Shared>, group: Group, header: PackedSamples, place: &str) -> Result<Self, AlembicError> {
         let damaged = |reason: String| Err(Fault::Damaged(reason).at(&shared.source.path, place));
         if header.time_sampling as usize >= shared.tables.samplings.len() {
-            return damaged(format!(
-                "time sampling {} is not in the archive",
-                header.time_sampling
-            ));
+            return damaged(format!("time sampling {} is not in the archive", header.time_sampling));
         }
         let wanted = sample_group_size(&header);
         if group.count < wanted {
-            return damaged(format!(
-                "{} slots are stored where {wanted} are needed",
-                group.count
-            ));
+            return damaged(format!("{} slots are stored where {wanted} are needed", group.count));
         }
-        let samples = Self {
-            shared: shared.clone(),
-            group,
-            header,
-            place: place.into(),
-        };
-        if samples.len() > samples.time_sampling().most_samples() && !samples.is_constant() {
-            return damaged("more samples than its time sampling has times".into());
-        }
-        Ok(samples)
+        Ok(Self { shared: shared.clone(), group, header, place: place.into() })
     }
 
     /// Number of samples.
@@ -243,7 +200,7 @@ impl Samples {
         &self.shared.tables.samplings[self.time_sampling_index()].0 // checked on reading
     }
 
-    /// Index of the sample that holds at `time` [s].
+    /// Index of the sample that holds at `time` (s).
     pub fn floor_index(&self, time: f64) -> usize {
         self.time_sampling().floor_index(time, self.len())
     }
@@ -254,24 +211,11 @@ impl Samples {
     pub fn raw(&self, index: usize) -> Result<Vec<u8>, AlembicError> {
         let slot = self.slot(index)?;
         let at = |fault: Fault| fault.at(&self.shared.source.path, &self.place);
-        let mut bytes = self.shared.source.data(slot).map_err(at)?;
-        if !bytes.is_empty() {
-            if bytes.len() < DIGEST {
-                let reason = format!(
-                    "sample {index} has {} bytes, less than its digest",
-                    bytes.len()
-                );
-                return Err(at(Fault::Damaged(reason)));
-            }
-            bytes.drain(..DIGEST);
-        }
+        let bytes = self.shared.source.data_after(slot, DIGEST).map_err(at)?;
         match self.header.data_type.count_elements(&bytes) {
             Some(count) if self.header.is_array || count == 1 => Ok(bytes),
             _ => {
-                let reason = format!(
-                    "the {} bytes of sample {index} are not what its type needs",
-                    bytes.len()
-                );
+                let reason = format!("the {} bytes of sample {index} are not what its type needs", bytes.len());
                 Err(at(Fault::Damaged(reason)))
             }
         }
@@ -282,18 +226,8 @@ impl Samples {
         let slot = self.slot(index)?;
         let at = |fault: Fault| fault.at(&self.shared.source.path, &self.place);
         match self.header.data_type.element_size() {
-            0 => Ok(self
-                .header
-                .data_type
-                .count_elements(&self.raw(index)?)
-                .unwrap_or(0)), // `raw` has checked it
-            size => Ok(self
-                .shared
-                .source
-                .data_size(slot)
-                .map_err(at)?
-                .saturating_sub(DIGEST as u64) as usize
-                / size),
+            0 => Ok(self.header.data_type.count_elements(&self.raw(index)?).unwrap_or(0)), // `raw` has checked it
+            size => Ok(self.shared.source.data_size(slot).map_err(at)?.saturating_sub(DIGEST) as usize / size),
         }
     }
 
@@ -307,10 +241,7 @@ impl Samples {
     }
 
     /// The elements of sample `index` of a property of `N` values each.
-    pub fn elements<T: PodValue, const N: usize>(
-        &self,
-        index: usize,
-    ) -> Result<Vec<[T; N]>, AlembicError> {
+    pub fn elements<T: PodValue, const N: usize>(&self, index: usize) -> Result<Vec<[T; N]>, AlembicError> {
         if usize::from(self.header.data_type.extent) != N {
             return Err(self.wrong_type(&format!("{} × {N}", T::POD.name())));
         }
@@ -337,12 +268,8 @@ impl Samples {
                 help: "ask for a sample within the stored range".into(),
             });
         };
-        let stored =
-            self.header.stored_index(index) as usize * if self.header.is_array { 2 } else { 1 };
-        self.shared
-            .source
-            .child(self.group, stored)
-            .map_err(|fault| fault.at(&self.shared.source.path, &self.place))
+        let stored = self.header.stored_index(index) as usize * if self.header.is_array { 2 } else { 1 };
+        self.shared.source.child(self.group, stored).map_err(|fault| fault.at(&self.shared.source.path, &self.place))
     }
 
     pub(super) fn damaged(&self, reason: String) -> AlembicError {

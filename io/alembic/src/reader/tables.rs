@@ -2,9 +2,7 @@
 
 use crate::error::{AlembicError, Fault};
 use crate::ogawa::{ChunkSource, Group, Slot};
-use crate::packed::{
-    MetaDataTable, PackedObject, PackedSamples, unpack_objects, unpack_time_samplings,
-};
+use crate::packed::{MetaDataTable, PackedObject, PackedSamples, unpack_objects, unpack_time_samplings};
 use crate::time_sampling::TimeSampling;
 
 /// Hash bytes behind the child headers of an object.
@@ -27,34 +25,23 @@ impl Tables {
     pub(crate) fn read(source: &ChunkSource, root: Group) -> Result<Self, AlembicError> {
         let at = |place: &'static str| move |fault: Fault| fault.at(&source.path, place);
         if root.count < 6 {
-            let fault = Fault::damaged(format!(
-                "the root group has {} entries, 6 are needed",
-                root.count
-            ));
+            let fault = Fault::damaged(format!("the root group has {} entries, 6 are needed", root.count));
             return Err(at("root group")(fault));
         }
         let child = |index| source.child(root, index).map_err(at("root group"));
         let version = |index| {
-            let bytes = source
-                .data_start(child(index)?, 4)
-                .map_err(at("archive version"))?;
+            let bytes = source.data_start(child(index)?, 4).map_err(at("archive version"))?;
             Ok::<i32, AlembicError>(crate::property::decode::<i32>(&bytes)[0]) // four bytes are one value
         };
         let (layer, library_version) = (version(0)?, version(1)?);
         if layer != 0 || library_version < OLDEST_LIBRARY {
-            let reason = format!(
-                "property layer {layer}, library {library_version}: not a known combination"
-            );
+            let reason = format!("property layer {layer}, library {library_version}: not a known combination");
             return Err(at("archive version")(Fault::damaged(reason)));
         }
         let top = source.group(child(2)?).map_err(at("top object"))?;
         let metadata = source.data(child(3)?).map_err(at("archive metadata"))?;
-        let samplings = source
-            .data(child(4)?)
-            .and_then(|blob| unpack_time_samplings(&blob));
-        let texts = source
-            .data(child(5)?)
-            .and_then(|blob| MetaDataTable::unpack(&blob));
+        let samplings = source.data(child(4)?).and_then(|blob| unpack_time_samplings(&blob));
+        let texts = source.data(child(5)?).and_then(|blob| MetaDataTable::unpack(&blob));
         Ok(Self {
             library_version,
             metadata: String::from_utf8_lossy(&metadata).into_owned(),
@@ -85,11 +72,7 @@ pub(crate) fn child_headers(
     let headers = unpack_objects(&blob[..headers], texts)?;
     let slots = source.children(object)?;
     if headers.len() + 2 > slots.len() {
-        let reason = format!(
-            "{} child headers where {} groups are stored",
-            headers.len(),
-            slots.len()
-        );
+        let reason = format!("{} child headers where {} groups are stored", headers.len(), slots.len());
         return Err(Fault::damaged(reason));
     }
     Ok(headers.into_iter().zip(slots.into_iter().skip(1)).collect())

@@ -20,9 +20,7 @@ enum Op {
 impl Op {
     fn from_code(code: u8) -> Option<Self> {
         use Op::*;
-        [Scale, Translate, Rotate, Matrix, RotateX, RotateY, RotateZ]
-            .get(usize::from(code >> 4))
-            .copied()
+        [Scale, Translate, Rotate, Matrix, RotateX, RotateY, RotateZ].get(usize::from(code >> 4)).copied()
     }
 
     fn channels(self) -> usize {
@@ -92,46 +90,23 @@ impl Xform {
     /// Reads the operation list of a transform object.
     pub fn of(object: &Object) -> Result<Self, AlembicError> {
         let compound = object.schema_compound(".xform", "transform")?;
-        let codes = match compound
-            .samples(".ops")
-            .filter(|samples| !samples.is_empty())
-        {
+        let codes = match compound.samples(".ops").filter(|samples| !samples.is_empty()) {
             Some(samples) => samples.values::<u8>(0)?,
             None => Vec::new(),
         };
         let unknown = || object.damaged(".xform/.ops", format!("unknown operations in {codes:?}"));
-        let ops: Vec<Op> = codes
-            .iter()
-            .map(|&code| Op::from_code(code))
-            .collect::<Option<_>>()
-            .ok_or_else(unknown)?;
-        let values = compound
-            .samples(".vals")
-            .filter(|samples| !samples.is_empty())
-            .cloned();
+        let ops: Vec<Op> = codes.iter().map(|&code| Op::from_code(code)).collect::<Option<_>>().ok_or_else(unknown)?;
+        let values = compound.samples(".vals").filter(|samples| !samples.is_empty()).cloned();
         if !ops.is_empty() && values.is_none() {
             return Err(object.damaged(".xform/.vals", "operations without values".into()));
         }
-        let inherits = compound
-            .samples(".inherits")
-            .filter(|samples| !samples.is_empty())
-            .cloned();
-        Ok(Self {
-            object: object.clone(),
-            ops,
-            values,
-            inherits,
-        })
+        let inherits = compound.samples(".inherits").filter(|samples| !samples.is_empty()).cloned();
+        Ok(Self { object: object.clone(), ops, values, inherits })
     }
 
     /// Number of samples; 0 for a transform that was never set (identity).
     pub fn sample_count(&self) -> usize {
-        self.values
-            .iter()
-            .chain(&self.inherits)
-            .map(Samples::len)
-            .max()
-            .unwrap_or(0)
+        self.values.iter().chain(&self.inherits).map(Samples::len).max().unwrap_or(0)
     }
 
     /// Number of operations in the list.
@@ -144,25 +119,20 @@ impl Xform {
         self.values.as_ref().is_none_or(Samples::is_constant)
     }
 
-    /// Time of sample `index` [s].
+    /// Time of sample `index` (s).
     pub fn time(&self, index: usize) -> f64 {
-        self.values
-            .as_ref()
-            .or(self.inherits.as_ref())
-            .map_or(0.0, |samples| samples.time_sampling().time(index))
+        self.values.as_ref().or(self.inherits.as_ref()).map_or(0.0, |samples| samples.time_sampling().time(index))
     }
 
-    /// Whether the matrices of the parents apply too, at `time` [s].
+    /// Whether the matrices of the parents apply too, at `time` (s).
     pub fn inherits_at(&self, time: f64) -> Result<bool, AlembicError> {
         match &self.inherits {
-            Some(samples) => {
-                Ok(samples.values::<bool>(samples.floor_index(time))?.first() != Some(&false))
-            }
+            Some(samples) => Ok(samples.values::<bool>(samples.floor_index(time))?.first() != Some(&false)),
             None => Ok(true),
         }
     }
 
-    /// Local matrix at `time` [s], for row vectors.
+    /// Local matrix at `time` (s), for row vectors.
     ///
     /// Between two samples the values of the operations (angles, translations, matrix elements) are interpolated
     /// linearly. For a matrix operation that turns fast this shrinks the object slightly half way.
@@ -198,7 +168,7 @@ impl Xform {
     }
 }
 
-/// World matrix of `object` at `time` [s]: its own transform, if it is one, and those above it as far as they inherit.
+/// World matrix of `object` at `time` (s): its own transform, if it is one, and those above it as far as they inherit.
 pub fn world_matrix_at(object: &Object, time: f64) -> Result<Matrix, AlembicError> {
     let mut world = IDENTITY;
     let mut next = Some(object.clone());
@@ -223,18 +193,9 @@ mod tests {
     #[test]
     fn rotations_are_right_handed_for_row_vectors() {
         let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
-        assert!(close(
-            transform_point([1., 0., 0.], &Op::RotateZ.matrix(&[90.])),
-            [0., 1., 0.]
-        ));
-        assert!(close(
-            transform_point([0., 1., 0.], &Op::RotateX.matrix(&[90.])),
-            [0., 0., 1.]
-        ));
-        assert!(close(
-            transform_point([0., 0., 1.], &Op::RotateY.matrix(&[90.])),
-            [1., 0., 0.]
-        ));
+        assert!(close(transform_point([1., 0., 0.], &Op::RotateZ.matrix(&[90.])), [0., 1., 0.]));
+        assert!(close(transform_point([0., 1., 0.], &Op::RotateX.matrix(&[90.])), [0., 0., 1.]));
+        assert!(close(transform_point([0., 0., 1.], &Op::RotateY.matrix(&[90.])), [1., 0., 0.]));
         let third = Op::Rotate.matrix(&[2., 2., 2., 120.]);
         assert!(close(transform_point([1., 2., 3.], &third), [3., 1., 2.]));
     }

@@ -13,7 +13,7 @@ use crate::property::decode;
 use crate::reader::tables::{Tables, child_headers, sample_group_size};
 
 impl ArchiveWriter {
-    /// Opens a committed archive to go on after its last commit. What a killed writer left behind the commit is cut off.
+    /// Opens a committed archive to go on after its last commit; what a killed writer left behind it is cut off.
     ///
     /// The bytes of a file written in one go and of one that was closed and continued are equal. Meant for archives
     /// of this writer; it refuses what it cannot continue, such as groups shared between objects.
@@ -21,40 +21,17 @@ impl ArchiveWriter {
         let path = path.as_ref();
         let (source, root) = ChunkSource::open(path)?;
         let tables = Tables::read(&source, root)?;
-        let failed = |source| AlembicError::Io {
-            path: path.to_owned(),
-            action: "open for writing",
-            source,
-        };
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(path)
-            .map_err(failed)?;
+        let failed = |source| AlembicError::Io { path: path.to_owned(), action: "open for writing", source };
+        let file = OpenOptions::new().read(true).write(true).open(path).map_err(failed)?;
         let mut writer = Self::empty(path.to_owned(), file, tables.metadata.clone());
-        writer.samplings = tables
-            .samplings
-            .iter()
-            .map(|(sampling, _)| sampling.clone())
-            .collect();
+        writer.samplings = tables.samplings.iter().map(|(sampling, _)| sampling.clone()).collect();
         writer.insert_object(None, "ABC", String::new());
         writer.objects[0].declared = true;
 
-        let mut restore = Restore {
-            source: &source,
-            tables: &tables,
-            writer,
-            end: root.end(),
-            slots: 0,
-            payloads: Vec::new(),
-        };
+        let mut restore =
+            Restore { source: &source, tables: &tables, writer, end: root.end(), slots: 0, payloads: Vec::new() };
         restore.objects()?;
-        let Restore {
-            mut writer,
-            end,
-            mut payloads,
-            ..
-        } = restore;
+        let Restore { mut writer, end, mut payloads, .. } = restore;
         // In file order, the order in which a writer that was never closed has met them.
         payloads.sort_by_key(|(_, stored)| stored.payload);
         for (key, stored) in payloads {
@@ -91,9 +68,7 @@ impl Restore<'_> {
             let at = |fault: Fault| fault.at(&self.source.path, &place);
             seen += 1;
             if seen > self.source.length / 8 {
-                return Err(at(Fault::damaged(
-                    "more objects than the file has room for",
-                )));
+                return Err(at(Fault::damaged("more objects than the file has room for")));
             }
             self.reach(group.end());
             let children = child_headers(self.source, group, &self.tables.texts).map_err(at)?;
@@ -108,9 +83,7 @@ impl Restore<'_> {
             }
             for (header, slot) in children {
                 let group = self.source.group(slot).map_err(at)?;
-                let child = self
-                    .writer
-                    .insert_object(Some(object), &header.name, header.metadata);
+                let child = self.writer.insert_object(Some(object), &header.name, header.metadata);
                 waiting.push((child, group));
             }
         }
@@ -138,30 +111,20 @@ impl Restore<'_> {
             return Err(Fault::damaged("compounds nested more than 200 deep"));
         }
         let slots = self.source.children(group)?;
-        let (&headers, slots) = slots
-            .split_last()
-            .ok_or_else(|| Fault::damaged("an empty compound"))?;
+        let (&headers, slots) = slots.split_last().ok_or_else(|| Fault::damaged("an empty compound"))?;
         self.reach_data(headers)?;
         let headers = unpack_properties(&self.source.data(headers)?, &self.tables.texts)?;
         if headers.len() != slots.len() {
-            return Err(Fault::damaged(format!(
-                "{} property headers for {} properties",
-                headers.len(),
-                slots.len()
-            )));
+            return Err(Fault::damaged(format!("{} property headers for {} properties", headers.len(), slots.len())));
         }
-        if self.writer.properties.len() + self.writer.compounds.len()
-            > self.source.length as usize / 8
-        {
+        if self.writer.properties.len() + self.writer.compounds.len() > self.source.length as usize / 8 {
             return Err(Fault::damaged("more properties than the file has room for"));
         }
         for (header, &slot) in headers.into_iter().zip(slots) {
             let group = self.source.group(slot)?;
             match header.samples {
                 None => {
-                    let index = self
-                        .writer
-                        .insert_compound(into, &header.name, header.metadata);
+                    let index = self.writer.insert_compound(into, &header.name, header.metadata);
                     self.compound(group, CompoundId(index))?;
                 }
                 Some(samples) => self.property(group, into, header, samples)?,
@@ -178,10 +141,7 @@ impl Restore<'_> {
         samples: PackedSamples,
     ) -> Result<(), Fault> {
         if samples.time_sampling as usize >= self.writer.samplings.len() {
-            return Err(Fault::damaged(format!(
-                "`{}` uses an unknown time sampling",
-                header.name
-            )));
+            return Err(Fault::damaged(format!("`{}` uses an unknown time sampling", header.name)));
         }
         let per_sample = if samples.is_array { 2 } else { 1 };
         self.slots += group.count;
@@ -190,10 +150,7 @@ impl Restore<'_> {
         }
         let wanted = sample_group_size(&samples);
         if group.count != wanted {
-            let reason = format!(
-                "`{}` stores {} slots, its header says {wanted}",
-                header.name, group.count
-            );
+            let reason = format!("`{}` stores {} slots, its header says {wanted}", header.name, group.count);
             return Err(Fault::damaged(reason));
         }
         if group.count > 0 {
@@ -220,10 +177,7 @@ impl Restore<'_> {
         let slots = self.source.children(group)?;
         for entry in slots.chunks_exact(per_sample) {
             let dimensions = entry.get(1).map_or(0, |slot| slot.0);
-            let stored = StoredSample {
-                payload: entry[0].0,
-                dimensions,
-            };
+            let stored = StoredSample { payload: entry[0].0, dimensions };
             self.reach_data(entry[0])?;
             entry.get(1).map_or(Ok(()), |&slot| self.reach_data(slot))?;
             let key = self.key(entry[0], &samples)?;
@@ -244,33 +198,18 @@ impl Restore<'_> {
     fn key(&self, payload: Slot, samples: &PackedSamples) -> Result<SampleKey, Fault> {
         let text = text_class(samples.data_type);
         if payload.is_empty() {
-            return Ok(SampleKey {
-                size: 0,
-                digest: [0; 16],
-                text,
-            });
+            return Ok(SampleKey { size: 0, digest: [0; 16], text });
         }
         let size = self.source.data_size(payload)?;
         let mut digest = [0; 16];
         digest.copy_from_slice(&self.source.data_start(payload, 16)?);
-        Ok(SampleKey {
-            size: size - 16,
-            digest,
-            text,
-        })
+        Ok(SampleKey { size: size - 16, digest, text })
     }
 
-    fn elements(
-        &self,
-        stored: &StoredSample,
-        key: &SampleKey,
-        samples: &PackedSamples,
-    ) -> Result<u64, Fault> {
+    fn elements(&self, stored: &StoredSample, key: &SampleKey, samples: &PackedSamples) -> Result<u64, Fault> {
         if samples.is_array && !Slot(stored.dimensions).is_empty() {
             let dimensions: Vec<u64> = decode(&self.source.data(Slot(stored.dimensions))?);
-            return Ok(dimensions
-                .iter()
-                .fold(1, |product: u64, &n| product.saturating_mul(n)));
+            return Ok(dimensions.iter().fold(1, |product: u64, &n| product.saturating_mul(n)));
         }
         Ok(match samples.data_type.element_size() {
             0 => 1,

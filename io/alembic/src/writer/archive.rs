@@ -6,8 +6,7 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::tree::{
-    CompoundId, CompoundNode, Member, ObjectId, ObjectNode, PropertyId, PropertyNode, SampleKey,
-    StoredSample,
+    CompoundId, CompoundNode, Member, ObjectId, ObjectNode, PropertyId, PropertyNode, SampleKey, StoredSample,
 };
 use crate::error::AlembicError;
 use crate::metadata::MetaData;
@@ -44,9 +43,12 @@ const MOST_NESTED: usize = 100;
 
 /// Writes an Alembic (Ogawa) archive piece by piece.
 ///
-/// The layout of the file after a commit depends on what was given up to that commit alone. A commit appends all tables,
-/// so its cost grows with the samples written (about 16 bytes per stored array sample): commit every frame for
+/// The layout of the file after a commit depends on what was given up to that commit alone. A commit appends all
+/// tables, so its cost grows with the samples written (about 16 bytes per stored array sample): commit every frame for
 /// hundreds of frames, every tenth for many thousands.
+///
+/// After an error of the disk, drop the writer: the file shows the last commit and can be continued from there with
+/// [`ArchiveWriter::append`].
 ///
 /// Declaring the same objects and properties again after [`ArchiveWriter::append`] finds the stored ones, so the code
 /// that sets up a shot is the same for a new and a continued file.
@@ -73,11 +75,7 @@ impl ArchiveWriter {
     /// Creates `path`, replacing what is there. The file is not a valid archive before the first commit.
     pub fn create(path: impl AsRef<Path>, options: &ArchiveOptions) -> Result<Self, AlembicError> {
         let path = path.as_ref().to_owned();
-        let failed = |source| AlembicError::Io {
-            path: path.clone(),
-            action: "create",
-            source,
-        };
+        let failed = |source| AlembicError::Io { path: path.clone(), action: "create", source };
         let mut file = File::create(&path).map_err(failed)?;
         file.write_all(&unfinished_header()).map_err(failed)?;
         let mut writer = Self::empty(path, file, archive_metadata(options));
@@ -111,11 +109,7 @@ impl ArchiveWriter {
 
     /// Index of `sampling` for property declarations; equal samplings share one. Index 0 is for static properties.
     pub fn add_time_sampling(&mut self, sampling: TimeSampling) -> Result<u32, AlembicError> {
-        if let Some(found) = self
-            .samplings
-            .iter()
-            .position(|known| known.matches(&sampling))
-        {
+        if let Some(found) = self.samplings.iter().position(|known| known.matches(&sampling)) {
             return Ok(found as u32);
         }
         self.changed = true;
@@ -140,10 +134,7 @@ impl ArchiveWriter {
 
     /// The object with this full path.
     pub fn find_object(&self, path: &str) -> Option<ObjectId> {
-        self.objects
-            .iter()
-            .position(|object| object.path == path)
-            .map(ObjectId)
+        self.objects.iter().position(|object| object.path == path).map(ObjectId)
     }
 
     /// The scalar or array property `name` of `compound`.
@@ -168,23 +159,12 @@ impl ArchiveWriter {
     }
 
     /// Declares a child object of `parent`. The name is unique among siblings, not empty and without `/`.
-    pub fn add_object(
-        &mut self,
-        parent: ObjectId,
-        name: &str,
-        metadata: &MetaData,
-    ) -> Result<ObjectId, AlembicError> {
+    pub fn add_object(&mut self, parent: ObjectId, name: &str, metadata: &MetaData) -> Result<ObjectId, AlembicError> {
         let metadata = metadata.serialise();
         let siblings = &self.objects[parent.0].children;
-        let place = format!(
-            "{}/{name}",
-            self.objects[parent.0].path.trim_end_matches('/')
-        );
+        let place = format!("{}/{name}", self.objects[parent.0].path.trim_end_matches('/'));
         self.check_name(&place, name)?;
-        if let Some(&found) = siblings
-            .iter()
-            .find(|&&child| self.objects[child].name == name)
-        {
+        if let Some(&found) = siblings.iter().find(|&&child| self.objects[child].name == name) {
             let node = &self.objects[found];
             self.check_restored(&place, node.declared, node.metadata == metadata)?;
             self.objects[found].declared = true;
@@ -212,13 +192,10 @@ impl ArchiveWriter {
                 self.compounds[found].declared = true;
                 Ok(CompoundId(found))
             }
-            Some(Member::Property(_)) => {
-                Err(self.refuse(&place, "the stored property is no compound"))
+            Some(Member::Property(_)) => Err(self.refuse(&place, "the stored property is no compound")),
+            None if self.compounds[parent.0].depth >= MOST_NESTED => {
+                Err(self.refuse(&place, &format!("compounds may be nested {MOST_NESTED} deep, not deeper")))
             }
-            None if self.compounds[parent.0].depth >= MOST_NESTED => Err(self.refuse(
-                &place,
-                &format!("compounds may be nested {MOST_NESTED} deep, not deeper"),
-            )),
             None => {
                 let index = self.insert_compound(parent, name, metadata);
                 self.compounds[index].declared = true;
@@ -266,10 +243,7 @@ impl ArchiveWriter {
             return Err(self.refuse(&place, "elements need at least one value"));
         }
         if time_sampling as usize >= self.samplings.len() {
-            return Err(self.refuse(
-                &place,
-                &format!("time sampling {time_sampling} was not added to this archive"),
-            ));
+            return Err(self.refuse(&place, &format!("time sampling {time_sampling} was not added to this archive")));
         }
         match self.member(parent, name) {
             Some(Member::Property(found)) => {
@@ -311,12 +285,7 @@ impl ArchiveWriter {
         Ok(PropertyId(index))
     }
 
-    pub(super) fn insert_object(
-        &mut self,
-        parent: Option<usize>,
-        name: &str,
-        metadata: String,
-    ) -> usize {
+    pub(super) fn insert_object(&mut self, parent: Option<usize>, name: &str, metadata: String) -> usize {
         let path = match parent {
             Some(parent) => format!("{}/{name}", self.objects[parent].path.trim_end_matches('/')),
             None => "/".to_owned(),
@@ -345,12 +314,7 @@ impl ArchiveWriter {
         index
     }
 
-    pub(super) fn insert_compound(
-        &mut self,
-        parent: CompoundId,
-        name: &str,
-        metadata: String,
-    ) -> usize {
+    pub(super) fn insert_compound(&mut self, parent: CompoundId, name: &str, metadata: String) -> usize {
         let index = self.compounds.len();
         self.compounds.push(CompoundNode {
             name: name.to_owned(),
@@ -360,9 +324,7 @@ impl ArchiveWriter {
             depth: self.compounds[parent.0].depth + 1,
             declared: false,
         });
-        self.compounds[parent.0]
-            .members
-            .push(Member::Compound(index));
+        self.compounds[parent.0].members.push(Member::Compound(index));
         self.changed = true;
         index
     }
@@ -370,9 +332,7 @@ impl ArchiveWriter {
     pub(super) fn insert_property(&mut self, parent: CompoundId, node: PropertyNode) -> usize {
         let index = self.properties.len();
         self.properties.push(node);
-        self.compounds[parent.0]
-            .members
-            .push(Member::Property(index));
+        self.compounds[parent.0].members.push(Member::Property(index));
         self.changed = true;
         index
     }
@@ -382,22 +342,15 @@ impl ArchiveWriter {
     }
 
     fn member(&self, compound: CompoundId, name: &str) -> Option<Member> {
-        self.compounds[compound.0]
-            .members
-            .iter()
-            .copied()
-            .find(|member| match *member {
-                Member::Compound(index) => self.compounds[index].name == name,
-                Member::Property(index) => self.properties[index].name == name,
-            })
+        self.compounds[compound.0].members.iter().copied().find(|member| match *member {
+            Member::Compound(index) => self.compounds[index].name == name,
+            Member::Property(index) => self.properties[index].name == name,
+        })
     }
 
     fn check_name(&self, place: &str, name: &str) -> Result<(), AlembicError> {
         if name.is_empty() || name.contains(['/', '\0']) {
-            return Err(self.refuse(
-                place,
-                "a name is not empty and has no `/` and no NUL; rename it",
-            ));
+            return Err(self.refuse(place, "a name is not empty and has no `/` and no NUL; rename it"));
         }
         Ok(())
     }
@@ -405,10 +358,7 @@ impl ArchiveWriter {
     /// A name that exists already is right only when it came from the re-opened file and means the same.
     fn check_restored(&self, place: &str, declared: bool, same: bool) -> Result<(), AlembicError> {
         if declared {
-            return Err(self.refuse(
-                place,
-                "this name was declared before; names are unique within their parent",
-            ));
+            return Err(self.refuse(place, "this name was declared before; names are unique within their parent"));
         }
         if !same {
             let reason = "the stored one has another type, metadata or sampling; continue with the settings the file \
@@ -419,32 +369,18 @@ impl ArchiveWriter {
     }
 
     pub(super) fn refuse(&self, place: &str, reason: &str) -> AlembicError {
-        AlembicError::Refused {
-            path: self.path.clone(),
-            place: place.to_owned(),
-            reason: reason.to_owned(),
-        }
+        AlembicError::Refused { path: self.path.clone(), place: place.to_owned(), reason: reason.to_owned() }
     }
 
     pub(super) fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<(), AlembicError> {
-        let done = self
-            .file
-            .seek(SeekFrom::Start(offset))
-            .and_then(|_| self.file.write_all(bytes));
-        done.map_err(|source| AlembicError::Io {
-            path: self.path.clone(),
-            action: "write",
-            source,
-        })
+        let done = self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.write_all(bytes));
+        done.map_err(|source| AlembicError::Io { path: self.path.clone(), action: "write", source })
     }
 }
 
 fn archive_metadata(options: &ArchiveOptions) -> String {
     let mut metadata = options.extra.clone();
-    metadata = metadata.with(
-        "_ai_AlembicVersion",
-        "Alembic 1.8.12 (Ogawa, written by drapery-alembic)",
-    );
+    metadata = metadata.with("_ai_AlembicVersion", "Alembic 1.8.12 (Ogawa, written by drapery-alembic)");
     metadata = metadata.with("_ai_Application", &options.application);
     metadata = metadata.with("_ai_Description", &options.description);
     if let Some(date) = &options.date {

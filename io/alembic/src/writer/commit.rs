@@ -5,9 +5,7 @@ use super::tree::{Member, chain};
 use crate::error::AlembicError;
 use crate::murmur::murmur3_x64_128;
 use crate::ogawa::Slot;
-use crate::packed::{
-    MetaDataTable, PackedObject, PackedProperty, pack_object, pack_property, pack_time_sampling,
-};
+use crate::packed::{MetaDataTable, PackedObject, PackedProperty, pack_object, pack_property, pack_time_sampling};
 
 /// Library version that readers are told: 1.8.12.
 const LIBRARY_VERSION: i32 = 10812;
@@ -18,12 +16,8 @@ impl ArchiveWriter {
     /// The previous state stays valid until the last eight bytes are written; when the process dies at any moment the
     /// file shows this commit or the one before. Samples written later are not visible before the next commit.
     pub fn commit(&mut self, durability: Durability) -> Result<(), AlembicError> {
-        let mut tables = Tables {
-            archive: self,
-            base: self.end,
-            bytes: Vec::new(),
-            metadata: MetaDataTable::default(),
-        };
+        let mut tables =
+            Tables { archive: self, base: self.end, bytes: Vec::new(), metadata: MetaDataTable::default() };
         let root = tables.pack_archive();
         let bytes = tables.bytes;
         self.write_at(self.end, &bytes)?;
@@ -42,11 +36,7 @@ impl ArchiveWriter {
 
     /// Commits what is not committed yet and closes the file.
     pub fn finish(mut self, durability: Durability) -> Result<(), AlembicError> {
-        if self.changed {
-            self.commit(durability)
-        } else {
-            self.synchronise(durability)
-        }
+        if self.changed { self.commit(durability) } else { self.synchronise(durability) }
     }
 
     fn synchronise(&mut self, durability: Durability) -> Result<(), AlembicError> {
@@ -75,8 +65,7 @@ impl Tables<'_> {
             return Slot::EMPTY_DATA;
         }
         let offset = self.base + self.bytes.len() as u64;
-        self.bytes
-            .extend_from_slice(&(data.len() as u64).to_le_bytes());
+        self.bytes.extend_from_slice(&(data.len() as u64).to_le_bytes());
         self.bytes.extend_from_slice(data);
         Slot::data(offset)
     }
@@ -86,11 +75,8 @@ impl Tables<'_> {
             return Slot::EMPTY_GROUP;
         }
         let offset = self.base + self.bytes.len() as u64;
-        self.bytes
-            .extend_from_slice(&(slots.len() as u64).to_le_bytes());
-        slots
-            .iter()
-            .for_each(|slot| self.bytes.extend_from_slice(&slot.0.to_le_bytes()));
+        self.bytes.extend_from_slice(&(slots.len() as u64).to_le_bytes());
+        slots.iter().for_each(|slot| self.bytes.extend_from_slice(&slot.0.to_le_bytes()));
         Slot(offset)
     }
 
@@ -125,16 +111,12 @@ impl Tables<'_> {
             let mut headers = Vec::new();
             let mut children_hash = [0; 16]; // stays zero without children
             for &child in &object.children {
-                let header = PackedObject {
-                    name: objects[child].name.clone(),
-                    metadata: objects[child].metadata.clone(),
-                };
+                let header =
+                    PackedObject { name: objects[child].name.clone(), metadata: objects[child].metadata.clone() };
                 pack_object(&header, &mut self.metadata, &mut headers);
                 let (slot, hashes) = packed[child];
                 slots.push(slot);
-                let named = murmur3_x64_128(
-                    &[&described(&header.name, &header.metadata)[..], &hashes].concat(),
-                );
+                let named = murmur3_x64_128(&[&described(&header.name, &header.metadata)[..], &hashes].concat());
                 children_hash = chain(&children_hash, &named);
             }
             let hashes: Vec<u8> = [own_hash, children_hash].concat();
@@ -162,15 +144,7 @@ impl Tables<'_> {
                     let (slot, hash) = self.pack_compound(index);
                     let node = &archive.compounds[index];
                     let (name, metadata) = (node.name.clone(), node.metadata.clone());
-                    (
-                        slot,
-                        hash,
-                        PackedProperty {
-                            name,
-                            metadata,
-                            samples: None,
-                        },
-                    )
+                    (slot, hash, PackedProperty { name, metadata, samples: None })
                 }
                 Member::Property(index) => self.pack_property(index),
             };
@@ -194,25 +168,14 @@ impl Tables<'_> {
         }
         let mut about = described(&node.name, &node.metadata);
         let type_code = samples.data_type.pod.code() as u8;
-        about.extend_from_slice(&[
-            u8::from(samples.is_array),
-            type_code,
-            samples.data_type.extent,
-        ]);
-        pack_time_sampling(
-            &self.archive.samplings[node.time_sampling as usize],
-            0,
-            &mut about,
-        );
+        about.extend_from_slice(&[u8::from(samples.is_array), type_code, samples.data_type.extent]);
+        pack_time_sampling(&self.archive.samplings[node.time_sampling as usize], 0, &mut about);
         for number in [samples.count, samples.first_changed, samples.last_changed] {
             about.extend_from_slice(&number.to_le_bytes());
         }
         about.extend_from_slice(&node.content);
-        let header = PackedProperty {
-            name: node.name.clone(),
-            metadata: node.metadata.clone(),
-            samples: Some(samples),
-        };
+        let header =
+            PackedProperty { name: node.name.clone(), metadata: node.metadata.clone(), samples: Some(samples) };
         (self.group(&slots), murmur3_x64_128(&about), header)
     }
 
@@ -220,11 +183,7 @@ impl Tables<'_> {
         let mut most = vec![0_u32; self.archive.samplings.len()];
         for property in &self.archive.properties {
             let samples = property.packed();
-            let count = if samples.is_constant() {
-                samples.count.min(1)
-            } else {
-                samples.count
-            };
+            let count = if samples.is_constant() { samples.count.min(1) } else { samples.count };
             let entry = &mut most[property.time_sampling as usize];
             *entry = count.max(*entry);
         }

@@ -17,9 +17,7 @@ pub fn write_face_set(
     faces: &[i32],
     exclusive: bool,
 ) -> Result<ObjectId, AlembicError> {
-    let metadata = MetaData::new()
-        .with("schema", "AbcGeom_FaceSet_v1")
-        .with("schemaBaseType", "AbcGeom_GeomBase_v1");
+    let metadata = MetaData::new().with("schema", "AbcGeom_FaceSet_v1").with("schemaBaseType", "AbcGeom_GeomBase_v1");
     let object_metadata = MetaData::parse(
         "schema=AbcGeom_FaceSet_v1;schemaBaseType=AbcGeom_GeomBase_v1;schemaObjTitle=AbcGeom_FaceSet_v1:.faceset",
     );
@@ -29,8 +27,7 @@ pub fn write_face_set(
     let bounds = archive.add_bounds_property(compound, ".selfBnds", 0)?;
     archive.write_static_raw(bounds, &encode(&EMPTY_BOUNDS))?;
     let index_type = DataType::new(PodType::I32, 1);
-    let property =
-        archive.add_array_property(compound, ".faces", &MetaData::new(), index_type, 0)?;
+    let property = archive.add_array_property(compound, ".faces", &MetaData::new(), index_type, 0)?;
     archive.write_static_raw(property, &encode(faces))?;
     if exclusive {
         archive.write_static_scalar(compound, ".facesExclusive", &[1_u32])?;

@@ -82,44 +82,28 @@ impl GeomParamWriter {
         let metadata = spec.metadata();
         let (data_type, sampling) = (spec.data_type, spec.time_sampling);
         if !spec.indexed {
-            let values =
-                archive.add_array_property(parent, spec.name, &metadata, data_type, sampling)?;
-            return Ok(Self {
-                values,
-                indices: None,
-            });
+            let values = archive.add_array_property(parent, spec.name, &metadata, data_type, sampling)?;
+            return Ok(Self { values, indices: None });
         }
         let compound = archive.add_compound(parent, spec.name, &metadata)?;
-        let values =
-            archive.add_array_property(compound, ".vals", &metadata, data_type, sampling)?;
+        let values = archive.add_array_property(compound, ".vals", &metadata, data_type, sampling)?;
         let index_type = DataType::new(PodType::U32, 1);
-        let indices = archive.add_array_property(
-            compound,
-            ".indices",
-            &MetaData::new(),
-            index_type,
-            sampling,
-        )?;
-        Ok(Self {
-            values,
-            indices: Some(indices),
-        })
+        let indices = archive.add_array_property(compound, ".indices", &MetaData::new(), index_type, sampling)?;
+        Ok(Self { values, indices: Some(indices) })
     }
 
     /// The parameter `name` that `parent` already has.
     pub(super) fn find(archive: &ArchiveWriter, parent: CompoundId, name: &str) -> Option<Self> {
         if let Some(values) = archive.find_property(parent, name) {
-            return Some(Self {
-                values,
-                indices: None,
-            });
+            return Some(Self { values, indices: None });
         }
         let compound = archive.find_compound(parent, name)?;
         let values = archive.find_property(compound, ".vals")?;
-        Some(Self {
-            values,
-            indices: archive.find_property(compound, ".indices"),
-        })
+        Some(Self { values, indices: archive.find_property(compound, ".indices") })
+    }
+
+    pub(super) fn is_indexed(&self) -> bool {
+        self.indices.is_some()
     }
 
     /// Next sample: `values` one element after another, and `indices` exactly when the parameter is indexed.
@@ -130,12 +114,9 @@ impl GeomParamWriter {
         indices: Option<&[u32]>,
     ) -> Result<(), AlembicError> {
         if let Some(indices) = indices {
-            let count =
-                values.len() / usize::from(archive.properties[self.values.0].data_type.extent);
+            let count = values.len() / usize::from(archive.properties[self.values.0].data_type.extent);
             if let Some(wrong) = indices.iter().find(|&&index| index as usize >= count) {
-                return Err(
-                    archive.refuse_sample(self.values, &format!("index {wrong} of {count} values"))
-                );
+                return Err(archive.refuse_sample(self.values, &format!("index {wrong} of {count} values")));
             }
         }
         self.check_indices(archive, indices)?;
@@ -177,9 +158,7 @@ impl GeomParamWriter {
         self.check_indices(archive, indices)?;
         archive.write_static_raw(self.values, values)?;
         match (self.indices, indices) {
-            (Some(property), Some(indices)) => {
-                archive.write_static_raw(property, &crate::property::encode(indices))
-            }
+            (Some(property), Some(indices)) => archive.write_static_raw(property, &crate::property::encode(indices)),
             _ => Ok(()),
         }
     }
@@ -187,31 +166,18 @@ impl GeomParamWriter {
     /// The next sample equals the previous one.
     pub fn set_same_as_previous(&self, archive: &mut ArchiveWriter) -> Result<(), AlembicError> {
         archive.set_same_as_previous(self.values)?;
-        self.indices
-            .map_or(Ok(()), |indices| archive.set_same_as_previous(indices))
+        self.indices.map_or(Ok(()), |indices| archive.set_same_as_previous(indices))
     }
 
-    fn check_indices(
-        &self,
-        archive: &ArchiveWriter,
-        indices: Option<&[u32]>,
-    ) -> Result<(), AlembicError> {
+    fn check_indices(&self, archive: &ArchiveWriter, indices: Option<&[u32]>) -> Result<(), AlembicError> {
         match (self.indices, indices) {
-            (Some(_), None) => {
-                Err(archive.refuse_sample(self.values, "an indexed parameter needs indices"))
-            }
-            (None, Some(_)) => {
-                Err(archive.refuse_sample(self.values, "indices for a parameter declared without"))
-            }
+            (Some(_), None) => Err(archive.refuse_sample(self.values, "an indexed parameter needs indices")),
+            (None, Some(_)) => Err(archive.refuse_sample(self.values, "indices for a parameter declared without")),
             _ => Ok(()),
         }
     }
 
-    fn write_indices(
-        &self,
-        archive: &mut ArchiveWriter,
-        indices: Option<&[u32]>,
-    ) -> Result<(), AlembicError> {
+    fn write_indices(&self, archive: &mut ArchiveWriter, indices: Option<&[u32]>) -> Result<(), AlembicError> {
         match (self.indices, indices) {
             (Some(property), Some(indices)) => archive.write_sample(property, indices),
             _ => Ok(()),

@@ -3,6 +3,7 @@
 mod append;
 mod archive;
 mod commit;
+mod copy;
 mod face_set;
 mod geom_param;
 mod poly_mesh;

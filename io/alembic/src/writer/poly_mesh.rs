@@ -55,14 +55,7 @@ pub struct PolyMeshSample<'a> {
 impl<'a> PolyMeshSample<'a> {
     /// Positions and nothing else.
     pub fn of(positions: &'a [[f32; 3]]) -> Self {
-        Self {
-            positions,
-            topology: None,
-            velocities: None,
-            uv: None,
-            normals: None,
-            bounds: None,
-        }
+        Self { positions, topology: None, velocities: None, uv: None, normals: None, bounds: None }
     }
 }
 
@@ -91,25 +84,18 @@ impl PolyMeshWriter {
         name: &str,
         time_sampling: u32,
     ) -> Result<Self, AlembicError> {
-        let metadata = MetaData::new()
-            .with("schema", "AbcGeom_PolyMesh_v1")
-            .with("schemaBaseType", "AbcGeom_GeomBase_v1");
-        let object_metadata = metadata
-            .clone()
-            .with("schemaObjTitle", "AbcGeom_PolyMesh_v1:.geom");
+        let metadata =
+            MetaData::new().with("schema", "AbcGeom_PolyMesh_v1").with("schemaBaseType", "AbcGeom_GeomBase_v1");
+        let object_metadata = metadata.clone().with("schemaObjTitle", "AbcGeom_PolyMesh_v1:.geom");
         let object = archive.add_object(parent, name, &object_metadata)?;
         let top = archive.top_compound(object);
         let compound = archive.add_compound(top, ".geom", &metadata)?;
         let bounds = archive.add_bounds_property(compound, ".selfBnds", time_sampling)?;
-        let point = MetaData::new()
-            .with("geoScope", "vtx")
-            .with("interpretation", Interpretation::Point.name());
+        let point = MetaData::new().with("geoScope", "vtx").with("interpretation", Interpretation::Point.name());
         let positions = archive.add_array_property(compound, "P", &point, POINT, time_sampling)?;
         let (index, none) = (DataType::new(PodType::I32, 1), MetaData::new());
-        let face_indices =
-            archive.add_array_property(compound, ".faceIndices", &none, index, time_sampling)?;
-        let face_counts =
-            archive.add_array_property(compound, ".faceCounts", &none, index, time_sampling)?;
+        let face_indices = archive.add_array_property(compound, ".faceIndices", &none, index, time_sampling)?;
+        let face_counts = archive.add_array_property(compound, ".faceCounts", &none, index, time_sampling)?;
         Ok(Self {
             object,
             compound,
@@ -149,11 +135,7 @@ impl PolyMeshWriter {
     ///
     /// Checks what belongs together before anything is stored: face corners name existing vertices, counts add up,
     /// velocities are one a vertex, parameters have as many values as their scope has places.
-    pub fn write(
-        &mut self,
-        archive: &mut ArchiveWriter,
-        sample: &PolyMeshSample<'_>,
-    ) -> Result<(), AlembicError> {
+    pub fn write(&mut self, archive: &mut ArchiveWriter, sample: &PolyMeshSample<'_>) -> Result<(), AlembicError> {
         let is_first = self.sample_count(archive) == 0;
         self.check(archive, sample, is_first)?;
         self.bind_optional(archive, sample, is_first)?;
@@ -174,9 +156,7 @@ impl PolyMeshWriter {
             archive.write_sample(property, velocities.as_flattened())?;
         }
         match (self.uv, sample.uv) {
-            (Some(uv), Some(values)) => {
-                uv.write(archive, values.values.as_flattened(), values.indices)?
-            }
+            (Some(uv), Some(values)) => uv.write(archive, values.values.as_flattened(), values.indices)?,
             (Some(uv), None) => uv.set_same_as_previous(archive)?,
             _ => {}
         }
@@ -205,13 +185,7 @@ impl PolyMeshWriter {
         }
         if sample.velocities.is_some() {
             let vector = MetaData::new().with("interpretation", Interpretation::Vector.name());
-            self.velocities = Some(archive.add_array_property(
-                compound,
-                ".velocities",
-                &vector,
-                POINT,
-                sampling,
-            )?);
+            self.velocities = Some(archive.add_array_property(compound, ".velocities", &vector, POINT, sampling)?);
         }
         if let Some(uv) = &sample.uv {
             let spec = GeomParamSpec {
@@ -230,11 +204,7 @@ impl PolyMeshWriter {
     }
 
     /// Later samples have the members of the first one.
-    fn check_members(
-        &self,
-        archive: &ArchiveWriter,
-        sample: &PolyMeshSample<'_>,
-    ) -> Result<(), AlembicError> {
+    fn check_members(&self, archive: &ArchiveWriter, sample: &PolyMeshSample<'_>) -> Result<(), AlembicError> {
         let wrong = if sample.velocities.is_some() != self.velocities.is_some() {
             "velocities"
         } else if sample.normals.is_some() != self.normals.is_some() {
@@ -242,23 +212,23 @@ impl PolyMeshWriter {
         } else if sample.uv.is_some() && self.uv.is_none() {
             "uv"
         } else {
+            let differs = |given: Option<bool>, writer: Option<GeomParamWriter>| {
+                given.is_some_and(|indexed| writer.is_some_and(|writer| writer.is_indexed() != indexed))
+            };
+            if differs(sample.uv.map(|uv| uv.indices.is_some()), self.uv)
+                || differs(sample.normals.map(|n| n.indices.is_some()), self.normals)
+            {
+                let reason = "uv and normals are indexed in every sample or never";
+                return Err(archive.refuse_sample(self.positions, reason));
+            }
             return Ok(());
         };
-        Err(archive.refuse_sample(
-            self.positions,
-            &format!("{wrong} are given with every sample or never"),
-        ))
+        Err(archive.refuse_sample(self.positions, &format!("{wrong} are given with every sample or never")))
     }
 
-    fn check(
-        &self,
-        archive: &ArchiveWriter,
-        sample: &PolyMeshSample<'_>,
-        first: bool,
-    ) -> Result<(), AlembicError> {
+    fn check(&self, archive: &ArchiveWriter, sample: &PolyMeshSample<'_>, first: bool) -> Result<(), AlembicError> {
         let vertices = sample.positions.len();
-        let previous =
-            |property: PropertyId| archive.properties[property.0].previous_elements as usize;
+        let previous = |property: PropertyId| archive.properties[property.0].previous_elements as usize;
         let refuse = |reason: String| Err(archive.refuse_sample(self.positions, &reason));
         let (faces, corners) = match sample.topology {
             Some(topology) => {
@@ -270,20 +240,12 @@ impl PolyMeshWriter {
             None if first => return refuse("the first sample needs the faces".into()),
             None if vertices != previous(self.positions) => {
                 let before = previous(self.positions);
-                return refuse(format!(
-                    "{vertices} positions after {before} without new faces; give the topology"
-                ));
+                return refuse(format!("{vertices} positions after {before} without new faces; give the topology"));
             }
             None => (previous(self.face_counts), previous(self.face_indices)),
         };
-        if let Some(velocities) = sample
-            .velocities
-            .filter(|velocities| velocities.len() != vertices)
-        {
-            return refuse(format!(
-                "{} velocities for {vertices} vertices",
-                velocities.len()
-            ));
+        if let Some(velocities) = sample.velocities.filter(|velocities| velocities.len() != vertices) {
+            return refuse(format!("{} velocities for {vertices} vertices", velocities.len()));
         }
         let places = |scope| match scope {
             Scope::Constant => 1,
@@ -291,26 +253,26 @@ impl PolyMeshWriter {
             Scope::Varying | Scope::Vertex => vertices,
             Scope::FaceVarying => corners,
         };
-        let uv = sample.uv.map(|uv| ("uv", uv.places(), uv.scope));
-        let normals = sample
-            .normals
-            .map(|normals| ("N", normals.places(), normals.scope));
-        for (name, given, scope) in uv.into_iter().chain(normals) {
-            let wanted = places(scope);
-            if given != wanted {
-                let scope = scope.name();
-                return refuse(format!(
-                    "{given} {name} values, but the scope `{scope}` has {wanted} places"
-                ));
-            }
+        let uv = sample.uv.and_then(|uv| uv.problem("uv", places(uv.scope)));
+        let normals = sample.normals.and_then(|n| n.problem("N", places(n.scope)));
+        match uv.or(normals) {
+            Some(problem) => refuse(problem),
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 
 impl<const N: usize> Indexed<'_, N> {
-    fn places(&self) -> usize {
-        self.indices.map_or(self.values.len(), <[u32]>::len)
+    /// What is wrong with these values where the scope has so many places.
+    fn problem(&self, name: &str, places: usize) -> Option<String> {
+        let given = self.indices.map_or(self.values.len(), <[u32]>::len);
+        if given != places {
+            let scope = self.scope.name();
+            return Some(format!("{given} {name} values, but the scope `{scope}` has {places} places"));
+        }
+        let count = self.values.len();
+        let wrong = self.indices?.iter().find(|&&index| index as usize >= count)?;
+        Some(format!("{name} index {wrong} of {count} values, counted from 0"))
     }
 }
 
@@ -325,14 +287,9 @@ fn topology_problem(topology: &Topology<'_>, vertices: usize) -> Option<String> 
     }
     if corners != topology.face_indices.len() {
         let given = topology.face_indices.len();
-        return Some(format!(
-            "the faces have {corners} corners, but {given} vertex indices are given"
-        ));
+        return Some(format!("the faces have {corners} corners, but {given} vertex indices are given"));
     }
-    let outside =
-        |&&vertex: &&i32| usize::try_from(vertex).map_or(true, |vertex| vertex >= vertices);
+    let outside = |&&vertex: &&i32| usize::try_from(vertex).map_or(true, |vertex| vertex >= vertices);
     let wrong = topology.face_indices.iter().find(outside)?;
-    Some(format!(
-        "a face names vertex {wrong}, but there are {vertices} vertices, counted from 0"
-    ))
+    Some(format!("a face names vertex {wrong}, but there are {vertices} vertices, counted from 0"))
 }

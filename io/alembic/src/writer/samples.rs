@@ -17,18 +17,10 @@ impl ArchiveWriter {
     ///
     /// Fails when `T` is not the declared type, when the number of values does not fit, when the disk is full, and
     /// when an acyclic sampling has no more times.
-    pub fn write_sample<T: PodValue>(
-        &mut self,
-        property: PropertyId,
-        values: &[T],
-    ) -> Result<(), AlembicError> {
+    pub fn write_sample<T: PodValue>(&mut self, property: PropertyId, values: &[T]) -> Result<(), AlembicError> {
         let declared = self.properties[property.0].data_type;
         if declared.pod != T::POD {
-            let reason = format!(
-                "{} values given, {} declared",
-                T::POD.name(),
-                declared.pod.name()
-            );
+            let reason = format!("{} values given, {} declared", T::POD.name(), declared.pod.name());
             return Err(self.refuse_sample(property, &reason));
         }
         self.begin_chunk();
@@ -55,11 +47,7 @@ impl ArchiveWriter {
     }
 
     /// Writes the next sample from its stored bytes: little-endian values, or strings each followed by a NUL.
-    pub fn write_raw_sample(
-        &mut self,
-        property: PropertyId,
-        payload: &[u8],
-    ) -> Result<(), AlembicError> {
+    pub fn write_raw_sample(&mut self, property: PropertyId, payload: &[u8]) -> Result<(), AlembicError> {
         self.begin_chunk();
         self.chunk.extend_from_slice(payload);
         self.store_chunk(property)
@@ -70,9 +58,7 @@ impl ArchiveWriter {
         self.check_room(property)?;
         let node = &mut self.properties[property.0];
         if node.count == 0 {
-            return Err(
-                self.refuse_sample(property, "there is no previous sample; give the first one")
-            );
+            return Err(self.refuse_sample(property, "there is no previous sample; give the first one"));
         }
         node.count += 1;
         self.changed = true;
@@ -87,10 +73,7 @@ impl ArchiveWriter {
         values: &[T],
     ) -> Result<(), AlembicError> {
         let Some(extent) = u8::try_from(values.len()).ok().filter(|&extent| extent > 0) else {
-            return Err(self.refuse(
-                &self.place_in(parent, name),
-                "a scalar has 1 to 255 values; use an array",
-            ));
+            return Err(self.refuse(&self.place_in(parent, name), "a scalar has 1 to 255 values; use an array"));
         };
         let data_type = DataType::new(T::POD, extent);
         let property = self.add_scalar_property(parent, name, &MetaData::new(), data_type, 0)?;
@@ -98,12 +81,7 @@ impl ArchiveWriter {
     }
 
     /// Declares a static string property and gives its value; in a continued file it must be the stored one.
-    pub fn write_static_string(
-        &mut self,
-        parent: CompoundId,
-        name: &str,
-        text: &str,
-    ) -> Result<(), AlembicError> {
+    pub fn write_static_string(&mut self, parent: CompoundId, name: &str, text: &str) -> Result<(), AlembicError> {
         let data_type = DataType::new(PodType::String, 1);
         let property = self.add_scalar_property(parent, name, &MetaData::new(), data_type, 0)?;
         match encode_strings(&[text]) {
@@ -113,11 +91,7 @@ impl ArchiveWriter {
     }
 
     /// Gives the only sample of a static property. In a continued file, checks that it is the stored one.
-    pub fn write_static_raw(
-        &mut self,
-        property: PropertyId,
-        payload: &[u8],
-    ) -> Result<(), AlembicError> {
+    pub fn write_static_raw(&mut self, property: PropertyId, payload: &[u8]) -> Result<(), AlembicError> {
         let node = &self.properties[property.0];
         if node.count == 0 {
             return self.write_raw_sample(property, payload);
@@ -130,36 +104,18 @@ impl ArchiveWriter {
     }
 
     /// Declares `visible` of an object; samples are given by [`ArchiveWriter::write_visibility`].
-    pub fn add_visibility(
-        &mut self,
-        object: super::ObjectId,
-        time_sampling: u32,
-    ) -> Result<PropertyId, AlembicError> {
+    pub fn add_visibility(&mut self, object: super::ObjectId, time_sampling: u32) -> Result<PropertyId, AlembicError> {
         let top = self.top_compound(object);
-        self.add_scalar_property(
-            top,
-            "visible",
-            &MetaData::new(),
-            DataType::new(PodType::I8, 1),
-            time_sampling,
-        )
+        self.add_scalar_property(top, "visible", &MetaData::new(), DataType::new(PodType::I8, 1), time_sampling)
     }
 
     /// Next sample of a property made by [`ArchiveWriter::add_visibility`].
-    pub fn write_visibility(
-        &mut self,
-        property: PropertyId,
-        value: Visibility,
-    ) -> Result<(), AlembicError> {
+    pub fn write_visibility(&mut self, property: PropertyId, value: Visibility) -> Result<(), AlembicError> {
         self.write_sample(property, &[value.value()])
     }
 
     /// Next sample of the world bounds of everything in the archive.
-    pub fn write_archive_bounds(
-        &mut self,
-        time_sampling: u32,
-        bounds: &Bounds,
-    ) -> Result<(), AlembicError> {
+    pub fn write_archive_bounds(&mut self, time_sampling: u32, bounds: &Bounds) -> Result<(), AlembicError> {
         let top = self.top_compound(self.root());
         let property = match self.find_property(top, ".childBnds") {
             Some(found) => found,
@@ -175,13 +131,7 @@ impl ArchiveWriter {
         time_sampling: u32,
     ) -> Result<PropertyId, AlembicError> {
         let metadata = MetaData::new().with("interpretation", "box");
-        self.add_scalar_property(
-            parent,
-            name,
-            &metadata,
-            DataType::new(PodType::F64, 6),
-            time_sampling,
-        )
+        self.add_scalar_property(parent, name, &metadata, DataType::new(PodType::F64, 6), time_sampling)
     }
 
     pub(super) fn refuse_sample(&self, property: PropertyId, reason: &str) -> AlembicError {
@@ -197,14 +147,9 @@ impl ArchiveWriter {
 
     fn check_room(&self, property: PropertyId) -> Result<(), AlembicError> {
         let node = &self.properties[property.0];
-        let most = self.samplings[node.time_sampling as usize]
-            .most_samples()
-            .min(u32::MAX as usize - 1);
+        let most = self.samplings[node.time_sampling as usize].most_samples().min(u32::MAX as usize - 1);
         if node.count as usize >= most {
-            return Err(self.refuse_sample(
-                property,
-                &format!("its time sampling has only {most} times"),
-            ));
+            return Err(self.refuse_sample(property, &format!("its time sampling has only {most} times")));
         }
         Ok(())
     }
@@ -219,17 +164,11 @@ impl ArchiveWriter {
             return Err(self.refuse_sample(property, &reason));
         };
         if !node.is_array && elements != 1 {
-            return Err(self.refuse_sample(
-                property,
-                &format!("{elements} elements given to a scalar property"),
-            ));
+            return Err(self.refuse_sample(property, &format!("{elements} elements given to a scalar property")));
         }
         let (key, is_array) = (key_of(node.data_type, payload), node.is_array);
         let stored = if node.previous == Some(key) {
-            StoredSample {
-                payload: Slot::EMPTY_DATA.0,
-                dimensions: Slot::EMPTY_DATA.0,
-            } // not used by `push`
+            StoredSample { payload: Slot::EMPTY_DATA.0, dimensions: Slot::EMPTY_DATA.0 } // not used by `push`
         } else {
             self.stored_payload(key, is_array, elements as u64)?
         };
@@ -239,27 +178,14 @@ impl ArchiveWriter {
     }
 
     /// Slots of the payload in `self.chunk`: those of an equal one in the file, or of a new chunk.
-    fn stored_payload(
-        &mut self,
-        key: SampleKey,
-        is_array: bool,
-        elements: u64,
-    ) -> Result<StoredSample, AlembicError> {
+    fn stored_payload(&mut self, key: SampleKey, is_array: bool, elements: u64) -> Result<StoredSample, AlembicError> {
         let known = self.known.get(&key).copied();
-        let mut stored = known.unwrap_or(StoredSample {
-            payload: 0,
-            dimensions: 0,
-        });
+        let mut stored = known.unwrap_or(StoredSample { payload: 0, dimensions: 0 });
         if stored.payload == 0 {
             stored.payload = self.append_payload(&key)?.0;
         }
         if stored.dimensions == 0 && is_array {
-            stored.dimensions = if key.text != 0 {
-                self.append_dimensions(elements)?
-            } else {
-                Slot::EMPTY_DATA
-            }
-            .0;
+            stored.dimensions = if key.text != 0 { self.append_dimensions(elements)? } else { Slot::EMPTY_DATA }.0;
         }
         if key.size > 0 && (known.is_some() || self.known.len() < MOST_KNOWN) {
             self.known.insert(key, stored);
@@ -294,11 +220,7 @@ impl ArchiveWriter {
 
 /// Identity of `payload` in a property of this type.
 fn key_of(data_type: DataType, payload: &[u8]) -> SampleKey {
-    SampleKey {
-        size: payload.len() as u64,
-        digest: murmur3_x64_128(payload),
-        text: text_class(data_type),
-    }
+    SampleKey { size: payload.len() as u64, digest: murmur3_x64_128(payload), text: text_class(data_type) }
 }
 
 /// Strings equal only strings, wide strings only wide strings.

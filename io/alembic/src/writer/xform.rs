@@ -46,9 +46,7 @@ impl XformWriter {
         time_sampling: u32,
     ) -> Result<Self, AlembicError> {
         let metadata = MetaData::new().with("schema", "AbcGeom_Xform_v3");
-        let object_metadata = metadata
-            .clone()
-            .with("schemaObjTitle", "AbcGeom_Xform_v3:.xform");
+        let object_metadata = metadata.clone().with("schemaObjTitle", "AbcGeom_Xform_v3:.xform");
         let object = archive.add_object(parent, name, &object_metadata)?;
         let top = archive.top_compound(object);
         let compound = archive.add_compound(top, ".xform", &metadata)?;
@@ -61,19 +59,9 @@ impl XformWriter {
             time_sampling,
         )?;
         archive.write_static_scalar(compound, ".ops", &[MATRIX_OP])?;
-        let values = archive.add_scalar_property(
-            compound,
-            ".vals",
-            &none,
-            DataType::new(PodType::F64, 16),
-            time_sampling,
-        )?;
-        Ok(Self {
-            object,
-            compound,
-            inherits,
-            values,
-        })
+        let values =
+            archive.add_scalar_property(compound, ".vals", &none, DataType::new(PodType::F64, 16), time_sampling)?;
+        Ok(Self { object, compound, inherits, values })
     }
 
     /// The transform object: parent of what it moves.
@@ -91,20 +79,11 @@ impl XformWriter {
         let moved = archive.properties[self.values.0].last_changed > 0;
         if moved && archive.find_property(self.compound, ".animChans").is_none() {
             let channel_type = DataType::new(PodType::U32, 1);
-            let channels = archive.add_array_property(
-                self.compound,
-                ".animChans",
-                &MetaData::new(),
-                channel_type,
-                0,
-            )?;
+            let channels =
+                archive.add_array_property(self.compound, ".animChans", &MetaData::new(), channel_type, 0)?;
             archive.write_sample(channels, &CHANNELS)?;
         }
-        if *matrix != IDENTITY
-            && archive
-                .find_property(self.compound, "isNotConstantIdentity")
-                .is_none()
-        {
+        if *matrix != IDENTITY && archive.find_property(self.compound, "isNotConstantIdentity").is_none() {
             archive.write_static_scalar(self.compound, "isNotConstantIdentity", &[true])?;
         }
         Ok(())

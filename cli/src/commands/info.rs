@@ -1,0 +1,49 @@
+//! `drapery info`: what a mesh or cache holds.
+
+use std::path::Path;
+
+use drapery_io::inspect::{self, MeshSummary};
+
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+use crate::say;
+
+/// Prints what a file holds.
+pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
+    let summary = inspect::inspect(path)?;
+    say::line(format_args!("{}: {}", path.display(), summary.format));
+    for (name, value) in &summary.properties {
+        say::line(format_args!("  {name}: {value}"));
+    }
+    let find = |key: &str| summary.properties.iter().find(|(name, _)| name.eq_ignore_ascii_case(key));
+    let fps = find("DCC_FPS").or(find("fps")).and_then(|(_, value)| value.parse().ok());
+    summary.meshes.iter().for_each(|mesh| print_mesh(mesh, fps));
+    for (path, kind) in &summary.others {
+        say::line(format_args!("{path}: {kind}"));
+    }
+    Ok(ExitCode::Done)
+}
+
+fn print_mesh(mesh: &MeshSummary, fps: Option<f64>) {
+    let [triangles, quads, others] = mesh.faces;
+    say::line(format_args!("{}: mesh", mesh.path));
+    say::line(format_args!("  points: {}", mesh.points));
+    say::line(format_args!("  faces: {triangles} triangles, {quads} quads, {others} with more corners"));
+    say::line(format_args!("  topology: {}", mesh.topology));
+    let [first, last] = mesh.times;
+    let frames = fps.map_or(String::new(), |fps| format!(", frames {:.3} to {:.3} at {fps} fps", first * fps, last * fps));
+    say::line(format_args!("  samples: {} from {first:.6} s to {last:.6} s{frames}", mesh.samples));
+    if let Some([low, high]) = mesh.bounds {
+        say::line(format_args!("  bounds of the first sample: {low:.6?} to {high:.6?}"));
+    }
+    if let Some((name, values)) = &mesh.uvs {
+        say::line(format_args!("  UVs: {name}, {values} values"));
+    }
+    for (name, faces) in &mesh.face_sets {
+        say::line(format_args!("  face set {name}: {faces} faces"));
+    }
+    if !mesh.attributes.is_empty() {
+        say::line(format_args!("  attributes: {}", mesh.attributes.join(", ")));
+    }
+    say::line(format_args!("  velocities: {}", if mesh.velocities { "yes" } else { "no" }));
+}

@@ -1,0 +1,6 @@
+//! Physics against closed forms.
+
+mod free_motion;
+mod friction;
+mod oscillators;
+mod statics;
