@@ -60,6 +60,11 @@ pub(crate) fn prepare(args: &SceneArgs) -> Result<(Shot, Threads), Failure> {
     Ok((shot, threads))
 }
 
+/// The scene with its files opened.
+fn describe(args: &SceneArgs) -> Result<ShotDescription, Failure> {
+    Err(Failure::new(ExitCode::Scene, format!("{}: not yet", args.scene.display())))
+}
+
 /// Where a run of this shot goes when nobody says.
 pub(crate) fn default_folder(shot: &Shot) -> PathBuf {
     PathBuf::from("out").join(shot.name())

@@ -58,7 +58,8 @@ pub struct BodyPoint {
     pub normal: Vec3,
     /// Velocity of the material point below the vertex at the end of the step [m/s].
     pub velocity: Vec3,
-    /// How far that material point moved during the step [m].
+    /// How far the body would have carried the vertex from where it was at the start of the step [m]: the displacement of the
+    /// body's material, which is the frame in which the vertex sticks or slides.
     pub displacement: Vec3,
     /// Triangle, for surfaces.
     pub triangle: u32,
@@ -210,13 +211,14 @@ impl Bodies {
         self.times[1] - self.times[0]
     }
 
-    /// The place of a body closest to `x` [m] at the end of the step, if it is within `reach` [m].
-    pub fn closest(&self, body: usize, x: &Vec3, reach: f64, hint: Option<u32>) -> Option<BodyPoint> {
+    /// The place of a body closest to `x` [m] at the end of the step, if it is within `reach` [m]; `from` is where the vertex
+    /// was at its start.
+    pub fn closest(&self, body: usize, from: &Vec3, x: &Vec3, reach: f64, hint: Option<u32>) -> Option<BodyPoint> {
         match &self.list[body].kind {
             Kind::Rigid { shape, poses, .. } => {
                 let local = poses[1].inverse_transform_point(&(*x).into()).coords;
                 let (phi, normal) = shape.signed_distance(&local);
-                (phi <= reach).then(|| self.rigid_point(body, &local, phi, &normal))
+                (phi <= reach).then(|| self.rigid_point(body, from, &local, phi, &normal))
             }
             Kind::Surface(surface) => {
                 let found = surface.mesh.closest(x, reach, hint)?;
@@ -244,7 +246,7 @@ impl Bodies {
                 let entry = local_from.lerp(&local_to, share);
                 let (phi, normal) = shape.signed_distance(&entry);
                 let phi = phi + normal.dot(&(local_to - entry));
-                Some(self.rigid_point(body, &entry, phi, &normal))
+                Some(self.rigid_point(body, from, &entry, phi, &normal))
             }
             Kind::Surface(surface) => {
                 let hit = surface.mesh.path_hit(from, to, surface.crossings_that_count())?;
@@ -283,21 +285,26 @@ impl Bodies {
         }
     }
 
-    /// What the material point at `local` of a rigid body does.
-    fn rigid_point(&self, body: usize, local: &Vec3, phi: f64, normal: &Vec3) -> BodyPoint {
+    /// What the material of a rigid body does at `local`, and with a vertex that was at `from`.
+    fn rigid_point(&self, body: usize, from: &Vec3, local: &Vec3, phi: f64, normal: &Vec3) -> BodyPoint {
         let Kind::Rigid { motion, poses, spinning, .. } = &self.list[body].kind else {
             unreachable!("only called for rigid bodies")
         };
-        let ends = [0, 1].map(|k| poses[k].transform_point(&(*local).into()).coords);
-        let centres = [0, 1].map(|k| poses[k].translation.vector);
+        let arm = poses[1].rotation * local;
         let dt = self.dt();
-        let linear = if dt > 0.0 { (centres[1] - centres[0]) / dt } else { Vec3::zeros() };
-        let turning = if *spinning { motion.angular_velocity.cross(&(ends[1] - centres[1])) } else { Vec3::zeros() };
+        let moved = poses[1].translation.vector - poses[0].translation.vector;
+        let linear = if dt > 0.0 { moved / dt } else { Vec3::zeros() };
+        let turning = if *spinning { motion.angular_velocity.cross(&arm) } else { Vec3::zeros() };
+        let carried = if poses[0].rotation == poses[1].rotation {
+            moved
+        } else {
+            poses[1].transform_point(&poses[0].inverse_transform_point(&(*from).into())).coords - from
+        };
         BodyPoint {
             phi,
             normal: poses[1].rotation * normal,
             velocity: linear + turning,
-            displacement: ends[1] - ends[0],
+            displacement: carried,
             triangle: 0,
             buried: false,
         }

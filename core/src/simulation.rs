@@ -427,7 +427,7 @@ fn start_outside(scene: &Scene, state: &State, bodies: &Bodies, pins: Option<&Ha
             let reach = scene.mean_edge() * 10.0;
             let depth = |vertex: usize| {
                 // A vertex lies inside a crossing body's own overlap as soon as its nearest surface says so.
-                bodies.closest(b, &state.x[vertex], reach, None).map_or(f64::INFINITY, |at| at.phi)
+                bodies.closest(b, &state.x[vertex], &state.x[vertex], reach, None).map_or(f64::INFINITY, |at| at.phi)
             };
             let inside: Vec<(f64, usize)> = scene
                 .parts()

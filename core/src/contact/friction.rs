@@ -5,7 +5,8 @@
 //! velocity it came with, and exactly the Coulomb bound of the load of this step on the motion of this step.
 //!
 //! Two velocities of the body are used: the mean over the step for the average velocity (a vertex that sticks then stays on
-//! its material point also where the body turns), and the one at the end of the step for the vertex's own velocity.
+//! its material point also where the body turns), and the one at the end of the step for the vertex's own velocity. With
+//! the end velocity for both, cloth on a turntable slips at half the critical speed.
 
 use crate::Vec3;
 use crate::bodies::{Body, BodyPoint};
@@ -37,24 +38,26 @@ pub fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, friction: f
 }
 
 /// Moves a vertex that ended a step at `x` (from `x_old`, both in m) too close to a body, and corrects `velocity` [m/s].
+///
+/// The position is corrected in the frame that the body's material carries along: what is left of the relative motion after
+/// friction is the slip, and a vertex that sticks ends exactly where the body carried it.
 pub fn respond(body: &Body, at: &BodyPoint, x: &Vec3, x_old: &Vec3, velocity: &Vec3, dt: f64) -> Response {
     let n = &at.normal;
+    let carried = x_old + at.displacement;
     let depth = (body.offset - at.phi).min(dt * body.max_push_speed);
-    let average = (x - x_old) / dt;
-    let body_average = at.displacement / dt;
-    let depth_at_start = depth + dt * (average - body_average).dot(n);
+    let relative = (x - carried) / dt;
+    let depth_at_start = depth + dt * relative.dot(n);
     let (fraction, contact) = if depth_at_start < 0.0 {
         let fraction = depth_at_start / (depth_at_start - depth);
-        (fraction, x_old.lerp(x, fraction))
+        (fraction, carried.lerp(x, fraction))
     } else {
-        (0.0, x_old + n * depth_at_start)
+        (0.0, carried + n * depth_at_start)
     };
-    let corrected = coulomb(&average, &body_average, n, body.friction);
-    // From the contact on, the vertex rides with the body along the normal and slides with friction along the surface.
-    let riding = n * body_average.dot(n) + (corrected - n * corrected.dot(n));
+    let slip = coulomb(&relative, &Vec3::zeros(), n, body.friction);
+    let normal_slip = slip.dot(n);
     Response {
-        position: contact + riding * ((1.0 - fraction) * dt),
+        position: contact + (slip - n * normal_slip) * ((1.0 - fraction) * dt),
         velocity: coulomb(velocity, &at.velocity, n, body.friction),
-        normal_velocity: corrected.dot(n),
+        normal_velocity: normal_slip + at.displacement.dot(n) / dt,
     }
 }

@@ -299,12 +299,12 @@ impl Search<'_> {
             }
         }
         self.counts.contacts += u64::from(touched.is_some());
-        if !self.settle(x1, contact, touched) {
+        if !self.settle(x, x1, contact, touched) {
             self.counts.pinched += 1;
             *contact = VertexContact::default();
             (*x1, *v_star) = (before, step.v[vertex]);
         }
-        self.remember(x1);
+        self.remember(x, x1);
     }
 
     /// Farthest that the vertex and a surface can approach in this step [m].
@@ -313,10 +313,10 @@ impl Search<'_> {
     }
 
     /// The nearest place of a body to `place`, if the vertex can touch the body in this step.
-    fn nearest(&mut self, body: usize, place: &Vec3) -> Option<BodyPoint> {
+    fn nearest(&mut self, body: usize, from: &Vec3, place: &Vec3) -> Option<BodyPoint> {
         let bodies = self.step.bodies;
         let Some(slot) = self.slots[body] else {
-            return bodies.closest(body, place, f64::INFINITY, None);
+            return bodies.closest(body, from, place, f64::INFINITY, None);
         };
         let memory = &self.memory[slot];
         let way = self.way(body);
@@ -329,7 +329,7 @@ impl Search<'_> {
         }
         self.counts.queries += 1;
         let reach = bodies.list()[body].offset + self.search + 2.0 * way + (-memory.clearance).max(0.0);
-        let found = bodies.closest(body, place, reach, Some(memory.hint));
+        let found = bodies.closest(body, from, place, reach, Some(memory.hint));
         *cached = Some(Answer { body, place: *place, found });
         if let Some(at) = found {
             self.memory[slot].hint = at.triangle;
@@ -341,7 +341,7 @@ impl Search<'_> {
     fn contact(&mut self, body: usize, x: &Vec3, to: &Vec3) -> Option<BodyPoint> {
         let bodies = self.step.bodies;
         let properties = &bodies.list()[body];
-        let at_end = self.nearest(body, to);
+        let at_end = self.nearest(body, x, to);
         let at_start = match self.slots[body] {
             Some(slot) => self.memory[slot].clearance,
             None => bodies.distance_at_start(body, x),
@@ -369,12 +369,12 @@ impl Search<'_> {
 
     /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. False where the surfaces
     /// have passed through one another and the vertex has to be let go.
-    fn settle(&mut self, x1: &mut Vec3, contact: &mut VertexContact, touched: Option<(usize, Vec3)>) -> bool {
+    fn settle(&mut self, x: &Vec3, x1: &mut Vec3, contact: &mut VertexContact, touched: Option<(usize, Vec3)>) -> bool {
         let bodies = self.step.bodies;
         for body in 0..bodies.list().len() {
             let properties = &bodies.list()[body];
             let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
-            let Some(mut at) = self.nearest(body, x1) else { continue };
+            let Some(mut at) = self.nearest(body, x, x1) else { continue };
             if at.buried {
                 if at.phi < properties.thickness && touched.is_some() {
                     return false;
@@ -392,7 +392,7 @@ impl Search<'_> {
                 self.counts.squeezed += 1;
                 *x1 -= normal * (first_offset - 0.5 * gap);
                 offset = 0.5 * gap;
-                let Some(between) = self.nearest(body, x1) else { continue };
+                let Some(between) = self.nearest(body, x, x1) else { continue };
                 at = between;
             } else if constraint.is_some() && at.phi < properties.thickness {
                 // The surface is curved: what the tangent plane left too deep is moved straight out.
@@ -408,7 +408,7 @@ impl Search<'_> {
     }
 
     /// Notes how far the vertex is from the surfaces now.
-    fn remember(&mut self, x1: &Vec3) {
+    fn remember(&mut self, x: &Vec3, x1: &Vec3) {
         for body in 0..self.slots.len() {
             let Some(slot) = self.slots[body] else { continue };
             let offset = self.step.bodies.list()[body].offset;
@@ -417,7 +417,7 @@ impl Search<'_> {
                 before - way
             } else {
                 let reach = offset + self.search + 2.0 * way + (-before).max(0.0);
-                self.nearest(body, x1).map_or(reach, |at| at.phi)
+                self.nearest(body, x, x1).map_or(reach, |at| at.phi)
             };
         }
     }

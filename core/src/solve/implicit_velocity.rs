@@ -36,9 +36,17 @@ pub struct VelocityProblem<'a> {
     pub stop: Stop,
 }
 
-struct DampingSystem<'a> {
+/// The operator `h M⁻¹ G` of a problem with the directions of the last update, and its constraints.
+pub struct DampingSystem<'a> {
     problem: &'a VelocityProblem<'a>,
     forces: &'a PartForces,
+}
+
+impl<'a> DampingSystem<'a> {
+    /// The operator of these forces.
+    pub fn new(problem: &'a VelocityProblem<'a>, forces: &'a PartForces) -> Self {
+        Self { problem, forces }
+    }
 }
 
 impl System for DampingSystem<'_> {

@@ -57,8 +57,9 @@ pub(crate) fn check_size(motion: &InputMotion, span: Span, warnings: &mut Vec<St
     let bounds = positions.iter().fold(empty, |[low, high], p| [low.inf(p), high.sup(p)]);
     let units = motion.source.units();
     let what = guess_problem(bounds, units)?;
-    let size = bounds[1] - bounds[0];
-    if motion.own_units || size.y < size.max() {
+    // The same question for its height alone: a wide floor has a plausible height, or none.
+    let height = [Vec3::zeros(), Vec3::new(0.0, bounds[1].y - bounds[0].y, 0.0)];
+    if motion.own_units || guess_problem(height, units).is_none() {
         warnings.push(format!("{} ({}): {what}", motion.label, motion.source.path().display()));
         return None;
     }

@@ -1,0 +1,429 @@
+//! Times the kernels of a step and prints each as a share of the memory bandwidth that a triad reaches in the same run:
+//! `cargo bench -p drapery-core`. Criterion prints its statistics on the way; the table at the end takes the fastest and the
+//! median sample of each kernel and the triad measured right before it, with the same threads.
+//!
+//! # What is counted
+//!
+//! The least memory traffic of the algorithm, as in the STREAM benchmark: every array that a pass cannot do without counts
+//! once where it is read and once where it is written; whatever a write fetches first is not counted, in the triad
+//! (`a = b + s c`, 24 bytes) and in the kernels alike. A spring counts once, although one that crosses a part's border is
+//! evaluated twice. With V vertices (24-byte vectors, 8-byte masses) and S springs of stretch and bending together:
+//!
+//! * damping product `q = h M⁻¹ G s`: each spring's direction times √c (24) and other end (4), rows (4 V), s, mass, q:
+//!   `28 S + 60 V`;
+//! * CG iteration: the product, which also has `<s, q>`; then v, r and s are each read and written once and q read:
+//!   `28 S + 60 V + 168 V`;
+//! * elastic update: k and rest length (16), other end (4) and √c (8) read, direction (24) written, x and mass read, rows,
+//!   force written: `52 S + 60 V`;
+//! * body contact: x, v and v½ read, x' and v* written: `120 V`. The records of contacts and the bodies are not counted: a
+//!   vertex in the open needs neither;
+//! * step without contacts: choice of dt (x, v and rest length of each spring with its other end once: `12 S + 52 V`), two
+//!   velocity solves with `i` iterations in all, and x' (x and v½ read, x' written). A solve is the elastic update with v
+//!   read, v½ written and x (for the middle, both ends) read; its first product with r written; its iterations. The second
+//!   also writes v' = 2 v½ - v. In all `2 (52 S + 60 V + 48 V) + 2 (28 S + 60 V) + i (28 S + 228 V) + (72 + 24 + 72) V`
+//!   and the choice of dt.
+
+use std::cell::RefCell;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use criterion::{BenchmarkId, Criterion, Throughput};
+use drapery_core::Vec3;
+use drapery_core::bodies::Bodies;
+use drapery_core::effects::body_collision::{BodyCollision, CollisionStep};
+use drapery_core::effects::pins::PinTargets;
+use drapery_core::effects::{Force, PartView, build_all};
+use drapery_core::mesh::PolygonMesh;
+use drapery_core::metrics::Metrics;
+use drapery_core::parallel::split::{PerPart, PerVertex};
+use drapery_core::scene::{
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinDescription, PinHold, PinTarget, RigidMotion,
+    Scene, SceneDescription,
+};
+use drapery_core::simulation::{FrameInput, Sample, Simulation};
+use drapery_core::solve::conjugate_gradient::{ConjugateGradient, Stop, System};
+use drapery_core::solve::implicit_velocity::{DampingSystem, PartForces, VelocityProblem};
+
+/// Doubles in each array of the triad: 128 MiB, far more than any cache.
+const TRIAD: usize = 1 << 24;
+
+/// Side of the sheet [m].
+const SIDE: f64 = 2.0;
+
+/// Radius of the body under it [m].
+const RADIUS: f64 = 0.8;
+
+/// One line of the table.
+struct Row {
+    kernel: &'static str,
+    vertices: usize,
+    threads: usize,
+    bytes: f64,
+    /// Seconds of each sample, and of each triad before them.
+    samples: Vec<f64>,
+    triads: Vec<f64>,
+}
+
+/// A running bench: criterion, the arrays of the triad and the rows so far.
+struct Bench {
+    criterion: Criterion,
+    triad: [Vec<f64>; 3],
+    threads: usize,
+    rows: Vec<Row>,
+}
+
+impl Bench {
+    /// Seconds of one triad with the threads of the current pool.
+    fn triad(&mut self) -> f64 {
+        use rayon::prelude::*;
+        const CHUNK: usize = 1 << 16;
+        let [a, b, c] = &mut self.triad;
+        let start = Instant::now();
+        a.par_chunks_mut(CHUNK).zip(b.par_chunks(CHUNK)).zip(c.par_chunks(CHUNK)).for_each(|((a, b), c)| {
+            for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
+                *a = b + 3.0 * c;
+            }
+        });
+        black_box(&a);
+        start.elapsed().as_secs_f64()
+    }
+
+    /// Times `work(iterations)`, which returns what they took, and notes its row. `bytes` is asked afterwards.
+    fn kernel(
+        &mut self,
+        kernel: &'static str,
+        vertices: usize,
+        bytes: impl Fn() -> f64,
+        mut work: impl FnMut(u64) -> Duration,
+    ) {
+        work(1);
+        let triads = (0..5).map(|_| self.triad()).collect();
+        let samples = RefCell::new(Vec::new());
+        let mut group = self.criterion.benchmark_group(kernel);
+        group.throughput(Throughput::Bytes(bytes() as u64));
+        group.bench_function(BenchmarkId::new(format!("{} threads", self.threads), vertices), |b| {
+            b.iter_custom(|iterations| {
+                let took = work(iterations);
+                samples.borrow_mut().push(took.as_secs_f64() / iterations as f64);
+                took
+            });
+        });
+        group.finish();
+        let samples = samples.into_inner();
+        self.rows.push(Row { kernel, vertices, threads: self.threads, bytes: bytes(), samples, triads });
+    }
+}
+
+/// Fastest and median.
+fn fastest_and_median(seconds: &[f64]) -> (f64, f64) {
+    let mut sorted = seconds.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    (sorted[0], sorted[sorted.len() / 2])
+}
+
+fn print_table(rows: &[Row]) {
+    println!("\nkernel, vertices, threads, bytes per vertex, ns per vertex, GB/s, triad GB/s, share fastest (median)");
+    for row in rows {
+        let (fast, median) = fastest_and_median(&row.samples);
+        let (triad_fast, triad_median) = fastest_and_median(&row.triads);
+        let triad_bytes = (TRIAD * 3 * size_of::<f64>()) as f64;
+        let share = |seconds: f64, triad: f64| 100.0 * (row.bytes / seconds) / (triad_bytes / triad);
+        println!(
+            "{:<26} {:>8} {:>2} {:>6.0} B {:>8.2} ns {:>7.2} {:>7.2} {:>5.0} % ({:.0} %)",
+            row.kernel,
+            row.vertices,
+            row.threads,
+            row.bytes / row.vertices as f64,
+            fast * 1e9 / row.vertices as f64,
+            row.bytes / fast * 1e-9,
+            triad_bytes / triad_fast * 1e-9,
+            share(fast, triad_fast),
+            share(median, triad_median),
+        );
+    }
+}
+
+/// Repeats `work` and says how long it took.
+fn timed(iterations: u64, mut work: impl FnMut()) -> Duration {
+    let start = Instant::now();
+    (0..iterations).for_each(|_| work());
+    start.elapsed()
+}
+
+/// A square sheet of `n` by `n` vertices with alternating diagonals.
+fn sheet(n: usize) -> PolygonMesh {
+    let dx = SIDE / (n - 1) as f64;
+    let at = |i: usize, k: usize| (i + n * k) as u32;
+    let mut points = Vec::with_capacity(n * n);
+    let mut triangles = Vec::with_capacity(2 * n * n);
+    for k in 0..n {
+        for i in 0..n {
+            points.push(Vec3::new(i as f64 * dx - 0.5 * SIDE, 0.0, k as f64 * dx - 0.5 * SIDE));
+            if i + 1 < n && k + 1 < n {
+                let (a, b, c, d) = (at(i, k), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1));
+                triangles.extend(if (i + k) % 2 == 0 { [[a, c, b], [a, d, c]] } else { [[a, d, b], [b, d, c]] });
+            }
+        }
+    }
+    PolygonMesh::from_triangles(points, &triangles)
+}
+
+/// A sheet with gravity, stretch and bending.
+fn description(n: usize) -> SceneDescription {
+    let mut description = SceneDescription::new("bench");
+    description.garments.push(GarmentDescription::new("sheet", sheet(n), 0.2));
+    description.effects.push(EffectRequest::of_scene("gravity"));
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 200.0));
+    description.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 20.0));
+    description
+}
+
+fn checked(description: SceneDescription) -> Scene {
+    Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+/// Number of springs of stretch and bending.
+fn spring_count(scene: &Scene) -> f64 {
+    scene.meshes().iter().map(|m| m.edges().len() + m.hinges().len()).sum::<usize>() as f64
+}
+
+/// A smooth field of velocities [m/s] with waves of many lengths.
+fn waves(x: &[Vec3]) -> Vec<Vec3> {
+    let wave = |p: &Vec3| Vec3::new((9.0 * p.z).sin(), (31.0 * p.x).cos(), (17.0 * (p.x + p.z)).sin());
+    x.iter().map(|p| 0.1 * wave(p)).collect()
+}
+
+/// Elastic update, damping product and CG iteration.
+fn springs(bench: &mut Bench, n: usize) {
+    let scene = checked(description(n));
+    let (parts, masses) = (scene.parts(), scene.masses());
+    let count = parts.vertex_count();
+    let (vertices, springs) = (count as f64, spring_count(&scene));
+    let x = drapery_core::state::State::at_start(&scene).x;
+    let targets = PinTargets::default();
+    let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
+    for (_, effect) in build_all(&scene).unwrap_or_else(|problems| panic!("{problems}")) {
+        effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));
+    }
+    let mut f = vec![Vec3::zeros(); count];
+    bench.kernel(
+        "elastic update",
+        count,
+        || 52.0 * springs + 60.0 * vertices,
+        |iterations| {
+            timed(iterations, || {
+                parts.for_each((PerVertex(&mut f), PerPart(&mut forces)), &|part, (f, forces)| {
+                    let range = parts.ranges()[part].clone();
+                    let view = PartView {
+                        start: range.start,
+                        masses: &masses[range],
+                        x: &x,
+                        fraction: 0.0,
+                        targets: &targets,
+                    };
+                    f.0.fill(Vec3::zeros());
+                    forces.0[0].iter_mut().for_each(|force: &mut Box<dyn Force>| force.update(&view, f.0));
+                });
+            })
+        },
+    );
+    let v = waves(&x);
+    let stop = Stop { tolerance: 0.0, max_iterations: 40 };
+    let problem = VelocityProblem {
+        parts,
+        masses,
+        targets: &targets,
+        pins: None,
+        contacts: None,
+        half_step: 1e-3,
+        x: &x,
+        fraction: 0.0,
+        stop,
+    };
+    let system = DampingSystem::new(&problem, &forces);
+    bench.kernel(
+        "damping product",
+        count,
+        || 28.0 * springs + 60.0 * vertices,
+        |iterations| {
+            timed(iterations, || parts.for_each(PerVertex(&mut f), &|part, q| system.damping(part, &v, q.0)))
+        },
+    );
+    let mut cg = ConjugateGradient::new(parts);
+    let mut solution = v.clone();
+    bench.kernel(
+        "CG iteration",
+        count,
+        || 28.0 * springs + 228.0 * vertices,
+        |solves| {
+            let mut seconds = 0.0;
+            for _ in 0..solves {
+                solution.copy_from_slice(&v);
+                // The first residual costs a product of its own: it is the difference of a long and a short solve.
+                let mut solve = |max_iterations| {
+                    solution.copy_from_slice(&v);
+                    let start = Instant::now();
+                    let outcome = cg.solve(parts, masses, &system, &mut solution, Stop { max_iterations, ..stop });
+                    (start.elapsed().as_secs_f64(), outcome.iterations)
+                };
+                let (short, few) = solve(2);
+                let (long, many) = solve(12);
+                seconds += (long - short).max(0.0) / (many - few).max(1) as f64;
+            }
+            Duration::from_secs_f64(seconds)
+        },
+    );
+}
+
+/// The sheet laid over a ball, going down at 0.5 m/s: a bit under half of it touches.
+fn draped(n: usize) -> (PolygonMesh, Vec3) {
+    let mut mesh = sheet(n);
+    let edge = 0.9 * RADIUS;
+    let (rim, slope) = ((RADIUS * RADIUS - edge * edge).sqrt(), edge / (RADIUS * RADIUS - edge * edge).sqrt());
+    for p in &mut mesh.points {
+        let rho = p.x.hypot(p.z);
+        p.y = 1e-4 + if rho < edge { (RADIUS * RADIUS - rho * rho).sqrt() } else { rim - slope * (rho - edge) };
+    }
+    (mesh, Vec3::new(0.0, -0.5, 0.0))
+}
+
+/// A ball as a triangle surface, at time `t` [s]: it sways by 0.2 m/s.
+fn ball(t: f64) -> (Vec<[u32; 3]>, Vec<Vec3>) {
+    const RINGS: usize = 100;
+    const SECTORS: usize = 200;
+    let mut points = vec![Vec3::y() * RADIUS];
+    for r in 1..RINGS {
+        let (sin, cos) = (std::f64::consts::PI * r as f64 / RINGS as f64).sin_cos();
+        points.extend((0..SECTORS).map(|s| {
+            let (east, north) = (std::f64::consts::TAU * s as f64 / SECTORS as f64).sin_cos();
+            Vec3::new(sin * north, cos, -sin * east) * RADIUS
+        }));
+    }
+    points.push(-Vec3::y() * RADIUS);
+    let last = points.len() as u32 - 1;
+    let at = |r: usize, s: usize| (1 + (r - 1) * SECTORS + s % SECTORS) as u32;
+    let mut triangles = Vec::new();
+    for s in 0..SECTORS {
+        triangles.push([0, at(1, s), at(1, s + 1)]);
+        triangles.push([last, at(RINGS - 1, s + 1), at(RINGS - 1, s)]);
+        for r in 1..RINGS - 1 {
+            triangles.push([at(r, s), at(r + 1, s), at(r + 1, s + 1)]);
+            triangles.push([at(r, s), at(r + 1, s + 1), at(r, s + 1)]);
+        }
+    }
+    points.iter_mut().for_each(|p| p.x += 0.2 * t);
+    (triangles, points)
+}
+
+/// Body contact against a shape; `animated` takes the ball as a moving surface.
+fn contact(bench: &mut Bench, n: usize, animated: bool) {
+    let mut description = description(n);
+    let (mesh, velocity) = draped(n);
+    description.garments[0].start = Some(mesh.points);
+    let (triangles, points) = ball(0.0);
+    let shape = if animated {
+        BodyShape::Surface { triangles, point_count: points.len() }
+    } else {
+        BodyShape::Sphere { radius: RADIUS }
+    };
+    let body = BodyDescription { friction: 0.3, ..BodyDescription::new("ball", shape, RigidMotion::at(Vec3::zeros())) };
+    description.bodies.push(body);
+    description.effects.push(EffectRequest::of_scene("body_collision"));
+    let scene = checked(description);
+    let samples = if animated { vec![vec![Sample { time: 0.0, positions: points }]] } else { vec![Vec::new()] };
+    let mut bodies = Bodies::new(&scene, &samples, 0.0).unwrap_or_else(|problems| panic!("{problems}"));
+    if animated {
+        bodies.push_sample(0, Sample { time: 0.04, positions: ball(0.04).1 }).expect("the same topology");
+    }
+    let dt = 1e-3;
+    bodies.set_step(0.02, 0.02 + dt);
+    let built = build_all(&scene).unwrap_or_else(|problems| panic!("{problems}"));
+    let mut collision: BodyCollision =
+        built.into_iter().find_map(|(_, effect)| effect.body_collision).expect("the scene has a body");
+    let x = drapery_core::state::State::at_start(&scene).x;
+    let v = vec![velocity; x.len()];
+    let (mut x1, mut v_star, mut metrics) = (x.clone(), v.clone(), Metrics::default());
+    let step = CollisionStep { bodies: &bodies, dt, x: &x, v: &v, v_half: &v };
+    let kernel = if animated { "contact, moving surface" } else { "contact, sphere" };
+    let bytes = 120.0 * x.len() as f64;
+    bench.kernel(
+        kernel,
+        x.len(),
+        || bytes,
+        |iterations| timed(iterations, || collision.positions(&step, &mut x1, &mut v_star, &mut metrics)),
+    );
+}
+
+/// The whole step of a sheet that hangs from two corners.
+fn whole_step(bench: &mut Bench, n: usize) {
+    let mut description = description(n);
+    description.timeline.fps_numerator = 24 * n as u32; // some ten steps at every resolution
+    description.pins.push(PinDescription {
+        garment: 0,
+        target: PinTarget::Path { vertices: vec![0, n as u32 - 1], offsets: Vec::new() },
+        axes: [true; 3],
+        from: f64::NEG_INFINITY,
+        until: f64::INFINITY,
+        hold: PinHold::Hard,
+    });
+    description.effects.push(EffectRequest::of_scene("pins"));
+    let scene = checked(description);
+    let (vertices, springs) = ((n * n) as f64, spring_count(&scene));
+    let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).unwrap_or_else(|p| panic!("{p}"));
+    let counts = RefCell::new((0, 0));
+    let bytes = || {
+        let (steps, iterations) = *counts.borrow();
+        let solves = 2.0 * (52.0 * springs + 108.0 * vertices) + 2.0 * (28.0 * springs + 60.0 * vertices);
+        let cg = iterations as f64 / steps as f64 * (28.0 * springs + 228.0 * vertices);
+        solves + cg + 168.0 * vertices + 12.0 * springs + 52.0 * vertices
+    };
+    let mut detail = Metrics::default();
+    let work = |frames: u64| {
+        let mut seconds = 0.0;
+        for _ in 0..frames {
+            let input = FrameInput::to_frame(simulation.frame() + 1);
+            let summary = simulation.advance(&input).unwrap_or_else(|e| panic!("{e}"));
+            let mut counts = counts.borrow_mut();
+            *counts = (counts.0 + summary.steps, counts.1 + summary.cg_iterations);
+            // What a frame measures at its end is not part of a step.
+            seconds += summary.metrics.stages().iter().map(|s| s.seconds).sum::<f64>() / summary.steps as f64;
+            detail.add(&summary.metrics);
+        }
+        Duration::from_secs_f64(seconds)
+    };
+    bench.kernel("step without contacts", n * n, bytes, work);
+    let (steps, iterations) = *counts.borrow();
+    println!("{steps} steps, {:.1} CG iterations per step", iterations as f64 / steps as f64);
+    for stage in detail.stages() {
+        println!("    {:<20} {:>8.2} ms", stage.name, 1e3 * stage.seconds / steps as f64);
+    }
+}
+
+fn main() {
+    let measure = Duration::from_millis(1500);
+    let criterion = || {
+        let criterion = Criterion::default().sample_size(10).warm_up_time(Duration::from_millis(300));
+        criterion.measurement_time(measure).configure_from_args()
+    };
+    // One run may be limited to some sizes and numbers of threads.
+    let list = |name: &str, all: &[usize]| -> Vec<usize> {
+        let chosen = std::env::var(name).ok();
+        chosen.map_or(all.to_vec(), |list| list.split(',').filter_map(|n| n.trim().parse().ok()).collect())
+    };
+    let mut rows = Vec::new();
+    for threads in list("DRAPERY_BENCH_THREADS", &[1, 2]) {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of threads");
+        pool.install(|| {
+            let triad = [vec![0.0; TRIAD], vec![1.0; TRIAD], vec![2.0; TRIAD]];
+            let mut bench = Bench { criterion: criterion(), triad, threads, rows: Vec::new() };
+            for side in list("DRAPERY_BENCH_SIDES", &[100, 316, 1000]) {
+                springs(&mut bench, side);
+                contact(&mut bench, side, false);
+                contact(&mut bench, side, true);
+                whole_step(&mut bench, side);
+            }
+            rows.append(&mut bench.rows);
+        });
+    }
+    print_table(&rows);
+}

@@ -1,0 +1,167 @@
+//! Bodies of a scene file.
+
+use drapery_core::Vec3;
+use drapery_core::scene::{BodyDescription, BodyShape, RigidMotion};
+use drapery_core::settings::Dimension;
+use nalgebra::{Unit, UnitQuaternion};
+
+use crate::shot::motion::InputMotion;
+
+use super::raw::{self, Body, BodyPath, Rotation};
+use super::resolve::Resolver;
+use super::tree::Path;
+
+impl Resolver<'_> {
+    /// Resolves one body. Problems are recorded; the body then stays in its place with what could be read.
+    pub(super) fn body(&mut self, body: &Body, path: &Path) {
+        let (shape, motion, input) = match (&body.file, body.shape) {
+            (Some(file), None) => match self.file_body(body, file, path) {
+                Some((shape, input)) => (shape, RigidMotion::at(Vec3::zeros()), Some(input)),
+                None => (BodyShape::HalfSpace, RigidMotion::at(Vec3::zeros()), None),
+            },
+            (None, Some(shape)) => (self.shape(shape, path), self.motion(body, path), None),
+            _ => {
+                let help = "for example shape = { sphere = { radius = 0.25 } }, or file = \"hero.abc\"".to_owned();
+                self.error_with(path, format!("body \"{}\" needs either a `shape` or a `file`", body.name), help);
+                // Bodies are found by their number, so a broken one keeps its place.
+                (BodyShape::HalfSpace, RigidMotion::at(Vec3::zeros()), None)
+            }
+        };
+        let thickness = self.quantity(&path.clone().key("thickness"), &body.thickness, Dimension::Length);
+        let speed = self.quantity(&path.clone().key("max_push_speed"), &body.max_push_speed, Dimension::Speed);
+        if !(body.friction >= 0.0 && body.friction.is_finite()) {
+            self.error(&path.clone().key("friction"), format!("friction {} is not zero or more", body.friction));
+        }
+        self.bodies.push(input);
+        let (Some(thickness), Some(max_push_speed)) = (thickness, speed) else {
+            return;
+        };
+        let name = body.name.clone();
+        let friction = body.friction;
+        self.description.bodies.push(BodyDescription { name, shape, motion, friction, thickness, max_push_speed });
+    }
+
+    fn shape(&mut self, shape: raw::Shape, path: &Path) -> BodyShape {
+        let here = path.clone().key("shape");
+        let mut positive = |word: &str, key: &str, value: f64| {
+            self.positive(&here.clone().key(word).key(key), value);
+        };
+        match shape {
+            raw::Shape::HalfSpace {} => BodyShape::HalfSpace,
+            raw::Shape::Sphere { radius } => {
+                positive("sphere", "radius", radius);
+                BodyShape::Sphere { radius }
+            }
+            raw::Shape::Capsule { radius, half_length } => {
+                positive("capsule", "radius", radius);
+                positive("capsule", "half_length", half_length);
+                BodyShape::Capsule { radius, half_length }
+            }
+            raw::Shape::Cylinder { radius, half_length } => {
+                positive("cylinder", "radius", radius);
+                positive("cylinder", "half_length", half_length);
+                BodyShape::Cylinder { radius, half_length }
+            }
+            raw::Shape::Box { half_extents } => {
+                half_extents.iter().for_each(|extent| positive("box", "half_extents", *extent));
+                BodyShape::Box { half_extents: Vec3::from(half_extents) }
+            }
+        }
+    }
+
+    fn motion(&mut self, body: &Body, path: &Path) -> RigidMotion {
+        for (key, written) in [("rest", body.rest.is_some()), ("units", body.units.is_some())] {
+            if written {
+                self.error(&path.clone().key(key), format!("`{key}` has a meaning for bodies from files only"));
+            }
+        }
+        let mut motion = RigidMotion::at(Vec3::from(body.position.unwrap_or_default()));
+        match &body.path {
+            Some(BodyPath::Motion(points)) => {
+                let here = path.clone().key("path");
+                if body.position.is_some() {
+                    self.error(&here, "a body takes either a `position` or a `path`, not both");
+                }
+                if points.is_empty() || points.windows(2).any(|w| w[0].0 >= w[1].0) {
+                    self.error(&here, "a path needs at least one point, and times that grow from point to point");
+                }
+                motion.path = points.iter().map(|(time, position)| (*time, Vec3::from(*position))).collect();
+            }
+            Some(BodyPath::Objects(_)) => {
+                let help = "write points: path = [[0.0, [0, 1, 0]], [2.0, [1, 1, 0]]]".to_owned();
+                self.error_with(&path.clone().key("path"), "a body with a `shape` moves along points, not objects", help);
+            }
+            None => {}
+        }
+        if let Some(rotation) = body.rotation {
+            motion.rotation = self.rotation(rotation, &path.clone().key("rotation"));
+        }
+        if let Some(spin) = body.spin {
+            motion.angular_velocity = Vec3::from(spin.angular_velocity);
+            motion.spin_start = spin.from;
+        }
+        motion
+    }
+
+    /// A rotation; an axis without direction is recorded.
+    pub(super) fn rotation(&mut self, rotation: Rotation, path: &Path) -> UnitQuaternion<f64> {
+        match Unit::try_new(Vec3::from(rotation.axis), 0.0) {
+            Some(axis) => UnitQuaternion::from_axis_angle(&axis, rotation.degrees.to_radians()),
+            None => {
+                self.error(&path.clone().key("axis"), "an axis of length zero has no direction");
+                UnitQuaternion::identity()
+            }
+        }
+    }
+
+    fn file_body(&mut self, body: &Body, file: &str, path: &Path) -> Option<(BodyShape, InputMotion)> {
+        let of_shapes = [
+            ("position", body.position.is_some()),
+            ("rotation", body.rotation.is_some()),
+            ("spin", body.spin.is_some()),
+        ];
+        for (key, _) in of_shapes.iter().filter(|(_, written)| *written) {
+            let text = format!("`{key}` has a meaning for bodies with a `shape` only; a file says where its points are");
+            self.error(&path.clone().key(key), text);
+        }
+        let here = path.clone().key("file");
+        let pattern = match &body.path {
+            Some(BodyPath::Objects(pattern)) => Some(pattern.as_str()),
+            Some(BodyPath::Motion(_)) => {
+                let help = "write the paths of its meshes, as in path = \"/hero/*\"".to_owned();
+                self.error_with(&path.clone().key("path"), "a body from a file moves as the file says", help);
+                return None;
+            }
+            None => None,
+        };
+        let units = self.file_units(&here, body.units)?;
+        let source = self.open(&here, file, pattern, units)?;
+        let first = self.mesh(&here, &source, Some(self.first_file_time()))?.mesh;
+        let (triangles, _) = first.triangulate();
+        let point_count = first.points.len();
+        let rest = match &body.rest {
+            Some(rest) => {
+                let here = path.clone().key("rest");
+                let (file, time) = self.file_at(&here, rest)?;
+                let rest = self.open(&here, &file, pattern, units)?;
+                let points = self.mesh(&here, &rest, time)?.mesh.points;
+                self.same_count(&here, "the rest pose", points.len(), "the body", point_count)?;
+                Some(points)
+            }
+            None => None,
+        };
+        let label = format!("body \"{}\"", body.name);
+        let input = InputMotion { label, source, rest, rows: None, own_units: body.units.is_some() };
+        Some((BodyShape::Surface { triangles, point_count }, input))
+    }
+
+    /// Refuses two meshes that should be one.
+    pub(super) fn same_count(&mut self, path: &Path, a: &str, found: usize, b: &str, count: usize) -> Option<()> {
+        if found == count {
+            return Some(());
+        }
+        let help = "export both from the same mesh, with the same order of points".to_owned();
+        self.data_error(path, format!("{a} has {found} points, and {b} has {count}"), help);
+        None
+    }
+}

@@ -1,0 +1,231 @@
+//! From the tree to typed structs, by serde; failures carry what a good message needs.
+
+use std::fmt;
+
+use serde::de::value::{MapDeserializer, SeqDeserializer};
+use serde::de::{self, DeserializeOwned, IntoDeserializer, Unexpected, Visitor};
+use serde_path_to_error::Segment as SerdeSegment;
+
+use drapery_core::settings::nearest;
+
+use super::diagnostics::SceneFileError;
+use super::tree::{Node, Path, Place, Segment, Sources, Table, Value};
+
+/// Why a value does not fit its type.
+#[derive(Debug)]
+enum Misfit {
+    Unknown { word: String, expected: &'static [&'static str], is_key: bool },
+    Missing(&'static str),
+    Other(String),
+}
+
+impl fmt::Display for Misfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown { word, is_key: true, .. } => write!(f, "unknown key `{word}`"),
+            Self::Unknown { word, is_key: false, .. } => write!(f, "unknown word `{word}`"),
+            Self::Missing(key) => write!(f, "`{key}` is missing"),
+            Self::Other(text) => f.write_str(text),
+        }
+    }
+}
+
+impl std::error::Error for Misfit {}
+
+impl de::Error for Misfit {
+    fn custom<T: fmt::Display>(text: T) -> Self {
+        Self::Other(text.to_string())
+    }
+
+    fn invalid_type(found: Unexpected<'_>, expected: &dyn de::Expected) -> Self {
+        Self::Other(format!("expected {}, found {}", plain(&expected.to_string()), describe(found)))
+    }
+
+    fn invalid_value(found: Unexpected<'_>, expected: &dyn de::Expected) -> Self {
+        Self::Other(format!("expected {}, found {}", plain(&expected.to_string()), describe(found)))
+    }
+
+    fn invalid_length(length: usize, expected: &dyn de::Expected) -> Self {
+        Self::Other(format!("expected {}, found a list of {length}", plain(&expected.to_string())))
+    }
+
+    fn unknown_field(word: &str, expected: &'static [&'static str]) -> Self {
+        Self::Unknown { word: word.to_owned(), expected, is_key: true }
+    }
+
+    fn unknown_variant(word: &str, expected: &'static [&'static str]) -> Self {
+        Self::Unknown { word: word.to_owned(), expected, is_key: false }
+    }
+
+    fn missing_field(field: &'static str) -> Self {
+        Self::Missing(field)
+    }
+}
+
+/// What Rust's types are called outside of Rust.
+fn plain(expected: &str) -> String {
+    match expected {
+        "u32" | "u64" | "usize" => "a whole number, zero or more".to_owned(),
+        "f64" => "a number".to_owned(),
+        "a string" => "text in quotes".to_owned(),
+        "a boolean" => "true or false".to_owned(),
+        "a sequence" => "a list in brackets".to_owned(),
+        "a tuple of size 2" => "a pair [seconds, [x, y, z]]".to_owned(),
+        "an array of length 3" => "three numbers".to_owned(),
+        "an array of length 2" => "two numbers".to_owned(),
+        other => match other.strip_prefix("struct ") {
+            Some(_) => "a table".to_owned(),
+            None => other.to_owned(),
+        },
+    }
+}
+
+fn describe(found: Unexpected<'_>) -> String {
+    match found {
+        Unexpected::Bool(flag) => flag.to_string(),
+        Unexpected::Signed(number) => number.to_string(),
+        Unexpected::Unsigned(number) => number.to_string(),
+        Unexpected::Float(number) => number.to_string(),
+        Unexpected::Str(text) => format!("the text \"{text}\""),
+        Unexpected::Seq => "a list".to_owned(),
+        Unexpected::Map => "a table".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// Reads `root` as a `T`. `also` are keys that are allowed beside those of a struct, by the path of the struct: the
+/// tables of effects, which were taken out before.
+///
+/// # Errors
+/// The first value that does not fit, at its place.
+pub(super) fn read<T: DeserializeOwned>(
+    root: &Node,
+    sources: &Sources,
+    also: impl Fn(&Path) -> Vec<&'static str>,
+) -> Result<T, SceneFileError> {
+    serde_path_to_error::deserialize(Reader(root)).map_err(|error| {
+        let mut path = Path(error.path().iter().filter_map(segment).collect());
+        let misfit = error.into_inner();
+        let Misfit::Unknown { word, expected, is_key } = &misfit else {
+            return sources.error(&path.place(root), format!("{}{misfit}", label(&path)), None);
+        };
+        if path.0.last() == Some(&Segment::Key(word.clone())) {
+            path.0.pop();
+        }
+        let mut words: Vec<&str> = expected.to_vec();
+        words.extend(also(&path));
+        let place = key_place(path.find(root), word);
+        let owner = if *is_key { format!("{misfit} {}", table_name(&path)) } else { format!("{}{misfit}", label(&path)) };
+        sources.error(&place, owner, Some(suggestion(word, &words)))
+    })
+}
+
+/// "did you mean", or the list of what is allowed.
+pub(super) fn suggestion(word: &str, words: &[&str]) -> String {
+    match nearest(word, words.iter().copied()) {
+        Some(best) => format!("did you mean `{best}`?"),
+        None => format!("allowed here: {}", words.join(", ")),
+    }
+}
+
+fn segment(segment: &SerdeSegment) -> Option<Segment> {
+    match segment {
+        SerdeSegment::Seq { index } => Some(Segment::Index(*index)),
+        SerdeSegment::Map { key } => Some(Segment::Key(key.clone())),
+        SerdeSegment::Enum { variant } => Some(Segment::Key(variant.clone())),
+        SerdeSegment::Unknown => None,
+    }
+}
+
+/// Place of the key `word` in a table; of the node itself when it is something else.
+fn key_place(node: &Node, word: &str) -> Place {
+    node.as_table().and_then(|t| t.entry(word)).map_or_else(|| node.place.clone(), |e| e.key_place.clone())
+}
+
+/// Where a key stands, in a sentence.
+fn table_name(path: &Path) -> String {
+    if path.0.is_empty() { "at the top level".to_owned() } else { format!("in `{}`", dotted(path)) }
+}
+
+fn label(path: &Path) -> String {
+    if path.0.is_empty() { String::new() } else { format!("`{}`: ", dotted(path)) }
+}
+
+/// `garment.0.pin.1`: the form that `--set` takes.
+pub(super) fn dotted(path: &Path) -> String {
+    let words: Vec<String> = path
+        .0
+        .iter()
+        .map(|segment| match segment {
+            Segment::Key(key) => key.clone(),
+            Segment::Index(index) => index.to_string(),
+        })
+        .collect();
+    words.join(".")
+}
+
+/// Serde's view of a node.
+#[derive(Clone, Copy)]
+struct Reader<'a>(&'a Node);
+
+impl<'de> IntoDeserializer<'de, Misfit> for Reader<'de> {
+    type Deserializer = Self;
+
+    fn into_deserializer(self) -> Self {
+        self
+    }
+}
+
+fn entries(table: &Table) -> impl Iterator<Item = (&str, Reader<'_>)> {
+    table.0.iter().map(|e| (e.key.as_str(), Reader(&e.node)))
+}
+
+impl<'de> de::Deserializer<'de> for Reader<'de> {
+    type Error = Misfit;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Misfit> {
+        match &self.0.value {
+            Value::Boolean(flag) => visitor.visit_bool(*flag),
+            Value::Integer(number) => visitor.visit_i64(*number),
+            Value::Float(number) => visitor.visit_f64(*number),
+            Value::Text(text) => visitor.visit_str(text),
+            Value::Array(items) => {
+                let mut rest = SeqDeserializer::new(items.iter().map(Reader));
+                let read = visitor.visit_seq(&mut rest)?;
+                // A fixed-size list reads what it needs; one number too many is a mistake all the same.
+                rest.end()?;
+                Ok(read)
+            }
+            Value::Table(table) => visitor.visit_map(MapDeserializer::new(entries(table))),
+        }
+    }
+
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Misfit> {
+        visitor.visit_some(self)
+    }
+
+    fn deserialize_newtype_struct<V: Visitor<'de>>(self, _: &'static str, visitor: V) -> Result<V::Value, Misfit> {
+        visitor.visit_newtype_struct(self)
+    }
+
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        variants: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Misfit> {
+        match &self.0.value {
+            Value::Text(text) => visitor.visit_enum(text.as_str().into_deserializer()),
+            Value::Table(table) if table.0.len() == 1 => {
+                visitor.visit_enum(de::value::MapAccessDeserializer::new(MapDeserializer::new(entries(table))))
+            }
+            Value::Table(_) => Err(Misfit::Other(format!("expected exactly one of {}", variants.join(", ")))),
+            _ => Err(Misfit::Other(format!("expected one of {}", variants.join(", ")))),
+        }
+    }
+
+    serde::forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct seq tuple
+        tuple_struct map struct identifier ignored_any
+    }
+}

@@ -1,0 +1,164 @@
+//! Tables of effects. They are not known to serde: the solver's registry says what they may hold.
+
+use std::collections::BTreeMap;
+
+use drapery_core::effects::{EffectSpec, REGISTRY, Scope};
+use drapery_core::scene::EffectRequest;
+use drapery_core::settings::{Default, Field, SettingValue, Settings};
+
+use super::deserialize::{dotted, suggestion};
+use super::diagnostics::SceneFileError;
+use super::tree::{Node, Origin, Path, Sources, Table, Value};
+
+/// Effects that have a table of this scope.
+pub(super) fn with_table(scope: Scope) -> impl Iterator<Item = &'static EffectSpec> {
+    REGISTRY.iter().copied().filter(move |spec| spec.scope == scope)
+}
+
+/// Names of the effect tables that may stand at a path: the top level, or one garment.
+pub(super) fn names_at(path: &Path) -> Vec<&'static str> {
+    use super::tree::Segment::{Index, Key};
+    match path.0.as_slice() {
+        [] => with_table(Scope::Scene).map(|spec| spec.name).chain(["parameters"]).collect(),
+        [Key(key), Index(_)] if key == "garment" => with_table(Scope::Garment).map(|spec| spec.name).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// A copy of the tree without the tables of effects.
+pub(super) fn without(root: &Node) -> Node {
+    let mut rest = root.clone();
+    if let Some(table) = rest.as_table_mut() {
+        table.0.retain(|e| with_table(Scope::Scene).all(|spec| spec.name != e.key));
+        if let Some(Node { value: Value::Array(garments), .. }) = table.get_mut("garment") {
+            for garment in garments.iter_mut().filter_map(Node::as_table_mut) {
+                garment.0.retain(|e| with_table(Scope::Garment).all(|spec| spec.name != e.key));
+            }
+        }
+    }
+    rest
+}
+
+/// All effect tables of the tree with their paths, scene effects first.
+fn tables(root: &Node) -> Vec<(&'static EffectSpec, Option<usize>, Path)> {
+    let mut found = Vec::new();
+    let Some(table) = root.as_table() else {
+        return found;
+    };
+    for spec in with_table(Scope::Scene) {
+        if table.get(spec.name).is_some() {
+            found.push((spec, None, Path::default().key(spec.name)));
+        }
+    }
+    if let Some(Value::Array(garments)) = table.get("garment").map(|n| &n.value) {
+        for (index, garment) in garments.iter().enumerate() {
+            for spec in with_table(Scope::Garment) {
+                if garment.as_table().is_some_and(|t| t.get(spec.name).is_some()) {
+                    found.push((spec, Some(index), Path::default().key("garment").index(index).key(spec.name)));
+                }
+            }
+        }
+    }
+    found
+}
+
+/// Checks every effect table against the fields of its effect and fills in the defaults.
+///
+/// # Errors
+/// The first key or value that does not fit.
+pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), SceneFileError> {
+    for (spec, _, path) in tables(root) {
+        check(path.find(root), spec, &path, sources)?;
+        let table = path.find_mut(root).and_then(|node| {
+            let place = node.place.clone();
+            node.as_table_mut().map(|table| (table, place))
+        });
+        let Some((table, place)) = table else { continue };
+        for field in spec.fields {
+            let value = match field.default {
+                Default::Number(number) => Value::Float(number),
+                Default::Vector(vector) => Value::Array(vector.map(|v| component(v, &place)).to_vec()),
+                Default::Required | Default::Absent => continue,
+            };
+            table.fill(field.name, value, &place, Origin::Default);
+        }
+    }
+    Ok(())
+}
+
+fn component(value: f64, place: &super::tree::Place) -> Node {
+    Node { value: Value::Float(value), place: place.clone(), origin: Origin::Default }
+}
+
+fn check(node: &Node, spec: &EffectSpec, path: &Path, sources: &Sources) -> Result<(), SceneFileError> {
+    let name = dotted(path);
+    let Some(table) = node.as_table() else {
+        let help = format!("write [{name}] and its settings below it, or leave it out to do without the effect");
+        return Err(sources.error(&node.place, format!("`{name}` has to be a table"), Some(help)));
+    };
+    for entry in &table.0 {
+        let Some(field) = spec.fields.iter().find(|f| f.name == entry.key) else {
+            let names: Vec<&str> = spec.fields.iter().map(|f| f.name).collect();
+            let text = format!("unknown key `{}` in `{name}`", entry.key);
+            return Err(sources.error(&entry.key_place, text, Some(suggestion(&entry.key, &names))));
+        };
+        check_value(field, &entry.node).map_err(|text| sources.error(&entry.node.place, text, None))?;
+    }
+    // What is left to go wrong is a setting that has to be there and is not.
+    Settings::check(spec.fields, &settings(table))
+        .map(drop)
+        .map_err(|texts| sources.error(&node.place, format!("in `{name}`: {}", texts.join("; ")), None))
+}
+
+fn check_value(field: &Field, node: &Node) -> Result<(), String> {
+    let vector = matches!(field.default, Default::Vector(_));
+    let expected = || {
+        let form = if vector { "three numbers" } else { "a number, or text with a unit" };
+        format!("`{}` has to be {form}: {}", field.name, field.help)
+    };
+    let value = setting(&node.value).ok_or_else(expected)?;
+    if vector != matches!(value, SettingValue::Vector(_)) {
+        return Err(expected());
+    }
+    Settings::check(std::slice::from_ref(field), &BTreeMap::from([(field.name.to_owned(), value)]))
+        .map(drop)
+        .map_err(|texts| texts.join("; "))
+}
+
+fn setting(value: &Value) -> Option<SettingValue> {
+    match value {
+        Value::Array(items) => {
+            let numbers: Vec<f64> = items.iter().filter_map(|item| number(&item.value)).collect();
+            let complete = numbers.len() == items.len();
+            numbers.try_into().ok().filter(|_| complete).map(SettingValue::Vector)
+        }
+        Value::Text(text) => Some(SettingValue::Text(text.clone())),
+        other => number(other).map(SettingValue::Number),
+    }
+}
+
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Integer(number) => Some(*number as f64),
+        Value::Float(number) => Some(*number),
+        _ => None,
+    }
+}
+
+fn settings(table: &Table) -> BTreeMap<String, SettingValue> {
+    table.0.iter().filter_map(|e| setting(&e.node.value).map(|value| (e.key.clone(), value))).collect()
+}
+
+/// The requests that the tables of a checked tree make.
+pub(super) fn requests(root: &Node) -> Vec<EffectRequest> {
+    let request = |(spec, garment, path): (&'static EffectSpec, Option<usize>, Path)| {
+        let node = path.find(root);
+        let because = match &node.origin {
+            Origin::Material(material) => format!("material {material} asks for it"),
+            _ => format!("the scene has a table [{}]", dotted(&path)),
+        };
+        let settings = node.as_table().map(settings).unwrap_or_default();
+        EffectRequest { effect: spec.name.to_owned(), garment, settings, because }
+    };
+    tables(root).into_iter().map(request).collect()
+}

@@ -1,0 +1,195 @@
+//! Garments of a scene file.
+
+use drapery_core::Vec3;
+use drapery_core::scene::{GarmentDescription, Mass};
+use drapery_core::settings::Dimension;
+
+use crate::cache::{MeshData, Uvs};
+
+use super::random::Random;
+use super::raw::{Axis, Garment, Jitter, Rotation};
+use super::resolve::{ReadGarment, Resolver};
+use super::shapes::{self, MAX_RESOLUTION, Shape};
+use super::tree::Path;
+
+impl Resolver<'_> {
+    /// Resolves one garment and its pins. Problems are recorded.
+    pub(super) fn garment(&mut self, garment: &Garment, path: &Path) {
+        let mass = self.mass(garment, path);
+        let Some((data, grid)) = self.garment_mesh(garment, path) else {
+            return;
+        };
+        let mesh = data.mesh.clone();
+        let posed = match &garment.start {
+            Some(start) => match self.start_pose(garment, start, path, mesh.points.len()) {
+                Some(points) => Some(points),
+                None => return,
+            },
+            None => None,
+        };
+        let start = match garment.jitter {
+            Some(jitter) => Some(displaced(posed.as_ref().unwrap_or(&mesh.points), jitter)),
+            None => posed,
+        };
+        let index = self.description.garments.len();
+        let read = ReadGarment {
+            start: start.clone().unwrap_or_else(|| mesh.points.clone()),
+            grid,
+            units: garment.units,
+        };
+        for (number, pin) in garment.pin.iter().enumerate() {
+            let pin = self.pin(pin, &path.clone().key("pin").index(number), index, &read);
+            self.description.pins.extend(pin);
+        }
+        let Some(mass) = mass else { return };
+        self.garments.push(data);
+        let velocity = Vec3::from(garment.velocity);
+        let name = garment.name.clone();
+        self.description.garments.push(GarmentDescription { name, mesh, start, velocity, mass });
+    }
+
+    fn mass(&mut self, garment: &Garment, path: &Path) -> Option<Mass> {
+        match (&garment.density, garment.total_mass) {
+            (Some(density), None) => {
+                let here = path.clone().key("density");
+                let density = self.quantity(&here, density, Dimension::ArealDensity)?;
+                self.positive(&here, density).map(Mass::Density)
+            }
+            (None, Some(total)) => self.positive(&path.clone().key("total_mass"), total).map(Mass::UniformTotal),
+            (None, None) => {
+                let help = "add density = \"150 g/m²\", total_mass in kg, or a material".to_owned();
+                self.error_with(path, format!("it is not said what garment \"{}\" weighs", garment.name), help);
+                None
+            }
+            (Some(_), Some(_)) => {
+                self.error(path, format!("garment \"{}\" takes either `density` or `total_mass`", garment.name));
+                None
+            }
+        }
+    }
+
+    fn garment_mesh(&mut self, garment: &Garment, path: &Path) -> Option<(MeshData, Option<[u32; 2]>)> {
+        let ways = [
+            garment.rest.is_some(),
+            garment.panel.is_some(),
+            garment.disc.is_some(),
+            garment.sphere.is_some(),
+            garment.tube.is_some(),
+            garment.leaves.is_some(),
+        ];
+        if ways.iter().filter(|w| **w).count() != 1 {
+            let help = "say exactly one of `rest`, `panel`, `disc`, `sphere`, `tube` and `leaves`".to_owned();
+            self.error_with(path, format!("garment \"{}\" needs one mesh", garment.name), help);
+            return None;
+        }
+        if let Some(rest) = &garment.rest {
+            let here = path.clone().key("rest");
+            let units = self.file_units(&here, garment.units)?;
+            let (file, time) = self.file_at(&here, rest)?;
+            let source = self.open(&here, &file, garment.path.as_deref(), units)?;
+            return Some((self.mesh(&here, &source, time)?, None));
+        }
+        for (key, written) in [("path", garment.path.is_some()), ("units", garment.units.is_some())] {
+            // A generated garment may start from a file, which then has units and a path.
+            if written && garment.start.is_none() {
+                self.error(&path.clone().key(key), format!("`{key}` has a meaning for garments from files only"));
+            }
+        }
+        let Shape { mesh, uvs, grid } = self.generate(garment, path)?;
+        let values = uvs.iter().map(|uv| uv.map(|t| t as f32)).collect();
+        // One texture coordinate per point, so corners count both alike.
+        let uvs = Some(Uvs { name: String::new(), values, indices: mesh.face_indices.clone() });
+        Some((MeshData { uvs, ..MeshData::new(mesh) }, grid))
+    }
+
+    fn generate(&mut self, garment: &Garment, path: &Path) -> Option<Shape> {
+        if let Some(panel) = garment.panel {
+            let here = path.clone().key("panel");
+            self.sizes(&here, panel.resolution, 1, &[("side", panel.side), ("aspect", panel.aspect)], panel.rotation)?;
+            self.count(&here, panel.aspect * f64::from(panel.resolution).powi(2))?;
+            return Some(shapes::panel(&panel));
+        }
+        if let Some(disc) = garment.disc {
+            self.sizes(&path.clone().key("disc"), disc.resolution, 1, &[("radius", disc.radius)], disc.rotation)?;
+            self.count(&path.clone().key("disc"), 3.0 * f64::from(disc.resolution).powi(2))?;
+            return Some(shapes::disc(&disc));
+        }
+        if let Some(sphere) = garment.sphere {
+            self.sizes(&path.clone().key("sphere"), sphere.resolution, 1, &[("radius", sphere.radius)], None)?;
+            self.count(&path.clone().key("sphere"), 4.0 * f64::from(sphere.resolution).powi(2))?;
+            return Some(shapes::sphere(&sphere));
+        }
+        if let Some(tube) = garment.tube {
+            let here = path.clone().key("tube");
+            self.sizes(&here, tube.resolution, 3, &[("radius", tube.radius), ("length", tube.length)], tube.rotation)?;
+            self.count(&here, f64::from(tube.resolution).powi(2) * tube.length / tube.radius / 6.0)?;
+            return Some(shapes::tube(&tube));
+        }
+        let leaves = garment.leaves?;
+        let here = path.clone().key("leaves");
+        self.sizes(&here, leaves.resolution, 1, &[("side", leaves.side), ("aspect", leaves.aspect)], None)?;
+        let total: f64 = leaves.count.iter().map(|c| f64::from(*c)).product();
+        // Every pair is tested until the cells are large enough.
+        if !(1.0..=2000.0).contains(&total) {
+            self.error(&here.key("count"), format!("{total} leaves are not possible; between 1 and 2000 are"));
+            return None;
+        }
+        self.count(&here, total * leaves.aspect * f64::from(leaves.resolution).powi(2))?;
+        Some(shapes::leaves(&leaves))
+    }
+
+    /// Checks a resolution, lengths and a rotation.
+    fn sizes(
+        &mut self,
+        path: &Path,
+        resolution: u32,
+        least: u32,
+        lengths: &[(&str, f64)],
+        rotation: Option<Rotation>,
+    ) -> Option<()> {
+        if let Some(rotation) = rotation {
+            self.rotation(rotation, &path.clone().key("rotation"));
+        }
+        for (key, length) in lengths {
+            self.positive(&path.clone().key(key), *length)?;
+        }
+        if (least..=MAX_RESOLUTION).contains(&resolution) {
+            return Some(());
+        }
+        let here = path.clone().key("resolution");
+        self.error(&here, format!("a resolution of {resolution} is not possible; {least} to {MAX_RESOLUTION} are"));
+        None
+    }
+
+    /// Refuses meshes that no machine could simulate.
+    fn count(&mut self, path: &Path, points: f64) -> Option<()> {
+        const MOST: f64 = 1e8;
+        if points <= MOST {
+            return Some(());
+        }
+        let text = format!("about {points:.0} points are too many; at most {MOST:.0} are possible");
+        self.error_with(path, text, "lower the resolution".to_owned());
+        None
+    }
+
+    fn start_pose(&mut self, garment: &Garment, start: &str, path: &Path, count: usize) -> Option<Vec<Vec3>> {
+        let here = path.clone().key("start");
+        let units = self.file_units(&here, garment.units)?;
+        let (file, time) = self.file_at(&here, start)?;
+        let source = self.open(&here, &file, garment.path.as_deref(), units)?;
+        let points = self.mesh(&here, &source, time)?.mesh.points;
+        self.same_count(&here, "the start pose", points.len(), "the rest shape", count)?;
+        Some(points)
+    }
+}
+
+/// Start positions displaced at random along an axis.
+fn displaced(points: &[Vec3], jitter: Jitter) -> Vec<Vec3> {
+    let mut random = Random::new(jitter.seed);
+    let axis = match jitter.axis {
+        Axis::X => Vec3::x(),
+        Axis::Y => Vec3::y(),
+        Axis::Z => Vec3::z(),
+    };
+    points.iter().map(|p| p + axis * (jitter.amplitude * random.unit())).collect()
+}

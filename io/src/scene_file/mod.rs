@@ -1,0 +1,128 @@
+//! The scene file: TOML with units, parameters and presets, resolved to what the solver simulates.
+//!
+//! ```toml
+//! drapery = 1
+//! [parameters]
+//! resolution = 40
+//! [shot]
+//! frames = "1001-1100"
+//! [gravity]
+//! [[garment]]
+//! name = "sheet"
+//! panel = { resolution = "$resolution" }
+//! material = "cotton_shirting"
+//! [[garment.pin]]
+//! corners = ["i0j0", "i0jn"]
+//! ```
+//!
+//! [`load`] reads a file, replaces parameters and applies `--set`; [`SceneFile::resolve`] opens the meshes that it names.
+//! What is not understood is an error that shows the line: a misspelt key must not cost a night of simulation.
+//! Positions, velocities and times in the scene file are SI with Y up; `[units]` are those of the mesh files.
+
+mod bodies;
+mod deserialize;
+mod diagnostics;
+mod effects;
+mod garments;
+mod parameters;
+mod pins;
+mod presets;
+mod random;
+mod raw;
+mod resolve;
+mod resolved;
+mod schema;
+mod shapes;
+mod tree;
+
+use std::path::{Path as FilePath, PathBuf};
+
+use crate::error::IoError;
+use crate::shot::ShotDescription;
+
+pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
+pub use schema::schema;
+
+use tree::{Node, Origin, Path, Sources, Table};
+
+/// Version of the format that this program reads.
+const VERSION: u32 = 1;
+
+/// A scene file that was read, with parameters, overrides, presets and defaults in place.
+#[derive(Debug, Clone)]
+pub struct SceneFile {
+    document: raw::Document,
+    root: Node,
+    sources: Sources,
+    parameters: Table,
+    folder: PathBuf,
+    path: PathBuf,
+}
+
+/// Reads a scene file. `overrides` are the `--set` arguments: the name of a parameter or a dotted key, and its value.
+///
+/// # Errors
+/// The file cannot be read, is not TOML, or says something that is not understood; the first such place.
+pub fn load(path: &FilePath, overrides: &[(String, String)]) -> Result<SceneFile, SceneFileError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| SceneFileError::of_file(None, &IoError::reading(path, error)))?;
+    let folder = path.parent().unwrap_or(FilePath::new(""));
+    let scene = parse(&text, &path.to_string_lossy(), folder, overrides)?;
+    Ok(SceneFile { path: path.to_owned(), ..scene })
+}
+
+/// Reads a scene from text. `name` is used in messages and, without its folder and ending, as the name of a shot that has
+/// none; files in the scene are relative to `folder`.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(
+    text: &str,
+    name: &str,
+    folder: &FilePath,
+    overrides: &[(String, String)],
+) -> Result<SceneFile, SceneFileError> {
+    let mut sources = Sources::new(name, text);
+    let mut root = tree::parse(&sources, 0, &Origin::Scene)?;
+    parameters::override_values(&mut root, &mut sources, overrides)?;
+    let parameters = parameters::take(&mut root, &sources)?;
+    parameters::substitute(&mut root, &parameters, &sources)?;
+    let stem = FilePath::new(name).file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
+    presets::fill_shot_name(&mut root, &stem);
+    presets::fill(&mut root, &sources)?;
+    effects::check_and_fill(&mut root, &sources)?;
+    let document: raw::Document = deserialize::read(&effects::without(&root), &sources, effects::names_at)?;
+    if document.drapery != VERSION {
+        let place = Path::default().key("drapery").place(&root);
+        let text = format!("this scene is of version {}; this program reads version {VERSION}", document.drapery);
+        return Err(sources.error(&place, text, Some("a newer Drapery may read it".to_owned())));
+    }
+    let defaults = toml::Value::try_from(&document).map_err(|error| {
+        sources.error(&root.place, format!("this scene cannot be written back: {error}"), None)
+    })?;
+    root.fill_from(&defaults);
+    Ok(SceneFile { document, root, sources, parameters, folder: folder.to_owned(), path: PathBuf::new() })
+}
+
+impl SceneFile {
+    /// Opens the files that the scene names, generates the other meshes, and turns everything into SI units.
+    ///
+    /// # Errors
+    /// Every problem found: of the scene file with its place, and of the files it names.
+    pub fn resolve(&self) -> Result<ShotDescription, Vec<SceneFileError>> {
+        resolve::resolve(self)
+    }
+
+    /// Name of the shot.
+    pub fn name(&self) -> &str {
+        &self.document.shot.name
+    }
+
+    /// The scene with every value and its origin, as TOML that the loader reads again.
+    pub fn resolved_toml(&self) -> String {
+        resolved::write(self)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,263 @@
+//! Pins: which vertices, and what they follow.
+
+use std::path::Path as FilePath;
+
+use drapery_core::Vec3;
+use drapery_core::scene::{BodyShape, PinDescription, PinHold, PinTarget, SurfaceAttachment};
+use drapery_core::settings::Dimension;
+use serde::Deserialize;
+
+use crate::error::IoError;
+use crate::shot::motion::InputMotion;
+
+use super::deserialize::suggestion;
+use super::raw::{Bind, Corner, Pin, PinMode, Region};
+use super::resolve::{ReadGarment, Resolver};
+use super::tree::Path;
+
+/// A JSON file of pins.
+#[derive(Debug, Clone, Deserialize)]
+struct PinFile {
+    /// File name of the body that the attachments refer to.
+    #[serde(default)]
+    body: String,
+    /// One attachment per vertex.
+    pins: Vec<FilePin>,
+}
+
+/// One attachment of a pin file.
+#[derive(Debug, Clone, Deserialize)]
+struct FilePin {
+    vertex: u32,
+    body_vertices: [u32; 3],
+    weights: [f64; 3],
+    #[serde(default)]
+    offset_tangent_bitangent_normal: [f64; 3],
+}
+
+/// Reads a pin file.
+///
+/// # Errors
+/// It is missing, or not what a pin file looks like.
+fn read_file(path: &FilePath) -> Result<PinFile, IoError> {
+    let text = std::fs::read_to_string(path).map_err(|error| IoError::reading(path, error))?;
+    serde_json::from_str(&text).map_err(|error| {
+        let place = format!("line {}, column {}", error.line(), error.column());
+        let advice = "a pin file holds {\"body\": name, \"pins\": [{\"vertex\": …, \"body_vertices\": [a, b, c], \"weights\": \
+                      […], \"offset_tangent_bitangent_normal\": […]}, …]}";
+        IoError::data(path, place, error.to_string(), advice)
+    })
+}
+
+/// The vertices that a pin names.
+///
+/// # Errors
+/// Not exactly one way of naming them, names that fit no panel, or no vertex at all.
+fn vertices(
+    pin: &Pin,
+    start: &[Vec3],
+    grid: Option<[u32; 2]>,
+    file: Option<&PinFile>,
+) -> Result<Vec<u32>, String> {
+    let ways = [
+        pin.vertices.is_some(),
+        pin.corners.is_some(),
+        pin.nodes.is_some(),
+        pin.region.is_some(),
+        pin.file.is_some(),
+    ];
+    if ways.iter().filter(|w| **w).count() != 1 {
+        return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where` and `file`".to_owned());
+    }
+    let mut chosen: Vec<u32> = if let Some(vertices) = &pin.vertices {
+        vertices.clone()
+    } else if let Some(region) = pin.region {
+        (0..start.len() as u32).filter(|v| inside(region, start[*v as usize])).collect()
+    } else if let Some(file) = file {
+        file.pins.iter().map(|p| p.vertex).collect()
+    } else {
+        let [m, n] = grid.ok_or("`corners` and `nodes` need a `panel`; use `vertices` or `where` here")?;
+        let node = |u: f64, v: f64| {
+            let along = |t: f64, count: u32| (t.clamp(0.0, 1.0) * f64::from(count - 1)).round() as u32;
+            along(u, m) + m * along(v, n)
+        };
+        match (&pin.corners, &pin.nodes) {
+            (Some(corners), _) => corners.iter().map(|c| corner(*c)).map(|[u, v]| node(u, v)).collect(),
+            (_, nodes) => nodes.iter().flatten().map(|[u, v]| node(*u, *v)).collect(),
+        }
+    };
+    if pin.file.is_none() {
+        chosen.sort_unstable();
+        chosen.dedup();
+    }
+    if chosen.is_empty() {
+        return Err("this pin holds no vertex".to_owned());
+    }
+    match chosen.iter().find(|v| **v as usize >= start.len()) {
+        Some(vertex) => {
+            Err(format!("vertex {vertex} does not exist: the garment has {} vertices, numbered from 0", start.len()))
+        }
+        None => Ok(chosen),
+    }
+}
+
+/// Fractions along x and z.
+fn corner(corner: Corner) -> [f64; 2] {
+    match corner {
+        Corner::I0j0 => [0.0, 0.0],
+        Corner::Inj0 => [1.0, 0.0],
+        Corner::I0jn => [0.0, 1.0],
+        Corner::Injn => [1.0, 1.0],
+    }
+}
+
+fn inside(region: Region, point: Vec3) -> bool {
+    let Region::Box { min, max } = region;
+    (0..3).all(|axis| (min[axis]..=max[axis]).contains(&point[axis]))
+}
+
+impl Resolver<'_> {
+    /// Resolves one pin of a garment. Problems are recorded, and the pin is then left out.
+    pub(super) fn pin(&mut self, pin: &Pin, path: &Path, index: usize, garment: &ReadGarment) -> Option<PinDescription> {
+        let file = match &pin.file {
+            Some(name) => {
+                let read = read_file(&self.scene.folder.join(name));
+                Some(self.of_file(&path.clone().key("file"), read)?)
+            }
+            None => None,
+        };
+        let chosen = vertices(pin, &garment.start, garment.grid, file.as_ref());
+        let vertices = self.check(path, chosen)?;
+        let target = if let Some(body) = pin.to.strip_prefix("body:") {
+            self.body_target(pin, path, body, vertices, file.as_ref())?
+        } else if pin.to == "track" {
+            self.track_target(pin, path, vertices, garment)?
+        } else if pin.to == "start" {
+            let offsets = pin.path.iter().map(|(time, offset)| (*time, Vec3::from(*offset))).collect();
+            PinTarget::Path { vertices, offsets }
+        } else {
+            let help = "use \"start\", \"track\", or \"body:\" and the name of a body".to_owned();
+            self.error_with(&path.clone().key("to"), format!("a pin cannot follow \"{}\"", pin.to), help);
+            return None;
+        };
+        let axes = axes(&pin.axes).ok_or_else(|| format!("\"{}\" is not a set of the axes x, y and z", pin.axes));
+        let axes = self.check(&path.clone().key("axes"), axes)?;
+        let hold = self.hold(pin, path)?;
+        Some(PinDescription { garment: index, target, axes, from: pin.from, until: pin.until, hold })
+    }
+
+    fn hold(&mut self, pin: &Pin, path: &Path) -> Option<PinHold> {
+        match (pin.mode, &pin.stiffness) {
+            (PinMode::Hard, None) if pin.damping_ratio.is_none() => Some(PinHold::Hard),
+            (PinMode::Hard, _) => {
+                let help = "add mode = \"spring\", or leave stiffness and damping_ratio out".to_owned();
+                self.error_with(path, "a hard pin has no stiffness and no damping", help);
+                None
+            }
+            (PinMode::Spring, None) => {
+                let help = "add for example stiffness = \"200 N/m\"".to_owned();
+                self.error_with(path, "a spring pin needs its `stiffness`", help);
+                None
+            }
+            (PinMode::Spring, Some(stiffness)) => {
+                let stiffness = self.quantity(&path.clone().key("stiffness"), stiffness, Dimension::Stiffness)?;
+                Some(PinHold::Spring { stiffness, damping_ratio: pin.damping_ratio.unwrap_or(1.0) })
+            }
+        }
+    }
+
+    fn track_target(
+        &mut self,
+        pin: &Pin,
+        path: &Path,
+        vertices: Vec<u32>,
+        garment: &ReadGarment,
+    ) -> Option<PinTarget> {
+        let Some(track) = &pin.track else {
+            let help = "add track = \"file.abc\" or track = \"file.abc@/path/of/mesh\"".to_owned();
+            self.error_with(path, "`to = \"track\"` needs a `track`", help);
+            return None;
+        };
+        let here = path.clone().key("track");
+        let (file, pattern) = match track.split_once("@/") {
+            Some((file, pattern)) => (file, Some(format!("/{pattern}"))),
+            None => (track.as_str(), None),
+        };
+        let units = self.file_units(&here, garment.units)?;
+        let source = self.open(&here, file, pattern.as_deref(), units)?;
+        let points = self.mesh(&here, &source, None)?.mesh.points.len();
+        self.same_count(&here, "this mesh", points, "the garment", garment.start.len())?;
+        let label = format!("pin track {track}");
+        let rows = Some(vertices.clone());
+        self.tracks.push(InputMotion { label, source, rest: None, rows, own_units: garment.units.is_some() });
+        Some(PinTarget::Track { vertices, track: self.tracks.len() - 1 })
+    }
+
+    fn body_target(
+        &mut self,
+        pin: &Pin,
+        path: &Path,
+        name: &str,
+        vertices: Vec<u32>,
+        file: Option<&PinFile>,
+    ) -> Option<PinTarget> {
+        let here = path.clone().key("to");
+        let names: Vec<&str> = self.scene.document.body.iter().map(|b| b.name.as_str()).collect();
+        let Some(body) = names.iter().position(|n| *n == name) else {
+            let help = suggestion(name, &names);
+            self.error_with(&here, format!("there is no body \"{name}\""), help);
+            return None;
+        };
+        // The file name is compared, not the path: the pin file was written next to a copy of the body.
+        let body_file = self.scene.document.body[body].file.as_deref().map(FilePath::new).and_then(FilePath::file_name);
+        let made_for_it = file.is_some_and(|f| FilePath::new(&f.body).file_name() == body_file);
+        let from_file = file.filter(|_| pin.bind == Bind::File || (pin.bind == Bind::Auto && made_for_it));
+        let Some(input) = self.bodies.get(body).and_then(Option::as_ref) else {
+            // A body that could not be read has been reported already.
+            if self.scene.document.body[body].shape.is_some() {
+                let help = "use to = \"start\" with a `path` that moves as the body does".to_owned();
+                self.error_with(&here, format!("body \"{name}\" is an ideal shape; pins hold on bodies from files"), help);
+            }
+            return None;
+        };
+        let Some(file) = from_file else {
+            if pin.bind == Bind::File {
+                let help = "name the file with `file`, or use bind = \"nearest\"".to_owned();
+                self.error_with(path, "`bind = \"file\"` needs a pin file", help);
+                return None;
+            }
+            return Some(PinTarget::BodyNearest { body, vertices });
+        };
+        let metres_per_unit = input.source.units().length.metres();
+        let points = match self.description.bodies.get(body).map(|b| &b.shape) {
+            Some(BodyShape::Surface { point_count, .. }) => *point_count,
+            _ => return None,
+        };
+        let attachments = self.check(path, from_pin_file(file, points, metres_per_unit))?;
+        Some(PinTarget::Body { body, attachments })
+    }
+}
+
+fn axes(text: &str) -> Option<[bool; 3]> {
+    let known = !text.is_empty() && text.chars().all(|c| "xyz".contains(c));
+    known.then(|| ['x', 'y', 'z'].map(|axis| text.contains(axis)))
+}
+
+/// Attachments as the pin file says them; `metres_per_unit` is that of the body.
+fn from_pin_file(file: &PinFile, body_points: usize, metres_per_unit: f64) -> Result<Vec<SurfaceAttachment>, String> {
+    let attachment = |pin: &FilePin| {
+        let vertex = pin.vertex;
+        if let Some(point) = pin.body_vertices.iter().find(|p| **p as usize >= body_points) {
+            return Err(format!("pin of vertex {vertex}: the body has no point {point}, only {body_points} points"));
+        }
+        let sum: f64 = pin.weights.iter().sum();
+        if !((sum - 1.0).abs() < 1e-3) {
+            return Err(format!("pin of vertex {vertex}: its weights add up to {sum}, not to 1"));
+        }
+        // Weights in text are rounded; what is missing to one would pull the vertex towards the origin.
+        let weights = pin.weights.map(|w| w / sum);
+        let offset = Vec3::from(pin.offset_tangent_bitangent_normal) * metres_per_unit;
+        Ok(SurfaceAttachment { vertex, body_points: pin.body_vertices, weights, offset })
+    };
+    file.pins.iter().map(attachment).collect()
+}

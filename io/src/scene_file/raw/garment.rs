@@ -1,0 +1,316 @@
+//! `[[garment]]`, generated shapes and `[[garment.pin]]`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::FileUnits;
+use super::values::{Quantity, Rotation};
+
+/// A garment: a mesh from a file or a generated one, what it weighs, what holds it. Tables of effects
+/// (`[garment.stretch]`, `[garment.bending]`) say how it resists.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Garment {
+    /// Name, unique among the garments; it names the output files.
+    pub(in crate::scene_file) name: String,
+    /// Rest shape from an Alembic or OBJ file, as "file.abc" or "file.abc@frame".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) rest: Option<String>,
+    /// Pattern of the path of its mesh in the file, as in "/char/skirt/*".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) path: Option<String>,
+    /// Pose in which it starts, from a file with the same points, as "file.abc@frame"; the rest shape if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) start: Option<String>,
+    /// Units of its files, if they differ from `[units]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) units: Option<FileUnits>,
+    /// A rectangular panel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) panel: Option<Panel>,
+    /// A flat disc.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) disc: Option<Disc>,
+    /// A closed sphere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) sphere: Option<Ball>,
+    /// A tube open at both ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) tube: Option<Tube>,
+    /// Many small panels in random orientations, as one garment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) leaves: Option<Leaves>,
+    /// Random displacement of the start positions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) jitter: Option<Jitter>,
+    /// Preset material; what the garment says itself overrides it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) material: Option<String>,
+    /// Mass per area, in kg/m² or as "150 g/m²".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) density: Option<Quantity>,
+    /// Mass of the whole garment in kg, the same for every vertex; instead of `density`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) total_mass: Option<f64>,
+    /// Velocity at the start in m/s.
+    #[serde(default)]
+    pub(in crate::scene_file) velocity: [f64; 3],
+    /// Vertices that are held.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) pin: Vec<Pin>,
+}
+
+/// A rectangular panel of right triangles with herring-bone diagonals.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Panel {
+    /// Cells along the side (z). There are floor(aspect · resolution) along x.
+    pub(in crate::scene_file) resolution: u32,
+    /// Length along z in metres.
+    #[serde(default = "one")]
+    pub(in crate::scene_file) side: f64,
+    /// Length along x over length along z.
+    #[serde(default = "default_aspect")]
+    pub(in crate::scene_file) aspect: f64,
+    /// Flat in the plane y = const, or bent along a parabola.
+    #[serde(default)]
+    pub(in crate::scene_file) shape: PanelShape,
+    /// Where the centre of its bounding box goes. Left out, with no rotation: one corner is at (0, 0.5, 0).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) center: Option<[f64; 3]>,
+    /// How it is turned about its centre.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) rotation: Option<Rotation>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn default_aspect() -> f64 {
+    1.7
+}
+
+/// Shape of a panel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum PanelShape {
+    /// Flat.
+    #[default]
+    Flat,
+    /// Along y = 1.5 x² for x from -1 to 1, in equal arc lengths, scaled by 0.25; `aspect` only sets the cells along x.
+    Parabola,
+}
+
+/// A flat disc of rings of triangles in the plane y = const.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Disc {
+    /// Number of rings.
+    pub(in crate::scene_file) resolution: u32,
+    /// Radius in metres.
+    pub(in crate::scene_file) radius: f64,
+    /// Centre.
+    #[serde(default)]
+    pub(in crate::scene_file) center: [f64; 3],
+    /// How it is turned about its centre.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) rotation: Option<Rotation>,
+}
+
+/// A closed sphere.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Ball {
+    /// Rows of triangles from a pole to the equator.
+    pub(in crate::scene_file) resolution: u32,
+    /// Radius in metres.
+    pub(in crate::scene_file) radius: f64,
+    /// Centre.
+    #[serde(default)]
+    pub(in crate::scene_file) center: [f64; 3],
+}
+
+/// A tube along y, open at both ends.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Tube {
+    /// Cells around.
+    pub(in crate::scene_file) resolution: u32,
+    /// Radius in metres.
+    pub(in crate::scene_file) radius: f64,
+    /// Length in metres.
+    pub(in crate::scene_file) length: f64,
+    /// Centre.
+    #[serde(default)]
+    pub(in crate::scene_file) center: [f64; 3],
+    /// How it is turned about its centre.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) rotation: Option<Rotation>,
+}
+
+/// Small panels in a block of cells, each turned at random; the cells are as small as they can be without panels touching.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Leaves {
+    /// Panels along x, y and z.
+    pub(in crate::scene_file) count: [u32; 3],
+    /// Cells along the side of each panel.
+    pub(in crate::scene_file) resolution: u32,
+    /// Length of a panel along its z in metres.
+    #[serde(default = "one")]
+    pub(in crate::scene_file) side: f64,
+    /// Length of a panel along its x over its side.
+    #[serde(default = "default_aspect")]
+    pub(in crate::scene_file) aspect: f64,
+    /// Height of the centres of the lowest layer in metres.
+    pub(in crate::scene_file) base_height: f64,
+    /// Seed of the random orientations.
+    pub(in crate::scene_file) seed: u64,
+    /// Largest angle of a panel from the horizontal, in degrees.
+    pub(in crate::scene_file) max_angle: f64,
+}
+
+/// Random displacement of the start positions along one axis; the rest shape stays as it is.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Jitter {
+    /// Axis of the displacement.
+    pub(in crate::scene_file) axis: Axis,
+    /// Displacements are uniform between zero and this, in metres.
+    pub(in crate::scene_file) amplitude: f64,
+    /// Seed of the random numbers.
+    pub(in crate::scene_file) seed: u64,
+}
+
+/// An axis of the world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum Axis {
+    /// To the side.
+    X,
+    /// Up.
+    Y,
+    /// To the front.
+    Z,
+}
+
+/// Vertices that are held. Say which (`vertices`, `corners`, `nodes`, `where` or `file`), and what they follow.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Pin {
+    /// Vertex numbers, from 0, in the order of the garment's file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) vertices: Option<Vec<u32>>,
+    /// Corners of a panel: "i0j0", "inj0", "i0jn", "injn" (i along x, j along z).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) corners: Option<Vec<Corner>>,
+    /// Nodes of a panel nearest to fractions of its length along x and z: [[0.5, 0], …].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) nodes: Option<Vec<[f64; 2]>>,
+    /// A region: vertices that start inside are held.
+    #[serde(rename = "where", skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) region: Option<Region>,
+    /// A JSON file of pins: vertices, and where on a body they are attached.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) file: Option<String>,
+    /// "start": the place where a vertex starts. "body:NAME": the surface of a body from a file. "track": positions from
+    /// the file in `track`.
+    #[serde(default = "default_to")]
+    pub(in crate::scene_file) to: String,
+    /// With `to = "body:…"`: "file" takes the attachments of the JSON file, "nearest" the nearest point of the body's
+    /// surface at the start; "auto" takes those of the file if it was made for a body of the same file name.
+    #[serde(default)]
+    pub(in crate::scene_file) bind: Bind,
+    /// With `to = "track"`: a mesh with as many points as the garment, as "file.abc" or "file.abc@/path/of/mesh".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) track: Option<String>,
+    /// Axes in which the vertices are held, as "xyz" or "xy".
+    #[serde(default = "default_axes")]
+    pub(in crate::scene_file) axes: String,
+    /// When it takes hold, in seconds since the first frame.
+    #[serde(default = "always")]
+    pub(in crate::scene_file) from: f64,
+    /// When it lets go, in seconds since the first frame.
+    #[serde(default = "forever")]
+    pub(in crate::scene_file) until: f64,
+    /// With `to = "start"`: offsets from the start, [[seconds since the first frame, [dx, dy, dz]], …].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) path: Vec<(f64, [f64; 3])>,
+    /// "hard": the vertex is where its target is. "spring": a spring pulls it there.
+    #[serde(default)]
+    pub(in crate::scene_file) mode: PinMode,
+    /// With `mode = "spring"`: stiffness in N/m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) stiffness: Option<Quantity>,
+    /// With `mode = "spring"`: damping as a fraction of critical; 1 if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) damping_ratio: Option<f64>,
+}
+
+fn default_to() -> String {
+    "start".to_owned()
+}
+
+fn default_axes() -> String {
+    "xyz".to_owned()
+}
+
+fn always() -> f64 {
+    f64::NEG_INFINITY
+}
+
+fn forever() -> f64 {
+    f64::INFINITY
+}
+
+/// A corner of a panel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum Corner {
+    /// Smallest x, smallest z.
+    I0j0,
+    /// Largest x, smallest z.
+    Inj0,
+    /// Smallest x, largest z.
+    I0jn,
+    /// Largest x, largest z.
+    Injn,
+}
+
+/// A region of space.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "lowercase")]
+pub(in crate::scene_file) enum Region {
+    /// A box with edges along the axes.
+    Box {
+        /// Smallest coordinates in metres.
+        min: [f64; 3],
+        /// Largest coordinates in metres.
+        max: [f64; 3],
+    },
+}
+
+/// How pinned vertices are bound to a body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum Bind {
+    /// By the pin file, if it was made for this body.
+    #[default]
+    Auto,
+    /// By the pin file.
+    File,
+    /// To the nearest point.
+    Nearest,
+}
+
+/// How a pin holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum PinMode {
+    /// Exactly.
+    #[default]
+    Hard,
+    /// By a spring.
+    Spring,
+}

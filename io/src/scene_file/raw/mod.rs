@@ -1,0 +1,258 @@
+//! The scene file as it is written: what serde reads, what the JSON schema describes, and every default of the format.
+//!
+//! The doc comments here and in its parts are shown by editors that use the schema, so they speak to the artist. Positions,
+//! velocities and times are in metres, metres per second and seconds with Y up, whatever the units of the input files.
+
+mod garment;
+mod values;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::units::{LengthUnit, UpAxis};
+
+pub(in crate::scene_file) use garment::{
+    Axis, Ball, Bind, Corner, Disc, Garment, Jitter, Leaves, Panel, PanelShape, Pin, PinMode, Region, Tube,
+};
+pub(in crate::scene_file) use values::{BodyPath, Quantity, Rotation};
+
+/// A scene for Drapery.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Document {
+    /// Version of the scene file format; 1.
+    pub(in crate::scene_file) drapery: u32,
+    /// Name, frame rate and frames.
+    pub(in crate::scene_file) shot: Shot,
+    /// Units of the input files, and of the output. Needed as soon as a file is read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) units: Option<FileUnits>,
+    /// Time integration. Leave it out unless a shot needs it.
+    #[serde(default)]
+    pub(in crate::scene_file) solver: Solver,
+    /// Bodies that the garments collide with; the first has priority where bodies cross each other.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) body: Vec<Body>,
+    /// Garments, in the order of the output.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) garment: Vec<Garment>,
+    /// What is written.
+    #[serde(default)]
+    pub(in crate::scene_file) output: Output,
+}
+
+/// Name, frame rate and frames.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Shot {
+    /// Name of the shot; the name of the scene file if left out.
+    pub(in crate::scene_file) name: String,
+    /// Frames per second: "24", "24000/1001", "23.976" (which means 24000/1001), or a number.
+    #[serde(default = "default_fps")]
+    pub(in crate::scene_file) fps: Quantity,
+    /// First and last frame, as in "1001-1100".
+    pub(in crate::scene_file) frames: String,
+    /// Frames simulated before the first one.
+    #[serde(default)]
+    pub(in crate::scene_file) preroll: Preroll,
+}
+
+fn default_fps() -> Quantity {
+    Quantity::Text("24".to_owned())
+}
+
+/// Frames simulated before the first one.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(in crate::scene_file) struct Preroll {
+    /// Frames in which the cloth settles while bodies hold their rest pose (or their first pose, if they have none).
+    pub(in crate::scene_file) settle: u32,
+    /// Frames in which bodies then blend from the rest pose to their first pose.
+    pub(in crate::scene_file) blend: u32,
+}
+
+/// Unit of length and up axis of a file.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct FileUnits {
+    /// Unit of length.
+    pub(in crate::scene_file) length: LengthUnit,
+    /// Axis that points up.
+    #[serde(default)]
+    pub(in crate::scene_file) up: UpAxis,
+}
+
+/// Quality presets of the solver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum SolverPreset {
+    /// For blocking: larger steps, looser solves.
+    Preview,
+    /// For shots.
+    #[default]
+    Production,
+    /// Below the proven bound of stability, tighter solves.
+    Hero,
+}
+
+/// Time integration.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(in crate::scene_file) struct Solver {
+    /// Quality preset; the other keys override it.
+    pub(in crate::scene_file) preset: SolverPreset,
+    /// CFL number of the elastic step limit; 4 is usual for cloth, below 2.83 is provably stable.
+    pub(in crate::scene_file) cfl: f64,
+    /// Largest time step: seconds or "2 ms"; "auto" leaves it to cfl and strain_per_step.
+    pub(in crate::scene_file) max_dt: Quantity,
+    /// A step that would have to be shorter ends the run: seconds or text with a unit.
+    pub(in crate::scene_file) min_dt: Quantity,
+    /// Largest relative change of an edge's length in one step.
+    pub(in crate::scene_file) strain_per_step: f64,
+    /// Residual at which the damping solve stops, in m/s; "auto" takes the smaller of 1 cm/s and a tenth of what gravity
+    /// adds in one step.
+    pub(in crate::scene_file) cg_tolerance: Quantity,
+    /// Largest number of iterations of one damping solve.
+    pub(in crate::scene_file) cg_max_iterations: usize,
+}
+
+impl Default for Solver {
+    /// The defaults of the solver itself.
+    fn default() -> Self {
+        let solver = drapery_core::scene::SolverSettings::default();
+        let automatic = |value: Option<f64>| value.map_or_else(|| Quantity::Text("auto".to_owned()), Quantity::Number);
+        Self {
+            preset: SolverPreset::default(),
+            cfl: solver.cfl,
+            max_dt: automatic(solver.max_dt),
+            min_dt: Quantity::Number(solver.min_dt),
+            strain_per_step: solver.strain_per_step,
+            cg_tolerance: automatic(solver.cg_tolerance),
+            cg_max_iterations: solver.cg_max_iterations,
+        }
+    }
+}
+
+/// A body that garments collide with: a shape, or a mesh from a file.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Body {
+    /// Name, unique among the bodies.
+    pub(in crate::scene_file) name: String,
+    /// An ideal shape.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) shape: Option<Shape>,
+    /// An Alembic or OBJ file, relative to the scene file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) file: Option<String>,
+    /// With `file`: pattern of the paths of its meshes, as in "/hero/geo/*"; several meshes are merged into one body.
+    /// With `shape`: points of its motion, [[seconds since the first frame, [x, y, z]], …], joined by straight lines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) path: Option<BodyPath>,
+    /// With `file`: the pose in which the cloth settles, as "file.abc@frame"; needed to blend in the pre-roll.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) rest: Option<String>,
+    /// With `file`: units of this file, if they differ from `[units]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) units: Option<FileUnits>,
+    /// With `shape`: where it stands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) position: Option<[f64; 3]>,
+    /// With `shape`: how it is turned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) rotation: Option<Rotation>,
+    /// With `shape`: how it spins.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) spin: Option<Spin>,
+    /// Coulomb friction against cloth. Left out: the largest of the garments' materials, or 0.3.
+    #[serde(default = "default_friction")]
+    pub(in crate::scene_file) friction: f64,
+    /// Distance that cloth keeps, in metres or as "2 mm". Left out: the largest thickness of the garments' materials, or
+    /// 1 mm.
+    #[serde(default = "default_thickness")]
+    pub(in crate::scene_file) thickness: Quantity,
+    /// Fastest speed, in m/s, at which cloth that is too deep is pushed out; `inf` corrects it in one step.
+    #[serde(default = "unlimited")]
+    pub(in crate::scene_file) max_push_speed: Quantity,
+}
+
+fn default_friction() -> f64 {
+    0.3
+}
+
+fn default_thickness() -> Quantity {
+    Quantity::Text("1 mm".to_owned())
+}
+
+fn unlimited() -> Quantity {
+    Quantity::Number(f64::INFINITY)
+}
+
+/// An ideal shape.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub(in crate::scene_file) enum Shape {
+    /// Everything below the plane y = 0.
+    HalfSpace {},
+    /// A ball.
+    Sphere {
+        /// Radius in metres.
+        radius: f64,
+    },
+    /// A cylinder along y with round ends.
+    Capsule {
+        /// Radius in metres.
+        radius: f64,
+        /// Half the length of the axis between the round ends, in metres.
+        half_length: f64,
+    },
+    /// A cylinder along y.
+    Cylinder {
+        /// Radius in metres.
+        radius: f64,
+        /// Half the height in metres.
+        half_length: f64,
+    },
+    /// A box.
+    Box {
+        /// Half the edge lengths along x, y and z in metres.
+        half_extents: [f64; 3],
+    },
+}
+
+/// A steady rotation.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Spin {
+    /// Angular velocity about world axes in rad/s.
+    pub(in crate::scene_file) angular_velocity: [f64; 3],
+    /// When it starts, in seconds since the first frame.
+    #[serde(default)]
+    pub(in crate::scene_file) from: f64,
+}
+
+/// What is written.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(in crate::scene_file) struct Output {
+    /// Formats: "abc" (Alembic), "h5" (HDF5).
+    pub(in crate::scene_file) format: Vec<Format>,
+    /// Whether velocities are stored, for motion blur.
+    pub(in crate::scene_file) velocities: bool,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self { format: vec![Format::Abc, Format::H5], velocities: true }
+    }
+}
+
+/// A format of caches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene_file) enum Format {
+    /// Alembic.
+    Abc,
+    /// HDF5.
+    H5,
+}

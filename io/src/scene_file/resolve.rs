@@ -1,0 +1,360 @@
+//! From the scene file to the solver's description: units, files, shapes.
+
+use std::path::PathBuf;
+
+use drapery_core::Vec3;
+use drapery_core::effects::REGISTRY;
+use drapery_core::scene::{EffectRequest, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings, Timeline};
+use drapery_core::settings::Dimension;
+
+use crate::cache::MeshData;
+use crate::error::IoError;
+use crate::mesh_source::MeshSource;
+use crate::shot::motion::{InputMotion, Preroll, file_time};
+use crate::shot::{OutputDescription, ShotDescription};
+use crate::units::Units;
+
+use super::SceneFile;
+use super::diagnostics::{SceneErrorKind, SceneFileError};
+use super::raw::{self, FileUnits, Quantity};
+use super::tree::Path;
+use super::{effects, resolved};
+
+/// What pins have to know of a garment.
+pub(super) struct ReadGarment {
+    pub(super) start: Vec<Vec3>,
+    pub(super) grid: Option<[u32; 2]>,
+    pub(super) units: Option<FileUnits>,
+}
+
+/// Collects what is read and every problem on the way.
+pub(super) struct Resolver<'a> {
+    pub(super) scene: &'a SceneFile,
+    errors: Vec<SceneFileError>,
+    timeline: Timeline,
+    preroll: Preroll,
+    pub(super) description: SceneDescription,
+    pub(super) garments: Vec<MeshData>,
+    /// For each body its file; `None` for ideal shapes and for bodies that could not be read.
+    pub(super) bodies: Vec<Option<InputMotion>>,
+    pub(super) tracks: Vec<InputMotion>,
+    pub(super) input_files: Vec<PathBuf>,
+}
+
+/// Resolves a scene file.
+pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFileError>> {
+    let document = &scene.document;
+    let mut resolver = Resolver {
+        scene,
+        errors: Vec::new(),
+        timeline: Timeline::default(),
+        preroll: Preroll { settle: document.shot.preroll.settle, blend: document.shot.preroll.blend },
+        description: SceneDescription::new(&document.shot.name),
+        garments: Vec::new(),
+        bodies: Vec::new(),
+        tracks: Vec::new(),
+        input_files: Vec::new(),
+    };
+    // Without frames no file can be asked for a pose, so this is reported alone.
+    let Some((first, last)) = resolver.shot() else {
+        return Err(resolver.errors);
+    };
+    resolver.solver();
+    for (index, body) in document.body.iter().enumerate() {
+        resolver.body(body, &Path::default().key("body").index(index));
+    }
+    for (index, garment) in document.garment.iter().enumerate() {
+        resolver.garment(garment, &Path::default().key("garment").index(index));
+    }
+    if document.garment.is_empty() {
+        resolver.error_with(&Path::default(), "the scene has no garment", "add a [[garment]]".to_owned());
+    }
+    resolver.effects();
+    if !resolver.errors.is_empty() {
+        return Err(resolver.errors);
+    }
+    if !scene.path.as_os_str().is_empty() {
+        resolver.input_files.insert(0, scene.path.clone());
+    }
+    Ok(ShotDescription {
+        name: document.shot.name.clone(),
+        scene_path: scene.path.clone(),
+        input_files: resolver.input_files,
+        scene: resolver.description,
+        bodies: resolver.bodies,
+        tracks: resolver.tracks,
+        garments: resolver.garments,
+        frames: [first, last],
+        preroll: resolver.preroll,
+        output: output(scene),
+        resolved: resolved::write(scene),
+        warnings: Vec::new(),
+    })
+}
+
+fn units(units: FileUnits) -> Units {
+    Units { length: units.length, up: units.up }
+}
+
+fn output(scene: &SceneFile) -> OutputDescription {
+    let output = &scene.document.output;
+    let word = |format: &raw::Format| match format {
+        raw::Format::Abc => "abc".to_owned(),
+        raw::Format::H5 => "h5".to_owned(),
+    };
+    OutputDescription {
+        formats: output.format.iter().map(word).collect(),
+        units: scene.document.units.map_or(Units::SI, units),
+        velocities: output.velocities,
+    }
+}
+
+impl Resolver<'_> {
+    /// Records a problem at a path.
+    pub(super) fn error(&mut self, path: &Path, message: impl Into<String>) {
+        self.errors.push(self.scene.sources.error(&path.place(&self.scene.root), message, None));
+    }
+
+    /// Records a problem and what to do about it.
+    pub(super) fn error_with(&mut self, path: &Path, message: impl Into<String>, help: String) {
+        self.errors.push(self.scene.sources.error(&path.place(&self.scene.root), message, Some(help)));
+    }
+
+    /// Records a problem of a file's content.
+    pub(super) fn data_error(&mut self, path: &Path, message: impl Into<String>, help: String) {
+        let error = self.scene.sources.error(&path.place(&self.scene.root), message, Some(help));
+        self.errors.push(SceneFileError { kind: SceneErrorKind::Data, ..error });
+    }
+
+    /// The value, or `None` after recording why there is none.
+    pub(super) fn check<T>(&mut self, path: &Path, result: Result<T, String>) -> Option<T> {
+        result.map_err(|message| self.error(path, message)).ok()
+    }
+
+    /// The value, or `None` after recording what is wrong with a file.
+    pub(super) fn of_file<T>(&mut self, path: &Path, result: Result<T, IoError>) -> Option<T> {
+        let location = self.scene.sources.location(&path.place(&self.scene.root));
+        result.map_err(|error| self.errors.push(SceneFileError::of_file(Some(location), &error))).ok()
+    }
+
+    /// A number of a dimension, not negative.
+    pub(super) fn quantity(&mut self, path: &Path, quantity: &Quantity, dimension: Dimension) -> Option<f64> {
+        let value = self.check(path, quantity.si(dimension))?;
+        if value >= 0.0 {
+            return Some(value);
+        }
+        self.error(path, format!("{value} {} is not possible here; expected zero or more", dimension.si_unit()));
+        None
+    }
+
+    /// Refuses a number that is not above zero.
+    pub(super) fn positive(&mut self, path: &Path, value: f64) -> Option<f64> {
+        if value > 0.0 && value.is_finite() {
+            return Some(value);
+        }
+        self.error(path, format!("{value} is not possible here; expected a number above zero"));
+        None
+    }
+
+    /// Units of a file: its own, or those of the scene.
+    pub(super) fn file_units(&mut self, path: &Path, own: Option<FileUnits>) -> Option<Units> {
+        let found = own.or(self.scene.document.units).map(units);
+        if found.is_none() {
+            let help = "add [units] with length = \"m\", \"cm\", \"mm\", \"in\" or \"ft\" and up = \"Y\" or \"Z\"";
+            self.error_with(path, "the units of this file are not known", help.to_owned());
+        }
+        found
+    }
+
+    /// Opens a mesh file, named relative to the scene file; problems point at `path`.
+    pub(super) fn open(&mut self, path: &Path, file: &str, pattern: Option<&str>, units: Units) -> Option<MeshSource> {
+        let file = self.scene.folder.join(file);
+        let opened = MeshSource::open(&file, pattern, units);
+        if !self.input_files.contains(&file) {
+            self.input_files.push(file);
+        }
+        self.of_file(path, opened)
+    }
+
+    /// Reads a mesh at a time of its file [s], its first sample when `None`; problems point at `path`.
+    pub(super) fn mesh(&mut self, path: &Path, source: &MeshSource, time: Option<f64>) -> Option<MeshData> {
+        let read = source.mesh_at(time.unwrap_or_else(|| source.first_time()));
+        self.of_file(path, read)
+    }
+
+    /// Time of the shot's first frame in files [s].
+    pub(super) fn first_file_time(&self) -> f64 {
+        file_time(self.timeline, self.timeline.origin)
+    }
+
+    /// Splits `"file.abc@101"` into the file and the time of the frame in it.
+    pub(super) fn file_at(&mut self, path: &Path, text: &str) -> Option<(String, Option<f64>)> {
+        let Some((file, frame)) = text.rsplit_once('@') else {
+            return Some((text.to_owned(), None));
+        };
+        match frame.trim().parse::<f64>() {
+            Ok(frame) if frame.is_finite() => Some((file.to_owned(), Some(frame * self.timeline.frame_duration()))),
+            _ => {
+                self.error_with(path, format!("`{frame}` is not a frame"), "write \"file.abc@101\"".to_owned());
+                None
+            }
+        }
+    }
+
+    fn shot(&mut self) -> Option<(i64, i64)> {
+        let shot = &self.scene.document.shot;
+        let here = Path::default().key("shot");
+        let fps = self.check(&here.clone().key("fps"), frame_rate(&shot.fps));
+        let frames = self.check(&here.key("frames"), frame_range(&shot.frames));
+        let ((fps_numerator, fps_denominator), (first, last)) = (fps?, frames?);
+        let start = first - self.preroll.frames();
+        self.timeline = Timeline { fps_numerator, fps_denominator, origin: first, start };
+        self.description.timeline = self.timeline;
+        Some((first, last))
+    }
+
+    fn solver(&mut self) {
+        let solver = &self.scene.document.solver;
+        let here = |key: &str| Path::default().key("solver").key(key);
+        let auto = |quantity: &Quantity| *quantity == Quantity::Text("auto".to_owned());
+        let (mut max_dt, mut cg_tolerance) = (None, None);
+        if !auto(&solver.max_dt) {
+            max_dt = self.quantity(&here("max_dt"), &solver.max_dt, Dimension::Time);
+        }
+        if !auto(&solver.cg_tolerance) {
+            cg_tolerance = self.quantity(&here("cg_tolerance"), &solver.cg_tolerance, Dimension::Speed);
+        }
+        let min_dt = self.quantity(&here("min_dt"), &solver.min_dt, Dimension::Time);
+        self.positive(&here("cfl"), solver.cfl);
+        self.positive(&here("strain_per_step"), solver.strain_per_step);
+        self.description.solver = SolverSettings {
+            cfl: solver.cfl,
+            max_dt,
+            // A wrong value has been recorded and ends the resolution; zero stands in for it until then.
+            min_dt: min_dt.unwrap_or(0.0),
+            strain_per_step: solver.strain_per_step,
+            cg_tolerance,
+            cg_max_iterations: solver.cg_max_iterations,
+        };
+    }
+
+    /// Requests of the tables, and those that bodies and pins imply.
+    fn effects(&mut self) {
+        let mut requests = effects::requests(&self.scene.root);
+        for (effect, hard, how) in [("pins", true, "pinned"), ("attachments", false, "spring-pinned")] {
+            let held = |garment: usize| -> usize {
+                let of = |p: &&PinDescription| p.garment == garment && (p.hold == PinHold::Hard) == hard;
+                self.description.pins.iter().filter(of).map(|p| pinned(&p.target)).sum()
+            };
+            let counts = self.description.garments.iter().enumerate().map(|(index, g)| (&g.name, held(index)));
+            let texts: Vec<String> = counts
+                .filter(|(_, count)| *count > 0)
+                .map(|(name, count)| format!("garment \"{name}\" has {count} {how} vertices"))
+                .collect();
+            if !texts.is_empty() {
+                requests.push(EffectRequest { because: texts.join(", "), ..EffectRequest::of_scene(effect) });
+            }
+        }
+        let bodies = self.description.bodies.len();
+        if bodies > 0 {
+            let because = format!("the scene has {bodies} bod{}", if bodies == 1 { "y" } else { "ies" });
+            requests.push(EffectRequest { because, ..EffectRequest::of_scene("body_collision") });
+        }
+        // In the order of the registry, as they run, so that two ways of writing a scene give one description.
+        requests.sort_by_key(|r| (REGISTRY.iter().position(|spec| spec.name == r.effect), r.garment));
+        self.description.effects = requests;
+    }
+}
+
+/// Number of vertices of a pin.
+fn pinned(target: &PinTarget) -> usize {
+    match target {
+        PinTarget::Path { vertices, .. } | PinTarget::Track { vertices, .. } | PinTarget::BodyNearest { vertices, .. } => {
+            vertices.len()
+        }
+        PinTarget::Body { attachments, .. } => attachments.len(),
+    }
+}
+
+/// Frame rates that are written as decimals but mean multiples of 1000/1001.
+const BROADCAST: [(&str, u32); 6] =
+    [("23.976", 24), ("23.98", 24), ("29.97", 30), ("47.952", 48), ("59.94", 60), ("119.88", 120)];
+
+/// Frames per second as a fraction.
+fn frame_rate(fps: &Quantity) -> Result<(u32, u32), String> {
+    let text = match fps {
+        Quantity::Number(number) => number.to_string(),
+        Quantity::Text(text) => text.trim().to_owned(),
+    };
+    let wrong = || format!("`{text}` is not a frame rate; write \"24\", \"24000/1001\" or \"23.976\"");
+    if let Some((_, nominal)) = BROADCAST.iter().find(|(word, _)| *word == text) {
+        return Ok((nominal * 1000, 1001));
+    }
+    let (numerator, denominator) = if let Some((above, below)) = text.split_once('/') {
+        (above.trim().parse().map_err(|_| wrong())?, below.trim().parse().map_err(|_| wrong())?)
+    } else if let Some((whole, decimals)) = text.split_once('.') {
+        let denominator = 10_u32.checked_pow(decimals.len() as u32).ok_or_else(wrong)?;
+        let digits: u32 = format!("{whole}{decimals}").parse().map_err(|_| wrong())?;
+        let common = greatest_common_divisor(digits, denominator).max(1);
+        (digits / common, denominator / common)
+    } else {
+        (text.parse().map_err(|_| wrong())?, 1)
+    };
+    if numerator == 0 || denominator == 0 { Err(wrong()) } else { Ok((numerator, denominator)) }
+}
+
+fn greatest_common_divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
+}
+
+/// First and last frame of `"1001-1100"`, `"-10-20"` or `"7"`.
+fn frame_range(text: &str) -> Result<(i64, i64), String> {
+    let wrong = || format!("`{text}` is not a range of frames; write \"1001-1100\"");
+    let text = text.trim();
+    // A minus at the very start belongs to the first number.
+    let (first, last) = match text.char_indices().skip(1).find(|(_, c)| *c == '-') {
+        Some((split, _)) => (&text[..split], &text[split + 1..]),
+        None => (text, text),
+    };
+    let (first, last) = (first.trim().parse().map_err(|_| wrong())?, last.trim().parse().map_err(|_| wrong())?);
+    if first > last {
+        return Err(format!("the range of frames {first}-{last} runs backwards"));
+    }
+    Ok((first, last))
+}
+
+/// A file name of the scene as it is used.
+pub(super) fn absolute(scene: &SceneFile, file: &str) -> PathBuf {
+    let path = scene.folder.join(file);
+    std::path::absolute(&path).unwrap_or(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_rates_are_exact_fractions() {
+        let rate = |text: &str| frame_rate(&Quantity::Text(text.to_owned()));
+        assert_eq!(rate("24"), Ok((24, 1)));
+        assert_eq!(rate("24000/1001"), Ok((24_000, 1001)));
+        assert_eq!(rate("23.976"), Ok((24_000, 1001)));
+        assert_eq!(rate("59.94"), Ok((60_000, 1001)));
+        assert_eq!(rate("12.5"), Ok((25, 2)));
+        assert_eq!(frame_rate(&Quantity::Number(29.97)), Ok((30_000, 1001)));
+        assert_eq!(frame_rate(&Quantity::Number(24.0)), Ok((24, 1)));
+        for wrong in ["", "film", "0", "24/0", "-24", "24/x"] {
+            assert!(rate(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn frame_ranges_may_be_negative_but_not_backwards() {
+        assert_eq!(frame_range("1001-1100"), Ok((1001, 1100)));
+        assert_eq!(frame_range("-10-20"), Ok((-10, 20)));
+        assert_eq!(frame_range("-10--5"), Ok((-10, -5)));
+        assert_eq!(frame_range("7"), Ok((7, 7)));
+        assert!(frame_range("20-10").unwrap_err().contains("backwards"));
+        assert!(frame_range("first-last").is_err());
+    }
+}

@@ -1,0 +1,118 @@
+//! `resolved.toml`: the scene with every value that was used, and where it came from.
+
+use super::SceneFile;
+use super::resolve::absolute;
+use super::tree::{Node, Origin, Table, Value};
+
+/// Sections in the order in which a reader looks for them; tables of effects come before the bodies.
+const ORDER: [&str; 7] = ["drapery", "shot", "units", "solver", "body", "garment", "output"];
+
+/// Keys that name files relative to the scene file.
+const FILES: [&str; 4] = ["file", "rest", "start", "track"];
+
+/// Column of the comments.
+const COMMENT_COLUMN: usize = 44;
+
+/// Writes the scene with all defaults, one value a line, each with its origin. The loader reads it to the same scene.
+pub(super) fn write(scene: &SceneFile) -> String {
+    let mut out = String::from(
+        "# The scene as it was run: every value, and where it came from. Numbers without a unit are in metres, seconds,\n\
+         # kilograms and newtons. This file can be run again.\n",
+    );
+    for entry in &scene.parameters.0 {
+        let origin = if matches!(entry.node.origin, Origin::Set(_)) { "--set" } else { "scene" };
+        out.push_str(&format!("# parameter {} = {} ({origin})\n", entry.key, inline(&entry.node.value)));
+    }
+    let Value::Table(root) = &scene.root.value else {
+        return out;
+    };
+    let mut root = root.clone();
+    let rank = |key: &str| match ORDER.iter().position(|word| *word == key) {
+        Some(position) if position >= 4 => position + 1,
+        Some(position) => position,
+        None => 4,
+    };
+    root.0.sort_by_key(|e| rank(&e.key));
+    section(&mut out, scene, &root, "");
+    out
+}
+
+/// Writes the values of a table, then the tables in it.
+fn section(out: &mut String, scene: &SceneFile, table: &Table, path: &str) {
+    for entry in table.0.iter().filter(|e| !is_section(&e.node.value)) {
+        let value = match &entry.node.value {
+            Value::Text(text) if FILES.contains(&entry.key.as_str()) && !path.is_empty() => {
+                Value::Text(absolute(scene, text).to_string_lossy().into_owned())
+            }
+            other => other.clone(),
+        };
+        let line = format!("{} = {}", entry.key, inline(&value));
+        out.push_str(&format!("{line:<COMMENT_COLUMN$} # {}\n", origin(&entry.node)));
+    }
+    for entry in table.0.iter().filter(|e| is_section(&e.node.value)) {
+        let name = if path.is_empty() { entry.key.clone() } else { format!("{path}.{}", entry.key) };
+        match &entry.node.value {
+            Value::Table(inner) => {
+                out.push_str(&format!("\n[{name}]\n"));
+                section(out, scene, inner, &name);
+            }
+            Value::Array(items) => {
+                for inner in items.iter().filter_map(Node::as_table) {
+                    out.push_str(&format!("\n[[{name}]]\n"));
+                    section(out, scene, inner, &name);
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Whether a value is written as tables of its own.
+fn is_section(value: &Value) -> bool {
+    match value {
+        Value::Table(_) => true,
+        Value::Array(items) => !items.is_empty() && items.iter().all(|item| item.as_table().is_some()),
+        _ => false,
+    }
+}
+
+/// Origin of a value; that of a list is the strongest of its elements.
+fn origin(node: &Node) -> Origin {
+    fn visit<'a>(node: &'a Node, strongest: &mut &'a Origin) {
+        let strength = |origin: &Origin| match origin {
+            Origin::Set(_) => 2,
+            Origin::Parameter(_) => 1,
+            _ => 0,
+        };
+        if strength(&node.origin) > strength(strongest) {
+            *strongest = &node.origin;
+        }
+        if let Value::Array(items) = &node.value {
+            items.iter().for_each(|item| visit(item, strongest));
+        }
+    }
+    let mut strongest = &node.origin;
+    visit(node, &mut strongest);
+    strongest.clone()
+}
+
+/// A value on one line of TOML.
+fn inline(value: &Value) -> String {
+    match value {
+        Value::Boolean(flag) => flag.to_string(),
+        Value::Integer(number) => number.to_string(),
+        // The shortest text that reads back to the same bits.
+        Value::Float(number) => format!("{number:?}").replace("NaN", "nan"),
+        // A dollar sign would be taken for a parameter when the file is read again.
+        Value::Text(text) => toml::Value::String(text.replace('$', "$$")).to_string(),
+        Value::Array(items) => {
+            let items: Vec<String> = items.iter().map(|item| inline(&item.value)).collect();
+            format!("[{}]", items.join(", "))
+        }
+        Value::Table(table) => {
+            let entries: Vec<String> =
+                table.0.iter().map(|e| format!("{} = {}", e.key, inline(&e.node.value))).collect();
+            format!("{{ {} }}", entries.join(", "))
+        }
+    }
+}

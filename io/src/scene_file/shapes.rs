@@ -1,0 +1,290 @@
+//! Generated garments: the authors' panel (method 1.1), disc, sphere, tube, and a cloud of small panels.
+//!
+//! All are triangles in metres, with texture coordinates in metres along the cloth where the shape can be unrolled. The
+//! same numbers give the same bytes on every machine.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
+use nalgebra::{Rotation3, Unit};
+
+use super::random::Random;
+use super::raw::{Ball, Disc, Leaves, Panel, PanelShape, Rotation, Tube};
+
+/// Finest resolution that is made; an honest scene stays far below, a slip of the keyboard does not.
+pub(super) const MAX_RESOLUTION: u32 = 20_000;
+
+/// A generated mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shape {
+    pub(super) mesh: PolygonMesh,
+    /// One texture coordinate per point.
+    pub(super) uvs: Vec<[f64; 2]>,
+    /// Nodes along x (fastest) and z, if the points form one grid.
+    pub(super) grid: Option<[u32; 2]>,
+}
+
+/// Rotation as a matrix; an axis of no direction turns nothing (the caller refuses it before).
+fn turn(rotation: Option<Rotation>) -> Rotation3<f64> {
+    let Some(Rotation { axis, degrees }) = rotation else {
+        return Rotation3::identity();
+    };
+    Unit::try_new(Vec3::from(axis), 0.0)
+        .map_or_else(Rotation3::identity, |axis| Rotation3::from_axis_angle(&axis, degrees.to_radians()))
+}
+
+fn place(points: &mut [Vec3], rotation: Option<Rotation>, center: [f64; 3]) {
+    let turn = turn(rotation);
+    for point in points {
+        *point = turn * *point + Vec3::from(center);
+    }
+}
+
+/// Cells along x of a panel with `resolution` cells along z: floor(aspect · resolution).
+fn columns(aspect: f64, resolution: u32) -> u32 {
+    // 2.3 · 100 is a hair below 230 in binary; the artist means 230.
+    ((aspect * f64::from(resolution) + 1e-9).floor() as u32).max(1)
+}
+
+/// The authors' panel: nodes with i (along x) fastest, node (i, j) at (i dx, 0.5, j dy), diagonals in a herring-bone by
+/// the parity of i. With a centre or a rotation its bounding box is first moved to the origin (method 1.1).
+pub(super) fn panel(panel: &Panel) -> Shape {
+    let n = panel.resolution;
+    let m = columns(panel.aspect, n);
+    let dx = panel.aspect * panel.side / f64::from(m);
+    let dy = panel.side / f64::from(n);
+    let bend: Vec<[f64; 2]> = match panel.shape {
+        PanelShape::Flat => (0..=m).map(|i| [f64::from(i) * dx, 0.5]).collect(),
+        PanelShape::Parabola => parabola(m),
+    };
+    let along_cloth = |i: u32| match panel.shape {
+        PanelShape::Flat => f64::from(i) * dx,
+        PanelShape::Parabola => f64::from(i) * distance(bend[0], bend[1]),
+    };
+    let z0 = if panel.shape == PanelShape::Parabola { -panel.side / 2.0 } else { 0.0 };
+    let mut points = Vec::with_capacity(((m + 1) * (n + 1)) as usize);
+    let mut uvs = Vec::with_capacity(points.capacity());
+    for j in 0..=n {
+        for (i, [x, y]) in bend.iter().enumerate() {
+            points.push(Vec3::new(*x, *y, z0 + f64::from(j) * dy));
+            uvs.push([along_cloth(i as u32), f64::from(j) * dy]);
+        }
+    }
+    if panel.center.is_some() || panel.rotation.is_some() {
+        let low = points.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+        let high = points.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
+        let middle = (low + high) / 2.0;
+        points.iter_mut().for_each(|p| *p -= middle);
+        place(&mut points, panel.rotation, panel.center.unwrap_or_default());
+    }
+    let mesh = PolygonMesh::from_triangles(points, &herring_bone(m, n));
+    Shape { mesh, uvs, grid: Some([m + 1, n + 1]) }
+}
+
+/// Triangles of a grid of m by n cells: the diagonal of a cell joins (i+1, j) to (i, j+1) if i is even, else the others.
+fn herring_bone(m: u32, n: u32) -> Vec<[u32; 3]> {
+    let node = |i: u32, j: u32| i + (m + 1) * j;
+    let mut triangles = Vec::with_capacity(2 * (m as usize) * (n as usize));
+    for j in 0..n {
+        for i in 0..m {
+            let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
+            triangles.extend(if i % 2 == 0 { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
+        }
+    }
+    triangles
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// Points x, y on the parabola y = 1.5 x², x in [-1, 1], at `cells` equal arc lengths, scaled by 0.25 (scene 32 of the
+/// authors). Arc length from 0: with u = 3x, s = (u √(1+u²) + asinh u) / 6.
+fn parabola(cells: u32) -> Vec<[f64; 2]> {
+    let arc = |x: f64| {
+        let u = 3.0 * x;
+        (u * u.hypot(1.0) + u.asinh()) / 6.0
+    };
+    let full = arc(1.0);
+    (0..=cells)
+        .map(|i| {
+            let target = full * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
+            // Newton on a convex increasing function; ds/dx = √(1+9x²) ≥ 1, so it converges from anywhere in a few steps.
+            let mut x = target / full;
+            for _ in 0..20 {
+                x -= (arc(x) - target) / (3.0 * x).hypot(1.0);
+            }
+            [0.25 * x, 0.25 * 1.5 * x * x]
+        })
+        .collect()
+}
+
+/// A flat disc around the origin: ring k has 6k points. 6 N² triangles, 1 + 3 N (N + 1) points.
+pub(super) fn disc(disc: &Disc) -> Shape {
+    let n = disc.resolution;
+    let first = |k: u32| if k == 0 { 0 } else { 1 + 3 * k * (k - 1) };
+    let mut points = vec![Vec3::zeros()];
+    for k in 1..=n {
+        let radius = disc.radius * f64::from(k) / f64::from(n);
+        points.extend((0..6 * k).map(|i| {
+            let angle = TAU * f64::from(i) / f64::from(6 * k);
+            Vec3::new(radius * angle.cos(), 0.0, -radius * angle.sin())
+        }));
+    }
+    let mut triangles = Vec::with_capacity(6 * (n as usize).pow(2));
+    for k in 1..=n {
+        for sector in 0..6 {
+            let outer = |i: u32| first(k) + (sector * k + i) % (6 * k);
+            let inner = |i: u32| if k == 1 { 0 } else { first(k - 1) + (sector * (k - 1) + i) % (6 * (k - 1)) };
+            for i in 0..k {
+                triangles.push([outer(i), outer(i + 1), inner(i)]);
+                if i + 1 < k {
+                    triangles.push([inner(i), outer(i + 1), inner(i + 1)]);
+                }
+            }
+        }
+    }
+    let uvs = points.iter().map(|p| [p.x, -p.z]).collect();
+    place(&mut points, disc.rotation, disc.center);
+    Shape { mesh: PolygonMesh::from_triangles(points, &triangles), uvs, grid: None }
+}
+
+/// A closed sphere from an octahedron: ring k from the north pole has 4 min(k, 2N - k) points at equal angles.
+/// 8 N² triangles, 4 N² + 2 points, counter-clockwise seen from outside.
+pub(super) fn sphere(ball: &Ball) -> Shape {
+    let n = ball.resolution;
+    let size = |k: u32| k.min(2 * n - k);
+    let mut first = vec![0];
+    let mut points = Vec::new();
+    let mut uvs = Vec::new();
+    for k in 0..=2 * n {
+        let polar = FRAC_PI_2 * f64::from(k) / f64::from(n);
+        for i in 0..(4 * size(k)).max(1) {
+            let angle = FRAC_PI_2 * f64::from(i) / f64::from(size(k).max(1));
+            let direction = Vec3::new(polar.sin() * angle.cos(), polar.cos(), -polar.sin() * angle.sin());
+            points.push(direction * ball.radius);
+            uvs.push([angle * ball.radius, (PI - polar) * ball.radius]);
+        }
+        first.push(points.len() as u32);
+    }
+    let mut triangles = Vec::with_capacity(8 * (n as usize).pow(2));
+    for k in 0..2 * n {
+        let (narrow, wide) = if k < n { (k, k + 1) } else { (k + 1, k) };
+        let at = |ring: u32, sector: u32, i: u32| {
+            let count = (4 * size(ring)).max(1);
+            first[ring as usize] + (sector * size(ring) + i) % count
+        };
+        for sector in 0..4 {
+            for i in 0..size(wide) {
+                let base = [at(wide, sector, i), at(wide, sector, i + 1), at(narrow, sector, i)];
+                triangles.push(if k < n { base } else { [base[1], base[0], base[2]] });
+                if i + 1 < size(wide) {
+                    let tip = [at(narrow, sector, i), at(wide, sector, i + 1), at(narrow, sector, i + 1)];
+                    triangles.push(if k < n { tip } else { [tip[1], tip[0], tip[2]] });
+                }
+            }
+        }
+    }
+    place(&mut points, None, ball.center);
+    Shape { mesh: PolygonMesh::from_triangles(points, &triangles), uvs, grid: None }
+}
+
+/// A tube along y around the origin, `resolution` cells around and as many along as make them nearly square.
+pub(super) fn tube(tube: &Tube) -> Shape {
+    let n = tube.resolution;
+    let around = TAU * tube.radius;
+    let rows = ((tube.length / around * f64::from(n)).round() as u32).clamp(1, MAX_RESOLUTION);
+    let mut points = Vec::new();
+    let mut uvs = Vec::new();
+    for j in 0..=rows {
+        let v = tube.length * f64::from(j) / f64::from(rows);
+        for i in 0..n {
+            let angle = TAU * f64::from(i) / f64::from(n);
+            let (sin, cos) = angle.sin_cos();
+            points.push(Vec3::new(tube.radius * cos, v - tube.length / 2.0, -tube.radius * sin));
+            uvs.push([around * f64::from(i) / f64::from(n), v]);
+        }
+    }
+    let mut triangles = Vec::new();
+    for j in 0..rows {
+        for i in 0..n {
+            let next = (i + 1) % n;
+            let [a, b, c, d] = [i + n * j, next + n * j, next + n * (j + 1), i + n * (j + 1)];
+            triangles.extend(if i % 2 == 0 { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
+        }
+    }
+    place(&mut points, tube.rotation, tube.center);
+    Shape { mesh: PolygonMesh::from_triangles(points, &triangles), uvs, grid: None }
+}
+
+/// Distance that is kept between leaves, each way [m] (scene 35 of the authors).
+const LEAF_MARGIN: f64 = 0.015;
+/// Step by which the cells grow until no two leaves touch [m] (scene 35 of the authors).
+const CELL_GROWTH: f64 = 0.01;
+
+/// Panels in random orientations in a block of cells, merged into one mesh, centred over the origin.
+pub(super) fn leaves(leaves: &Leaves) -> Shape {
+    let Leaves { count, resolution, side, aspect, base_height, seed, max_angle } = *leaves;
+    let mut random = Random::new(seed);
+    let total = count.iter().product::<u32>();
+    let turns: Vec<Rotation3<f64>> = (0..total).map(|_| random_tilt(&mut random, max_angle.to_radians())).collect();
+    let half = Vec3::new(aspect * side / 2.0 + LEAF_MARGIN, LEAF_MARGIN, side / 2.0 + LEAF_MARGIN);
+    let mut cell = CELL_GROWTH;
+    while !disjoint(&turns, count, cell, half) {
+        cell += CELL_GROWTH;
+    }
+    let flat = Panel { resolution, side, aspect, shape: PanelShape::Flat, center: Some([0.0; 3]), rotation: None };
+    let leaf = panel(&flat);
+    let mut merged = Shape { mesh: PolygonMesh::default(), uvs: Vec::new(), grid: None };
+    for (index, turn) in turns.iter().enumerate() {
+        let start = merged.mesh.points.len() as u32;
+        let center = cell_center(index as u32, count, cell) + Vec3::new(0.0, base_height, 0.0);
+        merged.mesh.points.extend(leaf.mesh.points.iter().map(|p| turn * p + center));
+        merged.mesh.face_counts.extend(&leaf.mesh.face_counts);
+        merged.mesh.face_indices.extend(leaf.mesh.face_indices.iter().map(|i| i + start));
+        merged.uvs.extend(&leaf.uvs);
+    }
+    merged
+}
+
+/// Centre of a cell relative to the middle of the lowest layer.
+fn cell_center(index: u32, count: [u32; 3], cell: f64) -> Vec3 {
+    let [i, j, k] = [index % count[0], (index / count[0]) % count[1], index / (count[0] * count[1])];
+    let middle = |c: u32, of: u32| f64::from(c) - f64::from(of - 1) / 2.0;
+    Vec3::new(middle(i, count[0]), f64::from(j), middle(k, count[2])) * cell
+}
+
+/// A rotation about a random direction by a random angle of at most `max_angle` [rad].
+fn random_tilt(random: &mut Random, max_angle: f64) -> Rotation3<f64> {
+    // Height and longitude that are uniform give directions that are uniform on the sphere.
+    let (height, longitude) = (2.0 * random.unit() - 1.0, TAU * random.unit());
+    let ring = (1.0 - height * height).max(0.0).sqrt();
+    let axis = Unit::new_normalize(Vec3::new(ring * longitude.cos(), height, ring * longitude.sin()));
+    Rotation3::from_axis_angle(&axis, max_angle * random.unit())
+}
+
+/// Whether no two oriented boxes with half extents `half` overlap.
+fn disjoint(turns: &[Rotation3<f64>], count: [u32; 3], cell: f64, half: Vec3) -> bool {
+    let reach = 2.0 * half.norm();
+    let centers: Vec<Vec3> = (0..turns.len()).map(|i| cell_center(i as u32, count, cell)).collect();
+    (0..turns.len()).all(|a| {
+        (a + 1..turns.len()).all(|b| {
+            let apart = centers[b] - centers[a];
+            apart.norm() > reach || separated(&turns[a], &turns[b], apart, half)
+        })
+    })
+}
+
+/// Separating axis test of two boxes of the same size.
+fn separated(a: &Rotation3<f64>, b: &Rotation3<f64>, apart: Vec3, half: Vec3) -> bool {
+    let axis_of = |r: &Rotation3<f64>, i: usize| r.matrix().column(i).into_owned();
+    let extent = |r: &Rotation3<f64>, axis: &Vec3| (0..3).map(|i| half[i] * axis_of(r, i).dot(axis).abs()).sum::<f64>();
+    let splits = |axis: Vec3| apart.dot(&axis).abs() > extent(a, &axis) + extent(b, &axis);
+    (0..3).any(|i| splits(axis_of(a, i)) || splits(axis_of(b, i)))
+        || (0..9).any(|k| splits(axis_of(a, k / 3).cross(&axis_of(b, k % 3))))
+}
+
+#[cfg(test)]
+#[path = "shapes_tests.rs"]
+mod tests;

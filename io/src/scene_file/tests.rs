@@ -1,0 +1,373 @@
+use drapery_core::Vec3;
+use drapery_core::scene::{Mass, PinHold, PinTarget};
+use drapery_core::settings::SettingValue;
+use tempfile::TempDir;
+
+use super::*;
+
+const SHEET: &str = r#"
+drapery = 1
+[parameters]
+resolution = 4
+height = 1.5
+[shot]
+frames = "1001-1100"
+preroll = { settle = 5 }
+[gravity]
+[[garment]]
+name = "sheet"
+panel = { resolution = "$resolution", center = [0, "$height", 0] }
+material = "cotton_shirting"
+[[garment.pin]]
+corners = ["i0j0", "i0jn"]
+"#;
+
+fn read(text: &str) -> Result<SceneFile, SceneFileError> {
+    parse(text, "scenes/sheet.toml", FilePath::new("scenes"), &[])
+}
+
+fn read_with(text: &str, overrides: &[(&str, &str)]) -> Result<SceneFile, SceneFileError> {
+    let overrides: Vec<_> = overrides.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+    parse(text, "scenes/sheet.toml", FilePath::new("scenes"), &overrides)
+}
+
+fn resolve(text: &str) -> ShotDescription {
+    let scene = read(text).unwrap_or_else(|error| panic!("{error}"));
+    scene.resolve().unwrap_or_else(|errors| panic!("{}", errors[0]))
+}
+
+fn message(text: &str) -> String {
+    match read(text) {
+        Err(error) => error.to_string(),
+        Ok(scene) => scene.resolve().expect_err("this scene is wrong")[0].to_string(),
+    }
+}
+
+#[test]
+fn a_sheet_needs_no_files_and_becomes_si() {
+    let scene = resolve(SHEET);
+    let description = &scene.scene;
+    assert_eq!(description.name, "sheet");
+    assert_eq!((scene.frames, description.timeline.origin, description.timeline.start), ([1001, 1100], 1001, 996));
+    let garment = &description.garments[0];
+    assert_eq!(garment.mesh.points.len(), 7 * 5);
+    assert_eq!(garment.mass, Mass::Density(0.15));
+    assert!((garment.mesh.points[0] - Vec3::new(-0.85, 1.5, -0.5)).norm() < 1e-15);
+    let PinTarget::Path { vertices, .. } = &description.pins[0].target else { panic!("a path") };
+    assert_eq!((vertices.as_slice(), description.pins[0].hold), ([0, 28].as_slice(), PinHold::Hard));
+    let names: Vec<_> = description.effects.iter().map(|e| (e.effect.as_str(), e.garment)).collect();
+    assert_eq!(names, [("gravity", None), ("stretch", Some(0)), ("bending", Some(0)), ("pins", None)]);
+    assert_eq!(description.effects[1].settings["stiffness"], SettingValue::Number(261.0));
+    assert_eq!(description.effects[3].because, "garment \"sheet\" has 2 pinned vertices");
+    let uvs = scene.garments[0].uvs.as_ref().expect("a panel has texture coordinates");
+    assert_eq!((uvs.values.len(), &uvs.indices), (35, &garment.mesh.face_indices));
+}
+
+#[test]
+fn without_a_table_there_is_no_effect() {
+    let text = SHEET.replace("[gravity]", "").replace("material = \"cotton_shirting\"", "total_mass = 1.7");
+    let scene = resolve(&text);
+    assert_eq!(scene.scene.effects.len(), 1, "only the pins");
+    assert_eq!(scene.scene.garments[0].mass, Mass::UniformTotal(1.7));
+}
+
+#[test]
+fn an_unknown_key_shows_its_line_and_the_nearest_word() {
+    let text = format!("{SHEET}[solver]\nclf = 2\n");
+    assert_eq!(
+        message(&text),
+        "scenes/sheet.toml:17:1: unknown key `clf` in `solver`\n   |\n17 | clf = 2\n   | ^^^\n  help: did you mean `cfl`?"
+    );
+}
+
+#[test]
+fn an_unknown_table_and_an_unknown_effect_key_are_reported_alike() {
+    assert_eq!(
+        message(&SHEET.replace("[gravity]", "[gravty]")),
+        "scenes/sheet.toml:9:2: unknown key `gravty` at the top level\n  |\n9 | [gravty]\n  |  ^^^^^^\n  \
+         help: did you mean `gravity`?"
+    );
+    let text = SHEET.replace("[[garment.pin]]", "[garment.stretch]\nstifness = 100\n[[garment.pin]]");
+    assert_eq!(
+        message(&text),
+        "scenes/sheet.toml:15:1: unknown key `stifness` in `garment.0.stretch`\n   |\n15 | stifness = 100\n   | ^^^^^^^^\n  \
+         help: did you mean `stiffness`?"
+    );
+    let text = SHEET.replace("[[garment.pin]]", "[garment.strech]\n[[garment.pin]]");
+    assert!(message(&text).contains("did you mean `stretch`"), "{}", message(&text));
+}
+
+#[test]
+fn wrong_types_units_and_ranges_show_the_value() {
+    let stretch = |value: &str| {
+        let table = format!("[garment.stretch]\nstiffness = {value}\n[[garment.pin]]");
+        message(&SHEET.replace("[[garment.pin]]", &table))
+    };
+    let text = stretch("\"2 kg\"");
+    assert!(text.starts_with("scenes/sheet.toml:15:13: `stiffness`: unit `kg` does not fit here"), "{text}");
+    assert!(text.contains("15 | stiffness = \"2 kg\"\n   |             ^^^^^^"), "{text}");
+    assert!(stretch("-1").contains("is outside"), "{}", stretch("-1"));
+    assert!(stretch("true").contains("has to be a number, or text with a unit"), "{}", stretch("true"));
+
+    let panel = |value: &str| message(&SHEET.replace("\"$resolution\"", value));
+    assert!(panel("-3").contains("expected a whole number, zero or more, found -3"), "{}", panel("-3"));
+    assert!(panel("\"fine\"").contains("`garment.0.panel.resolution`: expected a whole number"), "{}", panel("\"fine\""));
+    assert!(panel("0").contains("sheet.toml:12:24: a resolution of 0 is not possible"), "{}", panel("0"));
+    let three = message(&SHEET.replace("[0, \"$height\", 0]", "[0, 1]"));
+    assert!(three.contains("expected three numbers, found a list of 2"), "{three}");
+    let four = message(&SHEET.replace("[0, \"$height\", 0]", "[0, 1, 2, 3]"));
+    assert!(four.contains("found a list of 4"), "{four}");
+}
+
+#[test]
+fn text_that_is_not_toml_and_another_version_are_refused() {
+    let text = message("drapery = 1\n[shot\n");
+    assert!(text.starts_with("scenes/sheet.toml:2:"), "{text}");
+    let text = message(&SHEET.replace("drapery = 1", "drapery = 7"));
+    assert!(text.contains("version 7") && text.contains("sheet.toml:2:11"), "{text}");
+    let text = message("[shot]\nframes = \"1-2\"\n");
+    assert!(text.contains("`drapery` is missing"), "{text}");
+}
+
+#[test]
+fn words_that_are_not_known_get_the_nearest_one() {
+    let text = message(&SHEET.replace("cotton_shirting", "coton_shirting"));
+    assert!(text.contains("there is no material `coton_shirting`") && text.contains("`cotton_shirting`?"), "{text}");
+    let text = message(&format!("{SHEET}[[body]]\nname = \"b\"\nshape = {{ sphear = {{ radius = 1 }} }}\n"));
+    assert!(text.contains("unknown word `sphear`") && text.contains("did you mean `sphere`"), "{text}");
+    assert!(text.contains("| shape = { sphear = { radius = 1 } }\n   |           ^^^^^^"), "{text}");
+    let text = message(&format!("{SHEET}[solver]\npreset = \"prodution\"\n"));
+    assert!(text.contains("did you mean `production`"), "{text}");
+}
+
+#[test]
+fn parameters_are_numbers_texts_and_simple_products() {
+    let text = SHEET
+        .replace("resolution = 4\n", "resolution = 4\nword = \"_low\"\n")
+        .replace("\"$resolution\"", "\"$resolution * 2\"")
+        .replace("name = \"sheet\"", "name = \"sheet${word}_$resolution$$\"");
+    let scene = resolve(&text);
+    assert_eq!(scene.scene.garments[0].name, "sheet_low_4$");
+    assert_eq!(scene.scene.garments[0].mesh.points.len(), 14 * 9);
+    let text = message(&SHEET.replace("\"$resolution\"", "\"$resolutoin\""));
+    assert!(text.contains("there is no parameter `resolutoin`") && text.contains("did you mean `resolution`"), "{text}");
+    let text = message(&SHEET.replace("\"$resolution\"", "\"$resolution / 3\""));
+    assert!(text.contains("expected a whole number"), "{text}");
+}
+
+#[test]
+fn set_overrides_parameters_and_any_dotted_key() {
+    let scene = read_with(
+        SHEET,
+        &[
+            ("resolution", "6"),
+            ("solver.cfl", "2.5"),
+            ("garment.sheet.stretch.stiffness", "900 N/m"),
+            ("garment.0.pin.0.axes", "xy"),
+        ],
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
+    let scene = scene.resolve().expect("a valid scene");
+    assert_eq!(scene.scene.garments[0].mesh.points.len(), 11 * 7);
+    assert_eq!(scene.scene.solver.cfl, 2.5);
+    assert_eq!(scene.scene.effects[1].settings["stiffness"], SettingValue::Text("900 N/m".to_owned()));
+    assert_eq!(scene.scene.pins[0].axes, [true, true, false]);
+    let toml = &scene.resolved;
+    for line in ["cfl = 2.5", "axes = \"xy\"", "stiffness = \"900 N/m\""] {
+        let line = toml.lines().find(|l| l.starts_with(line)).expect("every value is there");
+        assert!(line.ends_with("# --set"), "{line}");
+    }
+    assert!(toml.lines().any(|l| l.starts_with("resolution = 6") && l.ends_with("# --set resolution")), "{toml}");
+}
+
+#[test]
+fn a_wrong_set_shows_the_argument() {
+    let text = |key: &str, value: &str| read_with(SHEET, &[(key, value)]).expect_err("wrong").to_string();
+    assert_eq!(
+        text("resolutoin", "6"),
+        "--set:1:1: the scene has no parameter `resolutoin`\n  |\n1 | resolutoin=6\n  | ^^^^^^^^^^\n  help: did you mean \
+         `resolution`?"
+    );
+    assert!(text("solver.clf", "2").contains("did you mean `cfl`"), "{}", text("solver.clf", "2"));
+    assert!(text("garment.shirt.density", "2").contains("there is no `shirt`"));
+    assert!(text("resolution", "fine").contains("is a number in the scene"));
+    assert!(text("solver.cfl", "fast").contains("--set:1:12: `solver.cfl`: expected a number"), "{}", text("solver.cfl", "fast"));
+}
+
+const DRESSED: &str = r#"
+drapery = 1
+[shot]
+fps = "23.976"
+frames = "0-10"
+[units]
+length = "cm"
+up = "Z"
+[[body]]
+name = "hero"
+file = "hero.obj"
+[[garment]]
+name = "skirt"
+rest = "skirt.obj"
+units = { length = "m" }
+material = "denim_11oz"
+[[garment.pin]]
+where = { box = { min = [-1, -1, -1], max = [0.1, 0.1, 0.1] } }
+to = "body:hero"
+mode = "spring"
+stiffness = "2 N/cm"
+[[garment.pin]]
+file = "skirt_pins.json"
+to = "body:hero"
+[output]
+format = ["abc"]
+velocities = false
+"#;
+
+/// A folder with a body in centimetres, Z up, and a garment in metres, Y up.
+fn wardrobe() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
+    write("hero.obj", "v 0 0 0\nv 150 0 0\nv 0 0 150\nf 1 2 3\n");
+    write("skirt.obj", "v 0 0 0.1\nv 0.5 0 0.1\nv 0 0.5 0.1\nf 1 2 3\n");
+    write(
+        "skirt_pins.json",
+        r#"{"body": "hero.obj", "pins": [{"vertex": 2, "body_vertices": [2, 0, 1], "weights": [0.25, 0.5, 0.2500002],
+            "offset_tangent_bitangent_normal": [0, 1, 2]}]}"#,
+    );
+    folder
+}
+
+fn resolve_in(folder: &TempDir, text: &str) -> Result<ShotDescription, Vec<SceneFileError>> {
+    parse(text, "dressed.toml", folder.path(), &[]).unwrap_or_else(|e| panic!("{e}")).resolve()
+}
+
+#[test]
+fn a_body_and_a_garment_from_files_keep_their_units() {
+    let folder = wardrobe();
+    let shot = resolve_in(&folder, DRESSED).unwrap_or_else(|e| panic!("{}", e[0]));
+    assert_eq!(shot.output.units.length, crate::units::LengthUnit::Centimetre);
+    assert_eq!((shot.scene.timeline.fps_numerator, shot.scene.timeline.fps_denominator), (24_000, 1001));
+    assert_eq!(shot.garments[0].mesh.points[1], Vec3::new(0.5, 0.0, 0.1));
+    let hero = shot.bodies[0].as_ref().expect("a file");
+    assert_eq!(hero.source.mesh_at(0.0).expect("a mesh").mesh.points[2], Vec3::new(0.0, 1.5, 0.0));
+    let body = &shot.scene.bodies[0];
+    assert_eq!((body.friction, body.thickness), (0.5, 0.66e-3), "those of denim");
+    let pins = &shot.scene.pins;
+    assert!(matches!(&pins[0].target, PinTarget::BodyNearest { body: 0, vertices } if vertices == &[0]));
+    assert_eq!(pins[0].hold, PinHold::Spring { stiffness: 200.0, damping_ratio: 1.0 });
+    let PinTarget::Body { attachments, .. } = &pins[1].target else { panic!("the pins of the file") };
+    assert_eq!((attachments[0].vertex, attachments[0].body_points), (2, [2, 0, 1]));
+    assert!((attachments[0].weights.iter().sum::<f64>() - 1.0).abs() < 1e-15, "rounded weights are completed");
+    assert_eq!(attachments[0].offset, Vec3::new(0.0, 0.01, 0.02), "in the unit of the body");
+    let names: Vec<_> = shot.scene.effects.iter().map(|e| e.effect.as_str()).collect();
+    assert_eq!(names, ["stretch", "bending", "attachments", "pins", "body_collision"]);
+    assert_eq!((shot.output.formats.as_slice(), shot.output.velocities), (["abc".to_owned()].as_slice(), false));
+    assert_eq!(shot.input_files.len(), 2);
+}
+
+#[test]
+fn pins_of_another_body_are_bound_to_the_nearest_point() {
+    let folder = wardrobe();
+    let pins = folder.path().join("skirt_pins.json");
+    let text = std::fs::read_to_string(&pins).expect("pins").replace("hero.obj", "hero_low.obj");
+    std::fs::write(&pins, text).expect("pins");
+    let shot = resolve_in(&folder, DRESSED).unwrap_or_else(|e| panic!("{}", e[0]));
+    assert!(matches!(&shot.scene.pins[1].target, PinTarget::BodyNearest { vertices, .. } if vertices == &[2]));
+    let forced = DRESSED.replace("file = \"skirt_pins.json\"", "file = \"skirt_pins.json\"\nbind = \"file\"");
+    let shot = resolve_in(&folder, &forced).unwrap_or_else(|e| panic!("{}", e[0]));
+    assert!(matches!(&shot.scene.pins[1].target, PinTarget::Body { .. }));
+}
+
+#[test]
+fn every_problem_of_files_is_reported_at_once() {
+    let empty = tempfile::tempdir().expect("a temporary folder");
+    let errors = resolve_in(&empty, DRESSED).expect_err("nothing is there");
+    assert_eq!(errors.iter().filter(|e| e.kind == SceneErrorKind::Missing).count(), 2);
+    let text = errors[0].to_string();
+    assert!(text.starts_with("dressed.toml:11:8: ") && text.contains("hero.obj: there is no such file"), "{text}");
+
+    let text = DRESSED.replace("[units]\nlength = \"cm\"\nup = \"Z\"\n", "");
+    let errors = resolve_in(&wardrobe(), &text).expect_err("no units");
+    assert!(errors[0].message.contains("units of this file are not known"), "{}", errors[0]);
+
+    let folder = wardrobe();
+    std::fs::write(folder.path().join("skirt_pins.json"), "{\"pins\": [{\"vertex\": 1}]}").expect("a file");
+    let errors = resolve_in(&folder, DRESSED).expect_err("half a pin file");
+    assert_eq!(errors[0].kind, SceneErrorKind::Data);
+    assert!(errors[0].message.contains("line 1, column"), "{}", errors[0]);
+}
+
+#[test]
+fn pins_that_hold_nothing_real_are_refused() {
+    let pin = |lines: &str| message(&SHEET.replace("corners = [\"i0j0\", \"i0jn\"]", lines));
+    assert!(pin("vertices = [35]").contains("vertex 35 does not exist: the garment has 35 vertices"));
+    assert!(pin("").contains("exactly one of"));
+    assert!(pin("vertices = [0]\nto = \"body:hreo\"").contains("there is no body \"hreo\""));
+    assert!(pin("vertices = [0]\nmode = \"spring\"").contains("needs its `stiffness`"));
+    assert!(pin("vertices = [0]\naxes = \"xw\"").contains("not a set of the axes"));
+    assert!(pin("where = { box = { min = [9, 9, 9], max = [10, 10, 10] } }").contains("holds no vertex"));
+    assert!(pin("file = \"none.json\"").contains("there is no such file"));
+}
+
+#[test]
+fn the_resolved_file_is_read_to_the_same_description() {
+    let folder = wardrobe();
+    let solver = "[solver]\npreset = \"hero\"\nmax_dt = \"1 ms\"\n";
+    for text in [SHEET.to_owned(), DRESSED.to_owned(), format!("{SHEET}{solver}")] {
+        let first = resolve_in(&folder, &text).unwrap_or_else(|e| panic!("{}", e[0]));
+        let elsewhere = tempfile::tempdir().expect("a temporary folder");
+        let again = resolve_in(&elsewhere, &first.resolved).unwrap_or_else(|e| panic!("{}\n{}", e[0], first.resolved));
+        // Why an effect is there differs when a material's tables are written out; nothing else may.
+        let bare = |shot: &ShotDescription| {
+            let mut scene = shot.scene.clone();
+            scene.effects.iter_mut().for_each(|e| e.because.clear());
+            format!("{scene:?}")
+        };
+        assert_eq!(bare(&first), bare(&again));
+        assert_eq!((first.frames, &first.output, first.preroll), (again.frames, &again.output, again.preroll));
+        let values = |toml: &str| -> Vec<String> {
+            let value = |l: &str| l.rsplit_once(" # ").map_or(l, |(value, _)| value).trim_end().to_owned();
+            toml.lines().filter(|l| !l.starts_with('#')).map(value).collect()
+        };
+        assert_eq!(values(&first.resolved), values(&again.resolved));
+    }
+}
+
+#[test]
+fn the_resolved_file_says_where_every_value_came_from() {
+    let text = format!("{SHEET}[solver]\npreset = \"hero\"\n");
+    let toml = resolve(&text).resolved;
+    let line = |start: &str| toml.lines().find(|l| l.starts_with(start)).unwrap_or_else(|| panic!("{start} in\n{toml}"));
+    for (start, origin) in [
+        ("frames", "# scene"),
+        ("fps = \"24\"", "# default"),
+        ("name = \"sheet\"", "# default"),
+        ("resolution = 4", "# scene, parameter resolution"),
+        ("center = [0, 1.5, 0]", "# scene, parameter height"),
+        ("cfl = 2.8", "# preset hero"),
+        ("max_dt = \"auto\"", "# preset hero"),
+        ("density = 0.15", "# material cotton_shirting"),
+        ("stiffness = 261.0", "# material cotton_shirting"),
+        ("acceleration = [0.0, -9.81, 0.0]", "# default"),
+        ("format = [\"abc\", \"h5\"]", "# default"),
+    ] {
+        assert!(line(start).ends_with(origin), "{}", line(start));
+    }
+    assert!(toml.contains("# parameter resolution = 4 (scene)"));
+    assert!(toml.lines().filter(|l| l.contains(" = ")).all(|l| l.contains('#')), "{toml}");
+}
+
+#[test]
+fn the_schema_is_json_and_knows_the_tables_of_effects() {
+    let schema: serde_json::Value = serde_json::from_str(&schema()).expect("JSON");
+    assert_eq!(schema["properties"]["gravity"]["properties"]["acceleration"]["minItems"], 3);
+    let garment = &schema["$defs"]["Garment"]["properties"];
+    for effect in ["stretch", "bending"] {
+        assert!(garment[effect]["properties"]["damping_ratio"]["default"].is_number(), "{effect}");
+        assert_eq!(garment[effect]["additionalProperties"], false);
+    }
+    assert!(schema["properties"].get("pins").is_none(), "pins have no table of their own");
+    assert_eq!(schema["additionalProperties"], false);
+    // Any number may be a parameter.
+    assert_eq!(schema["$defs"]["Panel"]["properties"]["resolution"]["type"], serde_json::json!(["integer", "string"]));
+}
