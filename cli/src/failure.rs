@@ -1,8 +1,13 @@
 //! Errors on their way out: the text, once, and the exit code.
 
+use std::io::IsTerminal;
+use std::sync::Arc;
+
 use drapery_core::error::{ProblemKind, StepError};
 use drapery_io::error::{IoError, IoErrorKind};
+use drapery_io::scene_file::{SceneErrorKind, SceneFileError};
 use drapery_io::shot::ShotError;
+use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, NamedSource, SourceSpan};
 
 use crate::exit_code::ExitCode;
 use crate::say;
@@ -54,6 +59,64 @@ impl From<ShotError> for Failure {
             _ => error.to_string(),
         };
         Self::new(code, text)
+    }
+}
+
+impl From<SceneFileError> for Failure {
+    fn from(error: SceneFileError) -> Self {
+        vec![error].into()
+    }
+}
+
+impl From<Vec<SceneFileError>> for Failure {
+    fn from(errors: Vec<SceneFileError>) -> Self {
+        let has = |kind: SceneErrorKind| errors.iter().any(|error| error.kind == kind);
+        let code = match () {
+            () if has(SceneErrorKind::Scene) => ExitCode::Scene,
+            () if has(SceneErrorKind::Missing) => ExitCode::MissingInput,
+            () => ExitCode::BadInput,
+        };
+        let count = match errors.len() {
+            1 => "a problem".to_owned(),
+            many => format!("{many} problems"),
+        };
+        let excerpts: String = errors.into_iter().map(excerpt).collect();
+        Self::new(code, format!("{count} in the scene file\n{}", excerpts.trim_end()))
+    }
+}
+
+/// A scene error with the line that it is about.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{message}")]
+struct SceneExcerpt {
+    message: String,
+    #[help]
+    help: Option<String>,
+    #[source_code]
+    source_text: NamedSource<Arc<str>>,
+    #[label]
+    span: SourceSpan,
+}
+
+/// The error with an excerpt of the scene and a mark under the words that are meant.
+fn excerpt(error: SceneFileError) -> String {
+    let Some(location) = &error.location else {
+        return format!("{error}\n");
+    };
+    let report = SceneExcerpt {
+        message: error.message.clone(),
+        help: error.help.clone(),
+        source_text: NamedSource::new(&location.source_name, location.source.clone()),
+        span: location.span.clone().into(),
+    };
+    let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let theme = if colours { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
+    let handler = GraphicalReportHandler::new_themed(theme).with_wrap_lines(false).with_links(false);
+    let mut text = String::new();
+    match handler.render_report(&mut text, &report) {
+        Ok(()) => text,
+        // The plain form has its own excerpt.
+        Err(_) => format!("{error}\n"),
     }
 }
 

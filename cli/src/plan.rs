@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use drapery_io::shot::{Shot, ShotDescription};
+use drapery_io::scene_file;
+use drapery_io::shot::Shot;
 
 use crate::args::{FrameRange, SceneArgs};
 use crate::exit_code::ExitCode;
@@ -51,18 +52,13 @@ impl Threads {
 pub(crate) fn prepare(args: &SceneArgs) -> Result<(Shot, Threads), Failure> {
     let threads = Threads::choose(args.threads);
     threads.start_pool()?;
-    let description = describe(args)?;
+    let description = scene_file::load(&args.scene, &args.settings)?.resolve()?;
     let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
     let shot = Shot::prepare(description, frames)?;
     for warning in shot.warnings() {
         tracing::warn!("{warning}");
     }
     Ok((shot, threads))
-}
-
-/// The scene with its files opened.
-fn describe(args: &SceneArgs) -> Result<ShotDescription, Failure> {
-    Err(Failure::new(ExitCode::Scene, format!("{}: not yet", args.scene.display())))
 }
 
 /// Where a run of this shot goes when nobody says.

@@ -94,8 +94,12 @@ impl MeshCheck<'_> {
         let frame = |time: f64| fps.map_or(String::new(), |fps| format!(" = frame {:.3}", time * fps));
         let range = format!("{first:.6} s{} to {last:.6} s{}", frame(first), frame(last));
         self.found.facts.push(format!("{}: {count} samples, {range}", self.path));
-        if count > 1 && mesh.time_sampling().kind() != SamplingKind::Uniform {
-            self.fail("samples are not evenly spaced in time; write one sample a frame");
+        match mesh.time_sampling().kind() {
+            SamplingKind::Acyclic if count > 1 => {
+                self.fail("samples are not evenly spaced in time; write one sample a frame");
+            }
+            SamplingKind::Cyclic => self.warn("several samples a frame; some applications use the first only"),
+            _ => {}
         }
         if count > 2 && first == 0.0 && mesh.time(1) > 2.0 * (mesh.time(2) - mesh.time(1)) {
             self.fail("a lone sample at time 0 comes before the shot; importers fill the gap with frames");

@@ -14,6 +14,22 @@ pub struct Limb {
     pub shape: Shape,
     /// Width of the blend with the limbs before it \[m\].
     pub blend: f64,
+    /// A ball around the shape (centre and radius, \[m\]) if the shape's distance is exact, so that the limb has no
+    /// effect where the ball is far.
+    ball: Option<(Vec3, f64)>,
+}
+
+impl Limb {
+    fn new(bone: Bone, shape: Shape, blend: f64) -> Limb {
+        let ball = match shape {
+            Shape::RoundCone { ends, radii } => {
+                Some((ends[0].lerp(&ends[1], 0.5), 0.5 * (ends[1] - ends[0]).norm() + radii[0].max(radii[1])))
+            }
+            // The first-order distance can be less than that of the ball.
+            Shape::Ellipsoid { .. } => None,
+        };
+        Limb { bone, shape, blend, ball }
+    }
 }
 
 /// All limbs of the body in the rest pose, in the order in which they are blended.
@@ -32,6 +48,13 @@ pub fn limbs() -> Vec<Limb> {
 pub fn union(limbs: &[Limb], p: &Vec3) -> f64 {
     let mut value = f64::INFINITY;
     for limb in limbs {
+        let far = |(center, radius): (Vec3, f64)| {
+            let reach = value + limb.blend + radius;
+            reach > 0.0 && (p - center).norm_squared() > reach * reach
+        };
+        if limb.ball.is_some_and(far) {
+            continue;
+        }
         value = smooth_min(value, limb.shape.distance(p), limb.blend);
     }
     value
@@ -51,11 +74,11 @@ pub fn sole(side: Side) -> [(Vec3, f64); 3] {
 fn ellipsoid(bone: Bone, center: [f64; 3], radii: [f64; 3], blend: f64) -> Limb {
     let shape =
         Shape::Ellipsoid { center: Vec3::from(center), radii: Vec3::from(radii), rotation: UnitQuaternion::identity() };
-    Limb { bone, shape, blend }
+    Limb::new(bone, shape, blend)
 }
 
 fn cone(bone: Bone, ends: [Vec3; 2], radii: [f64; 2], blend: f64) -> Limb {
-    Limb { bone, shape: Shape::RoundCone { ends, radii }, blend }
+    Limb::new(bone, Shape::RoundCone { ends, radii }, blend)
 }
 
 fn torso() -> Vec<Limb> {
@@ -96,7 +119,7 @@ fn arm(side: Side) -> Vec<Limb> {
         cone(Bone::UpperArm(side), [at(0.0), at(0.275)], [0.050, 0.036], 0.035),
         cone(Bone::Forearm(side), [at(0.275), at(0.335)], [0.036, 0.0385], 0.012),
         cone(Bone::Forearm(side), [at(0.335), at(0.515)], [0.0385, 0.0265], 0.012),
-        Limb { bone: hand, shape: mitt, blend: 0.03 },
+        Limb::new(hand, mitt, 0.03),
         cone(hand, [at(0.545) + forward * 0.022, at(0.610) + forward * 0.052], [0.017, 0.0135], 0.02),
     ]
 }
@@ -122,6 +145,22 @@ fn leg(side: Side) -> Vec<Limb> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn leaving_out_far_limbs_does_not_change_the_union() {
+        let limbs = limbs();
+        let plain = |p: &Vec3| {
+            limbs.iter().fold(f64::INFINITY, |value, limb| smooth_min(value, limb.shape.distance(p), limb.blend))
+        };
+        for i in 0..4000 {
+            let p = Vec3::new(
+                f64::from(i % 20) * 0.06 - 0.6,
+                f64::from(i / 20 % 20) * 0.09,
+                f64::from(i / 400) * 0.05 - 0.2,
+            );
+            assert_eq!(union(&limbs, &p), plain(&p), "{p:?}");
+        }
+    }
 
     #[test]
     fn the_body_is_symmetric_and_stands_on_the_floor() {

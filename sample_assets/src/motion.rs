@@ -323,8 +323,11 @@ impl SplitMix {
     }
 }
 
-/// Sagittal joint angles of level walking at every tenth of a cycle from heel strike, rounded from textbook gait curves.
-const WALK_LEG: [(fn(Side) -> Channel, [f64; 10]); 3] = [
+/// A channel of either leg, and its angle \[degrees\] at every tenth of a cycle from heel strike.
+type LegCurve = (fn(Side) -> Channel, [f64; 10]);
+
+/// Joint angles of level walking in the sagittal plane, rounded from textbook gait curves.
+const WALK_LEG: [LegCurve; 3] = [
     (Channel::Hip, [27.0, 23.0, 14.0, 4.0, -6.0, -11.0, -3.0, 14.0, 26.0, 29.0]),
     (Channel::Knee, [4.0, 15.0, 14.0, 7.0, 5.0, 12.0, 36.0, 56.0, 46.0, 15.0]),
     (Channel::Ankle, [1.0, -4.0, 3.0, 7.0, 10.0, 6.0, -14.0, -6.0, 0.0, 1.0]),

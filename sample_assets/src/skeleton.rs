@@ -99,6 +99,15 @@ impl Bone {
         }
     }
 
+    /// The side of a paired bone.
+    pub fn side(self) -> Option<Side> {
+        match self {
+            Bone::Clavicle(side) | Bone::UpperArm(side) | Bone::Forearm(side) | Bone::Hand(side) => Some(side),
+            Bone::Thigh(side) | Bone::Shin(side) | Bone::Foot(side) => Some(side),
+            Bone::Pelvis | Bone::Abdomen | Bone::Chest | Bone::Neck | Bone::Head => None,
+        }
+    }
+
     /// The bone it hangs on; none for the pelvis.
     pub fn parent(self) -> Option<Bone> {
         Some(match self {

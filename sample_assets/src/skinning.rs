@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::anatomy::Limb;
 use crate::sdf::Vec3;
-use crate::skeleton::{Bone, Side};
+use crate::skeleton::Bone;
 use crate::surface_mesh::SurfaceMesh;
 
 /// Distance \[m\] to a limb at which its weight has fallen to 2^-FALL_OFF of what it is inside.
@@ -59,11 +59,7 @@ fn raw_weights(p: &Vec3, limbs: &[Limb]) -> [f64; Bone::COUNT] {
 
 /// Keeps the limbs of one side off the skin of the other: between the thighs both are close.
 fn own_side(bone: Bone, p: &Vec3) -> f64 {
-    let side = match bone {
-        Bone::Clavicle(side) | Bone::UpperArm(side) | Bone::Thigh(side) | Bone::Shin(side) | Bone::Foot(side) => side,
-        _ => return 1.0,
-    };
-    let side: Side = side;
+    let Some(side) = bone.side() else { return 1.0 };
     let t = (0.5 + side.sign() * p.x / 0.03).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }

@@ -376,9 +376,13 @@ impl Search<'_> {
             let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
             let Some(mut at) = self.nearest(body, x, x1) else { continue };
             if at.buried {
-                if at.phi < properties.thickness && touched.is_some() {
+                if at.phi >= properties.thickness {
+                    continue;
+                }
+                if touched.is_some() {
                     return false;
                 }
+                self.counts.pinched += 1;
                 continue;
             }
             let mut offset = properties.offset;

@@ -78,6 +78,8 @@ pub struct Effect {
     pub body_collision: Option<body_collision::BodyCollision>,
     /// Memory held [bytes].
     pub bytes: usize,
+    /// What the effect had to change to run well, for `drapery plan`.
+    pub notes: Vec<String>,
 }
 
 /// One part of the cloth as a force sees it.
@@ -141,6 +143,8 @@ pub struct PlannedEffect {
     pub needs: &'static [Need],
     /// Memory held [bytes].
     pub bytes: usize,
+    /// What the effect had to change to run well.
+    pub notes: Vec<String>,
 }
 
 /// The effect of this name.
@@ -172,8 +176,9 @@ pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems
         };
         match (spec.build)(&settings, &BuildContext { scene, garment: request.garment }) {
             Ok(effect) => {
-                let (because, bytes) = (request.because.clone(), effect.bytes);
-                let planned = PlannedEffect { name: spec.name, garment, because, settings, needs: spec.needs, bytes };
+                let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
+                let needs = spec.needs;
+                let planned = PlannedEffect { name: spec.name, garment, because, settings, needs, bytes, notes };
                 built.push((planned, effect));
             }
             Err(problem) => problems.push(problem),

@@ -60,7 +60,18 @@ pub const FIELDS: &[Field] = &[
         range: (0.0, 1e3),
         help: "damping of each spring; 1 is critical for its two vertices alone, 0 rings for ever",
     },
+    Field {
+        name: "short_edges",
+        dimension: Dimension::None,
+        default: Default::Absent,
+        range: (0.0, 0.5),
+        help: "share of the springs, the shortest ones, that are softened to the stiffness of the longest among them, so \
+               that a few slivers do not set the time step; 0.05 with `stiffness`, 0 with `spring_stiffness`",
+    },
 ];
+
+/// Share of the springs that is softened when the scene says nothing and the stiffness does not depend on the mesh.
+const SHORT_EDGES: f64 = 0.05;
 
 /// Reads which stiffness the settings give.
 ///
@@ -92,9 +103,33 @@ pub fn build_effect(
     let place = format!("garment \"{}\", {name}", context.scene.description().garments[garment].name);
     let stiffness = stiffness_setting(settings).map_err(|e| Problem::scene(place, e, "give one of them"))?;
     let elements = elements(&context.scene.meshes()[garment]);
+    let (stiffnesses, notes) = stiffnesses(&elements, stiffness, settings.optional("short_edges"));
     let damping_ratio = settings.number("damping_ratio");
-    let (forces, bytes) = build_parts(context.scene, garment, &elements, stiffness, damping_ratio, measures_strain);
-    Ok(Effect { forces, bytes, ..Effect::default() })
+    let (forces, bytes) = build_parts(context.scene, garment, &elements, &stiffnesses, damping_ratio, measures_strain);
+    Ok(Effect { forces, bytes, notes, ..Effect::default() })
+}
+
+/// Stiffness of each spring [N/m], and a note on those that were softened (method 1.4: a rest length that is clamped from
+/// below in the stiffness, not in the length at rest).
+fn stiffnesses(elements: &[SpringElement], stiffness: Stiffness, short_edges: Option<f64>) -> (Vec<f64>, Vec<String>) {
+    let default = if matches!(stiffness, Stiffness::Membrane(_)) { SHORT_EDGES } else { 0.0 };
+    let mut lengths: Vec<f64> = elements.iter().map(|e| e.rest_length).collect();
+    lengths.sort_unstable_by(f64::total_cmp);
+    let rank = (short_edges.unwrap_or(default) * lengths.len() as f64) as usize;
+    let shortest = lengths.get(rank).copied().unwrap_or(0.0);
+    let softened = lengths.partition_point(|l| *l < shortest);
+    let of = |element: &SpringElement| {
+        let length = element.rest_length.max(shortest);
+        match stiffness {
+            Stiffness::Membrane(y) => y * element.area / (length * length),
+            Stiffness::Constant(e) => e / length,
+        }
+    };
+    let note = format!(
+        "{softened} springs shorter than {:.3} mm are softened to that length, so that they do not set the time step",
+        1e3 * shortest
+    );
+    (elements.iter().map(of).collect(), if softened > 0 { vec![note] } else { Vec::new() })
 }
 
 /// The springs of one part.
@@ -123,7 +158,7 @@ fn build_parts(
     scene: &Scene,
     garment: usize,
     elements: &[SpringElement],
-    stiffness: Stiffness,
+    stiffnesses: &[f64],
     damping_ratio: f64,
     measures_strain: bool,
 ) -> (Vec<(usize, Box<dyn Force>)>, usize) {
@@ -148,10 +183,7 @@ fn build_parts(
         springs.rows = vec![0; range.len() + 1];
         for &(_, across, own, other, number) in group {
             let element = &elements[number];
-            let k = match stiffness {
-                Stiffness::Membrane(y) => y * element.area / (element.rest_length * element.rest_length),
-                Stiffness::Constant(e) => e / element.rest_length,
-            };
+            let k = stiffnesses[number];
             let reduced_mass = masses[own] * masses[other] / (masses[own] + masses[other]);
             springs.elastic.push([k, element.rest_length]);
             springs.root_damping.push((2.0 * damping_ratio * (k * reduced_mass).sqrt()).sqrt());

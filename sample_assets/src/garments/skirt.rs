@@ -15,8 +15,10 @@ const AXIS_Z: f64 = -0.004;
 const FLARE: f64 = 0.30;
 /// Height over which the flare sets in below the waist \[m\].
 const FLARE_START: f64 = 0.12;
-const ANGLES: usize = 360;
-const LEVELS: usize = 240;
+const ANGLES: usize = 240;
+const LEVELS: usize = 160;
+/// Passes over the table of radii; they round off where the flare leaves the hips.
+const SMOOTHING_PASSES: usize = 27;
 /// Heights of the waistband and of the hem's face set \[m\].
 const BAND: f64 = 0.035;
 
@@ -53,7 +55,7 @@ impl Skirt {
             }
         }
         let mut skirt = Skirt { radii };
-        for _ in 0..60 {
+        for _ in 0..SMOOTHING_PASSES {
             skirt.smooth(&closest);
         }
         skirt

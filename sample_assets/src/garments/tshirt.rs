@@ -101,7 +101,7 @@ fn chart(center: &Vec3) -> usize {
 
 /// Body panels are unrolled from a vertical cylinder, sleeve panels from a cylinder around the arm; 1 unit is about 1 m.
 fn flatten(chart: usize, p: &Vec3) -> [f64; 2] {
-    let facing = if chart % 2 == 0 { 1.0 } else { -1.0 };
+    let facing = if chart.is_multiple_of(2) { 1.0 } else { -1.0 };
     let depth = (facing * (p.z - SIDE_SEAM_Z)).max(0.0);
     let place = 0.25 + 0.5 * chart as f64;
     if chart < 2 {

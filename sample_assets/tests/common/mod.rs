@@ -6,7 +6,7 @@ use drapery_assets::sdf::Vec3;
 use drapery_assets::surface_mesh::SurfaceMesh;
 
 /// Several meshes as one.
-pub fn together(meshes: &[&SurfaceMesh]) -> SurfaceMesh {
+pub(crate) fn together(meshes: &[&SurfaceMesh]) -> SurfaceMesh {
     let mut all = SurfaceMesh::default();
     for mesh in meshes {
         let first = all.points.len();
@@ -17,7 +17,7 @@ pub fn together(meshes: &[&SurfaceMesh]) -> SurfaceMesh {
 }
 
 /// Number of edge-triangle pairs without a common vertex that cross: zero if no surface crosses itself or another.
-pub fn crossings(mesh: &SurfaceMesh) -> usize {
+pub(crate) fn crossings(mesh: &SurfaceMesh) -> usize {
     let x = &mesh.points;
     let triangles = mesh.triangles();
     let flat = SurfaceMesh { points: x.clone(), faces: triangles.iter().map(|t| t.to_vec()).collect() };
@@ -60,7 +60,7 @@ fn segment_crosses(p: Vec3, q: Vec3, [a, b, c]: [Vec3; 3]) -> bool {
 }
 
 /// Smallest distance \[m\] from vertices, edge middles and face centres of `from` to the triangles of `to`.
-pub fn gap(from: &SurfaceMesh, to: &SurfaceMesh) -> f64 {
+pub(crate) fn gap(from: &SurfaceMesh, to: &SurfaceMesh) -> f64 {
     let triangles: Vec<[Vec3; 3]> = to.triangles().iter().map(|t| t.map(|v| to.points[v])).collect();
     samples(from)
         .iter()
@@ -69,7 +69,7 @@ pub fn gap(from: &SurfaceMesh, to: &SurfaceMesh) -> f64 {
 }
 
 /// Vertices, edge middles and triangle centres.
-pub fn samples(mesh: &SurfaceMesh) -> Vec<Vec3> {
+pub(crate) fn samples(mesh: &SurfaceMesh) -> Vec<Vec3> {
     let x = &mesh.points;
     let middles = mesh.edges().into_iter().map(|([a, b], _)| (x[a] + x[b]) / 2.0);
     let centers = mesh.triangles().into_iter().map(|[a, b, c]| (x[a] + x[b] + x[c]) / 3.0);
