@@ -3,7 +3,7 @@
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinDescription, PinHold, PinTarget, RigidMotion,
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, RigidMotion,
     Scene, SceneDescription,
 };
 use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
@@ -74,7 +74,7 @@ pub fn add_body(description: &mut SceneDescription, shape: BodyShape, motion: Ri
 pub fn add_pins(description: &mut SceneDescription, vertices: Vec<u32>) {
     description.pins.push(PinDescription {
         garment: 0,
-        target: PinTarget::Path { vertices, offsets: Vec::new() },
+        target: PinTarget::Path { anchor: PinAnchor::Start, vertices, offsets: Vec::new() },
         axes: [true; 3],
         from: f64::NEG_INFINITY,
         until: f64::INFINITY,

@@ -76,9 +76,11 @@ impl From<Vec<SceneFileError>> for Failure {
             () if has(SceneErrorKind::Missing) => ExitCode::MissingInput,
             () => ExitCode::BadInput,
         };
-        let count = match errors.len() {
-            1 => "a problem".to_owned(),
-            many => format!("{many} problems"),
+        let count = match errors.as_slice() {
+            // The scene file itself could not be read.
+            [one] if one.location.is_none() => return Self::new(code, one.to_string()),
+            [_] => "a problem".to_owned(),
+            many => format!("{} problems", many.len()),
         };
         let excerpts: String = errors.into_iter().map(excerpt).collect();
         Self::new(code, format!("{count} in the scene file\n{}", excerpts.trim_end()))

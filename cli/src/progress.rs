@@ -93,7 +93,7 @@ impl Progress {
 fn frame_line(report: &FrameReport<'_>, left: f64, resident: Option<u64>) -> String {
     let steps = report.summary.map_or(0, |s| s.steps);
     let iterations = report.summary.map_or(0, |s| s.cg_iterations);
-    let memory = resident.map_or(String::new(), |bytes| format!(" rss {:.1}G", bytes as f64 / f64::from(1 << 30)));
+    let memory = resident.map_or(String::new(), |bytes| format!(" rss {}", memory(bytes)));
     let stage = if report.is_preroll { " pre-roll" } else { "" };
     format!(
         "frame {}/{} steps {steps} cg {iterations} wall {:.1}s eta {}{memory}{stage}",
@@ -129,6 +129,14 @@ pub(crate) fn duration(seconds: f64) -> String {
     }
 }
 
+/// `18.4G`, `230M`.
+fn memory(bytes: u64) -> String {
+    match bytes >> 30 {
+        0 => format!("{}M", bytes >> 20),
+        _ => format!("{:.1}G", bytes as f64 / f64::from(1 << 30)),
+    }
+}
+
 fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -158,8 +166,8 @@ mod tests {
             seconds: 41.24,
             summary: None,
         };
-        let line = frame_line(&report, 2340.0, Some(18_400 << 20));
-        assert_eq!(line, "frame 1043/1100 steps 0 cg 0 wall 41.2s eta 39m rss 18.0G");
+        let line = frame_line(&report, 2340.0, Some(18_841 << 20));
+        assert_eq!(line, "frame 1043/1100 steps 0 cg 0 wall 41.2s eta 39m rss 18.4G");
         // Tractor reads lines that begin with `Frame N (i of n)` as progress; ours must not.
         assert!(!line.starts_with("Frame"));
     }

@@ -216,8 +216,10 @@ pub struct PinDescription {
 /// What a pinned vertex follows.
 #[derive(Debug, Clone)]
 pub enum PinTarget {
-    /// The place where the vertex is when the simulation starts, moved along a path relative to it.
+    /// A place where the vertex was, moved along a path relative to it.
     Path {
+        /// When the place is taken.
+        anchor: PinAnchor,
         /// Vertex numbers in the garment's own order.
         vertices: Vec<u32>,
         /// Times [s] and offsets [m] from the start position, piecewise linear; empty stays put.
@@ -259,6 +261,15 @@ pub struct SurfaceAttachment {
     pub weights: [f64; 3],
     /// Offset along tangent, bitangent and normal [m].
     pub offset: Vec3,
+}
+
+/// When a pin takes the place that it holds its vertices to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PinAnchor {
+    /// When the simulation starts.
+    Start,
+    /// When the pin takes hold.
+    WhenHeld,
 }
 
 /// How a pin holds.

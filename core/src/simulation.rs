@@ -152,7 +152,7 @@ impl Simulation {
     fn pins_take_hold(&mut self) {
         if let Some(pins) = &self.pins {
             let time = self.state.time;
-            self.targets.set_step(&self.bodies, &self.tracks, time, time);
+            self.targets.set_step(&self.bodies, &self.tracks, &self.state.x, (time, time));
             let parts = self.scene.parts();
             for (part, range) in parts.ranges().iter().enumerate() {
                 pins.set_positions(part, range.start, &self.targets, &mut self.state.x[range.clone()]);

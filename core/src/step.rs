@@ -116,13 +116,13 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
 impl StepContext<'_> {
     /// Puts bodies and pin targets at both ends of the step.
     fn move_prescribed(&mut self, t0: f64, t1: f64) {
-        let Self { bodies, targets, tracks, collision, pins, metrics, .. } = self;
+        let Self { bodies, targets, tracks, collision, pins, state, metrics, .. } = self;
         if bodies.list().is_empty() && pins.is_none() && targets.is_empty() {
             return;
         }
         metrics.stage("bodies and pins", |_| {
             bodies.set_step(t0, t1);
-            targets.set_step(bodies, tracks, t0, t1);
+            targets.set_step(bodies, tracks, &state.x, (t0, t1));
             if let (Some(collision), Some(pins)) = (collision, pins) {
                 collision.set_held(pins.fully_held().map(|(vertex, target)| (vertex, targets.is_active(target))));
             }

@@ -100,7 +100,8 @@ fn the_dressed_woman_is_read_with_her_pins() {
                     let tangent = (q - p).normalize();
                     let normal = (q - p).cross(&(r - p)).normalize();
                     let place = p * a.weights[0] + q * a.weights[1] + r * a.weights[2];
-                    let place = place + tangent * a.offset.x + normal.cross(&tangent) * a.offset.y + normal * a.offset.z;
+                    let place =
+                        place + tangent * a.offset.x + normal.cross(&tangent) * a.offset.y + normal * a.offset.z;
                     // The file's own promise is 1e-6 m.
                     let point = shot.scene.garments[0].mesh.points[a.vertex as usize];
                     assert!((place - point).norm() < 2e-6, "vertex {}: {}", a.vertex, (place - point).norm());
@@ -117,11 +118,13 @@ fn cloth_on_the_incline_slides_sticks_and_stops_as_a_block_does() {
     let slope = 36.0_f64.to_radians();
     let slid = |overrides: &[(&str, &str)]| {
         let [start, end] = simulate(&sample("incline"), overrides, 30);
-        (centre(&end) - centre(&start)).norm()
+        (centre(&end) - centre(&start)).dot(&Vec3::new(slope.cos(), -slope.sin(), 0.0))
     };
     let sliding = 0.5 * 9.8 * (slope.sin() - 0.6 * slope.cos());
-    assert!((slid(&[("resolution", "4")]) - sliding).abs() < 1e-6);
-    assert!(slid(&[("resolution", "4"), ("friction", "0.8")]) < 1e-9);
+    let found = slid(&[("resolution", "4")]);
+    // It starts a little closer than the distance at which contact parks it, and is moved there in the first step.
+    assert!((found - sliding).abs() < 1e-4 * sliding, "{found} {sliding}");
+    assert!(slid(&[("resolution", "4"), ("friction", "0.8")]).abs() < 1e-9);
     let stopping = 0.5 / (9.8 * (slope.cos() - slope.sin()));
     let found = slid(&[("resolution", "4"), ("friction", "1.0"), ("speed", "1")]);
     assert!((found - stopping).abs() < 0.01 * stopping, "{found} {stopping}");
@@ -153,15 +156,12 @@ fn a_strip_over_a_cylinder_slips_beyond_the_capstan_ratio() {
     let critical = (0.3 * std::f64::consts::PI).exp();
     let slip = |factor: f64| {
         let ratio = (factor * critical).to_string();
-        let [at_pull, end] = [48, 96].map(|frames| {
-            let [_, end] = simulate(&sample("capstan"), &[("resolution", "3"), ("ratio", &ratio)], frames);
-            end
-        });
-        // Mean height of the left end, which rises when the strip slips to the right.
-        let left = |points: &[Vec3]| centre(&points.iter().step_by(37).copied().collect::<Vec<_>>()).y;
-        left(&end) - left(&at_pull)
+        let [_, end] = simulate(&sample("capstan"), &[("resolution", "5"), ("ratio", &ratio)], 60);
+        // The left end, which rises to the cylinder when the strip slips, and is gone soon after.
+        (end[0] - Vec3::new(-0.1, -0.15, 0.0)).xy().norm()
     };
-    let (held, slipped) = (slip(0.97), slip(1.03));
-    assert!(held.abs() < 1e-3, "{held}");
-    assert!(slipped > 0.01, "{slipped}");
+    // Within one per cent of the ratio it creeps by centimetres a second; beyond, it accelerates.
+    let (held, slipped) = (slip(0.99), slip(1.01));
+    assert!(held < 0.1, "{held}");
+    assert!(slipped > 1.0, "{slipped}");
 }

@@ -13,7 +13,7 @@ use crate::bodies::{Bodies, Samples};
 use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::parts::Parts;
-use crate::scene::{PinHold, PinTarget, Scene, SurfaceAttachment};
+use crate::scene::{PinAnchor, PinHold, PinTarget, Scene, SurfaceAttachment};
 use crate::settings::Settings;
 
 /// Registry entry.
@@ -47,6 +47,10 @@ enum Source {
 struct Target {
     /// Number of the pin in the scene.
     pin: usize,
+    /// The pinned vertex in solver order.
+    vertex: usize,
+    /// Whether the place is taken anew when the pin takes hold.
+    taken_when_held: bool,
     source: Source,
 }
 
@@ -90,9 +94,14 @@ impl PinTargets {
             });
         }
         for (pin, row, garment, vertex) in pinned_vertices(scene) {
-            let place = x[scene.parts().solver_index(garment, vertex)];
+            let solver = scene.parts().solver_index(garment, vertex);
+            let place = x[solver];
+            let mut taken_when_held = false;
             let source = match &scene.description().pins[pin].target {
-                PinTarget::Path { .. } => Source::Path { place, pin },
+                PinTarget::Path { anchor, .. } => {
+                    taken_when_held = *anchor == PinAnchor::WhenHeld;
+                    Source::Path { place, pin }
+                }
                 PinTarget::Track { track, .. } => Source::Track { track: *track, row },
                 PinTarget::Body { body, attachments } => Source::Surface { body: *body, attachment: attachments[row] },
                 PinTarget::BodyNearest { body, .. } => {
@@ -108,7 +117,7 @@ impl PinTargets {
                     Source::Surface { body: *body, attachment }
                 }
             };
-            built.targets.push(Target { pin, source });
+            built.targets.push(Target { pin, vertex: solver, taken_when_held, source });
         }
         built.at_t1 = built.targets.iter().map(|t| built.evaluate(t, bodies, tracks, time)).collect();
         built.at_t0 = built.at_t1.clone();
@@ -116,14 +125,27 @@ impl PinTargets {
         Ok(built)
     }
 
-    /// Goes on to the step from `t0` to `t1`; `bodies` stand at `t1`.
-    pub fn set_step(&mut self, bodies: &Bodies, tracks: &[Samples], t0: f64, t1: f64) {
+    /// Goes on to the step from `t0` to `t1`; `bodies` stand at `t1`, `x` are the positions at `t0` in solver order.
+    pub fn set_step(&mut self, bodies: &Bodies, tracks: &[Samples], x: &[Vec3], (t0, t1): (f64, f64)) {
         self.dt = t1 - t0;
         std::mem::swap(&mut self.at_t0, &mut self.at_t1);
         for i in 0..self.targets.len() {
-            self.at_t1[i] = self.evaluate(&self.targets[i], bodies, tracks, t1);
             let (from, until) = self.windows[self.targets[i].pin];
-            self.active[i] = from <= t0 && t0 < until;
+            let holds = from <= t0 && t0 < until;
+            if holds && !self.active[i] && self.targets[i].taken_when_held {
+                self.take_place(i, x, t0);
+            }
+            self.active[i] = holds;
+            self.at_t1[i] = self.evaluate(&self.targets[i], bodies, tracks, t1);
+        }
+    }
+
+    /// Moves a target's place so that it is where its vertex is now.
+    fn take_place(&mut self, i: usize, x: &[Vec3], time: f64) {
+        let here = x[self.targets[i].vertex];
+        if let Source::Path { place, pin } = &mut self.targets[i].source {
+            *place = here - along_path(&self.paths[*pin], time);
+            self.at_t0[i] = here;
         }
     }
 

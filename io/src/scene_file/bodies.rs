@@ -89,7 +89,11 @@ impl Resolver<'_> {
             }
             Some(BodyPath::Objects(_)) => {
                 let help = "write points: path = [[0.0, [0, 1, 0]], [2.0, [1, 1, 0]]]".to_owned();
-                self.error_with(&path.clone().key("path"), "a body with a `shape` moves along points, not objects", help);
+                self.error_with(
+                    &path.clone().key("path"),
+                    "a body with a `shape` moves along points, not objects",
+                    help,
+                );
             }
             None => {}
         }
@@ -121,7 +125,8 @@ impl Resolver<'_> {
             ("spin", body.spin.is_some()),
         ];
         for (key, _) in of_shapes.iter().filter(|(_, written)| *written) {
-            let text = format!("`{key}` has a meaning for bodies with a `shape` only; a file says where its points are");
+            let text =
+                format!("`{key}` has a meaning for bodies with a `shape` only; a file says where its points are");
             self.error(&path.clone().key(key), text);
         }
         let here = path.clone().key("file");

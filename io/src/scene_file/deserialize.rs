@@ -115,7 +115,8 @@ pub(super) fn read<T: DeserializeOwned>(
         let mut words: Vec<&str> = expected.to_vec();
         words.extend(also(&path));
         let place = key_place(path.find(root), word);
-        let owner = if *is_key { format!("{misfit} {}", table_name(&path)) } else { format!("{}{misfit}", label(&path)) };
+        let owner =
+            if *is_key { format!("{misfit} {}", table_name(&path)) } else { format!("{}{misfit}", label(&path)) };
         sources.error(&place, owner, Some(suggestion(word, &words)))
     })
 }

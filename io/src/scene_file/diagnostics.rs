@@ -75,7 +75,8 @@ impl SceneFileError {
             Some((message, help)) => (message.to_owned(), Some(help.to_owned())),
             None => (text, None),
         };
-        let kind = if matches!(error, IoError::Missing { .. }) { SceneErrorKind::Missing } else { SceneErrorKind::Data };
+        let kind =
+            if matches!(error, IoError::Missing { .. }) { SceneErrorKind::Missing } else { SceneErrorKind::Data };
         Self { message, help, location, kind }
     }
 }

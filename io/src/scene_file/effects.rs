@@ -145,8 +145,10 @@ fn number(value: &Value) -> Option<f64> {
     }
 }
 
+/// What was written; defaults are left to the effect, which then knows them as such.
 fn settings(table: &Table) -> BTreeMap<String, SettingValue> {
-    table.0.iter().filter_map(|e| setting(&e.node.value).map(|value| (e.key.clone(), value))).collect()
+    let written = table.0.iter().filter(|entry| entry.node.origin != Origin::Default);
+    written.filter_map(|e| setting(&e.node.value).map(|value| (e.key.clone(), value))).collect()
 }
 
 /// The requests that the tables of a checked tree make.

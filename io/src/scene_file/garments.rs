@@ -32,11 +32,8 @@ impl Resolver<'_> {
             None => posed,
         };
         let index = self.description.garments.len();
-        let read = ReadGarment {
-            start: start.clone().unwrap_or_else(|| mesh.points.clone()),
-            grid,
-            units: garment.units,
-        };
+        let read =
+            ReadGarment { start: start.clone().unwrap_or_else(|| mesh.points.clone()), grid, units: garment.units };
         for (number, pin) in garment.pin.iter().enumerate() {
             let pin = self.pin(pin, &path.clone().key("pin").index(number), index, &read);
             self.description.pins.extend(pin);

@@ -64,8 +64,8 @@ pub struct SceneFile {
 /// # Errors
 /// The file cannot be read, is not TOML, or says something that is not understood; the first such place.
 pub fn load(path: &FilePath, overrides: &[(String, String)]) -> Result<SceneFile, SceneFileError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| SceneFileError::of_file(None, &IoError::reading(path, error)))?;
+    let text =
+        std::fs::read_to_string(path).map_err(|error| SceneFileError::of_file(None, &IoError::reading(path, error)))?;
     let folder = path.parent().unwrap_or(FilePath::new(""));
     let scene = parse(&text, &path.to_string_lossy(), folder, overrides)?;
     Ok(SceneFile { path: path.to_owned(), ..scene })
@@ -97,9 +97,8 @@ pub fn parse(
         let text = format!("this scene is of version {}; this program reads version {VERSION}", document.drapery);
         return Err(sources.error(&place, text, Some("a newer Drapery may read it".to_owned())));
     }
-    let defaults = toml::Value::try_from(&document).map_err(|error| {
-        sources.error(&root.place, format!("this scene cannot be written back: {error}"), None)
-    })?;
+    let defaults = toml::Value::try_from(&document)
+        .map_err(|error| sources.error(&root.place, format!("this scene cannot be written back: {error}"), None))?;
     root.fill_from(&defaults);
     Ok(SceneFile { document, root, sources, parameters, folder: folder.to_owned(), path: PathBuf::new() })
 }

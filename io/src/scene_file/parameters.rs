@@ -175,8 +175,8 @@ pub(super) fn substitute(node: &mut Node, parameters: &Table, sources: &Sources)
             table.0.iter_mut().try_for_each(|entry| substitute(&mut entry.node, parameters, sources))
         }
         Value::Text(text) if text.contains('$') => {
-            let replaced = replace(text, parameters)
-                .map_err(|(message, help)| sources.error(&node.place, message, Some(help)))?;
+            let replaced =
+                replace(text, parameters).map_err(|(message, help)| sources.error(&node.place, message, Some(help)))?;
             node.value = replaced.value;
             if let (Some(name), Origin::Scene) = (replaced.parameter, &node.origin) {
                 let set = parameters.get(&name).is_some_and(|p| matches!(p.origin, Origin::Set(_)));
@@ -259,11 +259,8 @@ fn leading_name(text: &str) -> Option<(&str, &str)> {
 fn lookup<'a>(name: &str, parameters: &'a Table) -> Result<&'a Node, Message> {
     parameters.get(name).ok_or_else(|| {
         let names: Vec<&str> = parameters.0.iter().map(|e| e.key.as_str()).collect();
-        let help = if names.is_empty() {
-            format!("declare it: [parameters] {name} = …")
-        } else {
-            suggestion(name, &names)
-        };
+        let help =
+            if names.is_empty() { format!("declare it: [parameters] {name} = …") } else { suggestion(name, &names) };
         (format!("there is no parameter `{name}`"), help)
     })
 }

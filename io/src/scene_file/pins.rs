@@ -3,7 +3,7 @@
 use std::path::Path as FilePath;
 
 use drapery_core::Vec3;
-use drapery_core::scene::{BodyShape, PinDescription, PinHold, PinTarget, SurfaceAttachment};
+use drapery_core::scene::{BodyShape, PinAnchor, PinDescription, PinHold, PinTarget, SurfaceAttachment};
 use drapery_core::settings::Dimension;
 use serde::Deserialize;
 
@@ -53,19 +53,9 @@ fn read_file(path: &FilePath) -> Result<PinFile, IoError> {
 ///
 /// # Errors
 /// Not exactly one way of naming them, names that fit no panel, or no vertex at all.
-fn vertices(
-    pin: &Pin,
-    start: &[Vec3],
-    grid: Option<[u32; 2]>,
-    file: Option<&PinFile>,
-) -> Result<Vec<u32>, String> {
-    let ways = [
-        pin.vertices.is_some(),
-        pin.corners.is_some(),
-        pin.nodes.is_some(),
-        pin.region.is_some(),
-        pin.file.is_some(),
-    ];
+fn vertices(pin: &Pin, start: &[Vec3], grid: Option<[u32; 2]>, file: Option<&PinFile>) -> Result<Vec<u32>, String> {
+    let ways =
+        [pin.vertices.is_some(), pin.corners.is_some(), pin.nodes.is_some(), pin.region.is_some(), pin.file.is_some()];
     if ways.iter().filter(|w| **w).count() != 1 {
         return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where` and `file`".to_owned());
     }
@@ -118,7 +108,13 @@ fn inside(region: Region, point: Vec3) -> bool {
 
 impl Resolver<'_> {
     /// Resolves one pin of a garment. Problems are recorded, and the pin is then left out.
-    pub(super) fn pin(&mut self, pin: &Pin, path: &Path, index: usize, garment: &ReadGarment) -> Option<PinDescription> {
+    pub(super) fn pin(
+        &mut self,
+        pin: &Pin,
+        path: &Path,
+        index: usize,
+        garment: &ReadGarment,
+    ) -> Option<PinDescription> {
         let file = match &pin.file {
             Some(name) => {
                 let read = read_file(&self.scene.folder.join(name));
@@ -132,11 +128,11 @@ impl Resolver<'_> {
             self.body_target(pin, path, body, vertices, file.as_ref())?
         } else if pin.to == "track" {
             self.track_target(pin, path, vertices, garment)?
-        } else if pin.to == "start" {
+        } else if let Some(anchor) = anchor(&pin.to) {
             let offsets = pin.path.iter().map(|(time, offset)| (*time, Vec3::from(*offset))).collect();
-            PinTarget::Path { vertices, offsets }
+            PinTarget::Path { anchor, vertices, offsets }
         } else {
-            let help = "use \"start\", \"track\", or \"body:\" and the name of a body".to_owned();
+            let help = "use \"start\", \"here\", \"track\", or \"body:\" and the name of a body".to_owned();
             self.error_with(&path.clone().key("to"), format!("a pin cannot follow \"{}\"", pin.to), help);
             return None;
         };
@@ -166,13 +162,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn track_target(
-        &mut self,
-        pin: &Pin,
-        path: &Path,
-        vertices: Vec<u32>,
-        garment: &ReadGarment,
-    ) -> Option<PinTarget> {
+    fn track_target(&mut self, pin: &Pin, path: &Path, vertices: Vec<u32>, garment: &ReadGarment) -> Option<PinTarget> {
         let Some(track) = &pin.track else {
             let help = "add track = \"file.abc\" or track = \"file.abc@/path/of/mesh\"".to_owned();
             self.error_with(path, "`to = \"track\"` needs a `track`", help);
@@ -216,7 +206,11 @@ impl Resolver<'_> {
             // A body that could not be read has been reported already.
             if self.scene.document.body[body].shape.is_some() {
                 let help = "use to = \"start\" with a `path` that moves as the body does".to_owned();
-                self.error_with(&here, format!("body \"{name}\" is an ideal shape; pins hold on bodies from files"), help);
+                self.error_with(
+                    &here,
+                    format!("body \"{name}\" is an ideal shape; pins hold on bodies from files"),
+                    help,
+                );
             }
             return None;
         };
@@ -235,6 +229,14 @@ impl Resolver<'_> {
         };
         let attachments = self.check(path, from_pin_file(file, points, metres_per_unit))?;
         Some(PinTarget::Body { body, attachments })
+    }
+}
+
+fn anchor(to: &str) -> Option<PinAnchor> {
+    match to {
+        "start" => Some(PinAnchor::Start),
+        "here" => Some(PinAnchor::WhenHeld),
+        _ => None,
     }
 }
 

@@ -63,7 +63,8 @@ fn fill_solver(root: &mut Node) {
 /// Fills the garments and returns the materials they use.
 fn fill_materials(root: &mut Node, sources: &Sources) -> Result<Vec<&'static Material>, SceneFileError> {
     let mut used = Vec::new();
-    let Some(Node { value: Value::Array(garments), .. }) = root.as_table_mut().and_then(|t| t.get_mut("garment")) else {
+    let Some(Node { value: Value::Array(garments), .. }) = root.as_table_mut().and_then(|t| t.get_mut("garment"))
+    else {
         return Ok(used);
     };
     for garment in garments {

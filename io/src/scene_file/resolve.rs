@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use drapery_core::Vec3;
 use drapery_core::effects::REGISTRY;
-use drapery_core::scene::{EffectRequest, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings, Timeline};
+use drapery_core::scene::{
+    EffectRequest, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings, Timeline,
+};
 use drapery_core::settings::Dimension;
 
 use crate::cache::MeshData;
@@ -269,9 +271,9 @@ impl Resolver<'_> {
 /// Number of vertices of a pin.
 fn pinned(target: &PinTarget) -> usize {
     match target {
-        PinTarget::Path { vertices, .. } | PinTarget::Track { vertices, .. } | PinTarget::BodyNearest { vertices, .. } => {
-            vertices.len()
-        }
+        PinTarget::Path { vertices, .. }
+        | PinTarget::Track { vertices, .. }
+        | PinTarget::BodyNearest { vertices, .. } => vertices.len(),
         PinTarget::Body { attachments, .. } => attachments.len(),
     }
 }

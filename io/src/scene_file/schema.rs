@@ -15,11 +15,14 @@ pub fn schema() -> String {
     let mut schema = schemars::schema_for!(Document).to_value();
     if let Some(root) = schema.get_mut("properties").and_then(Value::as_object_mut) {
         let description = "Named numbers and texts; a value \"$name\" takes one, --set name=value overrides it.";
-        root.insert("parameters".to_owned(), json!({
-            "description": description,
-            "type": "object",
-            "additionalProperties": { "type": ["number", "string", "boolean"] },
-        }));
+        root.insert(
+            "parameters".to_owned(),
+            json!({
+                "description": description,
+                "type": "object",
+                "additionalProperties": { "type": ["number", "string", "boolean"] },
+            }),
+        );
         insert_effects(root, Scope::Scene);
     }
     if let Some(shot) = schema.pointer_mut("/$defs/Shot/required").and_then(Value::as_array_mut) {

@@ -111,7 +111,11 @@ fn wrong_types_units_and_ranges_show_the_value() {
 
     let panel = |value: &str| message(&SHEET.replace("\"$resolution\"", value));
     assert!(panel("-3").contains("expected a whole number, zero or more, found -3"), "{}", panel("-3"));
-    assert!(panel("\"fine\"").contains("`garment.0.panel.resolution`: expected a whole number"), "{}", panel("\"fine\""));
+    assert!(
+        panel("\"fine\"").contains("`garment.0.panel.resolution`: expected a whole number"),
+        "{}",
+        panel("\"fine\"")
+    );
     assert!(panel("0").contains("sheet.toml:12:24: a resolution of 0 is not possible"), "{}", panel("0"));
     let three = message(&SHEET.replace("[0, \"$height\", 0]", "[0, 1]"));
     assert!(three.contains("expected three numbers, found a list of 2"), "{three}");
@@ -150,7 +154,10 @@ fn parameters_are_numbers_texts_and_simple_products() {
     assert_eq!(scene.scene.garments[0].name, "sheet_low_4$");
     assert_eq!(scene.scene.garments[0].mesh.points.len(), 14 * 9);
     let text = message(&SHEET.replace("\"$resolution\"", "\"$resolutoin\""));
-    assert!(text.contains("there is no parameter `resolutoin`") && text.contains("did you mean `resolution`"), "{text}");
+    assert!(
+        text.contains("there is no parameter `resolutoin`") && text.contains("did you mean `resolution`"),
+        "{text}"
+    );
     let text = message(&SHEET.replace("\"$resolution\"", "\"$resolution / 3\""));
     assert!(text.contains("expected a whole number"), "{text}");
 }
@@ -191,7 +198,11 @@ fn a_wrong_set_shows_the_argument() {
     assert!(text("solver.clf", "2").contains("did you mean `cfl`"), "{}", text("solver.clf", "2"));
     assert!(text("garment.shirt.density", "2").contains("there is no `shirt`"));
     assert!(text("resolution", "fine").contains("is a number in the scene"));
-    assert!(text("solver.cfl", "fast").contains("--set:1:12: `solver.cfl`: expected a number"), "{}", text("solver.cfl", "fast"));
+    assert!(
+        text("solver.cfl", "fast").contains("--set:1:12: `solver.cfl`: expected a number"),
+        "{}",
+        text("solver.cfl", "fast")
+    );
 }
 
 const DRESSED: &str = r#"
@@ -337,7 +348,8 @@ fn the_resolved_file_is_read_to_the_same_description() {
 fn the_resolved_file_says_where_every_value_came_from() {
     let text = format!("{SHEET}[solver]\npreset = \"hero\"\n");
     let toml = resolve(&text).resolved;
-    let line = |start: &str| toml.lines().find(|l| l.starts_with(start)).unwrap_or_else(|| panic!("{start} in\n{toml}"));
+    let line =
+        |start: &str| toml.lines().find(|l| l.starts_with(start)).unwrap_or_else(|| panic!("{start} in\n{toml}"));
     for (start, origin) in [
         ("frames", "# scene"),
         ("fps = \"24\"", "# default"),

@@ -241,7 +241,9 @@ impl Reader<'_> {
             DeValue::Float(number) => {
                 Value::Float(number.as_str().parse().map_err(|_| wrong("this is not a number that f64 can hold"))?)
             }
-            DeValue::Datetime(_) => return Err(wrong("dates have no use in a scene; write text in quotes or a number")),
+            DeValue::Datetime(_) => {
+                return Err(wrong("dates have no use in a scene; write text in quotes or a number"));
+            }
             DeValue::Array(items) => Value::Array(items.iter().map(|item| self.node(item)).collect::<Result<_, _>>()?),
             DeValue::Table(table) => Value::Table(self.table(table)?),
         };

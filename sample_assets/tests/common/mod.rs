@@ -53,10 +53,14 @@ pub(crate) fn crossings(mesh: &SurfaceMesh) -> usize {
 }
 
 fn segment_crosses(p: Vec3, q: Vec3, [a, b, c]: [Vec3; 3]) -> bool {
-    let volume = |a: Vec3, b: Vec3, c: Vec3, d: Vec3| (b - a).cross(&(c - a)).dot(&(d - a));
-    let sides = [volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)];
-    volume(a, b, c, p) * volume(a, b, c, q) < 0.0
-        && (sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0))
+    // Six times the volume of a tetrahedron; rounding is about 1e-19 m3 here, and on a flat or conical surface all of
+    // them are rounding.
+    let side = |a: Vec3, b: Vec3, c: Vec3, d: Vec3| {
+        let volume = (b - a).cross(&(c - a)).dot(&(d - a));
+        if volume.abs() < 1e-15 { 0.0 } else { volume.signum() }
+    };
+    let turns = side(p, q, a, b) + side(p, q, b, c) + side(p, q, c, a);
+    side(a, b, c, p) * side(a, b, c, q) < 0.0 && turns.abs() == 3.0
 }
 
 /// Smallest distance \[m\] from vertices, edge middles and face centres of `from` to the triangles of `to`.

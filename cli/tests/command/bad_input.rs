@@ -1,0 +1,151 @@
+//! Bad input: `check` names the place and says what to do, with the exit code of the table; `run` refuses the same way and
+//! leaves nothing behind.
+
+use std::path::Path;
+
+use crate::{SHEET, drapery, folder_with};
+
+/// A garment from an OBJ file over a body from an OBJ file.
+const FROM_FILES: &str = r#"drapery = 1
+[shot]
+name = "files"
+frames = "1-3"
+[units]
+length = "m"
+[gravity]
+[[body]]
+name = "hero"
+file = "body.obj"
+[[garment]]
+name = "skirt"
+rest = "skirt.obj"
+density = "0.15 kg/m²"
+[output]
+format = ["abc"]
+"#;
+
+/// A closed body 1.7 m high, faces outwards.
+const BODY: &str = "v 0 0 0\nv 0.5 0 0\nv 0 0 0.5\nv 0 1.7 0\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";
+
+/// A square of cloth beside the body.
+const SKIRT: &str = "v 2 1 0\nv 3 1 0\nv 3 1 1\nv 2 1 1\nf 1 4 3 2\n";
+
+/// Runs `check` and `run`; both have to end with `code` and say all `parts`, and no output may appear.
+fn refused(folder: &Path, code: i32, parts: &[&str]) {
+    for arguments in [&["check", "scene.toml"][..], &["run", "scene.toml", "--out", "out"][..]] {
+        let outcome = drapery(folder, arguments);
+        assert_eq!(outcome.code, Some(code), "{arguments:?}\n{}", outcome.stderr);
+        for part in parts {
+            assert!(outcome.stderr.contains(part), "{arguments:?}: `{part}` is missing in\n{}", outcome.stderr);
+        }
+        assert_eq!(outcome.stderr.matches("Error:").count(), 1, "{}", outcome.stderr);
+        assert!(!folder.join("out").exists(), "{arguments:?} left output behind");
+    }
+}
+
+/// The scene of files with these texts in place of the body and the garment.
+fn with_files(body: &str, skirt: &str) -> tempfile::TempDir {
+    let folder = folder_with(FROM_FILES);
+    std::fs::write(folder.path().join("body.obj"), body).unwrap();
+    std::fs::write(folder.path().join("skirt.obj"), skirt).unwrap();
+    folder
+}
+
+#[test]
+fn sound_files_are_accepted() {
+    let folder = with_files(BODY, SKIRT);
+    let outcome = drapery(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    assert!(outcome.stdout.contains("frames 1-3 can be simulated"), "{}", outcome.stdout);
+}
+
+#[test]
+fn missing_files() {
+    let folder = folder_with(FROM_FILES);
+    refused(folder.path(), 66, &["body.obj", "skirt.obj", "there is no such file", "scene.toml:10:8", "help:"]);
+    let nothing = drapery(folder.path(), &["check", "no_scene.toml"]);
+    assert_eq!(nothing.code, Some(66));
+}
+
+#[test]
+fn a_misspelt_key_is_shown_with_the_nearest_word() {
+    let folder = folder_with(&SHEET.replace("friction", "fricton"));
+    refused(folder.path(), 78, &["scene.toml:12:1", "fricton", "friction"]);
+}
+
+#[test]
+fn meshes_that_cannot_be_simulated() {
+    let cases: [(&str, &str, &[&str]); 7] = [
+        ("no faces", "v 2 1 0\nv 3 1 0\nv 3 1 1\n", &["garment \"skirt\"", "no faces"]),
+        ("not a number", &SKIRT.replace("v 3 1 1", "v 3 nan 1"), &["garment \"skirt\"", "vertices 2", "not finite"]),
+        ("zero area", &format!("{SKIRT}v 4 1 0\nf 1 2 5\n"), &["garment \"skirt\"", "face 1", "area"]),
+        ("duplicate", &format!("{SKIRT}f 1 4 3 2\n"), &["garment \"skirt\"", "face 1"]),
+        ("isolated", &format!("v 9 9 9\n{}", SKIRT.replace("f 1 4 3 2", "f 2 5 4 3")), &["garment \"skirt\"", "0"]),
+        ("cut off", &SKIRT.replace("f 1 4 3 2", "f 1 4 3 7"), &["skirt.obj", "line 5", "point 7 does not exist"]),
+        ("corner twice", &SKIRT.replace("f 1 4 3 2", "f 1 4 4 2"), &["garment \"skirt\"", "face 0"]),
+    ];
+    for (name, skirt, parts) in cases {
+        println!("{name}");
+        refused(with_files(BODY, skirt).path(), 65, parts);
+    }
+}
+
+#[test]
+fn a_body_in_centimetres_read_as_metres() {
+    let large = BODY.replace("0.5", "50").replace("1.7", "170");
+    refused(with_files(&large, SKIRT).path(), 78, &["body \"hero\"", "170.000 m high", "units.length = \"cm\""]);
+}
+
+#[test]
+fn a_garment_that_starts_inside_the_body() {
+    let inside = SKIRT.replace("v 2 1 0", "v 0.1 0.3 0.1");
+    let parts = ["garment \"skirt\", vertex 0", "inside body \"hero\"", "deepest", "mm", "help:"];
+    refused(with_files(BODY, &inside).path(), 65, &parts);
+}
+
+#[test]
+fn a_pin_to_a_vertex_that_does_not_exist() {
+    let folder = folder_with(&SHEET.replace("[output]", "[[garment.pin]]\nvertices = [0, 99999]\n[output]"));
+    refused(folder.path(), 78, &["99999", "vertices"]);
+}
+
+#[test]
+fn a_cut_off_archive_and_frames_outside_an_archive() {
+    // A cache of our own makes the moving body.
+    let folder = folder_with(SHEET);
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--out", "first", "-q"]).code, Some(0));
+    let cache = std::fs::read(folder.path().join("first/sheet.abc")).unwrap();
+    std::fs::write(folder.path().join("body.abc"), &cache).unwrap();
+    let scene = FROM_FILES.replace("body.obj", "body.abc").replace("skirt.obj", "high.obj");
+    std::fs::write(folder.path().join("high.obj"), "v 2 5 0\nv 3 5 0\nv 3 5 1\nv 2 5 1\nf 1 4 3 2\n").unwrap();
+    std::fs::write(folder.path().join("scene.toml"), scene.replace("1-3", "1001-1010")).unwrap();
+    refused(folder.path(), 65, &["body \"hero\"", "from frame 1001 to 1004", "frames 1001 to 1010", "help:"]);
+    std::fs::write(folder.path().join("body.abc"), &cache[..cache.len() / 2]).unwrap();
+    refused(folder.path(), 65, &["body.abc", "truncated or corrupt"]);
+}
+
+#[test]
+fn a_body_that_changes_its_topology() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data/foreign_caches/abc/blender_changing_topology.abc");
+    if !file.exists() {
+        println!("skipped: no shared data");
+        return;
+    }
+    let scene = FROM_FILES.replace("body.obj", "body.abc").replace("1-3", "2-6");
+    let folder = folder_with(&scene);
+    std::fs::copy(file, folder.path().join("body.abc")).unwrap();
+    std::fs::write(folder.path().join("skirt.obj"), SKIRT).unwrap();
+    refused(folder.path(), 65, &["body \"hero\"", "/cloth/cloth", "frame 3", "topology"]);
+}
+
+#[test]
+fn frames_that_skip_or_start_late() {
+    let folder = folder_with(SHEET);
+    let late = drapery(folder.path(), &["run", "scene.toml", "--frames", "1003-1004"]);
+    assert_eq!(late.code, Some(2));
+    assert!(late.stderr.contains("a run starts at frame 1001"), "{}", late.stderr);
+    let skipping = drapery(folder.path(), &["run", "scene.toml", "--frames", "1001-1004x2"]);
+    assert_eq!(skipping.code, Some(2));
+    assert!(skipping.stderr.contains("cannot leave out frames"), "{}", skipping.stderr);
+}

@@ -1,0 +1,69 @@
+//! The command from outside: a folder, a command line, the expected text and exit code.
+
+mod bad_input;
+mod run;
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+/// What a command printed and how it ended.
+pub(crate) struct Outcome {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl From<Output> for Outcome {
+    fn from(output: Output) -> Self {
+        Self {
+            code: output.status.code(),
+            stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
+            stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+        }
+    }
+}
+
+/// `drapery` in a folder, without anything in the environment that could change what it does.
+pub(crate) fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_drapery"));
+    command.current_dir(folder).args(arguments).stdin(Stdio::null());
+    for name in ["DRAPERY_THREADS", "OMP_NUM_THREADS", "CUE_THREADS", "SLURM_CPUS_PER_TASK", "DRAPERY_LOG", "DRAPERY_PROGRESS"] {
+        command.env_remove(name);
+    }
+    command
+}
+
+/// Runs `drapery` in a folder and waits.
+pub(crate) fn drapery(folder: &Path, arguments: &[&str]) -> Outcome {
+    command(folder, arguments).output().expect("the command can be started").into()
+}
+
+/// A falling panel over a ball, frames 1001 to 1004.
+pub(crate) const SHEET: &str = r#"drapery = 1
+[parameters]
+resolution = 6
+[shot]
+name = "sheet"
+frames = "1001-1004"
+[gravity]
+[[body]]
+name = "ball"
+shape = { sphere = { radius = 0.2 } }
+position = [0.8, 0.0, 0.5]
+friction = 0.4
+[[garment]]
+name = "sheet"
+panel = { resolution = "$resolution" }
+density = "0.15 kg/m²"
+[garment.stretch]
+stiffness = "100 N/m"
+[output]
+format = ["abc"]
+"#;
+
+/// A folder with a scene in it.
+pub(crate) fn folder_with(scene: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("scene.toml"), scene).expect("it can be written to");
+    folder
+}

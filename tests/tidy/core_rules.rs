@@ -1,0 +1,86 @@
+//! What the solver promises by leaving out: files, environment, prints, clocks, orders of hash maps, stray small numbers.
+
+use crate::source_text::{code_only, small_numbers, without_tests};
+use crate::tree::{SourceFile, report, rust_files};
+
+/// What may not appear in the solver, and why.
+const FORBIDDEN: [(&str, &str); 9] = [
+    ("std::fs", "the solver reads and writes no files"),
+    ("std::env", "the environment may not change a result"),
+    ("std::net", "the solver talks to nobody"),
+    ("println!", "libraries never print"),
+    ("print!", "libraries never print"),
+    ("Instant", "only metrics.rs has a clock"),
+    ("SystemTime", "only metrics.rs has a clock"),
+    ("HashMap", "its order is not fixed"),
+    ("HashSet", "its order is not fixed"),
+];
+
+/// The only file with a clock.
+const CLOCK: &str = "core/src/metrics.rs";
+
+/// The only files with small numbers.
+const TOLERANCES: [&str; 2] = ["core/src/tolerances.rs", "core/src/geometry/tolerances.rs"];
+
+/// Small numbers elsewhere: file, number, and why it is no tolerance.
+const EXCEPTIONS: [(&str, &str, &str); 5] = [
+    ("core/src/settings.rs", "1e-2", "a centimetre"),
+    ("core/src/settings.rs", "1e-3", "a millimetre, a gram, a millisecond"),
+    ("core/src/settings.rs", "9.80665e-3", "a gram-force in newtons"),
+    ("core/src/scene.rs", "1e-9", "default of the setting solver.min_dt"),
+    ("core/src/simulation.rs", "1e-2", "cap of the automatic setting solver.cg_tolerance"),
+];
+
+fn solver_files() -> Vec<SourceFile> {
+    let is_test = |name: &str| name.ends_with("/tests.rs") || name.ends_with("/testing.rs");
+    rust_files().into_iter().filter(|f| f.name.starts_with("core/src/") && !is_test(&f.name)).collect()
+}
+
+#[test]
+fn the_solver_reads_no_files_prints_nothing_and_has_one_clock() {
+    let mut complaints = Vec::new();
+    for file in solver_files() {
+        let code = code_only(&file.text);
+        let code = without_tests(&code);
+        for (word, why) in FORBIDDEN {
+            let is_clock = file.name == CLOCK && word == "Instant";
+            if code.contains(word) && !is_clock {
+                complaints.push(format!("{}: {word}: {why}", file.name));
+            }
+        }
+    }
+    report(&complaints);
+}
+
+#[test]
+fn small_numbers_stand_in_the_tables_of_tolerances() {
+    let mut complaints = Vec::new();
+    let mut used = [false; EXCEPTIONS.len()];
+    for file in solver_files().iter().filter(|f| !TOLERANCES.contains(&f.name.as_str())) {
+        let code = code_only(&file.text);
+        for (line, number) in small_numbers(without_tests(&code)) {
+            match EXCEPTIONS.iter().position(|(name, allowed, _)| *name == file.name && *allowed == number) {
+                Some(exception) => used[exception] = true,
+                None => complaints.push(format!("{}:{line}: {number} belongs into tolerances.rs", file.name)),
+            }
+        }
+    }
+    let idle = EXCEPTIONS.iter().zip(used).filter(|(_, used)| !used);
+    complaints.extend(idle.map(|((file, number, _), _)| format!("{file} no longer has {number}: remove the exception")));
+    report(&complaints);
+}
+
+#[test]
+fn every_tolerance_says_which_test_guards_it() {
+    let all: String = rust_files().into_iter().map(|f| f.text).collect();
+    let mut complaints = Vec::new();
+    for file in rust_files().iter().filter(|f| TOLERANCES.contains(&f.name.as_str())) {
+        let comments: String = file.text.lines().filter_map(|line| line.strip_prefix("///")).collect();
+        for name in comments.split('`').skip(1).step_by(2).filter(|name| name.matches('_').count() >= 3) {
+            if !all.contains(&format!("fn {name}(")) {
+                complaints.push(format!("{}: no test is called {name}", file.name));
+            }
+        }
+    }
+    report(&complaints);
+}

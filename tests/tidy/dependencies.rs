@@ -1,0 +1,78 @@
+//! What each crate may depend on. A new dependency is a decision: it needs a page in `docs/decisions/` and a word here.
+
+use crate::tree::{report, root};
+
+/// Folder of a crate, its dependencies, and what only its tests and benches use.
+const ALLOWED: [(&str, &[&str], &[&str]); 6] = [
+    ("core", &["nalgebra", "rayon", "thiserror"], &["criterion"]),
+    ("io/alembic", &["thiserror"], &["proptest", "serde_json", "tempfile"]),
+    (
+        "io",
+        &[
+            "drapery-core", "drapery-alembic", "nalgebra", "thiserror", "serde", "serde_json", "toml",
+            "serde_path_to_error", "schemars", "strsim", "globset", "tobj", "hdf5",
+        ],
+        &["tempfile"],
+    ),
+    (
+        "cli",
+        &[
+            "drapery-core", "drapery-io", "clap", "miette", "thiserror", "tracing", "tracing-subscriber", "indicatif",
+            "serde_json", "rayon",
+        ],
+        &["tempfile"],
+    ),
+    ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["tempfile"]),
+    (
+        "tests",
+        &["drapery-core", "drapery-io", "drapery-alembic", "drapery-assets", "nalgebra", "serde_json", "tempfile"],
+        &[],
+    ),
+];
+
+/// Names under the tables `[dependencies]` and `[dev-dependencies]` of a manifest.
+fn dependencies(manifest: &str, table: &str) -> Vec<String> {
+    let mut inside = false;
+    let mut names = Vec::new();
+    for line in manifest.lines() {
+        let line = line.trim();
+        if line.starts_with('[') {
+            inside = line == format!("[{table}]");
+        } else if inside && !line.is_empty() && !line.starts_with('#') {
+            let name = line.split(['.', '=', ' ']).next().unwrap_or_default();
+            names.push(name.to_owned());
+        }
+    }
+    names
+}
+
+#[test]
+fn every_crate_depends_only_on_what_it_may() {
+    let mut complaints = Vec::new();
+    for (folder, allowed, in_tests) in ALLOWED {
+        let path = root().join(folder).join("Cargo.toml");
+        let manifest = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{folder}/Cargo.toml: {e}"));
+        for (table, may) in [("dependencies", allowed), ("dev-dependencies", in_tests), ("build-dependencies", &[])] {
+            let extra = dependencies(&manifest, table).into_iter().filter(|name| !may.contains(&name.as_str()));
+            complaints.extend(extra.map(|name| format!("{folder}/Cargo.toml: [{table}] {name}")));
+        }
+    }
+    report(&complaints);
+}
+
+#[test]
+fn every_member_of_the_workspace_has_its_list() {
+    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).expect("the workspace has a manifest");
+    let members = manifest.lines().find(|line| line.starts_with("members")).expect("it lists its members");
+    let named: Vec<&str> = members.split('"').skip(1).step_by(2).collect();
+    let mut listed: Vec<&str> = ALLOWED.iter().map(|(folder, ..)| *folder).collect();
+    listed.sort_unstable_by_key(|folder| named.iter().position(|name| name == folder));
+    assert_eq!(named, listed);
+}
+
+#[test]
+fn dependencies_are_read_from_a_manifest() {
+    let manifest = "[package]\nname = \"x\"\n[dependencies]\na.workspace = true\nb = \"1\"\n# c\n[dev-dependencies]\nd = \"1\"\n";
+    assert_eq!(dependencies(manifest, "dependencies"), ["a", "b"]);
+    assert_eq!(dependencies(manifest, "dev-dependencies"), ["d"]);
+}

@@ -1,0 +1,84 @@
+//! `docs/reference/effects.md`, from the registry of effects.
+
+use std::fmt::Write;
+
+use drapery_core::effects::{EffectSpec, REGISTRY, Scope};
+use drapery_core::settings::{Default, Dimension, Field};
+
+/// The page.
+pub(crate) fn page() -> String {
+    let mut page = String::from(HEAD);
+    for spec in REGISTRY {
+        page += &section(spec);
+    }
+    page
+}
+
+const HEAD: &str = "# Effects
+
+Written by a test from the registry in `core/src/effects/mod.rs`; change it there.
+
+An effect exists only if the scene asks for it; what is not asked for allocates nothing and runs nothing. They run in the
+order of this page. A number without a unit is in the unit of the column; a text may carry another one, as in \"2 mm\".
+The settings of a garment's `material` are those of its effects; what its own tables say overrides them.
+";
+
+fn section(spec: &EffectSpec) -> String {
+    let mut text = format!("\n## {}\n\n{}.\n\nAsked for {}.\n", spec.name, sentence(spec.summary), asked_for(spec));
+    if spec.fields.is_empty() {
+        text += "It has no settings of its own.\n";
+        return text;
+    }
+    text += "\n| setting | unit | default | range | |\n|---|---|---|---|---|\n";
+    for field in spec.fields {
+        let (unit, default, range) = (unit(field.dimension), default(field), range(field));
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "| `{}` | {unit} | {default} | {range} | {} |", field.name, field.help);
+    }
+    for field in spec.fields {
+        let others = &field.dimension.units()[1..];
+        if !others.is_empty() {
+            let names: Vec<&str> = others.iter().map(|(name, _)| *name).collect();
+            let _ = write!(text, "\nOther units of `{}`: {}.", field.name, names.join(", "));
+        }
+    }
+    text.trim_end().to_owned() + "\n"
+}
+
+fn asked_for(spec: &EffectSpec) -> String {
+    match (spec.scope, spec.name) {
+        (Scope::Scene, name) => format!("by the table `[{name}]` of the scene"),
+        (Scope::Garment, name) => format!("by the table `[garment.{name}]` under a `[[garment]]`, or by its `material`"),
+        (Scope::Implied, "pins") => "by any `[[garment.pin]]` with `mode = \"hard\"`, which is the default".to_owned(),
+        (Scope::Implied, "attachments") => "by any `[[garment.pin]]` with `mode = \"spring\"`".to_owned(),
+        (Scope::Implied, "body_collision") => "by any `[[body]]`".to_owned(),
+        (Scope::Implied, name) => panic!("say here what asks for {name}"),
+    }
+}
+
+/// The summary with a capital letter.
+fn sentence(summary: &str) -> String {
+    let mut letters = summary.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+fn unit(dimension: Dimension) -> &'static str {
+    match dimension.si_unit() {
+        "" => "–",
+        unit => unit,
+    }
+}
+
+fn default(field: &Field) -> String {
+    match field.default {
+        Default::Required => "has to be given".to_owned(),
+        Default::Number(value) => format!("{value}"),
+        Default::Vector(value) => format!("{value:?}"),
+        Default::Absent => "none".to_owned(),
+    }
+}
+
+fn range(field: &Field) -> String {
+    let (low, high) = field.range;
+    format!("{low} to {high}")
+}

@@ -1,0 +1,13 @@
+//! Rules of the source tree that no compiler checks: what each crate may depend on, how long files and functions may get,
+//! which words and numbers may not appear, and that the documentation names only what exists.
+
+mod core_rules;
+mod dependencies;
+mod docs;
+mod effects_page;
+mod pages;
+mod scene_page;
+mod size;
+mod source_text;
+mod tree;
+mod words;

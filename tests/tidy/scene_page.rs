@@ -1,0 +1,205 @@
+//! `docs/reference/scene.md`, from the JSON schema of the scene file.
+
+use std::collections::VecDeque;
+use std::fmt::Write;
+
+use drapery_core::effects::REGISTRY;
+use drapery_io::materials::PRESETS;
+use serde_json::Value;
+
+/// The page.
+pub(crate) fn page() -> String {
+    let schema: Value = serde_json::from_str(&drapery_io::scene_file::schema()).expect("the schema is JSON");
+    let mut page = String::from(HEAD);
+    // Tables in the order in which they are met; one that is met twice is printed once.
+    let mut tables = VecDeque::from([(String::new(), schema.clone())]);
+    let mut printed: Vec<String> = Vec::new();
+    while let Some((path, table)) = tables.pop_front() {
+        if printed.contains(&path) {
+            continue;
+        }
+        page += &section(&schema, &path, &table);
+        for (key, property) in sorted_properties(&table) {
+            if is_effect(&key) {
+                continue;
+            }
+            for inner in tables_of(&schema, property) {
+                let inner_path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                tables.push_back((inner_path, inner));
+            }
+        }
+        printed.push(path);
+    }
+    page + &materials()
+}
+
+const HEAD: &str = "# The scene file
+
+Written by a test from the JSON schema (`drapery schema`), which comes from the structs that read the file
+(`io/src/scene_file/raw/mod.rs`); change it there. The file is TOML. Bold keys have to be given. Positions, velocities and
+times are in metres, metres per second and seconds with Y up; `[units]` are those of the mesh files. Where a key takes a
+number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Any value may be \"$name\", which takes the
+parameter `name`. A key that is not here is an error that names the line and the nearest right word. Files are looked for
+from the folder of the scene file.
+";
+
+fn is_effect(key: &str) -> bool {
+    REGISTRY.iter().any(|spec| spec.name == key)
+}
+
+/// Keys of a table, the required ones first, then by name.
+fn sorted_properties(table: &Value) -> Vec<(String, &Value)> {
+    let mut properties: Vec<(String, &Value)> =
+        table["properties"].as_object().into_iter().flatten().map(|(k, v)| (k.clone(), v)).collect();
+    properties.sort_by_key(|(key, _)| (!is_required(table, key), key.clone()));
+    properties
+}
+
+fn is_required(table: &Value, key: &str) -> bool {
+    table["required"].as_array().is_some_and(|required| required.iter().any(|r| r == key))
+}
+
+/// The definition that a schema refers to, or itself.
+fn resolved<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {
+    match schema["$ref"].as_str() {
+        Some(reference) => root.pointer(reference.trim_start_matches('#')).unwrap_or(schema),
+        None => schema,
+    }
+}
+
+/// What a schema may be: itself, or each of its alternatives but `null`.
+fn alternatives<'a>(root: &'a Value, schema: &'a Value) -> Vec<&'a Value> {
+    let schema = resolved(root, schema);
+    let choices = schema["anyOf"].as_array().or(schema["oneOf"].as_array());
+    match choices {
+        Some(choices) => choices.iter().flat_map(|c| alternatives(root, c)).filter(|c| c["type"] != "null").collect(),
+        None => vec![schema],
+    }
+}
+
+/// The tables that a value may hold: of itself, or of its items.
+fn tables_of(root: &Value, schema: &Value) -> Vec<Value> {
+    let mut tables = Vec::new();
+    for choice in alternatives(root, schema) {
+        if choice["properties"].is_object() {
+            tables.push(choice.clone());
+        } else if choice["items"].is_object() {
+            tables.extend(tables_of(root, &choice["items"]));
+        }
+    }
+    tables.into_iter().reduce(merged).into_iter().collect()
+}
+
+/// One of several forms of a table: the keys of all of them, required only if there is just one form.
+fn merged(mut a: Value, b: Value) -> Value {
+    if let (Some(into), Some(from)) = (a["properties"].as_object_mut(), b["properties"].as_object()) {
+        into.extend(from.iter().map(|(k, v)| (k.clone(), v.clone())));
+    }
+    a["required"] = Value::Null;
+    a["description"] = Value::from("One of these keys.");
+    a
+}
+
+fn section(root: &Value, path: &str, table: &Value) -> String {
+    let title = if path.is_empty() { "Top level".to_owned() } else { format!("`{path}`") };
+    let mut text = format!("\n## {title}\n");
+    if let Some(description) = table["description"].as_str() {
+        let _ = write!(text, "\n{}\n", one_line(description));
+    }
+    if table["properties"].as_object().is_none_or(serde_json::Map::is_empty) {
+        return text + "\nIt has no keys: write `{}`.\n";
+    }
+    text += "\n| key | value | default | |\n|---|---|---|---|\n";
+    for (key, property) in sorted_properties(table) {
+        let name = if is_required(table, &key) { format!("**`{key}`**") } else { format!("`{key}`") };
+        let help = if is_effect(&key) {
+            format!("effect: [its settings](effects.md#{key})")
+        } else {
+            one_line(property["description"].as_str().or(resolved(root, property)["description"].as_str()).unwrap_or(""))
+        };
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "| {name} | {} | {} | {help} |", kind(root, property), default(property));
+    }
+    text
+}
+
+/// What may be written, in words.
+fn kind(root: &Value, property: &Value) -> String {
+    let mut words: Vec<String> = Vec::new();
+    for choice in alternatives(root, property) {
+        let word = kind_of_choice(root, choice);
+        if !words.contains(&word) {
+            words.push(word);
+        }
+    }
+    words.join(" or ")
+}
+
+fn kind_of_choice(root: &Value, choice: &Value) -> String {
+    if let Some(value) = choice.get("const") {
+        return format!("`{value}`");
+    }
+    if let Some(values) = choice["enum"].as_array() {
+        return values.iter().map(|v| format!("`{v}`")).collect::<Vec<_>>().join(" or ");
+    }
+    let kinds: Vec<&str> = match &choice["type"] {
+        Value::String(kind) => vec![kind],
+        Value::Array(kinds) => kinds.iter().filter_map(Value::as_str).filter(|kind| *kind != "null").collect(),
+        _ => vec!["value"],
+    };
+    // A text is allowed for every number because of "$name"; only quantities use it for units.
+    let is_array = kinds.contains(&"array");
+    let word = |kind: &&str| match *kind {
+        "array" => array_word(root, choice),
+        "integer" => "whole number".to_owned(),
+        "object" => "table".to_owned(),
+        "string" => "text".to_owned(),
+        "boolean" => "true or false".to_owned(),
+        other => other.to_owned(),
+    };
+    let shown = kinds.iter().filter(|kind| !(is_array && **kind == "string"));
+    shown.map(word).collect::<Vec<_>>().join(" or ")
+}
+
+fn array_word(root: &Value, array: &Value) -> String {
+    match array["maxItems"].as_u64() {
+        Some(count) => format!("list of {count}"),
+        None if array["items"].is_object() && !tables_of(root, &array["items"]).is_empty() => "tables".to_owned(),
+        None => "list".to_owned(),
+    }
+}
+
+fn default(property: &Value) -> String {
+    match &property["default"] {
+        Value::Null => String::new(),
+        Value::Object(_) => "the defaults of its keys".to_owned(),
+        value => format!("`{value}`"),
+    }
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
+}
+
+fn materials() -> String {
+    let mut text = String::from(
+        "\n## Materials\n\nWords for `garment.material`. Stiffness is the mean of warp and weft; where each number comes from \
+         stands in\n`io/src/materials.rs` and is printed by `drapery materials`.\n\n| word | | kg/m² | thickness | stretch \
+         | bending | damping ratio | friction |\n|---|---|---|---|---|---|---|---|\n",
+    );
+    for m in PRESETS {
+        let _ = writeln!(
+            text,
+            "| `{}` | {} | {} | {} mm | {} N/m | {} N/m | {} | {} |",
+            m.name,
+            m.summary,
+            m.density,
+            (m.thickness * 1e6).round() / 1e3,
+            m.stretch_stiffness,
+            m.bending_stiffness,
+            m.damping_ratio,
+            m.friction
+        );
+    }
+    text
+}

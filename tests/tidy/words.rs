@@ -1,0 +1,78 @@
+//! Words that may not appear anywhere: notes to oneself, and places of one machine.
+
+use crate::source_text::code_only;
+use crate::tree::{report, rust_files, text_files};
+
+/// The words in two halves, so that this file does not hold them itself.
+const NOTES: [[&str; 2]; 3] = [["TO", "DO"], ["FIX", "ME"], ["X", "XX"]];
+
+/// Folders that exist on one machine only.
+const PLACES: [[&str; 2]; 4] = [["/wo", "rk/"], ["/tm", "p/"], ["/ro", "ot/"], ["/ho", "me/"]];
+
+/// Macros that stand for unfinished code.
+const MACROS: [&str; 3] = ["todo!", "unimplemented!", "dbg!"];
+
+fn is_word(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+/// Lines (from 1) that hold `word`, not as a part of a longer one.
+fn lines_with(text: &str, word: &str) -> Vec<usize> {
+    let holds = |line: &str| {
+        line.match_indices(word).any(|(i, _)| {
+            let before = line[..i].chars().next_back().is_some_and(is_word);
+            let after = line[i + word.len()..].chars().next().is_some_and(is_word);
+            let begins_with_word = word.starts_with(is_word);
+            let ends_with_word = word.ends_with(is_word);
+            !(begins_with_word && before || ends_with_word && after)
+        })
+    };
+    text.lines().enumerate().filter(|(_, line)| holds(line)).map(|(number, _)| number + 1).collect()
+}
+
+#[test]
+fn no_file_holds_notes_to_oneself() {
+    let mut complaints = Vec::new();
+    for file in text_files() {
+        for word in NOTES.map(|halves| halves.concat()) {
+            let lines = lines_with(&file.text, &word);
+            complaints.extend(lines.iter().map(|line| format!("{}:{line}: {word}", file.name)));
+        }
+    }
+    report(&complaints);
+}
+
+#[test]
+fn no_file_names_a_place_of_one_machine() {
+    let mut complaints = Vec::new();
+    for file in text_files() {
+        for place in PLACES.map(|halves| halves.concat()) {
+            for (number, line) in file.text.lines().enumerate() {
+                // A relative path such as `frame/home/x` is not a place of a machine.
+                let absolute = |(i, _): (usize, &str)| !line[..i].ends_with(|c: char| is_word(c) || c == '.' || c == '/');
+                if line.match_indices(&place).any(absolute) {
+                    complaints.push(format!("{}:{}: {place}", file.name, number + 1));
+                }
+            }
+        }
+    }
+    report(&complaints);
+}
+
+#[test]
+fn no_code_is_unfinished() {
+    let mut complaints = Vec::new();
+    for file in rust_files() {
+        let code = code_only(&file.text);
+        for word in MACROS {
+            let lines = lines_with(&code, word);
+            complaints.extend(lines.iter().map(|line| format!("{}:{line}: {word}", file.name)));
+        }
+    }
+    report(&complaints);
+}
+
+#[test]
+fn whole_words_are_found_and_parts_of_words_are_not() {
+    assert_eq!(lines_with("a word\nwordy\nsword\n(word)", "word"), [1, 4]);
+}

@@ -1,0 +1,183 @@
+//! Runs the commands of the tour's pages and looks for the lines that the pages show.
+//!
+//! How a page is read:
+//!
+//! * A fenced block with the info string `sh run` holds commands, one a line (a line that ends with `\` goes on in the next
+//!   one). Each begins with `drapery` or `drapery-assets`, is run without a shell, and has to succeed. All commands of a page
+//!   run in one temporary folder that holds a copy of `sample_assets/scenes`.
+//! * A fenced block with the info string `text expect` holds lines that the commands of the last `sh run` block have to
+//!   print, in this order; others may stand between them. `…` in a line stands for anything.
+//! * Other blocks are for reading.
+//!
+//! The programs are those that the environment variables `DRAPERY` and `DRAPERY_ASSETS` name, or those beside this test's
+//! own executable; if there are none, the test says so and ends.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The pages of the tour.
+const PAGES: [&str; 3] = ["01_hanging_sheet", "02_cloth_on_a_ball", "03_dressed_character"];
+
+/// Something that a page asks for.
+#[derive(Debug, PartialEq, Eq)]
+enum Block {
+    /// Commands to run.
+    Run(Vec<String>),
+    /// Lines that they print.
+    Expect(Vec<String>),
+}
+
+/// The blocks of a page in their order.
+fn blocks(page: &str) -> Vec<Block> {
+    let mut found = Vec::new();
+    let mut lines = page.lines();
+    while let Some(line) = lines.next() {
+        let Some(info) = line.strip_prefix("```") else { continue };
+        let inside: Vec<String> = lines.by_ref().take_while(|l| !l.starts_with("```")).map(str::to_owned).collect();
+        match info.trim() {
+            "sh run" => found.push(Block::Run(joined(&inside))),
+            "text expect" => found.push(Block::Expect(inside)),
+            _ => {}
+        }
+    }
+    found
+}
+
+/// Lines that end with a backslash joined with the next.
+fn joined(lines: &[String]) -> Vec<String> {
+    let mut commands: Vec<String> = Vec::new();
+    let mut goes_on = false;
+    for line in lines.iter().filter(|line| !line.trim().is_empty()) {
+        let (text, more) = line.trim().strip_suffix('\\').map_or((line.trim(), false), |t| (t.trim_end(), true));
+        match commands.last_mut().filter(|_| goes_on) {
+            Some(command) => *command += &format!(" {text}"),
+            None => commands.push(text.to_owned()),
+        }
+        goes_on = more;
+    }
+    commands
+}
+
+/// Whether a printed line is what a page shows.
+fn fits(shown: &str, printed: &str) -> bool {
+    let shown = shown.trim_end();
+    let mut pieces = shown.split('…');
+    let Some(mut rest) = pieces.next().and_then(|first| printed.trim_end().strip_prefix(first)) else { return false };
+    let pieces: Vec<&str> = pieces.collect();
+    let Some((last, middle)) = pieces.split_last() else { return rest.is_empty() };
+    for piece in middle {
+        let Some(at) = rest.find(piece) else { return false };
+        rest = &rest[at + piece.len()..];
+    }
+    rest.ends_with(last)
+}
+
+/// The first shown line that is not printed after the ones before it.
+fn missing<'a>(shown: &'a [String], printed: &str) -> Option<&'a str> {
+    let mut lines = printed.lines();
+    shown.iter().find(|line| !lines.any(|p| fits(line, p))).map(String::as_str)
+}
+
+fn root() -> &'static Path {
+    // The manifest's folder has a parent: it is a member of the workspace.
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests live in a folder of the project")
+}
+
+/// A program of the workspace.
+fn program(variable: &str, name: &str) -> Option<PathBuf> {
+    if let Some(path) = std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_file()) {
+        return Some(path);
+    }
+    // target/PROFILE/deps/tour-… lies beside target/PROFILE/drapery.
+    let folder = std::env::current_exe().ok()?.parent()?.parent()?.to_owned();
+    let path = folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
+    path.is_file().then_some(path)
+}
+
+/// Runs one command; returns what it printed.
+fn run(command: &str, folder: &Path) -> Result<String, String> {
+    let mut words = command.split_whitespace();
+    let program = match words.next() {
+        Some("drapery") => program("DRAPERY", "drapery"),
+        Some("drapery-assets") => program("DRAPERY_ASSETS", "drapery-assets"),
+        other => panic!("the tour runs drapery and drapery-assets only, not {other:?}"),
+    };
+    let program = program.ok_or("it has not been built")?;
+    let output = Command::new(program).args(words).current_dir(folder).env_remove("DRAPERY_PROGRESS").output();
+    let output = output.map_err(|e| e.to_string())?;
+    let printed = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    if output.status.success() { Ok(printed) } else { Err(format!("{}\n{printed}", output.status)) }
+}
+
+/// Copies the sample scenes, which name their files relative to themselves.
+fn copy_scenes(folder: &Path) {
+    let to = folder.join("sample_assets/scenes");
+    std::fs::create_dir_all(&to).expect("the temporary folder can be written");
+    for entry in std::fs::read_dir(root().join("sample_assets/scenes")).expect("there are sample scenes").flatten() {
+        std::fs::copy(entry.path(), to.join(entry.file_name())).expect("the temporary folder can be written");
+    }
+}
+
+/// Runs a page of the tour.
+fn follow(name: &str) {
+    if program("DRAPERY", "drapery").is_none() || program("DRAPERY_ASSETS", "drapery-assets").is_none() {
+        println!("skipped: drapery and drapery-assets have not been built");
+        return;
+    }
+    let page = std::fs::read_to_string(root().join("docs/tour").join(name).with_extension("md")).expect("the page is there");
+    let folder = tempfile::tempdir().expect("there is a temporary folder");
+    copy_scenes(folder.path());
+    let mut printed = String::new();
+    for block in blocks(&page) {
+        match block {
+            Block::Run(commands) => {
+                printed.clear();
+                for command in commands {
+                    printed += &run(&command, folder.path()).unwrap_or_else(|e| panic!("{name}: {command}: {e}"));
+                }
+            }
+            Block::Expect(shown) => {
+                if let Some(line) = missing(&shown, &printed) {
+                    panic!("{name}: not printed, or not in this place: {line}\nprinted:\n{printed}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_page_of_the_hanging_sheet_tells_the_truth() {
+    follow(PAGES[0]);
+}
+
+#[test]
+fn the_page_of_cloth_on_a_ball_tells_the_truth() {
+    follow(PAGES[1]);
+}
+
+#[test]
+fn the_page_of_the_dressed_character_tells_the_truth() {
+    follow(PAGES[2]);
+}
+
+#[test]
+fn every_page_of_the_tour_is_followed() {
+    let mut there: Vec<String> = std::fs::read_dir(root().join("docs/tour"))
+        .expect("there is a tour")
+        .flatten()
+        .filter_map(|entry| entry.path().file_stem().map(|stem| stem.to_string_lossy().into_owned()))
+        .collect();
+    there.sort();
+    assert_eq!(there, PAGES);
+}
+
+#[test]
+fn a_page_is_read_as_the_convention_says() {
+    let page = "a\n```sh run\ndrapery x \\\n  y\ndrapery z\n```\n```text expect\n1 … 3\n```\n```sh\nls\n```\n";
+    let run = Block::Run(vec!["drapery x y".to_owned(), "drapery z".to_owned()]);
+    assert_eq!(blocks(page), [run, Block::Expect(vec!["1 … 3".to_owned()])]);
+    assert!(fits("1 … 3", "1 2 3") && fits("…3", "1 2 3") && fits("1 2 3", "1 2 3  ") && !fits("1 2", "1 2 3"));
+    assert!(!fits("1 … 4", "1 2 3"));
+    let shown = ["b".to_owned(), "a".to_owned()];
+    assert_eq!(missing(&shown, "a\nb\n"), Some("a"));
+}
