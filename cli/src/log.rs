@@ -1,6 +1,7 @@
 //! The log: short words on standard error, and everything as JSON lines in a file if one is asked for.
 
 use std::fs::File;
+use std::io::IsTerminal;
 use std::sync::Mutex;
 
 use drapery_io::error::IoError;
@@ -26,6 +27,7 @@ pub(crate) fn start(args: &LogArgs) -> Result<(), Failure> {
     let words = fmt::layer()
         .without_time()
         .with_target(false)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr)
         .with_filter(filter(chosen.as_deref().unwrap_or(level)));
     let lines = match &args.log_json {

@@ -28,7 +28,7 @@ impl Progress {
         let style = if quiet && style == ProgressStyle::Auto { ProgressStyle::None } else { style };
         let on_terminal = style == ProgressStyle::Auto && std::io::stderr().is_terminal();
         let bar = on_terminal.then(|| {
-            let template = BarStyle::with_template("{bar:32} {pos}/{len} {msg}");
+            let template = BarStyle::with_template("{bar:20} {pos}/{len} {wide_msg}");
             ProgressBar::new(total).with_style(template.unwrap_or_else(|_| BarStyle::default_bar()))
         });
         Self { style, bar, recent: Vec::new(), percent: None }

@@ -363,10 +363,13 @@ impl Surface {
         Ok(())
     }
 
-    /// Whether a corner of the triangle lies inside another part of the body at either sample.
+    /// Whether a corner of the triangle lies inside another part of the body at both samples. Where that holds at one of them
+    /// only, the surfaces part or meet in between: contact goes on, and surfaces that face each other too closely are seen
+    /// by the contact itself.
     fn is_buried(&self, triangle: u32) -> bool {
         let corners = self.mesh.triangles()[triangle as usize];
-        self.buried.iter().any(|buried| corners.iter().any(|c| buried.get(*c as usize).copied().unwrap_or(false)))
+        let inside = |buried: &Vec<bool>| corners.iter().any(|c| buried.get(*c as usize).copied().unwrap_or(false));
+        self.buried.iter().all(inside)
     }
 
     /// A closed body can only be entered; an open surface is met from both sides.

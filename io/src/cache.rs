@@ -1,9 +1,9 @@
-//! What mesh files and caches are to the rest of the program: a mesh with its attributes, a reader that can be asked for
-//! any time, and a writer that takes one frame after the other.
+//! What mesh files and caches are to the rest of the program: a mesh with its attributes, a reader that can be asked
+//! for any time, and a writer that takes one frame after the other.
 //!
-//! Readers and writers speak the file's own units and axes on the file's side; [`crate::mesh_source::MeshSource`] and the
-//! writers convert at the door. Faces are counter-clockwise seen from outside everywhere in the program; formats that
-//! store them the other way round are reversed on reading and again on writing.
+//! Readers and writers speak the file's own units and axes on the file's side; [`crate::mesh_source::MeshSource`] and
+//! the writers convert at the door. Faces are counter-clockwise seen from outside everywhere in the program; formats
+//! that store them the other way round are reversed on reading and again on writing.
 
 use std::path::Path;
 
@@ -90,7 +90,8 @@ pub trait MeshReader: Send {
     /// Paths of the objects that were chosen, in the order in which they are merged.
     fn objects(&self) -> Vec<String>;
 
-    /// Times at which anything of the chosen objects or their parents is stored [s], ascending; empty when nothing moves.
+    /// Times at which anything of the chosen objects or their parents is stored [s], ascending; empty when nothing
+    /// moves.
     fn sample_times(&self) -> &[f64];
 
     /// The mesh at a time [s]; between samples as [`MeshReader::positions_at`].

@@ -8,13 +8,21 @@ use drapery_alembic::AlembicError;
 #[derive(Debug, thiserror::Error)]
 pub enum IoError {
     /// A file that is to be read does not exist.
-    #[error("{}: there is no such file\n  help: check the path; relative paths start at the scene file's folder", path.display())]
+    #[error(
+        "{}: there is no such file\n  \
+         help: check the path; relative paths start at the scene file's folder",
+        path.display()
+    )]
     Missing {
         /// The file.
         path: PathBuf,
     },
     /// A file could not be read.
-    #[error("{}: could not be read: {source}\n  help: check that it is a file and that you may read it", path.display())]
+    #[error(
+        "{}: could not be read: {source}\n  \
+         help: check that it is a file and that you may read it",
+        path.display()
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -22,7 +30,11 @@ pub enum IoError {
         source: std::io::Error,
     },
     /// An output file or folder could not be created.
-    #[error("{}: could not be created: {source}\n  help: check that the folder exists and that you may write there", path.display())]
+    #[error(
+        "{}: could not be created: {source}\n  \
+         help: check that the folder exists and that you may write there",
+        path.display()
+    )]
     Create {
         /// The file or folder.
         path: PathBuf,
@@ -30,7 +42,11 @@ pub enum IoError {
         source: std::io::Error,
     },
     /// Writing to an output file failed.
-    #[error("{}: could not be written: {source}\n  help: the disk may be full; frames before this one are intact", path.display())]
+    #[error(
+        "{}: could not be written: {source}\n  \
+         help: the disk may be full; frames before this one are intact",
+        path.display()
+    )]
     Write {
         /// The file.
         path: PathBuf,
@@ -39,7 +55,8 @@ pub enum IoError {
     },
     /// The output folder holds another run.
     #[error(
-        "{}: this folder already holds a run\n  help: choose another folder with --out, or replace that run with --overwrite",
+        "{}: this folder already holds a run\n  \
+         help: choose another folder with --out, or replace that run with --overwrite",
         path.display()
     )]
     OutputExists {
@@ -48,7 +65,8 @@ pub enum IoError {
     },
     /// A cache would replace a file that the shot reads.
     #[error(
-        "{}: this file is an input of the shot; writing the cache would destroy it\n  help: choose another folder with --out",
+        "{}: this file is an input of the shot; writing the cache would destroy it\n  \
+         help: choose another folder with --out",
         path.display()
     )]
     OutputIsInput {
@@ -56,7 +74,11 @@ pub enum IoError {
         path: PathBuf,
     },
     /// A file's content cannot be used.
-    #[error("{}: {place}: {what}\n  help: {advice}", path.display())]
+    #[error(
+        "{}: {place}: {what}\n  \
+         help: {advice}",
+        path.display()
+    )]
     Data {
         /// The file.
         path: PathBuf,
@@ -68,7 +90,11 @@ pub enum IoError {
         advice: String,
     },
     /// A file has a format that is not read or written here.
-    #[error("{}: {what}\n  help: {advice}", path.display())]
+    #[error(
+        "{}: {what}\n  \
+         help: {advice}",
+        path.display()
+    )]
     Format {
         /// The file.
         path: PathBuf,
@@ -82,7 +108,11 @@ pub enum IoError {
     Alembic(#[from] AlembicError),
     /// The HDF5 library refused.
     #[cfg(feature = "hdf5")]
-    #[error("{}: HDF5: {source}\n  help: check that the folder exists, that you may write there, and free space", path.display())]
+    #[error(
+        "{}: HDF5: {source}\n  \
+         help: check that the folder exists, that you may write there, and free space",
+        path.display()
+    )]
     Hdf5 {
         /// The file.
         path: PathBuf,

@@ -1,17 +1,19 @@
 //! Preset materials: what the solver uses of each cloth today, and where every number comes from.
 //!
-//! In-plane stiffness is isotropic for now, so a preset holds the mean of warp and weft; cloth whose warp and weft differ
-//! (denim five-fold) needs anisotropic stretch, which is not here yet. Measured sources:
+//! In-plane stiffness is isotropic for now, so a preset holds the mean of warp and weft; cloth whose warp and weft
+//! differ (denim five-fold) needs anisotropic stretch, which is not here yet. Measured sources:
 //!
 //! * *Wang*: H. Wang, J. F. O'Brien, R. Ramamoorthi 2011, "Data-driven elastic models for cloth", as distributed with
 //!   ARCSim; stretch entries c11 and c22 in N/m over strain and angle. "mid" below is the middle of an entry's range.
-//! * *C-IPC*: tables of the C-IPC code; thickness, E·h or membrane stiffness in N/m. Its anisotropic "densities" are areal
+//! * *C-IPC*: tables of the C-IPC code; thickness, E·h or membrane stiffness in N/m. Its anisotropic "densities" are
+//!   areal
 //!   (g/m²) and are used as such.
-//! * *friction*: values of the calibration set of the ppf contact solver: silk 0.25, cotton 0.35, wool 0.40, denim 0.50.
+//! * *friction*: values of the calibration set of the ppf contact solver: silk 0.25, cotton 0.35, wool 0.40, denim
+//!   0.50.
 //!
-//! The stiffness of bending springs is not measured: a bending spring's resistance depends on the mesh. It is a share of
-//! the stretch stiffness (5 % soft, 10 % firm, 20 % stiff), ordered like the measured bending moduli. Damping ratios are
-//! not measured either: 1 for woven cloth, 2 for knits and leather, which ring less.
+//! The stiffness of bending springs is not measured: a bending spring's resistance depends on the mesh. It is a share
+//! of the stretch stiffness (5 % soft, 10 % firm, 20 % stiff), ordered like the measured bending moduli. Damping
+//! ratios are not measured either: 1 for woven cloth, 2 for knits and leather, which ring less.
 
 /// A preset material.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,7 +49,8 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 42.0,
         damping_ratio: 1.0,
         friction: 0.25,
-        provenance: "C-IPC silk: 0.18 mm, warp 774 and weft 895 N/m (mean 835), 83 g/m²; bending 5 %; friction of silk",
+        provenance: "C-IPC silk: 0.18 mm, warp 774 and weft 895 N/m (mean 835), 83 g/m²; bending 5 %; \
+                     friction of silk",
     },
     Material {
         name: "polyester_lining",
@@ -58,8 +61,9 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 10.0,
         damping_ratio: 1.0,
         friction: 0.25,
-        provenance: "Wang tango-red-jet-set: 0.113 kg/m², c11 43-227 and c22 171-405 N/m (mids 135 and 288, mean 212, \
-                     rounded); thickness of C-IPC polyester; bending 5 %; friction as silk, both are filament yarns",
+        provenance: "Wang tango-red-jet-set: 0.113 kg/m², c11 43-227 and c22 171-405 N/m (mids 135 and 288, \
+                     mean 212, rounded); thickness of C-IPC polyester; bending 5 %; friction as silk, both \
+                     are filament yarns",
     },
     Material {
         name: "cotton_shirting",
@@ -70,7 +74,8 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 13.0,
         damping_ratio: 1.0,
         friction: 0.35,
-        provenance: "C-IPC isotropic cotton: 0.318 mm, E·h 261 N/m, 0.150 kg/m²; bending 5 %; friction of cotton",
+        provenance: "C-IPC isotropic cotton: 0.318 mm, E·h 261 N/m, 0.150 kg/m²; bending 5 %; friction of \
+                     cotton",
     },
     Material {
         name: "cotton_jersey",
@@ -81,8 +86,8 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 7.5,
         damping_ratio: 2.0,
         friction: 0.35,
-        provenance: "Wang gray-interlock (60/40 cotton/polyester): 0.187 kg/m², c11 17-140 and c22 34-414 N/m (mids 79 \
-                     and 224, mean 151, rounded); thickness nominal; bending 5 %; friction of cotton",
+        provenance: "Wang gray-interlock (60/40 cotton/polyester): 0.187 kg/m², c11 17-140 and c22 34-414 N/m \
+                     (mids 79 and 224, mean 151, rounded); thickness nominal; bending 5 %; friction of cotton",
     },
     Material {
         name: "wool_suiting",
@@ -104,8 +109,8 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 12.0,
         damping_ratio: 2.0,
         friction: 0.40,
-        provenance: "Wang camel-ponte-roma: 0.284 kg/m², c11 31-144 and c22 44-269 N/m (mids 88 and 157, mean 122); \
-                     thickness nominal; bending 10 %; friction as wool, of similar surface",
+        provenance: "Wang camel-ponte-roma: 0.284 kg/m², c11 31-144 and c22 44-269 N/m (mids 88 and 157, mean \
+                     122); thickness nominal; bending 10 %; friction as wool, of similar surface",
     },
     Material {
         name: "denim_11oz",
@@ -116,9 +121,9 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 63.0,
         damping_ratio: 1.0,
         friction: 0.50,
-        provenance: "Wang 11oz-black-denim: 0.324 kg/m², c11 205-232 and c22 1014-1060 N/m (mids 219 and 1037, mean 628; \
-                     the real cloth is five times stiffer one way); thickness of C-IPC denim; bending 10 %; friction of \
-                     denim",
+        provenance: "Wang 11oz-black-denim: 0.324 kg/m², c11 205-232 and c22 1014-1060 N/m (mids 219 and \
+                     1037, mean 628; the real cloth is five times stiffer one way); thickness of C-IPC denim; \
+                     bending 10 %; friction of denim",
     },
     Material {
         name: "canvas",
@@ -129,8 +134,8 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 427.0,
         damping_ratio: 1.0,
         friction: 0.50,
-        provenance: "C-IPC canvas: 0.53 mm, warp 2844 and weft 1422 N/m (mean 2133), 294 g/m²; bending 20 %; friction as \
-                     denim, of similar surface",
+        provenance: "C-IPC canvas: 0.53 mm, warp 2844 and weft 1422 N/m (mean 2133), 294 g/m²; bending 20 %; \
+                     friction as denim, of similar surface",
     },
     Material {
         name: "leather_garment",
@@ -141,8 +146,9 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 427.0,
         damping_ratio: 2.0,
         friction: 0.50,
-        provenance: "not measured: nominal 0.8 mm at 700 kg/m³; stretch as canvas, which is softer than leather but gives \
-                     way by 0.3 % only under one metre of its own weight; bending 20 %; friction as denim",
+        provenance: "not measured: nominal 0.8 mm at 700 kg/m³; stretch as canvas, which is softer than \
+                     leather but gives way by 0.3 % only under one metre of its own weight; bending 20 %; \
+                     friction as denim",
     },
     Material {
         name: "paper",
@@ -153,9 +159,9 @@ pub const PRESETS: &[Material] = &[
         bending_stiffness: 1000.0,
         damping_ratio: 1.0,
         friction: 0.30,
-        provenance: "0.10 kg/m² as in Wang (computed); nominal 0.13 mm; its membrane stiffness of 5e5 N/m is cut to 5000, \
-                     which stretches by 0.02 % under one metre of its own weight and allows ten times longer steps; \
-                     bending 20 %; friction nominal",
+        provenance: "0.10 kg/m² as in Wang (computed); nominal 0.13 mm; its membrane stiffness of 5e5 N/m is \
+                     cut to 5000, which stretches by 0.02 % under one metre of its own weight and allows ten \
+                     times longer steps; bending 20 %; friction nominal",
     },
 ];
 

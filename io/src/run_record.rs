@@ -79,6 +79,20 @@ impl Manifest {
     }
 }
 
+/// Caches that the manifest of a folder lists; none when there is no manifest that can be read.
+pub fn listed_files(folder: &Path) -> Vec<PathBuf> {
+    let text = std::fs::read_to_string(folder.join(MANIFEST)).unwrap_or_default();
+    let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
+    let garments = manifest["garments"].as_array().into_iter().flatten();
+    let names =
+        garments.flat_map(|garment| garment["files"].as_array().into_iter().flatten()).filter_map(Value::as_str);
+    // Names only: a manifest that was tampered with must not reach files elsewhere.
+    names
+        .filter(|name| Path::new(name).components().count() == 1 && *name != "..")
+        .map(|name| folder.join(name))
+        .collect()
+}
+
 /// The record being written.
 #[derive(Debug)]
 pub struct RunRecord {

@@ -1,5 +1,5 @@
-//! The frame loop that the command, and any other door to the solver, runs: inputs in, frames through the solver, caches
-//! out.
+//! The frame loop that the command, and any other door to the solver, runs: inputs in, frames through the solver,
+//! caches out.
 //!
 //! Everything is checked before anything is written ([`Shot::prepare`]). The simulation always starts at the scene's
 //! first frame minus its pre-roll, because cloth has a history; only the end of the range can be chosen.
@@ -11,6 +11,7 @@ mod output;
 use std::path::PathBuf;
 
 use drapery_core::Vec3;
+use drapery_core::effects::PlannedEffect;
 use drapery_core::error::{Problem, Problems, StepError};
 use drapery_core::metrics::Metrics;
 use drapery_core::scene::{BodyShape, Scene, SceneDescription, Timeline};
@@ -21,7 +22,7 @@ use crate::cache::MeshData;
 use crate::error::IoError;
 use crate::formats;
 use crate::run_record;
-use crate::shot::check::{Span, check_motion, check_size};
+use crate::shot::check::{Span, check_faces, check_motion, check_size};
 use crate::shot::motion::{InputMotion, Preroll};
 use crate::shot::output::Output;
 use crate::units::Units;
@@ -226,7 +227,8 @@ impl Shot {
     /// Simulates and writes all frames; `observer` hears of each when it is on the disk.
     ///
     /// # Errors
-    /// The folder holds another run or cannot be written; an input breaks; the solver gives up. Frames before stay valid.
+    /// The folder holds another run or cannot be written; an input breaks; the solver gives up. Frames before stay
+    /// valid.
     pub fn run(
         mut self,
         options: &RunOptions,
@@ -291,7 +293,10 @@ impl Shot {
     /// Head of the record: what will run.
     fn header(&self, threads: usize) -> serde_json::Value {
         let timeline = self.about.timeline;
-        let effect = |effect: &drapery_core::effects::PlannedEffect| json!({"effect": effect.name, "garment": effect.garment, "because": effect.because, "bytes": effect.bytes});
+        let effect = |effect: &PlannedEffect| {
+            let (garment, because) = (&effect.garment, &effect.because);
+            json!({"effect": effect.name, "garment": garment, "because": because, "bytes": effect.bytes})
+        };
         json!({
             "record": "header",
             "application": crate::cache::APPLICATION,
@@ -350,9 +355,10 @@ impl Inputs {
         let span = Span { timeline: self.timeline, last_frame };
         let mut problems = Vec::new();
         for (body, motion) in scene.bodies.iter().zip(&self.bodies) {
-            if let (BodyShape::Surface { point_count, .. }, Some(motion)) = (&body.shape, motion) {
+            if let (BodyShape::Surface { triangles, point_count }, Some(motion)) = (&body.shape, motion) {
                 problems.extend(check_motion(motion, span, Some(*point_count)));
                 problems.extend(check_size(motion, span, warnings));
+                problems.extend(check_faces(motion, span, triangles, warnings));
             }
         }
         for track in &self.tracks {

@@ -1,5 +1,5 @@
-//! Units and axes of files. Everything inside Drapery is in metres with Y up; conversion happens where a file is read or
-//! written, and nowhere else.
+//! Units and axes of files. Everything inside Drapery is in metres with Y up; conversion happens where a file is read
+//! or written, and nowhere else.
 
 use std::fmt;
 

@@ -1,6 +1,6 @@
-//! Would other applications load this cache? The rules of the hand-off, checked on every frame of an Alembic file, ours or
-//! foreign: finite positions, constant topology, uniform times, velocities per second that agree with the motion, true
-//! bounds.
+//! Would other applications load this cache? The rules of the hand-off, checked on every frame of an Alembic file,
+//! ours or foreign: finite positions, constant topology, uniform times, velocities per second that agree with the
+//! motion, true bounds.
 
 use std::path::Path;
 

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
+use drapery_core::scene::Timeline;
 use drapery_io::mesh_source::MeshSource;
+use drapery_io::shot::motion::{InputMotion, Preroll};
 use drapery_io::units::Units;
 use serde_json::Value;
 
@@ -131,6 +133,12 @@ fn half_frames_and_missing_meshes_are_seen() {
     let halves = MeshSource::open(&folder.join("blender_half_frames.abc"), None, Units::SI).unwrap();
     assert_eq!(halves.times_between(1001.0 / 24.0, 1002.0 / 24.0).len(), 1);
     assert!(halves.covers(1001.0 / 24.0, 1013.0 / 24.0));
+    let motion = InputMotion { label: "body".into(), source: halves, rest: None, rows: None, own_units: false };
+    let timeline = Timeline { origin: 1001, start: 1001, ..Timeline::default() };
+    let samples = motion.samples(timeline, Preroll::default(), 1003).unwrap();
+    // One sample inside the frame and one exactly at its end, in seconds since the first frame.
+    assert_eq!(samples.len(), 2);
+    assert!((samples[0].time - 1.5 / 24.0).abs() < 1e-9 && samples[1].time == 2.0 / 24.0);
     let curves = MeshSource::open(&folder.join("cortex_curves.abc"), None, Units::SI).unwrap_err().to_string();
     assert!(curves.contains("it holds no mesh, but") && curves.contains("Curves"), "{curves}");
     let pattern = MeshSource::open(&folder.join("mayausd_cube.abc"), Some("/nothing/*"), Units::SI).unwrap_err();

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
-    Archive, ArchiveOptions, ArchiveWriter, Durability, PolyMesh, PolyMeshSample, PolyMeshWriter, TimeSampling, Topology,
-    XformWriter,
+    Archive, ArchiveOptions, ArchiveWriter, Durability, PolyMesh, PolyMeshSample, PolyMeshWriter, TimeSampling,
+    Topology, XformWriter,
 };
 use drapery_core::Vec3;
 use drapery_core::error::Problems;
@@ -107,7 +107,8 @@ fn a_run_leaves_caches_manifest_record_and_resolved_scene() {
     let folder = tempfile::tempdir().unwrap();
     let mut frames = Vec::new();
     let shot = Shot::prepare(falling(folder.path()), None).unwrap();
-    let report = shot.run(&options(folder.path()), &mut |frame| frames.push((frame.frame, frame.done, frame.total))).unwrap();
+    let report =
+        shot.run(&options(folder.path()), &mut |frame| frames.push((frame.frame, frame.done, frame.total))).unwrap();
     assert_eq!(frames, [(1001, 1, 3), (1002, 2, 3), (1003, 3, 3)]);
     assert_eq!(report.frames, 3);
     let out = folder.path().join("out");
@@ -137,7 +138,14 @@ fn another_run_is_replaced_only_when_asked() {
     let refused = run(false).unwrap_err();
     assert!(matches!(refused, ShotError::Io(IoError::OutputExists { .. })), "{refused}");
     assert!(refused.to_string().contains("--overwrite"));
+    // A cache of the old run that the new one does not write goes too.
+    let manifest = folder.path().join("out/manifest.json");
+    let stale = folder.path().join("out/sheet.h5");
+    std::fs::write(&stale, "old").unwrap();
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    std::fs::write(&manifest, text.replace("\"sheet.abc\"", "\"sheet.abc\", \"sheet.h5\"")).unwrap();
     run(true).unwrap();
+    assert!(!stale.exists());
 }
 
 #[test]

@@ -136,8 +136,9 @@ impl Wardrobe {
     }
 }
 
-/// Makes the assets and writes them into `folder`, which is created: `body.abc`, and for each garment `.abc`, `.obj` and,
-/// if it has a waist ring, `_pins.json`. The same order gives the same bytes. A file gets its name once it is complete.
+/// Makes the assets and writes them into `folder`, which is created: `body.abc`, and for each garment `.abc`, `.obj`
+/// and, if it has a waist ring, `_pins.json`. The same order gives the same bytes. A file gets its name once it is
+/// complete.
 ///
 /// # Errors
 /// An order out of range, or the first file that cannot be written.
@@ -187,10 +188,15 @@ fn archive_options(order: &Order, description: &str) -> ArchiveOptions {
     }
 }
 
-/// The faces in Alembic's order, clockwise seen from outside.
-fn clockwise(faces: &[Vec<usize>]) -> (Vec<i32>, Vec<i32>) {
+/// Corners of a face in Alembic's order, clockwise seen from outside. The first corner stays the first, and with it the
+/// diagonal at which a quad is split.
+pub fn clockwise(corners: &[usize]) -> impl Iterator<Item = usize> + '_ {
+    corners[..1].iter().chain(corners[1..].iter().rev()).copied()
+}
+
+fn counts_and_indices(faces: &[Vec<usize>]) -> (Vec<i32>, Vec<i32>) {
     let counts = faces.iter().map(|face| face.len() as i32).collect();
-    let indices = faces.iter().flat_map(|face| face.iter().rev().map(|&v| v as i32)).collect();
+    let indices = faces.iter().flat_map(|face| clockwise(face).map(|v| v as i32)).collect();
     (counts, indices)
 }
 
@@ -207,7 +213,7 @@ fn write_body(mannequin: &Mannequin, order: &Order, path: &Path) -> Result<(), E
     let walker = XformWriter::declare(&mut archive, root_object, "mannequin", sampling)?;
     let pelvis = XformWriter::declare(&mut archive, walker.object(), "body", sampling)?;
     let mut mesh = PolyMeshWriter::declare(&mut archive, pelvis.object(), "bodyShape", sampling)?;
-    let (face_counts, face_indices) = clockwise(&mannequin.rest.faces);
+    let (face_counts, face_indices) = counts_and_indices(&mannequin.rest.faces);
     let topology = Topology { face_counts: &face_counts, face_indices: &face_indices };
     let joint = Bone::Pelvis.rest_joint();
     for frame in first..=last {
@@ -241,10 +247,10 @@ fn write_garment(garment: &Garment, order: &Order, path: &Path) -> Result<(), Ex
     let xform = XformWriter::still(&mut archive, root_object, garment.name, None)?;
     let shape = format!("{}Shape", garment.name);
     let mut mesh = PolyMeshWriter::declare(&mut archive, xform.object(), &shape, 0)?;
-    let (face_counts, face_indices) = clockwise(&garment.mesh.faces);
+    let (face_counts, face_indices) = counts_and_indices(&garment.mesh.faces);
     let uvs: Vec<[f32; 2]> = garment.uvs.iter().map(|uv| uv.map(|value| value as f32)).collect();
     let uv_indices: Vec<u32> =
-        garment.uv_corners.iter().flat_map(|corners| corners.iter().rev().map(|&uv| uv as u32)).collect();
+        garment.uv_corners.iter().flat_map(|corners| clockwise(corners).map(|uv| uv as u32)).collect();
     let positions = single(&garment.mesh.points);
     let sample = PolyMeshSample {
         topology: Some(Topology { face_counts: &face_counts, face_indices: &face_indices }),

@@ -19,8 +19,8 @@ struct Arguments {
 enum Command {
     /// A mannequin that walks and then dances, with skirt, T-shirt and trousers
     ///
-    /// Writes body.abc, and for each garment .abc, .obj and, where it holds to the waist, _pins.json. Metres, y up, rest
-    /// pose at the first frame. The same arguments give the same bytes.
+    /// Writes body.abc, and for each garment .abc, .obj and, where it holds to the waist, _pins.json. Metres, y up,
+    /// rest pose at the first frame. The same arguments give the same bytes.
     Mannequin(MannequinArguments),
 }
 

@@ -7,7 +7,7 @@ use crate::motion::{Motion, Root};
 use crate::sdf::Vec3;
 use crate::skeleton::{Bone, pose_bones};
 use crate::skinning::{BoneWeights, skin, skin_weights};
-use crate::surface_mesh::{Grid, SurfaceMesh, relax_on, surface_net};
+use crate::surface_mesh::{Grid, SurfaceMesh, relax_on, start_at_better_diagonal, surface_net};
 
 /// Cell of the mesher at resolution 1 \[m\]; it gives about 10,000 points.
 const BODY_CELL: f64 = 0.0149;
@@ -56,6 +56,7 @@ fn body_mesh(limbs: &[Limb], cell: f64) -> SurfaceMesh {
     let field = |p: &Vec3| union(limbs, p);
     let mut mesh = surface_net(&field, &grid_around(limbs, 0.0, cell));
     relax_on(&field, &mut mesh, RELAX_PASSES);
+    start_at_better_diagonal(&field, &mut mesh);
     mesh
 }
 

@@ -1,4 +1,5 @@
-//! A walk that turns into a dance: joint angles as functions of time, and the path of the pelvis that follows from them.
+//! A walk that turns into a dance: joint angles as functions of time, and the path of the pelvis that follows from
+//! them.
 //!
 //! All curves have a continuous second derivative: periodic cubic splines, mixed by quintic weights. The height of the
 //! pelvis keeps the lowest sole at the floor, and its path keeps the supporting foot in place.
@@ -268,7 +269,8 @@ impl Motion {
             .collect()
     }
 
-    /// Horizontal velocity \[m/s\] that keeps the supporting points in place, and rise \[m\] that keeps them at the floor.
+    /// Horizontal velocity \[m/s\] that keeps the supporting points in place, and rise \[m\] that keeps them at the
+    /// floor.
     fn root_velocity_and_rise(&self, time: f64, rest_height: f64) -> [f64; 3] {
         let step = 0.5 / PATH_RATE;
         let (before, now, after) =

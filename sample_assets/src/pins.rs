@@ -80,13 +80,15 @@ fn nearest_weights(p: &Vec3, corners: [Vec3; 3]) -> [f64; 3] {
 /// The pin file: JSON with one pin a line, numbers in the shortest form that reads back the same.
 pub fn pins_json(garment: &str, pins: &[Pin]) -> String {
     let mut text = format!(
-        "{{\"what\": \"waist ring of {garment}.obj attached to the body surface\", \"body\": \"body.abc\", \"pins\": [\n"
+        "{{\"what\": \"waist ring of {garment}.obj attached to the body surface\", \"body\": \"body.abc\", \
+         \"pins\": [\n"
     );
     for (i, pin) in pins.iter().enumerate() {
         let end = if i + 1 < pins.len() { "," } else { "" };
         writeln!(
             text,
-            "{{\"vertex\": {}, \"body_vertices\": {:?}, \"weights\": {:?}, \"offset_tangent_bitangent_normal\": {:?}}}{end}",
+            "{{\"vertex\": {}, \"body_vertices\": {:?}, \"weights\": {:?}, \
+             \"offset_tangent_bitangent_normal\": {:?}}}{end}",
             pin.vertex, pin.body_vertices, pin.weights, pin.offset
         )
         .expect("a string takes any text");

@@ -10,6 +10,10 @@ use crate::surface_mesh::{SurfaceMesh, face_edges, sorted};
 const ROUNDS: usize = 14;
 /// Rounds at the end that only flip for shape and smooth.
 const FINISHING_ROUNDS: usize = 6;
+/// Altitude below which a triangle is thin, as a share of the edge length, and rounds that may be spent on thin
+/// triangles.
+const SMALLEST_ALTITUDE: f64 = 0.42;
+const EXTRA_ROUNDS: u32 = 8;
 /// Newton steps of a projection.
 const PROJECTION_STEPS: usize = 5;
 
@@ -51,22 +55,22 @@ pub fn cut_and_remesh(field: &Field, closed: &SurfaceMesh, cuts: &[Cut], edge: f
     }
     let mut remesher = Remesher::new(field, cuts, points, faces, openings, edge);
     for _ in 0..ROUNDS {
-        remesher.split_long_edges();
-        remesher.collapse_short_edges();
-        remesher.flip_edges(Remesher::valence_gain);
-        remesher.smooth();
-        remesher.smooth();
+        remesher.round(0.8);
     }
-    for _ in 0..FINISHING_ROUNDS {
-        remesher.flip_edges(Remesher::shape_gain);
-        remesher.smooth();
+    remesher.polish();
+    for extra in 1..=EXTRA_ROUNDS {
+        if remesher.smallest_altitude() > SMALLEST_ALTITUDE * edge {
+            break;
+        }
+        // A thin triangle that survived has edges just long enough; a little more is collapsed each time.
+        remesher.round(0.8 + 0.02 * f64::from(extra));
+        remesher.polish();
     }
-    remesher.flip_edges(Remesher::shape_gain);
     remesher.finish()
 }
 
-/// Keeps the part of the mesh on the near side of a cut, with new vertices on the plane. Vertices closer than `snap` \[m\]
-/// move onto it first.
+/// Keeps the part of the mesh on the near side of a cut, with new vertices on the plane. Vertices closer than `snap`
+/// \[m\] move onto it first.
 fn clip(points: &mut Vec<Vec3>, faces: &mut Vec<[usize; 3]>, cut: &Cut, snap: f64) {
     let mut side: Vec<f64> = points.iter().map(|p| if cut.reaches(p) { cut.beyond(p) } else { -1.0 }).collect();
     for (p, d) in points.iter_mut().zip(&mut side) {
@@ -127,6 +131,30 @@ impl<'a> Remesher<'a> {
         }
         let faces = faces.into_iter().map(Some).collect();
         Remesher { field, cuts, edge, points, faces, stars, openings }
+    }
+
+    fn round(&mut self, collapse_share: f64) {
+        self.split_long_edges();
+        self.collapse_short_edges(collapse_share);
+        self.flip_edges(Remesher::valence_gain);
+        self.smooth();
+        self.smooth();
+    }
+
+    fn polish(&mut self) {
+        for _ in 0..FINISHING_ROUNDS {
+            self.flip_edges(Remesher::shape_gain);
+            self.smooth();
+        }
+        self.flip_edges(Remesher::shape_gain);
+    }
+
+    fn smallest_altitude(&self) -> f64 {
+        let altitude = |face: &[usize; 3]| {
+            let longest = face_edges(face).map(|edge| self.length(edge)).fold(0.0, f64::max);
+            self.area_normal(*face).norm() / longest
+        };
+        self.faces.iter().flatten().map(altitude).fold(f64::INFINITY, f64::min)
     }
 
     fn edges(&self) -> Vec<[usize; 2]> {
@@ -215,10 +243,11 @@ impl<'a> Remesher<'a> {
         }
     }
 
-    fn collapse_short_edges(&mut self) {
+    /// Collapses edges shorter than `share` of the aim.
+    fn collapse_short_edges(&mut self, share: f64) {
         for edge in self.edges() {
             // An earlier collapse may have taken the edge away.
-            if self.length(edge) < 0.8 * self.edge && !self.faces_on(edge).is_empty() {
+            if self.length(edge) < share * self.edge && !self.faces_on(edge).is_empty() {
                 self.collapse(edge);
             }
         }
@@ -316,7 +345,8 @@ impl<'a> Remesher<'a> {
         worse([[a, d, c], [b, c, d]]) - worse([[a, b, c], [a, b, d]]) - 1e-6
     }
 
-    /// Moves every vertex along the surface toward the mean of its neighbours; on the boundary, of its boundary neighbours.
+    /// Moves every vertex along the surface toward the mean of its neighbours; on the boundary, of its boundary
+    /// neighbours.
     fn smooth(&mut self) {
         let mut moved = self.points.clone();
         for v in (0..self.points.len()).filter(|&v| !self.stars[v].is_empty()) {

@@ -14,7 +14,7 @@ const FALL_OFF: i32 = 3;
 /// Weights below this share are dropped: no vertex follows a far bone.
 const SMALLEST_WEIGHT: f64 = 0.01;
 /// Length over which the weights are averaged along the surface \[m\].
-const SMOOTHING_LENGTH: f64 = 0.035;
+const SMOOTHING_LENGTH: f64 = 0.05;
 
 /// Weights of the bones for one vertex; they are positive and add up to 1.
 pub type BoneWeights = Vec<(Bone, f64)>;

@@ -121,8 +121,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Grid of `cell`-sized cubes \[m\] that covers `lower..upper` with two cells to spare. In x it is symmetric about 0,
-    /// with the plane x = 0 in the middle of a cell.
+    /// Grid of `cell`-sized cubes \[m\] that covers `lower..upper` with two cells to spare. In x it is symmetric
+    /// about 0, with the plane x = 0 in the middle of a cell.
     pub fn around(lower: &Vec3, upper: &Vec3, cell: f64) -> Grid {
         let half = (lower.x.abs().max(upper.x.abs()) / cell).ceil() + 2.5;
         let origin = Vec3::new(-half * cell, lower.y - 2.37 * cell, lower.z - 2.41 * cell);
@@ -146,9 +146,9 @@ impl Grid {
     }
 }
 
-/// Quads on the zero level of `field`: one vertex in every cell that the surface crosses, at the mean of the crossings of
-/// the cell's edges, and one quad around every grid edge with a change of sign (surface nets, Gibson 1998). The quads
-/// form a manifold: see [`remove_ambiguities`].
+/// Quads on the zero level of `field`: one vertex in every cell that the surface crosses, at the mean of the
+/// crossings of the cell's edges, and one quad around every grid edge with a change of sign (surface nets, Gibson
+/// 1998). The quads form a manifold: see [`remove_ambiguities`].
 pub fn surface_net(field: &Field, grid: &Grid) -> SurfaceMesh {
     let mut values = grid.sample(field);
     remove_ambiguities(grid, &mut values);
@@ -270,24 +270,42 @@ fn quad_around_edge(
 }
 
 /// Evens out a closed mesh on the zero level of `field`: each pass moves every vertex along the surface toward the mean
-/// of its neighbours and projects it back.
+/// of the centres of its faces, weighted by their areas, and projects it back.
 pub fn relax_on(field: &Field, mesh: &mut SurfaceMesh, passes: usize) {
-    let mut neighbours = vec![Vec::new(); mesh.points.len()];
-    for ([a, b], _) in mesh.edges() {
-        neighbours[a].push(b);
-        neighbours[b].push(a);
+    let mut stars = vec![Vec::new(); mesh.points.len()];
+    for (i, face) in mesh.faces.iter().enumerate() {
+        face.iter().for_each(|&v| stars[v].push(i));
     }
     for _ in 0..passes {
         let old = &mesh.points;
+        let centers: Vec<(Vec3, f64)> = mesh.faces.iter().map(|face| center_and_area(old, face)).collect();
         let moved = |v: usize| {
-            let around = &neighbours[v];
-            let mean = around.iter().map(|&n| old[n]).sum::<Vec3>() / around.len() as f64;
+            let area: f64 = stars[v].iter().map(|&face| centers[face].1).sum();
+            let mean = stars[v].iter().map(|&face| centers[face].0 * centers[face].1).sum::<Vec3>() / area;
             let normal = gradient(field, &old[v]).normalize();
             let step = mean - old[v];
-            project(field, &(old[v] + (step - normal * normal.dot(&step)) * 0.6), PROJECTION_STEPS)
+            project(field, &(old[v] + (step - normal * normal.dot(&step)) * 0.8), PROJECTION_STEPS)
         };
         mesh.points = (0..old.len()).into_par_iter().map(moved).collect();
     }
+}
+
+/// Turns the corners of every quad so that the diagonal from its first corner is the one closer to the zero level of
+/// `field`: programs that split quads do it there, and a bent quad split the other way is a dent.
+pub fn start_at_better_diagonal(field: &Field, mesh: &mut SurfaceMesh) {
+    let x = &mesh.points;
+    for face in mesh.faces.iter_mut().filter(|face| face.len() == 4) {
+        let off = |a: usize, b: usize| field(&((x[a] + x[b]) / 2.0)).abs();
+        if off(face[1], face[3]) < off(face[0], face[2]) {
+            face.rotate_left(1);
+        }
+    }
+}
+
+fn center_and_area(points: &[Vec3], face: &[usize]) -> (Vec3, f64) {
+    let center = face.iter().map(|&v| points[v]).sum::<Vec3>() / face.len() as f64;
+    let turned = face_edges(face).map(|[a, b]| (points[a] - center).cross(&(points[b] - center))).sum::<Vec3>();
+    (center, 0.5 * turned.norm())
 }
 
 #[cfg(test)]

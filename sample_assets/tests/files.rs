@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use drapery_alembic::{Archive, PolyMesh};
-use drapery_assets::export::{Order, Wardrobe, write_mannequin};
+use drapery_assets::export::{Order, Wardrobe, clockwise, write_mannequin};
+use drapery_assets::pins::Pin;
+use drapery_assets::sdf::Vec3;
 
 /// A folder of its own that goes away with the test.
 struct Folder(PathBuf);
@@ -87,12 +89,42 @@ fn garments_read_back_with_texture_coordinates_and_face_sets() {
         let uv = mesh.uv().unwrap();
         assert!(uv.is_indexed());
         let stored: Vec<[f32; 2]> = uv.expanded(0).unwrap();
-        let corners = garment.uv_corners.iter().flat_map(|face| face.iter().rev());
-        assert!(stored.into_iter().eq(corners.map(|&corner| garment.uvs[corner].map(|value| value as f32))));
+        let corners = garment.uv_corners.iter().flat_map(|face| clockwise(face));
+        assert!(stored.into_iter().eq(corners.map(|corner| garment.uvs[corner].map(|value| value as f32))));
         let mut names: Vec<String> = mesh.face_sets().unwrap().into_iter().map(|set| set.name).collect();
         let mut expected: Vec<String> = garment.face_sets.iter().map(|(name, _)| name.to_string()).collect();
         names.sort();
         expected.sort();
         assert_eq!(names, expected);
+    }
+}
+
+#[test]
+fn the_pin_file_rebuilds_the_obj_from_the_alembic_body() {
+    let folder = Folder::new("pins");
+    write_mannequin(&order(), &folder.0).unwrap();
+    let archive = Archive::open(folder.0.join("body.abc")).unwrap();
+    let mesh = PolyMesh::open(&archive, "/mannequin/body/bodyShape").unwrap();
+    let body: Vec<Vec3> = mesh.world_positions(0).unwrap().into_iter().map(Vec3::from).collect();
+    let text = |name: &str| std::fs::read_to_string(folder.0.join(name)).unwrap();
+    let cloth: Vec<Vec3> = text("skirt.obj")
+        .lines()
+        .filter_map(|line| line.strip_prefix("v "))
+        .map(|line| Vec3::from_iterator(line.split(' ').map(|number| number.parse::<f64>().unwrap())))
+        .collect();
+    let file: serde_json::Value = serde_json::from_str(&text("skirt_pins.json")).unwrap();
+    let pins = file["pins"].as_array().unwrap();
+    assert!(pins.len() > 20 && file["body"] == "body.abc");
+    for pin in pins {
+        let index = |value: &serde_json::Value| value.as_u64().unwrap() as usize;
+        let three = |name: &str| std::array::from_fn::<f64, 3, _>(|i| pin[name][i].as_f64().unwrap());
+        let pin = Pin {
+            vertex: index(&pin["vertex"]),
+            body_vertices: std::array::from_fn(|i| index(&pin["body_vertices"][i])),
+            weights: three("weights"),
+            offset: three("offset_tangent_bitangent_normal"),
+        };
+        let off = (pin.position(&body) - cloth[pin.vertex]).norm();
+        assert!(off < 1e-6, "vertex {}: {off} m", pin.vertex);
     }
 }

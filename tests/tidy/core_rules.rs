@@ -66,7 +66,8 @@ fn small_numbers_stand_in_the_tables_of_tolerances() {
         }
     }
     let idle = EXCEPTIONS.iter().zip(used).filter(|(_, used)| !used);
-    complaints.extend(idle.map(|((file, number, _), _)| format!("{file} no longer has {number}: remove the exception")));
+    complaints
+        .extend(idle.map(|((file, number, _), _)| format!("{file} no longer has {number}: remove the exception")));
     report(&complaints);
 }
 

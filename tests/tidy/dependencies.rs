@@ -9,20 +9,39 @@ const ALLOWED: [(&str, &[&str], &[&str]); 6] = [
     (
         "io",
         &[
-            "drapery-core", "drapery-alembic", "nalgebra", "thiserror", "serde", "serde_json", "toml",
-            "serde_path_to_error", "schemars", "strsim", "globset", "tobj", "hdf5",
+            "drapery-core",
+            "drapery-alembic",
+            "nalgebra",
+            "thiserror",
+            "serde",
+            "serde_json",
+            "toml",
+            "serde_path_to_error",
+            "schemars",
+            "strsim",
+            "globset",
+            "tobj",
+            "hdf5",
         ],
         &["tempfile"],
     ),
     (
         "cli",
         &[
-            "drapery-core", "drapery-io", "clap", "miette", "thiserror", "tracing", "tracing-subscriber", "indicatif",
-            "serde_json", "rayon",
+            "drapery-core",
+            "drapery-io",
+            "clap",
+            "miette",
+            "thiserror",
+            "tracing",
+            "tracing-subscriber",
+            "indicatif",
+            "serde_json",
+            "rayon",
         ],
         &["tempfile"],
     ),
-    ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["tempfile"]),
+    ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["serde_json", "tempfile"]),
     (
         "tests",
         &["drapery-core", "drapery-io", "drapery-alembic", "drapery-assets", "nalgebra", "serde_json", "tempfile"],
@@ -72,7 +91,8 @@ fn every_member_of_the_workspace_has_its_list() {
 
 #[test]
 fn dependencies_are_read_from_a_manifest() {
-    let manifest = "[package]\nname = \"x\"\n[dependencies]\na.workspace = true\nb = \"1\"\n# c\n[dev-dependencies]\nd = \"1\"\n";
+    let manifest =
+        "[package]\nname = \"x\"\n[dependencies]\na.workspace = true\nb = \"1\"\n# c\n[dev-dependencies]\nd = \"1\"\n";
     assert_eq!(dependencies(manifest, "dependencies"), ["a", "b"]);
     assert_eq!(dependencies(manifest, "dev-dependencies"), ["d"]);
 }

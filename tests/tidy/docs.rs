@@ -30,7 +30,8 @@ fn code_marks(page: &str) -> Vec<(usize, String)> {
 
 /// Targets of links to files, with their line.
 fn links(page: &str) -> Vec<(usize, String)> {
-    let target = |text: &str| text.split(')').next().unwrap_or_default().split('#').next().unwrap_or_default().to_owned();
+    let target =
+        |text: &str| text.split(')').next().unwrap_or_default().split('#').next().unwrap_or_default().to_owned();
     let in_line = |(number, line): (usize, &str)| -> Vec<(usize, String)> {
         line.split("](").skip(1).map(|rest| (number + 1, target(rest))).collect()
     };
@@ -63,8 +64,9 @@ fn complaint_about_path(path: &str, item: Option<&str>) -> Option<String> {
     let item = item?;
     let text = std::fs::read_to_string(&file).unwrap_or_default();
     let defines = |kind: &str| {
-        let words = text.match_indices(&format!("{kind} {item}")).map(|(i, found)| text[i + found.len()..].chars().next());
-        words.flatten().any(|next| !next.is_alphanumeric() && next != '_')
+        let words = format!("{kind} {item}");
+        let after = |(i, found): (usize, &str)| text[i + found.len()..].chars().next();
+        text.match_indices(&words).filter_map(after).any(|next| !next.is_alphanumeric() && next != '_')
     };
     let kinds = ["fn", "struct", "enum", "trait", "const", "static", "type", "def"];
     (!kinds.into_iter().any(defines)).then(|| format!("{path} defines no {item}"))
@@ -88,9 +90,9 @@ fn links_between_the_pages_lead_somewhere() {
     for page in pages() {
         let path = root().join(&page.name);
         let folder = path.parent().map_or_else(root, Path::to_owned);
-        let broken = links(&page.text).into_iter().filter(|(_, link)| {
-            !folder.join(link).exists() && !MADE.iter().any(|made| made.ends_with(link.as_str()))
-        });
+        let broken = links(&page.text)
+            .into_iter()
+            .filter(|(_, link)| !folder.join(link).exists() && !MADE.iter().any(|made| made.ends_with(link.as_str())));
         complaints.extend(broken.map(|(line, link)| format!("{}:{line}: {link} does not exist", page.name)));
     }
     report(&complaints);
@@ -111,7 +113,8 @@ fn tests_named_in_the_pages_exist() {
         for (line, mark) in code_marks(&page.text).into_iter().filter(|(_, mark)| is_sentence(mark)) {
             let is_there = ["fn", "def"].iter().any(|word| sources.contains(&format!("{word} {mark}(")));
             // Long snake-case words that are no tests: environment of the solver's settings and counts.
-            let is_a_word_of_the_code = sources.contains(&format!("{mark}:")) || sources.contains(&format!("\"{mark}\""));
+            let is_a_word_of_the_code =
+                sources.contains(&format!("{mark}:")) || sources.contains(&format!("\"{mark}\""));
             if !is_there && !is_a_word_of_the_code {
                 complaints.push(format!("{}:{line}: no test is called {mark}", page.name));
             }

@@ -48,7 +48,9 @@ fn section(spec: &EffectSpec) -> String {
 fn asked_for(spec: &EffectSpec) -> String {
     match (spec.scope, spec.name) {
         (Scope::Scene, name) => format!("by the table `[{name}]` of the scene"),
-        (Scope::Garment, name) => format!("by the table `[garment.{name}]` under a `[[garment]]`, or by its `material`"),
+        (Scope::Garment, name) => {
+            format!("by the table `[garment.{name}]` under a `[[garment]]`, or by its `material`")
+        }
         (Scope::Implied, "pins") => "by any `[[garment.pin]]` with `mode = \"hard\"`, which is the default".to_owned(),
         (Scope::Implied, "attachments") => "by any `[[garment.pin]]` with `mode = \"spring\"`".to_owned(),
         (Scope::Implied, "body_collision") => "by any `[[body]]`".to_owned(),

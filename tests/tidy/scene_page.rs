@@ -82,12 +82,24 @@ fn tables_of(root: &Value, schema: &Value) -> Vec<Value> {
     let mut tables = Vec::new();
     for choice in alternatives(root, schema) {
         if choice["properties"].is_object() {
-            tables.push(choice.clone());
+            tables.push(with_described_key(choice.clone()));
         } else if choice["items"].is_object() {
             tables.extend(tables_of(root, &choice["items"]));
         }
     }
     tables.into_iter().reduce(merged).into_iter().collect()
+}
+
+/// A form of a table that has one key says there what the form itself says.
+fn with_described_key(mut table: Value) -> Value {
+    let description = table["description"].clone();
+    let properties = table["properties"].as_object_mut();
+    if let Some(only) =
+        properties.filter(|p| p.len() == 1).and_then(|p| p.values_mut().next()).and_then(Value::as_object_mut)
+    {
+        only.entry("description").or_insert(description);
+    }
+    table
 }
 
 /// One of several forms of a table: the keys of all of them, required only if there is just one form.
@@ -115,7 +127,9 @@ fn section(root: &Value, path: &str, table: &Value) -> String {
         let help = if is_effect(&key) {
             format!("effect: [its settings](effects.md#{key})")
         } else {
-            one_line(property["description"].as_str().or(resolved(root, property)["description"].as_str()).unwrap_or(""))
+            one_line(
+                property["description"].as_str().or(resolved(root, property)["description"].as_str()).unwrap_or(""),
+            )
         };
         // Writing to a String cannot fail.
         let _ = writeln!(text, "| {name} | {} | {} | {help} |", kind(root, property), default(property));
@@ -147,8 +161,8 @@ fn kind_of_choice(root: &Value, choice: &Value) -> String {
         Value::Array(kinds) => kinds.iter().filter_map(Value::as_str).filter(|kind| *kind != "null").collect(),
         _ => vec!["value"],
     };
-    // A text is allowed for every number because of "$name"; only quantities use it for units.
-    let is_array = kinds.contains(&"array");
+    // A text is allowed for every number because of "$name"; only quantities, which have no format, take units.
+    let is_plain = choice["format"].is_string() || kinds.contains(&"boolean");
     let word = |kind: &&str| match *kind {
         "array" => array_word(root, choice),
         "integer" => "whole number".to_owned(),
@@ -157,7 +171,7 @@ fn kind_of_choice(root: &Value, choice: &Value) -> String {
         "boolean" => "true or false".to_owned(),
         other => other.to_owned(),
     };
-    let shown = kinds.iter().filter(|kind| !(is_array && **kind == "string"));
+    let shown = kinds.iter().filter(|kind| !(is_plain && **kind == "string"));
     shown.map(word).collect::<Vec<_>>().join(" or ")
 }
 
@@ -171,6 +185,8 @@ fn array_word(root: &Value, array: &Value) -> String {
 
 fn default(property: &Value) -> String {
     match &property["default"] {
+        // JSON has no word for infinity.
+        Value::Null if property.get("default").is_some() => "no limit".to_owned(),
         Value::Null => String::new(),
         Value::Object(_) => "the defaults of its keys".to_owned(),
         value => format!("`{value}`"),

@@ -117,7 +117,8 @@ pub(crate) fn small_numbers(code: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
     for (number, line) in code.lines().enumerate() {
         for (i, _) in line.match_indices("e-") {
-            let mantissa: String = line[..i].chars().rev().take_while(|c| c.is_ascii_digit() || ".+_".contains(*c)).collect();
+            let mantissa: String =
+                line[..i].chars().rev().take_while(|c| c.is_ascii_digit() || ".+_".contains(*c)).collect();
             let exponent: String = line[i + 2..].chars().take_while(char::is_ascii_digit).collect();
             if !mantissa.is_empty() && !exponent.is_empty() {
                 found.push((number + 1, format!("{}e-{exponent}", mantissa.chars().rev().collect::<String>())));
@@ -129,7 +130,8 @@ pub(crate) fn small_numbers(code: &str) -> Vec<(usize, String)> {
 
 #[test]
 fn comments_texts_and_characters_are_blanked_and_lifetimes_are_not() {
-    let code = code_only("let a: &'static str = \"fn b() { // }\"; // fn c\nlet d = '{'; let e = r#\"\"\"#; /* { */ '\\''");
+    let code =
+        code_only("let a: &'static str = \"fn b() { // }\"; // fn c\nlet d = '{'; let e = r#\"\"\"#; /* { */ '\\''");
     assert!(code.contains("&'static str"));
     assert!(!code.contains("fn") && !code.contains('{'));
     assert_eq!(code.matches('\n').count(), 1);

@@ -49,7 +49,8 @@ fn no_file_names_a_place_of_one_machine() {
         for place in PLACES.map(|halves| halves.concat()) {
             for (number, line) in file.text.lines().enumerate() {
                 // A relative path such as `frame/home/x` is not a place of a machine.
-                let absolute = |(i, _): (usize, &str)| !line[..i].ends_with(|c: char| is_word(c) || c == '.' || c == '/');
+                let absolute =
+                    |(i, _): (usize, &str)| !line[..i].ends_with(|c: char| is_word(c) || c == '.' || c == '/');
                 if line.match_indices(&place).any(absolute) {
                     complaints.push(format!("{}:{}: {place}", file.name, number + 1));
                 }

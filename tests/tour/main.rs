@@ -7,6 +7,7 @@
 //!   run in one temporary folder that holds a copy of `sample_assets/scenes`.
 //! * A fenced block with the info string `text expect` holds lines that the commands of the last `sh run` block have to
 //!   print, in this order; others may stand between them. `…` in a line stands for anything.
+//! * A fenced block with the info string `toml scene PATH` is the scene at that path, but for comments and empty lines.
 //! * Other blocks are for reading.
 //!
 //! The programs are those that the environment variables `DRAPERY` and `DRAPERY_ASSETS` name, or those beside this test's
@@ -25,6 +26,8 @@ enum Block {
     Run(Vec<String>),
     /// Lines that they print.
     Expect(Vec<String>),
+    /// A scene file and its lines.
+    Scene(String, Vec<String>),
 }
 
 /// The blocks of a page in their order.
@@ -34,13 +37,20 @@ fn blocks(page: &str) -> Vec<Block> {
     while let Some(line) = lines.next() {
         let Some(info) = line.strip_prefix("```") else { continue };
         let inside: Vec<String> = lines.by_ref().take_while(|l| !l.starts_with("```")).map(str::to_owned).collect();
-        match info.trim() {
-            "sh run" => found.push(Block::Run(joined(&inside))),
-            "text expect" => found.push(Block::Expect(inside)),
+        match (info.trim(), info.trim().strip_prefix("toml scene ")) {
+            ("sh run", _) => found.push(Block::Run(joined(&inside))),
+            ("text expect", _) => found.push(Block::Expect(inside)),
+            (_, Some(path)) => found.push(Block::Scene(path.to_owned(), without_comments(&inside.join("\n")))),
             _ => {}
         }
     }
     found
+}
+
+/// The lines of a scene without comments, empty lines and spare blanks. No text of a sample scene holds a `#`.
+fn without_comments(scene: &str) -> Vec<String> {
+    let code = |line: &str| line.split('#').next().unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" ");
+    scene.lines().map(code).filter(|line| !line.is_empty()).collect()
 }
 
 /// Lines that end with a backslash joined with the next.
@@ -124,7 +134,8 @@ fn follow(name: &str) {
         println!("skipped: drapery and drapery-assets have not been built");
         return;
     }
-    let page = std::fs::read_to_string(root().join("docs/tour").join(name).with_extension("md")).expect("the page is there");
+    let page =
+        std::fs::read_to_string(root().join("docs/tour").join(name).with_extension("md")).expect("the page is there");
     let folder = tempfile::tempdir().expect("there is a temporary folder");
     copy_scenes(folder.path());
     let mut printed = String::new();
@@ -140,6 +151,11 @@ fn follow(name: &str) {
                 if let Some(line) = missing(&shown, &printed) {
                     panic!("{name}: not printed, or not in this place: {line}\nprinted:\n{printed}");
                 }
+            }
+            Block::Scene(path, shown) => {
+                let scene =
+                    std::fs::read_to_string(root().join(&path)).unwrap_or_else(|e| panic!("{name}: {path}: {e}"));
+                assert_eq!(without_comments(&scene), shown, "{name}: {path} has changed");
             }
         }
     }

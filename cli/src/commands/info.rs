@@ -16,7 +16,7 @@ pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
         say::line(format_args!("  {name}: {value}"));
     }
     let find = |key: &str| summary.properties.iter().find(|(name, _)| name.eq_ignore_ascii_case(key));
-    let fps = find("DCC_FPS").or(find("fps")).and_then(|(_, value)| value.parse().ok());
+    let fps = find("DCC_FPS").or(find("fps")).or(find("FramesPerTimeUnit")).and_then(|(_, value)| value.parse().ok());
     summary.meshes.iter().for_each(|mesh| print_mesh(mesh, fps));
     for (path, kind) in &summary.others {
         say::line(format_args!("{path}: {kind}"));
@@ -31,7 +31,8 @@ fn print_mesh(mesh: &MeshSummary, fps: Option<f64>) {
     say::line(format_args!("  faces: {triangles} triangles, {quads} quads, {others} with more corners"));
     say::line(format_args!("  topology: {}", mesh.topology));
     let [first, last] = mesh.times;
-    let frames = fps.map_or(String::new(), |fps| format!(", frames {:.3} to {:.3} at {fps} fps", first * fps, last * fps));
+    let frames =
+        fps.map_or(String::new(), |fps| format!(", frames {:.3} to {:.3} at {fps} fps", first * fps, last * fps));
     say::line(format_args!("  samples: {} from {first:.6} s to {last:.6} s{frames}", mesh.samples));
     if let Some([low, high]) = mesh.bounds {
         say::line(format_args!("  bounds of the first sample: {low:.6?} to {high:.6?}"));

@@ -1,5 +1,5 @@
-//! Bad input: `check` names the place and says what to do, with the exit code of the table; `run` refuses the same way and
-//! leaves nothing behind.
+//! Bad input: `check` names the place and says what to do, with the exit code of the table; `run` refuses the same
+//! way and leaves nothing behind.
 
 use std::path::Path;
 
@@ -78,15 +78,33 @@ fn meshes_that_cannot_be_simulated() {
     let cases: [(&str, &str, &[&str]); 7] = [
         ("no faces", "v 2 1 0\nv 3 1 0\nv 3 1 1\n", &["garment \"skirt\"", "no faces"]),
         ("not a number", &SKIRT.replace("v 3 1 1", "v 3 nan 1"), &["garment \"skirt\"", "vertices 2", "not finite"]),
-        ("zero area", &format!("{SKIRT}v 4 1 0\nf 1 2 5\n"), &["garment \"skirt\"", "face 1", "area"]),
-        ("duplicate", &format!("{SKIRT}f 1 4 3 2\n"), &["garment \"skirt\"", "face 1"]),
-        ("isolated", &format!("v 9 9 9\n{}", SKIRT.replace("f 1 4 3 2", "f 2 5 4 3")), &["garment \"skirt\"", "0"]),
+        ("zero area", &format!("{SKIRT}v 4 1 0\nf 1 2 5\n"), &["garment \"skirt\"", "faces 1 have no area"]),
+        ("duplicate", &format!("{SKIRT}f 1 4 3 2\n"), &["garment \"skirt\"", "faces 1 lie on other faces"]),
+        (
+            "isolated",
+            &format!("v 9 9 9\n{}", SKIRT.replace("f 1 4 3 2", "f 2 5 4 3")),
+            &["garment \"skirt\"", "vertices 0 belong to no face"],
+        ),
         ("cut off", &SKIRT.replace("f 1 4 3 2", "f 1 4 3 7"), &["skirt.obj", "line 5", "point 7 does not exist"]),
-        ("corner twice", &SKIRT.replace("f 1 4 3 2", "f 1 4 4 2"), &["garment \"skirt\"", "face 0"]),
+        ("corner twice", &SKIRT.replace("f 1 4 3 2", "f 1 4 4 2"), &["garment \"skirt\"", "faces 0 have no area"]),
     ];
     for (name, skirt, parts) in cases {
         println!("{name}");
         refused(with_files(BODY, skirt).path(), 65, parts);
+    }
+}
+
+#[test]
+fn bodies_without_a_clear_outside() {
+    let cases: [(&str, String, &[&str]); 4] = [
+        ("no faces", BODY.lines().filter(|line| line.starts_with('v')).collect::<Vec<_>>().join("\n"), &["no faces"]),
+        ("zero area", format!("{BODY}v 1 0 0\nf 1 2 5\n"), &["frame 1", "0-1-4 have no area"]),
+        ("duplicate", format!("{BODY}f 3 1 2\n"), &["frame 1", "2-0-1 are there twice"]),
+        ("not a number", BODY.replace("1.7", "nan"), &["frame 1", "vertex 3", "finite"]),
+    ];
+    for (name, body, parts) in cases {
+        println!("{name}");
+        refused(with_files(&body, SKIRT).path(), 65, &[&["body \"hero\""], parts].concat());
     }
 }
 

@@ -27,7 +27,9 @@ impl From<Output> for Outcome {
 pub(crate) fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_drapery"));
     command.current_dir(folder).args(arguments).stdin(Stdio::null());
-    for name in ["DRAPERY_THREADS", "OMP_NUM_THREADS", "CUE_THREADS", "SLURM_CPUS_PER_TASK", "DRAPERY_LOG", "DRAPERY_PROGRESS"] {
+    for name in
+        ["DRAPERY_THREADS", "OMP_NUM_THREADS", "CUE_THREADS", "SLURM_CPUS_PER_TASK", "DRAPERY_LOG", "DRAPERY_PROGRESS"]
+    {
         command.env_remove(name);
     }
     command

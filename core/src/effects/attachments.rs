@@ -82,7 +82,7 @@ impl Force for PartAttachments {
         }
     }
 
-    fn add_damping(&self, v: &[Vec3], f: &mut [Vec3]) {
+    fn add_damping(&self, _x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
         for a in self.springs.iter().filter(|a| a.active) {
             f[a.vertex] -= v[self.start + a.vertex] * a.damping;
         }

@@ -101,13 +101,13 @@ pub struct PartView<'a> {
 ///
 /// An element that crosses a border is evaluated by both parts, with the same operands.
 pub trait Force: Send + Sync {
-    /// Remembers directions at these positions for the damping products, and adds the forces that do not depend on
-    /// velocity to `f`, the part's own slice [N].
+    /// Remembers what damping products at these positions need, and adds the forces that do not depend on velocity to
+    /// `f`, the part's own slice [N].
     fn update(&mut self, view: &PartView<'_>, f: &mut [Vec3]);
 
     /// Adds the damping force at velocities `v` of all vertices to `f`, the part's own slice [N]. Linear in `v`, symmetric,
-    /// never adding energy; directions are those of the last `update`.
-    fn add_damping(&self, _v: &[Vec3], _f: &mut [Vec3]) {}
+    /// never adding energy; `x` are the positions of the last `update`.
+    fn add_damping(&self, _x: &[Vec3], _v: &[Vec3], _f: &mut [Vec3]) {}
 
     /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
     fn add_stiffness(&self, _sums: &mut [f64]) {}

@@ -4,14 +4,17 @@
 //! `k (l - l_rest) e - c ((v1 - v2)·e) e` and vertex 2 with the opposite; `k` in N/m, `c` in N s/m. The elastic term is the
 //! paper's `E (l/l0 - 1) e` with `k = E/l0`; the damping term carries the sign that dissipates.
 //!
-//! Storage: a part keeps the springs between its own vertices once, row by row, and those that leave it in a second list
-//! that changes its own ends only. For the damping product a spring is its direction times √c: 28 bytes, of which each is
-//! read once.
+//! Storage: a part keeps the springs between its own vertices once, in rows of equal length, and those that leave it in a
+//! second list that changes its own ends only. Each spring belongs to the row of one end, chosen so that rows have nearly
+//! the same length everywhere: loops of known length have no branches to mispredict. For the damping product a spring is
+//! `c / l²` and the number of its other end, 10 bytes; its direction is taken from the positions, which are shared by all
+//! springs of a vertex (`docs/decisions/0001-state-layout.md`).
 
 use crate::Vec3;
 use crate::effects::{BuildContext, Effect, Force, PartView};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
+use crate::parallel::parts::PART_SIZE;
 use crate::scene::Scene;
 use crate::settings::{Default, Dimension, Field, Settings};
 
@@ -132,26 +135,44 @@ fn stiffnesses(elements: &[SpringElement], stiffness: Stiffness, short_edges: Op
     (elements.iter().map(of).collect(), if softened > 0 { vec![note] } else { Vec::new() })
 }
 
+/// Longest row: vertices with more springs have several.
+const ROW: usize = 4;
+
+/// Rows of one length.
+#[derive(Debug, Clone, Copy)]
+struct RowGroup {
+    /// Springs of each row, from 1 to [`ROW`].
+    length: usize,
+    /// Number of rows.
+    count: usize,
+}
+
 /// The springs of one part.
 #[derive(Debug, Default)]
 struct PartSprings {
     /// First vertex of the part.
     start: usize,
-    /// For each vertex of the part, its first entry among the inner springs; one more at the end.
-    rows: Vec<u32>,
-    /// Other end of each inner spring, counted from the part's first vertex and greater than its row.
-    inner: Vec<u32>,
+    groups: Vec<RowGroup>,
+    /// Vertex of each row, counted from the part's first vertex; group after group.
+    rows: Vec<u16>,
+    /// Other end of each inner spring, counted from the part's first vertex; row after row.
+    inner: Vec<u16>,
     /// Own end (counted from the part's first vertex) and other end (in solver order) of each spring across the border.
     border: Vec<[u32; 2]>,
     /// Stiffness [N/m] and rest length [m], inner springs first.
     elastic: Vec<[f64; 2]>,
-    /// √c of each spring [(N s/m)^½].
-    root_damping: Vec<f64>,
-    /// Unit direction times √c at the last update.
-    directions: Vec<Vec3>,
+    /// Damping c of each spring [N s/m].
+    damping: Vec<f64>,
+    /// c / l² at the last update [N s/m³]; zero where the ends coincided.
+    scaled_damping: Vec<f64>,
     /// Whether the strain of these springs is the strain of the cloth.
     measures_strain: bool,
 }
+
+const _: () = assert!(PART_SIZE <= u16::MAX as usize, "rows number the vertices of a part by u16");
+
+/// A spring of one part: own end, other end (both in solver order) and element.
+type Entry = (usize, usize, usize);
 
 /// Sorts the springs of a garment into its parts.
 fn build_parts(
@@ -163,15 +184,15 @@ fn build_parts(
     measures_strain: bool,
 ) -> (Vec<(usize, Box<dyn Force>)>, usize) {
     let (parts, masses) = (scene.parts(), scene.masses());
-    // (part, own end, other end, element): sorted, so that rows are contiguous and every order is fixed by the scene.
-    let mut entries: Vec<(usize, bool, usize, usize, usize)> = Vec::with_capacity(elements.len() * 9 / 8);
+    // (part, whether it crosses the border, spring): sorted, so that every order is fixed by the scene.
+    let mut entries: Vec<(usize, bool, Entry)> = Vec::with_capacity(elements.len() * 9 / 8);
     for (number, element) in elements.iter().enumerate() {
         let [a, b] = element.vertices.map(|v| parts.solver_index(garment, v));
         let (a, b) = (a.min(b), a.max(b));
         let (part_a, part_b) = (parts.part_of(a), parts.part_of(b));
-        entries.push((part_a, part_a != part_b, a, b, number));
+        entries.push((part_a, part_a != part_b, (a, b, number)));
         if part_a != part_b {
-            entries.push((part_b, true, b, a, number));
+            entries.push((part_b, true, (b, a, number)));
         }
     }
     entries.sort_unstable();
@@ -179,30 +200,63 @@ fn build_parts(
     let mut built: Vec<(usize, Box<dyn Force>)> = Vec::new();
     for group in entries.chunk_by(|a, b| a.0 == b.0) {
         let range = parts.ranges()[group[0].0].clone();
+        let (inner, border) = group.split_at(group.partition_point(|(_, across, _)| !across));
         let mut springs = PartSprings { start: range.start, measures_strain, ..PartSprings::default() };
-        springs.rows = vec![0; range.len() + 1];
-        for &(_, across, own, other, number) in group {
+        let mut add = |own: usize, other: usize, number: usize| {
             let element = &elements[number];
             let k = stiffnesses[number];
             let reduced_mass = masses[own] * masses[other] / (masses[own] + masses[other]);
             springs.elastic.push([k, element.rest_length]);
-            springs.root_damping.push((2.0 * damping_ratio * (k * reduced_mass).sqrt()).sqrt());
-            if across {
-                springs.border.push([(own - range.start) as u32, other as u32]);
-            } else {
-                springs.rows[own - range.start + 1] += 1;
-                springs.inner.push((other - range.start) as u32);
+            springs.damping.push(2.0 * damping_ratio * (k * reduced_mass).sqrt());
+        };
+        let mut inner: Vec<Entry> = inner.iter().map(|e| e.2).collect();
+        for row in balanced_rows(&mut inner, &range) {
+            springs.rows.push((row[0].0 - range.start) as u16);
+            match springs.groups.last_mut() {
+                Some(group) if group.length == row.len() => group.count += 1,
+                _ => springs.groups.push(RowGroup { length: row.len(), count: 1 }),
+            }
+            for &(own, other, number) in row {
+                springs.inner.push((other - range.start) as u16);
+                add(own, other, number);
             }
         }
-        for i in 0..range.len() {
-            springs.rows[i + 1] += springs.rows[i];
+        for &(_, _, (own, other, number)) in border {
+            springs.border.push([(own - range.start) as u32, other as u32]);
+            add(own, other, number);
         }
-        springs.directions = vec![Vec3::zeros(); springs.elastic.len()];
-        bytes += springs.elastic.len() * (16 + 8 + 24) + springs.inner.len() * 4 + springs.border.len() * 8;
-        bytes += springs.rows.len() * 4;
+        springs.scaled_damping = vec![0.0; springs.elastic.len()];
+        bytes += springs.elastic.len() * (16 + 8 + 8) + springs.inner.len() * 2 + springs.border.len() * 8;
+        bytes += springs.rows.len() * 2;
         built.push((group[0].0, Box::new(springs)));
     }
     (built, bytes)
+}
+
+/// Gives every spring to the row of one of its ends so that no end could hand one over to make rows more equal, and
+/// returns the rows by length.
+fn balanced_rows<'a>(springs: &'a mut [Entry], vertices: &std::ops::Range<usize>) -> Vec<&'a [Entry]> {
+    let mut counts = vec![0_u32; vertices.len()];
+    springs.iter().for_each(|s| counts[s.0 - vertices.start] += 1);
+    loop {
+        let mut moved = false;
+        for spring in &mut *springs {
+            let (own, other) = (spring.0 - vertices.start, spring.1 - vertices.start);
+            // Each move makes the sum of squares of the counts smaller, so there is an end.
+            if counts[own] > counts[other] + 1 {
+                (counts[own], counts[other]) = (counts[own] - 1, counts[other] + 1);
+                (spring.0, spring.1) = (spring.1, spring.0);
+                moved = true;
+            }
+        }
+        if !moved {
+            break;
+        }
+    }
+    springs.sort_unstable();
+    let mut rows: Vec<_> = springs.chunk_by(|a, b| a.0 == b.0).flat_map(|of_vertex| of_vertex.chunks(ROW)).collect();
+    rows.sort_by_key(|row| row.len());
+    rows
 }
 
 /// Springs along the edges of a mesh.
@@ -213,70 +267,148 @@ pub fn along_edges(mesh: &TriangleMesh) -> Vec<SpringElement> {
         .collect()
 }
 
-impl PartSprings {
-    /// Tension over length of spring `s` when its ends are `u` apart; keeps its direction.
-    #[inline]
-    fn pull(&mut self, s: usize, u: Vec3) -> Vec3 {
-        let length = u.norm();
-        if length == 0.0 {
-            // Coinciding ends have no direction to pull along.
-            self.directions[s] = Vec3::zeros();
-            return Vec3::zeros();
+/// Rows of one length with what belongs to their springs.
+struct Rows<'a, T> {
+    vertices: &'a [u16],
+    others: &'a [u16],
+    elastic: &'a [[f64; 2]],
+    damping: &'a [f64],
+    scaled_damping: T,
+}
+
+impl<T: AsRef<[f64]>> Rows<'_, T> {
+    /// Adds `c (v2 - v1)·e e` of every spring to its ends.
+    fn add_damping<const N: usize>(&self, x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
+        let (x, v) = (&x[..f.len()], &v[..f.len()]);
+        let rows = self.vertices.iter().zip(self.others.as_chunks::<N>().0);
+        for ((i, others), scaled) in rows.zip(self.scaled_damping.as_ref().as_chunks::<N>().0) {
+            let i = usize::from(*i);
+            let (xi, vi) = (x[i], v[i]);
+            let mut sum = Vec3::zeros();
+            for n in 0..N {
+                let j = usize::from(others[n]);
+                let u = x[j] - xi;
+                let force = u * (scaled[n] * u.dot(&(v[j] - vi)));
+                sum += force;
+                f[j] -= force;
+            }
+            f[i] += sum;
         }
-        let [k, rest] = self.elastic[s];
-        let inverse = 1.0 / length;
-        self.directions[s] = u * (self.root_damping[s] * inverse);
-        u * (k * (length - rest) * inverse)
+    }
+}
+
+impl Rows<'_, &mut [f64]> {
+    /// Adds the tension of every spring to its ends and keeps c / l².
+    fn update<const N: usize>(&mut self, x: &[Vec3], f: &mut [Vec3]) {
+        let x = &x[..f.len()];
+        let rows = self.vertices.iter().zip(self.others.as_chunks::<N>().0);
+        let springs = self.elastic.as_chunks::<N>().0.iter().zip(self.damping.as_chunks::<N>().0);
+        let rows = rows.zip(springs).zip(self.scaled_damping.as_chunks_mut::<N>().0);
+        for (((i, others), (elastic, damping)), scaled) in rows {
+            let i = usize::from(*i);
+            let xi = x[i];
+            let mut sum = Vec3::zeros();
+            for n in 0..N {
+                let j = usize::from(others[n]);
+                let force;
+                (force, scaled[n]) = pull(&(x[j] - xi), elastic[n], damping[n]);
+                sum += force;
+                f[j] -= force;
+            }
+            f[i] += sum;
+        }
+    }
+}
+
+/// Force on the first end of a spring whose ends are `u` apart, and c / l².
+#[inline]
+fn pull(u: &Vec3, [k, rest]: [f64; 2], damping: f64) -> (Vec3, f64) {
+    let squared = u.norm_squared();
+    // Coinciding ends have no direction to pull along.
+    let inverse = if squared > 0.0 { 1.0 / squared } else { 0.0 };
+    // (l - l0) / l, without a second division.
+    let relative = 1.0 - rest * (squared.sqrt() * inverse);
+    (u * (k * relative), damping * inverse)
+}
+
+impl PartSprings {
+    /// The groups of rows, each with its slices; `scaled_damping` is what a call reads or writes.
+    fn row_groups(&self) -> impl Iterator<Item = (usize, Rows<'_, &[f64]>)> {
+        let (mut row, mut spring) = (0, 0);
+        self.groups.iter().map(move |group| {
+            let (rows, springs) = (row..row + group.count, spring..spring + group.count * group.length);
+            (row, spring) = (rows.end, springs.end);
+            let rows = Rows {
+                vertices: &self.rows[rows],
+                others: &self.inner[springs.clone()],
+                elastic: &self.elastic[springs.clone()],
+                damping: &self.damping[springs.clone()],
+                scaled_damping: &self.scaled_damping[springs],
+            };
+            (group.length, rows)
+        })
     }
 
     /// Every spring as (own end, other end, number, whether it crosses the border), ends in solver order.
     fn ends(&self) -> impl Iterator<Item = (usize, usize, usize, bool)> + '_ {
-        let inner = (0..self.rows.len() - 1).flat_map(move |i| {
-            let row = self.rows[i] as usize..self.rows[i + 1] as usize;
-            row.map(move |s| (self.start + i, self.start + self.inner[s] as usize, s, false))
-        });
+        let lengths = self.groups.iter().flat_map(|group| std::iter::repeat_n(group.length, group.count));
+        let own = self.rows.iter().zip(lengths).flat_map(|(row, length)| std::iter::repeat_n(*row, length));
+        let inner = own.zip(&self.inner).enumerate();
         let first = self.inner.len();
         let border = self.border.iter().enumerate();
-        inner.chain(border.map(move |(b, e)| (self.start + e[0] as usize, e[1] as usize, first + b, true)))
+        inner
+            .map(move |(s, (i, j))| (self.start + usize::from(i), self.start + usize::from(*j), s, false))
+            .chain(border.map(move |(b, e)| (self.start + e[0] as usize, e[1] as usize, first + b, true)))
     }
 }
 
 impl Force for PartSprings {
     fn update(&mut self, view: &PartView<'_>, f: &mut [Vec3]) {
         let own = &view.x[self.start..self.start + f.len()];
-        for i in 0..f.len() {
-            let mut sum = Vec3::zeros();
-            for s in self.rows[i] as usize..self.rows[i + 1] as usize {
-                let j = self.inner[s] as usize;
-                let force = self.pull(s, own[j] - own[i]);
-                sum += force;
-                f[j] -= force;
+        let (mut row, mut spring) = (0, 0);
+        for group in &self.groups {
+            let (rows, springs) = (row..row + group.count, spring..spring + group.count * group.length);
+            (row, spring) = (rows.end, springs.end);
+            let mut rows = Rows {
+                vertices: &self.rows[rows],
+                others: &self.inner[springs.clone()],
+                elastic: &self.elastic[springs.clone()],
+                damping: &self.damping[springs.clone()],
+                scaled_damping: &mut self.scaled_damping[springs],
+            };
+            match group.length {
+                1 => rows.update::<1>(own, f),
+                2 => rows.update::<2>(own, f),
+                3 => rows.update::<3>(own, f),
+                _ => rows.update::<ROW>(own, f),
             }
-            f[i] += sum;
         }
-        for b in 0..self.border.len() {
-            let [i, j] = self.border[b];
-            f[i as usize] += self.pull(self.inner.len() + b, view.x[j as usize] - own[i as usize]);
+        let first = self.inner.len();
+        let springs = self.elastic[first..].iter().zip(&self.damping[first..]);
+        for (([i, j], (elastic, damping)), scaled) in
+            self.border.iter().zip(springs).zip(&mut self.scaled_damping[first..])
+        {
+            let force;
+            (force, *scaled) = pull(&(view.x[*j as usize] - own[*i as usize]), *elastic, *damping);
+            f[*i as usize] += force;
         }
     }
 
-    fn add_damping(&self, v: &[Vec3], f: &mut [Vec3]) {
-        let own = &v[self.start..self.start + f.len()];
-        let (inner, border) = self.directions.split_at(self.inner.len());
-        for (i, row) in self.rows.windows(2).enumerate() {
-            let row = row[0] as usize..row[1] as usize;
-            let vi = own[i];
-            let mut sum = Vec3::zeros();
-            for (j, g) in self.inner[row.clone()].iter().zip(&inner[row]) {
-                let j = *j as usize;
-                let force = g * g.dot(&(own[j] - vi));
-                sum += force;
-                f[j] -= force;
+    fn add_damping(&self, x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
+        let part = self.start..self.start + f.len();
+        let (own_x, own_v) = (&x[part.clone()], &v[part]);
+        for (length, rows) in self.row_groups() {
+            match length {
+                1 => rows.add_damping::<1>(own_x, own_v, f),
+                2 => rows.add_damping::<2>(own_x, own_v, f),
+                3 => rows.add_damping::<3>(own_x, own_v, f),
+                _ => rows.add_damping::<ROW>(own_x, own_v, f),
             }
-            f[i] += sum;
         }
-        for ([i, j], g) in self.border.iter().zip(border) {
-            f[*i as usize] += g * g.dot(&(v[*j as usize] - own[*i as usize]));
+        for ([i, j], scaled) in self.border.iter().zip(&self.scaled_damping[self.inner.len()..]) {
+            let (i, j) = (*i as usize, *j as usize);
+            let u = x[j] - own_x[i];
+            f[i] += u * (scaled * u.dot(&(v[j] - own_v[i])));
         }
     }
 
@@ -290,14 +422,19 @@ impl Force for PartSprings {
     }
 
     fn strain_rate(&self, x: &[Vec3], v: &[Vec3]) -> f64 {
-        // |d(length)/dt| / rest length, compared as squares to spare the roots.
-        let squared = |(i, j, s, _): (usize, usize, usize, bool)| {
-            let (u, rest) = (x[j] - x[i], self.elastic[s][1]);
-            let along = (v[j] - v[i]).dot(&u);
-            let length_squared = u.norm_squared();
-            if length_squared > 0.0 { along * along / (length_squared * rest * rest) } else { 0.0 }
+        // The largest (change of length)² / (l rest)², kept as a fraction: most springs then need no division.
+        let (mut largest, mut over) = (0.0, 1.0);
+        let mut compare = |u: Vec3, change: Vec3, rest: f64| {
+            let along = change.dot(&u);
+            let (squared, length_squared) = (along * along, u.norm_squared() * rest * rest);
+            if squared * over > largest * length_squared && length_squared > 0.0 {
+                (largest, over) = (squared, length_squared);
+            }
         };
-        self.ends().map(squared).fold(0.0, f64::max).sqrt()
+        for (i, j, s, _) in self.ends() {
+            compare(x[j] - x[i], v[j] - v[i], self.elastic[s][1]);
+        }
+        (largest / over).sqrt()
     }
 
     fn energy(&self, view: &PartView<'_>) -> f64 {

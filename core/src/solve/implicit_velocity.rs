@@ -53,7 +53,7 @@ impl System for DampingSystem<'_> {
     fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]) {
         q.fill(Vec3::zeros());
         for force in &self.forces[part] {
-            force.add_damping(s, q);
+            force.add_damping(self.problem.x, s, q);
         }
         let (h, masses) = (self.problem.half_step, &self.problem.masses[self.problem.parts.ranges()[part].clone()]);
         for (q, m) in q.iter_mut().zip(masses) {

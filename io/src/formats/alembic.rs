@@ -1,5 +1,5 @@
-//! Alembic meshes: polygon meshes and subdivision surfaces, with the transforms of all parents applied at the time asked
-//! for. Objects are chosen by a pattern over their full paths; several are merged in the order of their paths.
+//! Alembic meshes: polygon meshes and subdivision surfaces, with the transforms of all parents applied at the time
+//! asked for. Objects are chosen by a pattern over their full paths; several are merged in the order of their paths.
 //!
 //! Alembic faces are clockwise seen from outside, so they are reversed on reading; under a mirrored parent they already
 //! are counter-clockwise in the world. Shears and scales need no care: points go through the full matrix.

@@ -17,8 +17,8 @@ use crate::cache::{APPLICATION, CacheFrame, CachePlan, CacheWriter, MeshData};
 use crate::error::IoError;
 use crate::units::Units;
 
-/// An Alembic cache being written. The file appears with its first frame: an archive without samples would be refused by
-/// the applications that load it.
+/// An Alembic cache being written. The file appears with its first frame: an archive without samples would be refused
+/// by the applications that load it.
 #[derive(Debug)]
 pub struct AlembicWriter {
     path: PathBuf,

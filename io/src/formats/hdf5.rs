@@ -1,8 +1,8 @@
 //! HDF5 caches: one file a garment, whole and readable from the moment it is created.
 //!
 //! The file is created with room for every planned frame and closed at once; frames are then written with plain
-//! positioned writes into the places of the datasets, each followed by its mark in `committed`. So nobody holds the file
-//! open through the HDF5 library: readers meet no lock, and a killed run leaves a file that opens like any other
+//! positioned writes into the places of the datasets, each followed by its mark in `committed`. So nobody holds the
+//! file open through the HDF5 library: readers meet no lock, and a killed run leaves a file that opens like any other
 //! (`docs/decisions/0002-hdf5-preallocated.md`). A frame whose mark is 0 reads as zeros.
 //!
 //! | dataset | shape | type | content |
@@ -117,7 +117,9 @@ impl CacheWriter for Hdf5Writer {
 /// # Errors
 /// The file cannot be opened or has another layout.
 pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
-    read_summary(path).map_err(|source| IoError::Hdf5 { path: path.to_owned(), source })
+    read_summary(path).map_err(|source| {
+        IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
+    })
 }
 
 fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {

@@ -4,7 +4,7 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::error::IoError;
+use crate::error::{IoError, IoErrorKind};
 
 /// One thing wrong with a scene file: what, where, and what to write instead.
 ///
@@ -26,7 +26,7 @@ pub struct SceneFileError {
 pub enum SceneErrorKind {
     /// The scene file itself.
     Scene,
-    /// A file that does not exist.
+    /// A file that is not there or may not be read.
     Missing,
     /// The content of a file that the scene names.
     Data,
@@ -75,8 +75,8 @@ impl SceneFileError {
             Some((message, help)) => (message.to_owned(), Some(help.to_owned())),
             None => (text, None),
         };
-        let kind =
-            if matches!(error, IoError::Missing { .. }) { SceneErrorKind::Missing } else { SceneErrorKind::Data };
+        let missing = error.kind() == IoErrorKind::MissingInput;
+        let kind = if missing { SceneErrorKind::Missing } else { SceneErrorKind::Data };
         Self { message, help, location, kind }
     }
 }

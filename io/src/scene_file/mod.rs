@@ -15,8 +15,8 @@
 //! corners = ["i0j0", "i0jn"]
 //! ```
 //!
-//! [`load`] reads a file, replaces parameters and applies `--set`; [`SceneFile::resolve`] opens the meshes that it names.
-//! What is not understood is an error that shows the line: a misspelt key must not cost a night of simulation.
+//! [`load`] reads a file, replaces parameters and applies `--set`; [`SceneFile::resolve`] opens the meshes that it
+//! names. What is not understood is an error that shows the line: a misspelt key must not cost a night of simulation.
 //! Positions, velocities and times in the scene file are SI with Y up; `[units]` are those of the mesh files.
 
 mod bodies;
@@ -71,8 +71,8 @@ pub fn load(path: &FilePath, overrides: &[(String, String)]) -> Result<SceneFile
     Ok(SceneFile { path: path.to_owned(), ..scene })
 }
 
-/// Reads a scene from text. `name` is used in messages and, without its folder and ending, as the name of a shot that has
-/// none; files in the scene are relative to `folder`.
+/// Reads a scene from text. `name` is used in messages and, without its folder and ending, as the name of a shot that
+/// has none; files in the scene are relative to `folder`.
 ///
 /// # Errors
 /// As [`load`].

@@ -1,7 +1,8 @@
 //! Named parameters, `$name` in values, and `--set`.
 //!
-//! `[parameters]` declares numbers and texts. A text that is `"$name"`, `"$name * 2"` or `"$name / 2"` becomes the number;
-//! within longer text, `$name` or `${name}` is replaced by the parameter's text (`"skirt$quality.obj"`); `$$` is a `$`.
+//! `[parameters]` declares numbers and texts. A text that is `"$name"`, `"$name * 2"` or `"$name / 2"` becomes the
+//! number; within longer text, `$name` or `${name}` is replaced by the parameter's text (`"skirt$quality.obj"`); `$$`
+//! is a `$`.
 
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;

@@ -43,8 +43,8 @@ fn read_file(path: &FilePath) -> Result<PinFile, IoError> {
     let text = std::fs::read_to_string(path).map_err(|error| IoError::reading(path, error))?;
     serde_json::from_str(&text).map_err(|error| {
         let place = format!("line {}, column {}", error.line(), error.column());
-        let advice = "a pin file holds {\"body\": name, \"pins\": [{\"vertex\": …, \"body_vertices\": [a, b, c], \"weights\": \
-                      […], \"offset_tangent_bitangent_normal\": […]}, …]}";
+        let advice = "a pin file holds {\"body\": name, \"pins\": [{\"vertex\": …, \"body_vertices\": [a, b, c], \
+                      \"weights\": […], \"offset_tangent_bitangent_normal\": […]}, …]}";
         IoError::data(path, place, error.to_string(), advice)
     })
 }
@@ -253,7 +253,7 @@ fn from_pin_file(file: &PinFile, body_points: usize, metres_per_unit: f64) -> Re
             return Err(format!("pin of vertex {vertex}: the body has no point {point}, only {body_points} points"));
         }
         let sum: f64 = pin.weights.iter().sum();
-        if !((sum - 1.0).abs() < 1e-3) {
+        if !sum.is_finite() || (sum - 1.0).abs() > 1e-3 {
             return Err(format!("pin of vertex {vertex}: its weights add up to {sum}, not to 1"));
         }
         // Weights in text are rounded; what is missing to one would pull the vertex towards the origin.

@@ -5,7 +5,7 @@ use crate::materials::{self, Material};
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
 use super::raw;
-use super::tree::{Node, Origin, Path, Place, Sources, Table, Value};
+use super::tree::{Node, Origin, Place, Sources, Table, Value};
 
 /// Fills in what the presets say, wherever the scene does not say it itself.
 ///
@@ -122,7 +122,7 @@ fn fill_bodies(root: &mut Node, used: &[&Material]) {
 /// Name of the shot where it is left out: that of the file.
 pub(super) fn fill_shot_name(root: &mut Node, file_stem: &str) {
     if let Some(shot) = root.as_table_mut().and_then(|t| t.get_mut("shot")) {
-        let place = Path::default().place(shot);
+        let place = shot.place.clone();
         if let Some(table) = shot.as_table_mut() {
             table.fill("name", Value::Text(file_stem.to_owned()), &place, Origin::Default);
         }

@@ -1,5 +1,5 @@
-//! Random numbers that are the same everywhere: SplitMix64 (Steele, Lea, Flood 2014, "Fast splittable pseudorandom number
-//! generators"), seeded by the scene.
+//! Random numbers that are the same everywhere: SplitMix64 (Steele, Lea, Flood 2014, "Fast splittable pseudorandom
+//! number generators"), seeded by the scene.
 
 /// A stream of random numbers.
 pub(super) struct Random(u64);

@@ -16,8 +16,8 @@ const COMMENT_COLUMN: usize = 44;
 /// Writes the scene with all defaults, one value a line, each with its origin. The loader reads it to the same scene.
 pub(super) fn write(scene: &SceneFile) -> String {
     let mut out = String::from(
-        "# The scene as it was run: every value, and where it came from. Numbers without a unit are in metres, seconds,\n\
-         # kilograms and newtons. This file can be run again.\n",
+        "# The scene as it was run: every value, and where it came from. Numbers without a unit are in metres,\n\
+         # seconds, kilograms and newtons. This file can be run again.\n",
     );
     for entry in &scene.parameters.0 {
         let origin = if matches!(entry.node.origin, Origin::Set(_)) { "--set" } else { "scene" };

@@ -84,11 +84,11 @@ fn allow_parameters(schema: &mut Value) {
     match schema {
         Value::Array(items) => items.iter_mut().for_each(allow_parameters),
         Value::Object(object) => {
-            if let Some(Value::String(kind)) = object.get("type") {
-                if ["number", "integer", "boolean"].contains(&kind.as_str()) {
-                    let kinds = json!([kind, "string"]);
-                    object.insert("type".to_owned(), kinds);
-                }
+            if let Some(Value::String(kind)) = object.get("type")
+                && ["number", "integer", "boolean"].contains(&kind.as_str())
+            {
+                let kinds = json!([kind, "string"]);
+                object.insert("type".to_owned(), kinds);
             }
             if let Some(Value::Array(kinds)) = object.get_mut("type") {
                 let holds = |word: &str| kinds.iter().any(|k| k == word);

@@ -82,7 +82,8 @@ pub(super) fn panel(panel: &Panel) -> Shape {
     Shape { mesh, uvs, grid: Some([m + 1, n + 1]) }
 }
 
-/// Triangles of a grid of m by n cells: the diagonal of a cell joins (i+1, j) to (i, j+1) if i is even, else the others.
+/// Triangles of a grid of m by n cells: the diagonal of a cell joins (i+1, j) to (i, j+1) if i is even, else the
+/// others.
 fn herring_bone(m: u32, n: u32) -> Vec<[u32; 3]> {
     let node = |i: u32, j: u32| i + (m + 1) * j;
     let mut triangles = Vec::with_capacity(2 * (m as usize) * (n as usize));
@@ -110,7 +111,8 @@ fn parabola(cells: u32) -> Vec<[f64; 2]> {
     (0..=cells)
         .map(|i| {
             let target = full * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
-            // Newton on a convex increasing function; ds/dx = √(1+9x²) ≥ 1, so it converges from anywhere in a few steps.
+            // Newton on a convex increasing function; ds/dx = √(1+9x²) ≥ 1, so it converges from anywhere in a few
+            // steps.
             let mut x = target / full;
             for _ in 0..20 {
                 x -= (arc(x) - target) / (3.0 * x).hypot(1.0);

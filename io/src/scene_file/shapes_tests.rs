@@ -68,8 +68,8 @@ fn a_centred_panel_is_turned_about_its_centre() {
 fn the_parabola_has_equal_arc_lengths_and_its_own_ends() {
     let made = panel(&Panel { side: 0.3, shape: PanelShape::Parabola, ..flat(100, 4.0) });
     let chords: Vec<f64> = made.mesh.points[..401].windows(2).map(|w| (w[1] - w[0]).norm()).collect();
-    // Arc length of y = 1.5 x² over [-1, 1] is (3√10 + asinh 3)/3. A chord is shorter by the share (curvature · step)²/24,
-    // and the curvature is at most 3 / 0.25.
+    // Arc length of y = 1.5 x² over [-1, 1] is (3√10 + asinh 3)/3. A chord is shorter by the share (curvature ·
+    // step)²/24, and the curvature is at most 3 / 0.25.
     let step = 0.25 * (3.0 * 10.0_f64.sqrt() + 3.0_f64.asinh()) / 3.0 / 400.0;
     let share = (12.0 * step).powi(2) / 24.0;
     assert!(chords.iter().all(|c| (0.0..1.01 * share).contains(&(1.0 - c / step))), "{chords:?} {step}");

@@ -1,6 +1,6 @@
 use drapery_core::Vec3;
-use drapery_core::scene::{Mass, PinHold, PinTarget};
-use drapery_core::settings::SettingValue;
+use drapery_core::scene::{EffectRequest, Mass, PinHold, PinTarget};
+use drapery_core::settings::{SettingValue, Settings};
 use tempfile::TempDir;
 
 use super::*;
@@ -76,7 +76,8 @@ fn an_unknown_key_shows_its_line_and_the_nearest_word() {
     let text = format!("{SHEET}[solver]\nclf = 2\n");
     assert_eq!(
         message(&text),
-        "scenes/sheet.toml:17:1: unknown key `clf` in `solver`\n   |\n17 | clf = 2\n   | ^^^\n  help: did you mean `cfl`?"
+        "scenes/sheet.toml:17:1: unknown key `clf` in `solver`\n   |\n17 | clf = 2\n   | ^^^\n  \
+         help: did you mean `cfl`?"
     );
 }
 
@@ -90,8 +91,9 @@ fn an_unknown_table_and_an_unknown_effect_key_are_reported_alike() {
     let text = SHEET.replace("[[garment.pin]]", "[garment.stretch]\nstifness = 100\n[[garment.pin]]");
     assert_eq!(
         message(&text),
-        "scenes/sheet.toml:15:1: unknown key `stifness` in `garment.0.stretch`\n   |\n15 | stifness = 100\n   | ^^^^^^^^\n  \
-         help: did you mean `stiffness`?"
+        "scenes/sheet.toml:15:1: unknown key `stifness` in `garment.0.stretch`\n   |\n15 | stifness = 100\n\
+         \x20  | ^^^^^^^^\n\
+         \x20 help: did you mean `stiffness`?"
     );
     let text = SHEET.replace("[[garment.pin]]", "[garment.strech]\n[[garment.pin]]");
     assert!(message(&text).contains("did you mean `stretch`"), "{}", message(&text));
@@ -192,8 +194,8 @@ fn a_wrong_set_shows_the_argument() {
     let text = |key: &str, value: &str| read_with(SHEET, &[(key, value)]).expect_err("wrong").to_string();
     assert_eq!(
         text("resolutoin", "6"),
-        "--set:1:1: the scene has no parameter `resolutoin`\n  |\n1 | resolutoin=6\n  | ^^^^^^^^^^\n  help: did you mean \
-         `resolution`?"
+        "--set:1:1: the scene has no parameter `resolutoin`\n  |\n1 | resolutoin=6\n  | ^^^^^^^^^^\n\
+         \x20 help: did you mean `resolution`?"
     );
     assert!(text("solver.clf", "2").contains("did you mean `cfl`"), "{}", text("solver.clf", "2"));
     assert!(text("garment.shirt.density", "2").contains("there is no `shirt`"));
@@ -320,6 +322,13 @@ fn pins_that_hold_nothing_real_are_refused() {
     assert!(pin("file = \"none.json\"").contains("there is no such file"));
 }
 
+/// Settings of an effect in SI units, with its defaults.
+fn values_in_use(request: &EffectRequest) -> Vec<(&'static str, SettingValue)> {
+    let fields = drapery_core::effects::find(&request.effect).expect("a known effect").fields;
+    let settings = Settings::check(fields, &request.settings).expect("checked settings");
+    settings.iter().map(|(name, value, _)| (name, value.clone())).collect()
+}
+
 #[test]
 fn the_resolved_file_is_read_to_the_same_description() {
     let folder = wardrobe();
@@ -328,11 +337,12 @@ fn the_resolved_file_is_read_to_the_same_description() {
         let first = resolve_in(&folder, &text).unwrap_or_else(|e| panic!("{}", e[0]));
         let elsewhere = tempfile::tempdir().expect("a temporary folder");
         let again = resolve_in(&elsewhere, &first.resolved).unwrap_or_else(|e| panic!("{}\n{}", e[0], first.resolved));
-        // Why an effect is there differs when a material's tables are written out; nothing else may.
+        // Reasons and origins differ when a preset's values are written out; nothing else may.
         let bare = |shot: &ShotDescription| {
             let mut scene = shot.scene.clone();
-            scene.effects.iter_mut().for_each(|e| e.because.clear());
-            format!("{scene:?}")
+            let effects = std::mem::take(&mut scene.effects);
+            let effects: Vec<_> = effects.iter().map(|e| (e.effect.clone(), e.garment, values_in_use(e))).collect();
+            format!("{scene:?} {effects:?}")
         };
         assert_eq!(bare(&first), bare(&again));
         assert_eq!((first.frames, &first.output, first.preroll), (again.frames, &again.output, again.preroll));

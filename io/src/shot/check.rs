@@ -1,8 +1,11 @@
 //! What can be wrong with moving inputs, frame by frame: everything is reported at once, before anything is simulated.
 
+use std::collections::BTreeSet;
+
 use drapery_core::Vec3;
 use drapery_core::error::Problem;
 use drapery_core::scene::Timeline;
+use drapery_core::tolerances::DEGENERATE_AREA;
 
 use crate::cache::Connectivity;
 use crate::error::IoError;
@@ -11,6 +14,9 @@ use crate::units::guess_problem;
 
 /// A step between samples this many times longer than usual is a hole.
 const HOLE: f64 = 1.5;
+
+/// Elements of one kind that are listed before the rest is only counted.
+const LISTED: usize = 5;
 
 /// Frames that the samples have to cover.
 #[derive(Debug, Clone, Copy)]
@@ -35,8 +41,8 @@ impl Span {
     }
 }
 
-/// Problems of one moving input over all samples that the shot uses. `points` is the number that the scene was built with,
-/// if it was.
+/// Problems of one moving input over all samples that the shot uses. `points` is the number that the scene was built
+/// with, if it was.
 pub(crate) fn check_motion(motion: &InputMotion, span: Span, points: Option<usize>) -> Vec<Problem> {
     let mut problems = Vec::new();
     problems.extend(outside(motion, span));
@@ -47,8 +53,8 @@ pub(crate) fn check_motion(motion: &InputMotion, span: Span, points: Option<usiz
     problems
 }
 
-/// A body of an unlikely size: an error when it is its height under the scene's general units, a warning when somebody has
-/// written units for this very body or when only its width is unusual (a floor).
+/// A body of an unlikely size: an error when it is its height under the scene's general units, a warning when
+/// somebody has written units for this very body or when only its width is unusual (a floor).
 pub(crate) fn check_size(motion: &InputMotion, span: Span, warnings: &mut Vec<String>) -> Option<Problem> {
     let mut positions = Vec::new();
     // A file that cannot be read is reported by the check of its samples.
@@ -65,6 +71,57 @@ pub(crate) fn check_size(motion: &InputMotion, span: Span, warnings: &mut Vec<St
     }
     let advice = "correct the units; if it really is that size, write `units` at this body";
     Some(Problem::scene(format!("{} ({})", motion.label, motion.source.path().display()), what, advice))
+}
+
+/// Faces of a body that have no normal, or lie on each other, in its first pose; points without faces are only odd.
+pub(crate) fn check_faces(
+    motion: &InputMotion,
+    span: Span,
+    triangles: &[[u32; 3]],
+    warnings: &mut Vec<String>,
+) -> Vec<Problem> {
+    let mut positions = Vec::new();
+    // A file that cannot be read is reported by the check of its samples.
+    if motion.source.positions_at(span.first_time(), &mut positions).is_err() {
+        return Vec::new();
+    }
+    let at = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
+    let flat = triangles.iter().filter(|&&[a, b, c]| {
+        let [u, v, w] = [at(b) - at(a), at(c) - at(a), at(c) - at(b)];
+        let longest = u.norm_squared().max(v.norm_squared()).max(w.norm_squared());
+        0.5 * u.cross(&v).norm() <= DEGENERATE_AREA * longest
+    });
+    let mut seen = BTreeSet::new();
+    let doubled = triangles.iter().filter(|corners| {
+        let mut key = **corners;
+        key.sort_unstable();
+        !seen.insert(key)
+    });
+    let place = place(motion, span, span.first_time());
+    let mut problems = Vec::new();
+    problems.extend(listed(flat).map(|list| {
+        let what = format!("faces between the points {list} have no area, so they have no outside");
+        Problem::data(&place, what, "delete these faces or dissolve their corners")
+    }));
+    problems.extend(listed(doubled).map(|list| {
+        Problem::data(&place, format!("faces between the points {list} are there twice"), "delete the duplicate faces")
+    }));
+    let used: BTreeSet<u32> = triangles.iter().flatten().copied().collect();
+    if used.len() < positions.len() {
+        warnings.push(format!("{place}: {} points belong to no face", positions.len() - used.len()));
+    }
+    problems
+}
+
+/// The first few triangles as text; `None` when there are none.
+fn listed<'a>(triangles: impl Iterator<Item = &'a [u32; 3]>) -> Option<String> {
+    let all: Vec<String> = triangles.map(|[a, b, c]| format!("{a}-{b}-{c}")).collect();
+    let more = all.len().saturating_sub(LISTED);
+    match more {
+        _ if all.is_empty() => None,
+        0 => Some(all.join(", ")),
+        _ => Some(format!("{} and {more} more", all[..LISTED].join(", "))),
+    }
 }
 
 fn place(motion: &InputMotion, span: Span, time: f64) -> String {

@@ -1,5 +1,5 @@
-//! Positions of moving inputs for each frame: the file's samples from the shot's first frame on, and the pre-roll that is
-//! made up before it.
+//! Positions of moving inputs for each frame: the file's samples from the shot's first frame on, and the pre-roll
+//! that is made up before it.
 //!
 //! Pre-roll: over the first `settle` frames the input keeps its rest pose while the cloth comes to rest on it; over the
 //! next `blend` frames every point moves on a straight line from the rest pose to the pose of the first frame, starting

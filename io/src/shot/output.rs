@@ -37,13 +37,17 @@ impl Output {
     pub(super) fn create(shot: &Shot, options: &RunOptions) -> Result<Self, IoError> {
         let folder = options.out.clone();
         let planned = planned(shot, &folder);
-        refuse_inputs(shot, &planned)?;
         let mut old: Vec<PathBuf> = [MANIFEST, RECORD, RESOLVED].map(|name| folder.join(name)).into();
         old.extend(planned.iter().map(|cache| cache.path.clone()));
+        // Caches of the earlier run that this one does not write again would belong to nothing.
+        old.extend(run_record::listed_files(&folder));
         old.retain(|path| path.exists());
+        refuse_inputs(shot, &old)?;
         if let (Some(path), false) = (old.first(), options.overwrite) {
             return Err(IoError::OutputExists { path: path.clone() });
         }
+        old.sort();
+        old.dedup();
         for path in old {
             fs::remove_file(&path).map_err(|e| IoError::creating(&path, e))?;
         }
@@ -127,16 +131,13 @@ fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
 }
 
 /// An output that is an input of the same shot would be destroyed before it is read.
-fn refuse_inputs(shot: &Shot, planned: &[Planned]) -> Result<(), IoError> {
-    let real = |path: &Path| fs::canonicalize(path).ok();
-    let inputs = shot.about.input_files.iter().chain([&shot.about.scene_path]);
-    for cache in planned {
-        let Some(output) = real(&cache.path) else { continue };
-        if inputs.clone().filter_map(|input| real(input)).any(|input| input == output) {
-            return Err(IoError::OutputIsInput { path: cache.path.clone() });
-        }
+fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
+    let real = |path: &PathBuf| fs::canonicalize(path).ok();
+    let inputs: Vec<PathBuf> = shot.about.input_files.iter().chain([&shot.about.scene_path]).filter_map(real).collect();
+    match outputs.iter().find(|output| real(output).is_some_and(|output| inputs.contains(&output))) {
+        Some(output) => Err(IoError::OutputIsInput { path: output.clone() }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 fn create(shot: &Shot, cache: &Planned) -> Result<Box<dyn CacheWriter>, IoError> {

@@ -99,7 +99,8 @@ fn chart(center: &Vec3) -> usize {
     2 * part + usize::from(center.z < SIDE_SEAM_Z)
 }
 
-/// Body panels are unrolled from a vertical cylinder, sleeve panels from a cylinder around the arm; 1 unit is about 1 m.
+/// Body panels are unrolled from a vertical cylinder, sleeve panels from a cylinder around the arm; 1 unit is about 1
+/// m.
 fn flatten(chart: usize, p: &Vec3) -> [f64; 2] {
     let facing = if chart.is_multiple_of(2) { 1.0 } else { -1.0 };
     let depth = (facing * (p.z - SIDE_SEAM_Z)).max(0.0);

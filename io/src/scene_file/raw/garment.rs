@@ -149,7 +149,8 @@ pub(in crate::scene_file) struct Tube {
     pub(in crate::scene_file) rotation: Option<Rotation>,
 }
 
-/// Small panels in a block of cells, each turned at random; the cells are as small as they can be without panels touching.
+/// Small panels in a block of cells, each turned at random; the cells are as small as they can be without panels
+/// touching.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Leaves {
@@ -214,8 +215,8 @@ pub(in crate::scene_file) struct Pin {
     /// A JSON file of pins: vertices, and where on a body they are attached.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) file: Option<String>,
-    /// "start": the place where a vertex starts. "here": the place where it is when the pin takes hold. "body:NAME": the surface of a body from a file. "track": positions from
-    /// the file in `track`.
+    /// "start": the place where a vertex starts. "here": the place where it is when the pin takes hold. "body:NAME":
+    /// the surface of a body from a file. "track": positions from the file in `track`.
     #[serde(default = "default_to")]
     pub(in crate::scene_file) to: String,
     /// With `to = "body:…"`: "file" takes the attachments of the JSON file, "nearest" the nearest point of the body's
@@ -234,7 +235,8 @@ pub(in crate::scene_file) struct Pin {
     /// When it lets go, in seconds since the first frame.
     #[serde(default = "forever")]
     pub(in crate::scene_file) until: f64,
-    /// With `to = "start"` or `to = "here"`: offsets from that place, [[seconds since the first frame, [dx, dy, dz]], …].
+    /// With `to = "start"` or `to = "here"`: offsets from that place, [[seconds since the first frame, [dx, dy, dz]],
+    /// …].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) path: Vec<(f64, [f64; 3])>,
     /// "hard": the vertex is where its target is. "spring": a spring pulls it there.

@@ -1,7 +1,8 @@
 //! The scene file as it is written: what serde reads, what the JSON schema describes, and every default of the format.
 //!
-//! The doc comments here and in its parts are shown by editors that use the schema, so they speak to the artist. Positions,
-//! velocities and times are in metres, metres per second and seconds with Y up, whatever the units of the input files.
+//! The doc comments here and in its parts are shown by editors that use the schema, so they speak to the artist.
+//! Positions, velocities and times are in metres, metres per second and seconds with Y up, whatever the units of the
+//! input files.
 
 mod garment;
 mod values;
@@ -109,8 +110,8 @@ pub(in crate::scene_file) struct Solver {
     pub(in crate::scene_file) min_dt: Quantity,
     /// Largest relative change of an edge's length in one step.
     pub(in crate::scene_file) strain_per_step: f64,
-    /// Residual at which the damping solve stops, in m/s; "auto" takes the smaller of 1 cm/s and a tenth of what gravity
-    /// adds in one step.
+    /// Residual at which the damping solve stops, in m/s; "auto" takes the smaller of 1 cm/s and a tenth of what
+    /// gravity adds in one step.
     pub(in crate::scene_file) cg_tolerance: Quantity,
     /// Largest number of iterations of one damping solve.
     pub(in crate::scene_file) cg_max_iterations: usize,
@@ -167,8 +168,8 @@ pub(in crate::scene_file) struct Body {
     /// Coulomb friction against cloth. Left out: the largest of the garments' materials, or 0.3.
     #[serde(default = "default_friction")]
     pub(in crate::scene_file) friction: f64,
-    /// Distance that cloth keeps, in metres or as "2 mm". Left out: the largest thickness of the garments' materials, or
-    /// 1 mm.
+    /// Distance that cloth keeps, in metres or as "2 mm". Left out: the largest thickness of the garments' materials,
+    /// or 1 mm.
     #[serde(default = "default_thickness")]
     pub(in crate::scene_file) thickness: Quantity,
     /// Fastest speed, in m/s, at which cloth that is too deep is pushed out; `inf` corrects it in one step.

@@ -1,0 +1,236 @@
+//! Cloth against bodies: what must never pass, and what has to be let go.
+
+use drapery_core::Vec3;
+use drapery_core::scene::{BodyDescription, BodyShape, GarmentDescription, RigidMotion, Scene, SceneDescription};
+use drapery_core::simulation::{FrameInput, Sample, Simulation};
+use drapery_tests::*;
+
+const FPS: u32 = 24;
+
+/// A closed box as a triangle mesh, counter-clockwise seen from outside.
+fn box_mesh(half: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let corner = |i: usize| Vec3::new(sign(i, 1) * half.x, sign(i, 2) * half.y, sign(i, 4) * half.z);
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let triangles = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+    ((0..8).map(corner).collect(), triangles)
+}
+
+fn sign(i: usize, bit: usize) -> f64 {
+    if i & bit == 0 { -1.0 } else { 1.0 }
+}
+
+/// A mesh body of given triangles; `points(time)` moves it.
+struct MeshBody<'a> {
+    triangles: Vec<[u32; 3]>,
+    points: &'a dyn Fn(f64) -> Vec<Vec3>,
+}
+
+/// Runs a scene with one mesh body for `frames`; `see` looks at every frame.
+fn run_with_mesh(
+    mut description: SceneDescription,
+    body: &MeshBody<'_>,
+    properties: impl Fn(&mut BodyDescription),
+    frames: i64,
+    mut see: impl FnMut(&Simulation, &drapery_core::simulation::FrameSummary),
+) {
+    let point_count = (body.points)(0.0).len();
+    let shape = BodyShape::Surface { triangles: body.triangles.clone(), point_count };
+    add_body(&mut description, shape, RigidMotion::at(Vec3::zeros()), 0.3);
+    properties(&mut description.bodies[0]);
+    let sample = |frame: i64| {
+        let time = frame as f64 / f64::from(FPS);
+        vec![vec![Sample { time, positions: (body.points)(time) }]]
+    };
+    let scene = Scene::validate(description).unwrap_or_else(|p| panic!("{p}"));
+    let start = FrameInput { frame: 0, bodies: sample(0), tracks: Vec::new() };
+    let mut simulation = Simulation::new(scene, &start).unwrap_or_else(|p| panic!("{p}"));
+    for frame in 1..=frames {
+        let input = FrameInput { frame, bodies: sample(frame), tracks: Vec::new() };
+        let summary = simulation.advance(&input).unwrap_or_else(|e| panic!("{e}"));
+        see(&simulation, &summary);
+    }
+}
+
+fn upright_sheet(cells: usize, dx: f64) -> GarmentDescription {
+    let mut mesh = sheet(cells, cells, dx);
+    mesh.points.iter_mut().for_each(|p| *p = Vec3::new(0.0, p.z, p.x));
+    GarmentDescription::new("sheet", mesh, 0.2)
+}
+
+#[test]
+fn a_ball_at_any_speed_takes_the_sheet_along() {
+    for speed in [5.0, 50.0, 500.0] {
+        let mut description = scene_of(upright_sheet(20, 0.05), FPS);
+        add_springs(&mut description, 20.0, 1.0);
+        let path = vec![(0.0, Vec3::new(-1.0, 0.0, 0.0)), (10.0, Vec3::new(-1.0 + 10.0 * speed, 0.0, 0.0))];
+        let motion = RigidMotion { path, ..RigidMotion::at(Vec3::zeros()) };
+        add_body(&mut description, BodyShape::Sphere { radius: 0.2 }, motion, 0.3);
+        description.bodies[0].thickness = 0.002;
+        let mut simulation = start(description);
+        for frame in 1..=12 {
+            run(&mut simulation, 1);
+            let centre = Vec3::new(-1.0 + speed * f64::from(frame) / f64::from(FPS), 0.0, 0.0);
+            for x in positions(&simulation) {
+                assert!((x - centre).norm() > 0.2, "speed {speed}, frame {frame}: inside the ball");
+                // Nothing in the ball's way may be left behind it.
+                let off_axis = x.y.hypot(x.z);
+                assert!(off_axis > 0.1 || x.x > centre.x || centre.x < 0.0, "speed {speed}, frame {frame}: passed through at {x:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_thin_plate_swung_at_twenty_metres_a_second_takes_the_sheet_along() {
+    // 6 mm thick: in one frame it moves 140 times its thickness.
+    let (points, triangles) = box_mesh(Vec3::new(0.003, 0.3, 0.3));
+    let place = |time: f64| -> Vec<Vec3> { points.iter().map(|p| p + Vec3::x() * (20.0 * time - 0.5)).collect() };
+    let mut description = scene_of(upright_sheet(16, 0.025), FPS);
+    add_springs(&mut description, 5.0, 1.0);
+    // As long steps as the springs allow: the path of a step is longer than the plate is thick.
+    description.solver.strain_per_step = 10.0;
+    let body = MeshBody { triangles, points: &place };
+    let mut along_path = 0;
+    run_with_mesh(description, &body, |b| b.thickness = 0.001, 6, |simulation, summary| {
+        along_path += summary.metrics.counted("body_contacts_along_path");
+        let front = 20.0 * simulation.state().time - 0.5 + 0.003;
+        for x in positions(simulation) {
+            assert!(front < 0.0 || x.x > front, "frame {}: passed through at {x:?}, front {front}", summary.frame);
+        }
+    });
+    assert!(along_path > 0, "the scene does not ask for contact along the path");
+}
+
+#[test]
+fn cloth_between_closing_boxes_is_let_go_and_comes_out_when_they_part() {
+    // One mesh of two boxes that pass through each other and part again: a body that crosses itself.
+    let (one, faces) = box_mesh(Vec3::new(0.1, 0.2, 0.2));
+    let mut triangles = faces.clone();
+    triangles.extend(faces.iter().map(|t| t.map(|v| v + 8)));
+    let gap = |time: f64| 0.02 - 0.05 * (std::f64::consts::PI * (time / 1.5).min(1.0)).sin();
+    let place = |time: f64| -> Vec<Vec3> {
+        let apart = 0.1 + 0.5 * gap(time);
+        one.iter().map(|p| p - Vec3::x() * apart).chain(one.iter().map(|p| p + Vec3::x() * apart)).collect()
+    };
+    let mut description = scene_of(upright_sheet(16, 0.025), FPS);
+    add_springs(&mut description, 5.0, 1.0);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    add_pins(&mut description, (0..17).map(|k| k * 17 + 16).collect());
+    let body = MeshBody { triangles, points: &place };
+    let (mut pinched, mut squeezed) = (0, 0);
+    run_with_mesh(
+        description,
+        &body,
+        |b| (b.thickness, b.max_push_speed) = (0.002, 1.0),
+        48,
+        |simulation, summary| {
+            pinched += summary.metrics.counted("body_pinched");
+            squeezed += summary.metrics.counted("body_squeezed");
+            let strain = summary.max_strain.as_ref().map_or(0.0, |s| s.strain);
+            assert!(strain < 0.3, "frame {}: torn, strain {strain}", summary.frame);
+            assert!(summary.kinetic_energy < 0.1, "frame {}: {} J", summary.frame, summary.kinetic_energy);
+            let half_gap = 0.5 * gap(simulation.state().time);
+            if half_gap > 0.0 && summary.frame > 40 {
+                let farthest = positions(simulation).iter().map(|x| x.x.abs()).fold(0.0, f64::max);
+                assert!(farthest < half_gap + 1e-6, "frame {}: stuck inside a box at {farthest}, half gap {half_gap}", summary.frame);
+            }
+        },
+    );
+    assert!(pinched > 0 && squeezed > 0, "the scene pinches: {pinched} released, {squeezed} between");
+}
+
+#[test]
+fn a_falling_sheet_comes_to_rest_at_the_thickness_without_gaining_energy() {
+    let mut garment = GarmentDescription::new("sheet", sheet(6, 6, 0.05), 0.2);
+    garment.mesh.points.iter_mut().for_each(|p| p.y = 0.3);
+    let mut description = scene_of(garment, FPS);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    add_springs(&mut description, 5.0, 1.0);
+    add_body(&mut description, BodyShape::HalfSpace, RigidMotion::at(Vec3::zeros()), 0.4);
+    description.bodies[0].thickness = 0.003;
+    let mut simulation = start(description);
+    let mut energy = f64::INFINITY;
+    for _ in 0..24 {
+        let summary = run(&mut simulation, 1);
+        let now = summary.kinetic_energy + summary.potential_energy;
+        assert!(now <= energy + 1e-9, "energy grew from {energy} to {now} J");
+        energy = now;
+    }
+    for (x, v) in positions(&simulation).iter().zip(velocities(&simulation)) {
+        assert!((x.y - 0.003).abs() < 1e-6 && v.norm() < 1e-9, "{x:?} {v:?}");
+    }
+}
+
+#[test]
+fn cloth_in_a_crease_between_two_planes_stays_outside_both() {
+    let mut garment = GarmentDescription::new("sheet", sheet(12, 4, 0.05), 0.2);
+    garment.mesh.points.iter_mut().for_each(|p| p.y = 0.5);
+    let mut description = scene_of(garment, FPS);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    add_springs(&mut description, 5.0, 1.0);
+    let normals = [0.8_f64, -0.8].map(|angle| Vec3::new(angle.sin(), angle.cos(), 0.0));
+    for normal in normals {
+        let rotation = nalgebra::UnitQuaternion::rotation_between(&Vec3::y(), &normal).unwrap();
+        let motion = RigidMotion { rotation, ..RigidMotion::at(Vec3::zeros()) };
+        add_body(&mut description, BodyShape::HalfSpace, motion, 0.2);
+        description.bodies.last_mut().unwrap().thickness = 0.003;
+    }
+    let mut simulation = start(description);
+    for _ in 0..48 {
+        run(&mut simulation, 1);
+        let deepest = positions(&simulation).iter().flat_map(|x| normals.map(|n| n.dot(x))).fold(f64::INFINITY, f64::min);
+        assert!(deepest > 0.0, "{deepest} m");
+    }
+}
+
+#[test]
+fn a_mesh_ball_holds_cloth_like_the_analytic_ball() {
+    let (points, triangles) = ball_mesh(0.2, 48);
+    let drape = |mesh: bool| -> Vec<Vec3> {
+        let mut garment = GarmentDescription::new("sheet", sheet(24, 24, 0.025), 0.2);
+        garment.mesh.points.iter_mut().for_each(|p| p.y = 0.21);
+        let mut description = scene_of(garment, FPS);
+        add_gravity(&mut description, [0.0, -9.81, 0.0]);
+        add_springs(&mut description, 8.0, 1.0);
+        let mut last = Vec::new();
+        if mesh {
+            let place = |_: f64| points.clone();
+            let body = MeshBody { triangles: triangles.clone(), points: &place };
+            run_with_mesh(description, &body, |b| b.thickness = 0.005, 10, |s, _| last = positions(s));
+        } else {
+            add_body(&mut description, BodyShape::Sphere { radius: 0.2 }, RigidMotion::at(Vec3::zeros()), 0.3);
+            description.bodies[0].thickness = 0.005;
+            let mut simulation = start(description);
+            run(&mut simulation, 10);
+            last = positions(&simulation);
+        }
+        last
+    };
+    let apart = drape(true).iter().zip(drape(false)).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    // The facets of the mesh lie up to r (1 - cos(pi/48)) = 0.4 mm inside the ball; sliding adds to it.
+    assert!(apart < 4e-3, "{apart} m");
+}
+
+/// A ball of `rings` by `2 rings` facets, poles on y.
+fn ball_mesh(radius: f64, rings: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let turns = 2 * rings;
+    let mut points = vec![Vec3::y() * radius, Vec3::y() * -radius];
+    for ring in 1..rings {
+        let (sin, cos) = (std::f64::consts::PI * ring as f64 / rings as f64).sin_cos();
+        for turn in 0..turns {
+            let (s, c) = (std::f64::consts::TAU * turn as f64 / turns as f64).sin_cos();
+            points.push(Vec3::new(sin * c, cos, sin * s) * radius);
+        }
+    }
+    let at = |ring: usize, turn: usize| (2 + (ring - 1) * turns + turn % turns) as u32;
+    let mut triangles = Vec::new();
+    for turn in 0..turns {
+        triangles.push([0, at(1, turn + 1), at(1, turn)]);
+        triangles.push([1, at(rings - 1, turn), at(rings - 1, turn + 1)]);
+        for ring in 1..rings - 1 {
+            let [a, b, c, d] = [at(ring, turn), at(ring, turn + 1), at(ring + 1, turn + 1), at(ring + 1, turn)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    (points, triangles)
+}
