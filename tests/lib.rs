@@ -3,8 +3,8 @@
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, RigidMotion,
-    Scene, SceneDescription,
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
+    RigidMotion, Scene, SceneDescription,
 };
 use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
 

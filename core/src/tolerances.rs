@@ -19,9 +19,14 @@ pub const DEGENERATE_AREA: f64 = 1e-10;
 pub const LAST_TWO_STEPS: f64 = 0.51;
 
 /// Share of one step's free fall at which the damping solve stops when the scene gives no tolerance (method 2.5, 8 no. 15).
-/// Guarded by `order_of_convergence_in_dt`.
+/// Guarded by `a_swinging_sheet_converges_with_second_order`.
 pub const CG_GRAVITY_FRACTION: f64 = 0.1;
 
 /// Cosine between two contact normals below which the contacts face each other (a pinch) and above which they form a
 /// crease that both can be satisfied in. Guarded by the pinch tests.
 pub const FACING: f64 = -0.5;
+
+/// Rate at which a pinched vertex takes the velocity of the surfaces around it [1/s]. Fast enough for its weight not to carry
+/// it away (it creeps at g over this, 1 cm/s), slow enough for the springs of cloth, which act at 1e3 to 1e5 1/s, to keep it
+/// whole. Guarded by `cloth_between_closing_boxes_is_let_go_and_comes_out_when_they_part`.
+pub const PINCH_DRAG: f64 = 1e3;

@@ -59,7 +59,7 @@ fn upright_sheet(cells: usize, dx: f64) -> GarmentDescription {
 
 #[test]
 fn a_ball_at_any_speed_takes_the_sheet_along() {
-    for speed in [5.0, 50.0, 500.0] {
+    for speed in [5.0, 20.0, 50.0] {
         let mut description = scene_of(upright_sheet(20, 0.05), FPS);
         add_springs(&mut description, 20.0, 1.0);
         let path = vec![(0.0, Vec3::new(-1.0, 0.0, 0.0)), (10.0, Vec3::new(-1.0 + 10.0 * speed, 0.0, 0.0))];
@@ -67,14 +67,14 @@ fn a_ball_at_any_speed_takes_the_sheet_along() {
         add_body(&mut description, BodyShape::Sphere { radius: 0.2 }, motion, 0.3);
         description.bodies[0].thickness = 0.002;
         let mut simulation = start(description);
+        let ahead: Vec<bool> = positions(&simulation).iter().map(|x| x.y.hypot(x.z) < 0.1).collect();
         for frame in 1..=12 {
             run(&mut simulation, 1);
             let centre = Vec3::new(-1.0 + speed * f64::from(frame) / f64::from(FPS), 0.0, 0.0);
-            for x in positions(&simulation) {
+            for (x, ahead) in positions(&simulation).iter().zip(&ahead) {
                 assert!((x - centre).norm() > 0.2, "speed {speed}, frame {frame}: inside the ball");
-                // Nothing in the ball's way may be left behind it.
-                let off_axis = x.y.hypot(x.z);
-                assert!(off_axis > 0.1 || x.x > centre.x || centre.x < 0.0, "speed {speed}, frame {frame}: passed through at {x:?}");
+                // What stood in the ball's way may not be left behind it.
+                assert!(!ahead || x.x > centre.x, "speed {speed}, frame {frame}: passed through at {x:?}");
             }
         }
     }
@@ -85,20 +85,33 @@ fn a_thin_plate_swung_at_twenty_metres_a_second_takes_the_sheet_along() {
     // 6 mm thick: in one frame it moves 140 times its thickness.
     let (points, triangles) = box_mesh(Vec3::new(0.003, 0.3, 0.3));
     let place = |time: f64| -> Vec<Vec3> { points.iter().map(|p| p + Vec3::x() * (20.0 * time - 0.5)).collect() };
-    let mut description = scene_of(upright_sheet(16, 0.025), FPS);
-    add_springs(&mut description, 5.0, 1.0);
-    // As long steps as the springs allow: the path of a step is longer than the plate is thick.
-    description.solver.strain_per_step = 10.0;
-    let body = MeshBody { triangles, points: &place };
-    let mut along_path = 0;
-    run_with_mesh(description, &body, |b| b.thickness = 0.001, 6, |simulation, summary| {
-        along_path += summary.metrics.counted("body_contacts_along_path");
-        let front = 20.0 * simulation.state().time - 0.5 + 0.003;
-        for x in positions(simulation) {
-            assert!(front < 0.0 || x.x > front, "frame {}: passed through at {x:?}, front {front}", summary.frame);
+    // Without springs a step is a whole frame: the path of the plate in one step is 140 times its thickness.
+    for springs in [true, false] {
+        let mut description = scene_of(upright_sheet(16, 0.025), FPS);
+        if springs {
+            add_springs(&mut description, 5.0, 1.0);
         }
-    });
-    assert!(along_path > 0, "the scene does not ask for contact along the path");
+        let body = MeshBody { triangles: triangles.clone(), points: &place };
+        let mut along_path = 0;
+        run_with_mesh(
+            description,
+            &body,
+            |b| b.thickness = 0.001,
+            6,
+            |simulation, summary| {
+                along_path += summary.metrics.counted("body_contacts_along_path");
+                let front = 20.0 * simulation.state().time - 0.5 + 0.003;
+                for x in positions(simulation) {
+                    assert!(
+                        front < 0.0 || x.x > front,
+                        "frame {}: passed through at {x:?}, front {front}",
+                        summary.frame
+                    );
+                }
+            },
+        );
+        assert!(springs || along_path > 0, "the scene does not ask for contact along the path");
+    }
 }
 
 #[test]
@@ -131,8 +144,13 @@ fn cloth_between_closing_boxes_is_let_go_and_comes_out_when_they_part() {
             assert!(summary.kinetic_energy < 0.1, "frame {}: {} J", summary.frame, summary.kinetic_energy);
             let half_gap = 0.5 * gap(simulation.state().time);
             if half_gap > 0.0 && summary.frame > 40 {
-                let farthest = positions(simulation).iter().map(|x| x.x.abs()).fold(0.0, f64::max);
-                assert!(farthest < half_gap + 1e-6, "frame {}: stuck inside a box at {farthest}, half gap {half_gap}", summary.frame);
+                let between = positions(simulation).into_iter().filter(|x| x.y.abs() < 0.15 && x.z.abs() < 0.15);
+                let farthest = between.map(|x| x.x.abs()).fold(0.0, f64::max);
+                assert!(
+                    farthest < half_gap + 1e-6,
+                    "frame {}: stuck inside a box at {farthest}, half gap {half_gap}",
+                    summary.frame
+                );
             }
         },
     );
@@ -178,7 +196,8 @@ fn cloth_in_a_crease_between_two_planes_stays_outside_both() {
     let mut simulation = start(description);
     for _ in 0..48 {
         run(&mut simulation, 1);
-        let deepest = positions(&simulation).iter().flat_map(|x| normals.map(|n| n.dot(x))).fold(f64::INFINITY, f64::min);
+        let deepest =
+            positions(&simulation).iter().flat_map(|x| normals.map(|n| n.dot(x))).fold(f64::INFINITY, f64::min);
         assert!(deepest > 0.0, "{deepest} m");
     }
 }
@@ -186,7 +205,7 @@ fn cloth_in_a_crease_between_two_planes_stays_outside_both() {
 #[test]
 fn a_mesh_ball_holds_cloth_like_the_analytic_ball() {
     let (points, triangles) = ball_mesh(0.2, 48);
-    let drape = |mesh: bool| -> Vec<Vec3> {
+    let drape = |mesh: bool, frames: usize| -> Vec<Vec3> {
         let mut garment = GarmentDescription::new("sheet", sheet(24, 24, 0.025), 0.2);
         garment.mesh.points.iter_mut().for_each(|p| p.y = 0.21);
         let mut description = scene_of(garment, FPS);
@@ -196,19 +215,19 @@ fn a_mesh_ball_holds_cloth_like_the_analytic_ball() {
         if mesh {
             let place = |_: f64| points.clone();
             let body = MeshBody { triangles: triangles.clone(), points: &place };
-            run_with_mesh(description, &body, |b| b.thickness = 0.005, 10, |s, _| last = positions(s));
+            run_with_mesh(description, &body, |b| b.thickness = 0.005, frames as i64, |s, _| last = positions(s));
         } else {
             add_body(&mut description, BodyShape::Sphere { radius: 0.2 }, RigidMotion::at(Vec3::zeros()), 0.3);
             description.bodies[0].thickness = 0.005;
             let mut simulation = start(description);
-            run(&mut simulation, 10);
+            run(&mut simulation, frames);
             last = positions(&simulation);
         }
         last
     };
-    let apart = drape(true).iter().zip(drape(false)).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-    // The facets of the mesh lie up to r (1 - cos(pi/48)) = 0.4 mm inside the ball; sliding adds to it.
-    assert!(apart < 4e-3, "{apart} m");
+    let apart = drape(true, 3).iter().zip(drape(false, 3)).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    // Before the folds form, which amplify any difference: the facets lie up to r (1 - cos(pi/48)) = 0.4 mm inside the ball.
+    assert!(apart < 5e-4, "{apart} m");
 }
 
 /// A ball of `rings` by `2 rings` facets, poles on y.

@@ -209,7 +209,7 @@ impl Capstan {
     const DX: f64 = 0.02;
     /// Cells along the strip, and how many of them hang free at the light end; on the cylinder a cell turns by 3.6 degrees, so
     /// that the polygon's grip, 2 atanh(μ tan(δ/2)) per cell, is within 4e-4 of μ δ.
-    const CELLS: usize = 74;
+    const CELLS: usize = 72;
     const TAIL: usize = 12;
     const RADIUS: f64 = 50.0 * Self::DX / std::f64::consts::PI;
     /// Mass of the strip over the lighter weight: its own weight on the cylinder takes 0.3 % of the smallest acceleration.
@@ -229,51 +229,57 @@ impl Capstan {
         let (mut low, mut high) = (Self::DX, 2.0 * Self::DX);
         for _ in 0..60 {
             let l = 0.5 * (low + high);
-            let (d, d0) = (l.hypot(Self::DX), Self::DX * 2.0_f64.sqrt());
-            let carried = Self::STIFFNESS * (2.0 * (l / Self::DX - 1.0) + (d / d0 - 1.0) * l / d);
+            let (d, d0) = ((0.5 * l).hypot(Self::DX), Self::DX * 1.25_f64.sqrt());
+            let carried = Self::STIFFNESS * (2.0 * (l / Self::DX - 1.0) + (d / d0 - 1.0) * 0.5 * l / d);
             (low, high) = if carried < tension { (l, high) } else { (low, l) };
         }
         low
     }
 
-    /// Places of the strip's columns in the plane of the cylinder's cross-section, from the light end.
-    fn columns(&self, r: f64, [light, heavy]: [f64; 2]) -> Vec<Vec3> {
-        let mut places: Vec<Vec3> =
-            (0..=Self::TAIL).rev().map(|i| Vec3::new(-r, -Self::stretched(light) * i as f64, 0.0)).collect();
-        let mut angle = -std::f64::consts::FRAC_PI_2;
+    /// Places of a rail's vertices in the plane of the cylinder's cross-section, from the light end; `ahead` is the part of
+    /// a cell by which it is ahead.
+    fn rail(&self, ahead: f64, r: f64, [light, heavy]: [f64; 2]) -> Vec<Vec3> {
+        let hanging = |i: usize| Vec3::new(-r, Self::stretched(light) * (ahead - i as f64), 0.0);
+        let mut places: Vec<Vec3> = (1..=Self::TAIL).rev().map(hanging).collect();
+        let mut angle = -std::f64::consts::FRAC_PI_2 + 2.0 * (0.5 * ahead * Self::stretched(light) / r).asin();
         while places.len() <= Self::CELLS {
+            let before = places[places.len() - 1];
             // Along the arc the tension grows exponentially from one end's to the other's.
-            let share = 0.5 + angle / std::f64::consts::PI;
-            let cell = Self::stretched(light * (heavy / light).powf(share.min(1.0)));
-            angle += 2.0 * (0.5 * cell / r).asin();
+            let share = (0.5 + angle / std::f64::consts::PI).min(1.0);
+            let cell = Self::stretched(light * (heavy / light).powf(share));
             places.push(if angle < std::f64::consts::FRAC_PI_2 {
                 Vec3::new(r * angle.sin(), r * angle.cos(), 0.0)
             } else {
-                let before = places[places.len() - 1];
                 Vec3::new(r, before.y - (cell * cell - (r - before.x).powi(2)).sqrt(), 0.0)
             });
+            angle += 2.0 * (0.5 * cell / r).asin();
         }
         places
     }
 
     fn description(&self, r: f64) -> SceneDescription {
-        let mut rest = sheet(Self::CELLS, 1, Self::DX);
         let row = Self::CELLS as u32 + 1;
+        let mut rest = sheet(Self::CELLS, 1, Self::DX);
+        // A band of equal triangles, one rail half a cell ahead: every vertex has the same mass and the same springs.
+        rest.points[row as usize..].iter_mut().for_each(|p| p.x += 0.5 * Self::DX);
+        let cells = (0..row - 1).flat_map(|i| [[i, i + row, i + 1], [i + 1, i + row, i + row + 1]]);
+        rest.face_indices = cells.flatten().collect();
         let strip_area = Self::CELLS as f64 * Self::DX * Self::DX;
         let density = Self::STRIP_MASS / strip_area;
         let a = self.expected();
         let tensions = [Self::G + a, self.ratio * (Self::G - a)];
-        let columns = self.columns(r, tensions);
-        let mut start: Vec<Vec3> = rest.points.iter().map(|p| Vec3::z() * p.z).collect();
-        (0..start.len()).for_each(|i| start[i] += columns[i % columns.len()]);
+        let places = [0.0, 0.5].map(|ahead| self.rail(ahead, r, tensions)).concat();
+        let mut start: Vec<Vec3> = rest.points.iter().zip(&places).map(|(p, place)| place + Vec3::z() * p.z).collect();
         for (end, mass, tension) in [(0, 1.0, tensions[0]), (row - 1, self.ratio, tensions[1])] {
             let height = 2.0 * mass / density / Self::DX;
             let (top, side) = (rest.points[end as usize], f64::from(end.min(1)) * 2.0 - 1.0);
             let apex = rest.points.len() as u32;
-            rest.points.push(Vec3::new(top.x + side * height, 0.0, 0.0));
+            rest.points.push(Vec3::new(top.x + 0.25 * Self::DX + side * height, 0.0, 0.0));
             // A third of the mass sits at the tip and hangs on two springs as long as the triangle.
             let strain = tension / 3.0 / (2.0 * Self::STIFFNESS);
-            start.push(columns[end as usize % columns.len()] - Vec3::y() * height * (1.0 + strain));
+            start.push(
+                0.5 * (places[end as usize] + places[(end + row) as usize]) - Vec3::y() * height * (1.0 + strain),
+            );
             rest.face_counts.push(3);
             rest.face_indices.extend(if end == 0 { [apex, row, 0] } else { [end, end + row, apex] });
         }
@@ -285,6 +291,7 @@ impl Capstan {
         add_springs(&mut description, Self::STIFFNESS, 1.0);
         add_pins(&mut description, vertices);
         description.pins[0].axes = [false, false, true];
+        description.solver.cfl = 1.0;
         let turn = UnitQuaternion::from_axis_angle(&Vec3::x_axis(), std::f64::consts::FRAC_PI_2);
         let motion = RigidMotion { rotation: turn, ..RigidMotion::at(Vec3::zeros()) };
         let shape = BodyShape::Cylinder { radius: Self::RADIUS, half_length: 1.0 };
@@ -302,7 +309,8 @@ impl Capstan {
     /// How far the weights have moved towards the heavier side: the mean of both.
     fn moved(simulation: &Simulation) -> f64 {
         let points = positions(simulation);
-        0.5 * (points[0].y - points[Self::CELLS].y)
+        let row = Self::CELLS + 1;
+        0.25 * (points[0].y + points[row].y - points[row - 1].y - points[2 * row - 1].y)
     }
 
     /// Acceleration [m/s²] by least squares over a time [s] from rest.
@@ -315,9 +323,37 @@ impl Capstan {
         for i in 1..=samples {
             let summary = run(&mut simulation, 1);
             let (t, u) = (i as f64 / 200.0, Self::moved(&simulation) - first);
-            let p = positions(&simulation); let v = velocities(&simulation);
-            if i <= 5 || i % 8 == 0 { println!("{t:.3} u {u:.3e} a {:.3e} steps {} cg {} short {} strain {:?} v0 {:.3e} vN {:.3e} contacts {} ends x {:.6} {:.6} apex v {:.3e} {:.3e}", 2.0*u/t/t, summary.steps, summary.cg_iterations, summary.metrics.counted("cg_short"), summary.max_strain.map(|s| (s.strain,s.vertices)), v[0].y, v[Self::CELLS].y, summary.metrics.counted("body_contacts") as f64/summary.steps as f64, p[0].x, p[Self::CELLS].x, v[2*Self::CELLS+2].y, v[2*Self::CELLS+3].y);
-              if i<=2 || i==24 { for k in 0..=Self::CELLS { let r=(p[k].x.hypot(p[k].y)/Self::RADIUS-1.0); print!("[{k} {:.4} {:.1e} {:.1e}] ", (p[(k+1).min(Self::CELLS)]-p[k]).norm()/Self::DX-1.0, r, v[k].norm()); } println!(); } }
+            let p = positions(&simulation);
+            let v = velocities(&simulation);
+            if i <= 5 || i % 8 == 0 {
+                println!(
+                    "{t:.3} u {u:.3e} a {:.3e} steps {} cg {} short {} strain {:?} v0 {:.3e} vN {:.3e} contacts {} ends x {:.6} {:.6} apex v {:.3e} {:.3e}",
+                    2.0 * u / t / t,
+                    summary.steps,
+                    summary.cg_iterations,
+                    summary.metrics.counted("cg_short"),
+                    summary.max_strain.map(|s| (s.strain, s.vertices)),
+                    v[0].y,
+                    v[Self::CELLS].y,
+                    summary.metrics.counted("body_contacts") as f64 / summary.steps as f64,
+                    p[0].x,
+                    p[Self::CELLS].x,
+                    v[2 * Self::CELLS + 2].y,
+                    v[2 * Self::CELLS + 3].y
+                );
+                if i <= 2 || i == 24 {
+                    for k in 0..=Self::CELLS {
+                        let r = (p[k].x.hypot(p[k].y) / Self::RADIUS - 1.0);
+                        print!(
+                            "[{k} {:.4} {:.1e} {:.1e}] ",
+                            (p[(k + 1).min(Self::CELLS)] - p[k]).norm() / Self::DX - 1.0,
+                            r,
+                            v[k].norm()
+                        );
+                    }
+                    println!();
+                }
+            }
             let h = 0.5 * t * t;
             [t * t, t * h, h * h, t * u, h * u].iter().zip(&mut sums).for_each(|(term, sum)| *sum += term);
         }

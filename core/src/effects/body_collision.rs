@@ -6,7 +6,8 @@
 //! Contact is found at the end of a step by signed distance, and along the path of the step where the vertex moved far
 //! enough, relative to the body, to have passed through. A vertex between two surfaces that face each other closer than
 //! their thicknesses keeps half the gap from each; where the surfaces have passed through one another (a body that
-//! crosses itself) there is no outside, and the vertex is released until there is one again. Both are counted.
+//! crosses itself) there is no outside: the contact is given up and the vertex is dragged along by the surfaces around it,
+//! until there is an outside again. Both are counted.
 
 use rayon::prelude::*;
 
@@ -17,7 +18,7 @@ use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::metrics::Metrics;
 use crate::settings::Settings;
-use crate::tolerances::FACING;
+use crate::tolerances::{FACING, PINCH_DRAG};
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -294,15 +295,18 @@ impl Search<'_> {
             if let Some(at) = self.contact(body, x, x1) {
                 let response = respond(&step.bodies.list()[body], &at, x1, x, v_star, dt);
                 *x1 = response.position;
-                touched = Some((body, at.normal));
+                touched = Some((body, at));
                 contact.add(Hold { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
             }
         }
         self.counts.contacts += u64::from(touched.is_some());
-        if !self.settle(x, x1, contact, touched) {
+        if let Some(surroundings) = self.settle(x, x1, contact, touched) {
             self.counts.pinched += 1;
             *contact = VertexContact::default();
-            (*x1, *v_star) = (before, step.v[vertex]);
+            // Let go, but dragged along: springs move it freely, its weight does not carry it away.
+            let kept = (-PINCH_DRAG * dt).exp();
+            *v_star = surroundings + (step.v[vertex] - surroundings) * kept;
+            *x1 = x + (*v_star + (step.v_half[vertex] - step.v[vertex])) * dt;
         }
         self.remember(x, x1);
     }
@@ -367,34 +371,36 @@ impl Search<'_> {
         (found.phi < properties.offset && !found.buried).then_some(found)
     }
 
-    /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. False where the surfaces
-    /// have passed through one another and the vertex has to be let go.
-    fn settle(&mut self, x: &Vec3, x1: &mut Vec3, contact: &mut VertexContact, touched: Option<(usize, Vec3)>) -> bool {
+    /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. Where the surfaces have
+    /// passed through one another the contacts are given up: the answer is the velocity of the surfaces around [m/s].
+    fn settle(
+        &mut self,
+        x: &Vec3,
+        x1: &mut Vec3,
+        contact: &mut VertexContact,
+        touched: Option<(usize, BodyPoint)>,
+    ) -> Option<Vec3> {
         let bodies = self.step.bodies;
         for body in 0..bodies.list().len() {
             let properties = &bodies.list()[body];
             let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
             let Some(mut at) = self.nearest(body, x, x1) else { continue };
+            if at.buried && at.phi < properties.thickness {
+                return Some(at.velocity);
+            }
             if at.buried {
-                if at.phi >= properties.thickness {
-                    continue;
-                }
-                if touched.is_some() {
-                    return false;
-                }
-                self.counts.pinched += 1;
                 continue;
             }
             let mut offset = properties.offset;
-            let facing = touched.filter(|(_, n)| at.phi < properties.thickness && at.normal.dot(n) < FACING);
-            if let Some((first, normal)) = facing {
+            let facing = touched.filter(|(_, t)| at.phi < properties.thickness && at.normal.dot(&t.normal) < FACING);
+            if let Some((first, first_at)) = facing {
                 let first_offset = bodies.list()[first].offset;
                 let gap = first_offset + at.phi;
                 if gap <= 0.0 {
-                    return false;
+                    return Some((first_at.velocity + at.velocity) * 0.5);
                 }
                 self.counts.squeezed += 1;
-                *x1 -= normal * (first_offset - 0.5 * gap);
+                *x1 -= first_at.normal * (first_offset - 0.5 * gap);
                 offset = 0.5 * gap;
                 let Some(between) = self.nearest(body, x, x1) else { continue };
                 at = between;
@@ -408,7 +414,7 @@ impl Search<'_> {
                 contact.add(Hold { body, at, offset, constraint });
             }
         }
-        true
+        None
     }
 
     /// Notes how far the vertex is from the surfaces now.
