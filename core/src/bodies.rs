@@ -83,8 +83,18 @@ pub struct Body {
 
 #[derive(Debug)]
 enum Kind {
-    Rigid { shape: Shape, motion: RigidMotion, poses: [Isometry3<f64>; 2], spinning: bool },
+    Rigid(Box<Rigid>),
     Surface(Box<Surface>),
+}
+
+#[derive(Debug)]
+struct Rigid {
+    shape: Shape,
+    motion: RigidMotion,
+    /// Poses at the start and the end of the step.
+    poses: [Isometry3<f64>; 2],
+    /// Whether it spins at the end of the step.
+    spinning: bool,
 }
 
 #[derive(Debug)]
@@ -157,7 +167,7 @@ impl Bodies {
     pub fn push_sample(&mut self, body: usize, sample: Sample) -> Result<(), String> {
         match &mut self.list[body].kind {
             Kind::Surface(surface) => surface.push(sample).map_err(|e| e.to_string()),
-            Kind::Rigid { .. } => Err("an analytic body takes no samples".into()),
+            Kind::Rigid(_) => Err("an analytic body takes no samples".into()),
         }
     }
 
@@ -165,7 +175,7 @@ impl Bodies {
     pub fn sampled_until(&self, body: usize) -> f64 {
         match &self.list[body].kind {
             Kind::Surface(surface) => surface.samples.b.time,
-            Kind::Rigid { .. } => f64::INFINITY,
+            Kind::Rigid(_) => f64::INFINITY,
         }
     }
 
@@ -174,9 +184,9 @@ impl Bodies {
         self.times = [t0, t1];
         for body in &mut self.list {
             match &mut body.kind {
-                Kind::Rigid { motion, poses, spinning, .. } => {
-                    *poses = [pose(motion, t0), pose(motion, t1)];
-                    *spinning = t1 > motion.spin_start;
+                Kind::Rigid(rigid) => {
+                    rigid.poses = [t0, t1].map(|t| pose(&rigid.motion, t));
+                    rigid.spinning = t1 > rigid.motion.spin_start;
                 }
                 Kind::Surface(surface) => surface.mesh.set_step(t0, t1),
             }
@@ -187,7 +197,7 @@ impl Bodies {
     pub fn surface_positions(&self, body: usize) -> &[Vec3] {
         match &self.list[body].kind {
             Kind::Surface(surface) => surface.mesh.positions(),
-            Kind::Rigid { .. } => &[],
+            Kind::Rigid(_) => &[],
         }
     }
 
@@ -215,10 +225,10 @@ impl Bodies {
     /// was at its start.
     pub fn closest(&self, body: usize, from: &Vec3, x: &Vec3, reach: f64, hint: Option<u32>) -> Option<BodyPoint> {
         match &self.list[body].kind {
-            Kind::Rigid { shape, poses, .. } => {
-                let local = poses[1].inverse_transform_point(&(*x).into()).coords;
-                let (phi, normal) = shape.signed_distance(&local);
-                (phi <= reach).then(|| self.rigid_point(body, from, &local, phi, &normal))
+            Kind::Rigid(rigid) => {
+                let local = rigid.local(1, x);
+                let (phi, normal) = rigid.shape.signed_distance(&local);
+                (phi <= reach).then(|| rigid.point(from, &local, phi, &normal, self.dt()))
             }
             Kind::Surface(surface) => {
                 let found = surface.mesh.closest(x, reach, hint)?;
@@ -239,14 +249,13 @@ impl Bodies {
     /// at its end, as seen from `to`: the distance is that to the tangent plane of the entry.
     pub fn entry(&self, body: usize, from: &Vec3, to: &Vec3) -> Option<BodyPoint> {
         match &self.list[body].kind {
-            Kind::Rigid { shape, poses, .. } => {
-                let local_from = poses[0].inverse_transform_point(&(*from).into()).coords;
-                let local_to = poses[1].inverse_transform_point(&(*to).into()).coords;
-                let share = shape.first_entry(&local_from, &local_to, self.list[body].thickness)?;
+            Kind::Rigid(rigid) => {
+                let (local_from, local_to) = (rigid.local(0, from), rigid.local(1, to));
+                let share = rigid.shape.first_entry(&local_from, &local_to, self.list[body].thickness)?;
                 let entry = local_from.lerp(&local_to, share);
-                let (phi, normal) = shape.signed_distance(&entry);
+                let (phi, normal) = rigid.shape.signed_distance(&entry);
                 let phi = phi + normal.dot(&(local_to - entry));
-                Some(self.rigid_point(body, from, &entry, phi, &normal))
+                Some(rigid.point(from, &entry, phi, &normal, self.dt()))
             }
             Kind::Surface(surface) => {
                 let hit = surface.mesh.path_hit(from, to, surface.crossings_that_count())?;
@@ -267,12 +276,18 @@ impl Bodies {
         }
     }
 
+    /// Whether `x` [m] lies inside a body at the end of the step, also where the body's surfaces pass through one another.
+    pub fn contains(&self, body: usize, x: &Vec3) -> bool {
+        match &self.list[body].kind {
+            Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(1, x)).0 < 0.0,
+            Kind::Surface(surface) => surface.mesh.winding_number(x) > 0,
+        }
+    }
+
     /// Signed distance of `x` from a rigid body at the start of the step [m]; zero for surfaces, which keep no tree there.
     pub fn distance_at_start(&self, body: usize, x: &Vec3) -> f64 {
         match &self.list[body].kind {
-            Kind::Rigid { shape, poses, .. } => {
-                shape.signed_distance(&poses[0].inverse_transform_point(&(*x).into()).coords).0
-            }
+            Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(0, x)).0,
             Kind::Surface(_) => 0.0,
         }
     }
@@ -281,28 +296,33 @@ impl Bodies {
     pub fn fastest(&self, body: usize) -> f64 {
         match &self.list[body].kind {
             Kind::Surface(surface) => surface.speed,
-            Kind::Rigid { .. } => f64::INFINITY,
+            Kind::Rigid(_) => f64::INFINITY,
         }
     }
+}
 
-    /// What the material of a rigid body does at `local`, and with a vertex that was at `from`.
-    fn rigid_point(&self, body: usize, from: &Vec3, local: &Vec3, phi: f64, normal: &Vec3) -> BodyPoint {
-        let Kind::Rigid { motion, poses, spinning, .. } = &self.list[body].kind else {
-            unreachable!("only called for rigid bodies")
-        };
-        let arm = poses[1].rotation * local;
-        let dt = self.dt();
-        let moved = poses[1].translation.vector - poses[0].translation.vector;
+impl Rigid {
+    /// A place in the body's own frame, at the start (0) or the end (1) of the step.
+    fn local(&self, end: usize, x: &Vec3) -> Vec3 {
+        self.poses[end].inverse_transform_point(&(*x).into()).coords
+    }
+
+    /// What the material does at `local`, and with a vertex that was at `from`, in a step of length `dt`.
+    fn point(&self, from: &Vec3, local: &Vec3, phi: f64, normal: &Vec3, dt: f64) -> BodyPoint {
+        let [start, end] = &self.poses;
+        let moved = end.translation.vector - start.translation.vector;
         let linear = if dt > 0.0 { moved / dt } else { Vec3::zeros() };
-        let turning = if *spinning { motion.angular_velocity.cross(&arm) } else { Vec3::zeros() };
-        let carried = if poses[0].rotation == poses[1].rotation {
+        let arm = end.rotation * local;
+        let turning = if self.spinning { self.motion.angular_velocity.cross(&arm) } else { Vec3::zeros() };
+        // A body that does not turn carries everything alike, to the last bit.
+        let carried = if start.rotation == end.rotation {
             moved
         } else {
-            poses[1].transform_point(&poses[0].inverse_transform_point(&(*from).into())).coords - from
+            end.transform_point(&self.local(0, from).into()).coords - from
         };
         BodyPoint {
             phi,
-            normal: poses[1].rotation * normal,
+            normal: end.rotation * normal,
             velocity: linear + turning,
             displacement: carried,
             triangle: 0,
@@ -342,8 +362,8 @@ impl Kind {
                 return Ok(Self::Surface(Box::new(surface)));
             }
         };
-        let poses = [Isometry3::identity(); 2];
-        Ok(Self::Rigid { shape, motion: description.motion.clone(), poses, spinning: false })
+        let (motion, poses) = (description.motion.clone(), [Isometry3::identity(); 2]);
+        Ok(Self::Rigid(Box::new(Rigid { shape, motion, poses, spinning: false })))
     }
 }
 

@@ -218,10 +218,18 @@ impl StepContext<'_> {
 
     /// B.7, and the prescribed velocities.
     fn final_velocities(&mut self, dt: f64) {
-        let Self { parts, state, pins, targets, collision, bodies, metrics, .. } = self;
+        // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
+        self.impose_velocities();
+        let Self { state, collision, bodies, metrics, .. } = self;
         if let Some(collision) = collision {
             metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, &mut state.v));
+            self.impose_velocities();
         }
+    }
+
+    /// Gives pinned components their prescribed velocity.
+    fn impose_velocities(&mut self) {
+        let Self { parts, state, pins, targets, .. } = self;
         if let Some(pins) = pins {
             parts.for_each(PerVertex(&mut state.v), &|part, v| {
                 pins.set_velocities(part, parts.ranges()[part].start, targets, v.0);

@@ -1,5 +1,6 @@
 //! Physics against closed forms.
 
+mod determinism;
 mod free_motion;
 mod friction;
 mod oscillators;

@@ -44,14 +44,16 @@ pub fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, friction: f
 pub fn respond(body: &Body, at: &BodyPoint, x: &Vec3, x_old: &Vec3, velocity: &Vec3, dt: f64) -> Response {
     let n = &at.normal;
     let carried = x_old + at.displacement;
-    let depth = (body.offset - at.phi).min(dt * body.max_push_speed);
+    let depth = body.offset - at.phi;
     let relative = (x - carried) / dt;
     let depth_at_start = depth + dt * relative.dot(n);
     let (fraction, contact) = if depth_at_start < 0.0 {
         let fraction = depth_at_start / (depth_at_start - depth);
         (fraction, carried.lerp(x, fraction))
     } else {
-        (0.0, carried + n * depth_at_start)
+        // What was too deep before this step comes out at a limited speed; what this step added is undone at once, so that
+        // a vertex pulled hard against a body does not sink in.
+        (0.0, carried + n * depth_at_start.min(dt * body.max_push_speed))
     };
     let slip = coulomb(&relative, &Vec3::zeros(), n, body.friction);
     let normal_slip = slip.dot(n);

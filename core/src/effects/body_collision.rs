@@ -394,16 +394,19 @@ impl Search<'_> {
             let mut offset = properties.offset;
             let facing = touched.filter(|(_, t)| at.phi < properties.thickness && at.normal.dot(&t.normal) < FACING);
             if let Some((first, first_at)) = facing {
-                let first_offset = bodies.list()[first].offset;
-                let gap = first_offset + at.phi;
-                if gap <= 0.0 {
+                let first = &bodies.list()[first];
+                let gap = first.offset + at.phi;
+                // In the apex of a crease there is no room for half a gap, but the surface itself is still outside.
+                let room = if gap > 0.0 { 0.5 * gap } else { first.offset - first.thickness };
+                let between = *x1 - first_at.normal * (first.offset - room);
+                if gap <= 0.0 && bodies.contains(body, &between) {
                     return Some((first_at.velocity + at.velocity) * 0.5);
                 }
                 self.counts.squeezed += 1;
-                *x1 -= first_at.normal * (first_offset - 0.5 * gap);
-                offset = 0.5 * gap;
-                let Some(between) = self.nearest(body, x, x1) else { continue };
-                at = between;
+                *x1 = between;
+                offset = room;
+                let Some(found) = self.nearest(body, x, x1) else { continue };
+                at = found;
             } else if constraint.is_some() && at.phi < properties.thickness {
                 // The surface is curved: what the tangent plane left too deep is moved straight out.
                 let deep = (properties.offset - at.phi).min(self.step.dt * properties.max_push_speed);

@@ -67,11 +67,14 @@ pub struct BuildContext<'a> {
     pub garment: Option<usize>,
 }
 
+/// A force, and the part of the cloth that it acts on.
+pub type PartForce = (usize, Box<dyn Force>);
+
 /// What an effect puts into the step.
 #[derive(Default)]
 pub struct Effect {
     /// Forces, each on one part.
-    pub forces: Vec<(usize, Box<dyn Force>)>,
+    pub forces: Vec<PartForce>,
     /// Whether hard pins are to be imposed.
     pub pins: Option<pins::HardPins>,
     /// Whether cloth collides with bodies.

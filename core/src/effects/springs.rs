@@ -11,7 +11,7 @@
 //! springs of a vertex (`docs/decisions/0001-state-layout.md`).
 
 use crate::Vec3;
-use crate::effects::{BuildContext, Effect, Force, PartView};
+use crate::effects::{BuildContext, Effect, Force, PartForce, PartView};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::PART_SIZE;
@@ -182,7 +182,7 @@ fn build_parts(
     stiffnesses: &[f64],
     damping_ratio: f64,
     measures_strain: bool,
-) -> (Vec<(usize, Box<dyn Force>)>, usize) {
+) -> (Vec<PartForce>, usize) {
     let (parts, masses) = (scene.parts(), scene.masses());
     // (part, whether it crosses the border, spring): sorted, so that every order is fixed by the scene.
     let mut entries: Vec<(usize, bool, Entry)> = Vec::with_capacity(elements.len() * 9 / 8);
@@ -197,7 +197,7 @@ fn build_parts(
     }
     entries.sort_unstable();
     let mut bytes = 0;
-    let mut built: Vec<(usize, Box<dyn Force>)> = Vec::new();
+    let mut built: Vec<PartForce> = Vec::new();
     for group in entries.chunk_by(|a, b| a.0 == b.0) {
         let range = parts.ranges()[group[0].0].clone();
         let (inner, border) = group.split_at(group.partition_point(|(_, across, _)| !across));
