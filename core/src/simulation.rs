@@ -214,6 +214,11 @@ impl Simulation {
     /// # Errors
     /// Samples that do not cover the frame; a number that is no longer finite; a step below the scene's shortest.
     pub fn advance(&mut self, input: &FrameInput) -> Result<FrameSummary, StepError> {
+        // Enters the pool once a frame: entering it for every loop would queue, wake and allocate each time.
+        rayon::scope(|_| self.advance_in_pool(input))
+    }
+
+    fn advance_in_pool(&mut self, input: &FrameInput) -> Result<FrameSummary, StepError> {
         if input.frame != self.frame + 1 {
             return Err(self.input_error(input, format!("the next frame is {}, not {}", self.frame + 1, input.frame)));
         }

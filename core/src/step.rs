@@ -105,10 +105,13 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     let mut report = StepReport::default();
     let time = context.state.time;
     context.move_prescribed(time, time + dt);
-    context.first_half(dt, &mut report); //                                     B.1
-    context.end_positions(dt); //                                               B.3, B.4
-    context.second_half(dt, &mut report); //                                    B.5, B.6
-    context.final_velocities(dt); //                                            B.7
+    // A: place of self-contact
+    context.first_half(dt, &mut report); // B.1
+    // B.2: place of self-contact
+    context.end_positions(dt); // B.3, B.4
+    context.second_half(dt, &mut report); // B.5, B.6
+    context.final_velocities(dt); // B.7
+    // B.8, C: places of self-contact
     context.state.time = time + dt;
     report
 }

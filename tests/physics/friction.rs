@@ -343,7 +343,6 @@ fn a_strip_over_a_cylinder_accelerates_as_eulers_rope_formula_says() {
         let [friction, ratio, expected] = ["mu", "m2_over_m1", "accel"].map(|k| case[k].as_f64().unwrap());
         // It moves by some 20 mm, a cell of the strip.
         let found = Capstan { friction, ratio }.acceleration((2.0 * Capstan::DX / expected).sqrt());
-        println!("CAP {found} {expected}");
         assert!((found / expected - 1.0).abs() < 0.01, "mu {friction}, ratio {ratio}: {found} m/s² for {expected}");
     }
 }
@@ -360,7 +359,6 @@ fn a_strip_over_a_cylinder_sticks_below_the_critical_ratio_and_slips_above() {
         // What slips moves this far in the second tenth of a second; what sticks has settled by then.
         let slip = 0.5 * Capstan { friction, ratio: 1.01 * critical }.expected() * (0.04 - 0.01);
         let (below, above) = (moved(0.99 * critical), moved(1.01 * critical));
-        println!("CAP {friction} {below:e} {above:e} {slip:e}");
         assert!(below.abs() < 0.1 * slip, "mu {friction}: moved {below} m at 0.99 of the critical ratio");
         assert!(above > 0.9 * slip, "mu {friction}: moved {above} m of {slip} m at 1.01 of the critical ratio");
     }

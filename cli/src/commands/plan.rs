@@ -71,6 +71,9 @@ fn effect_text(effect: &PlannedEffect) -> String {
     for (name, value, origin) in effect.settings.iter() {
         text += &format!("    {name} = {} ({})\n", value_text(value), origin_word(origin));
     }
+    for note in &effect.notes {
+        text += &format!("    note: {note}\n");
+    }
     text
 }
 
@@ -147,6 +150,7 @@ fn as_json(shot: &Shot, threads: &Threads) -> Value {
             "because": effect.because,
             "settings": settings,
             "bytes": effect.bytes,
+            "notes": effect.notes,
         })
     };
     let scene = shot.simulation().scene();

@@ -6,7 +6,8 @@
 //!
 //! Two velocities of the body are used: the mean over the step for the average velocity (a vertex that sticks then stays on
 //! its material point also where the body turns), and the one at the end of the step for the vertex's own velocity. With
-//! the end velocity for both, cloth on a turntable slips at half the critical speed.
+//! the end velocity for both, cloth on a turntable drifts outwards by half a step's turn, and slips from half the critical
+//! centripetal acceleration on.
 
 use crate::Vec3;
 use crate::bodies::{Body, BodyPoint};

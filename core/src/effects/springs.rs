@@ -276,12 +276,12 @@ struct Rows<'a, T> {
     scaled_damping: T,
 }
 
-impl<T: AsRef<[f64]>> Rows<'_, T> {
+impl Rows<'_, &[f64]> {
     /// Adds `c (v2 - v1)·e e` of every spring to its ends.
     fn add_damping<const N: usize>(&self, x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
         let (x, v) = (&x[..f.len()], &v[..f.len()]);
         let rows = self.vertices.iter().zip(self.others.as_chunks::<N>().0);
-        for ((i, others), scaled) in rows.zip(self.scaled_damping.as_ref().as_chunks::<N>().0) {
+        for ((i, others), scaled) in rows.zip(self.scaled_damping.as_chunks::<N>().0) {
             let i = usize::from(*i);
             let (xi, vi) = (x[i], v[i]);
             let mut sum = Vec3::zeros();
@@ -293,6 +293,39 @@ impl<T: AsRef<[f64]>> Rows<'_, T> {
                 f[j] -= force;
             }
             f[i] += sum;
+        }
+    }
+}
+
+impl Rows<'_, &[f64]> {
+    /// Compares the rate of every spring with the fastest so far.
+    fn compare_rates<const N: usize>(&self, x: &[Vec3], v: &[Vec3], fastest: &mut Fraction) {
+        let rows = self.vertices.iter().zip(self.others.as_chunks::<N>().0);
+        for ((i, others), elastic) in rows.zip(self.elastic.as_chunks::<N>().0) {
+            let i = usize::from(*i);
+            let (xi, vi) = (x[i], v[i]);
+            for n in 0..N {
+                let j = usize::from(others[n]);
+                fastest.compare(&(x[j] - xi), &(v[j] - vi), elastic[n][1]);
+            }
+        }
+    }
+}
+
+/// The largest squared rate of relative change of length, as a fraction: most springs then need no division.
+struct Fraction {
+    squared: f64,
+    over: f64,
+}
+
+impl Fraction {
+    /// Takes the rate of a spring whose ends are `u` apart and part by `change`, if it is larger.
+    #[inline]
+    fn compare(&mut self, u: &Vec3, change: &Vec3, rest: f64) {
+        let along = change.dot(u);
+        let (squared, over) = (along * along, u.norm_squared() * rest * rest);
+        if squared * self.over > self.squared * over && over > 0.0 {
+            *self = Self { squared, over };
         }
     }
 }
@@ -422,19 +455,20 @@ impl Force for PartSprings {
     }
 
     fn strain_rate(&self, x: &[Vec3], v: &[Vec3]) -> f64 {
-        // The largest (change of length)² / (l rest)², kept as a fraction: most springs then need no division.
-        let (mut largest, mut over) = (0.0, 1.0);
-        let mut compare = |u: Vec3, change: Vec3, rest: f64| {
-            let along = change.dot(&u);
-            let (squared, length_squared) = (along * along, u.norm_squared() * rest * rest);
-            if squared * over > largest * length_squared && length_squared > 0.0 {
-                (largest, over) = (squared, length_squared);
+        let mut fastest = Fraction { squared: 0.0, over: 1.0 };
+        for (length, rows) in self.row_groups() {
+            match length {
+                1 => rows.compare_rates::<1>(&x[self.start..], &v[self.start..], &mut fastest),
+                2 => rows.compare_rates::<2>(&x[self.start..], &v[self.start..], &mut fastest),
+                3 => rows.compare_rates::<3>(&x[self.start..], &v[self.start..], &mut fastest),
+                _ => rows.compare_rates::<ROW>(&x[self.start..], &v[self.start..], &mut fastest),
             }
-        };
-        for (i, j, s, _) in self.ends() {
-            compare(x[j] - x[i], v[j] - v[i], self.elastic[s][1]);
         }
-        (largest / over).sqrt()
+        for ([i, j], [_, rest]) in self.border.iter().zip(&self.elastic[self.inner.len()..]) {
+            let (i, j) = (self.start + *i as usize, *j as usize);
+            fastest.compare(&(x[j] - x[i]), &(v[j] - v[i]), *rest);
+        }
+        (fastest.squared / fastest.over).sqrt()
     }
 
     fn energy(&self, view: &PartView<'_>) -> f64 {
