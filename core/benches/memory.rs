@@ -1,25 +1,27 @@
 //! Times the kernels of a step and prints each as a share of the memory bandwidth that a triad reaches in the same run:
-//! `cargo bench -p drapery-core`. Criterion prints its statistics on the way; the table at the end takes the fastest and the
-//! median sample of each kernel and the triad measured right before it, with the same threads.
+//! `cargo bench -p drapery-core`. Criterion prints its statistics on the way; the table at the end takes the fastest
+//! and the median sample of each kernel and the triad measured right before it, with the same threads.
 //!
 //! # What is counted
 //!
-//! The least memory traffic of the algorithm, as in the STREAM benchmark: every array that a pass cannot do without counts
-//! once where it is read and once where it is written; whatever a write fetches first is not counted, in the triad
-//! (`a = b + s c`, 24 bytes) and in the kernels alike. A spring counts once, although one that crosses a part's border is
-//! evaluated twice. With V vertices (24-byte vectors, 8-byte masses) and S springs of stretch and bending together:
+//! The least memory traffic of the algorithm, as in the STREAM benchmark: every array that a pass cannot do without
+//! counts once where it is read and once where it is written; whatever a write fetches first is not counted, in the
+//! triad (`a = b + s c`, 24 bytes) and in the kernels alike. A spring counts once, although one that crosses a part's
+//! border is evaluated twice. With V vertices (24-byte vectors, 8-byte masses) and S springs of stretch and bending
+//! together:
 //!
 //! * damping product `q = h M⁻¹ G s`: each spring's c/l² (8) and other end (2); x, s, mass, q: `10 S + 80 V`;
-//! * CG iteration: the product, then v, r and s each read and written and q read: `10 S + 248 V`; timed over a solve of ten
-//!   iterations, with a tenth of the first residual's product;
-//! * elastic update: each spring's k, rest length, c (24) and other end (2) read, c/l² (8) written; x and mass read, force
-//!   written: `34 S + 56 V`;
-//! * body contact: x, v and v½ read, x' and v* written: `120 V`. The records of contacts and the bodies are not counted: a
-//!   vertex in the open needs neither;
+//! * CG iteration: the product, then v, r and s each read and written and q read: `10 S + 248 V`; timed over a solve of
+//!   ten iterations, with a tenth of the first residual's product;
+//! * elastic update: each spring's k, rest length, c (24) and other end (2) read, c/l² (8) written; x and mass read,
+//!   force written: `34 S + 56 V`;
+//! * body contact: x, v and v½ read, x' and v* written: `120 V`. The records of contacts and the bodies are not
+//!   counted: a vertex in the open needs neither;
 //! * step without contacts: choice of dt (rest length and other end of each spring, x, v: `10 S + 48 V`); two velocity
-//!   solves; x' (x and v½ read, x' written: `72 V`); v' (v½ and v read, v written: `72 V`). A solve is an elastic update
-//!   that also reads v (in the second also x', for the middle) and writes v½, a product that writes the first residual, and
-//!   its iterations, i in both solves: `98 S + 584 V + i (10 S + 248 V)` in all.
+//!   solves; x' (x and v½ read, x' written: `72 V`); v' (v½ and v read, v written: `72 V`). A solve is an elastic
+//!   update that also reads v (in the second also x', for the middle) and writes v½, a product that writes the first
+//!   residual, and its iterations, i in both solves: `98 S + 584 V + i (10 S + 248 V)` in all. Iterations are averaged
+//!   over all frames, so where they vary (few vertices) only the median share means something.
 
 use std::cell::RefCell;
 use std::hint::black_box;

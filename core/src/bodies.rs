@@ -6,6 +6,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use crate::Vec3;
 use crate::effects::pins::{along_path, attach};
 use crate::error::{Problem, Problems};
+use crate::geometry::aabb::Aabb;
 use crate::geometry::moving_surface::MovingSurface;
 use crate::geometry::path::{Crossings, Side};
 use crate::geometry::shapes::Shape;
@@ -63,8 +64,6 @@ pub struct BodyPoint {
     pub displacement: Vec3,
     /// Triangle, for surfaces.
     pub triangle: u32,
-    /// Whether this part of the surface lies inside the body itself, where there is no outside to push to.
-    pub buried: bool,
 }
 
 /// One body.
@@ -101,8 +100,8 @@ struct Rigid {
 struct Surface {
     mesh: MovingSurface,
     samples: Samples,
-    /// Whether each point lies inside another part of the body, at the two samples.
-    buried: [Vec<bool>; 2],
+    /// Boxes of the triangles that cross each other at the two samples.
+    crossing_regions: [Aabb; 2],
     /// Pairs of triangles that cross each other at the later sample.
     crossings: usize,
     /// Fastest point between the samples [m/s].
@@ -239,7 +238,6 @@ impl Bodies {
                     velocity,
                     displacement: velocity * self.dt(),
                     triangle: found.triangle,
-                    buried: surface.is_buried(found.triangle),
                 })
             }
         }
@@ -270,9 +268,20 @@ impl Bodies {
                     velocity,
                     displacement: velocity * self.dt(),
                     triangle: hit.triangle,
-                    buried: surface.is_buried(hit.triangle),
                 })
             }
+        }
+    }
+
+    /// Whether a body may pass through itself around `x` [m] during the step: inside the boxes of its crossings at the two
+    /// samples, joined and enlarged by `margin` [m].
+    pub fn may_cross_itself(&self, body: usize, x: &Vec3, margin: f64) -> bool {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => {
+                let [a, b] = &surface.crossing_regions;
+                a.union(b).enlarged(margin).overlaps(&Aabb::of_point(x))
+            }
+            Kind::Rigid(_) => false,
         }
     }
 
@@ -280,7 +289,7 @@ impl Bodies {
     pub fn contains(&self, body: usize, x: &Vec3) -> bool {
         match &self.list[body].kind {
             Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(1, x)).0 < 0.0,
-            Kind::Surface(surface) => surface.mesh.winding_number(x) > 0,
+            Kind::Surface(surface) => surface.mesh.is_closed() && surface.mesh.winding_number(x) > 0,
         }
     }
 
@@ -320,14 +329,7 @@ impl Rigid {
         } else {
             end.transform_point(&self.local(0, from).into()).coords - from
         };
-        BodyPoint {
-            phi,
-            normal: end.rotation * normal,
-            velocity: linear + turning,
-            displacement: carried,
-            triangle: 0,
-            buried: false,
-        }
+        BodyPoint { phi, normal: end.rotation * normal, velocity: linear + turning, displacement: carried, triangle: 0 }
     }
 }
 
@@ -353,12 +355,12 @@ impl Kind {
                 let mut surface = Surface {
                     mesh: MovingSurface::new(triangles.clone(), *point_count).map_err(|e| e.to_string())?,
                     samples: Samples::still(first.clone()),
-                    buried: [Vec::new(), Vec::new()],
+                    crossing_regions: [Aabb::EMPTY; 2],
                     crossings: 0,
                     speed: 0.0,
                 };
                 surface.push(first.clone()).map_err(|e| e.to_string())?;
-                surface.buried[0] = surface.buried[1].clone();
+                surface.crossing_regions[0] = surface.crossing_regions[1];
                 return Ok(Self::Surface(Box::new(surface)));
             }
         };
@@ -377,19 +379,11 @@ impl Surface {
         self.speed = if span > 0.0 { farthest / span } else { 0.0 };
         let found = self.mesh.self_crossing(&b.positions);
         self.crossings = found.pairs.len();
-        self.buried.swap(0, 1);
-        self.buried[1] = found.buried;
+        let corners = found.pairs.iter().flatten().flat_map(|t| self.mesh.triangles()[*t as usize]);
+        let region = corners.fold(Aabb::EMPTY, |r, c| r.union(&Aabb::of_point(&b.positions[c as usize])));
+        self.crossing_regions = [self.crossing_regions[1], region];
         self.samples.push(sample);
         Ok(())
-    }
-
-    /// Whether a corner of the triangle lies inside another part of the body at both samples. Where that holds at one of them
-    /// only, the surfaces part or meet in between: contact goes on, and surfaces that face each other too closely are seen
-    /// by the contact itself.
-    fn is_buried(&self, triangle: u32) -> bool {
-        let corners = self.mesh.triangles()[triangle as usize];
-        let inside = |buried: &Vec<bool>| corners.iter().any(|c| buried.get(*c as usize).copied().unwrap_or(false));
-        self.buried.iter().all(inside)
     }
 
     /// A closed body can only be entered; an open surface is met from both sides.

@@ -1,5 +1,7 @@
 //! Cloth against bodies: what must never pass, and what has to be let go.
 
+use std::collections::BTreeMap;
+
 use drapery_core::Vec3;
 use drapery_core::scene::{BodyDescription, BodyShape, GarmentDescription, RigidMotion, Scene, SceneDescription};
 use drapery_core::simulation::{FrameInput, Sample, Simulation};
@@ -7,16 +9,34 @@ use drapery_tests::*;
 
 const FPS: u32 = 24;
 
-/// A closed box as a triangle mesh, counter-clockwise seen from outside.
-fn box_mesh(half: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let corner = |i: usize| Vec3::new(sign(i, 1) * half.x, sign(i, 2) * half.y, sign(i, 4) * half.z);
-    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let triangles = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
-    ((0..8).map(corner).collect(), triangles)
-}
-
-fn sign(i: usize, bit: usize) -> f64 {
-    if i & bit == 0 { -1.0 } else { 1.0 }
+/// A closed box as a triangle mesh of `cells` by `cells` squares a side, counter-clockwise seen from outside.
+fn box_mesh(half: Vec3, cells: i32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut numbers = BTreeMap::new();
+    let mut points = Vec::new();
+    let mut point = |lattice: [i32; 3]| {
+        *numbers.entry(lattice).or_insert_with(|| {
+            let share = lattice.map(|i| 2.0 * f64::from(i) / f64::from(cells) - 1.0);
+            points.push(Vec3::from(share).component_mul(&half));
+            points.len() as u32 - 1
+        })
+    };
+    let mut triangles = Vec::new();
+    for axis in 0..3 {
+        for (side, k) in [(0, 0), (1, cells)] {
+            for i in 0..cells {
+                for j in 0..cells {
+                    let mut at = |di: i32, dj: i32| {
+                        let mut lattice = [0; 3];
+                        (lattice[axis], lattice[(axis + 1) % 3], lattice[(axis + 2) % 3]) = (k, i + di, j + dj);
+                        point(lattice)
+                    };
+                    let [a, b, c, d] = [at(0, 0), at(1, 0), at(1, 1), at(0, 1)];
+                    triangles.extend(if side == 1 { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
+                }
+            }
+        }
+    }
+    (points, triangles)
 }
 
 /// A mesh body of given triangles; `points(time)` moves it.
@@ -83,7 +103,7 @@ fn a_ball_at_any_speed_takes_the_sheet_along() {
 #[test]
 fn a_thin_plate_swung_at_twenty_metres_a_second_takes_the_sheet_along() {
     // 6 mm thick: in one frame it moves 140 times its thickness.
-    let (points, triangles) = box_mesh(Vec3::new(0.003, 0.3, 0.3));
+    let (points, triangles) = box_mesh(Vec3::new(0.003, 0.3, 0.3), 4);
     let place = |time: f64| -> Vec<Vec3> { points.iter().map(|p| p + Vec3::x() * (20.0 * time - 0.5)).collect() };
     // Without springs a step is a whole frame: the path of the plate in one step is 140 times its thickness.
     for springs in [true, false] {
@@ -117,13 +137,14 @@ fn a_thin_plate_swung_at_twenty_metres_a_second_takes_the_sheet_along() {
 #[test]
 fn cloth_between_closing_boxes_is_let_go_and_comes_out_when_they_part() {
     // One mesh of two boxes that pass through each other and part again: a body that crosses itself.
-    let (one, faces) = box_mesh(Vec3::new(0.1, 0.2, 0.2));
+    let (one, faces) = box_mesh(Vec3::new(0.1, 0.25, 0.25), 24);
+    let (other, more) = box_mesh(Vec3::new(0.1, 0.24, 0.24), 24);
     let mut triangles = faces.clone();
-    triangles.extend(faces.iter().map(|t| t.map(|v| v + 8)));
+    triangles.extend(more.iter().map(|t| t.map(|v| v + one.len() as u32)));
     let gap = |time: f64| 0.02 - 0.05 * (std::f64::consts::PI * (time / 1.5).min(1.0)).sin();
     let place = |time: f64| -> Vec<Vec3> {
         let apart = 0.1 + 0.5 * gap(time);
-        one.iter().map(|p| p - Vec3::x() * apart).chain(one.iter().map(|p| p + Vec3::x() * apart)).collect()
+        one.iter().map(|p| p - Vec3::x() * apart).chain(other.iter().map(|p| p + Vec3::x() * apart)).collect()
     };
     let mut description = scene_of(upright_sheet(16, 0.025), FPS);
     add_springs(&mut description, 5.0, 1.0);
@@ -139,13 +160,22 @@ fn cloth_between_closing_boxes_is_let_go_and_comes_out_when_they_part() {
         |simulation, summary| {
             pinched += summary.metrics.counted("body_pinched");
             squeezed += summary.metrics.counted("body_squeezed");
+            println!(
+                "f {} gap {:.4} strain {:?} ke {:.5} x {:.4} p {} s {}",
+                summary.frame,
+                gap(simulation.state().time),
+                summary.max_strain,
+                summary.kinetic_energy,
+                positions(simulation).iter().map(|x| x.x.abs()).fold(0.0, f64::max),
+                summary.metrics.counted("body_pinched"),
+                summary.metrics.counted("body_squeezed")
+            );
             let strain = summary.max_strain.as_ref().map_or(0.0, |s| s.strain);
             assert!(strain < 0.3, "frame {}: torn, strain {strain}", summary.frame);
             assert!(summary.kinetic_energy < 0.1, "frame {}: {} J", summary.frame, summary.kinetic_energy);
             let half_gap = 0.5 * gap(simulation.state().time);
             if half_gap > 0.0 && summary.frame > 40 {
-                let between = positions(simulation).into_iter().filter(|x| x.y.abs() < 0.15 && x.z.abs() < 0.15);
-                let farthest = between.map(|x| x.x.abs()).fold(0.0, f64::max);
+                let farthest = positions(simulation).iter().map(|x| x.x.abs()).fold(0.0, f64::max);
                 assert!(
                     farthest < half_gap + 1e-6,
                     "frame {}: stuck inside a box at {farthest}, half gap {half_gap}",

@@ -2,7 +2,7 @@
 
 use drapery_core::Vec3;
 use drapery_core::scene::{BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, Scene};
-use drapery_core::simulation::{FrameInput, Simulation};
+use drapery_core::simulation::Simulation;
 use drapery_tests::*;
 
 /// Bits of all positions and velocities after some frames, with so many threads.

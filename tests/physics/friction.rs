@@ -8,7 +8,8 @@ use nalgebra::{Unit, UnitQuaternion};
 
 const G: f64 = 9.8;
 
-/// A patch of cloth on a plane turned by `angle` about z, sliding downhill (+x of the plane) at `speed`, one step a frame.
+/// A patch of cloth on a plane turned by `angle` about z, sliding downhill (+x of the plane) at `speed`, one step a
+/// frame.
 struct Incline {
     angle: f64,
     friction: f64,
@@ -194,8 +195,8 @@ fn cloth_dropped_on_a_belt_lags_as_coulomb_says() {
     }
 }
 
-/// A light strip over half a turn of a fixed cylinder with a weight at each end, started in its equilibrium: pre-stretched
-/// by the tensions that belong to the acceleration that Euler's rope formula gives.
+/// A light strip over half a turn of a fixed cylinder with a weight at each end, started in its equilibrium:
+/// pre-stretched by the tensions that belong to the acceleration that Euler's rope formula gives.
 ///
 /// The weights are long triangles below the strip's ends: a garment has one density, so their area is their mass.
 struct Capstan {
@@ -207,12 +208,13 @@ struct Capstan {
 impl Capstan {
     /// Edge of the strip's square cells at rest [m].
     const DX: f64 = 0.02;
-    /// Cells along the strip, and how many of them hang free at the light end; on the cylinder a cell turns by 3.6 degrees, so
-    /// that the polygon's grip, 2 atanh(μ tan(δ/2)) per cell, is within 4e-4 of μ δ.
+    /// Cells along the strip, and how many of them hang free at the light end; on the cylinder a cell turns by 3.6
+    /// degrees, so that the polygon's grip, 2 atanh(μ tan(δ/2)) per cell, is within 4e-4 of μ δ.
     const CELLS: usize = 72;
     const TAIL: usize = 12;
     const RADIUS: f64 = 50.0 * Self::DX / std::f64::consts::PI;
-    /// Mass of the strip over the lighter weight: its own weight on the cylinder takes 0.3 % of the smallest acceleration.
+    /// Mass of the strip over the lighter weight: its own weight on the cylinder takes 0.3 % of the smallest
+    /// acceleration.
     const STRIP_MASS: f64 = 1e-3;
     /// Force of a spring per unit strain [N]: strains of a per cent or two.
     const STIFFNESS: f64 = 500.0;
@@ -236,8 +238,8 @@ impl Capstan {
         low
     }
 
-    /// Places of a rail's vertices in the plane of the cylinder's cross-section, from the light end; `ahead` is the part of
-    /// a cell by which it is ahead.
+    /// Places of a rail's vertices in the plane of the cylinder's cross-section, from the light end; `ahead` is the
+    /// part of a cell by which it is ahead.
     fn rail(&self, ahead: f64, r: f64, [light, heavy]: [f64; 2]) -> Vec<Vec3> {
         let hanging = |i: usize| Vec3::new(-r, Self::stretched(light) * (ahead - i as f64), 0.0);
         let mut places: Vec<Vec3> = (1..=Self::TAIL).rev().map(hanging).collect();

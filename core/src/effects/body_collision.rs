@@ -367,8 +367,7 @@ impl Search<'_> {
             (Some(end), _) => end,
             (None, None) => return None,
         };
-        // Inside the body itself there is no outside to push to.
-        (found.phi < properties.offset && !found.buried).then_some(found)
+        (found.phi < properties.offset).then_some(found)
     }
 
     /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. Where the surfaces have
@@ -381,16 +380,17 @@ impl Search<'_> {
         touched: Option<(usize, BodyPoint)>,
     ) -> Option<Vec3> {
         let bodies = self.step.bodies;
+        // Pushed out of one part of a body, the vertex may lie inside another part of it.
+        if let Some((body, at)) = touched
+            && bodies.may_cross_itself(body, x1, self.search)
+            && bodies.contains(body, x1)
+        {
+            return Some(at.velocity);
+        }
         for body in 0..bodies.list().len() {
             let properties = &bodies.list()[body];
             let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
             let Some(mut at) = self.nearest(body, x, x1) else { continue };
-            if at.buried && at.phi < properties.thickness {
-                return Some(at.velocity);
-            }
-            if at.buried {
-                continue;
-            }
             let mut offset = properties.offset;
             let facing = touched.filter(|(_, t)| at.phi < properties.thickness && at.normal.dot(&t.normal) < FACING);
             if let Some((first, first_at)) = facing {

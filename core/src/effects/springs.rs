@@ -1,14 +1,14 @@
 //! Networks of linear springs, shared by the stretch and bending effects (method 1.2).
 //!
 //! A spring between vertices 1 and 2 with unit direction e from 1 to 2 pulls vertex 1 with
-//! `k (l - l_rest) e - c ((v1 - v2)·e) e` and vertex 2 with the opposite; `k` in N/m, `c` in N s/m. The elastic term is the
-//! paper's `E (l/l0 - 1) e` with `k = E/l0`; the damping term carries the sign that dissipates.
+//! `k (l - l_rest) e - c ((v1 - v2)·e) e` and vertex 2 with the opposite; `k` in N/m, `c` in N s/m. The elastic term is
+//! the paper's `E (l/l0 - 1) e` with `k = E/l0`; the damping term carries the sign that dissipates.
 //!
-//! Storage: a part keeps the springs between its own vertices once, in rows of equal length, and those that leave it in a
-//! second list that changes its own ends only. Each spring belongs to the row of one end, chosen so that rows have nearly
-//! the same length everywhere: loops of known length have no branches to mispredict. For the damping product a spring is
-//! `c / l²` and the number of its other end, 10 bytes; its direction is taken from the positions, which are shared by all
-//! springs of a vertex (`docs/decisions/0001-state-layout.md`).
+//! Storage: a part keeps the springs between its own vertices once, in rows of equal length, and those that leave it in
+//! a second list that changes its own ends only. Each spring belongs to the row of one end, chosen so that rows have
+//! nearly the same length everywhere: loops of known length have no branches to mispredict. For the damping product a
+//! spring is `c / l²` and the number of its other end, 10 bytes; its direction is taken from the positions, which are
+//! shared by all springs of a vertex (`docs/decisions/0001-state-layout.md`).
 
 use crate::Vec3;
 use crate::effects::{BuildContext, Effect, Force, PartForce, PartView};
@@ -21,9 +21,9 @@ use crate::settings::{Default, Dimension, Field, Settings};
 /// How the stiffness of each spring follows from a setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stiffness {
-    /// Membrane stiffness Y [N/m]: `k = Y · A / l0²` with A the rest area next to the spring, so that the cloth's stiffness
-    /// does not depend on the mesh (exact for equilateral triangles: k = Y √3/2). Source: A. Van Gelder, "Approximate
-    /// simulation of elastic membranes by triangulated spring meshes", 1998.
+    /// Membrane stiffness Y [N/m]: `k = Y · A / l0²` with A the rest area next to the spring, so that the cloth's
+    /// stiffness does not depend on the mesh (exact for equilateral triangles: k = Y √3/2). Source: A. Van Gelder,
+    /// "Approximate simulation of elastic membranes by triangulated spring meshes", 1998.
     Membrane(f64),
     /// The authors' constant E [N]: `k = E / l0`; refining the mesh makes the cloth stiffer (method 1.3).
     Constant(f64),
@@ -112,8 +112,8 @@ pub fn build_effect(
     Ok(Effect { forces, bytes, notes, ..Effect::default() })
 }
 
-/// Stiffness of each spring [N/m], and a note on those that were softened (method 1.4: a rest length that is clamped from
-/// below in the stiffness, not in the length at rest).
+/// Stiffness of each spring [N/m], and a note on those that were softened (method 1.4: a rest length that is clamped
+/// from below in the stiffness, not in the length at rest).
 fn stiffnesses(elements: &[SpringElement], stiffness: Stiffness, short_edges: Option<f64>) -> (Vec<f64>, Vec<String>) {
     let default = if matches!(stiffness, Stiffness::Membrane(_)) { SHORT_EDGES } else { 0.0 };
     let mut lengths: Vec<f64> = elements.iter().map(|e| e.rest_length).collect();

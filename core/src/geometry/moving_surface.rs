@@ -310,7 +310,7 @@ impl MovingSurface {
             tree.refit(|t| box_of(&self.triangles[t as usize]));
             tree
         };
-        self_crossing::find(&self.triangles, positions, &tree, self.closed)
+        self_crossing::find(&self.triangles, positions, &tree)
     }
 
     /// Fraction of the way from the first sample to the second.

@@ -1,9 +1,7 @@
-//! Where a triangle surface passes through itself, and which of its vertices are buried inside another part of it.
+//! Where a triangle surface passes through itself, and whether a point lies inside all the same.
 //!
 //! Production characters cross themselves at elbows, armpits and hips. Cloth there has no right place: the side of the
-//! closest triangle says nothing when that triangle lies inside the body. Contact asks here which vertices to ignore.
-
-use rayon::prelude::*;
+//! closest triangle says nothing when that triangle lies inside the body. The winding number does.
 
 use crate::Vec3;
 use crate::geometry::aabb::Aabb;
@@ -19,9 +17,6 @@ const RAY_SLOPES: [f64; 2] = [0.127_368_942_117, 0.331_772_654_063];
 pub struct SelfCrossing {
     /// Pairs of triangles that cross, beyond the vertex or edge they may share, ascending.
     pub pairs: Vec<[u32; 2]>,
-    /// For every vertex, whether the surface around it lies inside another part of the surface; empty if nothing
-    /// crosses or the surface is open.
-    pub buried: Vec<bool>,
 }
 
 impl SelfCrossing {
@@ -32,19 +27,12 @@ impl SelfCrossing {
         triangles.dedup();
         triangles
     }
-
-    /// Number of buried vertices.
-    pub fn buried_count(&self) -> usize {
-        self.buried.iter().filter(|&&b| b).count()
-    }
 }
 
 /// Finds the crossings of a surface with itself; `tree` bounds its triangles at these `positions`.
 ///
-/// A vertex is buried if the surface winds at least once around a point just in front of it. One ray for each vertex
-/// decides: filling patches between crossing curves is cheaper but leaks where such a curve ends in a fold. Only a
-/// `closed` surface has an inside. Sides are decided in `f64`, not exactly: triangles that merely touch may go either way.
-pub fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh, closed: bool) -> SelfCrossing {
+/// Sides are decided in `f64`, not exactly: triangles that merely touch may go either way.
+pub fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh) -> SelfCrossing {
     let boxes: Vec<Aabb> = triangles.iter().map(|t| bounds_of(&t.map(|v| positions[v as usize]))).collect();
     let mut pairs = Vec::new();
     tree.self_pairs(|i, j| {
@@ -56,8 +44,7 @@ pub fn find(triangles: &[[u32; 3]], positions: &[Vec3], tree: &Bvh, closed: bool
         }
     });
     pairs.sort_unstable();
-    let buried = if pairs.is_empty() || !closed { Vec::new() } else { buried_vertices(triangles, positions, tree) };
-    SelfCrossing { pairs, buried }
+    SelfCrossing { pairs }
 }
 
 /// How often the closed surface winds around `point`: 0 outside, 1 inside, 2 where two parts of it overlap.
@@ -97,32 +84,6 @@ fn line_meets(s: &[Vec3; 2], t: &[Vec3; 3]) -> bool {
     let along = s[1] - s[0];
     let around = [0, 1, 2].map(|k| along.cross(&(t[k] - s[0])).dot(&(t[(k + 1) % 3] - s[0])) >= 0.0);
     around[0] == around[1] && around[1] == around[2]
-}
-
-fn buried_vertices(triangles: &[[u32; 3]], x: &[Vec3], tree: &Bvh) -> Vec<bool> {
-    // The first triangle with area at a vertex says where its front is; a vertex without any stays free.
-    let mut fronts = vec![None; x.len()];
-    for t in triangles {
-        for k in 0..3 {
-            let front = &mut fronts[t[k] as usize];
-            if front.is_none() {
-                *front = just_outside(&[0, 1, 2].map(|i| x[t[(k + i) % 3] as usize]));
-            }
-        }
-    }
-    let is_buried = |p: &Option<Vec3>| p.is_some_and(|p| winding_number(triangles, x, tree, &p) >= 1);
-    fronts.par_iter().map(is_buried).collect()
-}
-
-/// A point off the front of the triangle near its first corner; none for a triangle without area.
-fn just_outside(corners: &[Vec3; 3]) -> Option<Vec3> {
-    let (ab, ac) = (corners[1] - corners[0], corners[2] - corners[0]);
-    let normal = ab.cross(&ac).try_normalize(0.0)?;
-    Some(
-        corners[0]
-            + (ab + ac) * (0.5 * tolerances::INTO_TRIANGLE)
-            + normal * (tolerances::OFF_TRIANGLE * ab.norm().max(ac.norm())),
-    )
 }
 
 /// Whether the ray upwards from `origin` along (`RAY_SLOPES[0]`, 1, `RAY_SLOPES[1]`) meets the box.
@@ -226,30 +187,13 @@ mod tests {
     #[test]
     fn a_surface_that_does_not_cross_itself_has_no_pairs() {
         let (triangles, x) = torus(24, 1.0, 0.3);
-        assert_eq!(find(&triangles, &x, &tree_over(&triangles, &x), true), SelfCrossing::default());
-    }
-
-    #[test]
-    fn vertices_of_overlapping_bodies_are_buried_where_they_lie_inside_the_other() {
-        let shift = Vec3::new(0.31, 0.07, 0.23);
-        let (triangles, x) = doubled(torus(32, 1.0, 0.3), shift);
-        let found = find(&triangles, &x, &tree_over(&triangles, &x), true);
-        let (one, points) = torus(32, 1.0, 0.3);
-        let n = points.len();
-        for (v, p) in x.iter().enumerate() {
-            // Its own copy is left out: the definition, vertex by vertex.
-            let in_other = if v < n { p - shift } else { *p };
-            let expected = winding_by_solid_angle(&one, &points, &in_other).round() == 1.0;
-            assert_eq!(found.buried[v], expected, "vertex {v}");
-        }
-        assert!(found.buried_count() > 20 && found.buried_count() < x.len() / 2);
-        assert!(!found.pairs.is_empty() && found.triangles().len() <= 2 * found.pairs.len());
+        assert_eq!(find(&triangles, &x, &tree_over(&triangles, &x)), SelfCrossing::default());
     }
 
     #[test]
     fn crossing_pairs_are_those_a_look_at_every_pair_finds() {
         let (triangles, x) = doubled(torus(16, 1.0, 0.4), Vec3::new(0.3, 0.11, 0.2));
-        let found = find(&triangles, &x, &tree_over(&triangles, &x), true);
+        let found = find(&triangles, &x, &tree_over(&triangles, &x));
         let mut expected = Vec::new();
         for (i, a) in triangles.iter().enumerate() {
             for (j, b) in triangles.iter().enumerate().skip(i + 1) {
@@ -271,13 +215,5 @@ mod tests {
             }
         }
         assert_eq!(found.pairs, expected);
-    }
-
-    #[test]
-    fn an_open_surface_buries_nothing() {
-        let (mut triangles, x) = doubled(cube(), Vec3::new(0.5, 0.4, 0.3));
-        triangles.pop();
-        let found = find(&triangles, &x, &tree_over(&triangles, &x), false);
-        assert!(!found.pairs.is_empty() && found.buried.is_empty());
     }
 }

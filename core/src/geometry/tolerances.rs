@@ -31,13 +31,6 @@ pub const VOLUME: f64 = 16.0 * f64::EPSILON;
 /// `the_gradient_on_the_surface_is_its_normal`.
 pub const DIRECTION: f64 = 1e4 * f64::EPSILON;
 
-/// The winding just outside a vertex is looked up this share of the way into a triangle beside it, and …
-/// Guarded, with the next, by `vertices_of_overlapping_bodies_are_buried_where_they_lie_inside_the_other`.
-pub const INTO_TRIANGLE: f64 = 1e-3;
-
-/// … this share of the triangle's size off it, along its normal: far above rounding, far below any gap that matters.
-pub const OFF_TRIANGLE: f64 = 1e-6;
-
 /// The tree of a surface is built anew when the motion has made it this much more expensive than it was when built.
 /// Changes time only, never an answer: `a_refit_tree_answers_like_a_new_one_on_any_number_of_threads`.
 pub const REBUILD_COST: f64 = 1.3;
