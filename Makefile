@@ -28,7 +28,8 @@ demo: build ## simulate a dressed character and render six frames of it; QUALITY
 .PHONY: test
 test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
 	cargo test --release --workspace --features $(FEATURES)
-	.venv/bin/python -m pytest tests/oracle
+	cargo run --release --quiet --package drapery-alembic --example write_demo -- $(TARGET)/alembic_demo
+	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle
 
 .PHONY: test-full
 test-full: build ## the suites too long for CI; writes docs/test-full.md

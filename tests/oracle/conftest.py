@@ -68,13 +68,23 @@ def run_scene(drapery_command, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def mannequin(tmp_path_factory):
+def make_mannequin(tmp_path_factory):
+    """Generates the character with garments of a fineness, `light` or `full`, and returns the folder."""
+
+    def make(garments):
+        folder = tmp_path_factory.mktemp("mannequin")
+        command = [program("DRAPERY_ASSETS", "drapery-assets"), "mannequin", "--out", str(folder), "--garments", garments]
+        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        assert done.returncode == 0, done.stderr
+        return folder
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def mannequin(make_mannequin):
     """Folder with the generated character and its light garments."""
-    folder = tmp_path_factory.mktemp("mannequin")
-    command = [program("DRAPERY_ASSETS", "drapery-assets"), "mannequin", "--out", str(folder), "--garments", "light"]
-    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-    assert done.returncode == 0, done.stderr
-    return folder
+    return make_mannequin("light")
 
 
 @pytest.fixture(scope="session")

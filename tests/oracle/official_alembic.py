@@ -3,7 +3,7 @@
     python official_alembic.py cache.abc answer.npz [object path]
 
 A process of its own, because a broken archive may bring the library down. Without a path, the archive has to hold
-one mesh. Positions are as stored; parents' transforms are not applied.
+one mesh. `positions` are as stored, `world_positions` with the transforms of all parents at the sample's time.
 """
 
 import sys
@@ -33,6 +33,26 @@ def samples(prop):
     return [np.array(sample) for sample in prop.samples]
 
 
+def world_matrix(schema_object, time):
+    """Row-vector matrix from an object's own space to the world."""
+    matrix = np.eye(4)
+    parent = schema_object.getParent()
+    while parent.getParent().valid():
+        if AbcGeom.IXform.matches(parent.getHeader()):
+            value = AbcGeom.IXform(parent.getParent(), parent.getName()).getSchema().getValue(Abc.ISampleSelector(time))
+            own = value.getMatrix()
+            matrix = matrix @ np.array([[own[row][column] for column in range(4)] for row in range(4)])
+            if not value.getInheritsXforms():
+                break
+        parent = parent.getParent()
+    return matrix
+
+
+def world(mesh, positions, times):
+    matrices = [world_matrix(mesh, float(time)) for time in times]
+    return np.stack([x.astype(float) @ m[:3, :3] + m[3, :3] for x, m in zip(positions, matrices)])
+
+
 def box(value):
     return [[*value.min()], [*value.max()]]
 
@@ -52,6 +72,7 @@ def read(archive, mesh):
         "face_indices": samples(schema.getFaceIndicesProperty())[0],
         "self_bounds": np.array([box(sample) for sample in schema.getSelfBoundsProperty().samples]),
     }
+    answer["world_positions"] = world(mesh, answer["positions"], answer["times"])
     # The binding crashes when asked anything else of a property that is not there.
     velocities = schema.getVelocitiesProperty()
     answer["velocities"] = np.stack(samples(velocities)) if velocities else np.empty((0, 0, 3), np.float32)

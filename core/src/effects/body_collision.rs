@@ -261,6 +261,14 @@ struct Answer {
     found: Option<BodyPoint>,
 }
 
+/// The last contact that corrected a vertex, and the place just outside that surface.
+#[derive(Clone, Copy)]
+struct Touch {
+    body: usize,
+    at: BodyPoint,
+    outside: Vec3,
+}
+
 /// The search for contacts of one vertex.
 struct Search<'a> {
     step: &'a CollisionStep<'a>,
@@ -293,9 +301,11 @@ impl Search<'_> {
         let mut touched = None;
         for body in 0..step.bodies.list().len() {
             if let Some(at) = self.contact(body, x, x1) {
-                let response = respond(&step.bodies.list()[body], &at, x1, x, v_star, dt);
+                let properties = &step.bodies.list()[body];
+                let outside = *x1 + at.normal * (properties.offset - properties.thickness - at.phi);
+                let response = respond(properties, &at, x1, x, v_star, dt);
                 *x1 = response.position;
-                touched = Some((body, at));
+                touched = Some(Touch { body, at, outside });
                 contact.add(Hold { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
             }
         }
@@ -372,28 +382,22 @@ impl Search<'_> {
 
     /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. Where the surfaces have
     /// passed through one another the contacts are given up: the answer is the velocity of the surfaces around [m/s].
-    fn settle(
-        &mut self,
-        x: &Vec3,
-        x1: &mut Vec3,
-        contact: &mut VertexContact,
-        touched: Option<(usize, BodyPoint)>,
-    ) -> Option<Vec3> {
+    fn settle(&mut self, x: &Vec3, x1: &mut Vec3, contact: &mut VertexContact, touched: Option<Touch>) -> Option<Vec3> {
         let bodies = self.step.bodies;
-        // Pushed out of one part of a body, the vertex may lie inside another part of it.
-        if let Some((body, at)) = touched
-            && bodies.may_cross_itself(body, x1, self.search)
-            && bodies.contains(body, x1)
+        // Outside one part of a body the vertex may lie inside another part of it.
+        if let Some(touch) = touched
+            && bodies.may_cross_itself(touch.body, x1, self.search)
+            && bodies.contains(touch.body, &touch.outside)
         {
-            return Some(at.velocity);
+            return Some(touch.at.velocity);
         }
         for body in 0..bodies.list().len() {
             let properties = &bodies.list()[body];
             let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
             let Some(mut at) = self.nearest(body, x, x1) else { continue };
             let mut offset = properties.offset;
-            let facing = touched.filter(|(_, t)| at.phi < properties.thickness && at.normal.dot(&t.normal) < FACING);
-            if let Some((first, first_at)) = facing {
+            let facing = touched.filter(|t| at.phi < properties.thickness && at.normal.dot(&t.at.normal) < FACING);
+            if let Some(Touch { body: first, at: first_at, .. }) = facing {
                 let first = &bodies.list()[first];
                 let gap = first.offset + at.phi;
                 // In the apex of a crease there is no room for half a gap, but the surface itself is still outside.
