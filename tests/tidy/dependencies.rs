@@ -44,7 +44,16 @@ const ALLOWED: [(&str, &[&str], &[&str]); 6] = [
     ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["serde_json", "tempfile"]),
     (
         "tests",
-        &["drapery-core", "drapery-io", "drapery-alembic", "drapery-assets", "nalgebra", "serde_json", "tempfile"],
+        &[
+            "drapery-core",
+            "drapery-io",
+            "drapery-alembic",
+            "drapery-assets",
+            "nalgebra",
+            "rayon",
+            "serde_json",
+            "tempfile",
+        ],
         &[],
     ),
 ];
