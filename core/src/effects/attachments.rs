@@ -9,10 +9,10 @@
 //! damping_ratio = 1.0
 //! ```
 
-use crate::Vec3;
 use crate::effects::pins::pinned_vertices;
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartView, Scope};
+use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
 use crate::error::Problem;
+use crate::parallel::lanes::Lanes;
 use crate::scene::PinHold;
 use crate::settings::Settings;
 
@@ -71,20 +71,20 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
 }
 
 impl Force for PartAttachments {
-    fn update(&mut self, view: &PartView<'_>, f: &mut [Vec3]) {
+    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
         for a in &mut self.springs {
             a.active = view.targets.is_active(a.target);
             if a.active {
                 let apart = view.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
                 // The target's own velocity is part of the damping force that does not depend on the unknown.
-                f[a.vertex] += apart * a.stiffness + view.targets.velocity(a.target) * a.damping;
+                f[a.vertex] += Lanes::from(&(apart * a.stiffness + view.targets.velocity(a.target) * a.damping));
             }
         }
     }
 
-    fn add_damping(&self, _x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
         for a in self.springs.iter().filter(|a| a.active) {
-            f[a.vertex] -= v[self.start + a.vertex] * a.damping;
+            f[a.vertex] -= motion.own_v[a.vertex] * a.damping;
         }
     }
 

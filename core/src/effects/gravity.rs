@@ -8,6 +8,7 @@
 use crate::Vec3;
 use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartView, Scope};
 use crate::error::Problem;
+use crate::parallel::lanes::Lanes;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
@@ -38,9 +39,10 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
 }
 
 impl Force for Gravity {
-    fn update(&mut self, view: &PartView<'_>, f: &mut [Vec3]) {
+    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+        let acceleration = Lanes::from(&self.acceleration);
         for (f, m) in f.iter_mut().zip(view.masses) {
-            *f += self.acceleration * *m;
+            *f += acceleration * *m;
         }
     }
 

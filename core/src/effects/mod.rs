@@ -11,8 +11,12 @@ pub mod pins;
 pub mod springs;
 pub mod stretch;
 
+use std::ops::Range;
+
 use crate::Vec3;
 use crate::error::{Problem, Problems};
+use crate::parallel::lanes::{Lanes, PartLanes};
+use crate::parallel::parts::PART_SIZE;
 use crate::scene::Scene;
 use crate::settings::{Field, Settings};
 
@@ -100,23 +104,63 @@ pub struct PartView<'a> {
     pub targets: &'a pins::PinTargets,
 }
 
+impl PartView<'_> {
+    /// Updates all forces of the part and returns their sums [N] in `f`, which is zero before.
+    pub fn update<'a>(&self, forces: &mut [Box<dyn Force>], f: &'a mut PartLanes) -> &'a [Lanes] {
+        let mut own_x = [Lanes::ZERO; PART_SIZE];
+        let own_x = Lanes::copy(&self.x[self.start..self.start + self.masses.len()], &mut own_x);
+        let f = &mut f[..own_x.len()];
+        forces.iter_mut().for_each(|force| force.update(self, own_x, f));
+        f
+    }
+}
+
+/// Positions and velocities of one part and of its neighbours, as damping sees them.
+#[derive(Clone, Copy)]
+pub struct PartMotion<'a> {
+    /// Positions of all vertices [m].
+    pub x: &'a [Vec3],
+    /// Velocities of all vertices [m/s].
+    pub v: &'a [Vec3],
+    /// Positions of the part's vertices [m].
+    pub own_x: &'a [Lanes],
+    /// Velocities of the part's vertices [m/s].
+    pub own_v: &'a [Lanes],
+}
+
+impl<'a> PartMotion<'a> {
+    /// Calls `work` with the motion of a part that holds these vertices.
+    pub fn with<R>(part: Range<usize>, x: &'a [Vec3], v: &'a [Vec3], work: impl FnOnce(&PartMotion<'_>) -> R) -> R {
+        let (mut own_x, mut own_v) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
+        let own_x = Lanes::copy(&x[part.clone()], &mut own_x);
+        let own_v = Lanes::copy(&v[part], &mut own_v);
+        work(&PartMotion { x, v, own_x, own_v })
+    }
+}
+
 /// A force on the vertices of one part. Elastic parts are explicit, damping parts implicit.
 ///
 /// An element that crosses a border is evaluated by both parts, with the same operands.
 pub trait Force: Send + Sync {
     /// Remembers what damping products at these positions need, and adds the forces that do not depend on velocity to
-    /// `f`, the part's own slice [N].
-    fn update(&mut self, view: &PartView<'_>, f: &mut [Vec3]);
+    /// `f` [N]; `own_x` and `f` are the part's own vertices.
+    fn update(&mut self, view: &PartView<'_>, own_x: &[Lanes], f: &mut [Lanes]);
 
-    /// Adds the damping force at velocities `v` of all vertices to `f`, the part's own slice [N]. Linear in `v`, symmetric,
-    /// never adding energy; `x` are the positions of the last `update`.
-    fn add_damping(&self, _x: &[Vec3], _v: &[Vec3], _f: &mut [Vec3]) {}
+    /// Adds the damping force to `f`, the part's own slice [N]. Linear in the velocities, symmetric, never adding energy;
+    /// the positions are those of the last `update`.
+    fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Lanes]) {}
 
     /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
     fn add_stiffness(&self, _sums: &mut [f64]) {}
 
-    /// Largest rate of relative change of length [1/s] at these positions and velocities of all vertices.
-    fn strain_rate(&self, _x: &[Vec3], _v: &[Vec3]) -> f64 {
+    /// A rate of relative change of length [1/s] that no element of the part exceeds, from the velocities `v` [m/s] of all
+    /// vertices; `part` are the part's own.
+    fn strain_rate_bound(&self, _part: Range<usize>, _v: &[Vec3]) -> f64 {
+        0.0
+    }
+
+    /// Largest rate of relative change of length [1/s].
+    fn strain_rate(&self, _motion: &PartMotion<'_>) -> f64 {
         0.0
     }
 

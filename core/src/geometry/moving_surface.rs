@@ -7,7 +7,7 @@
 //!
 //! The sign comes from the angle-weighted pseudo-normal of the closest vertex, edge or face (Bærentzen and Aanæs 2005),
 //! which is exact for a closed surface that does not cross itself. Where it does, see
-//! [`self_crossing`](crate::geometry::self_crossing). Vertices that coincide but are not shared leave a border in the
+//! [`self_crossing`]. Vertices that coincide but are not shared leave a border in the
 //! mesh: weld them first, or the sign beside such a seam may be wrong.
 
 use rayon::prelude::*;

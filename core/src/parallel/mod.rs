@@ -1,6 +1,7 @@
 //! Logical parts: a fixed split of all vertices, made from the scene alone. Every order that can reach a result is
 //! written in terms of parts, never in terms of threads, so that their number changes no bit.
 
+pub mod lanes;
 pub mod parts;
 pub mod split;
 pub mod sum;

@@ -78,7 +78,9 @@ impl ConjugateGradient {
             if converged || rho == 0.0 || !finite || iterations == stop.max_iterations {
                 return Outcome { iterations, converged: converged || rho == 0.0, finite };
             }
-            self.direction(parts, rho / rho_before);
+            if iterations > 0 {
+                self.direction(parts, rho / rho_before);
+            }
             let curvature = self.product(parts, masses, system);
             rho_before = rho;
             (rho, residual) = self.advance(parts, masses, v, rho / curvature);
@@ -86,12 +88,14 @@ impl ConjugateGradient {
         unreachable!("the loop ends at the largest number of iterations")
     }
 
-    /// `r = P h M⁻¹ G v`; returns `<r, r>` and the largest nodal residual.
+    /// `r = P h M⁻¹ G v`, which is also the first direction `s`; returns `<r, r>` and the largest nodal residual.
     fn first_residual(&mut self, parts: &Parts, masses: &[f64], system: &impl System, v: &[Vec3]) -> (f64, f64) {
-        let slices = (PerVertex(&mut self.r), PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
-        parts.for_each(slices, &|part, (r, dots, residuals)| {
+        let vectors = (PerVertex(&mut self.r), PerVertex(&mut self.s));
+        let blocks = (PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
+        parts.for_each((vectors, blocks), &|part, ((r, s), (dots, residuals))| {
             system.damping(part, v, r.0);
             system.project(part, r.0);
+            s.0.copy_from_slice(r.0);
             measure(&masses[parts.ranges()[part].clone()], r.0, dots.0, residuals.0);
         });
         (join(&self.dots), largest(&self.residuals).sqrt())
@@ -102,11 +106,6 @@ impl ConjugateGradient {
         let r = &self.r;
         parts.for_each(PerVertex(&mut self.s), &|part, s| {
             let r = &r[parts.ranges()[part].clone()];
-            if beta == 0.0 {
-                // The first direction of a solve owes nothing to the last of the solve before, not even a signed zero.
-                s.0.copy_from_slice(r);
-                return;
-            }
             for (s, r) in s.0.iter_mut().zip(r) {
                 *s = r + *s * beta;
             }

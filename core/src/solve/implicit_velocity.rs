@@ -6,8 +6,9 @@
 use crate::Vec3;
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, PartView};
-use crate::parallel::parts::Parts;
+use crate::effects::{Force, PartMotion, PartView};
+use crate::parallel::lanes::Lanes;
+use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::split::{PerPart, PerVertex};
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop, System};
 
@@ -51,13 +52,15 @@ impl<'a> DampingSystem<'a> {
 
 impl System for DampingSystem<'_> {
     fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]) {
-        q.fill(Vec3::zeros());
-        for force in &self.forces[part] {
-            force.add_damping(self.problem.x, s, q);
-        }
-        let (h, masses) = (self.problem.half_step, &self.problem.masses[self.problem.parts.ranges()[part].clone()]);
-        for (q, m) in q.iter_mut().zip(masses) {
-            *q *= h / m;
+        let range = self.problem.parts.ranges()[part].clone();
+        let mut f = [Lanes::ZERO; PART_SIZE];
+        let f = &mut f[..range.len()];
+        PartMotion::with(range.clone(), self.problem.x, s, |motion| {
+            self.forces[part].iter().for_each(|force| force.add_damping(motion, f));
+        });
+        let (h, masses) = (self.problem.half_step, &self.problem.masses[range]);
+        for ((q, f), m) in q.iter_mut().zip(f).zip(masses) {
+            *q = (*f * (h / m)).into();
         }
     }
 
@@ -88,13 +91,12 @@ impl VelocityProblem<'_> {
             let masses = &self.masses[range.clone()];
             let view =
                 PartView { start: range.start, masses, x: self.x, fraction: self.fraction, targets: self.targets };
-            explicit.0.fill(Vec3::zeros());
-            for force in &mut forces.0[0] {
-                force.update(&view, explicit.0);
-            }
-            for ((f, m), (v, out)) in explicit.0.iter_mut().zip(masses).zip(v[range.clone()].iter().zip(&mut *out.0)) {
-                *f = v + *f * (self.half_step / m);
-                *out = *f;
+            let mut f = [Lanes::ZERO; PART_SIZE];
+            let f = view.update(&mut forces.0[0], &mut f);
+            let sums = f.iter().zip(masses).zip(&v[range.clone()]).zip(explicit.0.iter_mut().zip(&mut *out.0));
+            for (((f, m), v), (b, out)) in sums {
+                *b = v + Vec3::from(*f * (self.half_step / m));
+                *out = *b;
             }
             if let Some(contacts) = self.contacts {
                 contacts.set_velocities(range.start, out.0);
