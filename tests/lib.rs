@@ -118,30 +118,34 @@ pub fn centre(points: &[Vec3]) -> Vec3 {
     points.iter().sum::<Vec3>() / points.len() as f64
 }
 
-/// A ball of radius 0.2 m as a triangle surface, which at time `t` [s] has swollen and drifted: triangles and points [m].
-pub fn swelling_ball(t: f64) -> (Vec<[u32; 3]>, Vec<Vec3>) {
-    const RINGS: usize = 12;
-    const SECTORS: usize = 24;
+/// The unit ball as a closed surface of triangles, poles on y: triangles and points.
+pub fn unit_ball(rings: usize, sectors: usize) -> (Vec<[u32; 3]>, Vec<Vec3>) {
     let mut points = vec![Vec3::y()];
-    for r in 1..RINGS {
-        let (sin, cos) = (std::f64::consts::PI * r as f64 / RINGS as f64).sin_cos();
-        points.extend((0..SECTORS).map(|s| {
-            let (east, north) = (std::f64::consts::TAU * s as f64 / SECTORS as f64).sin_cos();
+    for r in 1..rings {
+        let (sin, cos) = (std::f64::consts::PI * r as f64 / rings as f64).sin_cos();
+        points.extend((0..sectors).map(|s| {
+            let (east, north) = (std::f64::consts::TAU * s as f64 / sectors as f64).sin_cos();
             Vec3::new(sin * north, cos, -sin * east)
         }));
     }
     points.push(-Vec3::y());
     let last = points.len() as u32 - 1;
-    let at = |r: usize, s: usize| (1 + (r - 1) * SECTORS + s % SECTORS) as u32;
+    let at = |r: usize, s: usize| (1 + (r - 1) * sectors + s % sectors) as u32;
     let mut triangles = Vec::new();
-    for s in 0..SECTORS {
+    for s in 0..sectors {
         triangles.push([0, at(1, s), at(1, s + 1)]);
-        triangles.push([last, at(RINGS - 1, s + 1), at(RINGS - 1, s)]);
-        for r in 1..RINGS - 1 {
+        triangles.push([last, at(rings - 1, s + 1), at(rings - 1, s)]);
+        for r in 1..rings - 1 {
             triangles.push([at(r, s), at(r + 1, s), at(r + 1, s + 1)]);
             triangles.push([at(r, s), at(r + 1, s + 1), at(r, s + 1)]);
         }
     }
+    (triangles, points)
+}
+
+/// A ball of radius 0.2 m as a triangle surface, which at time `t` [s] has swollen and drifted: triangles and points [m].
+pub fn swelling_ball(t: f64) -> (Vec<[u32; 3]>, Vec<Vec3>) {
+    let (triangles, mut points) = unit_ball(12, 24);
     points.iter_mut().for_each(|p| *p = *p * (0.2 + 0.1 * t) + Vec3::new(0.3 * t, 0.2 * t, 0.0));
     (triangles, points)
 }

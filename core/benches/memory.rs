@@ -33,6 +33,7 @@ use drapery_core::bodies::Bodies;
 use drapery_core::effects::body_collision::{BodyCollision, CollisionStep};
 use drapery_core::effects::pins::PinTargets;
 use drapery_core::effects::{PartView, build_all};
+use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::lanes::Lanes;
@@ -322,7 +323,7 @@ fn contact(bench: &mut Bench, n: usize, animated: bool) {
     let shape = if animated {
         BodyShape::Surface { triangles, point_count: points.len() }
     } else {
-        BodyShape::Sphere { radius: RADIUS }
+        BodyShape::Rigid(Shape::Sphere { radius: RADIUS })
     };
     let body = BodyDescription { friction: 0.3, ..BodyDescription::new("ball", shape, RigidMotion::at(Vec3::zeros())) };
     description.bodies.push(body);

@@ -99,7 +99,8 @@ struct Rigid {
 #[derive(Debug)]
 struct Surface {
     mesh: MovingSurface,
-    samples: Samples,
+    /// The later of the two samples that the mesh moves between.
+    latest: Sample,
     /// Boxes of the triangles that cross each other at the two samples.
     crossing_regions: [Aabb; 2],
     /// Pairs of triangles that cross each other at the later sample.
@@ -154,11 +155,6 @@ impl Bodies {
         &self.list
     }
 
-    /// Number of deforming surfaces.
-    pub fn surface_count(&self) -> usize {
-        self.list.iter().filter(|b| b.is_surface()).count()
-    }
-
     /// Takes the next sample of a surface; its motion from now on is from the last one to this one.
     ///
     /// # Errors
@@ -173,7 +169,7 @@ impl Bodies {
     /// Time of the latest sample of a surface [s].
     pub fn sampled_until(&self, body: usize) -> f64 {
         match &self.list[body].kind {
-            Kind::Surface(surface) => surface.samples.b.time,
+            Kind::Surface(surface) => surface.latest.time,
             Kind::Rigid(_) => f64::INFINITY,
         }
     }
@@ -343,18 +339,12 @@ impl Body {
 impl Kind {
     fn new(description: &BodyDescription, first: Option<&Sample>) -> Result<Self, String> {
         let shape = match &description.shape {
-            BodyShape::HalfSpace => Shape::HalfSpace,
-            BodyShape::Sphere { radius } => Shape::Sphere { radius: *radius },
-            BodyShape::Capsule { radius, half_length } => Shape::Capsule { radius: *radius, half_length: *half_length },
-            BodyShape::Cylinder { radius, half_length } => {
-                Shape::Cylinder { radius: *radius, half_length: *half_length }
-            }
-            BodyShape::Box { half_extents } => Shape::Box { half_extents: (*half_extents).into() },
+            BodyShape::Rigid(shape) => *shape,
             BodyShape::Surface { triangles, point_count } => {
                 let first = first.ok_or("there is no sample of its positions at the start")?;
                 let mut surface = Surface {
                     mesh: MovingSurface::new(triangles.clone(), *point_count).map_err(|e| e.to_string())?,
-                    samples: Samples::still(first.clone()),
+                    latest: first.clone(),
                     crossing_regions: [Aabb::EMPTY; 2],
                     crossings: 0,
                     speed: 0.0,
@@ -371,7 +361,7 @@ impl Kind {
 
 impl Surface {
     fn push(&mut self, sample: Sample) -> Result<(), crate::geometry::moving_surface::SurfaceError> {
-        let (a, b) = (&self.samples.b, &sample);
+        let (a, b) = (&self.latest, &sample);
         self.mesh.set_samples(a.time, &a.positions, b.time, &b.positions)?;
         let span = b.time - a.time;
         let farthest =
@@ -382,7 +372,7 @@ impl Surface {
         let corners = found.pairs.iter().flatten().flat_map(|t| self.mesh.triangles()[*t as usize]);
         let region = corners.fold(Aabb::EMPTY, |r, c| r.union(&Aabb::of_point(&b.positions[c as usize])));
         self.crossing_regions = [self.crossing_regions[1], region];
-        self.samples.push(sample);
+        self.latest = sample;
         Ok(())
     }
 

@@ -1,7 +1,5 @@
 //! Meshes: the artist's polygons as they are in the file, and the fixed triangulation that is simulated.
 
-use std::ops::Range;
-
 use crate::Vec3;
 
 /// Polygons of any size over points [m]; kept for output exactly as they were read.
@@ -118,7 +116,6 @@ pub struct TriangleMesh {
     triangles: Vec<[u32; 3]>,
     polygons: Vec<u32>,
     edges: Vec<Edge>,
-    edge_triangles: Vec<Range<u32>>,
     hinges: Vec<Hinge>,
     rest_positions: Vec<Vec3>,
     rest_areas: Vec<f64>,
@@ -145,19 +142,15 @@ impl TriangleMesh {
             triangles,
             polygons,
             edges: Vec::new(),
-            edge_triangles: Vec::new(),
             hinges: Vec::new(),
             rest_positions: mesh.points.clone(),
             rest_areas,
             edge_areas: Vec::new(),
         };
-        let mut start = 0;
         for group in sides.chunk_by(|a, b| a.0 == b.0) {
             let edge = built.edges.len() as u32;
             built.edges.push(Edge { vertices: group[0].0 });
-            built.edge_triangles.push(start..start + group.len() as u32);
             built.edge_areas.push(group.iter().map(|(_, t, _)| built.rest_areas[*t as usize]).sum());
-            start += group.len() as u32;
             for (i, first) in group.iter().enumerate() {
                 built.hinges.extend(group[i + 1..].iter().map(|second| Hinge {
                     edge,
@@ -182,11 +175,6 @@ impl TriangleMesh {
     /// Edges, ascending by vertex numbers.
     pub fn edges(&self) -> &[Edge] {
         &self.edges
-    }
-
-    /// Number of triangles at an edge.
-    pub fn triangles_at_edge(&self, edge: usize) -> usize {
-        self.edge_triangles[edge].len()
     }
 
     /// Pairs of triangles that share an edge, ascending by edge.

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use nalgebra::UnitQuaternion;
 
 use crate::Vec3;
+use crate::geometry::shapes::Shape;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
@@ -136,32 +137,8 @@ pub struct BodyDescription {
 /// Surface of a body, in its own frame.
 #[derive(Debug, Clone)]
 pub enum BodyShape {
-    /// Everything below the plane y = 0.
-    HalfSpace,
-    /// Ball around the origin; radius in m.
-    Sphere {
-        /// Radius [m].
-        radius: f64,
-    },
-    /// Points within `radius` of the segment from (0, -half_length, 0) to (0, half_length, 0).
-    Capsule {
-        /// Radius [m].
-        radius: f64,
-        /// Half the length of the axis [m].
-        half_length: f64,
-    },
-    /// Capped cylinder along y.
-    Cylinder {
-        /// Radius [m].
-        radius: f64,
-        /// Half the height [m].
-        half_length: f64,
-    },
-    /// Box around the origin.
-    Box {
-        /// Half the edge lengths along x, y and z [m].
-        half_extents: Vec3,
-    },
+    /// An analytic shape that moves rigidly.
+    Rigid(Shape),
     /// A deforming triangle mesh whose positions the caller pushes frame by frame, in world space.
     Surface {
         /// Triangles, counter-clockwise seen from outside.
@@ -318,12 +295,6 @@ impl EffectRequest {
     /// The same with a number set (in the setting's SI unit).
     pub fn with(mut self, setting: &str, value: f64) -> Self {
         self.settings.insert(setting.into(), SettingValue::Number(value));
-        self
-    }
-
-    /// The same with a text set: a word, or a number with its unit such as `"2 mm"`.
-    pub fn with_text(mut self, setting: &str, value: &str) -> Self {
-        self.settings.insert(setting.into(), SettingValue::Text(value.into()));
         self
     }
 

@@ -337,8 +337,7 @@ impl Simulation {
 
     /// Fills in what is measured at the end of a frame, and makes sure that everything is finite.
     fn measure(&mut self, summary: &mut FrameSummary) -> Result<(), StepError> {
-        let finite = |v: &Vec3| v.iter().all(|c| c.is_finite());
-        if !self.state.x.iter().chain(&self.state.v).all(finite) {
+        if !self.state.x.iter().chain(&self.state.v).all(is_finite) {
             return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
         }
         let parts = self.scene.parts();
@@ -374,8 +373,8 @@ impl Simulation {
     }
 
     fn not_finite(&self, stage: &'static str, frame: i64, dt: f64) -> StepError {
-        let finite = |v: &Vec3| v.iter().all(|c| c.is_finite());
-        let broken = self.state.x.iter().zip(&self.state.v).position(|(x, v)| !finite(x) || !finite(v)).unwrap_or(0);
+        let broken =
+            self.state.x.iter().zip(&self.state.v).position(|(x, v)| !is_finite(x) || !is_finite(v)).unwrap_or(0);
         let (garment, vertex) = self.scene.parts().own_vertex(broken);
         StepError::NotFinite {
             garment: self.scene.description().garments[garment].name.clone(),
@@ -390,6 +389,11 @@ impl Simulation {
     fn input_error(&self, input: &FrameInput, what: String) -> StepError {
         StepError::Input { frame: input.frame, what }
     }
+}
+
+/// Whether no component is infinite or not a number.
+fn is_finite(v: &Vec3) -> bool {
+    v.iter().all(|c| c.is_finite())
 }
 
 /// The first sample of every track.

@@ -90,11 +90,6 @@ pub fn gradient(field: &Field, p: &Vec3) -> Vec3 {
     })
 }
 
-/// First-order signed distance \[m\] from `p` to the zero level of `field`.
-pub fn distance_estimate(field: &Field, p: &Vec3) -> f64 {
-    field(p) / gradient(field, p).norm().max(1e-6)
-}
-
 /// Moves `p` onto the zero level of `field` by Newton steps along the gradient, to 1e-9 m or the number of steps given.
 pub fn project(field: &Field, p: &Vec3, steps: usize) -> Vec3 {
     let mut q = *p;

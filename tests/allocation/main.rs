@@ -6,6 +6,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, Scene, SceneDescription,
 };
@@ -60,7 +61,7 @@ fn draped(max_dt: f64) -> SceneDescription {
     let shape = BodyShape::Surface { triangles, point_count: points.len() };
     let body = BodyDescription::new("swelling", shape, RigidMotion::at(Vec3::zeros()));
     description.bodies.push(BodyDescription { friction: 0.4, thickness: 1e-3, ..body });
-    let ball = BodyShape::Sphere { radius: 0.2 };
+    let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.2 });
     description.bodies.push(BodyDescription::new("ball", ball, RigidMotion::at(Vec3::new(0.3, -0.01, 0.0))));
     description.effects.push(EffectRequest::of_scene("body_collision"));
     description

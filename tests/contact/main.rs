@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyDescription, BodyShape, GarmentDescription, RigidMotion, Scene, SceneDescription};
 use drapery_core::simulation::{FrameInput, Sample, Simulation};
 use drapery_tests::*;
@@ -84,7 +85,7 @@ fn a_ball_at_any_speed_takes_the_sheet_along() {
         add_springs(&mut description, 20.0, 1.0);
         let path = vec![(0.0, Vec3::new(-1.0, 0.0, 0.0)), (10.0, Vec3::new(-1.0 + 10.0 * speed, 0.0, 0.0))];
         let motion = RigidMotion { path, ..RigidMotion::at(Vec3::zeros()) };
-        add_body(&mut description, BodyShape::Sphere { radius: 0.2 }, motion, 0.3);
+        add_body(&mut description, BodyShape::Rigid(Shape::Sphere { radius: 0.2 }), motion, 0.3);
         description.bodies[0].thickness = 0.002;
         let mut simulation = start(description);
         let ahead: Vec<bool> = positions(&simulation).iter().map(|x| x.y.hypot(x.z) < 0.1).collect();
@@ -194,7 +195,7 @@ fn a_falling_sheet_comes_to_rest_at_the_thickness_without_gaining_energy() {
     let mut description = scene_of(garment, FPS);
     add_gravity(&mut description, [0.0, -9.81, 0.0]);
     add_springs(&mut description, 5.0, 1.0);
-    add_body(&mut description, BodyShape::HalfSpace, RigidMotion::at(Vec3::zeros()), 0.4);
+    add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), 0.4);
     description.bodies[0].thickness = 0.003;
     let mut simulation = start(description);
     let mut energy = f64::INFINITY;
@@ -220,7 +221,7 @@ fn cloth_in_a_crease_between_two_planes_stays_outside_both() {
     for normal in normals {
         let rotation = nalgebra::UnitQuaternion::rotation_between(&Vec3::y(), &normal).unwrap();
         let motion = RigidMotion { rotation, ..RigidMotion::at(Vec3::zeros()) };
-        add_body(&mut description, BodyShape::HalfSpace, motion, 0.2);
+        add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), motion, 0.2);
         description.bodies.last_mut().unwrap().thickness = 0.003;
     }
     let mut simulation = start(description);
@@ -234,7 +235,8 @@ fn cloth_in_a_crease_between_two_planes_stays_outside_both() {
 
 #[test]
 fn a_mesh_ball_holds_cloth_like_the_analytic_ball() {
-    let (points, triangles) = ball_mesh(0.2, 48);
+    let (triangles, unit) = unit_ball(48, 96);
+    let points: Vec<Vec3> = unit.iter().map(|p| p * 0.2).collect();
     let drape = |mesh: bool, frames: usize| -> Vec<Vec3> {
         let mut garment = GarmentDescription::new("sheet", sheet(24, 24, 0.025), 0.2);
         garment.mesh.points.iter_mut().for_each(|p| p.y = 0.21);
@@ -247,7 +249,12 @@ fn a_mesh_ball_holds_cloth_like_the_analytic_ball() {
             let body = MeshBody { triangles: triangles.clone(), points: &place };
             run_with_mesh(description, &body, |b| b.thickness = 0.005, frames as i64, |s, _| last = positions(s));
         } else {
-            add_body(&mut description, BodyShape::Sphere { radius: 0.2 }, RigidMotion::at(Vec3::zeros()), 0.3);
+            add_body(
+                &mut description,
+                BodyShape::Rigid(Shape::Sphere { radius: 0.2 }),
+                RigidMotion::at(Vec3::zeros()),
+                0.3,
+            );
             description.bodies[0].thickness = 0.005;
             let mut simulation = start(description);
             run(&mut simulation, frames);
@@ -258,28 +265,4 @@ fn a_mesh_ball_holds_cloth_like_the_analytic_ball() {
     let apart = drape(true, 3).iter().zip(drape(false, 3)).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
     // Before the folds form, which amplify any difference: the facets lie up to r (1 - cos(pi/48)) = 0.4 mm inside the ball.
     assert!(apart < 5e-4, "{apart} m");
-}
-
-/// A ball of `rings` by `2 rings` facets, poles on y.
-fn ball_mesh(radius: f64, rings: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let turns = 2 * rings;
-    let mut points = vec![Vec3::y() * radius, Vec3::y() * -radius];
-    for ring in 1..rings {
-        let (sin, cos) = (std::f64::consts::PI * ring as f64 / rings as f64).sin_cos();
-        for turn in 0..turns {
-            let (s, c) = (std::f64::consts::TAU * turn as f64 / turns as f64).sin_cos();
-            points.push(Vec3::new(sin * c, cos, sin * s) * radius);
-        }
-    }
-    let at = |ring: usize, turn: usize| (2 + (ring - 1) * turns + turn % turns) as u32;
-    let mut triangles = Vec::new();
-    for turn in 0..turns {
-        triangles.push([0, at(1, turn + 1), at(1, turn)]);
-        triangles.push([1, at(rings - 1, turn), at(rings - 1, turn + 1)]);
-        for ring in 1..rings - 1 {
-            let [a, b, c, d] = [at(ring, turn), at(ring, turn + 1), at(ring + 1, turn + 1), at(ring + 1, turn)];
-            triangles.extend([[a, b, c], [a, c, d]]);
-        }
-    }
-    (points, triangles)
 }

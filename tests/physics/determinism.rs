@@ -1,6 +1,7 @@
 //! The same bits with any number of threads.
 
 use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, Scene};
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
@@ -50,7 +51,12 @@ fn a_sheet_that_falls_on_a_ball_has_the_same_bits_with_1_2_3_and_7_threads() {
     assert_same_bits(|| {
         let mut description = cloth(0.21);
         description.garments[0].velocity = Vec3::new(0.0, -1.0, 0.0);
-        add_body(&mut description, BodyShape::Sphere { radius: 0.2 }, RigidMotion::at(Vec3::zeros()), 0.4);
+        add_body(
+            &mut description,
+            BodyShape::Rigid(Shape::Sphere { radius: 0.2 }),
+            RigidMotion::at(Vec3::zeros()),
+            0.4,
+        );
         let mut simulation = start(description);
         let summary = run(&mut simulation, 3);
         assert!(summary.metrics.counted("body_contacts") > 0, "it has landed");

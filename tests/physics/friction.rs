@@ -1,6 +1,7 @@
 //! Coulomb friction on inclines, turntables, belts and capstans (method 5.7; truths.json).
 
 use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyShape, GarmentDescription, RigidMotion, SceneDescription};
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
@@ -54,7 +55,7 @@ impl Incline {
             vec![(0.0, Vec3::zeros()), (100.0, self.carried * 100.0)]
         };
         let motion = RigidMotion { rotation: turn, path, ..RigidMotion::at(Vec3::zeros()) };
-        add_body(&mut description, BodyShape::HalfSpace, motion, self.friction);
+        add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), motion, self.friction);
         start(description)
     }
 
@@ -151,7 +152,7 @@ fn turntable_slip(friction: f64, r: f64, omega: f64, seconds: f64) -> f64 {
     let mut description = scene_of(garment, fps);
     add_gravity(&mut description, [0.0, -9.81, 0.0]);
     let motion = RigidMotion { angular_velocity: Vec3::y() * omega, spin_start: 0.0, ..RigidMotion::at(Vec3::zeros()) };
-    add_body(&mut description, BodyShape::HalfSpace, motion, friction);
+    add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), motion, friction);
     let mut simulation = start(description);
     run(&mut simulation, (seconds * f64::from(fps)) as usize);
     let axis = Unit::new_normalize(Vec3::y());
@@ -184,7 +185,7 @@ fn cloth_dropped_on_a_belt_lags_as_coulomb_says() {
         add_springs(&mut description, 50.0, 1.0);
         let path = vec![(0.0, Vec3::zeros()), (10.0, Vec3::x() * speed * 10.0)];
         let motion = RigidMotion { path, ..RigidMotion::at(Vec3::zeros()) };
-        add_body(&mut description, BodyShape::HalfSpace, motion, mu);
+        add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), motion, mu);
         let mut simulation = start(description);
         let frames = (time * f64::from(fps)).ceil() as usize + 24;
         run(&mut simulation, frames);
@@ -295,7 +296,7 @@ impl Capstan {
         description.pins[0].axes = [false, false, true];
         let turn = UnitQuaternion::from_axis_angle(&Vec3::x_axis(), std::f64::consts::FRAC_PI_2);
         let motion = RigidMotion { rotation: turn, ..RigidMotion::at(Vec3::zeros()) };
-        let shape = BodyShape::Cylinder { radius: Self::RADIUS, half_length: 1.0 };
+        let shape = BodyShape::Rigid(Shape::Cylinder { radius: Self::RADIUS, half_length: 1.0 });
         add_body(&mut description, shape, motion, self.friction);
         description
     }

@@ -326,24 +326,27 @@ impl Search<'_> {
         self.own_way + self.step.bodies.fastest(body) * self.step.dt
     }
 
+    /// How far to search for a surface [m]; none where the vertex cannot touch it in this step.
+    fn reach(&self, body: usize, slot: usize) -> Option<f64> {
+        let (offset, way) = (self.step.bodies.list()[body].offset, self.way(body));
+        let clearance = self.memory[slot].clearance;
+        let reach = offset + self.search + 2.0 * way + (-clearance).max(0.0);
+        (clearance <= offset + 2.0 * way).then_some(reach)
+    }
+
     /// The nearest place of a body to `place`, if the vertex can touch the body in this step.
     fn nearest(&mut self, body: usize, from: &Vec3, place: &Vec3) -> Option<BodyPoint> {
         let bodies = self.step.bodies;
         let Some(slot) = self.slots[body] else {
             return bodies.closest(body, from, place, f64::INFINITY, None);
         };
-        let memory = &self.memory[slot];
-        let way = self.way(body);
-        if memory.clearance > bodies.list()[body].offset + 2.0 * way {
-            return None;
-        }
+        let reach = self.reach(body, slot)?;
         let cached = &mut self.answers[slot % CACHED];
         if let Some(answer) = cached.filter(|a| a.body == body && a.place == *place) {
             return answer.found;
         }
         self.counts.queries += 1;
-        let reach = bodies.list()[body].offset + self.search + 2.0 * way + (-memory.clearance).max(0.0);
-        let found = bodies.closest(body, from, place, reach, Some(memory.hint));
+        let found = bodies.closest(body, from, place, reach, Some(self.memory[slot].hint));
         *cached = Some(Answer { body, place: *place, found });
         if let Some(at) = found {
             self.memory[slot].hint = at.triangle;
@@ -428,13 +431,9 @@ impl Search<'_> {
     fn remember(&mut self, x: &Vec3, x1: &Vec3) {
         for body in 0..self.slots.len() {
             let Some(slot) = self.slots[body] else { continue };
-            let offset = self.step.bodies.list()[body].offset;
-            let (before, way) = (self.memory[slot].clearance, self.way(body));
-            self.memory[slot].clearance = if before > offset + 2.0 * way {
-                before - way
-            } else {
-                let reach = offset + self.search + 2.0 * way + (-before).max(0.0);
-                self.nearest(body, x, x1).map_or(reach, |at| at.phi)
+            self.memory[slot].clearance = match self.reach(body, slot) {
+                Some(reach) => self.nearest(body, x, x1).map_or(reach, |at| at.phi),
+                None => self.memory[slot].clearance - self.way(body),
             };
         }
     }

@@ -225,11 +225,6 @@ impl MovingSurface {
         self.closed
     }
 
-    /// Box of the surface over the step.
-    pub fn swept_bounds(&self) -> Aabb {
-        self.trees[1].bounds()
-    }
-
     /// Closest surface point within `max_distance` \[m\] at the end of the step.
     ///
     /// `hint` is a triangle that may be close, such as the answer of the last step: it shortens the search and never

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use crate::Vec3;
 use crate::effects::{self, Scope};
 use crate::error::{Problem, Problems};
+use crate::geometry::shapes::Shape;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::scene::{BodyDescription, BodyShape, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription};
@@ -254,12 +255,12 @@ fn report<T: ToString>(
 fn check_body(body: &BodyDescription, problems: &mut Vec<Problem>) {
     let place = format!("body \"{}\"", body.name);
     let sizes: Vec<f64> = match &body.shape {
-        BodyShape::HalfSpace => Vec::new(),
-        BodyShape::Sphere { radius } => vec![*radius],
-        BodyShape::Capsule { radius, half_length } | BodyShape::Cylinder { radius, half_length } => {
+        BodyShape::Rigid(Shape::HalfSpace) => Vec::new(),
+        BodyShape::Rigid(Shape::Sphere { radius }) => vec![*radius],
+        BodyShape::Rigid(Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length }) => {
             vec![*radius, *half_length]
         }
-        BodyShape::Box { half_extents } => half_extents.iter().copied().collect(),
+        BodyShape::Rigid(Shape::Box { half_extents }) => half_extents.to_vec(),
         BodyShape::Surface { triangles, .. } => {
             if triangles.is_empty() {
                 problems.push(Problem::data(&place, "it has no faces", "choose an object path that holds a mesh"));

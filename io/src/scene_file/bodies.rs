@@ -1,6 +1,7 @@
 //! Bodies of a scene file.
 
 use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyDescription, BodyShape, RigidMotion};
 use drapery_core::settings::Dimension;
 use nalgebra::{Unit, UnitQuaternion};
@@ -17,14 +18,14 @@ impl Resolver<'_> {
         let (shape, motion, input) = match (&body.file, body.shape) {
             (Some(file), None) => match self.file_body(body, file, path) {
                 Some((shape, input)) => (shape, RigidMotion::at(Vec3::zeros()), Some(input)),
-                None => (BodyShape::HalfSpace, RigidMotion::at(Vec3::zeros()), None),
+                None => (BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), None),
             },
             (None, Some(shape)) => (self.shape(shape, path), self.motion(body, path), None),
             _ => {
                 let help = "for example shape = { sphere = { radius = 0.25 } }, or file = \"hero.abc\"".to_owned();
                 self.error_with(path, format!("body \"{}\" needs either a `shape` or a `file`", body.name), help);
                 // Bodies are found by their number, so a broken one keeps its place.
-                (BodyShape::HalfSpace, RigidMotion::at(Vec3::zeros()), None)
+                (BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), None)
             }
         };
         let thickness = self.quantity(&path.clone().key("thickness"), &body.thickness, Dimension::Length);
@@ -47,24 +48,24 @@ impl Resolver<'_> {
             self.positive(&here.clone().key(word).key(key), value);
         };
         match shape {
-            raw::Shape::HalfSpace {} => BodyShape::HalfSpace,
+            raw::Shape::HalfSpace {} => BodyShape::Rigid(Shape::HalfSpace),
             raw::Shape::Sphere { radius } => {
                 positive("sphere", "radius", radius);
-                BodyShape::Sphere { radius }
+                BodyShape::Rigid(Shape::Sphere { radius })
             }
             raw::Shape::Capsule { radius, half_length } => {
                 positive("capsule", "radius", radius);
                 positive("capsule", "half_length", half_length);
-                BodyShape::Capsule { radius, half_length }
+                BodyShape::Rigid(Shape::Capsule { radius, half_length })
             }
             raw::Shape::Cylinder { radius, half_length } => {
                 positive("cylinder", "radius", radius);
                 positive("cylinder", "half_length", half_length);
-                BodyShape::Cylinder { radius, half_length }
+                BodyShape::Rigid(Shape::Cylinder { radius, half_length })
             }
             raw::Shape::Box { half_extents } => {
                 half_extents.iter().for_each(|extent| positive("box", "half_extents", *extent));
-                BodyShape::Box { half_extents: Vec3::from(half_extents) }
+                BodyShape::Rigid(Shape::Box { half_extents })
             }
         }
     }

@@ -116,11 +116,6 @@ impl SceneFile {
     pub fn name(&self) -> &str {
         &self.document.shot.name
     }
-
-    /// The scene with every value and its origin, as TOML that the loader reads again.
-    pub fn resolved_toml(&self) -> String {
-        resolved::write(self)
-    }
 }
 
 #[cfg(test)]
