@@ -41,8 +41,8 @@ pub(crate) enum Command {
     Plan(PlanArgs),
     /// Show what a mesh or cache file holds
     Info(FileArgs),
-    /// Check that a cache can be loaded by other applications
-    Verify(FileArgs),
+    /// Check that caches can be loaded by other applications and that cloth does not pass through cloth
+    Verify(VerifyArgs),
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// List the material presets
@@ -76,6 +76,9 @@ pub(crate) struct RunArgs {
     /// Replace the run that the folder holds
     #[arg(long)]
     pub(crate) overwrite: bool,
+    /// End with exit code 81 if a count that should stay zero did not, such as `crossings`; all frames are written
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// How progress is reported
     #[arg(long, value_enum, default_value_t = ProgressStyle::Auto, env = "DRAPERY_PROGRESS")]
     pub(crate) progress: ProgressStyle,
@@ -103,6 +106,20 @@ pub(crate) struct PlanArgs {
 pub(crate) struct FileArgs {
     /// Mesh or cache file
     pub(crate) file: PathBuf,
+}
+
+/// Arguments of `verify`.
+///
+/// Crossings are decided without rounding, on the positions as they are stored: edges that pass through a triangle of the
+/// same mesh or of another, or touch one with which they share no point. Give the garments of a shot together.
+#[derive(Debug, Args)]
+pub(crate) struct VerifyArgs {
+    /// Alembic caches that belong together
+    #[arg(required = true, value_name = "CACHE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Also count where the caches cross this mesh, in their own unit; a body is told about, not judged
+    #[arg(long, value_name = "FILE")]
+    pub(crate) body: Option<PathBuf>,
 }
 
 /// How progress is reported.

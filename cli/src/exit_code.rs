@@ -13,6 +13,7 @@ pub(crate) enum ExitCode {
     Io = 74,
     Scene = 78,
     SolverGaveUp = 80,
+    QualityLimits = 81,
     VerificationFailed = 82,
 }
 
@@ -28,7 +29,7 @@ pub(crate) const TABLE: &str = "Exit codes:
   75  stopped early at a valid state: run again (reserved)
   78  the scene file is wrong
   80  the solver gave up
-  81  quality limits exceeded (reserved)
+  81  quality limits exceeded (run --strict)
   82  a verified file breaks a rule";
 
 impl From<ExitCode> for std::process::ExitCode {

@@ -42,7 +42,7 @@ fn dispatch(cli: &Cli) -> Result<ExitCode, Failure> {
         Command::Check(args) => commands::check::check(args),
         Command::Plan(args) => commands::plan::plan(args),
         Command::Info(args) => commands::info::info(&args.file),
-        Command::Verify(args) => commands::verify::verify(&args.file),
+        Command::Verify(args) => commands::verify::verify(args),
         Command::Schema => commands::schema::schema(),
         Command::Materials => commands::materials::materials(),
     }

@@ -104,8 +104,13 @@ pub struct GarmentDescription {
     pub start: Option<Vec<Vec3>>,
     /// Velocity of every point at the start [m/s].
     pub velocity: Vec3,
+    /// Velocities at the start [m/s] when they differ among the points, instead of `velocity`; one per point.
+    pub start_velocities: Option<Vec<Vec3>>,
     /// How the mass of the points follows from the mesh.
     pub mass: Mass,
+    /// Distance that repulsions keep between its layers, and from other garments [m]; short edges lower it
+    /// (`self_repulsion`).
+    pub thickness: f64,
 }
 
 /// Mass of a garment's points.
@@ -320,10 +325,21 @@ impl SceneDescription {
     }
 }
 
+/// Thickness of a garment that does not say it [m]: a shirt's.
+pub const DEFAULT_THICKNESS: f64 = 0.5e-3;
+
 impl GarmentDescription {
     /// A garment of areal density `density` [kg/m²] that starts at rest in its rest shape.
     pub fn new(name: &str, mesh: PolygonMesh, density: f64) -> Self {
-        Self { name: name.into(), mesh, start: None, velocity: Vec3::zeros(), mass: Mass::Density(density) }
+        Self {
+            name: name.into(),
+            mesh,
+            start: None,
+            velocity: Vec3::zeros(),
+            start_velocities: None,
+            mass: Mass::Density(density),
+            thickness: DEFAULT_THICKNESS,
+        }
     }
 }
 

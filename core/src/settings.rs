@@ -14,6 +14,8 @@ pub enum SettingValue {
     Text(String),
     /// Three numbers, in the field's SI unit.
     Vector([f64; 3]),
+    /// Yes or no.
+    Flag(bool),
 }
 
 /// Physical dimension of a field.
@@ -103,6 +105,8 @@ pub enum Default {
     Number(f64),
     /// These three numbers, in the SI unit.
     Vector([f64; 3]),
+    /// Yes or no.
+    Flag(bool),
     /// Nothing, unless the scene says it: the effect works without.
     Absent,
 }
@@ -180,6 +184,14 @@ impl Settings {
         }
     }
 
+    /// Yes or no.
+    pub fn flag(&self, name: &str) -> bool {
+        match self.values.get(name) {
+            Some((SettingValue::Flag(value), _)) => *value,
+            _ => panic!("field `{name}` is declared with a flag by its effect"),
+        }
+    }
+
     /// All values with their origin, by name.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &SettingValue, Origin)> {
         self.values.iter().map(|(name, (value, origin))| (*name, value, *origin))
@@ -193,9 +205,16 @@ fn resolve(field: &Field, written: Option<&SettingValue>) -> Result<Option<(Sett
             Default::Required => Err(format!("`{}` is missing: {}", field.name, field.help)),
             Default::Number(value) => Ok(Some((SettingValue::Number(value), Origin::Default))),
             Default::Vector(value) => Ok(Some((SettingValue::Vector(value), Origin::Default))),
+            Default::Flag(value) => Ok(Some((SettingValue::Flag(value), Origin::Default))),
             Default::Absent => Ok(None),
         };
     };
+    if let Default::Flag(_) = field.default {
+        return match written {
+            SettingValue::Flag(value) => Ok(Some((SettingValue::Flag(*value), Origin::Scene))),
+            _ => Err(format!("`{}` takes true or false: {}", field.name, field.help)),
+        };
+    }
     let is_vector = matches!(field.default, Default::Vector(_));
     let value = match (written, is_vector) {
         (SettingValue::Vector(value), true) => {

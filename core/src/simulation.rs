@@ -4,9 +4,11 @@ use std::sync::Arc;
 
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
+use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::effects::{PartView, PlannedEffect, build_all};
+use crate::geometry::crossings::Crossing;
 use crate::error::{Problem, Problems, StepError};
 use crate::metrics::Metrics;
 use crate::parallel::sum::join;
@@ -91,11 +93,14 @@ pub struct Simulation {
     targets: PinTargets,
     tracks: Vec<Samples>,
     collision: Option<BodyCollision>,
+    self_contact: Option<SelfContact>,
     bodies: Bodies,
     limit: StepLimit,
     scratch: Scratch,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,
+    /// Crossings of the state at the last frame.
+    crossings: Vec<Crossing>,
 }
 
 impl Simulation {
@@ -114,19 +119,25 @@ impl Simulation {
         let parts = scene.parts();
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
+        let (mut repulsion, mut self_collision) = (None, None);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
             }
             pins = pins.or(effect.pins);
             collision = collision.or(effect.body_collision);
+            repulsion = repulsion.or(effect.self_repulsion);
+            self_collision = self_collision.or(effect.self_collision);
             plan.push(planned);
         }
         if collision.is_some() {
             start_outside(&scene, &state, &bodies, pins.as_ref())?;
         }
         let limit = StepLimit::new(parts, scene.masses(), &forces, scene.description().solver.cfl);
-        let scratch = Scratch::new(parts, collision.is_some());
+        let needs_contact = repulsion.is_some() || self_collision.is_some();
+        let self_contact = needs_contact.then(|| SelfContact::new(&scene, repulsion, self_collision));
+        let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
+        let scratch = Scratch::new(parts, collision.is_some() || after_position);
         let frame = scene.description().timeline.start;
         let metrics = Metrics::default();
         let mut simulation = Self {
@@ -138,13 +149,16 @@ impl Simulation {
             targets,
             tracks,
             collision,
+            self_contact,
             bodies,
             limit,
             scratch,
             metrics,
             plan,
+            crossings: Vec::new(),
         };
         simulation.pins_take_hold();
+        simulation.crossings = simulation.find_crossings();
         Ok(simulation)
     }
 
@@ -158,6 +172,17 @@ impl Simulation {
                 pins.set_positions(part, range.start, &self.targets, &mut self.state.x[range.clone()]);
             }
         }
+    }
+
+    /// Edges that cross triangles at the frame, by nodes: cloth in solver order, then the points of deforming bodies. Looked
+    /// for in scenes with `self_collision` only.
+    pub fn crossings(&self) -> &[Crossing] {
+        &self.crossings
+    }
+
+    fn find_crossings(&mut self) -> Vec<Crossing> {
+        let Some(contact) = self.self_contact.as_mut().filter(|contact| contact.keeps_free()) else { return Vec::new() };
+        contact.check_everything(&self.state.x, &self.bodies).to_vec()
     }
 
     /// The scene.
@@ -251,54 +276,104 @@ impl Simulation {
         Ok(summary)
     }
 
-    /// Steps until `end` [s].
+    /// Steps until `end` [s], one collision step after the other.
     fn run_to(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<(), StepError> {
+        while self.state.time < end {
+            let start = self.state.time;
+            let steps = self.begin_interval();
+            let mut done = 0;
+            while self.state.time < end && done < steps {
+                self.one_step(end, frame, summary)?;
+                done += 1;
+            }
+            if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
+                self.rewind();
+            }
+        }
+        Ok(())
+    }
+
+    /// A: returns how many time steps may follow until C.
+    fn begin_interval(&mut self) -> u32 {
+        let Self { self_contact, state, bodies, limit, metrics, .. } = self;
+        let Some(contact) = self_contact else { return u32::MAX };
+        metrics.stage("A neighbours", |m| contact.begin_interval(state, bodies, limit.last(), m))
+    }
+
+    /// C.
+    fn end_interval(&mut self, duration: f64, may_rewind: bool) -> Ending {
+        let Self { self_contact, collision, state, bodies, metrics, .. } = self;
+        let Some(contact) = self_contact.as_mut().filter(|c| !c.collides_after_position()) else {
+            return Ending::Resolved;
+        };
+        metrics.stage("C collisions", |m| {
+            let ends = (&mut state.x[..], &mut state.v[..]);
+            contact.end_interval(ends, bodies, duration, may_rewind, m, |vertex, way| {
+                if let Some(collision) = collision {
+                    collision.moved(vertex, way);
+                }
+            })
+        })
+    }
+
+    /// Puts everything back to the last collision-free state.
+    fn rewind(&mut self) {
+        let Self { self_contact, collision, state, bodies, targets, tracks, .. } = self;
+        let Some(contact) = self_contact else { return };
+        contact.rewind(state);
+        let time = state.time;
+        bodies.set_step(time, time);
+        targets.set_step(bodies, tracks, &state.x, (time, time));
+        if let Some(collision) = collision {
+            collision.forget();
+        }
+    }
+
+    /// One time step towards `end` [s].
+    fn one_step(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<(), StepError> {
         let scene = Arc::clone(&self.scene);
         let settings = &scene.description().solver;
         let parts = scene.parts();
-        loop {
-            let state = &self.state;
-            let (limit, forces, metrics) = (&mut self.limit, &self.forces, &mut self.metrics);
-            let choice =
-                metrics.stage("dt", |_| limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end)));
-            if choice.limit < settings.min_dt {
-                let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
-                let (dt, min_dt, time) = (choice.limit, settings.min_dt, state.time);
-                return Err(StepError::StepTooSmall { frame, time, dt, min_dt, because });
-            }
-            let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
-            let stop = Stop {
-                tolerance: settings.cg_tolerance.unwrap_or(automatic),
-                max_iterations: settings.cg_max_iterations,
-            };
-            let mut context = StepContext {
-                parts,
-                masses: scene.masses(),
-                state: &mut self.state,
-                forces: &mut self.forces,
-                pins: self.pins.as_ref(),
-                targets: &mut self.targets,
-                tracks: &self.tracks,
-                collision: self.collision.as_mut(),
-                bodies: &mut self.bodies,
-                scratch: &mut self.scratch,
-                stop,
-                metrics: &mut self.metrics,
-            };
-            let report = advance(&mut context, choice.dt);
-            if let Some(stage) = report.not_finite {
-                return Err(self.not_finite(stage, frame, choice.dt));
-            }
-            summary.steps += 1;
-            summary.cg_iterations += report.cg_iterations as u64;
-            summary.dt_min = summary.dt_min.min(choice.dt);
-            summary.dt_max = summary.dt_max.max(choice.dt);
-            if choice.ends_interval {
-                // The time of a frame comes from integers, not from a sum of steps.
-                self.state.time = end;
-                return Ok(());
-            }
+        let state = &self.state;
+        let (limit, forces, metrics) = (&mut self.limit, &self.forces, &mut self.metrics);
+        let choice =
+            metrics.stage("dt", |_| limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end)));
+        if choice.limit < settings.min_dt {
+            let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
+            let (dt, min_dt, time) = (choice.limit, settings.min_dt, state.time);
+            return Err(StepError::StepTooSmall { frame, time, dt, min_dt, because });
         }
+        let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
+        let stop =
+            Stop { tolerance: settings.cg_tolerance.unwrap_or(automatic), max_iterations: settings.cg_max_iterations };
+        let mut context = StepContext {
+            parts,
+            masses: scene.masses(),
+            state: &mut self.state,
+            forces: &mut self.forces,
+            pins: self.pins.as_ref(),
+            targets: &mut self.targets,
+            tracks: &self.tracks,
+            collision: self.collision.as_mut(),
+            self_contact: self.self_contact.as_mut(),
+            bodies: &mut self.bodies,
+            scratch: &mut self.scratch,
+            stop,
+            metrics: &mut self.metrics,
+        };
+        let report = advance(&mut context, choice.dt);
+        if let Some(stage) = report.not_finite {
+            return Err(self.not_finite(stage, frame, choice.dt));
+        }
+        summary.steps += 1;
+        summary.cg_iterations += report.cg_iterations as u64;
+        summary.dt_min = summary.dt_min.min(choice.dt);
+        summary.dt_max = summary.dt_max.max(choice.dt);
+        if choice.ends_interval {
+            // The time of a frame comes from integers, not from a sum of steps.
+            self.state.time = end;
+        }
+        Ok(())
     }
 
     /// Hands bodies and tracks the samples that the interval up to `stop` needs.
@@ -367,6 +442,8 @@ impl Simulation {
             vertices.sort_unstable();
             StrainRecord { garment: self.scene.description().garments[garment].name.clone(), vertices, strain }
         });
+        self.crossings = self.find_crossings();
+        self.metrics.count("crossings", self.crossings.len() as u64);
         summary.body_self_crossings = self.bodies.self_crossings() as u64;
         summary.metrics = self.metrics.take();
         Ok(())

@@ -32,7 +32,7 @@ impl State {
             for (vertex, position) in start.iter().enumerate() {
                 let solver = parts.solver_index(g, vertex as u32);
                 state.x[solver] = *position;
-                state.v[solver] = garment.velocity;
+                state.v[solver] = garment.start_velocities.as_ref().map_or(garment.velocity, |v| v[vertex]);
             }
         }
         state

@@ -1,24 +1,25 @@
 //! One time step, line by line as in the paper (method 0.3 and 2.2).
 //!
 //! ```text
-//! A    (self-contact: remember the collision-free state and find pairs near it)
+//! A    self-contact: remember the collision-free state, find pairs near it and their sides      (every K steps)
 //! B.1  v½  =  v + dt/2 · a(x, v½)                        backward Euler on damping
-//! B.2  (self-contact: repulsion of v½)
+//! B.2  v½  ←  self-repulsion
 //! B.3  x'  =  x + dt · v½
 //! B.4  x', v*  ←  body collision
 //! B.5  v½  =  v* + dt/2 · a((x + x')/2, v½)              contact normals constrained, then the projection is undone
 //! B.6  v'  =  2 v½ − v*
 //! B.7  v'  ←  body friction with the full load
-//! B.8  (self-contact: repulsion of v')
-//! C    (self-contact: resolve what is left between the remembered positions and x')
+//! B.8  v'  ←  self-repulsion, without springs
+//! C    resolve what collides between the remembered positions and x'                            (every K steps)
 //! ```
 //!
-//! The lines in brackets are the places of self-contact; nothing runs there.
+//! A and C are around the steps: `crate::simulation` calls them.
 
 use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
+use crate::contact::self_contact::SelfContact;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::metrics::Metrics;
@@ -43,10 +44,10 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// Arrays for all vertices of the parts; `with_bodies` adds what only body collision needs.
-    pub fn new(parts: &Parts, with_bodies: bool) -> Self {
+    /// Arrays for all vertices of the parts; `with_v_star` adds what only contact between B.3 and B.5 needs.
+    pub fn new(parts: &Parts, with_v_star: bool) -> Self {
         let vertices = vec![Vec3::zeros(); parts.vertex_count()];
-        let v_star = if with_bodies { vertices.clone() } else { Vec::new() };
+        let v_star = if with_v_star { vertices.clone() } else { Vec::new() };
         Self {
             v_half: vertices.clone(),
             v_star,
@@ -81,6 +82,8 @@ pub struct StepContext<'a> {
     pub tracks: &'a [Samples],
     /// Body collision, if the scene has bodies.
     pub collision: Option<&'a mut BodyCollision>,
+    /// Self-contact, if the scene asks for it.
+    pub self_contact: Option<&'a mut SelfContact>,
     /// The bodies.
     pub bodies: &'a mut Bodies,
     /// Scratch arrays.
@@ -105,13 +108,13 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     let mut report = StepReport::default();
     let time = context.state.time;
     context.move_prescribed(time, time + dt);
-    // A: place of self-contact
     context.first_half(dt, &mut report); // B.1
-    // B.2: place of self-contact
+    context.repel_half_velocities(dt); // B.2
     context.end_positions(dt); // B.3, B.4
+    context.collide_after_position(dt); // C, in the order of the authors' later code
     context.second_half(dt, &mut report); // B.5, B.6
     context.final_velocities(dt); // B.7
-    // B.8, C: places of self-contact
+    context.repel_final_velocities(dt); // B.8
     context.state.time = time + dt;
     report
 }
@@ -119,15 +122,18 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
 impl StepContext<'_> {
     /// Puts bodies and pin targets at both ends of the step.
     fn move_prescribed(&mut self, t0: f64, t1: f64) {
-        let Self { bodies, targets, tracks, collision, pins, state, metrics, .. } = self;
+        let Self { bodies, targets, tracks, collision, self_contact, pins, masses, state, metrics, .. } = self;
         if bodies.list().is_empty() && pins.is_none() && targets.is_empty() {
             return;
         }
         metrics.stage("bodies and pins", |_| {
             bodies.set_step(t0, t1);
             targets.set_step(bodies, tracks, &state.x, (t0, t1));
-            if let (Some(collision), Some(pins)) = (collision, pins) {
+            if let (Some(collision), Some(pins)) = (collision, pins.as_ref()) {
                 collision.set_held(pins.fully_held().map(|(vertex, target)| (vertex, targets.is_active(target))));
+            }
+            if let Some(contact) = self_contact {
+                contact.set_held(masses, *pins, targets);
             }
         });
     }
@@ -153,6 +159,39 @@ impl StepContext<'_> {
         });
     }
 
+    /// B.2.
+    fn repel_half_velocities(&mut self, dt: f64) {
+        let Self { state, self_contact, scratch, metrics, .. } = self;
+        if let Some(contact) = self_contact.as_mut().filter(|contact| contact.repels()) {
+            metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(dt, &state.x, &mut scratch.v_half, m));
+            impose(self.parts, self.pins, self.targets, &mut self.scratch.v_half);
+        }
+    }
+
+    /// B.8.
+    fn repel_final_velocities(&mut self, dt: f64) {
+        let Self { state, self_contact, metrics, .. } = self;
+        if let Some(contact) = self_contact.as_mut().filter(|contact| contact.repels()) {
+            metrics.stage("B.8 self-repulsion", |m| contact.final_velocity(dt, &state.x, &mut state.v, m));
+            impose(self.parts, self.pins, self.targets, &mut self.state.v);
+        }
+    }
+
+    /// C between B.4 and B.5: the positions are corrected before the second solve sees them.
+    fn collide_after_position(&mut self, dt: f64) {
+        let Self { self_contact, collision, scratch, bodies, metrics, .. } = self;
+        let Some(contact) = self_contact.as_mut().filter(|contact| contact.collides_after_position()) else { return };
+        let Scratch { v_star, x_new, .. } = &mut **scratch;
+        metrics.stage("C collisions", |m| {
+            let ends = (&mut x_new[..], &mut v_star[..]);
+            contact.end_interval(ends, bodies, dt, false, m, |vertex, way| {
+                if let Some(collision) = collision {
+                    collision.moved(vertex, way);
+                }
+            });
+        });
+    }
+
     /// B.3 and B.4: x' and, with bodies, v*.
     fn end_positions(&mut self, dt: f64) {
         let Self { parts, state, pins, targets, collision, bodies, scratch, metrics, .. } = self;
@@ -164,6 +203,7 @@ impl StepContext<'_> {
             });
         } else {
             metrics.stage("B.3 positions", |_| {
+                v_star.iter_mut().zip(&state.v).for_each(|(v_star, v)| *v_star = *v);
                 let chunks = x_new.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK)).zip(v_half.par_chunks(CHUNK));
                 chunks.for_each(|((x_new, x), v)| {
                     for ((x_new, x), v) in x_new.iter_mut().zip(x).zip(v) {
@@ -191,7 +231,7 @@ impl StepContext<'_> {
                 }
             });
             let contacts = collision.as_deref();
-            let v_start: &[Vec3] = if contacts.is_some() { v_star } else { &state.v };
+            let v_start: &[Vec3] = if v_star.is_empty() { &state.v } else { v_star };
             let problem = VelocityProblem {
                 parts,
                 masses,
@@ -210,7 +250,7 @@ impl StepContext<'_> {
             if contacts.is_some_and(|c| c.is_constrained(0..v_half.len())) {
                 problem.undo_projection(forces, explicit, v_half, &mut state.v);
                 extrapolate(&mut state.v, None, v_star);
-            } else if contacts.is_some() {
+            } else if !v_star.is_empty() {
                 extrapolate(&mut state.v, Some(v_half), v_star);
             } else {
                 extrapolate_in_place(&mut state.v, v_half);
@@ -222,22 +262,22 @@ impl StepContext<'_> {
     /// B.7, and the prescribed velocities.
     fn final_velocities(&mut self, dt: f64) {
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
-        self.impose_velocities();
+        impose(self.parts, self.pins, self.targets, &mut self.state.v);
         let Self { state, collision, bodies, metrics, .. } = self;
         if let Some(collision) = collision {
             metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, &mut state.v));
-            self.impose_velocities();
+            impose(self.parts, self.pins, self.targets, &mut self.state.v);
         }
     }
 
-    /// Gives pinned components their prescribed velocity.
-    fn impose_velocities(&mut self) {
-        let Self { parts, state, pins, targets, .. } = self;
-        if let Some(pins) = pins {
-            parts.for_each(PerVertex(&mut state.v), &|part, v| {
-                pins.set_velocities(part, parts.ranges()[part].start, targets, v.0);
-            });
-        }
+}
+
+/// Gives pinned components their prescribed velocity.
+fn impose(parts: &Parts, pins: Option<&HardPins>, targets: &PinTargets, v: &mut [Vec3]) {
+    if let Some(pins) = pins {
+        parts.for_each(PerVertex(v), &|part, v| {
+            pins.set_velocities(part, parts.ranges()[part].start, targets, v.0);
+        });
     }
 }
 

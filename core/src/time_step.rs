@@ -18,6 +18,7 @@ pub struct StepLimit {
     /// Largest stable step of the explicit elastic forces [s].
     pub elastic: f64,
     strain_rates: Vec<f64>,
+    last: f64,
 }
 
 /// A chosen step.
@@ -45,7 +46,12 @@ impl StepLimit {
             let squared = sums.iter().zip(&masses[range.clone()]).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
             elastic = squared.fold(elastic, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt });
         }
-        Self { elastic, strain_rates: vec![0.0; parts.count()] }
+        Self { elastic, strain_rates: vec![0.0; parts.count()], last: 0.0 }
+    }
+
+    /// Length of the step that the cloth allowed last [s]; zero before the first.
+    pub fn last(&self) -> f64 {
+        self.last
     }
 
     /// The step from `time` towards `end` [s].
@@ -72,6 +78,7 @@ impl StepLimit {
         });
         let strain = settings.strain_per_step / largest(&self.strain_rates);
         let limit = longest.min(strain);
+        self.last = limit;
         let left = end - time;
         let by_strain = strain < self.elastic;
         if left <= limit {

@@ -120,6 +120,8 @@ pub struct CachePlan<'a> {
     pub garment: &'a str,
     /// The garment's mesh and attributes; positions do not matter.
     pub mesh: &'a MeshData,
+    /// The triangles that are simulated, as points of the mesh.
+    pub triangles: &'a [[u32; 3]],
     /// Units and up axis of the file.
     pub units: Units,
     /// Frame rate.
@@ -130,6 +132,8 @@ pub struct CachePlan<'a> {
     pub last_frame: i64,
     /// Whether velocities are stored.
     pub velocities: bool,
+    /// Whether frames come with their number of crossings.
+    pub crossings: bool,
 }
 
 impl CachePlan<'_> {
@@ -169,6 +173,9 @@ pub struct CacheFrame<'a> {
     pub positions: &'a [Vec3],
     /// Velocities [m/s].
     pub velocities: &'a [Vec3],
+    /// How many edges of cloth pass through triangles of cloth in the positions as they are stored, in all garments of
+    /// the shot; given with every frame or never, as planned.
+    pub crossings: Option<u32>,
 }
 
 /// A cache being written. Frames come in ascending order without gaps.

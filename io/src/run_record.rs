@@ -121,12 +121,19 @@ impl RunRecord {
     }
 }
 
-/// Everything that was measured in one frame.
-pub fn frame_record(summary: &FrameSummary, seconds: f64) -> Value {
+/// The frame at which the simulation starts: nothing is simulated, `counts` holds what its writing counted.
+pub fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
+    json!({"record": "start", "frame": frame, "seconds": seconds, "counts": counts(spent)})
+}
+
+/// Everything that was measured in one frame; `spent` is what reading and writing took and counted.
+pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Value {
     let strain = summary
         .max_strain
         .as_ref()
         .map(|strain| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain}));
+    let mut all = summary.metrics.clone();
+    spent.counts().iter().for_each(|(name, amount)| all.count(name, *amount));
     json!({
         "record": "frame",
         "frame": summary.frame,
@@ -140,7 +147,7 @@ pub fn frame_record(summary: &FrameSummary, seconds: f64) -> Value {
         "potential_energy": summary.potential_energy,
         "body_self_crossings": summary.body_self_crossings,
         "stages": stages(&summary.metrics),
-        "counts": counts(&summary.metrics),
+        "counts": counts(&all),
     })
 }
 

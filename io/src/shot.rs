@@ -7,6 +7,8 @@
 pub(crate) mod check;
 pub mod motion;
 mod output;
+pub mod quality;
+mod written;
 
 use std::path::PathBuf;
 
@@ -25,6 +27,7 @@ use crate::run_record;
 use crate::shot::check::{Span, check_faces, check_motion, check_size};
 use crate::shot::motion::{InputMotion, Preroll};
 use crate::shot::output::Output;
+use crate::shot::quality::Exceeded;
 use crate::units::Units;
 
 /// A scene with its files opened: everything that a run needs.
@@ -146,6 +149,8 @@ pub struct RunReport {
     pub frames: u64,
     /// The caches.
     pub files: Vec<PathBuf>,
+    /// Counts that should have stayed zero, in the order in which they rose.
+    pub exceeded: Vec<Exceeded>,
 }
 
 impl Shot {
@@ -255,7 +260,7 @@ impl Shot {
     ) -> Result<RunReport, ShotError> {
         let (timeline, last_frame, total) = (self.about.timeline, self.about.last_frame, self.frame_count());
         let mut all = Metrics::default();
-        let mut seconds = 0.0;
+        let (mut seconds, mut exceeded) = (0.0, Vec::new());
         for frame in timeline.start..=last_frame {
             let mut spent = Metrics::default();
             let summary = match frame == timeline.start {
@@ -267,14 +272,19 @@ impl Shot {
             };
             let is_preroll = frame < timeline.origin;
             if !is_preroll {
-                spent.stage("write caches", |_| output.write_frame(frame, &self.simulation))?;
+                output.write_frame(frame, &self.simulation, &mut spent)?;
             }
             let taken: f64 = spent.stages().iter().map(|stage| stage.seconds).sum();
             seconds += taken;
             all.add(&spent);
-            if let Some(summary) = &summary {
-                all.add(&summary.metrics);
-                output.record(&run_record::frame_record(summary, taken))?;
+            quality::watch(&mut exceeded, frame, &spent);
+            match &summary {
+                Some(summary) => {
+                    all.add(&summary.metrics);
+                    quality::watch(&mut exceeded, frame, &summary.metrics);
+                    output.record(&run_record::frame_record(summary, &spent, taken))?;
+                }
+                None => output.record(&run_record::start_record(frame, &spent, taken))?,
             }
             let done = frame.abs_diff(timeline.start) + 1;
             observer(&FrameReport {
@@ -287,7 +297,8 @@ impl Shot {
                 summary: summary.as_ref(),
             });
         }
-        Ok(RunReport { metrics: all, seconds, frames: last_frame.abs_diff(timeline.origin) + 1, files: output.files() })
+        let frames = last_frame.abs_diff(timeline.origin) + 1;
+        Ok(RunReport { metrics: all, seconds, frames, files: output.files(), exceeded })
     }
 
     /// Head of the record: what will run.

@@ -107,6 +107,12 @@ impl Units {
             UpAxis::Z => Vec3::new(scaled.x, -scaled.z, scaled.y),
         }
     }
+
+    /// The numbers that a cache stores for a position or velocity in metres, Y up.
+    pub fn stored(self, vector: Vec3) -> [f32; 3] {
+        let v = self.from_si(vector);
+        [v.x as f32, v.y as f32, v.z as f32]
+    }
 }
 
 impl fmt::Display for Units {

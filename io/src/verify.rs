@@ -1,6 +1,8 @@
-//! Would other applications load this cache? The rules of the hand-off, checked on every frame of an Alembic file,
-//! ours or foreign: finite positions, constant topology, uniform times, velocities per second that agree with the
-//! motion, true bounds.
+//! Would other applications load these caches, and does cloth pass through cloth? The rules of the hand-off, checked on
+//! every frame of Alembic files, ours or foreign: finite positions, constant topology, uniform times, velocities per
+//! second that agree with the motion, true bounds; and no crossing, of a mesh with itself or with another.
+
+mod crossings;
 
 use std::path::Path;
 
@@ -8,6 +10,7 @@ use drapery_alembic::{Archive, PolyMesh, Samples, SamplingKind, TopologyVariance
 use drapery_core::Vec3;
 
 use crate::error::IoError;
+use crate::formats;
 
 /// Stored velocities over the motion seen between frames; outside of it the unit is wrong (per frame, say).
 const VELOCITY_RATIO: std::ops::RangeInclusive<f64> = 0.5..=2.0;
@@ -26,34 +29,61 @@ pub struct Verification {
     pub failures: Vec<String>,
 }
 
-/// Checks every frame of a cache.
+/// An opened file.
+struct Cache {
+    /// What its messages begin with; empty when there is one file only.
+    prefix: String,
+    meshes: Vec<PolyMesh>,
+    fps: Option<f64>,
+}
+
+impl Cache {
+    fn name_of(&self, mesh: &PolyMesh) -> String {
+        format!("{}{}", self.prefix, mesh.object().path())
+    }
+}
+
+/// Checks every frame of caches that belong together, such as all garments of a shot, and counts where they cross the
+/// mesh in the file `body`, if one is given, in the caches' unit.
 ///
 /// # Errors
-/// The file is missing or is no Alembic archive. A damaged sample is a failure, not an error.
-pub fn verify(path: &Path) -> Result<Verification, IoError> {
-    std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
-    let archive = Archive::open(path)?;
+/// A file is missing or cannot be read as a whole. A damaged sample of a cache is a failure, not an error.
+pub fn verify(paths: &[&Path], body: Option<&Path>) -> Result<Verification, IoError> {
     let mut found = Verification::default();
-    let meshes = PolyMesh::all(&archive)?;
-    if meshes.is_empty() {
-        found.failures.push("it holds no mesh".into());
+    let mut caches = Vec::new();
+    for path in paths {
+        let prefix = if paths.len() > 1 { format!("{}: ", path.display()) } else { String::new() };
+        caches.push(verify_file(path, prefix, &mut found)?);
     }
-    if archive.bounds()?.is_none_or(|samples| samples.is_empty()) {
-        found.warnings.push("the archive stores no bounds of everything (.childBnds)".into());
-    }
-    let fps = archive.frames_per_second_hint();
-    if fps.is_none() {
-        found.warnings.push("the archive does not say its frame rate; the application has to be told".into());
-    }
-    for mesh in &meshes {
-        verify_mesh(mesh, fps, &mut found);
-    }
+    let body = body.map(|path| formats::open_mesh(path, None)).transpose()?;
+    crossings::check(&caches, body.as_deref(), &mut found)?;
     Ok(found)
 }
 
-fn verify_mesh(mesh: &PolyMesh, fps: Option<f64>, found: &mut Verification) {
-    let path = mesh.object().path().to_owned();
-    let mut check = MeshCheck { mesh, path: &path, found, motion: Motion::default() };
+/// Opens a file and checks the rules that concern it alone.
+fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<Cache, IoError> {
+    std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
+    let archive = Archive::open(path)?;
+    let meshes = PolyMesh::all(&archive)?;
+    if meshes.is_empty() {
+        found.failures.push(format!("{prefix}it holds no mesh"));
+    }
+    if archive.bounds()?.is_none_or(|samples| samples.is_empty()) {
+        found.warnings.push(format!("{prefix}the archive stores no bounds of everything (.childBnds)"));
+    }
+    let fps = archive.frames_per_second_hint();
+    if fps.is_none() {
+        found.warnings.push(format!("{prefix}the archive does not say its frame rate; the application has to be told"));
+    }
+    let cache = Cache { prefix, meshes, fps };
+    for mesh in &cache.meshes {
+        verify_mesh(mesh, &cache.name_of(mesh), fps, found);
+    }
+    Ok(cache)
+}
+
+fn verify_mesh(mesh: &PolyMesh, path: &str, fps: Option<f64>, found: &mut Verification) {
+    let mut check = MeshCheck { mesh, path, found, motion: Motion::default() };
     if mesh.sample_count() == 0 {
         return check.fail("it has no samples");
     }

@@ -36,11 +36,13 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
     let plan = CachePlan {
         garment: "skirt",
         mesh: &data,
+        triangles: &[[0, 1, 3], [1, 2, 3], [1, 4, 5], [1, 5, 2], [4, 6, 5]],
         units: Units { length: LengthUnit::Centimetre, up: UpAxis::Y },
         timeline: Timeline { fps_numerator: 24000, fps_denominator: 1001, ..Timeline::default() },
         first_frame: 1001,
         last_frame: 1010,
         velocities: true,
+        crossings: true,
     };
     let path = folder.join(name);
     let mut writer = AlembicWriter::create(&path, &plan).unwrap();
@@ -48,7 +50,8 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
     for frame in 1001..1001 + frames {
         let positions: Vec<Vec3> = data.mesh.points.iter().map(|p| p + Vec3::z() * (frame - 1000) as f64).collect();
         let velocities = vec![Vec3::new(0.0, 0.0, 0.5); positions.len()];
-        writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities }).unwrap();
+        let crossings = Some(if frame == 1002 { 5 } else { 0 });
+        writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings }).unwrap();
         // Valid after every frame.
         let mesh = PolyMesh::open(&Archive::open(&path).unwrap(), "/garments/skirt/skirtShape").unwrap();
         assert_eq!(mesh.sample_count() as i64, frame - 1000);
@@ -97,6 +100,12 @@ fn the_stored_file_keeps_the_hand_off_rules() {
     assert!((archive.frames_per_second_hint().unwrap() - 23.976).abs() < 1e-3);
     let properties = mesh.user_properties().unwrap();
     assert_eq!(properties.samples("length_unit").unwrap().strings(0).unwrap(), ["cm"]);
+    // What was simulated, and the count of crossings with every frame.
+    let triangles = properties.samples("triangles").unwrap().elements::<i32, 3>(0).unwrap();
+    assert_eq!(triangles, [[0, 1, 3], [1, 2, 3], [1, 4, 5], [1, 5, 2], [4, 6, 5]]);
+    let crossings = properties.samples("crossings").unwrap();
+    let counts: Vec<u32> = (0..3).map(|sample| crossings.values::<u32>(sample).unwrap()[0]).collect();
+    assert_eq!((counts, crossings.time_sampling().time(1)), (vec![0, 5, 0], mesh.time(1)));
 }
 
 #[test]

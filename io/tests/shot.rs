@@ -116,7 +116,7 @@ fn a_run_leaves_caches_manifest_record_and_resolved_scene() {
     let manifest: serde_json::Value = serde_json::from_str(&read("manifest.json")).unwrap();
     assert_eq!((manifest["state"].as_str(), manifest["last_complete_frame"].as_i64()), (Some("done"), Some(1003)));
     assert_eq!(manifest["garments"][0]["files"][0], "sheet.abc");
-    assert_eq!(read("run.jsonl").lines().count(), 1 + 2 + 1);
+    assert_eq!(read("run.jsonl").lines().count(), 1 + 3 + 1);
     assert_eq!(read("resolved.toml"), "# all settings\n");
     let archive = Archive::open(out.join("sheet.abc")).unwrap();
     let mesh = PolyMesh::open(&archive, "/sheet/sheetShape").unwrap();

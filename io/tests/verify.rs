@@ -28,7 +28,7 @@ impl Cache {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cache.abc");
         self.write(&path);
-        verify(&path).unwrap().failures
+        verify(&[&path], None).unwrap().failures
     }
 
     fn write(&self, path: &Path) {
@@ -61,7 +61,7 @@ fn a_sound_cache_passes_and_its_frames_are_named() {
     assert!(Cache::sound().failures().is_empty());
     let folder = tempfile::tempdir().unwrap();
     Cache::sound().write(&folder.path().join("a.abc"));
-    let found = verify(&folder.path().join("a.abc")).unwrap();
+    let found = verify(&[&folder.path().join("a.abc")], None).unwrap();
     assert!(found.facts[0].contains("41.708333 s = frame 1001.000"), "{:?}", found.facts);
 }
 

@@ -1,5 +1,7 @@
 //! Cloth against bodies: what must never pass, and what has to be let go.
 
+mod ccd;
+
 use std::collections::BTreeMap;
 
 use drapery_core::Vec3;

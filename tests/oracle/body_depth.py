@@ -4,6 +4,10 @@ import igl
 import ipctk
 import numpy as np
 
+# Where parts of the body overlap there is no outside to put the cloth: it is released there, and held again when
+# they part. The frames are 42 ms apart, so some cloth near such a place has been inside it since the last frame.
+RELEASE_REACH = 0.030
+
 
 def crossing_triangles(vertices, faces):
     """Pairs of triangles (indices) that cross: an edge of one goes through the other; at most a vertex is shared."""
@@ -40,3 +44,20 @@ def distance_to_triangles(points, vertices, faces):
     if len(faces) == 0:
         return np.full(len(points), np.inf)
     return np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(points, float), vertices, faces)[0])
+
+
+def simulated_surface(body):
+    """Triangles of a body of triangles and quads as Drapery says it cuts them: quads along the shorter diagonal of the
+    first sample, the first one on ties. Quads of a character are not flat, so the file alone does not fix its surface."""
+    first, start, found = body["world_positions"][0], 0, []
+    for count in body["face_counts"]:
+        corners = body["face_indices"][start : start + count][::-1]  # Alembic turns clockwise
+        start += count
+        if count == 4:
+            a, b, c, d = corners
+            along_ac = np.sum((first[a] - first[c]) ** 2) <= np.sum((first[b] - first[d]) ** 2)
+            found += [(a, b, c), (a, c, d)] if along_ac else [(b, c, d), (b, d, a)]
+        else:
+            assert count == 3
+            found.append(tuple(corners))
+    return np.array(found, dtype=np.int64)

@@ -8,12 +8,8 @@ import igl
 import numpy as np
 import pytest
 
-from body_depth import crossing_triangles, depths, distance_to_triangles
+from body_depth import RELEASE_REACH, crossing_triangles, depths, distance_to_triangles, simulated_surface
 from judges import hdf5, official, triangles
-
-# Where parts of the body overlap there is no outside to put the cloth: it is released there, and held again when
-# they part. The frames are 42 ms apart, so some cloth near such a place has been inside it since the last frame.
-RELEASE_REACH = 0.030
 
 
 def body_thickness(out):
@@ -22,23 +18,6 @@ def body_thickness(out):
     (body,) = resolved["body"]
     number, unit = re.fullmatch(r"([0-9.e+-]+)\s*(m|mm|cm|)", str(body["thickness"])).groups()
     return float(number) * {"m": 1.0, "": 1.0, "cm": 0.01, "mm": 0.001}[unit]
-
-
-def simulated_surface(body):
-    """Triangles of a body of triangles and quads as Drapery says it cuts them: quads along the shorter diagonal of the
-    first sample, the first one on ties. Quads of a character are not flat, so the file alone does not fix its surface."""
-    first, start, found = body["world_positions"][0], 0, []
-    for count in body["face_counts"]:
-        corners = body["face_indices"][start : start + count][::-1]  # Alembic turns clockwise
-        start += count
-        if count == 4:
-            a, b, c, d = corners
-            along_ac = np.sum((first[a] - first[c]) ** 2) <= np.sum((first[b] - first[d]) ** 2)
-            found += [(a, b, c), (a, c, d)] if along_ac else [(b, c, d), (b, d, a)]
-        else:
-            assert count == 3
-            found.append(tuple(corners))
-    return np.array(found, dtype=np.int64)
 
 
 def assert_cloth_stays_outside(out, body_path, report_figure):

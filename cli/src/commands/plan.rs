@@ -82,6 +82,7 @@ fn value_text(value: &SettingValue) -> String {
         SettingValue::Number(number) => number.to_string(),
         SettingValue::Text(text) => text.clone(),
         SettingValue::Vector(vector) => format!("{vector:?}"),
+        SettingValue::Flag(flag) => flag.to_string(),
     }
 }
 
@@ -101,6 +102,8 @@ fn structures(shot: &Shot) -> Vec<&'static str> {
         Need::State => "masses and parts",
         Need::PinTargets => "pin targets",
         Need::Bodies => "bodies and their trees",
+        Need::ClothSurface => "trees over the triangles of cloth",
+        Need::PairList => "list of close pairs",
     };
     needs.iter().map(word).collect()
 }
@@ -140,6 +143,7 @@ fn as_json(shot: &Shot, threads: &Threads) -> Value {
                 SettingValue::Number(number) => json!(number),
                 SettingValue::Text(text) => json!(text),
                 SettingValue::Vector(vector) => json!(vector),
+                SettingValue::Flag(flag) => json!(flag),
             };
             (name.to_owned(), json!({"value": value, "from": origin_word(origin)}))
         };

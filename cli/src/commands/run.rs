@@ -1,6 +1,7 @@
 //! `drapery run`: simulate and write the caches.
 
 use drapery_core::metrics::Metrics;
+use drapery_io::shot::quality::{Exceeded, LIMITS};
 use drapery_io::shot::{FrameReport, RunOptions, RunReport};
 
 use crate::args::{ProgressStyle, RunArgs};
@@ -22,8 +23,9 @@ pub(crate) fn run(args: &RunArgs, quiet: bool) -> Result<ExitCode, Failure> {
                 progress.clear();
                 say::line(end_table(&report));
             }
-            progress.end(ExitCode::Done as u8);
-            Ok(ExitCode::Done)
+            let verdict = if args.strict { limits_kept(&report) } else { Ok(()) };
+            progress.end(verdict.as_ref().map_or_else(|failure| failure.code, |()| ExitCode::Done) as u8);
+            verdict.map(|()| ExitCode::Done)
         }
         Err(failure) => {
             progress.end(failure.code as u8);
@@ -67,6 +69,23 @@ fn log_frame(report: &FrameReport<'_>) {
     );
 }
 
+/// Refuses a run in which a count rose that should stay zero. The caches are complete all the same.
+fn limits_kept(report: &RunReport) -> Result<(), Failure> {
+    if report.exceeded.is_empty() {
+        return Ok(());
+    }
+    let line = |limit: &Exceeded| {
+        let Exceeded { name, meaning, total, first_frame } = limit;
+        format!("\n  {name} {total}, first in frame {first_frame}: {meaning}")
+    };
+    let lines: String = report.exceeded.iter().map(line).collect();
+    let text = format!(
+        "all frames are written, but quality limits are exceeded{lines}\n  \
+         help: look at these frames; without --strict such a run counts as done"
+    );
+    Err(Failure::new(ExitCode::QualityLimits, text))
+}
+
 /// Where the time went, what was counted, and where the caches are.
 fn end_table(report: &RunReport) -> String {
     let mut text = format!("{:<28} {:>10} {:>7} {:>9}\n", "stage", "seconds", "share", "calls");
@@ -81,6 +100,8 @@ fn end_table(report: &RunReport) -> String {
 }
 
 fn counts(metrics: &Metrics) -> String {
-    let counted = metrics.counts().iter().filter(|(_, amount)| *amount > 0);
+    // That limits were watched and kept is worth a line; other counts without events are not.
+    let is_limit = |name: &str| LIMITS.iter().any(|(limit, _)| *limit == name);
+    let counted = metrics.counts().iter().filter(|(name, amount)| *amount > 0 || is_limit(name));
     counted.map(|(name, amount)| format!("{name:<28} {amount:>10}\n")).collect()
 }

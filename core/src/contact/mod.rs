@@ -1,3 +1,21 @@
-//! What contact effects share.
+//! Contact: friction on bodies, and everything that keeps cloth from passing through cloth.
+//!
+//! Read in this order: `pair` and `surface` (what can touch), `search` and `neighbours` (what is close), `repulsion` (impulses
+//! in every time step), `ccd`, `geometric`, `zones` (what is stopped at the end of a collision step), `self_contact` (one
+//! collision step).
 
+pub mod ccd;
 pub mod friction;
+pub mod geometric;
+pub mod impact_zone;
+pub mod impulse;
+pub mod neighbours;
+pub mod ordering;
+pub mod pair;
+pub mod repulsion;
+pub mod search;
+pub mod self_contact;
+pub mod shared;
+pub mod surface;
+pub mod tolerances;
+pub mod zones;

@@ -131,6 +131,21 @@ impl BodyCollision {
         held.for_each(|(vertex, holds)| self.held[vertex] = holds);
     }
 
+    /// Tells that a vertex was moved by something else [m].
+    pub fn moved(&mut self, vertex: usize, way: f64) {
+        let surfaces = vertex * self.surfaces..(vertex + 1) * self.surfaces;
+        for memory in &mut self.memory[surfaces] {
+            // What was outside is still taken to be outside, however close it may be now.
+            let least = if memory.clearance >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
+            memory.clearance = (memory.clearance - way).max(least);
+        }
+    }
+
+    /// Forgets where vertices were: the state has been put back.
+    pub fn forget(&mut self) {
+        self.memory.iter_mut().for_each(|memory| memory.clearance = 0.0);
+    }
+
     /// B.4: corrects the velocities that the step started with and finds the positions at its end.
     ///
     /// First the velocity alone (`v_star`), from where the vertex would go with `v_half`; then the position, from where it

@@ -8,12 +8,16 @@ pub mod bending;
 pub mod body_collision;
 pub mod gravity;
 pub mod pins;
+pub mod self_collision;
+pub mod self_repulsion;
 pub mod springs;
 pub mod stretch;
 
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::contact::repulsion::Laws;
+use crate::contact::self_contact::CollisionSettings;
 use crate::error::{Problem, Problems};
 use crate::parallel::lanes::{Lanes, PartLanes};
 use crate::parallel::parts::PART_SIZE;
@@ -22,7 +26,16 @@ use crate::settings::{Field, Settings};
 
 /// All effects, in the order of execution.
 pub static REGISTRY: &[&EffectSpec] =
-    &[&gravity::SPEC, &stretch::SPEC, &bending::SPEC, &attachments::SPEC, &pins::SPEC, &body_collision::SPEC];
+    &[
+    &gravity::SPEC,
+    &stretch::SPEC,
+    &bending::SPEC,
+    &attachments::SPEC,
+    &pins::SPEC,
+    &body_collision::SPEC,
+    &self_repulsion::SPEC,
+    &self_collision::SPEC,
+];
 
 /// Where an effect is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +57,10 @@ pub enum Need {
     PinTargets,
     /// Bodies at both ends of a step, with trees over the triangles of deforming surfaces.
     Bodies,
+    /// Triangles of all garments and of deforming bodies, with trees over them.
+    ClothSurface,
+    /// The list of pairs that are close.
+    PairList,
 }
 
 /// What the registry knows of an effect.
@@ -83,6 +100,10 @@ pub struct Effect {
     pub pins: Option<pins::HardPins>,
     /// Whether cloth collides with bodies.
     pub body_collision: Option<body_collision::BodyCollision>,
+    /// Laws of repulsion between cloth and cloth, and the largest thickness as a fraction of the edges around a vertex.
+    pub self_repulsion: Option<(Laws, f64)>,
+    /// How geometric collisions are resolved.
+    pub self_collision: Option<CollisionSettings>,
     /// Memory held [bytes].
     pub bytes: usize,
     /// What the effect had to change to run well, for `drapery plan`.

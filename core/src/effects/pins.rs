@@ -284,6 +284,11 @@ impl HardPins {
         self.held(part, start, targets, |vertex, axis, _| r[vertex][axis] = 0.0);
     }
 
+    /// Every held vertex with its target and the axes in which it is held, in solver order.
+    pub fn axes(&self) -> impl Iterator<Item = (usize, usize, [bool; 3])> + '_ {
+        self.entries.iter().map(|e| (e.vertex, e.target, e.axes))
+    }
+
     /// Vertices that are held in all directions by one pin at some time, in solver order.
     pub fn fully_held(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.entries.iter().filter(|e| e.axes == [true; 3]).map(|e| (e.vertex, e.target))

@@ -12,6 +12,9 @@ use crate::geometry::aabb::Aabb;
 use crate::geometry::tolerances;
 
 mod build;
+mod pairs;
+
+pub use pairs::PairTask;
 
 /// Primitives in a leaf at most.
 const LEAF_SIZE: usize = 2;
@@ -190,48 +193,6 @@ impl Bvh {
                 } else {
                     let run = &self.primitives[child.first as usize..(child.first + child.count) as usize];
                     run.iter().for_each(|&primitive| found(primitive));
-                }
-            }
-        }
-    }
-
-    /// Calls `found(a, b)` with a < b once for every pair of primitives whose boxes overlap, and for some that only
-    /// come close (primitives in overlapping leaves). The order depends on the tree: sort what you keep.
-    pub fn self_pairs(&self, mut found: impl FnMut(u32, u32)) {
-        self.pairs_below(0, &mut found);
-    }
-
-    /// Recursion is at most as deep as the tree, here and in `pairs_between`.
-    fn pairs_below(&self, pair: u32, found: &mut impl FnMut(u32, u32)) {
-        let [a, b] = self.pairs[pair as usize].0;
-        for node in [a, b] {
-            if node.count == INNER {
-                self.pairs_below(node.first, found);
-            } else {
-                let run = self.run(&node);
-                for (i, &p) in run.iter().enumerate() {
-                    run[i + 1..].iter().for_each(|&q| found(p.min(q), p.max(q)));
-                }
-            }
-        }
-        self.pairs_between(&a, &b, found);
-    }
-
-    fn pairs_between(&self, a: &Node, b: &Node, found: &mut impl FnMut(u32, u32)) {
-        if !a.bounds.overlaps(&b.bounds) {
-            return;
-        }
-        match (a.count == INNER, b.count == INNER) {
-            (false, false) => {
-                for &p in self.run(a) {
-                    self.run(b).iter().for_each(|&q| found(p.min(q), p.max(q)));
-                }
-            }
-            (true, false) => self.pairs[a.first as usize].0.iter().for_each(|c| self.pairs_between(c, b, found)),
-            (false, true) => self.pairs[b.first as usize].0.iter().for_each(|c| self.pairs_between(a, c, found)),
-            (true, true) => {
-                for c in &self.pairs[a.first as usize].0 {
-                    self.pairs[b.first as usize].0.iter().for_each(|d| self.pairs_between(c, d, found));
                 }
             }
         }

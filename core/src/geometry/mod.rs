@@ -2,11 +2,12 @@
 //!
 //! Read in this order: [`distance`] (points, segments, triangles), [`aabb`] and [`bvh`] (boxes over primitives), [`path`] (a point
 //! crossing a moving triangle), [`moving_surface`] (an animated triangle body between two samples), [`self_crossing`]
-//! (where such a body passes through itself), [`shapes`] (half-space, sphere, capsule, cylinder, box). Lengths are in
-//! metres, times in seconds. Queries take `&self`, allocate nothing and may run on any number of threads.
+//! (where such a body passes through itself), [`crossings`] (where edges meet triangles, decided exactly), [`shapes`]
+//! (half-space, sphere, capsule, cylinder, box). Lengths are in metres, times in seconds. Queries take `&self`, allocate nothing and may run on any number of threads.
 
 pub mod aabb;
 pub mod bvh;
+pub mod crossings;
 pub mod distance;
 pub mod moving_surface;
 pub mod path;
@@ -15,4 +16,4 @@ pub mod shapes;
 pub mod tolerances;
 
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;

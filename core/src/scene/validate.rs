@@ -139,6 +139,13 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     if !garment.velocity.iter().all(|v| v.is_finite()) {
         problems.push(Problem::scene(place(", velocity"), "it is not finite", "write three numbers in m/s"));
     }
+    if let Some(velocities) = &garment.start_velocities {
+        if velocities.len() != garment.mesh.points.len() {
+            let what = format!("{} velocities are given for {} points", velocities.len(), garment.mesh.points.len());
+            problems.push(Problem::data(place(", start velocities"), what, "give one for each point"));
+        }
+        finite_points(&place(", start velocities"), velocities, problems);
+    }
     let before = problems.len();
     check_mesh(&garment.name, &garment.mesh, problems);
     if let Some(start) = &garment.start {

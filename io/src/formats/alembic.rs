@@ -180,7 +180,7 @@ fn without_meshes(archive: &Archive) -> String {
 }
 
 /// Times at which points or transforms change, ascending.
-fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
+pub(crate) fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
     let mut times = Vec::new();
     for mesh in meshes {
         if mesh.topology_variance() != TopologyVariance::Constant {

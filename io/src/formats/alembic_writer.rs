@@ -3,19 +3,28 @@
 //! One file a garment with one mesh at the object path of the source, under one identity transform a level, points in
 //! world space in the file's unit. Uniform sampling: the first sample is the first delivered frame, at frame / fps.
 //! Faces, UVs, face sets and other attributes are written once; positions, velocities per second and bounds with every
-//! frame. The file is committed after every frame, so it is a valid archive whenever a reader looks.
+//! frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces, and
+//! with every frame [`CROSSINGS`] if the shot counts them. The file is committed after every frame, so it is a valid archive whenever a reader looks.
 
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
-    ArchiveOptions, ArchiveWriter, Bounds, Durability, EMPTY_BOUNDS, GeomParamSpec, GeomParamWriter, Indexed, MetaData,
-    PolyMeshSample, PolyMeshWriter, Scope, TimeSampling, Topology, XformWriter, write_face_set,
+    ArchiveOptions, ArchiveWriter, Bounds, DataType, Durability, EMPTY_BOUNDS, GeomParamSpec, GeomParamWriter, Indexed,
+    MetaData, PodType, PolyMeshSample, PolyMeshWriter, PropertyId, Scope, TimeSampling, Topology, XformWriter,
+    write_face_set,
 };
 use drapery_core::Vec3;
 
 use crate::cache::{APPLICATION, CacheFrame, CachePlan, CacheWriter, MeshData};
 use crate::error::IoError;
 use crate::units::Units;
+
+/// User property: the triangles that were simulated, three points each, counter-clockwise. Only in meshes with other faces;
+/// who cuts those along other diagonals sees another surface.
+pub(crate) const TRIANGLES: &str = "triangles";
+
+/// User property, one number a frame: how many edges of cloth pass through triangles of cloth in all garments of the shot.
+pub(crate) const CROSSINGS: &str = "crossings";
 
 /// An Alembic cache being written. The file appears with its first frame: an archive without samples would be refused
 /// by the applications that load it.
@@ -29,6 +38,7 @@ pub struct AlembicWriter {
     sampling: TimeSampling,
     velocities: bool,
     mesh: MeshData,
+    triangles: Vec<[u32; 3]>,
     open: Option<Open>,
     positions: Vec<[f32; 3]>,
     rates: Vec<[f32; 3]>,
@@ -40,6 +50,7 @@ struct Open {
     archive: ArchiveWriter,
     mesh: PolyMeshWriter,
     sampling: u32,
+    crossings: Option<PropertyId>,
 }
 
 impl AlembicWriter {
@@ -75,6 +86,7 @@ impl AlembicWriter {
             sampling: TimeSampling::uniform(plan.file_time(plan.first_frame), plan.timeline.frame_duration())?,
             velocities: plan.velocities,
             mesh: plan.mesh.clone(),
+            triangles: plan.triangles.to_vec(),
             open: None,
             positions: Vec::new(),
             rates: Vec::new(),
@@ -92,11 +104,11 @@ impl AlembicWriter {
             parent = XformWriter::still(&mut archive, parent, name, None)?.object();
         }
         let mesh = PolyMeshWriter::declare(&mut archive, parent, shape, sampling)?;
-        Ok(Open { archive, mesh, sampling })
+        Ok(Open { archive, mesh, sampling, crossings: None })
     }
 
     /// Writes the first frame and everything that does not change.
-    fn write_first(&mut self) -> Result<Open, IoError> {
+    fn write_first(&mut self, crossings: Option<u32>) -> Result<Open, IoError> {
         let mut open = self.open()?;
         let polygons = &self.mesh.mesh;
         let counts: Vec<i32> = polygons.face_counts.iter().map(|&n| n as i32).collect();
@@ -115,18 +127,29 @@ impl AlembicWriter {
             ..self.sample()
         };
         open.write(&sample)?;
-        self.write_attributes(&mut open)?;
+        self.write_attributes(&mut open, crossings.is_some())?;
+        open.write_crossings(crossings)?;
         Ok(open)
     }
 
     /// Attributes of the source, face sets, and how the file was made.
-    fn write_attributes(&self, open: &mut Open) -> Result<(), IoError> {
+    fn write_attributes(&self, open: &mut Open, counts_crossings: bool) -> Result<(), IoError> {
         let archive = &mut open.archive;
         let properties = open.mesh.user_properties(archive)?;
         for (name, text) in &self.properties {
             archive.write_static_string(properties, name, text)?;
         }
         archive.write_static_scalar(properties, "metres_per_unit", &[self.units.length.metres()])?;
+        if self.mesh.mesh.face_counts.iter().any(|&count| count != 3) {
+            let (kind, none) = (DataType::new(PodType::I32, 3), MetaData::new());
+            let property = archive.add_array_property(properties, TRIANGLES, &none, kind, 0)?;
+            let bytes: Vec<u8> = self.triangles.iter().flatten().flat_map(|&v| (v as i32).to_le_bytes()).collect();
+            archive.write_static_raw(property, &bytes)?;
+        }
+        if counts_crossings {
+            let (kind, none) = (DataType::new(PodType::U32, 1), MetaData::new());
+            open.crossings = Some(archive.add_scalar_property(properties, CROSSINGS, &none, kind, open.sampling)?);
+        }
         if !self.mesh.params.is_empty() {
             let attributes = open.mesh.attributes(archive)?;
             for param in &self.mesh.params {
@@ -167,6 +190,13 @@ impl Open {
         self.archive.write_archive_bounds(self.sampling, &bounds)?;
         Ok(())
     }
+
+    fn write_crossings(&mut self, count: Option<u32>) -> Result<(), IoError> {
+        if let (Some(property), Some(count)) = (self.crossings, count) {
+            self.archive.write_sample(property, &[count])?;
+        }
+        Ok(())
+    }
 }
 
 impl CacheWriter for AlembicWriter {
@@ -178,9 +208,10 @@ impl CacheWriter for AlembicWriter {
         convert(self.units, frame.positions, &mut self.positions);
         convert(self.units, frame.velocities, &mut self.rates);
         let mut open = match self.open.take() {
-            None => self.write_first()?,
+            None => self.write_first(frame.crossings)?,
             Some(mut open) => {
                 open.write(&self.sample())?;
+                open.write_crossings(frame.crossings)?;
                 open
             }
         };
@@ -199,10 +230,7 @@ impl CacheWriter for AlembicWriter {
 
 fn convert(units: Units, vectors: &[Vec3], converted: &mut Vec<[f32; 3]>) {
     converted.clear();
-    converted.extend(vectors.iter().map(|v| {
-        let v = units.from_si(*v);
-        [v.x as f32, v.y as f32, v.z as f32]
-    }));
+    converted.extend(vectors.iter().map(|v| units.stored(*v)));
 }
 
 fn bounds_of(positions: &[[f32; 3]]) -> Bounds {

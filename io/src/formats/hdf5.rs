@@ -12,6 +12,7 @@
 //! | `times` | (frames) | f64 | frame / fps [s] |
 //! | `frame_numbers` | (frames) | i64 | |
 //! | `committed` | (frames) | u8 | 1 when the frame is complete |
+//! | `crossings` | (frames) | u32 | edges of cloth through cloth, all garments; only if the shot counts them |
 //! | `face_counts`, `face_indices` | (faces), (corners) | i32 | counter-clockwise |
 //! | `uv_values`, `uv_indices` | (values, 2), (corners) | f32, i32 | only if the garment has them |
 
@@ -50,6 +51,7 @@ pub struct Hdf5Writer {
 struct Offsets {
     positions: u64,
     velocities: Option<u64>,
+    crossings: Option<u64>,
     committed: u64,
 }
 
@@ -77,9 +79,8 @@ impl Hdf5Writer {
         assert_eq!(vectors.len(), self.point_count, "a garment keeps its number of points");
         self.bytes.clear();
         for v in vectors {
-            let v = self.units.from_si(*v);
-            for x in [v.x, v.y, v.z] {
-                self.bytes.extend_from_slice(&(x as f32).to_ne_bytes());
+            for x in self.units.stored(*v) {
+                self.bytes.extend_from_slice(&x.to_ne_bytes());
             }
         }
         self.file.seek(SeekFrom::Start(offset + (index * self.bytes.len()) as u64))?;
@@ -90,6 +91,10 @@ impl Hdf5Writer {
         self.write_vectors(self.offsets.positions, index, frame.positions)?;
         if let Some(offset) = self.offsets.velocities {
             self.write_vectors(offset, index, frame.velocities)?;
+        }
+        if let (Some(offset), Some(count)) = (self.offsets.crossings, frame.crossings) {
+            self.file.seek(SeekFrom::Start(offset + (index * size_of::<u32>()) as u64))?;
+            self.file.write_all(&count.to_ne_bytes())?;
         }
         self.file.seek(SeekFrom::Start(self.offsets.committed + index as u64))?;
         self.file.write_all(&[1])
@@ -175,9 +180,10 @@ fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Offsets> {
         fixed(&file, "uv_indices", &as_i32(&uvs.indices), &[uvs.indices.len()])?;
     }
     let committed = growing::<u8>(&file, "committed", &[frames])?;
+    let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;
     let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
     let positions = growing::<f32>(&file, "positions", &[frames, points, 3])?;
-    Ok(Offsets { positions, velocities, committed })
+    Ok(Offsets { positions, velocities, crossings, committed })
 }
 
 fn as_i32(values: &[u32]) -> Vec<i32> {
@@ -251,11 +257,13 @@ mod tests {
         CachePlan {
             garment: "flag",
             mesh,
+            triangles: &[[0, 1, 2]],
             units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
             timeline: Timeline::default(),
             first_frame: 1001,
             last_frame: 1004,
             velocities: true,
+            crossings: true,
         }
     }
 
@@ -266,7 +274,8 @@ mod tests {
         for frame in 1001..1001 + frames {
             let positions = [Vec3::new(0.01, 0.02, 0.03), Vec3::x(), Vec3::new(0.0, frame as f64, 0.0)];
             let velocities = [Vec3::zeros(), Vec3::zeros(), Vec3::new(0.0, 24.0, 0.0)];
-            writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities }).unwrap();
+            let crossings = Some((frame - 1000) as u32);
+            writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings }).unwrap();
         }
         // Dropped without `finish`, as a killed process would leave it.
         path
@@ -285,6 +294,7 @@ mod tests {
         assert_eq!(values[9 + 8], 100_200.0);
         assert!(values[18..].iter().all(|v| *v == 0.0));
         assert_eq!(file.dataset("velocities").unwrap().read_raw::<f32>().unwrap()[8], 2400.0);
+        assert_eq!(file.dataset("crossings").unwrap().read_raw::<u32>().unwrap()[..2], [1, 2]);
         assert_eq!(file.dataset("times").unwrap().read_raw::<f64>().unwrap()[1], 1002.0 / 24.0);
         drop(file);
         let summary = inspect(&folder.path().join("flag.h5")).unwrap();

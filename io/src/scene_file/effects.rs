@@ -78,6 +78,7 @@ pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), S
             let value = match field.default {
                 Default::Number(number) => Value::Float(number),
                 Default::Vector(vector) => Value::Array(vector.map(|v| component(v, &place)).to_vec()),
+                Default::Flag(flag) => Value::Boolean(flag),
                 Default::Required | Default::Absent => continue,
             };
             table.fill(field.name, value, &place, Origin::Default);
@@ -111,13 +112,18 @@ fn check(node: &Node, spec: &EffectSpec, path: &Path, sources: &Sources) -> Resu
 }
 
 fn check_value(field: &Field, node: &Node) -> Result<(), String> {
-    let vector = matches!(field.default, Default::Vector(_));
     let expected = || {
-        let form = if vector { "three numbers" } else { "a number, or text with a unit" };
+        let form = match field.default {
+            Default::Vector(_) => "three numbers",
+            Default::Flag(_) => "true or false",
+            _ => "a number, or text with a unit",
+        };
         format!("`{}` has to be {form}: {}", field.name, field.help)
     };
     let value = setting(&node.value).ok_or_else(expected)?;
-    if vector != matches!(value, SettingValue::Vector(_)) {
+    let vector = matches!(field.default, Default::Vector(_)) != matches!(value, SettingValue::Vector(_));
+    let flag = matches!(field.default, Default::Flag(_)) != matches!(value, SettingValue::Flag(_));
+    if vector || flag {
         return Err(expected());
     }
     Settings::check(std::slice::from_ref(field), &BTreeMap::from([(field.name.to_owned(), value)]))
@@ -133,6 +139,7 @@ fn setting(value: &Value) -> Option<SettingValue> {
             numbers.try_into().ok().filter(|_| complete).map(SettingValue::Vector)
         }
         Value::Text(text) => Some(SettingValue::Text(text.clone())),
+        Value::Boolean(flag) => Some(SettingValue::Flag(*flag)),
         other => number(other).map(SettingValue::Number),
     }
 }

@@ -6,8 +6,7 @@ use drapery_core::settings::Dimension;
 
 use crate::cache::{MeshData, Uvs};
 
-use super::random::Random;
-use super::raw::{Axis, Garment, Jitter, Rotation};
+use super::raw::{Garment, Rotation};
 use super::resolve::{ReadGarment, Resolver};
 use super::shapes::{self, MAX_RESOLUTION, Shape};
 use super::tree::Path;
@@ -20,17 +19,8 @@ impl Resolver<'_> {
             return;
         };
         let mesh = data.mesh.clone();
-        let posed = match &garment.start {
-            Some(start) => match self.start_pose(garment, start, path, mesh.points.len()) {
-                Some(points) => Some(points),
-                None => return,
-            },
-            None => None,
-        };
-        let start = match garment.jitter {
-            Some(jitter) => Some(displaced(posed.as_ref().unwrap_or(&mesh.points), jitter)),
-            None => posed,
-        };
+        let Some(start) = self.start(garment, path, &mesh, grid) else { return };
+        let velocities = self.start_velocities(garment, path, mesh.points.len());
         let index = self.description.garments.len();
         let read =
             ReadGarment { start: start.clone().unwrap_or_else(|| mesh.points.clone()), grid, units: garment.units };
@@ -38,11 +28,14 @@ impl Resolver<'_> {
             let pin = self.pin(pin, &path.clone().key("pin").index(number), index, &read);
             self.description.pins.extend(pin);
         }
-        let Some(mass) = mass else { return };
+        let here = path.clone().key("thickness");
+        let thickness = self.quantity(&here, &garment.thickness, Dimension::Length).and_then(|t| self.positive(&here, t));
+        let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
         self.garments.push(data);
         let velocity = Vec3::from(garment.velocity);
         let name = garment.name.clone();
-        self.description.garments.push(GarmentDescription { name, mesh, start, velocity, mass });
+        let garment = GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness };
+        self.description.garments.push(garment);
     }
 
     fn mass(&mut self, garment: &Garment, path: &Path) -> Option<Mass> {
@@ -168,25 +161,4 @@ impl Resolver<'_> {
         self.error_with(path, text, "lower the resolution".to_owned());
         None
     }
-
-    fn start_pose(&mut self, garment: &Garment, start: &str, path: &Path, count: usize) -> Option<Vec<Vec3>> {
-        let here = path.clone().key("start");
-        let units = self.file_units(&here, garment.units)?;
-        let (file, time) = self.file_at(&here, start)?;
-        let source = self.open(&here, &file, garment.path.as_deref(), units)?;
-        let points = self.mesh(&here, &source, time)?.mesh.points;
-        self.same_count(&here, "the start pose", points.len(), "the rest shape", count)?;
-        Some(points)
-    }
-}
-
-/// Start positions displaced at random along an axis.
-fn displaced(points: &[Vec3], jitter: Jitter) -> Vec<Vec3> {
-    let mut random = Random::new(jitter.seed);
-    let axis = match jitter.axis {
-        Axis::X => Vec3::x(),
-        Axis::Y => Vec3::y(),
-        Axis::Z => Vec3::z(),
-    };
-    points.iter().map(|p| p + axis * (jitter.amplitude * random.unit())).collect()
 }

@@ -33,6 +33,7 @@ mod resolve;
 mod resolved;
 mod schema;
 mod shapes;
+mod start;
 mod tree;
 
 use std::path::{Path as FilePath, PathBuf};

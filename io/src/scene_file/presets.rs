@@ -81,6 +81,7 @@ fn fill_materials(root: &mut Node, sources: &Sources) -> Result<Vec<&'static Mat
         if table.get("total_mass").is_none() {
             table.fill("density", Value::Float(material.density), &place, origin.clone());
         }
+        table.fill("thickness", Value::Float(material.thickness), &place, origin.clone());
         fill_springs(table, "stretch", material.stretch_stiffness, material, &place);
         fill_springs(table, "bending", material.bending_stiffness, material, &place);
     }

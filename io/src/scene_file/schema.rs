@@ -73,6 +73,7 @@ fn field(field: &Field) -> Value {
             "description": description, "type": ["number", "string"], "minimum": least, "maximum": most,
             "default": default,
         }),
+        Default::Flag(default) => json!({ "description": description, "type": "boolean", "default": default }),
         Default::Required | Default::Absent => json!({
             "description": description, "type": ["number", "string"], "minimum": least, "maximum": most,
         }),

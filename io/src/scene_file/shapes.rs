@@ -259,10 +259,7 @@ fn cell_center(index: u32, count: [u32; 3], cell: f64) -> Vec3 {
 
 /// A rotation about a random direction by a random angle of at most `max_angle` [rad].
 fn random_tilt(random: &mut Random, max_angle: f64) -> Rotation3<f64> {
-    // Height and longitude that are uniform give directions that are uniform on the sphere.
-    let (height, longitude) = (2.0 * random.unit() - 1.0, TAU * random.unit());
-    let ring = (1.0 - height * height).max(0.0).sqrt();
-    let axis = Unit::new_normalize(Vec3::new(ring * longitude.cos(), height, ring * longitude.sin()));
+    let axis = Unit::new_normalize(random.direction());
     Rotation3::from_axis_angle(&axis, max_angle * random.unit())
 }
 

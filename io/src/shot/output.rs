@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
+use drapery_core::metrics::Metrics;
 use drapery_core::simulation::Simulation;
 use serde_json::{Value, json};
 
@@ -12,6 +13,8 @@ use crate::cache::{APPLICATION, CacheFrame, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::formats::{self, CreateCache};
 use crate::run_record::{self, MANIFEST, Manifest, ManifestGarment, RECORD, RESOLVED, RunRecord};
+use crate::shot::quality::CROSSINGS_WRITTEN;
+use crate::shot::written::WrittenCrossings;
 use crate::shot::{RunOptions, RunReport, Shot, ShotError};
 
 /// What is being written.
@@ -21,6 +24,8 @@ pub(super) struct Output {
     record: RunRecord,
     /// The caches of each garment.
     writers: Vec<Vec<Box<dyn CacheWriter>>>,
+    /// Looks at what is written, in scenes that promise cloth without crossings.
+    written: Option<WrittenCrossings>,
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
 }
@@ -56,12 +61,13 @@ impl Output {
         let mut record = RunRecord::create(&folder)?;
         record.line(&shot.header(options.threads))?;
         let mut writers: Vec<Vec<_>> = shot.garments.iter().map(|_| Vec::new()).collect();
+        let written = WrittenCrossings::new(&shot.simulation, shot.about.output.units);
         for cache in &planned {
-            writers[cache.garment].push(create(shot, cache)?);
+            writers[cache.garment].push(create(shot, cache, written.is_some())?);
         }
         let manifest = manifest(shot, options, &planned);
         manifest.write(&folder)?;
-        Ok(Self { folder, manifest, record, writers, positions: Vec::new(), velocities: Vec::new() })
+        Ok(Self { folder, manifest, record, writers, written, positions: Vec::new(), velocities: Vec::new() })
     }
 
     /// The cache files.
@@ -70,16 +76,32 @@ impl Output {
     }
 
     /// Writes the state of the simulation as a frame of every cache, then tells the manifest.
-    pub(super) fn write_frame(&mut self, frame: i64, simulation: &Simulation) -> Result<(), IoError> {
+    pub(super) fn write_frame(
+        &mut self,
+        frame: i64,
+        simulation: &Simulation,
+        spent: &mut Metrics,
+    ) -> Result<(), IoError> {
+        let written = self.written.as_mut();
+        let crossings = written.map(|check| spent.stage("check caches", |_| check.crossings_of_written(simulation)));
+        if let Some(count) = crossings {
+            spent.count(CROSSINGS_WRITTEN, u64::from(count));
+        }
+        spent.stage("write caches", |_| self.write_caches(frame, simulation, crossings))?;
+        self.manifest.last_complete_frame = Some(frame);
+        self.manifest.write(&self.folder)
+    }
+
+    fn write_caches(&mut self, frame: i64, simulation: &Simulation, crossings: Option<u32>) -> Result<(), IoError> {
         for (garment, writers) in self.writers.iter_mut().enumerate() {
             simulation.garment_positions(garment, &mut self.positions);
             simulation.garment_velocities(garment, &mut self.velocities);
+            let (positions, velocities) = (self.positions.as_slice(), self.velocities.as_slice());
             for writer in writers {
-                writer.write(&CacheFrame { frame, positions: &self.positions, velocities: &self.velocities })?;
+                writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
             }
         }
-        self.manifest.last_complete_frame = Some(frame);
-        self.manifest.write(&self.folder)
+        Ok(())
     }
 
     /// Appends a line to the record.
@@ -140,16 +162,18 @@ fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
     }
 }
 
-fn create(shot: &Shot, cache: &Planned) -> Result<Box<dyn CacheWriter>, IoError> {
-    let about = &shot.about;
+fn create(shot: &Shot, cache: &Planned, crossings: bool) -> Result<Box<dyn CacheWriter>, IoError> {
+    let (about, scene) = (&shot.about, shot.simulation.scene());
     let plan = CachePlan {
-        garment: &shot.simulation.scene().description().garments[cache.garment].name,
+        garment: &scene.description().garments[cache.garment].name,
         mesh: &shot.garments[cache.garment],
+        triangles: scene.meshes()[cache.garment].triangles(),
         units: about.output.units,
         timeline: about.timeline,
         first_frame: about.timeline.origin,
         last_frame: about.last_frame,
         velocities: about.output.velocities,
+        crossings,
     };
     (cache.create)(&cache.path, &plan)
 }

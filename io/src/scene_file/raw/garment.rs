@@ -40,6 +40,9 @@ pub(in crate::scene_file) struct Garment {
     /// Many small panels in random orientations, as one garment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) leaves: Option<Leaves>,
+    /// A panel starts folded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) folds: Option<Folds>,
     /// Random displacement of the start positions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) jitter: Option<Jitter>,
@@ -52,9 +55,16 @@ pub(in crate::scene_file) struct Garment {
     /// Mass of the whole garment in kg, the same for every vertex; instead of `density`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) total_mass: Option<f64>,
+    /// Distance that `self_repulsion` keeps between its layers and from other garments, in metres or as "0.5 mm"; lowered
+    /// where edges are short. Left out: that of the material, or 0.5 mm.
+    #[serde(default = "default_thickness")]
+    pub(in crate::scene_file) thickness: Quantity,
     /// Velocity at the start in m/s.
     #[serde(default)]
     pub(in crate::scene_file) velocity: [f64; 3],
+    /// Random velocities of the points at the start, added to `velocity`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) random_velocity: Option<RandomVelocity>,
     /// Vertices that are held.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) pin: Vec<Pin>,
@@ -181,6 +191,27 @@ pub(in crate::scene_file) struct Jitter {
     /// Displacements are uniform between zero and this, in metres.
     pub(in crate::scene_file) amplitude: f64,
     /// Seed of the random numbers.
+    pub(in crate::scene_file) seed: u64,
+}
+
+/// A panel starts folded to and fro along its x, every edge along x as long as at rest. The bounding box of the stack
+/// has the centre that the panel has at rest.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Folds {
+    /// Layers, one over the other along the panel's y; at least 2, each of at least 3 cells along x.
+    pub(in crate::scene_file) layers: u32,
+    /// Distance between layers in metres; less than two cells, because two cells make a fold.
+    pub(in crate::scene_file) gap: f64,
+}
+
+/// Velocities of one speed in random directions.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct RandomVelocity {
+    /// Speed of every point, in m/s or as "100 m/s".
+    pub(in crate::scene_file) speed: Quantity,
+    /// Seed of the random directions.
     pub(in crate::scene_file) seed: u64,
 }
 
@@ -315,4 +346,8 @@ pub(in crate::scene_file) enum PinMode {
     Hard,
     /// By a spring.
     Spring,
+}
+
+fn default_thickness() -> Quantity {
+    Quantity::Text("0.5 mm".to_owned())
 }

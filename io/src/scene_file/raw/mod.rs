@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::units::{LengthUnit, UpAxis};
 
 pub(in crate::scene_file) use garment::{
-    Axis, Ball, Bind, Corner, Disc, Garment, Jitter, Leaves, Panel, PanelShape, Pin, PinMode, Region, Tube,
+    Axis, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, Leaves, Panel, PanelShape, Pin, PinMode, Region, Tube,
 };
 pub(in crate::scene_file) use values::{BodyPath, Quantity, Rotation};
 

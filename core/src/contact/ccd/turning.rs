@@ -1,0 +1,113 @@
+//! Proofs by directions that turn while time passes: what rotates closely past something else needs few of them.
+//!
+//! A direction is a quadratic in time with three control vectors, so the height of a corner along it is a cubic. A cubic stays
+//! above zero where its control polygon does, and the direction is never longer than the longest control vector.
+
+use crate::Vec3;
+use crate::contact::ccd::motion::{Corners, Motion, heights};
+use crate::contact::tolerances::CCD_TIME_ROUNDING;
+
+/// What a direction proves in an interval.
+struct Proof {
+    /// Share of the interval for which the proof holds; 1 includes its end.
+    share: f64,
+    /// About where the first height is zero, as a share of the interval; a guess.
+    first_root: f64,
+}
+
+/// Until when, at most `until`, a direction that is `direction` at `time` and changes by `turn` a unit of time proves the corners
+/// of `motion` farther than the gap from the origin.
+pub(super) fn reach_turning(motion: &Motion, time: f64, direction: &Vec3, turn: &Vec3, until: f64) -> f64 {
+    reach(motion, time, until, |to, _, _| {
+        let change = turn * (to - time);
+        [*direction, direction + change * 0.5, direction + change]
+    })
+}
+
+/// The same for the direction across the triangle or both edges, on the side of `direction`.
+pub(super) fn reach_across(motion: &Motion, time: f64, direction: &Vec3, until: f64) -> f64 {
+    let sides = |corners: &Corners| [1, 2].map(|k| corner(corners, k) - corner(corners, 0));
+    reach(motion, time, until, |_, now, then| {
+        let ([u, v], [u_then, v_then]) = (sides(now), sides(then));
+        let first = u.cross(&v);
+        let sign = if first.dot(direction) < 0.0 { -1.0 } else { 1.0 };
+        let middle = (u.cross(&v_then) + u_then.cross(&v)) * 0.5;
+        [first * sign, middle * sign, u_then.cross(&v_then) * sign]
+    })
+}
+
+/// Reach of the directions with the control vectors `turning(to, corners at time, corners at to)`.
+///
+/// A turn that is good for a while is not for long: the second try ends where the first seems to fail.
+#[inline(always)]
+fn reach(
+    motion: &Motion,
+    time: f64,
+    until: f64,
+    turning: impl Fn(f64, &Corners, &Corners) -> [Vec3; 3],
+) -> f64 {
+    let now = motion.corners_at(time);
+    let proof = |to: f64| {
+        let then = motion.corners_at(to);
+        let proof = prove(motion, &now, &then, &turning(to, &now, &then));
+        (if proof.share >= 1.0 { to } else { time + proof.share * (to - time) }, proof.first_root)
+    };
+    let (reached, first_root) = proof(until);
+    let near = time + first_root * (until - time);
+    if reached < near && near < until { reached.max(proof(near).0) } else { reached }
+}
+
+fn corner(corners: &Corners, k: usize) -> Vec3 {
+    Vec3::new(corners[0][k], corners[1][k], corners[2][k])
+}
+
+/// What a direction with the control vectors `n` proves between the corners `x` and `y`.
+#[inline(always)]
+fn prove(motion: &Motion, x: &Corners, y: &Corners, n: &[Vec3; 3]) -> Proof {
+    let lengths = n.map(|n| n.norm());
+    let least = (motion.gap() + motion.slack()) * (1.0 + CCD_TIME_ROUNDING);
+    let needed = least * lengths[0].max(lengths[1]).max(lengths[2]);
+    let [from, to] = [x, y].map(|corners| [0, 1, 2].map(|i| heights(corners, &n[i], needed)));
+    let mut proof = Proof { share: 1.0, first_root: f64::INFINITY };
+    for k in 0..4 {
+        let control = [
+            from[0][k],
+            (2.0 * from[1][k] + to[0][k]) / 3.0,
+            (from[2][k] + 2.0 * to[1][k]) / 3.0,
+            to[2][k],
+        ];
+        proof.share = proof.share.min(positive_until(&control));
+        // The quadratic with the same value and slope at the start and the same value at the end, above what is needed there.
+        let [height, slope] = [control[0] + needed - least * lengths[0], 3.0 * (control[1] - control[0])];
+        let bend = control[3] + needed - least * lengths[2] - height - slope;
+        let root = 2.0 * height / ((slope * slope - 4.0 * bend * height).sqrt() - slope);
+        if root > 0.0 {
+            proof.first_root = proof.first_root.min(root);
+        }
+    }
+    proof
+}
+
+/// Until which share of the time a cubic with these Bernstein coefficients is proven positive; 1 includes the end.
+///
+/// The hull of its control polygon first meets zero between a positive and a later coefficient.
+#[inline(always)]
+fn positive_until(control: &[f64; 4]) -> f64 {
+    // Written so that what is not a number proves nothing.
+    if control.iter().all(|&c| c > 0.0) {
+        return 1.0;
+    }
+    if !(control[0] > 0.0 && control.iter().sum::<f64>().is_finite()) {
+        return 0.0;
+    }
+    let mut until = 1.0_f64;
+    for j in 1..4 {
+        for i in 0..j {
+            if control[i] > 0.0 && control[j] <= 0.0 {
+                let crossing = i as f64 + (j - i) as f64 * (control[i] / (control[i] - control[j]));
+                until = until.min(crossing / 3.0);
+            }
+        }
+    }
+    until * (1.0 - CCD_TIME_ROUNDING)
+}

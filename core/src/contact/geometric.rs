@@ -1,0 +1,308 @@
+//! Geometric collisions: what is left to pass through something between two states is stopped (method section 4).
+//!
+//! All nodes move straight from a collision-free state to where the time steps have put them. A pair *meets* when it comes
+//! closer than a small gap on the way (`ccd`); it then gets an impulse. When impulses alone do not end it, the pairs that
+//! still meet form impact zones: first inelastic ones, where everything may slide but nothing approach, then rigid ones, and
+//! at last the nodes stay where they were. The loop always ends, since the state it started from is free of collisions.
+//!
+//! The gap is wider than the rounding of a position to single precision, so that what a cache stores is as free of
+//! crossings as what is computed.
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::ccd::{self, Contact};
+use crate::contact::impact_zone::{self, ZoneNode};
+use crate::contact::impulse::{Constraint, change_normal_velocity, normal_velocity, response};
+use crate::contact::neighbours::{Neighbour, Neighbours};
+use crate::contact::pair::{KINDS, Pair, PairKind};
+use crate::contact::search::PairSearch;
+use crate::contact::surface::{ContactSurface, NodePaths};
+use crate::contact::tolerances::{CLOSER_THAN_GAP, OPEN_GAP};
+use crate::contact::zones::Zones;
+use crate::geometry::aabb::Aabb;
+use crate::metrics::Metrics;
+
+/// Attempts with impulses alone (method 4.6).
+const IMPULSE_ATTEMPTS: usize = 3;
+
+/// Attempts with inelastic zones; then pairs with a prescribed node are given up, and as many attempts follow.
+const INELASTIC_ATTEMPTS: usize = 12;
+
+/// Attempts with rigid zones, before their nodes stay where they were (method 4.8).
+const RIGID_ATTEMPTS: usize = 8;
+
+/// Pairs that one task looks at.
+const CHUNK: usize = 1024;
+
+/// A pair that meets on the way.
+#[derive(Debug, Clone, Copy)]
+struct Hit {
+    pair: Pair,
+    contact: Contact,
+    /// Distance of the pair at the collision-free state [m].
+    start_distance: f64,
+}
+
+/// What the collisions work on.
+pub struct Collisions<'a> {
+    /// The surfaces.
+    pub surface: &'a ContactSurface,
+    /// Inverse masses per axis [1/kg]; zero for what is prescribed.
+    pub mobility: &'a [Vec3],
+    /// Distance that everything keeps [m].
+    pub gap: f64,
+    /// Pairs that are left alone because they cross at the start.
+    pub ignored: &'a (dyn Fn(&Pair) -> bool + Sync),
+    /// Whether what impulses do not resolve is given back for a shorter collision step.
+    pub may_give_back: bool,
+}
+
+/// What was done.
+#[derive(Debug, Default)]
+pub struct Resolution {
+    /// Cloth vertices whose end was changed, ascending.
+    pub moved: Vec<u32>,
+    /// Whether impact zones were needed.
+    pub zones: bool,
+    /// Whether pairs were given up, so that cloth may cross what is prescribed.
+    pub pinched: bool,
+    /// Whether nothing was resolved, for a shorter collision step to try.
+    pub given_back: bool,
+}
+
+/// Arrays of the loop.
+#[derive(Debug)]
+pub struct CollisionLoop {
+    /// Displacements over the interval [m].
+    displacements: Vec<Vec3>,
+    recent: Vec<bool>,
+    moved: Vec<bool>,
+    given_up: Vec<Pair>,
+    swept: Vec<Pair>,
+}
+
+impl CollisionLoop {
+    /// A loop over so many nodes.
+    pub fn new(nodes: usize) -> Self {
+        Self {
+            displacements: Vec::new(),
+            recent: vec![false; nodes],
+            moved: vec![false; nodes],
+            given_up: Vec::new(),
+            swept: Vec::new(),
+        }
+    }
+
+    /// Changes the ends of `paths` until nothing meets. `used` is the share of their reach that nodes have used up
+    /// ([`Neighbours::note_ways`] for these paths).
+    pub fn resolve(
+        &mut self,
+        collisions: &Collisions<'_>,
+        neighbours: &mut Neighbours,
+        search: &mut PairSearch,
+        paths: &mut NodePaths,
+        mut used: f64,
+        metrics: &mut Metrics,
+    ) -> Resolution {
+        self.given_up.clear();
+        let mut source = Source::of(used);
+        source.prepare(collisions, search, paths, &mut self.swept);
+        let mut hits = self.detect(collisions, neighbours, &source, paths, None);
+        if hits.is_empty() {
+            return Resolution::default();
+        }
+        self.displacements.clear();
+        self.displacements.extend(paths.start.iter().zip(&paths.end).map(|(a, b)| b - a));
+        self.moved.fill(false);
+        let mut zones = Zones::new(collisions.surface.nodes());
+        let mut attempts = 0;
+        while !hits.is_empty() {
+            attempts += 1;
+            if attempts > IMPULSE_ATTEMPTS && collisions.may_give_back {
+                return Resolution { given_back: true, ..Resolution::default() };
+            }
+            metrics.count("collision_hits", hits.len() as u64);
+            let touched = self.respond(collisions, attempts, &hits, &mut zones, paths, metrics);
+            self.recent.fill(false);
+            for node in touched {
+                let end = paths.start[node as usize] + self.displacements[node as usize];
+                paths.end[node as usize] = end;
+                self.recent[node as usize] = true;
+                self.moved[node as usize] = true;
+                used = used.max(neighbours.note_way(node as usize, &end));
+            }
+            source = Source::of(used);
+            source.prepare(collisions, search, paths, &mut self.swept);
+            hits = self.detect(collisions, neighbours, &source, paths, Some(&self.recent));
+            // What moves as one rigid body is as far apart at the end as at the start.
+            hits.retain(|hit| !zones.are_rigid(&hit.pair.nodes));
+        }
+        metrics.count("collision_attempts", attempts as u64);
+        metrics.count("collision_loops", 1);
+        metrics.count("pairs_pinched", self.given_up.len() as u64);
+        zones.report(metrics);
+        let cloth = 0..collisions.surface.cloth_nodes() as u32;
+        let moved = cloth.filter(|&node| self.moved[node as usize]).collect();
+        let (zones, pinched) = (attempts > IMPULSE_ATTEMPTS, !self.given_up.is_empty());
+        Resolution { moved, zones, pinched, given_back: false }
+    }
+
+    /// The pairs that meet, sorted; only those with a node in `recent` if given.
+    fn detect(
+        &self,
+        collisions: &Collisions<'_>,
+        neighbours: &Neighbours,
+        source: &Source,
+        paths: &NodePaths,
+        recent: Option<&[bool]>,
+    ) -> Vec<Hit> {
+        let concerns = |pair: &Pair| recent.is_none_or(|r| pair.nodes.iter().any(|&node| r[node as usize]));
+        let judge = |pair: &Pair| {
+            let hit = meet(pair, paths, collisions.gap)?;
+            let left_alone = (collisions.ignored)(pair) || self.given_up.binary_search(pair).is_ok();
+            (!left_alone).then_some(hit)
+        };
+        let mut hits: Vec<Hit> = match source {
+            Source::Swept => {
+                let chunks = self.swept.par_chunks(CHUNK);
+                chunks.flat_map_iter(|chunk| chunk.iter().filter(|p| concerns(p)).filter_map(judge)).collect()
+            }
+            Source::Neighbours => {
+                let may_meet = |n: &&Neighbour| neighbours.distance_bound(n) <= collisions.gap && concerns(&n.pair);
+                let lists = KINDS.map(|kind| neighbours.list(kind));
+                let chunks = lists[0].par_chunks(CHUNK).chain(lists[1].par_chunks(CHUNK));
+                chunks.flat_map_iter(|c| c.iter().filter(may_meet).filter_map(|n| judge(&n.pair))).collect()
+            }
+        };
+        hits.sort_unstable_by_key(|hit| hit.pair);
+        hits
+    }
+
+    /// Changes the displacements so that the hits go away, more firmly with every attempt; returns the nodes changed.
+    fn respond(
+        &mut self,
+        collisions: &Collisions<'_>,
+        attempt: usize,
+        hits: &[Hit],
+        zones: &mut Zones,
+        paths: &NodePaths,
+        metrics: &mut Metrics,
+    ) -> Vec<u32> {
+        let hits = self.give_up(collisions, attempt, hits);
+        if attempt <= IMPULSE_ATTEMPTS {
+            return self.impulses(collisions, &hits, paths);
+        }
+        let targets = hits.iter().map(|hit| (hit.constraint(), hit.opening(collisions.gap)));
+        zones.add(targets);
+        let rigid_from = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
+        if attempt <= rigid_from {
+            return zones.make_inelastic(collisions.mobility, &mut self.displacements, metrics);
+        }
+        if attempt <= rigid_from + RIGID_ATTEMPTS {
+            let node = |i: u32, displacements: &[Vec3]| {
+                let start = paths.start[i as usize];
+                let (end, mobility) = (start + displacements[i as usize], collisions.mobility[i as usize]);
+                ZoneNode { start, end, mobility }
+            };
+            return zones.make_rigid(&hits.iter().map(|h| h.pair.nodes[0]).collect::<Vec<_>>(), |members| {
+                let mut nodes: Vec<ZoneNode> = members.iter().map(|&i| node(i, &self.displacements)).collect();
+                impact_zone::rigid(&mut nodes, 1.0);
+                for (&i, node) in members.iter().zip(&nodes) {
+                    self.displacements[i as usize] = node.end - node.start;
+                }
+            });
+        }
+        zones.stop(&hits.iter().map(|h| h.pair.nodes[0]).collect::<Vec<_>>(), |i| {
+            let free = collisions.mobility[i as usize].map(|w| f64::from(w == 0.0));
+            self.displacements[i as usize].component_mul_assign(&free);
+        })
+    }
+
+    /// Leaves alone what cannot be helped: pairs of prescribed nodes only, and, when zones have failed, pairs with one.
+    fn give_up(&mut self, collisions: &Collisions<'_>, attempt: usize, hits: &[Hit]) -> Vec<Hit> {
+        let prescribed = |node: &u32| collisions.mobility[*node as usize] == Vec3::zeros();
+        let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
+        let (given_up, kept): (Vec<_>, Vec<_>) = hits.iter().copied().partition(|hit| {
+            let hopeless = response(&hit.constraint(), collisions.mobility) == 0.0;
+            (hopeless && hit.pair.nodes.iter().any(prescribed)) || (last_chance && hit.pair.nodes.iter().any(prescribed))
+        });
+        self.given_up.extend(given_up.iter().map(|hit| hit.pair));
+        self.given_up.sort_unstable();
+        kept
+    }
+
+    /// One Gauss-Seidel pass over the hits: each is looked at again with what those before it have changed.
+    fn impulses(&mut self, collisions: &Collisions<'_>, hits: &[Hit], paths: &NodePaths) -> Vec<u32> {
+        let mut touched = Vec::new();
+        let mut changed = |pair: &Pair| touched.extend_from_slice(&pair.nodes);
+        for hit in hits {
+            let start = hit.pair.positions(&paths.start);
+            let end = [0, 1, 2, 3].map(|q| start[q] + self.displacements[hit.pair.nodes[q] as usize]);
+            let Some(hit) = meet_at(&hit.pair, &start, &end, collisions.gap) else { continue };
+            let constraint = hit.constraint();
+            let wanted = hit.opening(collisions.gap);
+            let change = wanted - normal_velocity(&constraint, &self.displacements);
+            if change > 0.0 && change_normal_velocity(&constraint, collisions.mobility, &mut self.displacements, change) {
+                changed(&hit.pair);
+            }
+        }
+        touched.retain(|&node| collisions.mobility[node as usize] != Vec3::zeros());
+        touched.sort_unstable();
+        touched.dedup();
+        touched
+    }
+}
+
+/// Where the pairs to look at come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Source {
+    /// The list of neighbours holds all that can meet.
+    Neighbours,
+    /// Nodes have left their reach: the paths themselves are searched.
+    Swept,
+}
+
+impl Source {
+    fn of(used: f64) -> Self {
+        if used <= 1.0 { Self::Neighbours } else { Self::Swept }
+    }
+
+    fn prepare(&self, collisions: &Collisions<'_>, search: &mut PairSearch, paths: &NodePaths, swept: &mut Vec<Pair>) {
+        if *self == Self::Swept {
+            let (start, end) = (&paths.start, &paths.end);
+            search.fit(collisions.surface, |i| Aabb::of_segment(&start[i], &end[i]).enlarged(collisions.gap));
+            search.pairs(collisions.surface, |pair, out| out.push(pair), swept);
+        }
+    }
+}
+
+impl Hit {
+    fn constraint(&self) -> Constraint {
+        Constraint { nodes: self.pair.nodes, weights: self.contact.weights, normal: self.contact.normal }
+    }
+
+    /// How far the pair has to open during the interval [m]: zero, unless it is closer than twice the gap.
+    fn opening(&self, gap: f64) -> f64 {
+        (OPEN_GAP * gap - self.start_distance).max(0.0)
+    }
+}
+
+/// Whether a pair comes closer than `gap` on its way; less, if it is that close already.
+fn meet(pair: &Pair, paths: &NodePaths, gap: f64) -> Option<Hit> {
+    meet_at(pair, &pair.positions(&paths.start), &pair.positions(&paths.end), gap)
+}
+
+fn meet_at(pair: &Pair, start: &[Vec3; 4], end: &[Vec3; 4], gap: f64) -> Option<Hit> {
+    let test = |gap: f64| match pair.kind {
+        PairKind::PointTriangle => ccd::point_triangle(start, end, gap),
+        PairKind::EdgeEdge => ccd::edge_edge(start, end, gap),
+    };
+    let contact = test(gap)?;
+    let start_distance = pair.closest(start).apart.norm();
+    if start_distance > gap {
+        return Some(Hit { pair: *pair, contact, start_distance });
+    }
+    let contact = test(CLOSER_THAN_GAP * start_distance)?;
+    Some(Hit { pair: *pair, contact, start_distance })
+}

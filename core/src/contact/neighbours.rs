@@ -1,0 +1,178 @@
+//! The list of pairs that are close: made by a search now and then, and used by many steps.
+//!
+//! Each node has a *reach*. As long as no node is farther than its reach from where it was when the list was made, every
+//! pair within touching distance is in the list, and for each pair of it the distance then, less what its nodes have moved,
+//! bounds the distance now. Most pairs are dismissed by that bound alone (method section 8, displacement bounds).
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::ordering::Order;
+use crate::contact::pair::{Pair, PairKind};
+use crate::contact::search::PairSearch;
+use crate::contact::surface::ContactSurface;
+use crate::geometry::aabb::Aabb;
+
+/// Repulsions act on pairs closer than this times their thickness (method 3.11, detection multiplier).
+pub const ACTIVE: f64 = 1.1;
+
+/// Pairs of one garment that are closer at rest than this times the distance at which repulsions act are left out for good
+/// (method 3.4, proximity turn-off).
+const CLOSE_AT_REST: f64 = 1.5;
+
+/// Nodes that one task moves.
+const CHUNK: usize = 4096;
+
+/// A pair of the list.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Neighbour {
+    /// The pair.
+    pub pair: Pair,
+    /// Not more than its distance when the list was made [m].
+    pub distance: f32,
+    /// Thickness of the pair [m]; zero where repulsions do not act.
+    pub thickness: f32,
+}
+
+/// The list.
+#[derive(Debug)]
+pub struct Neighbours {
+    /// Points and triangles; then edges; each in the order of its colours if repulsions need one.
+    lists: [Vec<Neighbour>; 2],
+    orders: [Order; 2],
+    /// Positions of the nodes when the list was made [m]; empty before.
+    reference: Vec<Vec3>,
+    reach: Vec<f64>,
+    thickness: Vec<f64>,
+    /// What every node has moved since the list was made, at most [m].
+    way: Vec<f64>,
+    coloured: bool,
+}
+
+impl Neighbours {
+    /// An empty list over a surface; `reach` is a length for each node [m]. With `coloured` the pairs get colours.
+    pub fn new(surface: &ContactSurface, reach: Vec<f64>, coloured: bool) -> Self {
+        let mut thickness = surface.thickness().to_vec();
+        thickness.resize(surface.nodes(), 0.0);
+        let way = vec![0.0; surface.nodes()];
+        let (lists, orders) = Default::default();
+        Self { lists, orders, reference: Vec::new(), reach, thickness, way, coloured }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        let pairs = self.lists.iter().map(Vec::capacity).sum::<usize>();
+        pairs * size_of::<Neighbour>() + self.way.len() * (3 * size_of::<f64>() + size_of::<Vec3>())
+    }
+
+    /// Pairs of a kind, in the order of their colours.
+    pub fn list(&self, kind: PairKind) -> &[Neighbour] {
+        &self.lists[kind as usize]
+    }
+
+    /// Colours of the pairs of a kind.
+    pub fn order(&self, kind: PairKind) -> &Order {
+        &self.orders[kind as usize]
+    }
+
+    /// Number of pairs.
+    pub fn len(&self) -> usize {
+        self.lists.iter().map(Vec::len).sum()
+    }
+
+    /// Whether there are no pairs.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Reach of a node [m].
+    pub fn reach(&self) -> &[f64] {
+        &self.reach
+    }
+
+    /// Makes the list anew around `x`, the positions of all nodes [m].
+    pub fn rebuild(&mut self, surface: &ContactSurface, search: &mut PairSearch, x: &[Vec3]) {
+        let (reach, thickness) = (&self.reach, &self.thickness);
+        search.fit(surface, |i| Aabb::of_point(&x[i]).enlarged(ACTIVE * thickness[i] + reach[i]));
+        let mut found: Vec<Neighbour> = Vec::new();
+        let keep = |pair: Pair, out: &mut Vec<Neighbour>| {
+            let [a, b] = pair.fold(reach, f64::max);
+            let thick = pair_thickness(&pair, thickness);
+            let limit = ACTIVE * thick + a + b;
+            let distance_squared = pair.closest(&pair.positions(x)).apart.norm_squared();
+            if distance_squared <= limit * limit {
+                let distance = below(distance_squared.sqrt());
+                let repels = surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
+                out.push(Neighbour { pair, distance, thickness: if repels { thick as f32 } else { 0.0 } });
+            }
+        };
+        search.pairs(surface, keep, &mut found);
+        let split = |kind| {
+            let mut list: Vec<Neighbour> = found.iter().filter(|n| n.pair.kind == kind).copied().collect();
+            if self.coloured {
+                list.par_sort_unstable_by_key(|n| n.pair.nodes);
+                let order = Order::of(&mut list, surface.nodes(), |n| n.pair.nodes);
+                return (list, order);
+            }
+            (list, Order::default())
+        };
+        let (points, edges) = rayon::join(|| split(PairKind::PointTriangle), || split(PairKind::EdgeEdge));
+        self.lists = [points.0, edges.0];
+        self.orders = [points.1, edges.1];
+        self.reference.clear();
+        self.reference.extend_from_slice(x);
+    }
+
+    /// Notes the way of every node on the straight path from `start` to `end` [m]. Returns the largest share of its reach
+    /// that a node has used up: above one the list may lack pairs. Infinite before the list is made.
+    pub fn note_ways(&mut self, start: &[Vec3], end: &[Vec3]) -> f64 {
+        if self.reference.len() != self.way.len() {
+            return f64::INFINITY;
+        }
+        let chunks = self.way.par_chunks_mut(CHUNK).enumerate();
+        let largest = chunks.map(|(c, ways)| {
+            let mut largest = 0.0_f64;
+            for (i, way) in ways.iter_mut().enumerate() {
+                let node = c * CHUNK + i;
+                let from = &self.reference[node];
+                *way = (start[node] - from).norm_squared().max((end[node] - from).norm_squared()).sqrt();
+                largest = largest.max(*way / self.reach[node]);
+            }
+            largest
+        });
+        largest.reduce(|| 0.0, f64::max)
+    }
+
+    /// Notes the way of one node again, after its end has changed. Returns the share of its reach that is used up.
+    pub fn note_way(&mut self, node: usize, end: &Vec3) -> f64 {
+        if self.reference.len() != self.way.len() {
+            return f64::INFINITY;
+        }
+        self.way[node] = self.way[node].max((end - self.reference[node]).norm());
+        self.way[node] / self.reach[node]
+    }
+
+    /// A bound from below on the distance of a pair anywhere on the paths noted last [m].
+    #[inline]
+    pub fn distance_bound(&self, neighbour: &Neighbour) -> f64 {
+        let [a, b] = neighbour.pair.fold(&self.way, f64::max);
+        f64::from(neighbour.distance) - a - b
+    }
+}
+
+/// `f32` not above a positive `x`.
+fn below(x: f64) -> f32 {
+    x as f32 * (1.0 - f32::EPSILON)
+}
+
+/// Thickness of a pair (method 3.2).
+fn pair_thickness(pair: &Pair, thickness: &[f64]) -> f64 {
+    let [a, b] = pair.fold(thickness, f64::min);
+    a.max(b)
+}
+
+/// Whether the two belong to one garment and lie this close by construction.
+fn is_close_at_rest(surface: &ContactSurface, pair: &Pair, thickness: f64) -> bool {
+    let limit = CLOSE_AT_REST * ACTIVE * thickness;
+    surface.is_one_garment(pair) && pair.closest(&pair.positions(surface.rest())).apart.norm_squared() <= limit * limit
+}

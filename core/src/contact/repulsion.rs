@@ -1,0 +1,386 @@
+//! History-based repulsion: impulses between pairs that are close, in every time step (method section 3).
+//!
+//! At a collision-free state every pair gets its *side*: which way it has to be apart. Until the next such state the signed
+//! distance is measured against it. A pair that has passed through has a negative distance, and the same laws that push
+//! others apart then pull it back: attraction.
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::neighbours::{ACTIVE, Neighbour, Neighbours};
+use crate::contact::ordering::Order;
+use crate::contact::pair::{KINDS, Pair, PairKind};
+use crate::contact::shared::SharedVectors;
+use crate::contact::tolerances::TRUSTED_SIDE;
+use crate::metrics::Metrics;
+use crate::tolerances::NO_DIRECTION;
+
+/// Sweeps of the inelastic pass (method 3.7).
+const INELASTIC_SWEEPS: usize = 3;
+
+/// Pairs of one colour below which a second thread costs more than it brings.
+const PARALLEL: usize = 512;
+
+/// Pairs that one task looks at.
+const CHUNK: usize = 1024;
+
+/// Settings of the laws (method 3.6 and 3.11).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Laws {
+    /// Repulsion modulus E_r [N s²/(kg m) per unit of overlap; the authors' Young's modulus of repulsion].
+    pub stiffness: f64,
+    /// Largest fraction of the overlap that one step may restore.
+    pub limit: f64,
+    /// Coulomb friction between cloth and cloth.
+    pub friction: f64,
+    /// Cosine between the direction of two edges now and at the collision-free state below which they have passed through
+    /// each other; below -1 edges never attract.
+    pub edge_attraction: f64,
+    /// Whether points that have passed through a triangle are attracted; without, the side is that of the moment.
+    pub attraction: bool,
+}
+
+/// Which passes run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Passes {
+    /// Friction, inelastic and elastic: B.2.
+    Full,
+    /// Friction and inelastic: B.8.
+    WithoutSprings,
+}
+
+/// A pair and its side.
+#[derive(Debug, Clone, Copy)]
+struct Sided {
+    pair: Pair,
+    thickness: f64,
+    /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction from the
+    /// second to the first.
+    side: Vec3,
+}
+
+/// A pair as the laws see it.
+#[derive(Debug, Clone, Copy)]
+struct Touching {
+    nodes: [u32; 4],
+    weights: [f64; 4],
+    normal: Vec3,
+    /// Signed distance [m].
+    distance: f64,
+    thickness: f64,
+    /// Change of relative velocity per impulse [1/kg].
+    response: f64,
+    mean_mobility: f64,
+}
+
+/// All pairs of one kind.
+#[derive(Debug, Default)]
+struct PairsOfKind {
+    sided: Vec<Sided>,
+    order: Order,
+    /// One entry for each of `sided`, in the order of their colours.
+    touching: Vec<Option<Touching>>,
+    /// The active ones.
+    live: Vec<u32>,
+    live_order: Order,
+}
+
+/// The repulsions of a scene.
+#[derive(Debug)]
+pub struct Repulsions {
+    laws: Laws,
+    kinds: [PairsOfKind; 2],
+    velocities: SharedVectors,
+    /// Nodes of active pairs.
+    nodes: Vec<u32>,
+    seen: Vec<bool>,
+    /// Whether the active pairs are those of the positions that come next.
+    fresh: bool,
+}
+
+impl Repulsions {
+    /// Repulsions over so many cloth vertices.
+    pub fn new(laws: Laws, vertices: usize) -> Self {
+        let (kinds, velocities) = (Default::default(), SharedVectors::new(vertices));
+        Self { laws, kinds, velocities, nodes: Vec::new(), seen: vec![false; vertices], fresh: false }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        let kind = |k: &PairsOfKind| k.sided.capacity() * (size_of::<Sided>() + size_of::<Option<Touching>>() + 4);
+        self.kinds.iter().map(kind).sum::<usize>() + self.seen.len() * (size_of::<Vec3>() + 1)
+    }
+
+    /// A: gives every pair that may come within touching distance its side, at the collision-free positions `x` [m].
+    /// `slack` is how far any two nodes may approach until the next collision-free state [m]; pairs for which `ignored`
+    /// holds get none.
+    pub fn take_sides(
+        &mut self,
+        neighbours: &Neighbours,
+        x: &[Vec3],
+        slack: f64,
+        ignored: &(impl Fn(&Pair) -> bool + Sync),
+    ) {
+        for kind in KINDS {
+            let list = neighbours.list(kind);
+            let of_kind = &mut self.kinds[kind as usize];
+            let near = |n: &Neighbour| {
+                let limit = ACTIVE * f64::from(n.thickness) + slack;
+                if n.thickness <= 0.0 || neighbours.distance_bound(n) > limit {
+                    return None;
+                }
+                sided(n, x, limit).filter(|_| !ignored(&n.pair))
+            };
+            let pieces: Vec<(Vec<u32>, Vec<Sided>)> = list
+                .par_chunks(CHUNK)
+                .enumerate()
+                .map(|(c, chunk)| {
+                    let found = chunk.iter().enumerate().filter_map(|(i, n)| near(n).map(|s| ((c * CHUNK + i) as u32, s)));
+                    found.unzip()
+                })
+                .collect();
+            of_kind.live.clear();
+            of_kind.sided.clear();
+            for (places, pairs) in pieces {
+                of_kind.live.extend(places);
+                of_kind.sided.extend(pairs);
+            }
+            of_kind.order = neighbours.order(kind).restricted(&of_kind.live);
+            of_kind.touching.resize(of_kind.sided.len(), None);
+        }
+        self.fresh = false;
+    }
+
+    /// The positions have changed since the last pass.
+    pub fn positions_changed(&mut self) {
+        self.fresh = false;
+    }
+
+    /// B.2 or B.8: changes the velocities `v` [m/s] of the nodes of all active pairs at the positions `x` [m], for a step of
+    /// length `dt` [s]. `mobility` are inverse masses [1/kg], zero where a vertex is held.
+    pub fn apply(
+        &mut self,
+        passes: Passes,
+        dt: f64,
+        x: &[Vec3],
+        mobility: &[f64],
+        v: &mut [Vec3],
+        metrics: &mut Metrics,
+    ) {
+        if !self.fresh {
+            self.refresh(x, mobility);
+            self.fresh = true;
+        }
+        if self.nodes.is_empty() {
+            return;
+        }
+        self.nodes.iter().for_each(|&node| self.velocities.set(node, &v[node as usize]));
+        let law = |kind: usize, law: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)| self.sweep(kind, mobility, law);
+        let laws = self.laws;
+        let with_springs = passes == Passes::Full;
+        for kind in 0..2 {
+            if laws.friction > 0.0 {
+                law(kind, &|t, rel| laws.friction_change(t, rel, dt, with_springs));
+            }
+        }
+        for kind in 0..2 {
+            (0..INELASTIC_SWEEPS).for_each(|_| law(kind, &|t, rel| laws.inelastic_change(t, rel, dt)));
+        }
+        if with_springs {
+            (0..2).for_each(|kind| law(kind, &|t, rel| laws.elastic_change(t, rel, dt)));
+        }
+        self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
+        let active = self.kinds.iter().flat_map(|k| k.live.iter().filter_map(|&i| k.touching[i as usize].as_ref()));
+        let (mut repelled, mut attracted) = (0, 0);
+        active.for_each(|t| if t.distance < 0.0 { attracted += 1 } else { repelled += 1 });
+        metrics.count("repulsions", repelled);
+        metrics.count("attractions", attracted);
+    }
+
+    /// Number of active pairs at the positions of the last pass that have passed through each other.
+    pub fn inverted(&self) -> u64 {
+        let active = self.kinds.iter().flat_map(|k| k.live.iter().filter_map(|&i| k.touching[i as usize].as_ref()));
+        active.filter(|t| t.distance < 0.0).count() as u64
+    }
+
+    /// Finds the active pairs and their geometry at `x`.
+    fn refresh(&mut self, x: &[Vec3], mobility: &[f64]) {
+        let laws = self.laws;
+        for of_kind in &mut self.kinds {
+            let chunks = of_kind.touching.par_chunks_mut(CHUNK).zip(of_kind.sided.par_chunks(CHUNK));
+            chunks.for_each(|(touching, sided)| {
+                touching.iter_mut().zip(sided).for_each(|(t, s)| *t = s.touching(&laws, x, mobility));
+            });
+            of_kind.live.clear();
+            of_kind.live.extend((0..of_kind.touching.len() as u32).filter(|&i| of_kind.touching[i as usize].is_some()));
+            of_kind.live_order = of_kind.order.restricted(&of_kind.live);
+        }
+        self.nodes.iter().for_each(|&node| self.seen[node as usize] = false);
+        self.nodes.clear();
+        for of_kind in &self.kinds {
+            for touching in of_kind.live.iter().filter_map(|&i| of_kind.touching[i as usize].as_ref()) {
+                for node in touching.nodes {
+                    if !std::mem::replace(&mut self.seen[node as usize], true) {
+                        self.nodes.push(node);
+                    }
+                }
+            }
+        }
+    }
+
+    /// One Gauss-Seidel pass in the order of the colours. `change` is the change of relative velocity that the law wants.
+    fn sweep(&self, kind: usize, mobility: &[f64], change: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)) {
+        let of_kind = &self.kinds[kind];
+        let one = |&i: &u32| {
+            let Some(t) = &of_kind.touching[i as usize] else { return };
+            let v = t.nodes.map(|node| self.velocities.get(node));
+            let [a, b, c, d] = t.weights;
+            let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
+            let Some(change) = change(t, &relative) else { return };
+            let impulse = change / t.response;
+            for q in 0..4 {
+                let share = t.weights[q] * mobility[t.nodes[q] as usize];
+                self.velocities.set(t.nodes[q], &(v[q] + impulse * share));
+            }
+        };
+        for colour in of_kind.live_order.colours() {
+            let live = &of_kind.live[colour.clone()];
+            if live.len() >= PARALLEL {
+                live.par_iter().with_min_len(PARALLEL / 4).for_each(one);
+            } else {
+                live.iter().for_each(one);
+            }
+        }
+        of_kind.live[of_kind.live_order.rest()].iter().for_each(one);
+    }
+}
+
+/// The side of a pair at a collision-free state, unless it is farther apart than `limit` or next to each other rather than
+/// in front of each other, where no side can be trusted.
+fn sided(neighbour: &Neighbour, x: &[Vec3], limit: f64) -> Option<Sided> {
+    let pair = neighbour.pair;
+    let at = pair.positions(x);
+    let apart = pair.closest(&at).apart;
+    let distance = apart.norm();
+    if distance > limit || distance <= NO_DIRECTION {
+        return None;
+    }
+    let across = match pair.kind {
+        PairKind::PointTriangle => (at[2] - at[1]).cross(&(at[3] - at[1])),
+        PairKind::EdgeEdge => (at[1] - at[0]).cross(&(at[3] - at[2])),
+    };
+    let along = across.try_normalize(NO_DIRECTION)?.dot(&apart);
+    if along.abs() < TRUSTED_SIDE * distance {
+        return None;
+    }
+    let side = match pair.kind {
+        PairKind::PointTriangle => Vec3::x() * along.signum(),
+        PairKind::EdgeEdge => apart / distance,
+    };
+    Some(Sided { pair, thickness: f64::from(neighbour.thickness), side })
+}
+
+impl Sided {
+    /// The pair at `x`, if it is within touching distance and in front of each other (method 3.5).
+    #[inline]
+    fn touching(&self, laws: &Laws, x: &[Vec3], mobility: &[f64]) -> Option<Touching> {
+        let at = self.pair.positions(x);
+        let reach = ACTIVE * self.thickness;
+        let (weights, normal, distance) = match self.pair.kind {
+            PairKind::PointTriangle => self.point_triangle(laws, &at, reach)?,
+            PairKind::EdgeEdge => self.edges(laws, &at, reach)?,
+        };
+        let (mut response, mut sum) = (0.0, 0.0);
+        for (q, w) in self.pair.nodes.iter().zip(weights) {
+            response += w * w * mobility[*q as usize];
+            sum += mobility[*q as usize];
+        }
+        let nodes = self.pair.nodes;
+        let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
+        (response > 0.0).then_some(Touching { nodes, weights, normal, distance, thickness, response, mean_mobility })
+    }
+
+    #[inline]
+    fn point_triangle(&self, laws: &Laws, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+        let (ab, ac, ap) = (x[2] - x[1], x[3] - x[1], x[0] - x[1]);
+        let across = ab.cross(&ac);
+        let area = across.norm_squared();
+        let height = ap.dot(&across);
+        if height * height > reach * reach * area || area <= NO_DIRECTION {
+            return None;
+        }
+        let (b, c) = (ap.cross(&ac).dot(&across), ab.cross(&ap).dot(&across));
+        if b < 0.0 || c < 0.0 || b + c > area {
+            return None;
+        }
+        let (wb, wc) = (b / area, c / area);
+        let length = area.sqrt();
+        let side = if laws.attraction { self.side.x } else { height.signum() };
+        Some(([1.0, wb + wc - 1.0, -wb, -wc], across * (side / length), height * side / length))
+    }
+
+    #[inline]
+    fn edges(&self, laws: &Laws, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+        let found = self.pair.closest(x);
+        let squared = found.apart.norm_squared();
+        if !found.inside || squared > reach * reach {
+            return None;
+        }
+        let distance = squared.sqrt();
+        let normal = if distance > NO_DIRECTION { found.apart / distance } else { self.side };
+        if laws.attraction && normal.dot(&self.side) < laws.edge_attraction {
+            return Some((found.weights, -normal, -distance));
+        }
+        Some((found.weights, normal, distance))
+    }
+}
+
+impl Laws {
+    /// Approach speed that a pair may keep in a step [m/s] (method 3.6).
+    fn speed_limit(&self, t: &Touching, dt: f64) -> f64 {
+        self.limit / dt * (t.thickness - t.distance)
+    }
+
+    /// What the repulsion spring adds to the relative velocity in a step [m/s].
+    fn spring(&self, t: &Touching, dt: f64) -> f64 {
+        dt * self.stiffness * t.mean_mobility / t.thickness * (t.thickness - t.distance).max(0.0)
+    }
+
+    /// Law (a): the repulsion spring.
+    fn elastic_change(&self, t: &Touching, relative: &Vec3, dt: f64) -> Option<Vec3> {
+        let normal_velocity = relative.dot(&t.normal);
+        let limit = self.speed_limit(t, dt);
+        (normal_velocity < limit).then(|| t.normal * (limit - normal_velocity).min(self.spring(t, dt)))
+    }
+
+    /// Law (b): approach is stopped; pairs slightly apart may still approach slowly.
+    fn inelastic_change(&self, t: &Touching, relative: &Vec3, dt: f64) -> Option<Vec3> {
+        let change = self.inelastic_amount(t, relative.dot(&t.normal), dt)?;
+        Some(t.normal * change)
+    }
+
+    fn inelastic_amount(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
+        let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
+        (normal_velocity < 0.0 && normal_velocity < limit).then_some(limit - normal_velocity)
+    }
+
+    /// Law (c): Coulomb friction from the normal change that the other laws would make.
+    fn friction_change(&self, t: &Touching, relative: &Vec3, dt: f64, with_springs: bool) -> Option<Vec3> {
+        let normal_velocity = relative.dot(&t.normal);
+        let normal_change = if with_springs {
+            let limit = self.speed_limit(t, dt);
+            if normal_velocity >= limit {
+                return None;
+            }
+            (limit - normal_velocity).min(self.spring(t, dt) - normal_velocity.min(0.0))
+        } else {
+            self.inelastic_amount(t, normal_velocity, dt)?
+        };
+        let tangential = relative - t.normal * normal_velocity;
+        let speed = tangential.norm();
+        if speed <= NO_DIRECTION {
+            return None;
+        }
+        Some(tangential * -(self.friction * normal_change / speed).min(1.0))
+    }
+}

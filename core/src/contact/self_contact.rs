@@ -1,0 +1,347 @@
+//! Contact of cloth with cloth, and of cloth with the faces of deforming bodies, through one collision step.
+//!
+//! A collision step goes from one collision-free state to the next: A remembers the state and the sides of all pairs that
+//! are close, K time steps follow with repulsions in B.2 and B.8, and C stops what would pass through something on the way.
+//! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
+
+use std::collections::HashSet;
+
+use crate::Vec3;
+use crate::bodies::Bodies;
+use crate::contact::geometric::{CollisionLoop, Collisions};
+use crate::contact::neighbours::Neighbours;
+use crate::contact::pair::{Pair, PairKind};
+use crate::contact::repulsion::{Laws, Passes, Repulsions};
+use crate::contact::search::PairSearch;
+use crate::contact::surface::{ContactSurface, NodePaths};
+use crate::contact::tolerances::{GAP_ROUNDINGS, REACH};
+use crate::effects::pins::{HardPins, PinTargets};
+use crate::geometry::aabb::Aabb;
+use crate::geometry::crossings::Crossing;
+use crate::metrics::Metrics;
+use crate::scene::Scene;
+use crate::state::State;
+
+/// Collision steps without a rewind after which K is doubled (method 2.1).
+const GROWTH_PERIOD: u32 = 3;
+
+/// Share of their reach that nodes may use up in one collision step, as foreseen from the last one.
+const SHARE_OF_REACH: f64 = 0.8;
+
+/// What may go wrong with foreseeing motion from the last collision step.
+const FORESIGHT: f64 = 1.3;
+
+/// Settings of geometric collisions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CollisionSettings {
+    /// Largest number of time steps between two collision-free states.
+    pub max_steps: u32,
+    /// Whether collisions are resolved after the position half of every step, as in the authors' later code, instead of
+    /// after whole steps.
+    pub after_position: bool,
+}
+
+/// Number of time steps per collision step, found by trying.
+#[derive(Debug)]
+struct StepControl {
+    steps: u32,
+    max_steps: u32,
+    successes: u32,
+}
+
+impl StepControl {
+    fn succeeded(&mut self) {
+        self.successes += 1;
+        if self.successes.is_multiple_of(GROWTH_PERIOD) {
+            self.steps = (2 * self.steps).min(self.max_steps);
+        }
+    }
+
+    fn failed(&mut self) {
+        self.successes = 0;
+        self.steps = (self.steps / 2).max(1);
+    }
+}
+
+/// The geometric half.
+#[derive(Debug)]
+struct Geometric {
+    after_position: bool,
+    control: StepControl,
+    work: CollisionLoop,
+    /// Velocities at the collision-free state [m/s].
+    velocities: Vec<Vec3>,
+    /// Crossings of the collision-free state: those of the start, and of cloth that bodies have pinched.
+    crossings: Vec<Crossing>,
+    /// Pairs that are left alone because of them.
+    ignored: HashSet<Pair>,
+}
+
+/// The state of self-contact; whole, or repulsions alone, or collisions alone.
+#[derive(Debug)]
+pub struct SelfContact {
+    surface: ContactSurface,
+    search: PairSearch,
+    neighbours: Neighbours,
+    repulsions: Option<Repulsions>,
+    geometric: Option<Geometric>,
+    /// Inverse masses of the cloth, zero where a vertex is held in all directions [1/kg].
+    mobility: Vec<f64>,
+    /// Inverse masses of all nodes per axis, zero where held [1/kg].
+    node_mobility: Vec<Vec3>,
+    paths: NodePaths,
+    /// Time of the collision-free state [s].
+    start_time: f64,
+    /// Share of their reach that nodes use up [1/s], from the last collision step.
+    wear: f64,
+    /// Share used up at the last collision-free state.
+    used: f64,
+}
+
+/// How a collision step ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// The state is free of collisions, or as good as can be; this says what was left.
+    Resolved,
+    /// The state was put back to the start of the collision step, to be tried again with shorter ones.
+    Rewound,
+}
+
+impl SelfContact {
+    /// Self-contact with these laws of repulsion and settings of collisions; `clamp` is the largest thickness as a fraction of
+    /// the rest edges around a vertex.
+    pub fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
+        let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
+        let reach = surface.edge_length().iter().map(|length| REACH * length).collect();
+        let neighbours = Neighbours::new(&surface, reach, repulsion.is_some());
+        let geometric = collision.map(|settings| Geometric {
+            after_position: settings.after_position,
+            control: StepControl { steps: 1, max_steps: settings.max_steps, successes: 0 },
+            work: CollisionLoop::new(surface.nodes()),
+            velocities: Vec::new(),
+            crossings: Vec::new(),
+            ignored: HashSet::new(),
+        });
+        let mobility: Vec<f64> = scene.masses().iter().map(|m| 1.0 / m).collect();
+        let mut node_mobility: Vec<Vec3> = mobility.iter().map(|w| Vec3::repeat(*w)).collect();
+        node_mobility.resize(surface.nodes(), Vec3::zeros());
+        Self {
+            search: PairSearch::new(&surface),
+            neighbours,
+            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws, surface.cloth_nodes())),
+            geometric,
+            mobility,
+            node_mobility,
+            paths: NodePaths::default(),
+            start_time: 0.0,
+            wear: 0.0,
+            used: f64::INFINITY,
+            surface,
+        }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        let nodes = self.surface.nodes() * (3 * size_of::<Vec3>() + size_of::<f64>());
+        let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
+        self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
+    }
+
+    /// Whether there are repulsions.
+    pub fn repels(&self) -> bool {
+        self.repulsions.is_some()
+    }
+
+    /// Whether collisions are resolved between B.4 and B.5.
+    pub fn collides_after_position(&self) -> bool {
+        self.geometric.as_ref().is_some_and(|g| g.after_position)
+    }
+
+    /// Notes which vertices are held during the coming step.
+    pub fn set_held(&mut self, masses: &[f64], pins: Option<&HardPins>, targets: &PinTargets) {
+        let Some(pins) = pins else { return };
+        for (vertex, _, _) in pins.axes() {
+            self.node_mobility[vertex] = Vec3::repeat(1.0 / masses[vertex]);
+        }
+        for (vertex, target, axes) in pins.axes() {
+            if targets.is_active(target) {
+                (0..3).filter(|axis| axes[*axis]).for_each(|axis| self.node_mobility[vertex][axis] = 0.0);
+            }
+            self.mobility[vertex] = self.node_mobility[vertex].max();
+        }
+    }
+
+    /// A: remembers the collision-free state and gives close pairs their sides; returns how many time steps of length `dt` [s]
+    /// the collision step may have.
+    pub fn begin_interval(&mut self, state: &State, bodies: &Bodies, dt: f64, metrics: &mut Metrics) -> u32 {
+        self.surface.gather(&state.x, bodies, &mut self.paths.start);
+        self.start_time = state.time;
+        if let Some(geometric) = &mut self.geometric {
+            geometric.velocities.clear();
+            geometric.velocities.extend_from_slice(&state.v);
+        }
+        let wanted = self.geometric.as_ref().map_or(1, |g| g.control.steps);
+        let per_step = FORESIGHT * self.wear * dt;
+        let affordable = (SHARE_OF_REACH / per_step.max(f64::MIN_POSITIVE)) as u32;
+        let steps = wanted.min(affordable).max(1);
+        let share = per_step * f64::from(steps);
+        self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
+        if self.used + share > 1.0 {
+            metrics.count("pair_searches", 1);
+            self.neighbours.rebuild(&self.surface, &mut self.search, &self.paths.start);
+            self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
+        }
+        if let Some(repulsions) = &mut self.repulsions {
+            let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|set| !set.is_empty());
+            let slack = 2.0 * share.min(1.0) * self.surface.longest_edge() * REACH;
+            let is_ignored = |pair: &Pair| ignored.is_some_and(|set| set.contains(pair));
+            repulsions.take_sides(&self.neighbours, &self.paths.start, slack, &is_ignored);
+        }
+        metrics.count("collision_steps", 1);
+        steps
+    }
+
+    /// B.2: repulsion of the velocities of the half step.
+    pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+        if let Some(repulsions) = &mut self.repulsions {
+            repulsions.apply(Passes::Full, dt, x, &self.mobility, v, metrics);
+        }
+    }
+
+    /// B.8: repulsion of the final velocities, without springs.
+    pub fn final_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+        if let Some(repulsions) = &mut self.repulsions {
+            repulsions.positions_changed();
+            repulsions.apply(Passes::WithoutSprings, dt, x, &self.mobility, v, metrics);
+        }
+    }
+
+    /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
+    /// [s]; `bodies` stand at its end. With `may_rewind` a hard case is left to a shorter collision step. The vertices that
+    /// were moved go to `moved`, each with how far [m].
+    pub fn end_interval(
+        &mut self,
+        (x, v): (&mut [Vec3], &mut [Vec3]),
+        bodies: &Bodies,
+        duration: f64,
+        may_rewind: bool,
+        metrics: &mut Metrics,
+        mut moved: impl FnMut(usize, f64),
+    ) -> Ending {
+        if let Some(repulsions) = &mut self.repulsions {
+            metrics.count("inverted_pairs", repulsions.inverted());
+            repulsions.positions_changed();
+        }
+        self.surface.gather(x, bodies, &mut self.paths.end);
+        let used = self.neighbours.note_ways(&self.paths.start, &self.paths.end);
+        if duration > 0.0 {
+            self.wear = (used - self.used).max(0.0) / duration;
+        }
+        let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
+        let ignored = &geometric.ignored;
+        let is_ignored = |pair: &Pair| ignored.contains(pair);
+        let collisions = Collisions {
+            surface: &self.surface,
+            mobility: &self.node_mobility,
+            gap: gap(&self.paths.start),
+            ignored: &is_ignored,
+            may_give_back: may_rewind && geometric.control.steps > 1,
+        };
+        let outcome = geometric.work.resolve(
+            &collisions,
+            &mut self.neighbours,
+            &mut self.search,
+            &mut self.paths,
+            used,
+            metrics,
+        );
+        if outcome.given_back {
+            metrics.count("rewinds", 1);
+            geometric.control.failed();
+            return Ending::Rewound;
+        }
+        if outcome.zones { geometric.control.failed() } else { geometric.control.succeeded() }
+        for &node in &outcome.moved {
+            let node = node as usize;
+            let change = self.paths.end[node] - x[node];
+            x[node] = self.paths.end[node];
+            v[node] += change / duration;
+            moved(node, change.norm());
+        }
+        if !outcome.moved.is_empty() || !geometric.crossings.is_empty() || outcome.pinched {
+            self.check(&outcome.moved, metrics);
+        }
+        Ending::Resolved
+    }
+
+    /// Puts the state back to the last collision-free one.
+    pub fn rewind(&self, state: &mut State) {
+        if let Some(geometric) = &self.geometric {
+            let vertices = state.x.len();
+            state.x.copy_from_slice(&self.paths.start[..vertices]);
+            state.v.copy_from_slice(&geometric.velocities);
+            state.time = self.start_time;
+        }
+    }
+
+    /// Finds the crossings that the state has now: around the vertices in `moved` if there were none before, else all.
+    fn check(&mut self, moved: &[u32], metrics: &mut Metrics) {
+        let Some(geometric) = &mut self.geometric else { return };
+        metrics.count("crossing_checks", 1);
+        let end = &self.paths.end;
+        self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
+        let only = geometric.crossings.is_empty().then_some(moved);
+        geometric.crossings = self.search.crossings(&self.surface, end, only);
+        geometric.ignored = ignored_pairs(&geometric.crossings);
+    }
+
+    /// All crossings of the state `x` [m], with bodies where they stand; the pairs that cross are left alone from now on.
+    pub fn check_everything(&mut self, x: &[Vec3], bodies: &Bodies) -> &[Crossing] {
+        self.surface.gather(x, bodies, &mut self.paths.end);
+        let end = &self.paths.end;
+        self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
+        let found = self.search.crossings(&self.surface, end, None);
+        match &mut self.geometric {
+            Some(geometric) => {
+                geometric.ignored = ignored_pairs(&found);
+                geometric.crossings = found;
+                &geometric.crossings
+            }
+            None => &[],
+        }
+    }
+
+    /// Whether geometric collisions keep the state free of crossings.
+    pub fn keeps_free(&self) -> bool {
+        self.geometric.is_some()
+    }
+
+    /// The surfaces.
+    pub fn surface(&self) -> &ContactSurface {
+        &self.surface
+    }
+}
+
+/// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest coordinate.
+fn gap(x: &[Vec3]) -> f64 {
+    let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.amax()));
+    GAP_ROUNDINGS * f64::from(f32::EPSILON) * largest
+}
+
+/// The pairs of points, triangles and edges that may pass through each other because an edge crosses a triangle: its ends
+/// with the triangle, and the edge with the triangle's edges (method 4.9).
+fn ignored_pairs(crossings: &[Crossing]) -> HashSet<Pair> {
+    let mut pairs = HashSet::new();
+    for Crossing { edge, triangle: [a, b, c] } in crossings {
+        for p in edge {
+            pairs.insert(Pair { kind: PairKind::PointTriangle, nodes: [*p, *a, *b, *c] });
+        }
+        for [p, q] in [[a, b], [b, c], [c, a]] {
+            let other = [*p.min(q), *p.max(q)];
+            let [first, second] = if *edge < other { [*edge, other] } else { [other, *edge] };
+            let nodes = [first[0], first[1], second[0], second[1]];
+            pairs.insert(Pair { kind: PairKind::EdgeEdge, nodes });
+        }
+    }
+    pairs
+}

@@ -1,0 +1,239 @@
+//! The triangles, edges and vertices that can touch: all garments, then all deforming bodies, in one numbering.
+//!
+//! *Nodes* are the cloth's vertices in solver order, followed by the points of the deforming bodies. Every node and every
+//! edge is *owned* by exactly one triangle that has it. A search over pairs of triangles then meets each pair of a point and
+//! a triangle, and each pair of edges, exactly once: in the pair of triangles of which one owns the point and the other is
+//! the triangle, or which own the two edges.
+
+use std::collections::HashSet;
+
+use crate::Vec3;
+use crate::bodies::Bodies;
+use crate::contact::pair::Pair;
+use crate::geometry::crossings::EdgeOwners;
+use crate::scene::{BodyShape, Scene};
+
+/// Bit of the first owned edge in [`ContactSurface::owned`]; the bits below are those of the corners.
+const FIRST_EDGE_BIT: u8 = 3;
+
+/// The surfaces of a scene that can touch.
+#[derive(Debug)]
+pub struct ContactSurface {
+    triangles: Vec<[u32; 3]>,
+    cloth_triangles: usize,
+    cloth_nodes: usize,
+    nodes: usize,
+    /// For each triangle the corners (bits 0 to 2) and edges (bits 3 to 5, from corner k to the next) that it owns.
+    owned: Vec<u8>,
+    /// Which triangle of cloth, and of the bodies, speaks for which edge in exact checks.
+    edge_owners: [EdgeOwners; 2],
+    /// Deforming bodies, in the order of their nodes.
+    bodies: Vec<usize>,
+    /// Thickness that repulsions keep around each cloth vertex [m].
+    thickness: Vec<f64>,
+    /// Cloth vertices at rest, in solver order [m].
+    rest: Vec<Vec3>,
+    /// Garment of each cloth vertex.
+    garment: Vec<u32>,
+    /// Mean rest length of the edges of each node [m]; of all cloth for bodies.
+    edge_length: Vec<f64>,
+}
+
+impl ContactSurface {
+    /// The surfaces of a scene; `clamp` is the largest thickness of a vertex as a fraction of its shortest rest edge.
+    pub fn new(scene: &Scene, clamp: f64) -> Self {
+        let parts = scene.parts();
+        let mut triangles = Vec::new();
+        for (g, mesh) in scene.meshes().iter().enumerate() {
+            let solver = |v: u32| parts.solver_index(g, v) as u32;
+            triangles.extend(mesh.triangles().iter().map(|t| t.map(solver)));
+        }
+        // Neighbours on the cloth become neighbours in memory, as the vertices are.
+        triangles.sort_by_key(|t| t.iter().copied().min());
+        let (cloth_triangles, cloth_nodes) = (triangles.len(), parts.vertex_count());
+        let mut nodes = cloth_nodes;
+        let mut bodies = Vec::new();
+        for (body, description) in scene.description().bodies.iter().enumerate() {
+            if let BodyShape::Surface { triangles: own, point_count } = &description.shape {
+                triangles.extend(own.iter().map(|t| t.map(|v| v + nodes as u32)));
+                bodies.push(body);
+                nodes += point_count;
+            }
+        }
+        let owned = ownership(&triangles, nodes);
+        let (cloth, of_bodies) = triangles.split_at(cloth_triangles);
+        let edge_owners = [cloth, of_bodies].map(EdgeOwners::new);
+        let (mut rest, mut garment) = (vec![Vec3::zeros(); cloth_nodes], vec![0; cloth_nodes]);
+        for solver in 0..cloth_nodes {
+            let (g, own) = parts.own_vertex(solver);
+            rest[solver] = scene.meshes()[g].rest_positions()[own as usize];
+            garment[solver] = g as u32;
+        }
+        let thickness = thicknesses(scene, clamp);
+        let edge_length = edge_lengths(scene, nodes);
+        Self {
+            triangles,
+            cloth_triangles,
+            cloth_nodes,
+            nodes,
+            owned,
+            edge_owners,
+            bodies,
+            thickness,
+            rest,
+            garment,
+            edge_length,
+        }
+    }
+
+    /// Triangles: the cloth's, then the bodies'.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Triangles of cloth.
+    pub fn cloth_triangles(&self) -> usize {
+        self.cloth_triangles
+    }
+
+    /// Number of cloth vertices.
+    pub fn cloth_nodes(&self) -> usize {
+        self.cloth_nodes
+    }
+
+    /// Number of nodes, bodies included.
+    pub fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    /// Thickness of each cloth vertex [m].
+    pub fn thickness(&self) -> &[f64] {
+        &self.thickness
+    }
+
+    /// Cloth vertices at rest, in solver order [m].
+    pub fn rest(&self) -> &[Vec3] {
+        &self.rest
+    }
+
+    /// Mean rest length of the edges of each node [m]; of all cloth for bodies.
+    pub fn edge_length(&self) -> &[f64] {
+        &self.edge_length
+    }
+
+    /// Longest entry of `edge_length` [m].
+    pub fn longest_edge(&self) -> f64 {
+        self.edge_length.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Which triangle of cloth, and of the bodies, speaks for which edge.
+    pub fn edge_owners(&self) -> &[EdgeOwners; 2] {
+        &self.edge_owners
+    }
+
+    /// Positions of all nodes [m]: cloth at `x`, bodies where they stand at the end of their step.
+    pub fn gather(&self, x: &[Vec3], bodies: &Bodies, nodes: &mut Vec<Vec3>) {
+        nodes.clear();
+        nodes.extend_from_slice(x);
+        self.bodies.iter().for_each(|body| nodes.extend_from_slice(bodies.surface_positions(*body)));
+    }
+
+    /// Whether all nodes of a pair are of one garment.
+    pub fn is_one_garment(&self, pair: &Pair) -> bool {
+        let [a, b, c, d] = pair.nodes.map(|node| self.garment[node as usize]);
+        a == b && b == c && c == d
+    }
+
+    /// Whether repulsions act on a pair: between cloth and cloth; bodies have their own contact.
+    pub fn repels(&self, pair: &Pair) -> bool {
+        !pair.nodes.iter().any(|&node| self.is_body(node))
+    }
+
+    /// Whether a node belongs to a body.
+    pub fn is_body(&self, node: u32) -> bool {
+        node as usize >= self.cloth_nodes
+    }
+
+    /// Nodes that a triangle owns.
+    pub fn owned_nodes(&self, triangle: u32) -> impl Iterator<Item = u32> + '_ {
+        let (corners, bits) = (self.triangles[triangle as usize], self.owned[triangle as usize]);
+        (0..3).filter(move |k| bits & (1 << k) != 0).map(move |k| corners[k])
+    }
+
+    /// Edges that a triangle owns, the smaller node first.
+    pub fn owned_edges(&self, triangle: u32) -> impl Iterator<Item = [u32; 2]> + '_ {
+        let (corners, bits) = (self.triangles[triangle as usize], self.owned[triangle as usize]);
+        (0..3).filter(move |k| bits & (1 << (FIRST_EDGE_BIT + *k as u8)) != 0).map(move |k| {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            [a.min(b), a.max(b)]
+        })
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        self.triangles.len() * (size_of::<[u32; 3]>() + 1) + self.thickness.len() * size_of::<f64>()
+    }
+}
+
+/// Gives each node and each edge to the first triangle that has it.
+fn ownership(triangles: &[[u32; 3]], nodes: usize) -> Vec<u8> {
+    let mut seen = vec![false; nodes];
+    let mut edges = HashSet::new();
+    let mut owned = vec![0; triangles.len()];
+    for (t, corners) in triangles.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            if !std::mem::replace(&mut seen[a as usize], true) {
+                owned[t] |= 1 << k;
+            }
+            if edges.insert((a.min(b), a.max(b))) {
+                owned[t] |= 1 << (FIRST_EDGE_BIT + k as u8);
+            }
+        }
+    }
+    owned
+}
+
+/// Thickness per vertex in solver order: the garment's, at most `clamp` times each rest edge of the vertex (method 3.2).
+fn thicknesses(scene: &Scene, clamp: f64) -> Vec<f64> {
+    let parts = scene.parts();
+    let mut thickness = vec![0.0; parts.vertex_count()];
+    for (g, (mesh, garment)) in scene.meshes().iter().zip(&scene.description().garments).enumerate() {
+        parts.garment(g).for_each(|solver| thickness[solver] = garment.thickness);
+        for edge in mesh.edges() {
+            let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
+            let longest: f64 = clamp * (a - b).norm();
+            for v in edge.vertices {
+                let own: &mut f64 = &mut thickness[parts.solver_index(g, v)];
+                *own = own.min(longest);
+            }
+        }
+    }
+    thickness
+}
+
+/// Positions of all nodes at both ends of a collision step.
+#[derive(Debug, Default)]
+pub struct NodePaths {
+    /// Where the nodes are at the collision-free state [m].
+    pub start: Vec<Vec3>,
+    /// Where they are now [m].
+    pub end: Vec<Vec3>,
+}
+
+/// Mean rest length of the edges of each node [m]; of all cloth for the points of bodies, and for vertices without edges.
+fn edge_lengths(scene: &Scene, nodes: usize) -> Vec<f64> {
+    let parts = scene.parts();
+    let (mut sums, mut counts) = (vec![0.0; nodes], vec![0u32; nodes]);
+    for (g, mesh) in scene.meshes().iter().enumerate() {
+        for edge in mesh.edges() {
+            let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
+            for v in edge.vertices {
+                sums[parts.solver_index(g, v)] += (a - b).norm();
+                counts[parts.solver_index(g, v)] += 1;
+            }
+        }
+    }
+    let mean = |(sum, count): (&f64, &u32)| if *count > 0 { sum / f64::from(*count) } else { scene.mean_edge() };
+    sums.iter().zip(&counts).map(mean).collect()
+}

@@ -1,0 +1,122 @@
+//! Impact zones as they grow during one loop of collisions: which nodes belong together, and what holds between them.
+
+use crate::Vec3;
+use crate::contact::impact_zone;
+use crate::contact::impulse::Constraint;
+use crate::metrics::Metrics;
+
+/// Sizes of zones that are counted apart, in nodes.
+const LARGE_ZONE: usize = 100;
+
+/// All zones of a loop. They only grow.
+#[derive(Debug)]
+pub struct Zones {
+    constraints: Vec<Constraint>,
+    targets: Vec<f64>,
+    /// Union-find over nodes; the smallest node of a zone stands for it.
+    parent: Vec<u32>,
+    /// Nodes of all constraints, ascending.
+    members: Vec<u32>,
+    /// Smallest nodes of the zones that were made rigid.
+    rigid_roots: Vec<u32>,
+    rigid: u64,
+    stopped: u64,
+}
+
+impl Zones {
+    /// No zones among so many nodes.
+    pub fn new(nodes: usize) -> Self {
+        let parent = (0..nodes as u32).collect();
+        let (constraints, targets, members, rigid_roots) = Default::default();
+        Self { constraints, targets, parent, members, rigid_roots, rigid: 0, stopped: 0 }
+    }
+
+    /// Adds constraints with the relative displacement along their normals that they need [m].
+    pub fn add(&mut self, constraints: impl Iterator<Item = (Constraint, f64)>) {
+        for (constraint, target) in constraints {
+            constraint.nodes.iter().for_each(|&node| self.join(constraint.nodes[0], node));
+            self.members.extend(constraint.nodes);
+            self.constraints.push(constraint);
+            self.targets.push(target);
+        }
+        self.members.sort_unstable();
+        self.members.dedup();
+    }
+
+    /// Lets everything in the zones slide, but nothing approach. Returns the nodes that may have changed.
+    pub fn make_inelastic(&self, mobility: &[Vec3], displacements: &mut [Vec3], metrics: &mut Metrics) -> Vec<u32> {
+        let outcome = impact_zone::inelastic(&self.constraints, &self.targets, mobility, displacements);
+        metrics.count("zone_sweeps", outcome.iterations as u64);
+        self.members.clone()
+    }
+
+    /// Calls `make_rigid` for the members of each zone that one of `nodes` belongs to; returns the nodes that may have
+    /// changed.
+    pub fn make_rigid(&mut self, nodes: &[u32], mut make_rigid: impl FnMut(&[u32])) -> Vec<u32> {
+        let zones = self.zones_of(nodes);
+        self.rigid += zones.len() as u64;
+        zones.iter().for_each(|zone| make_rigid(zone));
+        for node in nodes {
+            let root = self.root(*node);
+            self.rigid_roots.push(root);
+        }
+        zones.concat()
+    }
+
+    /// Whether these nodes are in one zone that was made rigid.
+    pub fn are_rigid(&mut self, nodes: &[u32; 4]) -> bool {
+        if self.rigid_roots.is_empty() {
+            return false;
+        }
+        let roots = nodes.map(|node| self.root(node));
+        roots.iter().all(|root| *root == roots[0]) && self.rigid_roots.contains(&roots[0])
+    }
+
+    /// Calls `stop` for each member of each zone that one of `nodes` belongs to; returns those members.
+    pub fn stop(&mut self, nodes: &[u32], stop: impl FnMut(u32)) -> Vec<u32> {
+        let stopped = self.zones_of(nodes).concat();
+        self.stopped += 1;
+        stopped.iter().copied().for_each(stop);
+        stopped
+    }
+
+    /// Counts what there was.
+    pub fn report(&mut self, metrics: &mut Metrics) {
+        let all = self.members.clone();
+        let zones = self.zones_of(&all);
+        metrics.count("zones", zones.len() as u64);
+        metrics.count("zones_large", zones.iter().filter(|zone| zone.len() > LARGE_ZONE).count() as u64);
+        metrics.count("zone_nodes", self.members.len() as u64);
+        metrics.count("zones_rigid", self.rigid);
+        metrics.count("zone_fallbacks", self.stopped);
+    }
+
+    /// Members of each zone that one of `nodes` belongs to, ascending; zones in the order of their first member.
+    fn zones_of(&mut self, nodes: &[u32]) -> Vec<Vec<u32>> {
+        let mut roots: Vec<u32> = nodes.iter().map(|&node| self.root(node)).collect();
+        roots.sort_unstable();
+        roots.dedup();
+        let mut zones = vec![Vec::new(); roots.len()];
+        for i in 0..self.members.len() {
+            let node = self.members[i];
+            if let Ok(zone) = roots.binary_search(&self.root(node)) {
+                zones[zone].push(node);
+            }
+        }
+        zones
+    }
+
+    fn root(&mut self, mut node: u32) -> u32 {
+        while self.parent[node as usize] != node {
+            let above = self.parent[self.parent[node as usize] as usize];
+            self.parent[node as usize] = above;
+            node = above;
+        }
+        node
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parent[a.max(b) as usize] = a.min(b);
+    }
+}

@@ -1,0 +1,47 @@
+//! Self-collision: what starts free of crossings stays free of them (method section 4).
+//!
+//! After every few time steps the straight way of every vertex since the last collision-free state is looked at; what
+//! would pass through something is stopped, cloth against cloth and cloth against the faces and edges of deforming bodies.
+//! Hard cases form impact zones, and at last stay where they were: all of it is counted. Pairs that cross at the start are left
+//! alone until they separate.
+//!
+//! ```toml
+//! [self_collision]
+//! ```
+
+use crate::contact::self_contact::CollisionSettings;
+use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::error::Problem;
+use crate::settings::{Default, Dimension, Field, Settings};
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "self_collision",
+    summary: "cloth never passes through cloth, nor through the faces of deforming bodies",
+    scope: Scope::Scene,
+    fields: &[
+        Field {
+            name: "max_steps",
+            dimension: Dimension::None,
+            default: Default::Number(16.0),
+            range: (1.0, 64.0),
+            help: "largest number of time steps between two collision-free states; found by trying, up to this",
+        },
+        Field {
+            name: "after_position",
+            dimension: Dimension::None,
+            default: Default::Flag(false),
+            range: (0.0, 0.0),
+            help: "resolve after the position half of every step, as the authors' later code does; for comparison",
+        },
+    ],
+    needs: &[Need::State, Need::ClothSurface, Need::PairList],
+    build,
+};
+
+fn build(settings: &Settings, _: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let after_position = settings.flag("after_position");
+    let max_steps = if after_position { 1 } else { settings.number("max_steps") as u32 };
+    let collision = CollisionSettings { max_steps, after_position };
+    Ok(Effect { self_collision: Some(collision), ..Effect::default() })
+}

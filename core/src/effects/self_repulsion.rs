@@ -1,0 +1,82 @@
+//! Self-repulsion: cloth keeps its distance from cloth, within a garment and between garments, by impulses in every time
+//! step (method section 3).
+//!
+//! Pairs of a point and a triangle, and of two edges, that are closer than their thickness push each other apart, feel friction
+//! and stop approaching. The side on which they belong is remembered from the last collision-free state, so a pair that
+//! has passed through during a step is pulled back. The thickness is that of the garment, at most `thickness_clamp` times the
+//! shortest edge around a vertex. Alone it keeps most layers apart most of the time; `self_collision` makes sure.
+//!
+//! ```toml
+//! [self_repulsion]
+//! friction = 0.4
+//! ```
+
+use crate::contact::repulsion::Laws;
+use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::error::Problem;
+use crate::settings::{Default, Dimension, Field, Settings};
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "self_repulsion",
+    summary: "layers of cloth keep their distance and rub against each other",
+    scope: Scope::Scene,
+    fields: &[
+        Field {
+            name: "friction",
+            dimension: Dimension::None,
+            default: Default::Number(0.4),
+            range: (0.0, 100.0),
+            help: "Coulomb friction between cloth and cloth; the authors use 0.4 to 3.2",
+        },
+        Field {
+            name: "thickness_clamp",
+            dimension: Dimension::None,
+            default: Default::Number(0.4),
+            range: (1e-3, 1.0),
+            help: "largest thickness of a vertex as a fraction of its shortest rest edge; the authors' cloth has 0.03",
+        },
+        Field {
+            name: "stiffness",
+            dimension: Dimension::None,
+            default: Default::Number(30.0),
+            range: (0.0, 1e9),
+            help: "repulsion modulus: how hard pairs closer than their thickness are pushed apart",
+        },
+        Field {
+            name: "limit",
+            dimension: Dimension::None,
+            default: Default::Number(0.1),
+            range: (0.0, 1.0),
+            help: "largest fraction of an overlap that one step restores",
+        },
+        Field {
+            name: "edge_attraction",
+            dimension: Dimension::None,
+            default: Default::Number(-0.3),
+            range: (-2.0, 1.0),
+            help: "cosine of the turn at which two edges count as passed through each other; -2 never",
+        },
+        Field {
+            name: "attraction",
+            dimension: Dimension::None,
+            default: Default::Flag(true),
+            range: (0.0, 0.0),
+            help: "whether what has passed through is pulled back; false only to compare",
+        },
+    ],
+    needs: &[Need::State, Need::ClothSurface, Need::PairList],
+    build,
+};
+
+fn build(settings: &Settings, _: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let attraction = settings.flag("attraction");
+    let laws = Laws {
+        stiffness: settings.number("stiffness"),
+        limit: settings.number("limit"),
+        friction: settings.number("friction"),
+        edge_attraction: settings.number("edge_attraction"),
+        attraction,
+    };
+    Ok(Effect { self_repulsion: Some((laws, settings.number("thickness_clamp"))), ..Effect::default() })
+}

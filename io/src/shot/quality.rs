@@ -1,0 +1,59 @@
+//! Counts that mean a loss of quality: what `drapery run --strict` does not let pass.
+
+use drapery_core::metrics::Metrics;
+
+/// Counts that should stay zero, and what each of them means.
+pub const LIMITS: &[(&str, &str)] = &[
+    ("crossings", "edges through triangles of cloth or bodies at the end of a frame, in the solver's positions"),
+    (CROSSINGS_WRITTEN, "edges of cloth through triangles of cloth in the positions that the caches store"),
+    ("zone_fallbacks", "collisions that no impact zone could resolve: that cloth was put back to where it was before"),
+    ("cg_short", "velocity solves that ended above their tolerance"),
+    ("pairs_pinched", "pairs of cloth left to pass because a body squeezes them together"),
+    ("body_pinched", "vertices that bodies squeeze from both sides, so that they are inside of one"),
+];
+
+/// Name of the count of crossings in the positions that the caches store.
+pub const CROSSINGS_WRITTEN: &str = "crossings_written";
+
+/// A count that should have stayed zero.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Exceeded {
+    /// Its name.
+    pub name: &'static str,
+    /// What it means.
+    pub meaning: &'static str,
+    /// Total of all frames.
+    pub total: u64,
+    /// First frame in which it was not zero.
+    pub first_frame: i64,
+}
+
+/// Adds the counts of a frame.
+pub(super) fn watch(exceeded: &mut Vec<Exceeded>, frame: i64, counts: &Metrics) {
+    for &(name, meaning) in LIMITS {
+        let amount = counts.counted(name);
+        match exceeded.iter_mut().find(|known| known.name == name) {
+            Some(known) => known.total += amount,
+            None if amount > 0 => exceeded.push(Exceeded { name, meaning, total: amount, first_frame: frame }),
+            None => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_frame_and_the_total_of_each_limit_are_kept() {
+        let mut exceeded = Vec::new();
+        for (frame, crossings, other) in [(1001, 0, 5), (1002, 3, 5), (1003, 0, 5), (1004, 4, 5)] {
+            let mut counts = Metrics::default();
+            counts.count("crossings", crossings);
+            counts.count("body_contacts", other);
+            watch(&mut exceeded, frame, &counts);
+        }
+        let (name, meaning) = LIMITS[0];
+        assert_eq!(exceeded, [Exceeded { name, meaning, total: 7, first_frame: 1002 }]);
+    }
+}
