@@ -2,8 +2,8 @@
 //!
 //!     cargo run --release -p drapery-core --example ccd_queries -- point_triangle queries.f64 GAP > answers.csv
 //!
-//! The file holds 24 little-endian `f64` a query: four points at time 0, the same four at time 1. The first line of the answer
-//! is the number of queries a second (best of some passes), the others are `hit,time`.
+//! The file holds 24 little-endian `f64` a query: four points at time 0, the same four at time 1. The first line of
+//! the answer is the number of queries a second (best of some passes), the others are `hit,time`.
 
 use std::error::Error;
 use std::hint::black_box;
@@ -30,10 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(|b| f64::from_le_bytes(b.try_into().expect("a chunk has the size of an f64")))
         .collect();
     let points: Vec<Vec3> = numbers.chunks_exact(3).map(Vec3::from_column_slice).collect();
-    let queries: Vec<[[Vec3; 4]; 2]> = points
-        .chunks_exact(8)
-        .map(|x| [[x[0], x[1], x[2], x[3]], [x[4], x[5], x[6], x[7]]])
-        .collect();
+    let queries: Vec<[[Vec3; 4]; 2]> =
+        points.chunks_exact(8).map(|x| [[x[0], x[1], x[2], x[3]], [x[4], x[5], x[6], x[7]]]).collect();
     let mut fastest = f64::INFINITY;
     for _ in 0..5 {
         let begin = Instant::now();

@@ -1,7 +1,7 @@
 //! Bodies at both ends of a time step, and what a cloth vertex finds of them: analytic shapes in rigid motion and animated
 //! triangle surfaces behind one interface (method 5.1).
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 
 use crate::Vec3;
 use crate::effects::pins::{along_path, attach};
@@ -66,6 +66,15 @@ pub struct BodyPoint {
     pub triangle: u32,
 }
 
+/// What a rigid body cannot do to a vertex in a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// The vertex is at least this far from the body at the start of the step [m].
+    pub distance: f64,
+    /// The body carries the vertex at most this far [m].
+    pub displacement: f64,
+}
+
 /// One body.
 #[derive(Debug)]
 pub struct Body {
@@ -94,6 +103,20 @@ struct Rigid {
     poses: [Isometry3<f64>; 2],
     /// Whether it spins at the end of the step.
     spinning: bool,
+    /// Whether its rotation changes in the step.
+    turning: bool,
+    /// Way of its origin in the step [m].
+    moved: Vec3,
+    /// Velocity of its origin [m/s].
+    linear: Vec3,
+    /// From directions of the world to those of its own frame at the start of the step.
+    into_start: Matrix3<f64>,
+    /// Angle that it turns in the step [rad].
+    angle: f64,
+    /// Length of `moved` [m].
+    way: f64,
+    /// Sum of the largest coordinates of its origins at both ends [m], for rounding.
+    extent: f64,
 }
 
 #[derive(Debug)]
@@ -179,10 +202,7 @@ impl Bodies {
         self.times = [t0, t1];
         for body in &mut self.list {
             match &mut body.kind {
-                Kind::Rigid(rigid) => {
-                    rigid.poses = [t0, t1].map(|t| pose(&rigid.motion, t));
-                    rigid.spinning = t1 > rigid.motion.spin_start;
-                }
+                Kind::Rigid(rigid) => rigid.set_step(t0, t1),
                 Kind::Surface(surface) => surface.mesh.set_step(t0, t1),
             }
         }
@@ -223,7 +243,7 @@ impl Bodies {
             Kind::Rigid(rigid) => {
                 let local = rigid.local(1, x);
                 let (phi, normal) = rigid.shape.signed_distance(&local);
-                (phi <= reach).then(|| rigid.point(from, &local, phi, &normal, self.dt()))
+                (phi <= reach).then(|| rigid.point(from, &local, phi, &normal))
             }
             Kind::Surface(surface) => {
                 let found = surface.mesh.closest(x, reach, hint)?;
@@ -249,7 +269,7 @@ impl Bodies {
                 let entry = local_from.lerp(&local_to, share);
                 let (phi, normal) = rigid.shape.signed_distance(&entry);
                 let phi = phi + normal.dot(&(local_to - entry));
-                Some(rigid.point(from, &entry, phi, &normal, self.dt()))
+                Some(rigid.point(from, &entry, phi, &normal))
             }
             Kind::Surface(surface) => {
                 let hit = surface.mesh.path_hit(from, to, surface.crossings_that_count())?;
@@ -297,6 +317,14 @@ impl Bodies {
         }
     }
 
+    /// Bounds on a rigid body around `x` [m] at the start of the step, cheap and safe from rounding; none on surfaces.
+    pub fn bounds(&self, body: usize, x: &Vec3) -> Option<Bounds> {
+        match &self.list[body].kind {
+            Kind::Rigid(rigid) => Some(rigid.bounds(x)),
+            Kind::Surface(_) => None,
+        }
+    }
+
     /// Fastest point of a surface between its samples [m/s]; infinite for rigid bodies, whose distances are cheap.
     pub fn fastest(&self, body: usize) -> f64 {
         match &self.list[body].kind {
@@ -307,25 +335,61 @@ impl Bodies {
 }
 
 impl Rigid {
+    fn new(shape: Shape, motion: RigidMotion) -> Self {
+        Self {
+            shape,
+            motion,
+            poses: [Isometry3::identity(); 2],
+            spinning: false,
+            turning: false,
+            moved: Vec3::zeros(),
+            linear: Vec3::zeros(),
+            into_start: Matrix3::identity(),
+            angle: 0.0,
+            way: 0.0,
+            extent: 0.0,
+        }
+    }
+
+    fn set_step(&mut self, t0: f64, t1: f64) {
+        self.poses = [t0, t1].map(|t| pose(&self.motion, t));
+        self.spinning = t1 > self.motion.spin_start;
+        let [start, end] = &self.poses;
+        let dt = t1 - t0;
+        self.moved = end.translation.vector - start.translation.vector;
+        self.linear = if dt > 0.0 { self.moved / dt } else { Vec3::zeros() };
+        // A body that does not turn carries everything alike, to the last bit.
+        self.turning = start.rotation != end.rotation;
+        self.angle = if self.turning { start.rotation.angle_to(&end.rotation) } else { 0.0 };
+        self.into_start = start.rotation.inverse().to_rotation_matrix().into_inner();
+        self.way = self.moved.norm();
+        self.extent = start.translation.vector.amax() + end.translation.vector.amax();
+    }
+
+    /// A displacement is the way of the origin plus a chord of the circle that a turn moves `x` on.
+    fn bounds(&self, x: &Vec3) -> Bounds {
+        let rounding = tolerances::BOUND_ROUNDING * (x.x.abs() + x.y.abs() + x.z.abs() + self.extent);
+        let from_origin = x - self.poses[0].translation.vector;
+        let turned = if self.turning { self.angle * from_origin.norm() } else { 0.0 };
+        Bounds {
+            distance: self.shape.distance(&(self.into_start * from_origin)) - rounding,
+            displacement: self.way + turned + rounding,
+        }
+    }
+
     /// A place in the body's own frame, at the start (0) or the end (1) of the step.
     fn local(&self, end: usize, x: &Vec3) -> Vec3 {
         self.poses[end].inverse_transform_point(&(*x).into()).coords
     }
 
-    /// What the material does at `local`, and with a vertex that was at `from`, in a step of length `dt`.
-    fn point(&self, from: &Vec3, local: &Vec3, phi: f64, normal: &Vec3, dt: f64) -> BodyPoint {
-        let [start, end] = &self.poses;
-        let moved = end.translation.vector - start.translation.vector;
-        let linear = if dt > 0.0 { moved / dt } else { Vec3::zeros() };
+    /// What the material does at `local`, and with a vertex that was at `from`.
+    fn point(&self, from: &Vec3, local: &Vec3, phi: f64, normal: &Vec3) -> BodyPoint {
+        let end = &self.poses[1];
         let arm = end.rotation * local;
         let turning = if self.spinning { self.motion.angular_velocity.cross(&arm) } else { Vec3::zeros() };
-        // A body that does not turn carries everything alike, to the last bit.
-        let carried = if start.rotation == end.rotation {
-            moved
-        } else {
-            end.transform_point(&self.local(0, from).into()).coords - from
-        };
-        BodyPoint { phi, normal: end.rotation * normal, velocity: linear + turning, displacement: carried, triangle: 0 }
+        let displacement =
+            if self.turning { end.transform_point(&self.local(0, from).into()).coords - from } else { self.moved };
+        BodyPoint { phi, normal: end.rotation * normal, velocity: self.linear + turning, displacement, triangle: 0 }
     }
 }
 
@@ -354,8 +418,7 @@ impl Kind {
                 return Ok(Self::Surface(Box::new(surface)));
             }
         };
-        let (motion, poses) = (description.motion.clone(), [Isometry3::identity(); 2]);
-        Ok(Self::Rigid(Box::new(Rigid { shape, motion, poses, spinning: false })))
+        Ok(Self::Rigid(Box::new(Rigid::new(shape, description.motion.clone()))))
     }
 }
 
@@ -387,4 +450,61 @@ fn pose(motion: &RigidMotion, time: f64) -> Isometry3<f64> {
     let turned = motion.angular_velocity * (time - motion.spin_start).max(0.0);
     let rotation = UnitQuaternion::from_scaled_axis(turned) * motion.rotation;
     Isometry3::from_parts(Translation3::from(along_path(&motion.path, time)), rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::testing::Random;
+
+    const SHAPES: [Shape; 5] = [
+        Shape::HalfSpace,
+        Shape::Sphere { radius: 0.7 },
+        Shape::Capsule { radius: 0.3, half_length: 0.5 },
+        Shape::Cylinder { radius: 0.4, half_length: 0.6 },
+        Shape::Box { half_extents: [0.5, 0.3, 0.7] },
+    ];
+
+    /// One body between 0 and 0.1 s.
+    fn moving(shape: Shape, motion: RigidMotion) -> Bodies {
+        let kind = Kind::Rigid(Box::new(Rigid::new(shape, motion)));
+        let body = Body { kind, friction: 0.0, offset: 0.0, thickness: 0.0, max_push_speed: 0.0 };
+        let mut bodies = Bodies { list: vec![body], times: [0.0; 2] };
+        bodies.set_step(0.0, 0.1);
+        bodies
+    }
+
+    #[test]
+    fn bounds_on_a_rigid_body_hold_at_both_ends_of_a_step() {
+        let mut random = Random(21);
+        for round in 0..20_000_usize {
+            // Near and far from the origin, with and without a way and a turn, the latter up to several times around.
+            let origin = random.vector() * [1.0, 1e3][round % 2];
+            let way = random.vector() * [0.0, 0.2][round / 2 % 2];
+            let motion = RigidMotion {
+                path: vec![(0.0, origin), (0.1, origin + way)],
+                rotation: UnitQuaternion::from_scaled_axis(random.vector() * 3.0),
+                angular_velocity: random.vector() * [0.0, 1e-6, 3.0, 100.0][round / 4 % 4],
+                spin_start: 0.05 * random.number(),
+            };
+            let shape = SHAPES[round % SHAPES.len()];
+            let bodies = moving(shape, motion);
+            let x = origin + random.vector() * 3.0;
+            let to = x + random.vector() * [0.0, 1.0][round / 16 % 2];
+            let bounds = bodies.bounds(0, &x).unwrap();
+            let at_end = bodies.closest(0, &x, &to, f64::INFINITY, None).unwrap();
+            assert!(bounds.distance <= bodies.distance_at_start(0, &x), "{shape:?} {x:?}");
+            assert!(bounds.displacement >= at_end.displacement.norm(), "{shape:?} {x:?}");
+            let least = bounds.distance - bounds.displacement - (to - x).norm();
+            assert!(at_end.phi >= least, "{shape:?} {x:?} {to:?}: {} {least}", at_end.phi);
+        }
+    }
+
+    #[test]
+    fn bounds_on_a_rigid_body_are_close_to_what_they_bound() {
+        let spin = RigidMotion { angular_velocity: Vec3::y(), ..RigidMotion::at(Vec3::x()) };
+        let bounds = moving(Shape::Sphere { radius: 0.5 }, spin).bounds(0, &(Vec3::x() * 3.0)).unwrap();
+        assert!((bounds.distance - 1.5).abs() < 1e-10);
+        assert!((bounds.displacement - 0.2).abs() < 1e-10); // 2 m from the axis, 0.1 rad
+    }
 }

@@ -303,6 +303,12 @@ impl EffectRequest {
         self
     }
 
+    /// The same with a flag set.
+    pub fn with_flag(mut self, setting: &str, value: bool) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Flag(value));
+        self
+    }
+
     /// The same with a vector set (in the setting's SI unit).
     pub fn with_vector(mut self, setting: &str, value: [f64; 3]) -> Self {
         self.settings.insert(setting.into(), SettingValue::Vector(value));

@@ -5,6 +5,11 @@
 /// change how a vertex rests or slides. Guarded by `a_block_sticks_on_an_incline_at_every_step_length`.
 pub const CONTACT_GAP: f64 = 1e-5;
 
+/// Rounding that bounds on rigid bodies allow for, as a fraction of the distances from the origin that they are computed
+/// from: a hundred times what the few operations can lose. Guarded by
+/// `bounds_on_a_rigid_body_hold_at_both_ends_of_a_step`.
+pub const BOUND_ROUNDING: f64 = 1e-12;
+
 /// Speed below which a tangential velocity has no direction worth keeping [m/s]. Guarded by the friction tests.
 pub const NO_DIRECTION: f64 = 1e-300;
 

@@ -52,12 +52,20 @@ pub fn verify(paths: &[&Path], body: Option<&Path>) -> Result<Verification, IoEr
     let mut found = Verification::default();
     let mut caches = Vec::new();
     for path in paths {
-        let prefix = if paths.len() > 1 { format!("{}: ", path.display()) } else { String::new() };
-        caches.push(verify_file(path, prefix, &mut found)?);
+        caches.push(verify_file(path, prefix_of(path, paths), &mut found)?);
     }
     let body = body.map(|path| formats::open_mesh(path, None)).transpose()?;
     crossings::check(&caches, body.as_deref(), &mut found)?;
     Ok(found)
+}
+
+/// What tells a file from the others in a message: nothing, its name, or its whole path.
+fn prefix_of(path: &Path, all: &[&Path]) -> String {
+    match all.iter().filter(|other| other.file_name() == path.file_name()).count() {
+        _ if all.len() == 1 => String::new(),
+        1 => format!("{}: ", path.file_name().unwrap_or_default().display()),
+        _ => format!("{}: ", path.display()),
+    }
 }
 
 /// Opens a file and checks the rules that concern it alone.

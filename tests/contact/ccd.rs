@@ -51,7 +51,8 @@ const BASELINE: [(&str, [usize; 2]); 8] = [
 
 /// The queries of one folder, its files in the order of their names.
 fn known_queries(folder: &Path) -> Vec<Known> {
-    let mut files: Vec<_> = fs::read_dir(folder).expect("the folder of queries").map(|f| f.expect("a file").path()).collect();
+    let mut files: Vec<_> =
+        fs::read_dir(folder).expect("the folder of queries").map(|f| f.expect("a file").path()).collect();
     files.sort();
     let mut queries = Vec::new();
     for file in files.iter().filter(|f| !f.to_string_lossy().ends_with(".toi.csv")) {
@@ -78,10 +79,13 @@ fn known_queries_are_all_found_and_few_misses_reported() {
     let Some(data) = shared_data() else { return };
     let (mut count, mut hits) = (0, 0);
     for (scene, baseline) in BASELINE {
-        for (index, (folder, kind)) in [("edge-edge", Kind::EdgeEdge), ("vertex-face", Kind::VertexFace)].into_iter().enumerate() {
+        for (index, (folder, kind)) in
+            [("edge-edge", Kind::EdgeEdge), ("vertex-face", Kind::VertexFace)].into_iter().enumerate()
+        {
             let mut reported = 0;
             let mut earliest = 0.0_f64;
-            for (number, query) in known_queries(&data.join("ccd_queries").join(scene).join(folder)).iter().enumerate() {
+            for (number, query) in known_queries(&data.join("ccd_queries").join(scene).join(folder)).iter().enumerate()
+            {
                 let found = kind.ask(&query.start, &query.end, 0.0);
                 count += 1;
                 match (query.truth, found) {
@@ -127,7 +131,10 @@ fn judge_generated(count: usize) {
                     }
                 }
             }
-            println!("{name:<12} {kind:?}: {hits} hits, {misses} misses, {reported} of them reported, early by {earliest:.1e}");
+            // Hardly any comes within rounding without touching; what turns closely about something for long costs proofs.
+            assert!(reported * 1000 <= misses, "{name} {kind:?}: {reported} of {misses} misses reported");
+            let false_positives = format!("{reported} of {misses} misses reported");
+            println!("{name:<12} {kind:?}: {hits} hits, early by up to {earliest:.1e}; {false_positives}");
         }
     }
 }
@@ -138,7 +145,7 @@ fn generated_queries_have_no_false_negative_and_no_late_time() {
 }
 
 #[test]
-#[ignore = "a million queries take a minute; part of the long suites"]
+#[ignore = "a million queries take a minute or two; part of the long suites"]
 fn a_million_generated_queries_have_no_false_negative_and_no_late_time() {
     judge_generated(1_000_000_usize.div_ceil(2 * KINDS.len()));
 }
@@ -188,7 +195,7 @@ fn a_contact_is_at_the_gap() {
         for number in 0..20_000 {
             let [start, end] = cloth_query(&mut random);
             let starts_apart = distance(kind, &start) > GAP;
-            
+
             let Some(contact) = kind.ask(&start, &end, GAP) else {
                 assert!(starts_apart);
                 continue;
@@ -203,7 +210,7 @@ fn a_contact_is_at_the_gap() {
             assert_eq!(contact.time == 0.0, !starts_apart);
             contacts += usize::from(starts_apart);
         }
-        assert!(contacts > 500, "{kind:?}: {contacts} contacts");
+        assert!(contacts > 300, "{kind:?}: {contacts} contacts");
     }
 }
 
@@ -214,12 +221,22 @@ fn pairs_that_part_from_the_gap_are_no_contact() {
         for number in 0..5_000 {
             // Back in time from a contact, the same pair parts.
             let [start, end] = cloth_query(&mut random);
-            let Some(contact) = kind.ask(&start, &end, 1.001 * GAP).filter(|c| c.time > 0.0) else { continue };
+            let Some(contact) = kind.ask(&start, &end, 1.0001 * GAP).filter(|c| c.time > 0.0) else { continue };
             let x = at(&start, &end, contact.time);
             let found = kind.ask(&x, &start, GAP);
             assert!(found.is_none(), "{kind:?} {number}: {found:?}");
         }
     }
+}
+
+#[test]
+fn nearly_parallel_edges_meet_where_they_cross() {
+    // At this angle their ends are farther apart than the edges ever are where they cross.
+    let (a, b) = ([-Vec3::x(), Vec3::x()], [Vec3::new(-1.0, -1e-7, 0.0), Vec3::new(1.0, 1e-7, 0.0)]);
+    let above = |z: f64| [a[0] + Vec3::z() * z, a[1] + Vec3::z() * z, b[0], b[1]];
+    let contact = edge_edge(&above(1e-9), &above(-1e-9), 0.0).expect("a contact");
+    // A rounding of 1 m tilts their common normal by 1e-16 / 1e-7, over 1 m: not more than the distance they start at.
+    assert!(contact.time > 0.0 && contact.time <= 0.5, "{contact:?}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Cloth against bodies: what must never pass, and what has to be let go.
 
 mod ccd;
+mod self_contact;
 
 use std::collections::BTreeMap;
 

@@ -2,10 +2,10 @@
 
     python tests/oracle/crossings.py out/twister [--body body.abc]
 
-prints, for the caches of one run, how many pairs of triangles cross in each frame. Positions are taken as they are stored,
-in f32, and widened to f64, which changes nothing; on them libigl decides with Shewchuk's exact predicates, behind a tree
-of boxes. Triangles that only touch are found as well. All garments of a run are one surface, so each is judged against
-itself and against the others.
+prints, for the caches of one run, how many pairs of triangles cross in each frame. Positions are taken as they are
+stored, in f32, and widened to f64, which changes nothing; on them libigl decides with Shewchuk's exact predicates,
+behind a tree of boxes. Triangles that only touch are found as well. All garments of a run are one surface, so each is
+judged against itself and against the others.
 """
 
 import argparse
@@ -96,7 +96,7 @@ def main():
     parser.add_argument("--body", help="Alembic file of a body")
     arguments = parser.parse_args()
     cloth = Cloth.of_run(arguments.out)
-    body = Body(arguments.body) if arguments.body else None
+    body = Body(Path(arguments.body).resolve()) if arguments.body else None
     total = 0
     for index, frame in enumerate(cloth.frames):
         pairs = cloth.crossings(index)

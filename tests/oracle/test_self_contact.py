@@ -28,8 +28,8 @@ def assert_no_crossing(out, report_figure):
     if crossed:
         frame, pairs = crossed[0]
         pytest.fail(
-            f"{len(crossed)} of {len(cloth.frames)} frames have crossings; the first is frame {frame} with {len(pairs)} "
-            f"pairs, such as {cloth.name(pairs[0, 0])} with {cloth.name(pairs[0, 1])}"
+            f"{len(crossed)} of {len(cloth.frames)} frames have crossings; the first is frame {frame} with "
+            f"{len(pairs)} pairs, such as {cloth.name(pairs[0, 0])} with {cloth.name(pairs[0, 1])}"
         )
     return cloth
 
@@ -45,8 +45,8 @@ def assert_cloth_does_not_cross_the_body(cloth, body, report_figure):
         if len(found):
             outside[int(frame)] = [cloth.name(face) for face in found[:3]]
     report_figure(
-        f"{len(outside)} frames in which cloth crosses the body; in all frames {pinched} cloth triangles cross it within "
-        f"{1000 * RELEASE_REACH:.0f} mm of where it crosses itself"
+        f"{len(outside)} frames in which cloth crosses the body; in all frames {pinched} cloth triangles cross it "
+        f"within {1000 * RELEASE_REACH:.0f} mm of where it crosses itself"
     )
     assert not outside, outside
 
@@ -89,10 +89,10 @@ def test_the_judge_finds_a_crossing_planted_in_a_cache(run_scene):
     ("scene", "frames", "parameters"),
     [
         ("tests/scenes/two_sheets.toml", "0-48", {}),
-        ("tests/scenes/storm.toml", "0-120", {}),
-        ("tests/scenes/folded_stack.toml", "0-90", {}),
+        ("tests/scenes/storm.toml", "0-60", {}),
+        ("tests/scenes/folded_stack.toml", "0-90", {"resolution": 5}),
         (f"{SAMPLES}/leaves.toml", "0-110", {"rows": 1, "resolution": 4}),
-        (f"{SAMPLES}/twister.toml", "0-120", {}),
+        (f"{SAMPLES}/twister.toml", "0-120", {"resolution": 20}),
         (f"{SAMPLES}/spinning_ball.toml", "0-120", {}),
     ],
 )

@@ -76,11 +76,15 @@ fn default(field: &Field) -> String {
         Default::Required => "has to be given".to_owned(),
         Default::Number(value) => format!("{value}"),
         Default::Vector(value) => format!("{value:?}"),
+        Default::Flag(value) => format!("{value}"),
         Default::Absent => "none".to_owned(),
     }
 }
 
 fn range(field: &Field) -> String {
+    if let Default::Flag(_) = field.default {
+        return "true or false".to_owned();
+    }
     let (low, high) = field.range;
     format!("{low} to {high}")
 }

@@ -172,6 +172,41 @@ fn a_broken_cache_fails_verification() {
 }
 
 #[test]
+fn strict_runs_end_with_81_when_cloth_crosses_cloth_and_verify_with_82() {
+    let second = r#"[[garment]]
+name = "second"
+density = 1.0
+[garment.panel]
+resolution = 2
+side = 0.4
+center = [0.31, 0.52, 0.47]
+rotation = { axis = [1, 0, 0], degrees = 90 }
+[self_collision]
+[output]"#;
+    let folder = folder_with(&SHEET.replace("[output]", second));
+    let strict = drapery(folder.path(), &["run", "scene.toml", "--strict"]);
+    assert_eq!(strict.code, Some(81), "{}", strict.stderr);
+    for word in ["crossings_written", "first in frame 1001", "all frames are written"] {
+        assert!(strict.stderr.contains(word), "{word}: {}", strict.stderr);
+    }
+    assert!(strict.stdout.contains("frame 1004/1004") && strict.stdout.contains("\ncrossings "), "{}", strict.stdout);
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--overwrite", "-q"]).code, Some(0));
+    let verify = drapery(folder.path(), &["verify", "out/sheet/sheet.abc", "out/sheet/second.abc"]);
+    assert_eq!(verify.code, Some(82));
+    assert!(verify.stderr.contains("cross in 4 of 4 frames"), "{}", verify.stderr);
+    assert_eq!(drapery(folder.path(), &["verify", "out/sheet/second.abc"]).code, Some(0));
+}
+
+#[test]
+fn a_strict_run_without_losses_is_done() {
+    let folder = folder_with(&SHEET.replace("[output]", "[self_collision]\n[output]"));
+    let run = drapery(folder.path(), &["run", "scene.toml", "--strict"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    // That nothing was found is said.
+    assert!(run.stdout.contains("\ncrossings_written                     0\n"), "{}", run.stdout);
+}
+
+#[test]
 fn help_holds_the_exit_codes_and_the_log_can_be_json() {
     let folder = folder_with(SHEET);
     let help = drapery(folder.path(), &["--help"]);

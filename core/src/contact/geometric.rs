@@ -94,8 +94,8 @@ impl CollisionLoop {
         }
     }
 
-    /// Changes the ends of `paths` until nothing meets. `used` is the share of their reach that nodes have used up
-    /// ([`Neighbours::note_ways`] for these paths).
+    /// Changes the ends of `paths` until nothing meets. `used` is the longest way of a node ([`Neighbours::note_ways`] for
+    /// these paths).
     pub fn resolve(
         &mut self,
         collisions: &Collisions<'_>,
@@ -106,8 +106,8 @@ impl CollisionLoop {
         metrics: &mut Metrics,
     ) -> Resolution {
         self.given_up.clear();
-        let mut source = Source::of(used);
-        source.prepare(collisions, search, paths, &mut self.swept);
+        let mut source = Source::of(used, neighbours);
+        source.prepare(collisions, search, paths, &mut self.swept, metrics);
         let mut hits = self.detect(collisions, neighbours, &source, paths, None);
         if hits.is_empty() {
             return Resolution::default();
@@ -132,8 +132,8 @@ impl CollisionLoop {
                 self.moved[node as usize] = true;
                 used = used.max(neighbours.note_way(node as usize, &end));
             }
-            source = Source::of(used);
-            source.prepare(collisions, search, paths, &mut self.swept);
+            source = Source::of(used, neighbours);
+            source.prepare(collisions, search, paths, &mut self.swept, metrics);
             hits = self.detect(collisions, neighbours, &source, paths, Some(&self.recent));
             // What moves as one rigid body is as far apart at the end as at the start.
             hits.retain(|hit| !zones.are_rigid(&hit.pair.nodes));
@@ -264,12 +264,13 @@ enum Source {
 }
 
 impl Source {
-    fn of(used: f64) -> Self {
-        if used <= 1.0 { Self::Neighbours } else { Self::Swept }
+    fn of(used: f64, neighbours: &Neighbours) -> Self {
+        if used <= neighbours.reach() { Self::Neighbours } else { Self::Swept }
     }
 
-    fn prepare(&self, collisions: &Collisions<'_>, search: &mut PairSearch, paths: &NodePaths, swept: &mut Vec<Pair>) {
+    fn prepare(&self, collisions: &Collisions<'_>, search: &mut PairSearch, paths: &NodePaths, swept: &mut Vec<Pair>, metrics: &mut Metrics) {
         if *self == Self::Swept {
+            metrics.count("swept_searches", 1);
             let (start, end) = (&paths.start, &paths.end);
             search.fit(collisions.surface, |i| Aabb::of_segment(&start[i], &end[i]).enlarged(collisions.gap));
             search.pairs(collisions.surface, |pair, out| out.push(pair), swept);

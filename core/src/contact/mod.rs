@@ -5,6 +5,7 @@
 //! collision step).
 
 pub mod ccd;
+pub mod common_motion;
 pub mod friction;
 pub mod geometric;
 pub mod impact_zone;

@@ -2,15 +2,18 @@
 //!
 //! Each node has a *reach*. As long as no node is farther than its reach from where it was when the list was made, every
 //! pair within touching distance is in the list, and for each pair of it the distance then, less what its nodes have moved,
-//! bounds the distance now. Most pairs are dismissed by that bound alone (method section 8, displacement bounds).
+//! bounds the distance now. Most pairs are dismissed by that bound alone (method section 8, displacement bounds). Motion
+//! that all nodes have in common does not count.
 
 use rayon::prelude::*;
 
 use crate::Vec3;
+use crate::contact::common_motion::RigidFit;
 use crate::contact::ordering::Order;
 use crate::contact::pair::{Pair, PairKind};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::ContactSurface;
+use crate::contact::tolerances::USABLE_REACH;
 use crate::geometry::aabb::Aabb;
 
 /// Repulsions act on pairs closer than this times their thickness (method 3.11, detection multiplier).
@@ -42,21 +45,31 @@ pub struct Neighbours {
     orders: [Order; 2],
     /// Positions of the nodes when the list was made [m]; empty before.
     reference: Vec<Vec3>,
-    reach: Vec<f64>,
+    /// Mean rest length of the edges of each node [m]: the measure of its reach.
+    edge_length: Vec<f64>,
+    /// Reach of the present list, as a share of those lengths.
+    reach: f64,
     thickness: Vec<f64>,
-    /// What every node has moved since the list was made, at most [m].
+    /// What every node has moved since the list was made, at most, besides the common motion [m].
     way: Vec<f64>,
+    /// The common motion since the list was made, at both ends of the paths noted last.
+    common: [RigidFit; 2],
+    /// What the paths between those two leave of every distance at least.
+    shortening: f64,
     coloured: bool,
 }
 
 impl Neighbours {
-    /// An empty list over a surface; `reach` is a length for each node [m]. With `coloured` the pairs get colours.
-    pub fn new(surface: &ContactSurface, reach: Vec<f64>, coloured: bool) -> Self {
+    /// An empty list over a surface. With `coloured` the pairs get colours.
+    pub fn new(surface: &ContactSurface, coloured: bool) -> Self {
+        let (edge_length, reach) = (surface.edge_length().to_vec(), 0.0);
         let mut thickness = surface.thickness().to_vec();
         thickness.resize(surface.nodes(), 0.0);
         let way = vec![0.0; surface.nodes()];
         let (lists, orders) = Default::default();
-        Self { lists, orders, reference: Vec::new(), reach, thickness, way, coloured }
+        let common = [RigidFit::new(&[], &[]); 2];
+        let (reference, shortening) = (Vec::new(), 1.0);
+        Self { lists, orders, reference, edge_length, reach, thickness, way, common, shortening, coloured }
     }
 
     /// Memory held [bytes].
@@ -85,20 +98,21 @@ impl Neighbours {
         self.len() == 0
     }
 
-    /// Reach of a node [m].
-    pub fn reach(&self) -> &[f64] {
-        &self.reach
+    /// What nodes may move until the list lacks pairs, as a share of their edges.
+    pub fn reach(&self) -> f64 {
+        USABLE_REACH * self.reach
     }
 
-    /// Makes the list anew around `x`, the positions of all nodes [m].
-    pub fn rebuild(&mut self, surface: &ContactSurface, search: &mut PairSearch, x: &[Vec3]) {
-        let (reach, thickness) = (&self.reach, &self.thickness);
-        search.fit(surface, |i| Aabb::of_point(&x[i]).enlarged(ACTIVE * thickness[i] + reach[i]));
+    /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges.
+    pub fn rebuild(&mut self, surface: &ContactSurface, search: &mut PairSearch, x: &[Vec3], reach: f64) {
+        self.reach = reach;
+        let (edges, thickness) = (&self.edge_length, &self.thickness);
+        search.fit(surface, |i| Aabb::of_point(&x[i]).enlarged(ACTIVE * thickness[i] + reach * edges[i]));
         let mut found: Vec<Neighbour> = Vec::new();
         let keep = |pair: Pair, out: &mut Vec<Neighbour>| {
-            let [a, b] = pair.fold(reach, f64::max);
+            let [a, b] = pair.fold(edges, f64::max);
             let thick = pair_thickness(&pair, thickness);
-            let limit = ACTIVE * thick + a + b;
+            let limit = ACTIVE * thick + reach * (a + b);
             let distance_squared = pair.closest(&pair.positions(x)).apart.norm_squared();
             if distance_squared <= limit * limit {
                 let distance = below(distance_squared.sqrt());
@@ -123,40 +137,44 @@ impl Neighbours {
         self.reference.extend_from_slice(x);
     }
 
-    /// Notes the way of every node on the straight path from `start` to `end` [m]. Returns the largest share of its reach
-    /// that a node has used up: above one the list may lack pairs. Infinite before the list is made.
+    /// Notes the way of every node on the straight path from `start` to `end` [m]. Returns the longest as a share of the
+    /// node's edges: above the reach the list may lack pairs. Infinite before the list is made.
     pub fn note_ways(&mut self, start: &[Vec3], end: &[Vec3]) -> f64 {
         if self.reference.len() != self.way.len() {
             return f64::INFINITY;
         }
+        self.common = [start, end].map(|now| RigidFit::new(&self.reference, now));
+        self.shortening = self.common[0].shortening_to(&self.common[1]);
         let chunks = self.way.par_chunks_mut(CHUNK).enumerate();
         let largest = chunks.map(|(c, ways)| {
             let mut largest = 0.0_f64;
             for (i, way) in ways.iter_mut().enumerate() {
                 let node = c * CHUNK + i;
                 let from = &self.reference[node];
-                *way = (start[node] - from).norm_squared().max((end[node] - from).norm_squared()).sqrt();
-                largest = largest.max(*way / self.reach[node]);
+                let [a, b] = [(start, 0), (end, 1)].map(|(x, at)| (x[node] - self.common[at].apply(from)).norm_squared());
+                *way = a.max(b).sqrt();
+                largest = largest.max(*way / self.edge_length[node]);
             }
             largest
         });
-        largest.reduce(|| 0.0, f64::max)
+        // A path between two rotations shortens distances.
+        largest.reduce(|| 0.0, f64::max) / self.shortening
     }
 
-    /// Notes the way of one node again, after its end has changed. Returns the share of its reach that is used up.
+    /// Notes the way of one node again, after its end has changed. Returns it as a share of the node's edges.
     pub fn note_way(&mut self, node: usize, end: &Vec3) -> f64 {
         if self.reference.len() != self.way.len() {
             return f64::INFINITY;
         }
-        self.way[node] = self.way[node].max((end - self.reference[node]).norm());
-        self.way[node] / self.reach[node]
+        self.way[node] = self.way[node].max((end - self.common[1].apply(&self.reference[node])).norm());
+        self.way[node] / (self.edge_length[node] * self.shortening)
     }
 
     /// A bound from below on the distance of a pair anywhere on the paths noted last [m].
     #[inline]
     pub fn distance_bound(&self, neighbour: &Neighbour) -> f64 {
         let [a, b] = neighbour.pair.fold(&self.way, f64::max);
-        f64::from(neighbour.distance) - a - b
+        f64::from(neighbour.distance) * self.shortening - a - b
     }
 }
 
@@ -176,3 +194,6 @@ fn is_close_at_rest(surface: &ContactSurface, pair: &Pair, thickness: f64) -> bo
     let limit = CLOSE_AT_REST * ACTIVE * thickness;
     surface.is_one_garment(pair) && pair.closest(&pair.positions(surface.rest())).apart.norm_squared() <= limit * limit
 }
+
+#[cfg(test)]
+mod tests;

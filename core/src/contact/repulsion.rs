@@ -384,3 +384,6 @@ impl Laws {
         Some(tangential * -(self.friction * normal_change / speed).min(1.0))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -24,6 +24,7 @@ const CHUNK: usize = 4096;
 pub struct PairSearch {
     node_boxes: Vec<Aabb>,
     triangle_boxes: Vec<Aabb>,
+    edge_boxes: Vec<Aabb>,
     cloth: Tree,
     bodies: Tree,
 }
@@ -59,6 +60,7 @@ impl PairSearch {
         Self {
             node_boxes: vec![Aabb::EMPTY; surface.nodes()],
             triangle_boxes: vec![Aabb::EMPTY; surface.triangles().len()],
+            edge_boxes: vec![Aabb::EMPTY; surface.edges().len()],
             cloth: Tree::empty(),
             bodies: Tree::empty(),
         }
@@ -66,7 +68,7 @@ impl PairSearch {
 
     /// Memory held [bytes], trees estimated at two nodes a triangle.
     pub fn bytes(&self) -> usize {
-        (self.node_boxes.len() + 4 * self.triangle_boxes.len()) * size_of::<Aabb>()
+        (self.node_boxes.len() + self.edge_boxes.len() + 4 * self.triangle_boxes.len()) * size_of::<Aabb>()
     }
 
     /// Gives every node its box and fits the trees.
@@ -78,6 +80,12 @@ impl PairSearch {
         chunks.for_each(|(boxes, triangles)| {
             for (b, [i, j, k]) in boxes.iter_mut().zip(triangles) {
                 *b = nodes[*i as usize].union(&nodes[*j as usize]).union(&nodes[*k as usize]);
+            }
+        });
+        let chunks = self.edge_boxes.par_chunks_mut(CHUNK).zip(surface.edges().par_chunks(CHUNK));
+        chunks.for_each(|(boxes, edges)| {
+            for (b, [i, j]) in boxes.iter_mut().zip(edges) {
+                *b = nodes[*i as usize].union(&nodes[*j as usize]);
             }
         });
         let (cloth, bodies) = self.triangle_boxes.split_at(surface.cloth_triangles());
@@ -148,14 +156,16 @@ impl PairSearch {
         }
         self.points_against(surface, s, t, keep, out);
         self.points_against(surface, t, s, keep, out);
-        for [a, b] in surface.owned_edges(s) {
-            let first = self.edge_box(a, b);
-            if !first.overlaps(boxes[1]) {
+        let others = surface.owned_edges(t);
+        for e in surface.owned_edges(s) {
+            let own = &self.edge_boxes[e];
+            if !own.overlaps(boxes[1]) {
                 continue;
             }
-            for [c, d] in surface.owned_edges(t) {
-                let apart = a != c && a != d && b != c && b != d;
-                if apart && first.overlaps(&self.edge_box(c, d)) {
+            let [a, b] = surface.edges()[e];
+            for (&[c, d], other) in surface.edges()[others.clone()].iter().zip(&self.edge_boxes[others.clone()]) {
+                let apart = (a != c) & (a != d) & (b != c) & (b != d);
+                if apart & own.overlaps(other) {
                     let nodes = if [a, b] < [c, d] { [a, b, c, d] } else { [c, d, a, b] };
                     keep(Pair { kind: PairKind::EdgeEdge, nodes }, out);
                 }
@@ -175,15 +185,10 @@ impl PairSearch {
     ) {
         let corners = surface.triangles()[t as usize];
         let triangle_box = &self.triangle_boxes[t as usize];
-        for p in surface.owned_nodes(s) {
+        for &p in surface.owned_nodes(s) {
             if !corners.contains(&p) && self.node_boxes[p as usize].overlaps(triangle_box) {
                 keep(Pair { kind: PairKind::PointTriangle, nodes: [p, corners[0], corners[1], corners[2]] }, out);
             }
         }
-    }
-
-    #[inline]
-    fn edge_box(&self, a: u32, b: u32) -> Aabb {
-        self.node_boxes[a as usize].union(&self.node_boxes[b as usize])
     }
 }

@@ -14,7 +14,7 @@ use crate::contact::pair::{Pair, PairKind};
 use crate::contact::repulsion::{Laws, Passes, Repulsions};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
-use crate::contact::tolerances::{GAP_ROUNDINGS, REACH};
+use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
@@ -25,8 +25,18 @@ use crate::state::State;
 /// Collision steps without a rewind after which K is doubled (method 2.1).
 const GROWTH_PERIOD: u32 = 3;
 
-/// Share of their reach that nodes may use up in one collision step, as foreseen from the last one.
-const SHARE_OF_REACH: f64 = 0.8;
+/// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
+const LONGEST_WAY: f64 = 0.5;
+
+/// Reach of a list of neighbours that is to last, as a share of a node's edges. Below 0.35 no two primitives of flat cloth
+/// come within reach of each other.
+const LONG_REACH: f64 = 0.33;
+
+/// Reach of a list for one collision step at most.
+const SHORT_REACH: f64 = 0.1;
+
+/// Collision steps that a list with the long reach has to last.
+const LASTING: f64 = 4.0;
 
 /// What may go wrong with foreseeing motion from the last collision step.
 const FORESIGHT: f64 = 1.3;
@@ -92,9 +102,9 @@ pub struct SelfContact {
     paths: NodePaths,
     /// Time of the collision-free state [s].
     start_time: f64,
-    /// Share of their reach that nodes use up [1/s], from the last collision step.
+    /// Longest way of a node as a share of its edges [1/s], in the last collision step.
     wear: f64,
-    /// Share used up at the last collision-free state.
+    /// Longest way since the list was made, at the last collision-free state.
     used: f64,
 }
 
@@ -112,8 +122,7 @@ impl SelfContact {
     /// the rest edges around a vertex.
     pub fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
         let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
-        let reach = surface.edge_length().iter().map(|length| REACH * length).collect();
-        let neighbours = Neighbours::new(&surface, reach, repulsion.is_some());
+        let neighbours = Neighbours::new(&surface, repulsion.is_some());
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
             control: StepControl { steps: 1, max_steps: settings.max_steps, successes: 0 },
@@ -182,18 +191,20 @@ impl SelfContact {
         }
         let wanted = self.geometric.as_ref().map_or(1, |g| g.control.steps);
         let per_step = FORESIGHT * self.wear * dt;
-        let affordable = (SHARE_OF_REACH / per_step.max(f64::MIN_POSITIVE)) as u32;
+        let affordable = (LONGEST_WAY / per_step.max(f64::MIN_POSITIVE)) as u32;
         let steps = wanted.min(affordable).max(1);
-        let share = per_step * f64::from(steps);
+        let way = per_step * f64::from(steps);
         self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
-        if self.used + share > 1.0 {
+        if self.used + way > self.neighbours.reach() || self.used.is_nan() {
             metrics.count("pair_searches", 1);
-            self.neighbours.rebuild(&self.surface, &mut self.search, &self.paths.start);
+            // A list that lasts is worth being long; one that does not is for repulsions alone.
+            let reach = if LASTING * way <= LONG_REACH { LONG_REACH } else { way.min(SHORT_REACH) };
+            self.neighbours.rebuild(&self.surface, &mut self.search, &self.paths.start, reach);
             self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|set| !set.is_empty());
-            let slack = 2.0 * share.min(1.0) * self.surface.longest_edge() * REACH;
+            let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
             let is_ignored = |pair: &Pair| ignored.is_some_and(|set| set.contains(pair));
             repulsions.take_sides(&self.neighbours, &self.paths.start, slack, &is_ignored);
         }

@@ -1,20 +1,15 @@
 //! The triangles, edges and vertices that can touch: all garments, then all deforming bodies, in one numbering.
 //!
 //! *Nodes* are the cloth's vertices in solver order, followed by the points of the deforming bodies. Every node and every
-//! edge is *owned* by exactly one triangle that has it. A search over pairs of triangles then meets each pair of a point and
+//! edge is *owned* by the first triangle that has it. A search over pairs of triangles then meets each pair of a point and
 //! a triangle, and each pair of edges, exactly once: in the pair of triangles of which one owns the point and the other is
 //! the triangle, or which own the two edges.
-
-use std::collections::HashSet;
 
 use crate::Vec3;
 use crate::bodies::Bodies;
 use crate::contact::pair::Pair;
 use crate::geometry::crossings::EdgeOwners;
 use crate::scene::{BodyShape, Scene};
-
-/// Bit of the first owned edge in [`ContactSurface::owned`]; the bits below are those of the corners.
-const FIRST_EDGE_BIT: u8 = 3;
 
 /// The surfaces of a scene that can touch.
 #[derive(Debug)]
@@ -23,8 +18,9 @@ pub struct ContactSurface {
     cloth_triangles: usize,
     cloth_nodes: usize,
     nodes: usize,
-    /// For each triangle the corners (bits 0 to 2) and edges (bits 3 to 5, from corner k to the next) that it owns.
-    owned: Vec<u8>,
+    /// Nodes and edges (the smaller node first) in the order of the triangles that own them.
+    owned_nodes: Owned<u32>,
+    owned_edges: Owned<[u32; 2]>,
     /// Which triangle of cloth, and of the bodies, speaks for which edge in exact checks.
     edge_owners: [EdgeOwners; 2],
     /// Deforming bodies, in the order of their nodes.
@@ -60,7 +56,8 @@ impl ContactSurface {
                 nodes += point_count;
             }
         }
-        let owned = ownership(&triangles, nodes);
+        let owned_nodes = Owned::new(&triangles, |corners| *corners);
+        let owned_edges = Owned::new(&triangles, |&[a, b, c]| [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)]));
         let (cloth, of_bodies) = triangles.split_at(cloth_triangles);
         let edge_owners = [cloth, of_bodies].map(EdgeOwners::new);
         let (mut rest, mut garment) = (vec![Vec3::zeros(); cloth_nodes], vec![0; cloth_nodes]);
@@ -76,7 +73,8 @@ impl ContactSurface {
             cloth_triangles,
             cloth_nodes,
             nodes,
-            owned,
+            owned_nodes,
+            owned_edges,
             edge_owners,
             bodies,
             thickness,
@@ -155,43 +153,52 @@ impl ContactSurface {
     }
 
     /// Nodes that a triangle owns.
-    pub fn owned_nodes(&self, triangle: u32) -> impl Iterator<Item = u32> + '_ {
-        let (corners, bits) = (self.triangles[triangle as usize], self.owned[triangle as usize]);
-        (0..3).filter(move |k| bits & (1 << k) != 0).map(move |k| corners[k])
+    #[inline]
+    pub fn owned_nodes(&self, triangle: u32) -> &[u32] {
+        &self.owned_nodes.items[self.owned_nodes.range(triangle)]
     }
 
-    /// Edges that a triangle owns, the smaller node first.
-    pub fn owned_edges(&self, triangle: u32) -> impl Iterator<Item = [u32; 2]> + '_ {
-        let (corners, bits) = (self.triangles[triangle as usize], self.owned[triangle as usize]);
-        (0..3).filter(move |k| bits & (1 << (FIRST_EDGE_BIT + *k as u8)) != 0).map(move |k| {
-            let (a, b) = (corners[k], corners[(k + 1) % 3]);
-            [a.min(b), a.max(b)]
-        })
+    /// All edges, the smaller node of each first, in the order of the triangles that own them.
+    pub fn edges(&self) -> &[[u32; 2]] {
+        &self.owned_edges.items
+    }
+
+    /// Places in `edges` of those that a triangle owns.
+    #[inline]
+    pub fn owned_edges(&self, triangle: u32) -> std::ops::Range<usize> {
+        self.owned_edges.range(triangle)
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        self.triangles.len() * (size_of::<[u32; 3]>() + 1) + self.thickness.len() * size_of::<f64>()
+        self.triangles.len() * (2 * size_of::<[u32; 3]>() + 2 * size_of::<u64>()) + self.thickness.len() * size_of::<f64>()
     }
 }
 
-/// Gives each node and each edge to the first triangle that has it.
-fn ownership(triangles: &[[u32; 3]], nodes: usize) -> Vec<u8> {
-    let mut seen = vec![false; nodes];
-    let mut edges = HashSet::new();
-    let mut owned = vec![0; triangles.len()];
-    for (t, corners) in triangles.iter().enumerate() {
-        for k in 0..3 {
-            let (a, b) = (corners[k], corners[(k + 1) % 3]);
-            if !std::mem::replace(&mut seen[a as usize], true) {
-                owned[t] |= 1 << k;
-            }
-            if edges.insert((a.min(b), a.max(b))) {
-                owned[t] |= 1 << (FIRST_EDGE_BIT + k as u8);
-            }
-        }
+/// Things that triangles own, in the order of the triangles.
+#[derive(Debug)]
+struct Owned<T> {
+    items: Vec<T>,
+    /// First item of each triangle, and their number at the end.
+    starts: Vec<u32>,
+}
+
+impl<T: Ord + Copy> Owned<T> {
+    /// Gives each of the things that triangles have to the first triangle that has it.
+    fn new(triangles: &[[u32; 3]], things: impl Fn(&[u32; 3]) -> [T; 3]) -> Self {
+        let mut all: Vec<(T, u32)> =
+            triangles.iter().zip(0..).flat_map(|(triangle, t)| things(triangle).map(|thing| (thing, t))).collect();
+        all.sort_unstable();
+        all.dedup_by_key(|(thing, _)| *thing);
+        all.sort_unstable_by_key(|(thing, t)| (*t, *thing));
+        let starts = (0..=triangles.len() as u32).map(|t| all.partition_point(|(_, owner)| *owner < t) as u32).collect();
+        Self { items: all.into_iter().map(|(thing, _)| thing).collect(), starts }
     }
-    owned
+
+    #[inline]
+    fn range(&self, triangle: u32) -> std::ops::Range<usize> {
+        self.starts[triangle as usize] as usize..self.starts[triangle as usize + 1] as usize
+    }
 }
 
 /// Thickness per vertex in solver order: the garment's, at most `clamp` times each rest edge of the vertex (method 3.2).

@@ -1,34 +1,26 @@
 //! The small numbers of contact: each says what it means, what it scales with, and which test breaks if it is wrong.
 
 /// Bound on the rounding of a corner's height along a unit vector, relative to the largest component: the analysis in
-/// `ccd/motion.rs` needs 18 units of 2⁻⁵³, this is 32. Less finds collisions too late or never, more reports pairs that
+/// `ccd/motion.rs` needs 46 units of 2⁻⁵³, this is 64. Less finds collisions too late or never, more reports pairs that
 /// only come close. Guarded by `generated_queries_have_no_false_negative_and_no_late_time`.
-pub const CCD_ROUNDING: f64 = 16.0 * f64::EPSILON;
+pub const CCD_ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// Relative bound on the rounding of a time or of the length of a direction, four operations each. Guarded by
-/// `generated_queries_have_no_false_negative_and_no_late_time`.
-pub const CCD_TIME_ROUNDING: f64 = 8.0 * f64::EPSILON;
-
-/// Largest number of proofs before a pair is reported at the time that is proven. An ordinary pair needs one, a hit
-/// about eight; only pairs that graze each other at the rounding need more. Guarded by
-/// `known_queries_are_all_found_and_few_misses_reported`.
+/// Largest number of proofs before a pair is reported at the time that is proven. A miss seldom needs more
+/// than three, a hit some more; only pairs that turn or graze closely for long need more. Guarded by
+/// `a_contact_is_at_the_gap`.
 pub const CCD_ROUNDS: usize = 64;
 
-/// Excess over the gap at which a contact is near enough, relative to the gap: a thousandth of a micrometre at the gap of
-/// the solver. Smaller costs rounds. Guarded by `a_contact_is_at_the_gap`.
+/// Excess over the gap at which a pair that approaches is in contact, relative to the gap: a thousandth of a
+/// micrometre at the gap of the solver. Smaller costs rounds. Guarded by `a_contact_is_at_the_gap`.
 pub const CCD_CLOSE_ENOUGH: f64 = 1e-3;
 
-/// Progress in one proof, as a share of the motion, below which a pair that is near enough is in contact rather than passing.
-/// Guarded by `pairs_that_part_from_the_gap_are_no_contact`.
-pub const CCD_STALLED: f64 = 1e-2;
-
-/// Smallest and largest size of a query \[m\] that is computed as it is: the fourth power of lengths must be an ordinary
-/// `f64`. Others are scaled by these powers of two, 2⁻²⁰⁰ and 2²⁰⁰. Guarded by
+/// Smallest and largest size of a query \[m\] that is computed as it is: the sixth power of lengths must be an ordinary
+/// `f64`. Others are scaled by these powers of two, 2⁻¹⁰⁰ and 2¹⁰⁰. Guarded by
 /// `tiny_and_huge_queries_are_answered_like_ordinary_ones`.
 pub const CCD_SMALLEST: f64 = 1.0 / CCD_LARGEST;
 
 /// See [`CCD_SMALLEST`].
-pub const CCD_LARGEST: f64 = ((1u128 << 100) as f64) * ((1u128 << 100) as f64);
+pub const CCD_LARGEST: f64 = (1u128 << 100) as f64;
 
 /// Smallest square of a lever, relative to the largest inverse mass, through which an impulse is tried: at 1e-4, free nodes
 /// that share a contact with prescribed ones would move ten thousand times faster than the contact. Guarded by
@@ -52,10 +44,9 @@ pub const ZONE_RESIDUAL: f64 = 1e-9;
 /// each other, and has no side yet. Guarded by `a_pair_beside_each_other_has_no_side`.
 pub const TRUSTED_SIDE: f64 = 0.5;
 
-/// Reach of a node as a share of its rest edges: half of what two nodes may use up before the list of neighbours is made
-/// anew. Below a third no two primitives of flat cloth are in reach of each other. Changes time only, never a result:
-/// guarded by `a_list_of_neighbours_holds_all_that_brute_force_finds`.
-pub const REACH: f64 = 0.25;
+/// Share of its reach that a node may use up: the rest covers the gap of collisions, which is far smaller than an edge, and
+/// rounding. Guarded by `a_list_of_neighbours_holds_all_that_brute_force_finds`.
+pub const USABLE_REACH: f64 = 0.98;
 
 /// The gap that collisions keep, in roundings to single precision of the largest coordinate. Rounding moves a point by up to
 /// √3/2 of one, and two primitives approach by twice that. Guarded by `what_is_written_in_single_precision_does_not_cross`.
@@ -68,3 +59,7 @@ pub const OPEN_GAP: f64 = 2.0;
 /// A pair that starts closer than the gap may come this much closer, but not meet. Guarded by
 /// `a_pair_that_starts_too_close_is_opened_to_the_gap`.
 pub const CLOSER_THAN_GAP: f64 = 0.9;
+
+/// Curvature of an impact zone's energy along a set of impulses, relative to the sum of those of its contacts one by
+/// one, that may be rounding: impulses that cancel each other. Guarded by `contradicting_and_hopeless_contacts_are_reported`.
+pub const ZONE_FLAT: f64 = 1e-14;

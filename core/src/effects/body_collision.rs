@@ -9,6 +9,8 @@
 //! crosses itself) there is no outside: the contact is given up and the vertex is dragged along by the surfaces around it,
 //! until there is an outside again. Both are counted.
 
+mod marks;
+
 use rayon::prelude::*;
 
 use crate::Vec3;
@@ -20,6 +22,8 @@ use crate::metrics::Metrics;
 use crate::settings::Settings;
 use crate::tolerances::{FACING, PINCH_DRAG};
 
+use marks::{CHUNK, Marks, bit, constrained, marked};
+
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "body_collision",
@@ -29,9 +33,6 @@ pub static SPEC: EffectSpec = EffectSpec {
     needs: &[Need::State, Need::Bodies],
     build,
 };
-
-/// Vertices that one task works on.
-const CHUNK: usize = 128;
 
 /// Bodies that can hold a vertex at the same time.
 const HOLDS: usize = 2;
@@ -79,6 +80,8 @@ struct Counts {
 #[derive(Debug)]
 pub struct BodyCollision {
     contacts: Vec<VertexContact>,
+    /// Which of the contacts hold something.
+    marks: Vec<Marks>,
     /// Surface bodies of each vertex, vertex by vertex.
     memory: Vec<Memory>,
     /// For each body, its place among the surfaces of `memory`.
@@ -115,13 +118,15 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     }
     let collision = BodyCollision {
         contacts: vec![VertexContact::default(); vertices],
+        marks: vec![Marks::default(); vertices.div_ceil(CHUNK)],
         memory: vec![Memory { clearance: 0.0, hint: u32::MAX }; vertices * surfaces],
         memory_slot,
         surfaces,
         held: vec![false; vertices],
         search: SEARCH_EDGES * scene.mean_edge(),
     };
-    let bytes = vertices * (size_of::<VertexContact>() + 1 + surfaces * size_of::<Memory>());
+    let bytes = vertices * (size_of::<VertexContact>() + 1 + surfaces * size_of::<Memory>())
+        + collision.marks.len() * size_of::<Marks>();
     Ok(Effect { body_collision: Some(collision), bytes, ..Effect::default() })
 }
 
@@ -154,20 +159,27 @@ impl BodyCollision {
         let slots = &self.memory_slot;
         let (search, surfaces) = (self.search, self.surfaces);
         let chunks = x1.par_chunks_mut(CHUNK).zip(v_star.par_chunks_mut(CHUNK));
-        let chunks = chunks.zip(self.contacts.par_chunks_mut(CHUNK)).zip(self.held.par_chunks(CHUNK)).enumerate();
-        let work = |(c, (((x1, v_star), contacts), held)): Chunk<'_>, memory: &mut [Memory]| {
+        let contacts = self.contacts.par_chunks_mut(CHUNK).zip(&mut self.marks);
+        let chunks = chunks.zip(contacts).zip(self.held.par_chunks(CHUNK)).enumerate();
+        let work = |(c, (((x1, v_star), (contacts, marks)), held)): Chunk<'_>, memory: &mut [Memory]| {
             let mut counts = Counts::default();
+            marked(marks.near).for_each(|i| contacts[i] = VertexContact::default());
+            *marks = Marks::default();
             for i in 0..x1.len() {
                 let vertex = c * CHUNK + i;
-                contacts[i] = VertexContact::default();
                 v_star[i] = step.v[vertex];
                 x1[i] = step.x[vertex] + step.v_half[vertex] * step.dt;
                 if !held[i] {
                     let memory = &mut memory[i * surfaces..(i + 1) * surfaces];
                     let own_way = (step.v[vertex].norm() + step.v_half[vertex].norm()) * step.dt;
-                    let answers = [None; CACHED];
-                    let mut search = Search { step, slots, search, memory, counts: &mut counts, own_way, answers };
-                    search.vertex(vertex, &mut x1[i], &mut v_star[i], &mut contacts[i]);
+                    let known = [Known::NOTHING; CACHED];
+                    let mut search = Search { step, slots, search, memory, counts: &mut counts, own_way, known };
+                    if search.is_far_from_all(&step.x[vertex], &x1[i]) {
+                        search.remember(&step.x[vertex], &x1[i]);
+                    } else {
+                        search.vertex(vertex, &mut x1[i], &mut v_star[i], &mut contacts[i]);
+                        marks.note(i, &contacts[i]);
+                    }
                 }
             }
             counts
@@ -187,8 +199,9 @@ impl BodyCollision {
 
     /// Gives the vertices in contact their normal velocity: the initial guess of the second solve.
     pub fn set_velocities(&self, start: usize, v: &mut [Vec3]) {
-        for (v, contact) in v.iter_mut().zip(&self.contacts[start..]) {
-            for (normal, target) in contact.constraints() {
+        for vertex in constrained(&self.marks, start..start + v.len()) {
+            let v = &mut v[vertex - start];
+            for (normal, target) in self.contacts[vertex].constraints() {
                 *v += normal * (target - v.dot(&normal));
             }
         }
@@ -196,8 +209,9 @@ impl BodyCollision {
 
     /// Removes the contact normals from a residual or search direction.
     pub fn project(&self, start: usize, r: &mut [Vec3]) {
-        for (r, contact) in r.iter_mut().zip(&self.contacts[start..]) {
-            for (normal, _) in contact.orthogonal_constraints() {
+        for vertex in constrained(&self.marks, start..start + r.len()) {
+            let r = &mut r[vertex - start];
+            for (normal, _) in self.contacts[vertex].orthogonal_constraints() {
                 *r -= normal * r.dot(&normal);
             }
         }
@@ -205,15 +219,17 @@ impl BodyCollision {
 
     /// Whether some vertex of this range is constrained by a contact.
     pub fn is_constrained(&self, vertices: std::ops::Range<usize>) -> bool {
-        self.contacts[vertices].iter().any(|c| c.constraints().next().is_some())
+        constrained(&self.marks, vertices).next().is_some()
     }
 
     /// B.7: no vertex approaches a body that it would touch in the next step, and friction acts with the full load. The
     /// look-ahead is relative to the body (method 5.4).
     pub fn final_velocity(&self, bodies: &Bodies, dt: f64, v: &mut [Vec3]) {
-        v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).for_each(|(v, contacts)| {
-            for (v, contact) in v.iter_mut().zip(contacts) {
-                for hold in contact.holds.iter().flatten() {
+        let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks);
+        chunks.for_each(|((v, contacts), marks)| {
+            for i in marked(marks.near) {
+                let v = &mut v[i];
+                for hold in contacts[i].holds.iter().flatten() {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
                     if ahead < hold.offset {
                         *v = coulomb(v, &hold.at.velocity, &hold.at.normal, bodies.list()[hold.body].friction);
@@ -224,7 +240,8 @@ impl BodyCollision {
     }
 }
 
-type Chunk<'a> = (usize, (((&'a mut [Vec3], &'a mut [Vec3]), &'a mut [VertexContact]), &'a [bool]));
+/// Number of a chunk; its positions, velocities, contacts with marks, and which of its vertices are held.
+type Chunk<'a> = (usize, (((&'a mut [Vec3], &'a mut [Vec3]), (&'a mut [VertexContact], &'a mut Marks)), &'a [bool]));
 
 impl Counts {
     fn plus(self, other: Self) -> Self {
@@ -235,6 +252,13 @@ impl Counts {
             along_path: self.along_path + other.along_path,
             queries: self.queries + other.queries,
         }
+    }
+}
+
+impl Marks {
+    fn note(&mut self, i: usize, contact: &VertexContact) {
+        self.near |= if contact.holds[0].is_some() { bit(i) } else { 0 };
+        self.constrained |= if contact.constraints().next().is_some() { bit(i) } else { 0 };
     }
 }
 
@@ -265,15 +289,23 @@ impl VertexContact {
     }
 }
 
-/// Bodies whose last answer is kept while one vertex is worked on.
+/// Bodies of which something is kept while one vertex is worked on.
 const CACHED: usize = 4;
 
-/// A question to a body and its answer.
+/// What is known of a body and one vertex, to ask no question twice.
 #[derive(Clone, Copy)]
-struct Answer {
+struct Known {
     body: usize,
-    place: Vec3,
-    found: Option<BodyPoint>,
+    /// Of a rigid body: way that the vertex can go in this step without the body having to do with it [m].
+    room: f64,
+    /// Of a rigid body: its distance at the start of the step [m].
+    at_start: Option<f64>,
+    /// The last place asked for, and the answer.
+    answer: Option<(Vec3, Option<BodyPoint>)>,
+}
+
+impl Known {
+    const NOTHING: Self = Self { body: usize::MAX, room: 0.0, at_start: None, answer: None };
 }
 
 /// The last contact that corrected a vertex, and the place just outside that surface.
@@ -293,8 +325,7 @@ struct Search<'a> {
     counts: &'a mut Counts,
     /// Farthest that the vertex itself can get in this step, bodies apart [m].
     own_way: f64,
-    /// Questions that come again: an untouched vertex is looked up once.
-    answers: [Option<Answer>; CACHED],
+    known: [Known; CACHED],
 }
 
 impl Search<'_> {
@@ -349,35 +380,78 @@ impl Search<'_> {
         (clearance <= offset + 2.0 * way).then_some(reach)
     }
 
+    /// What is known of a body; `x` is where the vertex was at the start of the step.
+    fn known(&mut self, body: usize, x: &Vec3) -> &mut Known {
+        let known = &mut self.known[body % CACHED];
+        if known.body != body {
+            let bodies = self.step.bodies;
+            let room = bodies.bounds(body, x).map_or(0.0, |b| {
+                // At the end the distance is less by at most the way relative to the body; there it has to exceed that of
+                // contact and of a hold (`settle`).
+                b.distance - b.displacement - bodies.list()[body].offset - 2.0 * (self.own_way + b.displacement)
+            });
+            *known = Known { body, room, ..Known::NOTHING };
+        }
+        known
+    }
+
+    /// Whether a body provably has nothing to do with the vertex in this step, which goes from `x` to `to`: no contact at
+    /// the end or along the path, and no hold.
+    fn is_far(&mut self, body: usize, x: &Vec3, to: &Vec3) -> bool {
+        match self.slots[body] {
+            Some(slot) => self.reach(body, slot).is_none(),
+            None => {
+                let room = self.known(body, x).room;
+                room > 0.0 && (to - x).norm_squared() < room * room
+            }
+        }
+    }
+
+    fn is_far_from_all(&mut self, x: &Vec3, to: &Vec3) -> bool {
+        (0..self.slots.len()).all(|body| self.is_far(body, x, to))
+    }
+
     /// The nearest place of a body to `place`, if the vertex can touch the body in this step.
     fn nearest(&mut self, body: usize, from: &Vec3, place: &Vec3) -> Option<BodyPoint> {
-        let bodies = self.step.bodies;
-        let Some(slot) = self.slots[body] else {
-            return bodies.closest(body, from, place, f64::INFINITY, None);
-        };
-        let reach = self.reach(body, slot)?;
-        let cached = &mut self.answers[slot % CACHED];
-        if let Some(answer) = cached.filter(|a| a.body == body && a.place == *place) {
-            return answer.found;
+        if self.is_far(body, from, place) {
+            return None;
         }
-        self.counts.queries += 1;
-        let found = bodies.closest(body, from, place, reach, Some(self.memory[slot].hint));
-        *cached = Some(Answer { body, place: *place, found });
-        if let Some(at) = found {
+        if let Some((_, found)) = self.known(body, from).answer.filter(|(asked, _)| asked == place) {
+            return found;
+        }
+        let (reach, hint) = match self.slots[body] {
+            Some(slot) => {
+                self.counts.queries += 1;
+                (self.reach(body, slot)?, Some(self.memory[slot].hint))
+            }
+            None => (f64::INFINITY, None),
+        };
+        let found = self.step.bodies.closest(body, from, place, reach, hint);
+        self.known(body, from).answer = Some((*place, found));
+        if let (Some(slot), Some(at)) = (self.slots[body], found) {
             self.memory[slot].hint = at.triangle;
         }
         found
     }
 
+    /// Distance of a body at the start of the step [m], where the vertex was at `x`.
+    fn distance_at_start(&mut self, body: usize, x: &Vec3) -> f64 {
+        let bodies = self.step.bodies;
+        match self.slots[body] {
+            Some(slot) => self.memory[slot].clearance,
+            None => *self.known(body, x).at_start.get_or_insert_with(|| bodies.distance_at_start(body, x)),
+        }
+    }
+
     /// Where a vertex that goes from `x` to `to` touches a body, if it does.
     fn contact(&mut self, body: usize, x: &Vec3, to: &Vec3) -> Option<BodyPoint> {
+        if self.is_far(body, x, to) {
+            return None;
+        }
         let bodies = self.step.bodies;
         let properties = &bodies.list()[body];
         let at_end = self.nearest(body, x, to);
-        let at_start = match self.slots[body] {
-            Some(slot) => self.memory[slot].clearance,
-            None => bodies.distance_at_start(body, x),
-        };
+        let at_start = self.distance_at_start(body, x);
         // Having passed through takes a way longer than the distance to the surface at the start; a short way behind it
         // is seen by the signed distance at the end.
         let travelled = at_end.map_or(self.way(body), |at| (to - x - at.displacement).norm());

@@ -197,13 +197,22 @@ impl Placed<'_> {
                 continue;
             }
             let segment = edge.map(|v| self.positions[v as usize]);
-            if Aabb::of_segment(&segment[0], &segment[1]).overlaps(&other.bounds)
+            if !is_beside(&segment, &other.bounds)
                 && segment_meets_triangle(&segment, &triangle.map(|v| other.positions[v as usize]))
             {
                 found.push(Crossing { edge, triangle });
             }
         }
     }
+}
+
+/// Whether both ends lie beyond the same side of a box.
+#[inline]
+fn is_beside([p, q]: &[Vec3; 2], bounds: &Aabb) -> bool {
+    (0..3).any(|k| {
+        let (low, high) = (f64::from(bounds.min[k]), f64::from(bounds.max[k]));
+        (p[k] < low && q[k] < low) || (p[k] > high && q[k] > high)
+    })
 }
 
 /// Edge `k` of a triangle, its vertices ascending.

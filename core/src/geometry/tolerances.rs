@@ -34,3 +34,9 @@ pub const DIRECTION: f64 = 1e4 * f64::EPSILON;
 /// The tree of a surface is built anew when the motion has made it this much more expensive than it was when built.
 /// Changes time only, never an answer: `a_refit_tree_answers_like_a_new_one_on_any_number_of_threads`.
 pub const REBUILD_COST: f64 = 1.3;
+
+/// Bound of the rounding when two points are projected on a direction, relative to the direction's sum of sizes and the
+/// largest coordinate: a difference, a product and two sums of half an epsilon each, for both points, with room to spare.
+/// Above it two sets of points are apart for certain. Guarded by
+/// `the_answer_is_that_of_integer_arithmetic_in_any_order_of_the_vertices`.
+pub const SEPARATION: f64 = 8.0 * f64::EPSILON;

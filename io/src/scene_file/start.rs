@@ -115,7 +115,8 @@ fn folded(points: &[Vec3], nodes: usize, folds: Folds) -> Vec<Vec3> {
     points.chunks(nodes).flat_map(|row| shifts.iter().map(|shift| row[0] + shift)).collect()
 }
 
-/// Points of a line of `cells` pieces of length `cell` [m], folded to and fro into layers that differ by one cell at most.
+/// Points of a line of `cells` pieces of length `cell` [m], folded to and fro into layers that differ by at most one
+/// cell.
 fn zigzag(cells: usize, cell: f64, folds: Folds) -> Vec<[f64; 2]> {
     let layers = folds.layers as usize;
     let flat = cells - 2 * (layers - 1);

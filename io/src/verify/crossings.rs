@@ -218,12 +218,15 @@ fn check_moment(
     Ok(())
 }
 
-/// Every time at which something is stored, ascending; one time if nothing moves.
+/// Every time at which something is stored, ascending; the first time if nothing moves.
 fn all_times(sheets: &[Sheet<'_>]) -> Vec<f64> {
     let mut times: Vec<f64> = sheets.iter().flat_map(|sheet| sheet.times.iter().copied()).collect();
     times.sort_by(f64::total_cmp);
     times.dedup_by(|b, a| *b - *a < SAME_TIME);
-    if times.is_empty() { vec![0.0] } else { times }
+    if times.is_empty() {
+        times.extend(sheets.iter().map(|sheet| sheet.mesh.time(0)).min_by(f64::total_cmp));
+    }
+    times
 }
 
 /// Puts what was found into words.

@@ -1,11 +1,11 @@
 //! First contact in exact integer arithmetic: an obvious and slow judge, which shares no formula with the solver.
 //!
-//! The corners D(t) of the convex set of differences (a triangle for point and triangle, a parallelogram for two edges) have
-//! integer coordinates at both ends. The set holds the origin if an edge of it does (D_k × D_l = 0 and D_k · D_l ≤ 0), or
-//! its inside does (the determinant is zero, the weights are not negative, the normal is not zero). These are
-//! polynomials in t with integer Bernstein coefficients; halving the interval is adding and shifting. Halves in which some
-//! condition fails throughout are dropped, the first that is left after [`DEPTH`] halvings is the answer. Whatever cannot be
-//! told apart by then counts as a contact.
+//! The corners D(t) of the convex set of differences (a triangle for point and triangle, a parallelogram for two
+//! edges) have integer coordinates at both ends. The set holds the origin if an edge of it does (D_k × D_l = 0 and
+//! D_k · D_l ≤ 0), or its inside does (the determinant is zero, the weights are not negative, the normal is not
+//! zero). These are polynomials in t with integer Bernstein coefficients; halving the interval is adding and
+//! shifting. Halves in which some condition fails throughout are dropped, the first that is left after [`DEPTH`]
+//! halvings is the answer. Whatever cannot be told apart by then counts as a contact.
 
 /// Halvings of [0, 1]: the times are known to 1.4e-17.
 const DEPTH: u32 = 56;
@@ -96,8 +96,7 @@ impl Bernstein {
         let degree = p.0.len() - 1;
         let choose = |n: usize, k: usize| (0..k).fold(1i128, |c, i| c * (n - i) as i128 / (i as i128 + 1));
         // The factor 12 makes every i over k divided by n over k an integer for degrees up to 4.
-        let coefficient =
-            |i: usize| (0..=i).map(|k| 12 * choose(i, k) / choose(degree, k) * p.0[k]).sum::<i128>();
+        let coefficient = |i: usize| (0..=i).map(|k| 12 * choose(i, k) / choose(degree, k) * p.0[k]).sum::<i128>();
         let exact = |i: usize| (0..=i).all(|k| 12 * choose(i, k) % choose(degree, k) == 0);
         assert!((0..=degree).all(exact), "the factor makes integers");
         let mut b = [Int::default(); 5];
@@ -161,7 +160,8 @@ impl Way {
         ]
     }
 
-    /// End of the first interval of length 2^-DEPTH in which this way may touch, if that is before `best`, in those units.
+    /// End of the first interval of length 2^-DEPTH in which this way may touch, if that is before `best`, in those
+    /// units.
     fn first(&self, start: u64, depth: u32, best: u64) -> Option<u64> {
         let length = 1 << (DEPTH - depth);
         if start >= best || !self.possible() {
@@ -177,8 +177,8 @@ impl Way {
     }
 }
 
-/// Time of first contact, or up to 2^-56 later, or `None`. `start`, `end`: integer coordinates up to 2²⁰ of the differences of
-/// the corners: three of point and triangle, or a0 − b0, a0 − b1, a1 − b0, a1 − b1 of two edges.
+/// Time of first contact, or up to 2^-56 later, or `None`. `start`, `end`: integer coordinates up to 2²⁰ of the
+/// differences of the corners: three of point and triangle, or a0 − b0, a0 − b1, a1 − b0, a1 − b1 of two edges.
 pub(super) fn first_contact(start: &[[i64; 3]], end: &[[i64; 3]]) -> Option<f64> {
     let d: Vec<Path> = start
         .iter()

@@ -10,7 +10,7 @@ type Points = [Point; 4];
 type Make = fn(&mut Random, bool) -> [Points; 2];
 
 /// The kinds by name.
-pub(super) const KINDS: [(&str, Make); 12] = [
+pub(super) const KINDS: [(&str, Make); 13] = [
     ("random", random),
     ("passing", |r, edges| passing(r, edges, 0)),
     ("grazing", |r, edges| passing(r, edges, 1)),
@@ -23,6 +23,7 @@ pub(super) const KINDS: [(&str, Make); 12] = [
     ("still", still),
     ("shared", shared),
     ("turning", turning),
+    ("flat turning", flat_turning),
 ];
 
 /// SplitMix64.
@@ -70,7 +71,7 @@ impl Random {
     }
 
     fn chance(&mut self, one_in: u64) -> bool {
-        self.bits() % one_in == 0
+        self.bits().is_multiple_of(one_in)
     }
 }
 
@@ -177,11 +178,8 @@ fn parallel(r: &mut Random, edges: bool) -> [Points; 2] {
         let place = r.integer(4);
         sum(&[(1, a), (place, u), (1, r.point(wobble))])
     };
-    let start = if edges {
-        [along(r), along(r), along(r), along(r)]
-    } else {
-        [r.point(size), along(r), along(r), along(r)]
-    };
+    let start =
+        if edges { [along(r), along(r), along(r), along(r)] } else { [r.point(size), along(r), along(r), along(r)] };
     let drift = r.point(size);
     [start, [0, 1, 2, 3].map(|q| sum(&[(1, start[q]), (i64::from(q < 2), drift), (1, r.point(speed))]))]
 }
@@ -226,14 +224,32 @@ fn shared(r: &mut Random, _: bool) -> [Points; 2] {
     [start, end]
 }
 
-/// The second primitive turns close to the first, about one axis, and hardly drifts.
+/// Everything turns about one axis, close to each other, and hardly drifts.
 fn turning(r: &mut Random, edges: bool) -> [Points; 2] {
-    let mut start = touching(r, edges).map(|x| sum(&[(8, x)]));
+    let start = touching(r, edges).map(|x| sum(&[(8, x)]));
+    let axis = r.point(8);
+    turned(r, start, axis, 3)
+}
+
+/// The same in a plane.
+fn flat_turning(r: &mut Random, edges: bool) -> [Points; 2] {
+    let start = touching(r, edges).map(|[a, b, _]| [8 * a, 8 * b, 0]);
+    turned(r, start, [0, 0, 1], 2)
+}
+
+/// Turns points that touch about an axis and moves the first of them a little, in so many dimensions.
+fn turned(r: &mut Random, mut start: Points, axis: Point, dimensions: usize) -> [Points; 2] {
     let near = r.size(6);
-    start[0] = sum(&[(1, start[0]), (1, r.point(near))]);
-    let (axis, angle) = (Vec3::from(r.point(8).map(|c| c as f64)), r.number());
-    let turn = nalgebra::Rotation3::new(axis.try_normalize(0.0).unwrap_or(Vec3::y()) * angle);
-    let end = start.map(|x| (turn * Vec3::from(x.map(|c| c as f64))).map(|c| c.round() as i64).into());
-    let drift = r.point(near);
-    [start, [sum(&[(1, end[0]), (1, drift)]), end[1], end[2], end[3]]]
+    let [offset, drift] = [r.point(near), r.point(near)];
+    let turn = nalgebra::Rotation3::new(unit(axis) * r.number());
+    let mut end: Points = start.map(|x| (turn * Vec3::from(x.map(|c| c as f64))).map(|c| c.round() as i64).into());
+    for i in 0..dimensions {
+        start[0][i] += offset[i];
+        end[0][i] += offset[i] + drift[i];
+    }
+    [start, end]
+}
+
+fn unit(axis: Point) -> Vec3 {
+    Vec3::from(axis.map(|c| c as f64)).try_normalize(0.0).unwrap_or(Vec3::y())
 }

@@ -1,4 +1,5 @@
-//! The point of a triangle or parallelogram closest to the origin, with a direction to it that is good to the last digits.
+//! The point of a triangle or parallelogram closest to the origin, with a direction to it that is good to the last
+//! digits.
 
 use crate::Vec3;
 use crate::geometry::distance::{TriangleFeature, closest_on_segments, closest_on_triangle};
@@ -9,8 +10,10 @@ pub(super) struct Nearest {
     pub(super) direction: Vec3,
     /// Length of that vector, about.
     pub(super) distance: f64,
-    /// Unit normal of the triangle or of both edges, zero if there is none.
+    /// A normal of the triangle or of both edges, zero if there is none.
     pub(super) across: Vec3,
+    /// Corners at the ends of the side on which the closest point lies, if it is inside one.
+    pub(super) side: Option<[usize; 2]>,
     /// Weights of the four corners in the closest point.
     pub(super) shares: [f64; 4],
     /// Weights of the four original points, as in [`Contact`](super::Contact).
@@ -18,7 +21,7 @@ pub(super) struct Nearest {
 }
 
 /// Unit vector, or zero where there is no direction.
-fn unit(v: &Vec3) -> Vec3 {
+pub(super) fn unit(v: &Vec3) -> Vec3 {
     let length = v.norm();
     if length > 0.0 && length.is_finite() { v / length } else { Vec3::zeros() }
 }
@@ -55,7 +58,11 @@ pub(super) fn of_triangle(d: &[Vec3; 4]) -> Nearest {
     Nearest {
         direction: unit(&vector),
         distance: found.distance_squared.sqrt(),
-        across: unit(&normal),
+        across: normal,
+        side: match found.feature {
+            TriangleFeature::Edge(i) => Some([usize::from(i), (usize::from(i) + 1) % 3]),
+            _ => None,
+        },
         shares: [a, b, c, 0.0],
         weights: [1.0, -a, -b, -c],
     }
@@ -79,7 +86,12 @@ pub(super) fn of_parallelogram(d: &[Vec3; 4]) -> Nearest {
     Nearest {
         direction: unit(&vector),
         distance: found.distance_squared.sqrt(),
-        across: unit(&normal),
+        across: normal,
+        side: match (inside(alpha), inside(beta)) {
+            (true, false) => Some([0, 2]),
+            (false, true) => Some([0, 1]),
+            _ => None,
+        },
         shares: [(1.0 - alpha) * (1.0 - beta), (1.0 - alpha) * beta, alpha * (1.0 - beta), alpha * beta],
         weights: [1.0 - alpha, alpha, beta - 1.0, -beta],
     }

@@ -1,11 +1,12 @@
 //! Proofs by directions that turn while time passes: what rotates closely past something else needs few of them.
 //!
-//! A direction is a quadratic in time with three control vectors, so the height of a corner along it is a cubic. A cubic stays
-//! above zero where its control polygon does, and the direction is never longer than the longest control vector.
+//! A direction is a quadratic in time with three control vectors, so the height of a corner along it is a cubic. A
+//! cubic stays above zero where its control polygon does, and the direction is never longer than the longest control
+//! vector.
 
 use crate::Vec3;
-use crate::contact::ccd::motion::{Corners, Motion, heights};
-use crate::contact::tolerances::CCD_TIME_ROUNDING;
+use crate::contact::ccd::four::{Corners, Four};
+use crate::contact::ccd::motion::Motion;
 
 /// What a direction proves in an interval.
 struct Proof {
@@ -15,19 +16,21 @@ struct Proof {
     first_root: f64,
 }
 
-/// Until when, at most `until`, a direction that is `direction` at `time` and changes by `turn` a unit of time proves the corners
-/// of `motion` farther than the gap from the origin.
-pub(super) fn reach_turning(motion: &Motion, time: f64, direction: &Vec3, turn: &Vec3, until: f64) -> f64 {
-    reach(motion, time, until, |to, _, _| {
-        let change = turn * (to - time);
-        [*direction, direction + change * 0.5, direction + change]
+/// Until when, at most `until`, the direction across the side between two corners, in the plane that it spans with
+/// `direction` at `time`, proves the corners of `motion` farther than the gap from the origin.
+pub(super) fn reach_beside(motion: &Motion, time: f64, direction: &Vec3, side: [usize; 2], until: f64) -> f64 {
+    let along = |corners: &Corners| corners.corner(side[1]) - corners.corner(side[0]);
+    reach(motion, time, until, |now, then| {
+        let plane = direction.cross(&along(now));
+        let (first, last) = (along(now).cross(&plane), along(then).cross(&plane));
+        [first, (first + last) * 0.5, last]
     })
 }
 
 /// The same for the direction across the triangle or both edges, on the side of `direction`.
 pub(super) fn reach_across(motion: &Motion, time: f64, direction: &Vec3, until: f64) -> f64 {
-    let sides = |corners: &Corners| [1, 2].map(|k| corner(corners, k) - corner(corners, 0));
-    reach(motion, time, until, |_, now, then| {
+    let sides = |c: &Corners| [c.corner(1) - c.corner(0), c.corner(2) - c.corner(0)];
+    reach(motion, time, until, |now, then| {
         let ([u, v], [u_then, v_then]) = (sides(now), sides(then));
         let first = u.cross(&v);
         let sign = if first.dot(direction) < 0.0 { -1.0 } else { 1.0 };
@@ -36,20 +39,15 @@ pub(super) fn reach_across(motion: &Motion, time: f64, direction: &Vec3, until: 
     })
 }
 
-/// Reach of the directions with the control vectors `turning(to, corners at time, corners at to)`.
+/// Reach of the directions with the control vectors `turning(corners at time, corners at to)`.
 ///
 /// A turn that is good for a while is not for long: the second try ends where the first seems to fail.
 #[inline(always)]
-fn reach(
-    motion: &Motion,
-    time: f64,
-    until: f64,
-    turning: impl Fn(f64, &Corners, &Corners) -> [Vec3; 3],
-) -> f64 {
-    let now = motion.corners_at(time);
+fn reach(motion: &Motion, time: f64, until: f64, turning: impl Fn(&Corners, &Corners) -> [Vec3; 3]) -> f64 {
+    let now = motion.at(time);
     let proof = |to: f64| {
-        let then = motion.corners_at(to);
-        let proof = prove(motion, &now, &then, &turning(to, &now, &then));
+        let then = motion.at(to);
+        let proof = prove(motion, &now, &then, &turning(&now, &then));
         (if proof.share >= 1.0 { to } else { time + proof.share * (to - time) }, proof.first_root)
     };
     let (reached, first_root) = proof(until);
@@ -57,29 +55,23 @@ fn reach(
     if reached < near && near < until { reached.max(proof(near).0) } else { reached }
 }
 
-fn corner(corners: &Corners, k: usize) -> Vec3 {
-    Vec3::new(corners[0][k], corners[1][k], corners[2][k])
-}
-
 /// What a direction with the control vectors `n` proves between the corners `x` and `y`.
 #[inline(always)]
 fn prove(motion: &Motion, x: &Corners, y: &Corners, n: &[Vec3; 3]) -> Proof {
-    let lengths = n.map(|n| n.norm());
-    let least = (motion.gap() + motion.slack()) * (1.0 + CCD_TIME_ROUNDING);
-    let needed = least * lengths[0].max(lengths[1]).max(lengths[2]);
-    let [from, to] = [x, y].map(|corners| [0, 1, 2].map(|i| heights(corners, &n[i], needed)));
+    let lengths = [n[0].norm(), n[1].norm(), n[2].norm()];
+    let needed = motion.needed() * lengths[0].max(lengths[1]).max(lengths[2]);
+    let above = |corners: &Corners, i: usize| corners.along(&n[i]) - Four::all(needed);
+    let (first, last) = (above(x, 0), above(y, 2));
+    let second = (above(x, 1) * 2.0 + above(y, 0)) * (1.0 / 3.0);
+    let third = (above(x, 2) + above(y, 1) * 2.0) * (1.0 / 3.0);
     let mut proof = Proof { share: 1.0, first_root: f64::INFINITY };
     for k in 0..4 {
-        let control = [
-            from[0][k],
-            (2.0 * from[1][k] + to[0][k]) / 3.0,
-            (from[2][k] + 2.0 * to[1][k]) / 3.0,
-            to[2][k],
-        ];
+        let control = [first.0[k], second.0[k], third.0[k], last.0[k]];
         proof.share = proof.share.min(positive_until(&control));
-        // The quadratic with the same value and slope at the start and the same value at the end, above what is needed there.
-        let [height, slope] = [control[0] + needed - least * lengths[0], 3.0 * (control[1] - control[0])];
-        let bend = control[3] + needed - least * lengths[2] - height - slope;
+        // The quadratic with the same value and slope at the start and the same value at the end, above what is
+        // needed there.
+        let [height, slope] = [control[0] + needed - motion.needed() * lengths[0], 3.0 * (control[1] - control[0])];
+        let bend = control[3] + needed - motion.needed() * lengths[2] - height - slope;
         let root = 2.0 * height / ((slope * slope - 4.0 * bend * height).sqrt() - slope);
         if root > 0.0 {
             proof.first_root = proof.first_root.min(root);
@@ -109,5 +101,5 @@ fn positive_until(control: &[f64; 4]) -> f64 {
             }
         }
     }
-    until * (1.0 - CCD_TIME_ROUNDING)
+    until
 }

@@ -327,7 +327,7 @@ fn an_inelastic_zone_is_the_solution_of_the_quadratic_program() {
 #[test]
 fn large_redundant_zones_converge_and_keep_momentum() {
     let mut random = Random(10);
-    for (nodes, count) in [(300, 400), (2000, 2000), (4000, 10_000)] {
+    for (nodes, count) in [(300, 400), (300, 3000), (2000, 10_000), (4000, 10_000)] {
         let mut contacts = Contacts::random(&mut random, nodes, count);
         contacts.mobility.iter_mut().for_each(|m| *m = Vec3::repeat(m.x.max(1.0)));
         let momenta = |c: &Contacts| -> [Vec3; 2] {

@@ -7,10 +7,36 @@
 use robust::{Coord, Coord3D};
 
 use crate::Vec3;
+use crate::geometry::tolerances::SEPARATION;
 
 /// Whether the closed segment and the closed triangle have a point in common. Exact, and never a failure: triangles
 /// without area are the segments or points they are, and so are segments without length. Coordinates are finite.
+#[inline]
 pub fn segment_meets_triangle(segment: &[Vec3; 2], triangle: &[Vec3; 3]) -> bool {
+    !are_certainly_apart(segment, triangle) && decide(segment, triangle)
+}
+
+/// Whether a plane separates the two beyond all rounding: the triangle's own, or one that stands on it along an edge or
+/// along the segment. Spares neighbours in one plane, where determinants vanish, the long arithmetic.
+#[inline]
+fn are_certainly_apart(segment: &[Vec3; 2], triangle: &[Vec3; 3]) -> bool {
+    // From one corner, so that rounding is relative to the size of the two and not to the place where they are.
+    let [p, q] = [segment[0] - triangle[0], segment[1] - triangle[0]];
+    let [b, c] = [triangle[1] - triangle[0], triangle[2] - triangle[0]];
+    let size = [p, q, b, c].iter().map(|v| v.amax()).fold(0.0, f64::max);
+    // Whatever the direction is, it is taken as exact, so it only matters what its products with four points round to.
+    let separates = |direction: &Vec3| {
+        let [p, q, b, c] = [p, q, b, c].map(|v| direction.dot(&v));
+        let gap = (p.min(q) - b.max(c).max(0.0)).max(b.min(c).min(0.0) - p.max(q));
+        let rounding = SEPARATION * (direction.x.abs() + direction.y.abs() + direction.z.abs()) * size;
+        gap.is_finite() && gap > rounding + f64::MIN_POSITIVE
+    };
+    let normal = b.cross(&c);
+    separates(&normal) || [q - p, b, c, c - b].iter().any(|along| separates(&normal.cross(along)))
+}
+
+/// The exact answer.
+fn decide(segment: &[Vec3; 2], triangle: &[Vec3; 3]) -> bool {
     let [a, b, c] = triangle;
     let sides = segment.map(|p| volume(a, b, c, &p));
     if has_one_sign(&sides) {

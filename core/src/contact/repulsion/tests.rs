@@ -1,0 +1,145 @@
+use super::*;
+use crate::contact::search::PairSearch;
+use crate::contact::surface::ContactSurface;
+use crate::mesh::PolygonMesh;
+use crate::scene::{GarmentDescription, Scene, SceneDescription};
+use crate::state::State;
+
+const LAWS: Laws = Laws { stiffness: 30.0, limit: 0.1, friction: 0.4, edge_attraction: -0.3, attraction: true };
+
+/// Pairs that approach until the next collision-free state, for tests in which nothing else is near.
+const SLACK: f64 = 0.05;
+
+const THICKNESS: f64 = 0.1;
+
+/// Two triangles, `second` above the first, as one scene.
+fn two_triangles(second: [[f64; 3]; 3]) -> Scene {
+    let mut description = SceneDescription::new("pair");
+    let first = [[0.0, 0.0, -0.45], [0.0, 0.0, 0.45], [0.45, 0.0, 0.0]];
+    for (name, corners) in [("below", first), ("above", second)] {
+        let mesh = PolygonMesh::from_triangles(corners.map(Vec3::from).to_vec(), &[[0, 1, 2]]);
+        let garment = GarmentDescription { thickness: THICKNESS, ..GarmentDescription::new(name, mesh, 0.2) };
+        description.garments.push(garment);
+    }
+    Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+/// A corner over the inside of the triangle (scene 33), and an edge across one of its edges (scene 34).
+fn scenes() -> [Scene; 2] {
+    let corner = [[0.225, 0.025, 0.0], [0.4, 0.8, 0.2], [0.4, 0.8, -0.2]];
+    let edge = [[-0.45, 0.025, 0.0], [0.45, 0.025, 0.1], [0.0, 0.9, 0.05]];
+    [corner, edge].map(two_triangles)
+}
+
+struct Pushed {
+    x: Vec<Vec3>,
+    v: Vec<Vec3>,
+    mobility: Vec<f64>,
+    repulsions: Repulsions,
+}
+
+impl Pushed {
+    /// The scene with its sides taken.
+    fn new(scene: &Scene, laws: Laws) -> Self {
+        let surface = ContactSurface::new(scene, 1.0);
+        let state = State::at_start(scene);
+        let mut neighbours = Neighbours::new(&surface, true);
+        neighbours.rebuild(&surface, &mut PairSearch::new(&surface), &state.x, SLACK);
+        neighbours.note_ways(&state.x, &state.x);
+        let mut repulsions = Repulsions::new(laws, state.x.len());
+        repulsions.take_sides(&neighbours, &state.x, SLACK, &|_| false);
+        let mobility = scene.masses().iter().map(|m| 1.0 / m).collect();
+        Self { x: state.x, v: state.v, mobility, repulsions }
+    }
+
+    fn step(&mut self, dt: f64) {
+        let mut metrics = Metrics::default();
+        self.repulsions.positions_changed();
+        self.repulsions.apply(Passes::Full, dt, &self.x, &self.mobility, &mut self.v, &mut metrics);
+        self.x.iter_mut().zip(&self.v).for_each(|(x, v)| *x += v * dt);
+    }
+
+    /// The signed distance of the only pair that is active.
+    fn distance(&mut self) -> Option<f64> {
+        self.repulsions.refresh(&self.x, &self.mobility);
+        let kinds = &self.repulsions.kinds;
+        kinds.iter().flat_map(|k| &k.touching).flatten().map(|t| t.distance).min_by(f64::total_cmp)
+    }
+
+    /// Moves the second garment.
+    fn shift(&mut self, by: f64) {
+        self.x[3..].iter_mut().for_each(|x| x.y += by);
+    }
+}
+
+#[test]
+fn a_pair_that_has_passed_through_is_pulled_back_and_without_attraction_is_not() {
+    for scene in scenes() {
+        for attraction in [true, false] {
+            let edge_attraction = if attraction { LAWS.edge_attraction } else { -2.0 };
+            let mut pushed = Pushed::new(&scene, Laws { attraction, edge_attraction, ..LAWS });
+            // Through by half the thickness.
+            pushed.shift(-0.025 - 0.5 * THICKNESS);
+            let before = pushed.distance().expect("an active pair");
+            assert!((before.abs() - 0.5 * THICKNESS).abs() < 0.02 * THICKNESS, "{before}");
+            for _ in 0..400 {
+                pushed.step(1e-2);
+            }
+            let above = pushed.x[3..].iter().map(|x| x.y).fold(f64::INFINITY, f64::min);
+            let below = pushed.x[..3].iter().map(|x| x.y).fold(f64::NEG_INFINITY, f64::max);
+            let sum = above - below;
+            assert_eq!(sum > 0.0, attraction, "apart by {sum}");
+        }
+    }
+}
+
+#[test]
+fn repulsions_keep_momentum_and_never_add_more_energy_than_their_limit() {
+    for scene in scenes() {
+        let mut pushed = Pushed::new(&scene, LAWS);
+        for (i, v) in pushed.v.iter_mut().enumerate() {
+            *v = Vec3::new(0.3, if i < 3 { 1.0 } else { -1.5 }, 0.1 * i as f64);
+        }
+        let momentum = |p: &Pushed| -> (Vec3, Vec3) {
+            let each = || p.mobility.iter().zip(&p.v).zip(&p.x).map(|((w, v), x)| (v / *w, x));
+            (each().map(|(p, _)| p).sum(), each().map(|(p, x)| x.cross(&p)).sum())
+        };
+        let before = momentum(&pushed);
+        let mut metrics = Metrics::default();
+        pushed.repulsions.apply(Passes::Full, 1e-3, &pushed.x.clone(), &pushed.mobility.clone(), &mut pushed.v, &mut metrics);
+        let after = momentum(&pushed);
+        assert!(metrics.counted("repulsions") > 0);
+        assert!((before.0 - after.0).norm() <= 1e-12 * before.0.norm(), "linear");
+        // Forces act along the line of closest points, friction at both ends of it: the couple of a pair at a distance.
+        let arm = THICKNESS * before.0.norm();
+        assert!((before.1 - after.1).norm() <= arm, "angular");
+    }
+}
+
+#[test]
+fn friction_stops_sliding_within_its_cone_and_only_there() {
+    let scene = &scenes()[0];
+    for (friction, slides) in [(0.0, true), (0.05, true), (10.0, false)] {
+        let mut pushed = Pushed::new(scene, Laws { friction, stiffness: 0.0, ..LAWS });
+        pushed.v[3..].fill(Vec3::new(1.0, -1.0, 0.0));
+        let mut metrics = Metrics::default();
+        let (x, mobility) = (pushed.x.clone(), pushed.mobility.clone());
+        pushed.repulsions.apply(Passes::WithoutSprings, 1e-3, &x, &mobility, &mut pushed.v, &mut metrics);
+        let active = pushed.repulsions.kinds[0].touching.iter().flatten().next().expect("a corner over a triangle");
+        let v: Vec<Vec3> = active.nodes.iter().map(|n| pushed.v[*n as usize]).collect();
+        let relative: Vec3 = v.iter().zip(active.weights).map(|(v, w)| v * w).sum();
+        assert!(relative.dot(&active.normal) > -1e-12, "approach is stopped");
+        let sliding = (relative - active.normal * relative.dot(&active.normal)).norm();
+        let bound = (1.0 - friction).max(0.0);
+        assert!((sliding - bound).abs() < 1e-9, "{sliding} for {friction}");
+        assert_eq!(sliding > 1e-9, slides);
+    }
+}
+
+#[test]
+fn a_pair_beside_each_other_has_no_side() {
+    // The corner is as high above the plane as it is thick, but far outside of the triangle.
+    let scene = two_triangles([[-0.04, 0.004, 0.0], [-0.4, 0.8, 0.2], [-0.4, 0.8, -0.2]]);
+    let pushed = Pushed::new(&scene, LAWS);
+    assert!(pushed.repulsions.kinds[0].sided.is_empty());
+}
