@@ -269,6 +269,8 @@ impl Simulation {
         };
         for stop in stops {
             self.push_samples(input, stop, to)?;
+            // New samples leave the bodies at their times; self-contact starts from where they are now.
+            self.bodies.set_step(self.state.time, self.state.time);
             self.run_to(stop, input.frame, &mut summary)?;
         }
         self.frame = input.frame;
@@ -336,8 +338,9 @@ impl Simulation {
         let parts = scene.parts();
         let state = &self.state;
         let (limit, forces, metrics) = (&mut self.limit, &self.forces, &mut self.metrics);
-        let choice =
-            metrics.stage("dt", |_| limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end)));
+        let share = self.self_contact.as_ref().map_or(1.0, SelfContact::step_share);
+        let choice = metrics
+            .stage("dt", |_| limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end), share));
         if choice.limit < settings.min_dt {
             let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
             let (dt, min_dt, time) = (choice.limit, settings.min_dt, state.time);

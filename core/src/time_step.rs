@@ -54,7 +54,7 @@ impl StepLimit {
         self.last
     }
 
-    /// The step from `time` towards `end` [s].
+    /// The step from `time` towards `end` [s]; `share` of what the cloth would allow.
     pub fn choose(
         &mut self,
         settings: &SolverSettings,
@@ -62,8 +62,11 @@ impl StepLimit {
         forces: &[Vec<Box<dyn Force>>],
         (x, v): (&[Vec3], &[Vec3]),
         (time, end): (f64, f64),
+        share: f64,
     ) -> Choice {
-        let longest = self.elastic.min(settings.max_dt.unwrap_or(f64::INFINITY));
+        let whole = self.elastic.min(settings.max_dt.unwrap_or(f64::INFINITY));
+        // Cloth without springs allows any step; a share of it is one of the time left.
+        let longest = if share < 1.0 { share * whole.min(end - time) } else { whole };
         parts.for_each(PerPart(&mut self.strain_rates), &|part, rate| {
             let (range, forces) = (&parts.ranges()[part], &forces[part]);
             let bound = forces.iter().map(|f| f.strain_rate_bound(range.clone(), v)).fold(0.0, f64::max);

@@ -32,6 +32,9 @@ const INELASTIC_ATTEMPTS: usize = 12;
 /// Attempts with rigid zones, before their nodes stay where they were (method 4.8).
 const RIGID_ATTEMPTS: usize = 8;
 
+/// What boxes around paths are larger than the paths, as a share of the edges around a node.
+const SWEPT_MARGIN: f64 = 0.02;
+
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;
 
@@ -125,15 +128,19 @@ impl CollisionLoop {
             metrics.count("collision_hits", hits.len() as u64);
             let touched = self.respond(collisions, attempts, &hits, &mut zones, paths, metrics);
             self.recent.fill(false);
+            let mut covered = source == Source::Swept;
             for node in touched {
                 let end = paths.start[node as usize] + self.displacements[node as usize];
                 paths.end[node as usize] = end;
                 self.recent[node as usize] = true;
                 self.moved[node as usize] = true;
                 used = used.max(neighbours.note_way(node as usize, &end));
+                covered &= search.covers(node, &end);
             }
-            source = Source::of(used, neighbours);
-            source.prepare(collisions, search, paths, &mut self.swept, metrics);
+            if !covered {
+                source = Source::of(used, neighbours);
+                source.prepare(collisions, search, paths, &mut self.swept, metrics);
+            }
             hits = self.detect(collisions, neighbours, &source, paths, Some(&self.recent));
             // What moves as one rigid body is as far apart at the end as at the start.
             hits.retain(|hit| !zones.are_rigid(&hit.pair.nodes));
@@ -197,7 +204,8 @@ impl CollisionLoop {
         zones.add(targets);
         let rigid_from = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
         if attempt <= rigid_from {
-            return zones.make_inelastic(collisions.mobility, &mut self.displacements, metrics);
+            let seeds: Vec<u32> = hits.iter().map(|hit| hit.pair.nodes[0]).collect();
+            return zones.make_inelastic(&seeds, collisions.mobility, &mut self.displacements, metrics);
         }
         if attempt <= rigid_from + RIGID_ATTEMPTS {
             let node = |i: u32, displacements: &[Vec3]| {
@@ -272,7 +280,10 @@ impl Source {
         if *self == Self::Swept {
             metrics.count("swept_searches", 1);
             let (start, end) = (&paths.start, &paths.end);
-            search.fit(collisions.surface, |i| Aabb::of_segment(&start[i], &end[i]).enlarged(collisions.gap));
+            // A little more than the paths, so that impulses seldom lead out of the boxes.
+            let edges = collisions.surface.edge_length();
+            let margin = |i: usize| collisions.gap + SWEPT_MARGIN * edges[i];
+            search.fit(collisions.surface, |i| Aabb::of_segment(&start[i], &end[i]).enlarged(margin(i)));
             search.pairs(collisions.surface, |pair, out| out.push(pair), swept);
         }
     }

@@ -93,6 +93,12 @@ impl PairSearch {
         self.bodies.fit(bodies);
     }
 
+    /// Whether the box of a node contains a point, so that pairs found for the box hold for it.
+    pub fn covers(&self, node: u32, point: &Vec3) -> bool {
+        let bounds = &self.node_boxes[node as usize];
+        (0..3).all(|k| f64::from(bounds.min[k]) <= point[k] && point[k] <= f64::from(bounds.max[k]))
+    }
+
     /// Meets every pair with a cloth node whose boxes overlap, once, and keeps what `keep` makes of it. Primitives that
     /// share a node are no pair. The order depends on the trees: sort what order matters for.
     pub fn pairs<T: Send>(

@@ -25,6 +25,12 @@ use crate::state::State;
 /// Collision steps without a rewind after which K is doubled (method 2.1).
 const GROWTH_PERIOD: u32 = 3;
 
+/// Rounds in which what would cross more stays where it was; then everything does.
+const REVERT_ROUNDS: u32 = 6;
+
+/// Shortest share of a time step to which hard contact shortens it.
+const SHORTEST_STEP: f64 = 0.125;
+
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LONGEST_WAY: f64 = 0.5;
 
@@ -51,11 +57,13 @@ pub struct CollisionSettings {
     pub after_position: bool,
 }
 
-/// Number of time steps per collision step, found by trying.
+/// Number and length of the time steps per collision step, found by trying.
 #[derive(Debug)]
 struct StepControl {
     steps: u32,
     max_steps: u32,
+    /// Share of the step that the cloth would allow.
+    share: f64,
     successes: u32,
 }
 
@@ -63,13 +71,22 @@ impl StepControl {
     fn succeeded(&mut self) {
         self.successes += 1;
         if self.successes.is_multiple_of(GROWTH_PERIOD) {
-            self.steps = (2 * self.steps).min(self.max_steps);
+            if self.share < 1.0 {
+                self.share = (2.0 * self.share).min(1.0);
+            } else {
+                self.steps = (2 * self.steps).min(self.max_steps);
+            }
         }
     }
 
+    /// Where zones are needed even after single steps, contact changes faster than the steps resolve.
     fn failed(&mut self) {
         self.successes = 0;
-        self.steps = (self.steps / 2).max(1);
+        if self.steps > 1 {
+            self.steps /= 2;
+        } else {
+            self.share = (0.5 * self.share).max(SHORTEST_STEP);
+        }
     }
 }
 
@@ -125,7 +142,7 @@ impl SelfContact {
         let neighbours = Neighbours::new(&surface, repulsion.is_some());
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
-            control: StepControl { steps: 1, max_steps: settings.max_steps, successes: 0 },
+            control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
             work: CollisionLoop::new(surface.nodes()),
             velocities: Vec::new(),
             crossings: Vec::new(),
@@ -178,6 +195,11 @@ impl SelfContact {
             }
             self.mobility[vertex] = self.node_mobility[vertex].max();
         }
+    }
+
+    /// Share of the time step that the cloth allows, shortened where contact needs it.
+    pub fn step_share(&self) -> f64 {
+        self.geometric.as_ref().map_or(1.0, |g| g.control.share)
     }
 
     /// A: remembers the collision-free state and gives close pairs their sides; returns how many time steps of length `dt` [s]
@@ -280,7 +302,7 @@ impl SelfContact {
             moved(node, change.norm());
         }
         if !outcome.moved.is_empty() || !geometric.crossings.is_empty() || outcome.pinched {
-            self.check(&outcome.moved, metrics);
+            self.check(&outcome.moved, (x, v), duration, metrics);
         }
         Ending::Resolved
     }
@@ -295,14 +317,38 @@ impl SelfContact {
         }
     }
 
-    /// Finds the crossings that the state has now: around the vertices in `moved` if there were none before, else all.
-    fn check(&mut self, moved: &[u32], metrics: &mut Metrics) {
+    /// Finds the crossings that the state has now: around the vertices in `moved` if there were none before, else all. More of
+    /// cloth with cloth than before are not accepted: what makes them stays where it was.
+    fn check(&mut self, moved: &[u32], (x, v): (&mut [Vec3], &mut [Vec3]), duration: f64, metrics: &mut Metrics) {
         let Some(geometric) = &mut self.geometric else { return };
         metrics.count("crossing_checks", 1);
-        let end = &self.paths.end;
-        self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
-        let only = geometric.crossings.is_empty().then_some(moved);
-        geometric.crossings = self.search.crossings(&self.surface, end, only);
+        let surface = &self.surface;
+        let among_cloth = |all: &[Crossing]| all.iter().filter(|c| surface.is_cloth(c)).count();
+        let (before, allowed) = (&geometric.crossings, among_cloth(&geometric.crossings));
+        let only = before.is_empty().then_some(moved);
+        let mut stopped = vec![false; if allowed > 0 || !moved.is_empty() { x.len() } else { 0 }];
+        let mut round = 0;
+        let found = loop {
+            let end = &self.paths.end;
+            self.search.fit(surface, |i| Aabb::of_point(&end[i]));
+            let found = self.search.crossings(surface, end, only.filter(|_| round == 0));
+            if among_cloth(&found) <= allowed || round > REVERT_ROUNDS {
+                break found;
+            }
+            metrics.count("crossings_reverted", 1);
+            let new = found.iter().filter(|c| surface.is_cloth(c) && before.binary_search(c).is_err());
+            new.flat_map(|c| c.edge.iter().chain(&c.triangle)).for_each(|&node| stopped[node as usize] = true);
+            // The neighbours of what stays too: nothing new may be made at its border. At last everything stays.
+            surface.grow(&mut stopped);
+            for node in (0..x.len()).filter(|&node| stopped[node] || round == REVERT_ROUNDS) {
+                let change = self.paths.start[node] - self.paths.end[node];
+                self.paths.end[node] = self.paths.start[node];
+                x[node] = self.paths.start[node];
+                v[node] += change / duration;
+            }
+            round += 1;
+        };
+        geometric.crossings = found;
         geometric.ignored = ignored_pairs(&geometric.crossings);
     }
 

@@ -8,7 +8,7 @@
 use crate::Vec3;
 use crate::bodies::Bodies;
 use crate::contact::pair::Pair;
-use crate::geometry::crossings::EdgeOwners;
+use crate::geometry::crossings::{Crossing, EdgeOwners};
 use crate::scene::{BodyShape, Scene};
 
 /// The surfaces of a scene that can touch.
@@ -145,6 +145,22 @@ impl ContactSurface {
     /// Whether repulsions act on a pair: between cloth and cloth; bodies have their own contact.
     pub fn repels(&self, pair: &Pair) -> bool {
         !pair.nodes.iter().any(|&node| self.is_body(node))
+    }
+
+    /// Whether an edge of cloth crosses a triangle of cloth, and no body has part in it.
+    pub fn is_cloth(&self, crossing: &Crossing) -> bool {
+        !crossing.edge.iter().chain(&crossing.triangle).any(|&node| self.is_body(node))
+    }
+
+    /// Marks the corners of all triangles of cloth that have a marked corner.
+    pub fn grow(&self, marked: &mut [bool]) {
+        let touched: Vec<u32> = self.triangles[..self.cloth_triangles]
+            .iter()
+            .filter(|corners| corners.iter().any(|&node| marked[node as usize]))
+            .flatten()
+            .copied()
+            .collect();
+        touched.iter().for_each(|&node| marked[node as usize] = true);
     }
 
     /// Whether a node belongs to a body.

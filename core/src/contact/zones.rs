@@ -43,11 +43,31 @@ impl Zones {
         self.members.dedup();
     }
 
-    /// Lets everything in the zones slide, but nothing approach. Returns the nodes that may have changed.
-    pub fn make_inelastic(&self, mobility: &[Vec3], displacements: &mut [Vec3], metrics: &mut Metrics) -> Vec<u32> {
-        let outcome = impact_zone::inelastic(&self.constraints, &self.targets, mobility, displacements);
+    /// Lets everything in the zones that one of `nodes` belongs to slide, but nothing approach. Returns the nodes that may
+    /// have changed.
+    pub fn make_inelastic(
+        &mut self,
+        nodes: &[u32],
+        mobility: &[Vec3],
+        displacements: &mut [Vec3],
+        metrics: &mut Metrics,
+    ) -> Vec<u32> {
+        let mut roots: Vec<u32> = nodes.iter().map(|&node| self.root(node)).collect();
+        roots.sort_unstable();
+        roots.dedup();
+        let (mut constraints, mut targets) = (Vec::new(), Vec::new());
+        for i in 0..self.constraints.len() {
+            if roots.binary_search(&self.root(self.constraints[i].nodes[0])).is_ok() {
+                constraints.push(self.constraints[i]);
+                targets.push(self.targets[i]);
+            }
+        }
+        let outcome = impact_zone::inelastic(&constraints, &targets, mobility, displacements);
         metrics.count("zone_sweeps", outcome.iterations as u64);
-        self.members.clone()
+        let mut touched: Vec<u32> = constraints.iter().flat_map(|c| c.nodes).collect();
+        touched.sort_unstable();
+        touched.dedup();
+        touched
     }
 
     /// Calls `make_rigid` for the members of each zone that one of `nodes` belongs to; returns the nodes that may have

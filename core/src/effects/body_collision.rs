@@ -386,8 +386,8 @@ impl Search<'_> {
         if known.body != body {
             let bodies = self.step.bodies;
             let room = bodies.bounds(body, x).map_or(0.0, |b| {
-                // At the end the distance is less by at most the way relative to the body; there it has to exceed that of
-                // contact and of a hold (`settle`).
+                // At the end the distance is less by at most the way relative to the body; there it has to exceed that
+                // of contact and of a hold (`settle`).
                 b.distance - b.displacement - bodies.list()[body].offset - 2.0 * (self.own_way + b.displacement)
             });
             *known = Known { body, room, ..Known::NOTHING };
@@ -395,8 +395,8 @@ impl Search<'_> {
         known
     }
 
-    /// Whether a body provably has nothing to do with the vertex in this step, which goes from `x` to `to`: no contact at
-    /// the end or along the path, and no hold.
+    /// Whether a body provably has nothing to do with the vertex in this step, which goes from `x` to `to`: no contact
+    /// at the end or along the path, and no hold.
     fn is_far(&mut self, body: usize, x: &Vec3, to: &Vec3) -> bool {
         match self.slots[body] {
             Some(slot) => self.reach(body, slot).is_none(),

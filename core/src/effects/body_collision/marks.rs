@@ -45,7 +45,7 @@ mod tests {
 
     #[test]
     fn the_constrained_vertices_of_any_range_are_found() {
-        let is_marked = |vertex: usize| vertex % 3 == 0 || (120..140).contains(&vertex);
+        let is_marked = |vertex: usize| vertex.is_multiple_of(3) || (120..140).contains(&vertex);
         let mut marks = vec![Marks::default(); 3];
         for vertex in (0..3 * CHUNK).filter(|v| is_marked(*v)) {
             marks[vertex / CHUNK].constrained |= bit(vertex % CHUNK);
