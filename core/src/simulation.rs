@@ -8,8 +8,8 @@ use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::effects::{PartView, PlannedEffect, build_all};
-use crate::geometry::crossings::Crossing;
 use crate::error::{Problem, Problems, StepError};
+use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::sum::join;
 use crate::scene::{BodyShape, PinTarget, Scene};
@@ -181,7 +181,9 @@ impl Simulation {
     }
 
     fn find_crossings(&mut self) -> Vec<Crossing> {
-        let Some(contact) = self.self_contact.as_mut().filter(|contact| contact.keeps_free()) else { return Vec::new() };
+        let Some(contact) = self.self_contact.as_mut().filter(|contact| contact.keeps_free()) else {
+            return Vec::new();
+        };
         contact.check_everything(&self.state.x, &self.bodies).to_vec()
     }
 

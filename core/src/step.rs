@@ -269,7 +269,6 @@ impl StepContext<'_> {
             impose(self.parts, self.pins, self.targets, &mut self.state.v);
         }
     }
-
 }
 
 /// Gives pinned components their prescribed velocity.

@@ -6,7 +6,9 @@ use drapery_core::geometry::bvh::Bvh;
 use drapery_core::geometry::crossings::{self, EdgeOwners, Surface};
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
-use drapery_core::scene::{EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription};
+use drapery_core::scene::{
+    EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription,
+};
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
 

@@ -52,7 +52,11 @@ fn nearest_rotation(matrix: &Matrix3<f64>) -> Rotation3<f64> {
         // A flat set can be fitted by a reflection as well: turn the direction that matters least.
         u * Matrix3::from_diagonal(&Vec3::new(1.0, 1.0, -1.0)) * v
     };
-    if rotation.iter().all(|x| x.is_finite()) { Rotation3::from_matrix_unchecked(rotation) } else { Rotation3::identity() }
+    if rotation.iter().all(|x| x.is_finite()) {
+        Rotation3::from_matrix_unchecked(rotation)
+    } else {
+        Rotation3::identity()
+    }
 }
 
 #[cfg(test)]

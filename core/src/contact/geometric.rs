@@ -233,7 +233,8 @@ impl CollisionLoop {
         let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
         let (given_up, kept): (Vec<_>, Vec<_>) = hits.iter().copied().partition(|hit| {
             let hopeless = response(&hit.constraint(), collisions.mobility) == 0.0;
-            (hopeless && hit.pair.nodes.iter().any(prescribed)) || (last_chance && hit.pair.nodes.iter().any(prescribed))
+            (hopeless && hit.pair.nodes.iter().any(prescribed))
+                || (last_chance && hit.pair.nodes.iter().any(prescribed))
         });
         self.given_up.extend(given_up.iter().map(|hit| hit.pair));
         self.given_up.sort_unstable();
@@ -251,7 +252,8 @@ impl CollisionLoop {
             let constraint = hit.constraint();
             let wanted = hit.opening(collisions.gap);
             let change = wanted - normal_velocity(&constraint, &self.displacements);
-            if change > 0.0 && change_normal_velocity(&constraint, collisions.mobility, &mut self.displacements, change) {
+            if change > 0.0 && change_normal_velocity(&constraint, collisions.mobility, &mut self.displacements, change)
+            {
                 changed(&hit.pair);
             }
         }
@@ -276,7 +278,14 @@ impl Source {
         if used <= neighbours.reach() { Self::Neighbours } else { Self::Swept }
     }
 
-    fn prepare(&self, collisions: &Collisions<'_>, search: &mut PairSearch, paths: &NodePaths, swept: &mut Vec<Pair>, metrics: &mut Metrics) {
+    fn prepare(
+        &self,
+        collisions: &Collisions<'_>,
+        search: &mut PairSearch,
+        paths: &NodePaths,
+        swept: &mut Vec<Pair>,
+        metrics: &mut Metrics,
+    ) {
         if *self == Self::Swept {
             metrics.count("swept_searches", 1);
             let (start, end) = (&paths.start, &paths.end);

@@ -19,4 +19,5 @@ pub mod self_contact;
 pub mod shared;
 pub mod surface;
 pub mod tolerances;
+pub mod untangle;
 pub mod zones;

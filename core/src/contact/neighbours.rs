@@ -151,7 +151,8 @@ impl Neighbours {
             for (i, way) in ways.iter_mut().enumerate() {
                 let node = c * CHUNK + i;
                 let from = &self.reference[node];
-                let [a, b] = [(start, 0), (end, 1)].map(|(x, at)| (x[node] - self.common[at].apply(from)).norm_squared());
+                let [a, b] =
+                    [(start, 0), (end, 1)].map(|(x, at)| (x[node] - self.common[at].apply(from)).norm_squared());
                 *way = a.max(b).sqrt();
                 largest = largest.max(*way / self.edge_length[node]);
             }

@@ -135,7 +135,8 @@ impl Repulsions {
                 .par_chunks(CHUNK)
                 .enumerate()
                 .map(|(c, chunk)| {
-                    let found = chunk.iter().enumerate().filter_map(|(i, n)| near(n).map(|s| ((c * CHUNK + i) as u32, s)));
+                    let found =
+                        chunk.iter().enumerate().filter_map(|(i, n)| near(n).map(|s| ((c * CHUNK + i) as u32, s)));
                     found.unzip()
                 })
                 .collect();
@@ -175,7 +176,8 @@ impl Repulsions {
             return;
         }
         self.nodes.iter().for_each(|&node| self.velocities.set(node, &v[node as usize]));
-        let law = |kind: usize, law: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)| self.sweep(kind, mobility, law);
+        let law =
+            |kind: usize, law: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)| self.sweep(kind, mobility, law);
         let laws = self.laws;
         let with_springs = passes == Passes::Full;
         for kind in 0..2 {

@@ -148,14 +148,7 @@ impl PairSearch {
 
     /// The pairs of points, triangles and edges that belong to two triangles.
     #[inline]
-    fn meet<T>(
-        &self,
-        surface: &ContactSurface,
-        s: u32,
-        t: u32,
-        keep: &impl Fn(Pair, &mut Vec<T>),
-        out: &mut Vec<T>,
-    ) {
+    fn meet<T>(&self, surface: &ContactSurface, s: u32, t: u32, keep: &impl Fn(Pair, &mut Vec<T>), out: &mut Vec<T>) {
         let boxes = [&self.triangle_boxes[s as usize], &self.triangle_boxes[t as usize]];
         if !boxes[0].overlaps(boxes[1]) {
             return;

@@ -15,6 +15,7 @@ use crate::contact::repulsion::{Laws, Passes, Repulsions};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
+use crate::contact::untangle::push_apart;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
@@ -280,20 +281,18 @@ impl SelfContact {
             ignored: &is_ignored,
             may_give_back: may_rewind && geometric.control.steps > 1,
         };
-        let outcome = geometric.work.resolve(
-            &collisions,
-            &mut self.neighbours,
-            &mut self.search,
-            &mut self.paths,
-            used,
-            metrics,
-        );
+        let outcome =
+            geometric.work.resolve(&collisions, &mut self.neighbours, &mut self.search, &mut self.paths, used, metrics);
         if outcome.given_back {
             metrics.count("rewinds", 1);
             geometric.control.failed();
             return Ending::Rewound;
         }
-        if outcome.zones { geometric.control.failed() } else { geometric.control.succeeded() }
+        if outcome.zones {
+            geometric.control.failed()
+        } else {
+            geometric.control.succeeded()
+        }
         for &node in &outcome.moved {
             let node = node as usize;
             let change = self.paths.end[node] - x[node];
@@ -350,6 +349,9 @@ impl SelfContact {
         };
         geometric.crossings = found;
         geometric.ignored = ignored_pairs(&geometric.crossings);
+        let paths = &self.paths;
+        let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
+        push_apart(surface, &geometric.crossings, &paths.end, velocity, &self.node_mobility, v);
     }
 
     /// All crossings of the state `x` [m], with bodies where they stand; the pairs that cross are left alone from now on.

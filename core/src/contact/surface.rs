@@ -33,6 +33,8 @@ pub struct ContactSurface {
     garment: Vec<u32>,
     /// Mean rest length of the edges of each node [m]; of all cloth for bodies.
     edge_length: Vec<f64>,
+    /// Every edge with each triangle that has it, ascending.
+    edge_triangles: Vec<([u32; 2], u32)>,
 }
 
 impl ContactSurface {
@@ -57,7 +59,10 @@ impl ContactSurface {
             }
         }
         let owned_nodes = Owned::new(&triangles, |corners| *corners);
-        let owned_edges = Owned::new(&triangles, |&[a, b, c]| [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)]));
+        let owned_edges = Owned::new(&triangles, edges_of);
+        let sides = triangles.iter().zip(0..).flat_map(|(corners, t)| edges_of(corners).map(|edge| (edge, t)));
+        let mut edge_triangles: Vec<_> = sides.collect();
+        edge_triangles.sort_unstable();
         let (cloth, of_bodies) = triangles.split_at(cloth_triangles);
         let edge_owners = [cloth, of_bodies].map(EdgeOwners::new);
         let (mut rest, mut garment) = (vec![Vec3::zeros(); cloth_nodes], vec![0; cloth_nodes]);
@@ -81,6 +86,7 @@ impl ContactSurface {
             rest,
             garment,
             edge_length,
+            edge_triangles,
         }
     }
 
@@ -185,10 +191,23 @@ impl ContactSurface {
         self.owned_edges.range(triangle)
     }
 
+    /// The triangles that have an edge, given with its smaller node first.
+    pub fn triangles_of_edge(&self, edge: [u32; 2]) -> impl Iterator<Item = [u32; 3]> + '_ {
+        let first = self.edge_triangles.partition_point(|(e, _)| *e < edge);
+        let same = self.edge_triangles[first..].iter().take_while(move |(e, _)| *e == edge);
+        same.map(|(_, triangle)| self.triangles[*triangle as usize])
+    }
+
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        self.triangles.len() * (2 * size_of::<[u32; 3]>() + 2 * size_of::<u64>()) + self.thickness.len() * size_of::<f64>()
+        self.triangles.len() * (5 * size_of::<[u32; 3]>() + 2 * size_of::<u64>())
+            + self.thickness.len() * size_of::<f64>()
     }
+}
+
+/// Edges of a triangle, the smaller node of each first.
+fn edges_of(&[a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
+    [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
 }
 
 /// Things that triangles own, in the order of the triangles.
@@ -207,7 +226,8 @@ impl<T: Ord + Copy> Owned<T> {
         all.sort_unstable();
         all.dedup_by_key(|(thing, _)| *thing);
         all.sort_unstable_by_key(|(thing, t)| (*t, *thing));
-        let starts = (0..=triangles.len() as u32).map(|t| all.partition_point(|(_, owner)| *owner < t) as u32).collect();
+        let starts =
+            (0..=triangles.len() as u32).map(|t| all.partition_point(|(_, owner)| *owner < t) as u32).collect();
         Self { items: all.into_iter().map(|(thing, _)| thing).collect(), starts }
     }
 

@@ -48,6 +48,10 @@ pub const TRUSTED_SIDE: f64 = 0.5;
 /// rounding. Guarded by `a_list_of_neighbours_holds_all_that_brute_force_finds`.
 pub const USABLE_REACH: f64 = 0.98;
 
+/// Sine of the angle between an edge and a triangle below which they have no clear way out of each other. Guarded by
+/// `sheets_that_cross_at_the_start_run_and_never_cross_more`.
+pub const ALONG_TRIANGLE: f64 = 1e-3;
+
 /// The gap that collisions keep, in roundings to single precision of the largest coordinate. Rounding moves a point by up to
 /// √3/2 of one, and two primitives approach by twice that. Guarded by `what_is_written_in_single_precision_does_not_cross`.
 pub const GAP_ROUNDINGS: f64 = 4.0;

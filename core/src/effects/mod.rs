@@ -25,8 +25,7 @@ use crate::scene::Scene;
 use crate::settings::{Field, Settings};
 
 /// All effects, in the order of execution.
-pub static REGISTRY: &[&EffectSpec] =
-    &[
+pub static REGISTRY: &[&EffectSpec] = &[
     &gravity::SPEC,
     &stretch::SPEC,
     &bending::SPEC,

@@ -29,7 +29,8 @@ impl Resolver<'_> {
             self.description.pins.extend(pin);
         }
         let here = path.clone().key("thickness");
-        let thickness = self.quantity(&here, &garment.thickness, Dimension::Length).and_then(|t| self.positive(&here, t));
+        let thickness =
+            self.quantity(&here, &garment.thickness, Dimension::Length).and_then(|t| self.positive(&here, t));
         let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
         self.garments.push(data);
         let velocity = Vec3::from(garment.velocity);

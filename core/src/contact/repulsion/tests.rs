@@ -106,7 +106,14 @@ fn repulsions_keep_momentum_and_never_add_more_energy_than_their_limit() {
         };
         let before = momentum(&pushed);
         let mut metrics = Metrics::default();
-        pushed.repulsions.apply(Passes::Full, 1e-3, &pushed.x.clone(), &pushed.mobility.clone(), &mut pushed.v, &mut metrics);
+        pushed.repulsions.apply(
+            Passes::Full,
+            1e-3,
+            &pushed.x.clone(),
+            &pushed.mobility.clone(),
+            &mut pushed.v,
+            &mut metrics,
+        );
         let after = momentum(&pushed);
         assert!(metrics.counted("repulsions") > 0);
         assert!((before.0 - after.0).norm() <= 1e-12 * before.0.norm(), "linear");
