@@ -39,6 +39,10 @@ test-full: build ## the suites too long for CI; writes docs/test-full.md
 bench: setup ## benches of the solver's parts
 	cargo bench --package drapery-core
 
+.PHONY: measure
+measure: build ## what self-contact costs, on the spinning ball and the twister; writes docs/self-contact.md
+	@.ci/measure-self-contact $(MEASURE)
+
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check

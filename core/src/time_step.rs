@@ -18,6 +18,8 @@ pub struct StepLimit {
     /// Largest stable step of the explicit elastic forces [s].
     pub elastic: f64,
     strain_rates: Vec<f64>,
+    /// Time between two frames [s].
+    frame: f64,
     last: f64,
 }
 
@@ -35,8 +37,8 @@ pub struct Choice {
 }
 
 impl StepLimit {
-    /// The limits for these forces and masses [kg].
-    pub fn new(parts: &Parts, masses: &[f64], forces: &[Vec<Box<dyn Force>>], cfl: f64) -> Self {
+    /// The limits for these forces and masses [kg], and frames that are so far apart [s].
+    pub fn new(parts: &Parts, masses: &[f64], forces: &[Vec<Box<dyn Force>>], cfl: f64, frame: f64) -> Self {
         let mut elastic = f64::INFINITY;
         let mut sums = Vec::new();
         for (range, forces) in parts.ranges().iter().zip(forces) {
@@ -46,7 +48,7 @@ impl StepLimit {
             let squared = sums.iter().zip(&masses[range.clone()]).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
             elastic = squared.fold(elastic, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt });
         }
-        Self { elastic, strain_rates: vec![0.0; parts.count()], last: 0.0 }
+        Self { elastic, strain_rates: vec![0.0; parts.count()], frame, last: 0.0 }
     }
 
     /// Length of the step that the cloth allowed last [s]; zero before the first.
@@ -65,8 +67,8 @@ impl StepLimit {
         share: f64,
     ) -> Choice {
         let whole = self.elastic.min(settings.max_dt.unwrap_or(f64::INFINITY));
-        // Cloth without springs allows any step; a share of it is one of the time left.
-        let longest = if share < 1.0 { share * whole.min(end - time) } else { whole };
+        // Cloth without springs allows any step; a share of it is one of a frame. A share of what is left would never end it.
+        let longest = if share < 1.0 { share * whole.min(self.frame) } else { whole };
         parts.for_each(PerPart(&mut self.strain_rates), &|part, rate| {
             let (range, forces) = (&parts.ranges()[part], &forces[part]);
             let bound = forces.iter().map(|f| f.strain_rate_bound(range.clone(), v)).fold(0.0, f64::max);

@@ -2,6 +2,7 @@
 //! which words and numbers may not appear, and that the documentation names only what exists.
 
 mod core_rules;
+mod counts;
 mod dependencies;
 mod docs;
 mod effects_page;

@@ -4,8 +4,6 @@
 //! are close, K time steps follow with repulsions in B.2 and B.8, and C stops what would pass through something on the way.
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
-use std::collections::HashSet;
-
 use crate::Vec3;
 use crate::bodies::Bodies;
 use crate::contact::geometric::{CollisionLoop, Collisions};
@@ -25,6 +23,10 @@ use crate::state::State;
 
 /// Collision steps without a rewind after which K is doubled (method 2.1).
 const GROWTH_PERIOD: u32 = 3;
+
+/// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
+const STEP_COUNTS: [&str; 5] =
+    ["collision_steps_k1", "collision_steps_k2", "collision_steps_k4", "collision_steps_k8", "collision_steps_k16"];
 
 /// Rounds in which what would cross more stays where it was; then everything does.
 const REVERT_ROUNDS: u32 = 6;
@@ -101,8 +103,8 @@ struct Geometric {
     velocities: Vec<Vec3>,
     /// Crossings of the collision-free state: those of the start, and of cloth that bodies have pinched.
     crossings: Vec<Crossing>,
-    /// Pairs that are left alone because of them.
-    ignored: HashSet<Pair>,
+    /// Pairs that are left alone because of them, ascending.
+    ignored: Vec<Pair>,
 }
 
 /// The state of self-contact; whole, or repulsions alone, or collisions alone.
@@ -147,7 +149,7 @@ impl SelfContact {
             work: CollisionLoop::new(surface.nodes()),
             velocities: Vec::new(),
             crossings: Vec::new(),
-            ignored: HashSet::new(),
+            ignored: Vec::new(),
         });
         let mobility: Vec<f64> = scene.masses().iter().map(|m| 1.0 / m).collect();
         let mut node_mobility: Vec<Vec3> = mobility.iter().map(|w| Vec3::repeat(*w)).collect();
@@ -226,12 +228,14 @@ impl SelfContact {
             self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
-            let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|set| !set.is_empty());
+            let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
             let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
-            let is_ignored = |pair: &Pair| ignored.is_some_and(|set| set.contains(pair));
+            let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
             repulsions.take_sides(&self.neighbours, &self.paths.start, slack, &is_ignored);
         }
         metrics.count("collision_steps", 1);
+        metrics.count(STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], 1);
+        metrics.count("collision_steps_shortened", u64::from(self.step_share() < 1.0));
         steps
     }
 
@@ -273,7 +277,7 @@ impl SelfContact {
         }
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
         let ignored = &geometric.ignored;
-        let is_ignored = |pair: &Pair| ignored.contains(pair);
+        let is_ignored = |pair: &Pair| ignored.binary_search(pair).is_ok();
         let collisions = Collisions {
             surface: &self.surface,
             mobility: &self.node_mobility,
@@ -288,7 +292,7 @@ impl SelfContact {
             geometric.control.failed();
             return Ending::Rewound;
         }
-        if outcome.zones {
+        if outcome.hard {
             geometric.control.failed()
         } else {
             geometric.control.succeeded()
@@ -301,7 +305,7 @@ impl SelfContact {
             moved(node, change.norm());
         }
         if !outcome.moved.is_empty() || !geometric.crossings.is_empty() || outcome.pinched {
-            self.check(&outcome.moved, (x, v), duration, metrics);
+            self.check(&outcome.moved, (x, v), bodies, duration, metrics);
         }
         Ending::Resolved
     }
@@ -318,7 +322,14 @@ impl SelfContact {
 
     /// Finds the crossings that the state has now: around the vertices in `moved` if there were none before, else all. More of
     /// cloth with cloth than before are not accepted: what makes them stays where it was.
-    fn check(&mut self, moved: &[u32], (x, v): (&mut [Vec3], &mut [Vec3]), duration: f64, metrics: &mut Metrics) {
+    fn check(
+        &mut self,
+        moved: &[u32],
+        (x, v): (&mut [Vec3], &mut [Vec3]),
+        bodies: &Bodies,
+        duration: f64,
+        metrics: &mut Metrics,
+    ) {
         let Some(geometric) = &mut self.geometric else { return };
         metrics.count("crossing_checks", 1);
         let surface = &self.surface;
@@ -351,7 +362,10 @@ impl SelfContact {
         geometric.ignored = ignored_pairs(&geometric.crossings);
         let paths = &self.paths;
         let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
-        push_apart(surface, &geometric.crossings, &paths.end, velocity, &self.node_mobility, v);
+        // Where a body crosses itself there is no way out yet.
+        let pinched = |c: &Crossing| surface.is_pinched(c, &paths.end, bodies);
+        let free: Vec<Crossing> = geometric.crossings.iter().filter(|c| !pinched(c)).copied().collect();
+        push_apart(surface, &free, &paths.end, velocity, &self.node_mobility, v);
     }
 
     /// All crossings of the state `x` [m], with bodies where they stand; the pairs that cross are left alone from now on.
@@ -388,19 +402,21 @@ fn gap(x: &[Vec3]) -> f64 {
 }
 
 /// The pairs of points, triangles and edges that may pass through each other because an edge crosses a triangle: its ends
-/// with the triangle, and the edge with the triangle's edges (method 4.9).
-fn ignored_pairs(crossings: &[Crossing]) -> HashSet<Pair> {
-    let mut pairs = HashSet::new();
+/// with the triangle, and the edge with the triangle's edges (method 4.9). Ascending.
+fn ignored_pairs(crossings: &[Crossing]) -> Vec<Pair> {
+    let mut pairs = Vec::new();
     for Crossing { edge, triangle: [a, b, c] } in crossings {
         for p in edge {
-            pairs.insert(Pair { kind: PairKind::PointTriangle, nodes: [*p, *a, *b, *c] });
+            pairs.push(Pair { kind: PairKind::PointTriangle, nodes: [*p, *a, *b, *c] });
         }
         for [p, q] in [[a, b], [b, c], [c, a]] {
             let other = [*p.min(q), *p.max(q)];
             let [first, second] = if *edge < other { [*edge, other] } else { [other, *edge] };
             let nodes = [first[0], first[1], second[0], second[1]];
-            pairs.insert(Pair { kind: PairKind::EdgeEdge, nodes });
+            pairs.push(Pair { kind: PairKind::EdgeEdge, nodes });
         }
     }
+    pairs.sort_unstable();
+    pairs.dedup();
     pairs
 }

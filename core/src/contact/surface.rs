@@ -158,6 +158,13 @@ impl ContactSurface {
         !crossing.edge.iter().chain(&crossing.triangle).any(|&node| self.is_body(node))
     }
 
+    /// Whether cloth crosses a body at a place where that body may cross itself.
+    pub fn is_pinched(&self, crossing: &Crossing, x: &[Vec3], bodies: &Bodies) -> bool {
+        let place = &x[crossing.edge[0] as usize];
+        let margin = self.edge_length[crossing.edge[0] as usize];
+        !self.is_cloth(crossing) && self.bodies.iter().any(|&body| bodies.may_cross_itself(body, place, margin))
+    }
+
     /// Marks the corners of all triangles of cloth that have a marked corner.
     pub fn grow(&self, marked: &mut [bool]) {
         let touched: Vec<u32> = self.triangles[..self.cloth_triangles]

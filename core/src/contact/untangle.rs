@@ -12,8 +12,11 @@ use crate::contact::surface::ContactSurface;
 use crate::contact::tolerances::ALONG_TRIANGLE;
 use crate::geometry::crossings::Crossing;
 
-/// Edge lengths per second at which surfaces that cross are pushed apart [1/s].
+/// Edge lengths per second at which cloth that crosses cloth is pushed apart [1/s].
 const PUSH_RATE: f64 = 10.0;
+
+/// The same for cloth that crosses a body: it was pinched, and has to be out soon after the body lets go [1/s].
+const RELEASE_RATE: f64 = 60.0;
 
 /// Gives every crossing a relative velocity out of itself, at least [m/s]; positions `x` [m] of all nodes, `velocity` of the
 /// bodies' nodes [m/s], inverse masses per axis [1/kg].
@@ -30,7 +33,8 @@ pub fn push_apart(
         let nodes = push.nodes.iter().zip(&push.weights);
         let speed_of = |node: u32, v: &[Vec3]| v.get(node as usize).copied().unwrap_or_else(|| velocity(node));
         let speed: f64 = nodes.clone().map(|(&node, w)| speed_of(node, v).dot(&push.direction) * w).sum();
-        let wanted = PUSH_RATE * surface.edge_length()[crossing.edge[0] as usize];
+        let rate = if surface.is_cloth(crossing) { PUSH_RATE } else { RELEASE_RATE };
+        let wanted = rate * surface.edge_length()[crossing.edge[0] as usize];
         let squares = push.direction.component_mul(&push.direction);
         let response: f64 = nodes.clone().map(|(&node, w)| w * w * mobility[node as usize].dot(&squares)).sum();
         if speed >= wanted || response <= 0.0 {

@@ -100,6 +100,11 @@ impl Zones {
         stopped
     }
 
+    /// Nodes of all zones.
+    pub fn node_count(&self) -> usize {
+        self.members.len()
+    }
+
     /// Counts what there was.
     pub fn report(&mut self, metrics: &mut Metrics) {
         let all = self.members.clone();

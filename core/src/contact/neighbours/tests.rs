@@ -59,7 +59,7 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
             let shift = random.vector();
             let edge = surface.edge_length();
             let moved = |random: &mut Random| -> Vec<Vec3> {
-                let own = |i: usize, random: &mut Random| random.vector().normalize() * 0.7 * reach * edge[i];
+                let own = |i: usize, random: &mut Random| random.vector().normalize() * 0.55 * reach * edge[i];
                 x.iter().enumerate().map(|(i, x)| turn * x + shift + own(i, random)).collect()
             };
             let (start, end) = (moved(&mut random), moved(&mut random));
