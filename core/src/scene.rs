@@ -332,7 +332,7 @@ impl SceneDescription {
 }
 
 /// Thickness of a garment that does not say it [m]: a shirt's.
-pub const DEFAULT_THICKNESS: f64 = 0.5e-3;
+pub const DEFAULT_THICKNESS: f64 = 0.0005;
 
 impl GarmentDescription {
     /// A garment of areal density `density` [kg/m²] that starts at rest in its rest shape.

@@ -7,7 +7,7 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{PartView, PlannedEffect, build_all};
+use crate::effects::{Need, PartView, PlannedEffect, build_all};
 use crate::error::{Problem, Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
@@ -133,9 +133,15 @@ impl Simulation {
         if collision.is_some() {
             start_outside(&scene, &state, &bodies, pins.as_ref())?;
         }
-        let limit = StepLimit::new(parts, scene.masses(), &forces, scene.description().solver.cfl);
+        let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
+        let limit = StepLimit::new(parts, scene.masses(), &forces, cfl, frame);
         let needs_contact = repulsion.is_some() || self_collision.is_some();
         let self_contact = needs_contact.then(|| SelfContact::new(&scene, repulsion, self_collision));
+        // The structures are shared: the first of the effects that need them carries their memory.
+        let first = plan.iter_mut().find(|effect| effect.needs.contains(&Need::ClothSurface));
+        if let (Some(effect), Some(contact)) = (first, &self_contact) {
+            effect.bytes = contact.bytes();
+        }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
         let scratch = Scratch::new(parts, collision.is_some() || after_position);
         let frame = scene.description().timeline.start;
@@ -310,7 +316,9 @@ impl Simulation {
         let Some(contact) = self_contact.as_mut().filter(|c| !c.collides_after_position()) else {
             return Ending::Resolved;
         };
-        metrics.stage("C collisions", |m| {
+        // Repulsions alone only note how far the neighbours have come.
+        let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
+        metrics.stage(stage, |m| {
             let ends = (&mut state.x[..], &mut state.v[..]);
             contact.end_interval(ends, bodies, duration, may_rewind, m, |vertex, way| {
                 if let Some(collision) = collision {
@@ -448,7 +456,9 @@ impl Simulation {
             StrainRecord { garment: self.scene.description().garments[garment].name.clone(), vertices, strain }
         });
         self.crossings = self.find_crossings();
-        self.metrics.count("crossings", self.crossings.len() as u64);
+        if self.self_contact.as_ref().is_some_and(SelfContact::keeps_free) {
+            self.metrics.count("crossings", self.crossings.len() as u64);
+        }
         summary.body_self_crossings = self.bodies.self_crossings() as u64;
         summary.metrics = self.metrics.take();
         Ok(())

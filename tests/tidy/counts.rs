@@ -25,9 +25,10 @@ fn counted() -> Vec<String> {
     let mut names: Vec<String> = LIMITS.iter().map(|(name, _)| (*name).to_owned()).collect();
     for file in rust_files().iter().filter(|f| f.name.starts_with("core/src/") || f.name.starts_with("io/src/")) {
         // Of texts only what stands between the quotes matters, so comments may stay.
-        for call in without_tests(&file.text).split(".count(\"").skip(1) {
-            names.push(call.split('"').next().unwrap_or_default().to_owned());
-        }
+        let text = without_tests(&file.text);
+        let calls = text.split(".count(\"").skip(1).map(|call| call.split('"').next().unwrap_or_default());
+        let tables = text.split("_COUNTS: [&str").skip(1).map(|rest| rest.split_once("];").unwrap_or_default().0);
+        names.extend(calls.chain(tables.flat_map(|table| table.split('"').skip(1).step_by(2))).map(str::to_owned));
     }
     names.sort_unstable();
     names.dedup();

@@ -35,7 +35,7 @@ fn section(spec: &EffectSpec) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "| `{}` | {unit} | {default} | {range} | {} |", field.name, field.help);
     }
-    for field in spec.fields {
+    for field in spec.fields.iter().filter(|field| !matches!(field.default, Default::Flag(_))) {
         let others = &field.dimension.units()[1..];
         if !others.is_empty() {
             let names: Vec<&str> = others.iter().map(|(name, _)| *name).collect();

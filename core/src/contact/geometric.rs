@@ -14,8 +14,8 @@ use crate::Vec3;
 use crate::contact::ccd::{self, Contact};
 use crate::contact::impact_zone::{self, ZoneNode};
 use crate::contact::impulse::{Constraint, change_normal_velocity, normal_velocity, response};
-use crate::contact::neighbours::{Neighbour, Neighbours};
-use crate::contact::pair::{KINDS, Pair, PairKind};
+use crate::contact::neighbours::Neighbours;
+use crate::contact::pair::{Pair, PairKind};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::{CLOSER_THAN_GAP, OPEN_GAP};
@@ -36,8 +36,8 @@ const INELASTIC_ATTEMPTS: usize = 12;
 /// Attempts with rigid zones, before their nodes stay where they were (method 4.8).
 const RIGID_ATTEMPTS: usize = 8;
 
-/// What boxes around paths are larger than the paths, as a share of the edges around a node.
-const SWEPT_MARGIN: f64 = 0.02;
+/// How much farther than on its path a node may come until pairs are looked for again, as a share of the edges around it.
+const MARGIN: f64 = 0.02;
 
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;
@@ -86,7 +86,8 @@ pub struct CollisionLoop {
     recent: Vec<bool>,
     moved: Vec<bool>,
     given_up: Vec<Pair>,
-    swept: Vec<Pair>,
+    /// Pairs that may meet.
+    candidates: Vec<Pair>,
 }
 
 impl CollisionLoop {
@@ -97,7 +98,7 @@ impl CollisionLoop {
             recent: vec![false; nodes],
             moved: vec![false; nodes],
             given_up: Vec::new(),
-            swept: Vec::new(),
+            candidates: Vec::new(),
         }
     }
 
@@ -114,8 +115,8 @@ impl CollisionLoop {
     ) -> Resolution {
         self.given_up.clear();
         let mut source = Source::of(used, neighbours);
-        source.prepare(collisions, search, paths, &mut self.swept, metrics);
-        let mut hits = self.detect(collisions, neighbours, &source, paths, None);
+        source.prepare(collisions, neighbours, search, paths, &mut self.candidates, metrics);
+        let mut hits = self.detect(collisions, paths, None);
         if hits.is_empty() {
             return Resolution::default();
         }
@@ -133,20 +134,24 @@ impl CollisionLoop {
             metrics.count("collision_hits", hits.len() as u64);
             let touched = self.respond(collisions, attempts, &hits, &mut zones, paths, metrics);
             self.recent.fill(false);
-            let mut covered = source == Source::Swept;
+            let mut covered = true;
             for node in touched {
                 let end = paths.start[node as usize] + self.displacements[node as usize];
                 paths.end[node as usize] = end;
                 self.recent[node as usize] = true;
                 self.moved[node as usize] = true;
-                used = used.max(neighbours.note_way(node as usize, &end));
-                covered &= search.covers(node, &end);
+                covered &= match source {
+                    Source::Swept => search.covers(node, &end),
+                    Source::Neighbours => neighbours.covers(node as usize, &end, MARGIN),
+                };
             }
             if !covered {
+                let moved = (0..self.moved.len()).filter(|&node| self.moved[node]);
+                used = moved.map(|node| neighbours.note_way(node, &paths.end[node])).fold(used, f64::max);
                 source = Source::of(used, neighbours);
-                source.prepare(collisions, search, paths, &mut self.swept, metrics);
+                source.prepare(collisions, neighbours, search, paths, &mut self.candidates, metrics);
             }
-            hits = self.detect(collisions, neighbours, &source, paths, Some(&self.recent));
+            hits = self.detect(collisions, paths, Some(&self.recent));
             // What moves as one rigid body is as far apart at the end as at the start.
             hits.retain(|hit| !zones.are_rigid(&hit.pair.nodes));
         }
@@ -159,33 +164,17 @@ impl CollisionLoop {
         Resolution { moved, hard: is_hard(zones.node_count()), pinched: !self.given_up.is_empty(), given_back: false }
     }
 
-    /// The pairs that meet, sorted; only those with a node in `recent` if given.
-    fn detect(
-        &self,
-        collisions: &Collisions<'_>,
-        neighbours: &Neighbours,
-        source: &Source,
-        paths: &NodePaths,
-        recent: Option<&[bool]>,
-    ) -> Vec<Hit> {
+    /// The candidates that meet, sorted; only those with a node in `recent` if given.
+    fn detect(&self, collisions: &Collisions<'_>, paths: &NodePaths, recent: Option<&[bool]>) -> Vec<Hit> {
         let concerns = |pair: &Pair| recent.is_none_or(|r| pair.nodes.iter().any(|&node| r[node as usize]));
         let judge = |pair: &Pair| {
             let hit = meet(pair, paths, collisions.gap)?;
             let left_alone = (collisions.ignored)(pair) || self.given_up.binary_search(pair).is_ok();
             (!left_alone).then_some(hit)
         };
-        let mut hits: Vec<Hit> = match source {
-            Source::Swept => {
-                let chunks = self.swept.par_chunks(CHUNK);
-                chunks.flat_map_iter(|chunk| chunk.iter().filter(|p| concerns(p)).filter_map(judge)).collect()
-            }
-            Source::Neighbours => {
-                let may_meet = |n: &&Neighbour| neighbours.distance_bound(n) <= collisions.gap && concerns(&n.pair);
-                let lists = KINDS.map(|kind| neighbours.list(kind));
-                let chunks = lists[0].par_chunks(CHUNK).chain(lists[1].par_chunks(CHUNK));
-                chunks.flat_map_iter(|c| c.iter().filter(may_meet).filter_map(|n| judge(&n.pair))).collect()
-            }
-        };
+        let chunks = self.candidates.par_chunks(CHUNK);
+        let mut hits: Vec<Hit> =
+            chunks.flat_map_iter(|chunk| chunk.iter().filter(|p| concerns(p)).filter_map(judge)).collect();
         hits.sort_unstable_by_key(|hit| hit.pair);
         hits
     }
@@ -200,45 +189,59 @@ impl CollisionLoop {
         paths: &NodePaths,
         metrics: &mut Metrics,
     ) -> Vec<u32> {
-        let hits = self.give_up(collisions, attempt, hits);
+        let hits = self.give_up(collisions, attempt, hits, zones);
         if attempt <= IMPULSE_ATTEMPTS {
             return self.impulses(collisions, &hits, paths);
         }
         let targets = hits.iter().map(|hit| (hit.constraint(), hit.opening(collisions.gap)));
         zones.add(targets);
         let rigid_from = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
+        let seeds = hits.iter().map(|hit| hit.pair.nodes[0]);
         if attempt <= rigid_from {
-            let seeds: Vec<u32> = hits.iter().map(|hit| hit.pair.nodes[0]).collect();
-            return zones.make_inelastic(&seeds, collisions.mobility, &mut self.displacements, metrics);
+            let (rigid, inelastic): (Vec<_>, Vec<_>) = seeds.partition(|&node| zones.contradicts(node));
+            let mut touched = zones.make_inelastic(&inelastic, collisions.mobility, &mut self.displacements, metrics);
+            touched.extend(self.make_rigid(collisions, &rigid, zones, paths));
+            return touched;
         }
+        let seeds: Vec<u32> = seeds.collect();
         if attempt <= rigid_from + RIGID_ATTEMPTS {
-            let node = |i: u32, displacements: &[Vec3]| {
-                let start = paths.start[i as usize];
-                let (end, mobility) = (start + displacements[i as usize], collisions.mobility[i as usize]);
-                ZoneNode { start, end, mobility }
-            };
-            return zones.make_rigid(&hits.iter().map(|h| h.pair.nodes[0]).collect::<Vec<_>>(), |members| {
-                let mut nodes: Vec<ZoneNode> = members.iter().map(|&i| node(i, &self.displacements)).collect();
-                impact_zone::rigid(&mut nodes, 1.0);
-                for (&i, node) in members.iter().zip(&nodes) {
-                    self.displacements[i as usize] = node.end - node.start;
-                }
-            });
+            return self.make_rigid(collisions, &seeds, zones, paths);
         }
-        zones.stop(&hits.iter().map(|h| h.pair.nodes[0]).collect::<Vec<_>>(), |i| {
+        zones.stop(&seeds, |i| {
             let free = collisions.mobility[i as usize].map(|w| f64::from(w == 0.0));
             self.displacements[i as usize].component_mul_assign(&free);
         })
     }
 
+    /// Makes the zones that one of `seeds` belongs to rigid; returns the nodes that may have changed.
+    fn make_rigid(
+        &mut self,
+        collisions: &Collisions<'_>,
+        seeds: &[u32],
+        zones: &mut Zones,
+        paths: &NodePaths,
+    ) -> Vec<u32> {
+        let node = |i: u32, displacements: &[Vec3]| {
+            let start = paths.start[i as usize];
+            let (end, mobility) = (start + displacements[i as usize], collisions.mobility[i as usize]);
+            ZoneNode { start, end, mobility }
+        };
+        zones.make_rigid(seeds, |members| {
+            let mut nodes: Vec<ZoneNode> = members.iter().map(|&i| node(i, &self.displacements)).collect();
+            impact_zone::rigid(&mut nodes, 1.0);
+            for (&i, node) in members.iter().zip(&nodes) {
+                self.displacements[i as usize] = node.end - node.start;
+            }
+        })
+    }
+
     /// Leaves alone what cannot be helped: pairs of prescribed nodes only, and, when zones have failed, pairs with one.
-    fn give_up(&mut self, collisions: &Collisions<'_>, attempt: usize, hits: &[Hit]) -> Vec<Hit> {
+    fn give_up(&mut self, collisions: &Collisions<'_>, attempt: usize, hits: &[Hit], zones: &mut Zones) -> Vec<Hit> {
         let prescribed = |node: &u32| collisions.mobility[*node as usize] == Vec3::zeros();
         let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
         let (given_up, kept): (Vec<_>, Vec<_>) = hits.iter().copied().partition(|hit| {
             let hopeless = response(&hit.constraint(), collisions.mobility) == 0.0;
-            (hopeless && hit.pair.nodes.iter().any(prescribed))
-                || (last_chance && hit.pair.nodes.iter().any(prescribed))
+            (hopeless || last_chance || zones.has_let_go(hit.pair.nodes[0])) && hit.pair.nodes.iter().any(prescribed)
         });
         self.given_up.extend(given_up.iter().map(|hit| hit.pair));
         self.given_up.sort_unstable();
@@ -248,7 +251,6 @@ impl CollisionLoop {
     /// One Gauss-Seidel pass over the hits: each is looked at again with what those before it have changed.
     fn impulses(&mut self, collisions: &Collisions<'_>, hits: &[Hit], paths: &NodePaths) -> Vec<u32> {
         let mut touched = Vec::new();
-        let mut changed = |pair: &Pair| touched.extend_from_slice(&pair.nodes);
         for hit in hits {
             let start = hit.pair.positions(&paths.start);
             let end = [0, 1, 2, 3].map(|q| start[q] + self.displacements[hit.pair.nodes[q] as usize]);
@@ -256,10 +258,11 @@ impl CollisionLoop {
             let constraint = hit.constraint();
             let wanted = hit.opening(collisions.gap);
             let change = wanted - normal_velocity(&constraint, &self.displacements);
-            if change > 0.0 && change_normal_velocity(&constraint, collisions.mobility, &mut self.displacements, change)
-            {
-                changed(&hit.pair);
+            if change > 0.0 {
+                change_normal_velocity(&constraint, collisions.mobility, &mut self.displacements, change);
             }
+            // What met but needed no change turns a lot, and has to be looked at again.
+            touched.extend_from_slice(&hit.pair.nodes);
         }
         touched.retain(|&node| collisions.mobility[node as usize] != Vec3::zeros());
         touched.sort_unstable();
@@ -279,25 +282,28 @@ enum Source {
 
 impl Source {
     fn of(used: f64, neighbours: &Neighbours) -> Self {
-        if used <= neighbours.reach() { Self::Neighbours } else { Self::Swept }
+        if used + MARGIN <= neighbours.reach() { Self::Neighbours } else { Self::Swept }
     }
 
+    /// Finds the pairs that may meet on these paths, with a little more, so that impulses seldom lead beyond.
     fn prepare(
         &self,
         collisions: &Collisions<'_>,
+        neighbours: &Neighbours,
         search: &mut PairSearch,
         paths: &NodePaths,
-        swept: &mut Vec<Pair>,
+        candidates: &mut Vec<Pair>,
         metrics: &mut Metrics,
     ) {
-        if *self == Self::Swept {
-            metrics.count("swept_searches", 1);
-            let (start, end) = (&paths.start, &paths.end);
-            // A little more than the paths, so that impulses seldom lead out of the boxes.
-            let edges = collisions.surface.edge_length();
-            let margin = |i: usize| collisions.gap + SWEPT_MARGIN * edges[i];
-            search.fit(collisions.surface, |i| Aabb::of_segment(&start[i], &end[i]).enlarged(margin(i)));
-            search.pairs(collisions.surface, |pair, out| out.push(pair), swept);
+        match self {
+            Self::Neighbours => neighbours.close_pairs(collisions.gap, MARGIN, candidates),
+            Self::Swept => {
+                metrics.count("swept_searches", 1);
+                let (start, end, edges) = (&paths.start, &paths.end, collisions.surface.edge_length());
+                let margin = |i: usize| collisions.gap + MARGIN * edges[i];
+                search.fit(collisions.surface, |i| Aabb::of_segment(&start[i], &end[i]).enlarged(margin(i)));
+                search.pairs(collisions.surface, |pair, out| out.push(pair), candidates);
+            }
         }
     }
 }

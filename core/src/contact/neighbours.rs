@@ -162,13 +162,34 @@ impl Neighbours {
         largest.reduce(|| 0.0, f64::max) / self.shortening
     }
 
+    /// Whether a node with a new end has moved no farther than noted, up to a share of its edges.
+    pub fn covers(&self, node: usize, end: &Vec3, margin: f64) -> bool {
+        self.way_to(node, end) <= self.way[node] + margin * self.edge_length[node]
+    }
+
     /// Notes the way of one node again, after its end has changed. Returns it as a share of the node's edges.
     pub fn note_way(&mut self, node: usize, end: &Vec3) -> f64 {
         if self.reference.len() != self.way.len() {
             return f64::INFINITY;
         }
-        self.way[node] = self.way[node].max((end - self.common[1].apply(&self.reference[node])).norm());
+        self.way[node] = self.way[node].max(self.way_to(node, end));
         self.way[node] / (self.edge_length[node] * self.shortening)
+    }
+
+    fn way_to(&self, node: usize, end: &Vec3) -> f64 {
+        (end - self.common[1].apply(&self.reference[node])).norm()
+    }
+
+    /// The pairs that may come within `gap` [m] on the paths noted last, also if all nodes move a share `margin` of their edges
+    /// farther.
+    pub fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
+        out.clear();
+        let may_meet = |n: &&Neighbour| {
+            let [a, b] = n.pair.fold(&self.edge_length, f64::max);
+            self.distance_bound(n) - margin * (a + b) <= gap
+        };
+        let chunks = self.lists[0].par_chunks(CHUNK).chain(self.lists[1].par_chunks(CHUNK));
+        out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
     }
 
     /// A bound from below on the distance of a pair anywhere on the paths noted last [m].

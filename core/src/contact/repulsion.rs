@@ -68,7 +68,7 @@ struct Touching {
     /// Signed distance [m].
     distance: f64,
     thickness: f64,
-    /// Change of relative velocity per impulse [1/kg].
+    /// Change of relative velocity per impulse [1/kg], as if all nodes were free.
     response: f64,
     mean_mobility: f64,
 }
@@ -292,12 +292,14 @@ impl Sided {
             PairKind::PointTriangle => self.point_triangle(laws, &at, reach)?,
             PairKind::EdgeEdge => self.edges(laws, &at, reach)?,
         };
-        let (mut response, mut sum) = (0.0, 0.0);
-        for (q, w) in self.pair.nodes.iter().zip(weights) {
-            response += w * w * mobility[*q as usize];
-            sum += mobility[*q as usize];
-        }
         let nodes = self.pair.nodes;
+        // A held node takes its share of the impulse and stays: the others would be thrown where their weights are small.
+        let [a, b, c, d] = nodes.map(|node| mobility[node as usize]);
+        let free = a.max(b).max(c).max(d);
+        let (mut response, sum) = (0.0, a + b + c + d);
+        for (own, w) in [a, b, c, d].into_iter().zip(weights) {
+            response += w * w * if own > 0.0 { own } else { free };
+        }
         let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
         (response > 0.0).then_some(Touching { nodes, weights, normal, distance, thickness, response, mean_mobility })
     }

@@ -2,11 +2,14 @@
 
 use crate::Vec3;
 use crate::contact::impact_zone;
-use crate::contact::impulse::Constraint;
+use crate::contact::impulse::{Constraint, normal_velocity};
 use crate::metrics::Metrics;
 
 /// Sizes of zones that are counted apart, in nodes.
 const LARGE_ZONE: usize = 100;
+
+/// How many times farther than any did before, the nodes of a zone may move after contacts that contradict each other.
+const THROWN: f64 = 2.0;
 
 /// All zones of a loop. They only grow.
 #[derive(Debug)]
@@ -19,6 +22,10 @@ pub struct Zones {
     members: Vec<u32>,
     /// Smallest nodes of the zones that were made rigid.
     rigid_roots: Vec<u32>,
+    /// A node of each zone that has let go of what is prescribed, because its contacts contradicted each other.
+    released: Vec<u32>,
+    /// A node of each zone whose contacts contradict each other though nothing in them is prescribed.
+    contradicting: Vec<u32>,
     rigid: u64,
     stopped: u64,
 }
@@ -27,8 +34,9 @@ impl Zones {
     /// No zones among so many nodes.
     pub fn new(nodes: usize) -> Self {
         let parent = (0..nodes as u32).collect();
-        let (constraints, targets, members, rigid_roots) = Default::default();
-        Self { constraints, targets, parent, members, rigid_roots, rigid: 0, stopped: 0 }
+        let (constraints, targets, members) = Default::default();
+        let (rigid_roots, released, contradicting) = Default::default();
+        Self { constraints, targets, parent, members, rigid_roots, released, contradicting, rigid: 0, stopped: 0 }
     }
 
     /// Adds constraints with the relative displacement along their normals that they need [m].
@@ -44,7 +52,8 @@ impl Zones {
     }
 
     /// Lets everything in the zones that one of `nodes` belongs to slide, but nothing approach. Returns the nodes that may
-    /// have changed.
+    /// have changed. Where contacts contradict each other, as between bodies that close, impulses grow without end: such a
+    /// zone stays as it was and lets go of what is prescribed, or needs to be made rigid if nothing is.
     pub fn make_inelastic(
         &mut self,
         nodes: &[u32],
@@ -62,12 +71,68 @@ impl Zones {
                 targets.push(self.targets[i]);
             }
         }
-        let outcome = impact_zone::inelastic(&constraints, &targets, mobility, displacements);
-        metrics.count("zone_sweeps", outcome.iterations as u64);
         let mut touched: Vec<u32> = constraints.iter().flat_map(|c| c.nodes).collect();
         touched.sort_unstable();
         touched.dedup();
+        let before: Vec<Vec3> = touched.iter().map(|&node| displacements[node as usize]).collect();
+        let outcome = impact_zone::inelastic(&constraints, &targets, mobility, displacements);
+        metrics.count("zone_sweeps", outcome.iterations as u64);
+        if !outcome.converged {
+            let worst = |(c, target): &(&Constraint, &f64)| {
+                let shortfall = *target - normal_velocity(c, displacements);
+                shortfall >= 0.5 * outcome.residual
+            };
+            let worst = constraints.iter().zip(&targets).filter(worst).map(|(c, _)| c.nodes[0]);
+            let mut bad: Vec<u32> = worst.collect::<Vec<_>>().into_iter().map(|node| self.root(node)).collect();
+            let farthest = |d: &mut dyn Iterator<Item = Vec3>| d.map(|d| d.norm()).fold(0.0, f64::max);
+            let now = farthest(&mut touched.iter().map(|&node| displacements[node as usize]));
+            if now > THROWN * farthest(&mut before.iter().copied()) {
+                bad = roots;
+            }
+            bad.sort_unstable();
+            bad.dedup();
+            for (&node, before) in touched.iter().zip(before) {
+                if bad.binary_search(&self.root(node)).is_ok() {
+                    displacements[node as usize] = before;
+                }
+            }
+            self.let_go(&bad, mobility);
+        }
         touched
+    }
+
+    /// Removes the contacts with something prescribed from these zones.
+    fn let_go(&mut self, roots: &[u32], mobility: &[Vec3]) {
+        let prescribed = |c: &Constraint| c.nodes.iter().any(|&node| mobility[node as usize] == Vec3::zeros());
+        let mut releasing = vec![false; roots.len()];
+        let all: Vec<_> = self.constraints.drain(..).zip(self.targets.drain(..)).collect();
+        for (constraint, target) in all {
+            match roots.binary_search(&self.root(constraint.nodes[0])) {
+                Ok(zone) if prescribed(&constraint) => releasing[zone] = true,
+                _ => {
+                    self.constraints.push(constraint);
+                    self.targets.push(target);
+                }
+            }
+        }
+        self.members = self.constraints.iter().flat_map(|c| c.nodes).collect();
+        self.members.sort_unstable();
+        self.members.dedup();
+        for (&root, releases) in roots.iter().zip(releasing) {
+            if releases { &mut self.released } else { &mut self.contradicting }.push(root);
+        }
+    }
+
+    /// Whether the zone of a node has let go of what is prescribed.
+    pub fn has_let_go(&mut self, node: u32) -> bool {
+        let root = self.root(node);
+        (0..self.released.len()).any(|i| self.root(self.released[i]) == root)
+    }
+
+    /// Whether the contacts in the zone of a node contradict each other.
+    pub fn contradicts(&mut self, node: u32) -> bool {
+        let root = self.root(node);
+        (0..self.contradicting.len()).any(|i| self.root(self.contradicting[i]) == root)
     }
 
     /// Calls `make_rigid` for the members of each zone that one of `nodes` belongs to; returns the nodes that may have

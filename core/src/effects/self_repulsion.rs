@@ -33,7 +33,7 @@ pub static SPEC: EffectSpec = EffectSpec {
             name: "thickness_clamp",
             dimension: Dimension::None,
             default: Default::Number(0.4),
-            range: (1e-3, 1.0),
+            range: (0.001, 1.0),
             help: "largest thickness of a vertex as a fraction of its shortest rest edge; the authors' cloth has 0.03",
         },
         Field {

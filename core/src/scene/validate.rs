@@ -136,6 +136,10 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
         }
         _ => {}
     }
+    if !(garment.thickness > 0.0 && garment.thickness.is_finite()) {
+        let what = format!("the thickness {} m is not positive", garment.thickness);
+        problems.push(Problem::scene(place(", thickness"), what, "cloth is 0.1 to 2 mm thick"));
+    }
     if !garment.velocity.iter().all(|v| v.is_finite()) {
         problems.push(Problem::scene(place(", velocity"), "it is not finite", "write three numbers in m/s"));
     }

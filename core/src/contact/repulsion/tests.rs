@@ -150,3 +150,18 @@ fn a_pair_beside_each_other_has_no_side() {
     let pushed = Pushed::new(&scene, LAWS);
     assert!(pushed.repulsions.kinds[0].sided.is_empty());
 }
+
+#[test]
+fn a_free_node_is_not_thrown_by_held_ones() {
+    // The corner stands over the triangle's edge, nearly: the third corner has a fiftieth of the weight.
+    let scene = two_triangles([[0.009, 0.025, 0.0], [0.4, 0.8, 0.2], [0.4, 0.8, -0.2]]);
+    let mut pushed = Pushed::new(&scene, LAWS);
+    let free = (0..3).find(|i| pushed.x[*i].x > 0.4).expect("the triangle has a third corner");
+    (0..6).filter(|i| *i != free).for_each(|i| pushed.mobility[i] = 0.0);
+    let dt = 1e-2;
+    assert!((pushed.distance().expect("an active pair") - 0.025).abs() < 1e-12);
+    pushed.step(dt);
+    // No faster than the pair may part.
+    let (speed, allowed) = (pushed.v[free].norm(), LAWS.limit / dt * (THICKNESS - 0.025));
+    assert!(speed > 0.0 && speed < allowed, "{speed} m/s of {allowed} m/s");
+}

@@ -1,0 +1,78 @@
+//! Cloth against the faces, edges and corners of meshes: no edge pokes through, and what bodies pinch comes out again.
+
+use drapery_core::Vec3;
+use drapery_core::metrics::Metrics;
+use drapery_core::scene::{BodyDescription, EffectRequest, SceneDescription};
+use drapery_tests::*;
+
+use crate::{FPS, MeshBody, box_mesh, run_with_mesh, upright_sheet};
+
+const CELLS: usize = 16;
+
+/// A sheet in the plane x = 0 that hangs from its upper border, with both effects of self-contact.
+fn hanging() -> SceneDescription {
+    let mut description = scene_of(upright_sheet(CELLS, 0.025), FPS);
+    add_springs(&mut description, 5.0, 1.0);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    let top = (CELLS * (CELLS + 1)) as u32;
+    add_pins(&mut description, (top..=top + CELLS as u32).collect());
+    description.effects.push(EffectRequest::of_scene("self_repulsion"));
+    description.effects.push(EffectRequest::of_scene("self_collision"));
+    description
+}
+
+#[test]
+fn no_edge_or_corner_of_a_mesh_pokes_through_cloth() {
+    // A plate edge on, thinner than the cloth's cells: no vertex of the cloth needs to come near it. And a cube, corner first.
+    let plate = (Vec3::new(0.06, 0.002, 0.06), Vec3::zeros());
+    let cube = (Vec3::repeat(0.04), Vec3::new(0.0, 0.6, 0.8));
+    for (half, turn) in [plate, cube] {
+        let (points, triangles) = box_mesh(half, 1);
+        let turn = nalgebra::Rotation3::new(turn);
+        let place = |time: f64| -> Vec<Vec3> {
+            points.iter().map(|p| turn * p + Vec3::new(1.5 * time - 0.15, -0.1, 0.013)).collect()
+        };
+        let mut all = Metrics::default();
+        let mut farthest = 0.0_f64;
+        let body = MeshBody { triangles, points: &place };
+        let thickness = |b: &mut BodyDescription| b.thickness = 0.001;
+        run_with_mesh(hanging(), &body, thickness, 12, |simulation, summary| {
+            assert_eq!(simulation.crossings(), [], "frame {}, {half:?}", summary.frame);
+            all.add(&summary.metrics);
+            farthest = positions(simulation).iter().map(|x| x.x).fold(farthest, f64::max);
+        });
+        assert!(farthest > 0.1, "the body takes the cloth along: {farthest} m");
+        assert!(all.counted("collision_hits") > 0, "only collisions see the edges");
+        assert_eq!((all.counted("pairs_pinched"), all.counted("crossings")), (0, 0));
+    }
+}
+
+#[test]
+fn cloth_pinched_by_a_body_that_crosses_itself_is_counted_and_comes_out_when_it_opens() {
+    // One mesh of two boxes that pass 3 cm into each other and part again.
+    let (one, faces) = box_mesh(Vec3::new(0.1, 0.25, 0.25), 24);
+    let (other, more) = box_mesh(Vec3::new(0.1, 0.24, 0.24), 24);
+    let mut triangles = faces;
+    triangles.extend(more.iter().map(|t| t.map(|v| v + one.len() as u32)));
+    let gap = |time: f64| 0.02 - 0.05 * (std::f64::consts::PI * time.min(1.0)).sin();
+    let place = |time: f64| -> Vec<Vec3> {
+        let apart = 0.1 + 0.5 * gap(time);
+        one.iter().map(|p| p - Vec3::x() * apart).chain(other.iter().map(|p| p + Vec3::x() * apart)).collect()
+    };
+    let body = MeshBody { triangles, points: &place };
+    let mut all = Metrics::default();
+    let (mut opens, mut left) = (None, Vec::new());
+    let properties = |b: &mut BodyDescription| (b.thickness, b.max_push_speed) = (0.002, 1.0);
+    run_with_mesh(hanging(), &body, properties, 48, |simulation, summary| {
+        all.add(&summary.metrics);
+        if opens.is_none() && all.counted("body_pinched") > 0 && gap(simulation.state().time) > 0.0 {
+            opens = Some(summary.frame);
+        }
+        if opens.is_some_and(|frame| summary.frame >= frame + 12) {
+            left.push(simulation.crossings().len());
+        }
+    });
+    assert!(all.counted("body_pinched") + all.counted("pairs_pinched") > 0, "the bodies pinch");
+    assert!(all.counted("crossings") > 0, "what is pinched crosses the bodies");
+    assert!(!left.is_empty() && left.iter().all(|crossings| *crossings == 0), "still crossing: {left:?}");
+}
