@@ -36,6 +36,10 @@ const INELASTIC_ATTEMPTS: usize = 12;
 /// Attempts with rigid zones, before their nodes stay where they were (method 4.8).
 const RIGID_ATTEMPTS: usize = 8;
 
+/// Attempts after which what still meets is left alone: the loop ends also where a vertex that is held in some directions
+/// is driven through something.
+const LAST_ATTEMPT: usize = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS + 2 * RIGID_ATTEMPTS + 50;
+
 /// How much farther than on its path a node may come until pairs are looked for again, as a share of the edges around it.
 const MARGIN: f64 = 0.02;
 
@@ -241,7 +245,9 @@ impl CollisionLoop {
         let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
         let (given_up, kept): (Vec<_>, Vec<_>) = hits.iter().copied().partition(|hit| {
             let hopeless = response(&hit.constraint(), collisions.mobility) == 0.0;
-            (hopeless || last_chance || zones.has_let_go(hit.pair.nodes[0])) && hit.pair.nodes.iter().any(prescribed)
+            let with_prescribed = hit.pair.nodes.iter().any(prescribed);
+            attempt > LAST_ATTEMPT
+                || (hopeless || last_chance || zones.has_let_go(hit.pair.nodes[0])) && with_prescribed
         });
         self.given_up.extend(given_up.iter().map(|hit| hit.pair));
         self.given_up.sort_unstable();
