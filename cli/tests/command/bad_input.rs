@@ -74,6 +74,20 @@ fn a_misspelt_key_is_shown_with_the_nearest_word() {
 }
 
 #[test]
+fn a_thickness_that_is_no_length() {
+    let with = |thickness: &str| {
+        let scene = SHEET.replace("[output]", "[self_repulsion]\n[self_collision]\n[output]");
+        folder_with(&scene.replace("density", &format!("thickness = {thickness}\ndensity")))
+    };
+    for thickness in ["0.0", "\"-1 mm\"", "nan", "inf", "\"2 kg\""] {
+        println!("{thickness}");
+        refused(with(thickness).path(), 78, &["scene.toml:", "thickness"]);
+    }
+    // Thicker than the edges are long: repulsions take what the edges allow.
+    assert_eq!(drapery(with("\"5 m\"").path(), &["check", "scene.toml"]).code, Some(0));
+}
+
+#[test]
 fn meshes_that_cannot_be_simulated() {
     let cases: [(&str, &str, &[&str]); 7] = [
         ("no faces", "v 2 1 0\nv 3 1 0\nv 3 1 1\n", &["garment \"skirt\"", "no faces"]),

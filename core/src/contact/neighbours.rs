@@ -103,16 +103,17 @@ impl Neighbours {
         USABLE_REACH * self.reach
     }
 
-    /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges.
-    pub fn rebuild(&mut self, surface: &ContactSurface, search: &mut PairSearch, x: &[Vec3], reach: f64) {
+    /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges,
+    /// and the gap that collisions keep [m].
+    pub fn rebuild(&mut self, surface: &ContactSurface, search: &mut PairSearch, x: &[Vec3], reach: f64, gap: f64) {
         self.reach = reach;
         let (edges, thickness) = (&self.edge_length, &self.thickness);
-        search.fit(surface, |i| Aabb::of_point(&x[i]).enlarged(ACTIVE * thickness[i] + reach * edges[i]));
+        search.fit(surface, |i| Aabb::of_point(&x[i]).enlarged(ACTIVE * thickness[i] + reach * edges[i] + gap));
         let mut found: Vec<Neighbour> = Vec::new();
         let keep = |pair: Pair, out: &mut Vec<Neighbour>| {
             let [a, b] = pair.fold(edges, f64::max);
             let thick = pair_thickness(&pair, thickness);
-            let limit = ACTIVE * thick + reach * (a + b);
+            let limit = ACTIVE * thick + reach * (a + b) + gap;
             let distance_squared = pair.closest(&pair.positions(x)).apart.norm_squared();
             if distance_squared <= limit * limit {
                 let distance = below(distance_squared.sqrt());

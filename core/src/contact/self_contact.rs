@@ -105,6 +105,9 @@ struct Geometric {
     crossings: Vec<Crossing>,
     /// Pairs that are left alone because of them, ascending.
     ignored: Vec<Pair>,
+    /// Vertices of cloth that crosses a body, ascending. No face of a body may hold them: they may have to leave by another
+    /// than they came in.
+    pinched: Vec<u32>,
 }
 
 /// The state of self-contact; whole, or repulsions alone, or collisions alone.
@@ -150,6 +153,7 @@ impl SelfContact {
             velocities: Vec::new(),
             crossings: Vec::new(),
             ignored: Vec::new(),
+            pinched: Vec::new(),
         });
         let mobility: Vec<f64> = scene.masses().iter().map(|m| 1.0 / m).collect();
         let mut node_mobility: Vec<Vec3> = mobility.iter().map(|w| Vec3::repeat(*w)).collect();
@@ -224,7 +228,7 @@ impl SelfContact {
             metrics.count("pair_searches", 1);
             // A list that lasts is worth being long; one that does not is for repulsions alone.
             let reach = if LASTING * way <= LONG_REACH { LONG_REACH } else { way.min(SHORT_REACH) };
-            self.neighbours.rebuild(&self.surface, &mut self.search, &self.paths.start, reach);
+            self.neighbours.rebuild(&self.surface, &mut self.search, &self.paths.start, reach, gap(&self.paths.start));
             self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
@@ -276,8 +280,12 @@ impl SelfContact {
             self.wear = (used - self.used).max(0.0) / duration;
         }
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
-        let ignored = &geometric.ignored;
-        let is_ignored = |pair: &Pair| ignored.binary_search(pair).is_ok();
+        let (ignored, pinched, surface) = (&geometric.ignored, &geometric.pinched, &self.surface);
+        let is_ignored = |pair: &Pair| {
+            let lets_out =
+                || !surface.repels(pair) && pair.nodes.iter().any(|node| pinched.binary_search(node).is_ok());
+            ignored.binary_search(pair).is_ok() || (!pinched.is_empty() && lets_out())
+        };
         let collisions = Collisions {
             surface: &self.surface,
             mobility: &self.node_mobility,
@@ -360,6 +368,7 @@ impl SelfContact {
         };
         geometric.crossings = found;
         geometric.ignored = ignored_pairs(&geometric.crossings);
+        geometric.pinched = pinched_vertices(surface, &geometric.crossings);
         let paths = &self.paths;
         let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
         // Where a body crosses itself there is no way out yet.
@@ -377,6 +386,7 @@ impl SelfContact {
         match &mut self.geometric {
             Some(geometric) => {
                 geometric.ignored = ignored_pairs(&found);
+                geometric.pinched = pinched_vertices(&self.surface, &found);
                 geometric.crossings = found;
                 &geometric.crossings
             }
@@ -419,4 +429,14 @@ fn ignored_pairs(crossings: &[Crossing]) -> Vec<Pair> {
     pairs.sort_unstable();
     pairs.dedup();
     pairs
+}
+
+/// The vertices of cloth in crossings of cloth with bodies, ascending.
+fn pinched_vertices(surface: &ContactSurface, crossings: &[Crossing]) -> Vec<u32> {
+    let with_bodies = crossings.iter().filter(|crossing| !surface.is_cloth(crossing));
+    let nodes = with_bodies.flat_map(|c| c.edge.into_iter().chain(c.triangle));
+    let mut vertices: Vec<u32> = nodes.filter(|&node| !surface.is_body(node)).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
 }

@@ -4,7 +4,9 @@
 //! with inequalities: among all velocities that satisfy every contact, those nearest to the present ones, measured
 //! by mass. Their impulses λ solve
 //!
-//!     min ½ λᵀ A M A' λ + λᵀ r(v),   λ ≥ 0,      v' = v + M A' λ,   r(v) = A v − targets
+//! ```text
+//! min ½ λᵀ A M A' λ + λᵀ r(v),   λ ≥ 0,      v' = v + M A' λ,   r(v) = A v − targets
+//! ```
 //!
 //! A row of A is the weights of a contact times its normal, A' its transpose, M the inverse masses. The matrix is
 //! never made: a product is a sweep over the contacts. Contacts repeat and depend on each other, so it is singular,

@@ -51,7 +51,7 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
         let mut search = PairSearch::new(&surface);
         let mut neighbours = Neighbours::new(&surface, true);
         assert!(neighbours.note_ways(&x, &x).is_infinite(), "there is no list yet");
-        neighbours.rebuild(&surface, &mut search, &x, reach);
+        neighbours.rebuild(&surface, &mut search, &x, reach, 0.0);
         let all = all_pairs(&surface);
         for round in 0..5 {
             // Everything turns and falls together, and a little apart, up to the reach.

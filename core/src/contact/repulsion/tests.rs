@@ -44,7 +44,7 @@ impl Pushed {
         let surface = ContactSurface::new(scene, 1.0);
         let state = State::at_start(scene);
         let mut neighbours = Neighbours::new(&surface, true);
-        neighbours.rebuild(&surface, &mut PairSearch::new(&surface), &state.x, SLACK);
+        neighbours.rebuild(&surface, &mut PairSearch::new(&surface), &state.x, SLACK, 0.0);
         neighbours.note_ways(&state.x, &state.x);
         let mut repulsions = Repulsions::new(laws, state.x.len());
         repulsions.take_sides(&neighbours, &state.x, SLACK, &|_| false);
