@@ -68,6 +68,7 @@ def theirs(test, kind, positions):
     return hits, np.where(hits, [t for _, t in answers], np.nan), len(answers) / seconds
 
 
+@pytest.mark.full
 def test_as_conservative_as_tight_inclusion_with_at_most_twice_its_false_positives(
     queries, program, tmp_path, report_figure
 ):
