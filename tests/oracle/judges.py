@@ -39,7 +39,7 @@ def hdf5(path):
     """The committed frames of an HDF5 cache, as a dictionary of arrays."""
     with h5py.File(path, "r") as file:
         committed = file["committed"][:] == 1
-        answer = {name: file[name][:] for name in ("face_counts", "face_indices")}
+        answer = {name: file[name][:] for name in ("face_counts", "face_indices", "triangles")}
         for name in ("positions", "velocities", "times", "frame_numbers"):
             answer[name] = file[name][: len(committed)][committed]
         return answer

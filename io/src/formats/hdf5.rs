@@ -14,6 +14,7 @@
 //! | `committed` | (frames) | u8 | 1 when the frame is complete |
 //! | `crossings` | (frames) | u32 | edges of cloth through cloth, all garments; only if the shot counts them |
 //! | `face_counts`, `face_indices` | (faces), (corners) | i32 | counter-clockwise |
+//! | `triangles` | (triangles, 3) | i32 | what is simulated: how faces with more corners are cut |
 //! | `uv_values`, `uv_indices` | (values, 2), (corners) | f32, i32 | only if the garment has them |
 
 use std::fs::{File, OpenOptions};
@@ -174,6 +175,7 @@ fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Offsets> {
     let mesh = &plan.mesh.mesh;
     fixed(&file, "face_counts", &as_i32(&mesh.face_counts), &[mesh.face_counts.len()])?;
     fixed(&file, "face_indices", &as_i32(&mesh.face_indices), &[mesh.face_indices.len()])?;
+    fixed(&file, "triangles", &as_i32(plan.triangles.as_flattened()), &[plan.triangles.len(), 3])?;
     if let Some(uvs) = &plan.mesh.uvs {
         let flat: Vec<f32> = uvs.values.iter().flatten().copied().collect();
         fixed(&file, "uv_values", &flat, &[uvs.values.len(), 2])?;
@@ -294,6 +296,7 @@ mod tests {
         assert_eq!(values[9 + 8], 100_200.0);
         assert!(values[18..].iter().all(|v| *v == 0.0));
         assert_eq!(file.dataset("velocities").unwrap().read_raw::<f32>().unwrap()[8], 2400.0);
+        assert_eq!(file.dataset("triangles").unwrap().read_raw::<i32>().unwrap(), [0, 1, 2]);
         assert_eq!(file.dataset("crossings").unwrap().read_raw::<u32>().unwrap()[..2], [1, 2]);
         assert_eq!(file.dataset("times").unwrap().read_raw::<f64>().unwrap()[1], 1002.0 / 24.0);
         drop(file);
