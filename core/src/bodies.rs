@@ -13,6 +13,9 @@ use crate::geometry::shapes::Shape;
 use crate::scene::{BodyDescription, BodyShape, RigidMotion, Scene, SurfaceAttachment};
 use crate::tolerances;
 
+/// Rings of triangles around those of a surface that cross each other in which cloth counts as pinched.
+const CROSSING_RINGS: usize = 2;
+
 /// Positions of the points of a mesh at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
@@ -126,6 +129,8 @@ struct Surface {
     latest: Sample,
     /// Boxes of the triangles that cross each other at the two samples.
     crossing_regions: [Aabb; 2],
+    /// Points around those triangles at the two samples, ascending.
+    crossing_points: [Vec<u32>; 2],
     /// Pairs of triangles that cross each other at the later sample.
     crossings: usize,
     /// Fastest point between the samples [m/s].
@@ -301,6 +306,14 @@ impl Bodies {
         }
     }
 
+    /// Whether a surface crosses itself close to one of its points, at the sample before or after now.
+    pub fn crosses_itself_at(&self, body: usize, point: u32) -> bool {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.crossing_points.iter().any(|points| points.binary_search(&point).is_ok()),
+            Kind::Rigid(_) => false,
+        }
+    }
+
     /// Whether `x` [m] lies inside a body at the end of the step, also where the body's surfaces pass through one another.
     pub fn contains(&self, body: usize, x: &Vec3) -> bool {
         match &self.list[body].kind {
@@ -410,6 +423,7 @@ impl Kind {
                     mesh: MovingSurface::new(triangles.clone(), *point_count).map_err(|e| e.to_string())?,
                     latest: first.clone(),
                     crossing_regions: [Aabb::EMPTY; 2],
+                    crossing_points: [Vec::new(), Vec::new()],
                     crossings: 0,
                     speed: 0.0,
                 };
@@ -435,6 +449,8 @@ impl Surface {
         let corners = found.pairs.iter().flatten().flat_map(|t| self.mesh.triangles()[*t as usize]);
         let region = corners.fold(Aabb::EMPTY, |r, c| r.union(&Aabb::of_point(&b.positions[c as usize])));
         self.crossing_regions = [self.crossing_regions[1], region];
+        self.crossing_points.swap(0, 1);
+        self.crossing_points[1] = points_around(self.mesh.triangles(), &found.triangles());
         self.latest = sample;
         Ok(())
     }
@@ -443,6 +459,22 @@ impl Surface {
     fn crossings_that_count(&self) -> Crossings {
         if self.mesh.is_closed() { Crossings::Entering } else { Crossings::Any }
     }
+}
+
+/// The points of some triangles and of their neighbours, ascending.
+fn points_around(triangles: &[[u32; 3]], some: &[u32]) -> Vec<u32> {
+    let mut points: Vec<u32> = some.iter().flat_map(|&t| triangles[t as usize]).collect();
+    for _ in 0..CROSSING_RINGS {
+        points.sort_unstable();
+        points.dedup();
+        let touches = |t: &&[u32; 3]| t.iter().any(|point| points.binary_search(point).is_ok());
+        let more: Vec<u32> =
+            if points.is_empty() { Vec::new() } else { triangles.iter().filter(touches).flatten().copied().collect() };
+        points.extend(more);
+    }
+    points.sort_unstable();
+    points.dedup();
+    points
 }
 
 /// Pose of a rigid motion at a time.

@@ -105,8 +105,8 @@ struct Geometric {
     crossings: Vec<Crossing>,
     /// Pairs that are left alone because of them, ascending.
     ignored: Vec<Pair>,
-    /// Vertices of cloth that crosses a body, ascending. No face of a body may hold them: they may have to leave by another
-    /// than they came in.
+    /// Vertices of cloth that crosses a body where that body crosses itself, ascending. No face of a body may hold them: they
+    /// may have to leave by another than they came in.
     pinched: Vec<u32>,
 }
 
@@ -368,11 +368,11 @@ impl SelfContact {
         };
         geometric.crossings = found;
         geometric.ignored = ignored_pairs(&geometric.crossings);
-        geometric.pinched = pinched_vertices(surface, &geometric.crossings);
+        geometric.pinched = pinched_vertices(surface, &geometric.crossings, bodies);
         let paths = &self.paths;
         let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
         // Where a body crosses itself there is no way out yet.
-        let pinched = |c: &Crossing| surface.is_pinched(c, &paths.end, bodies);
+        let pinched = |c: &Crossing| surface.is_pinched(c, bodies);
         let free: Vec<Crossing> = geometric.crossings.iter().filter(|c| !pinched(c)).copied().collect();
         push_apart(surface, &free, &paths.end, velocity, &self.node_mobility, v);
     }
@@ -386,7 +386,7 @@ impl SelfContact {
         match &mut self.geometric {
             Some(geometric) => {
                 geometric.ignored = ignored_pairs(&found);
-                geometric.pinched = pinched_vertices(&self.surface, &found);
+                geometric.pinched = pinched_vertices(&self.surface, &found, bodies);
                 geometric.crossings = found;
                 &geometric.crossings
             }
@@ -431,10 +431,10 @@ fn ignored_pairs(crossings: &[Crossing]) -> Vec<Pair> {
     pairs
 }
 
-/// The vertices of cloth in crossings of cloth with bodies, ascending.
-fn pinched_vertices(surface: &ContactSurface, crossings: &[Crossing]) -> Vec<u32> {
-    let with_bodies = crossings.iter().filter(|crossing| !surface.is_cloth(crossing));
-    let nodes = with_bodies.flat_map(|c| c.edge.into_iter().chain(c.triangle));
+/// The vertices of cloth in crossings of cloth with bodies where these may cross themselves, ascending.
+fn pinched_vertices(surface: &ContactSurface, crossings: &[Crossing], bodies: &Bodies) -> Vec<u32> {
+    let pinched = crossings.iter().filter(|crossing| surface.is_pinched(crossing, bodies));
+    let nodes = pinched.flat_map(|c| c.edge.into_iter().chain(c.triangle));
     let mut vertices: Vec<u32> = nodes.filter(|&node| !surface.is_body(node)).collect();
     vertices.sort_unstable();
     vertices.dedup();

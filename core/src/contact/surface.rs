@@ -23,8 +23,8 @@ pub struct ContactSurface {
     owned_edges: Owned<[u32; 2]>,
     /// Which triangle of cloth, and of the bodies, speaks for which edge in exact checks.
     edge_owners: [EdgeOwners; 2],
-    /// Deforming bodies, in the order of their nodes.
-    bodies: Vec<usize>,
+    /// Deforming bodies and their first nodes, in the order of their nodes.
+    bodies: Vec<(usize, u32)>,
     /// Thickness that repulsions keep around each cloth vertex [m].
     thickness: Vec<f64>,
     /// Cloth vertices at rest, in solver order [m].
@@ -54,7 +54,7 @@ impl ContactSurface {
         for (body, description) in scene.description().bodies.iter().enumerate() {
             if let BodyShape::Surface { triangles: own, point_count } = &description.shape {
                 triangles.extend(own.iter().map(|t| t.map(|v| v + nodes as u32)));
-                bodies.push(body);
+                bodies.push((body, nodes as u32));
                 nodes += point_count;
             }
         }
@@ -139,7 +139,7 @@ impl ContactSurface {
     pub fn gather(&self, x: &[Vec3], bodies: &Bodies, nodes: &mut Vec<Vec3>) {
         nodes.clear();
         nodes.extend_from_slice(x);
-        self.bodies.iter().for_each(|body| nodes.extend_from_slice(bodies.surface_positions(*body)));
+        self.bodies.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.surface_positions(*body)));
     }
 
     /// Whether all nodes of a pair are of one garment.
@@ -158,11 +158,13 @@ impl ContactSurface {
         !crossing.edge.iter().chain(&crossing.triangle).any(|&node| self.is_body(node))
     }
 
-    /// Whether cloth crosses a body at a place where that body may cross itself.
-    pub fn is_pinched(&self, crossing: &Crossing, x: &[Vec3], bodies: &Bodies) -> bool {
-        let place = &x[crossing.edge[0] as usize];
-        let margin = self.edge_length[crossing.edge[0] as usize];
-        !self.is_cloth(crossing) && self.bodies.iter().any(|&body| bodies.may_cross_itself(body, place, margin))
+    /// Whether cloth crosses a body where that body crosses itself.
+    pub fn is_pinched(&self, crossing: &Crossing, bodies: &Bodies) -> bool {
+        crossing.edge.iter().chain(&crossing.triangle).filter(|&&node| self.is_body(node)).any(|&node| {
+            let last = self.bodies.partition_point(|(_, first)| *first <= node) - 1;
+            let (body, first) = self.bodies[last];
+            bodies.crosses_itself_at(body, node - first)
+        })
     }
 
     /// Marks the corners of all triangles of cloth that have a marked corner.
