@@ -451,8 +451,35 @@ impl Surface {
         self.crossing_regions = [self.crossing_regions[1], region];
         self.crossing_points.swap(0, 1);
         self.crossing_points[1] = points_around(self.mesh.triangles(), &found.triangles());
+        let inside = self.points_inside(&region);
+        self.crossing_points[1].extend(inside);
+        self.crossing_points[1].sort_unstable();
+        self.crossing_points[1].dedup();
         self.latest = sample;
         Ok(())
+    }
+
+    /// Points of a closed surface in `region` that lie inside another part of it, at the latest positions, ascending.
+    fn points_inside(&self, region: &Aabb) -> Vec<u32> {
+        let (triangles, x) = (self.mesh.triangles(), self.mesh.positions());
+        let within = |point: u32| region.overlaps(&Aabb::of_point(&x[point as usize]));
+        if !self.mesh.is_closed() || self.crossings == 0 {
+            return Vec::new();
+        }
+        // A little outside of the surface around the point: inside only if another part of the body is there.
+        let mut outwards = vec![Vec3::zeros(); x.len()];
+        for corners in triangles {
+            let [a, b, c] = corners.map(|point| x[point as usize]);
+            let normal = (b - a).cross(&(c - a));
+            corners.iter().for_each(|&point| outwards[point as usize] += normal);
+        }
+        let is_inside = |point: &u32| {
+            let (place, across) = (x[*point as usize], outwards[*point as usize]);
+            let length = across.norm().sqrt();
+            let outside = across.try_normalize(0.0).map(|n| place + n * (tolerances::BESIDE_SURFACE * length));
+            outside.is_some_and(|p| self.mesh.winding_number(&p) > 0)
+        };
+        (0..x.len() as u32).filter(|&point| within(point)).filter(is_inside).collect()
     }
 
     /// A closed body can only be entered; an open surface is met from both sides.

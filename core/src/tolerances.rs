@@ -35,3 +35,8 @@ pub const FACING: f64 = -0.5;
 /// it away (it creeps at g over this, 1 cm/s), slow enough for the springs of cloth, which act at 1e3 to 1e5 1/s, to keep it
 /// whole. Guarded by `cloth_between_closing_boxes_is_let_go_and_comes_out_when_they_part`.
 pub const PINCH_DRAG: f64 = 1e3;
+
+/// How far beside a surface a place is that tells whether another part of the body is there, as a share of the size of the
+/// triangles around it. Guarded by
+/// `cloth_pinched_by_a_body_that_crosses_itself_is_counted_and_comes_out_when_it_opens`.
+pub const BESIDE_SURFACE: f64 = 1e-3;
