@@ -40,6 +40,9 @@ const RIGID_ATTEMPTS: usize = 8;
 /// is driven through something.
 const LAST_ATTEMPT: usize = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS + 2 * RIGID_ATTEMPTS + 50;
 
+/// Edge lengths per second at which pairs closer than the gap are opened [1/s].
+const OPENING_RATE: f64 = 1.0;
+
 /// How much farther than on its path a node may come until pairs are looked for again, as a share of the edges around it.
 const MARGIN: f64 = 0.02;
 
@@ -63,6 +66,8 @@ pub struct Collisions<'a> {
     pub mobility: &'a [Vec3],
     /// Distance that everything keeps [m].
     pub gap: f64,
+    /// Length of the interval [s].
+    pub duration: f64,
     /// Pairs that are left alone because they cross at the start.
     pub ignored: &'a (dyn Fn(&Pair) -> bool + Sync),
     /// Whether what impulses do not resolve is given back for a shorter collision step.
@@ -197,7 +202,7 @@ impl CollisionLoop {
         if attempt <= IMPULSE_ATTEMPTS {
             return self.impulses(collisions, &hits, paths);
         }
-        let targets = hits.iter().map(|hit| (hit.constraint(), hit.opening(collisions.gap)));
+        let targets = hits.iter().map(|hit| (hit.constraint(), hit.opening(collisions)));
         zones.add(targets);
         let rigid_from = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
         let seeds = hits.iter().map(|hit| hit.pair.nodes[0]);
@@ -262,7 +267,7 @@ impl CollisionLoop {
             let end = [0, 1, 2, 3].map(|q| start[q] + self.displacements[hit.pair.nodes[q] as usize]);
             let Some(hit) = meet_at(&hit.pair, &start, &end, collisions.gap) else { continue };
             let constraint = hit.constraint();
-            let wanted = hit.opening(collisions.gap);
+            let wanted = hit.opening(collisions);
             let change = wanted - normal_velocity(&constraint, &self.displacements);
             if change > 0.0 {
                 change_normal_velocity(&constraint, collisions.mobility, &mut self.displacements, change);
@@ -319,9 +324,11 @@ impl Hit {
         Constraint { nodes: self.pair.nodes, weights: self.contact.weights, normal: self.contact.normal }
     }
 
-    /// How far the pair has to open during the interval [m]: zero, unless it is closer than twice the gap.
-    fn opening(&self, gap: f64) -> f64 {
-        (OPEN_GAP * gap - self.start_distance).max(0.0)
+    /// How far the pair has to open during the interval [m]: zero, unless it is closer than twice the gap. It opens slowly:
+    /// a gap opened at once would throw the vertices of a short interval.
+    fn opening(&self, collisions: &Collisions<'_>) -> f64 {
+        let slowly = OPENING_RATE * collisions.duration * collisions.surface.edge_length()[self.pair.nodes[0] as usize];
+        (OPEN_GAP * collisions.gap - self.start_distance).clamp(0.0, slowly)
     }
 }
 

@@ -290,6 +290,7 @@ impl SelfContact {
             surface: &self.surface,
             mobility: &self.node_mobility,
             gap: gap(&self.paths.start),
+            duration,
             ignored: &is_ignored,
             may_give_back: may_rewind && geometric.control.steps > 1,
         };
