@@ -8,8 +8,9 @@ use crate::metrics::Metrics;
 /// Sizes of zones that are counted apart, in nodes.
 const LARGE_ZONE: usize = 100;
 
-/// How many times farther than any did before, the nodes of a zone may move after contacts that contradict each other.
-const THROWN: f64 = 2.0;
+/// How many times farther than any did before, the nodes of a zone may move after contacts that contradict each other: no
+/// farther, or a zone that contradicts itself in every collision step would throw them ever faster.
+const THROWN: f64 = 1.0;
 
 /// All zones of a loop. They only grow.
 #[derive(Debug)]
