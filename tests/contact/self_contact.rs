@@ -6,9 +6,7 @@ use drapery_core::geometry::bvh::Bvh;
 use drapery_core::geometry::crossings::{self, EdgeOwners, Surface};
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
-use drapery_core::scene::{
-    EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, Scene, SceneDescription,
-};
+use drapery_core::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
 use drapery_core::simulation::{FrameInput, Simulation};
 use drapery_tests::*;
 
@@ -332,15 +330,7 @@ fn pinned_cloth_is_not_moved_by_what_falls_on_it() {
     let mut description = with_contact(sheets(2, 8, 0.02, 0.03));
     add_gravity(&mut description, [0.0, -9.81, 0.0]);
     let vertices: Vec<u32> = (0..description.garments[0].mesh.points.len() as u32).collect();
-    description.pins.push(PinDescription {
-        garment: 0,
-        target: PinTarget::Path { anchor: PinAnchor::Start, vertices, offsets: Vec::new() },
-        axes: [true; 3],
-        from: f64::NEG_INFINITY,
-        until: f64::INFINITY,
-        hold: PinHold::Hard,
-    });
-    description.effects.push(EffectRequest::of_scene("pins"));
+    add_pins(&mut description, vertices);
     let mut simulation = start(description);
     let before = positions(&simulation);
     run_free(&mut simulation, 24);

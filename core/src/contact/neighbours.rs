@@ -88,16 +88,6 @@ impl Neighbours {
         &self.orders[kind as usize]
     }
 
-    /// Number of pairs.
-    pub fn len(&self) -> usize {
-        self.lists.iter().map(Vec::len).sum()
-    }
-
-    /// Whether there are no pairs.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// What nodes may move until the list lacks pairs, as a share of their edges.
     pub fn reach(&self) -> f64 {
         USABLE_REACH * self.reach

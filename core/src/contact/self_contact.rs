@@ -345,7 +345,7 @@ impl SelfContact {
         let among_cloth = |all: &[Crossing]| all.iter().filter(|c| surface.is_cloth(c)).count();
         let (before, allowed) = (&geometric.crossings, among_cloth(&geometric.crossings));
         let only = before.is_empty().then_some(moved);
-        let mut stopped = vec![false; if allowed > 0 || !moved.is_empty() { x.len() } else { 0 }];
+        let mut stopped = Vec::new();
         let mut round = 0;
         let found = loop {
             let end = &self.paths.end;
@@ -355,6 +355,7 @@ impl SelfContact {
                 break found;
             }
             metrics.count("crossings_reverted", 1);
+            stopped.resize(x.len(), false);
             let new = found.iter().filter(|c| surface.is_cloth(c) && before.binary_search(c).is_err());
             new.flat_map(|c| c.edge.iter().chain(&c.triangle)).for_each(|&node| stopped[node as usize] = true);
             // The neighbours of what stays too: nothing new may be made at its border. At last everything stays.
@@ -398,11 +399,6 @@ impl SelfContact {
     /// Whether geometric collisions keep the state free of crossings.
     pub fn keeps_free(&self) -> bool {
         self.geometric.is_some()
-    }
-
-    /// The surfaces.
-    pub fn surface(&self) -> &ContactSurface {
-        &self.surface
     }
 }
 
