@@ -4,7 +4,6 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 
 QUALITY ?= light
-export FEATURES := drapery/hdf5
 TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
 export DRAPERY := $(TARGET)/release/drapery
 export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
@@ -18,8 +17,8 @@ setup: ## install what is missing: Debian packages and the Python environment .v
 	@.ci/setup
 
 .PHONY: build
-build: setup ## release build of the commands, with HDF5
-	cargo build --release --workspace --features $(FEATURES)
+build: setup ## release build of the commands
+	cargo build --release --workspace
 
 .PHONY: demo
 demo: build ## simulate a dressed character and render six frames of it; QUALITY=full for the fine garments
@@ -27,7 +26,7 @@ demo: build ## simulate a dressed character and render six frames of it; QUALITY
 
 .PHONY: test
 test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
-	cargo test --release --workspace --features $(FEATURES)
+	cargo test --release --workspace
 	cargo run --release --quiet --package drapery-alembic --example write_demo -- $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle
 
@@ -46,4 +45,4 @@ measure: build ## what self-contact costs, on the spinning ball and the twister;
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --features $(FEATURES) -- -D warnings
+	cargo clippy --workspace --all-targets -- -D warnings

@@ -1,10 +1,15 @@
 //! What was typed.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::exit_code;
+use drapery_io::checkpoint::Every;
+use drapery_io::farm::duration::parse_duration;
+use drapery_io::shot::run::{Resume, RunOptions};
+
+use crate::exit_code::{self, ExitCode};
 
 /// Offline cloth solver: animated bodies and garments in, vertex caches out.
 #[derive(Debug, Parser)]
@@ -43,6 +48,14 @@ pub(crate) enum Command {
     Info(FileArgs),
     /// Check that caches can be loaded by other applications and that cloth does not pass through cloth
     Verify(VerifyArgs),
+    /// Show how far a run is: frames, rate, time left, last checkpoint; reads only
+    Status(StatusArgs),
+    /// Ask a run in progress to write a checkpoint and end, on whatever machine it runs
+    Stop(StopArgs),
+    /// Compare two caches, checkpoints or runs, frame by frame
+    Diff(DiffArgs),
+    /// Write a page about a run: time, strain, contacts, degradations, pictures
+    Report(ReportArgs),
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// List the material presets
@@ -73,9 +86,36 @@ pub(crate) struct RunArgs {
     /// Folder for the caches and the record of the run [default: out/<shot name>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Replace the run that the folder holds
+    /// Where to begin when the folder holds a run of this shot: `auto` goes on after its last good checkpoint, a frame
+    /// after the checkpoint of that frame, and `never` refuses such a folder
+    #[arg(long, value_name = "auto|never|FRAME", default_value = "auto", value_parser = parse_resume)]
+    #[arg(allow_hyphen_values = true)]
+    pub(crate) resume: Resume,
+    /// Go on although the scene or its inputs have changed; what is simulated again is set aside, the change is recorded
     #[arg(long)]
+    pub(crate) resume_with_changes: bool,
+    /// Replace the run that the folder holds, and start anew
+    #[arg(long, conflicts_with_all = ["resume", "resume_with_changes"])]
     pub(crate) overwrite: bool,
+    /// Take the folder from another run that holds it; make sure that it has ended
+    #[arg(long)]
+    pub(crate) steal_lock: bool,
+    /// Write a checkpoint and stop in time before this much time has passed, for example 11h50m
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub(crate) max_wall: Option<Duration>,
+    /// How often checkpoints are written: every so many frames (10f), every so much time (15m), or `auto`; never so often
+    /// that they take more than a twentieth of the time
+    #[arg(long, value_name = "N", default_value = "auto")]
+    pub(crate) checkpoint_every: Every,
+    /// How many of the last checkpoints are kept
+    #[arg(long, value_name = "N", default_value_t = RunOptions::KEEP as u16, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) keep: u16,
+    /// Frames of which checkpoints are written and kept, for example 1040,1066
+    #[arg(long, value_name = "FRAMES", value_delimiter = ',', allow_hyphen_values = true)]
+    pub(crate) pin_checkpoint: Vec<i64>,
+    /// Exit code when stopped early at a checkpoint (99 makes SGE start the job again)
+    #[arg(long, value_name = "N", default_value_t = ExitCode::Stopped as u8)]
+    pub(crate) resumable_exit_code: u8,
     /// End with exit code 81 if a count that should stay zero did not, such as `crossings`; all frames are written
     #[arg(long)]
     pub(crate) strict: bool,
@@ -122,6 +162,54 @@ pub(crate) struct VerifyArgs {
     pub(crate) body: Option<PathBuf>,
 }
 
+/// Arguments of `status`.
+#[derive(Debug, Args)]
+pub(crate) struct StatusArgs {
+    /// Folder of the run
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Arguments of `stop`.
+#[derive(Debug, Args)]
+pub(crate) struct StopArgs {
+    /// Folder of the run
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+}
+
+/// Arguments of `diff`.
+#[derive(Debug, Args)]
+pub(crate) struct DiffArgs {
+    /// A cache (.abc or .h5), a checkpoint, or the folder of a run
+    pub(crate) a: PathBuf,
+    /// What it is compared with; caches may be of different formats and units
+    pub(crate) b: PathBuf,
+    /// Largest distance between a vertex and its like that is let pass, in metres; 0 lets no difference pass
+    #[arg(
+        long,
+        value_name = "M",
+        default_value_t = 0.0,
+        value_parser = parse_tolerance,
+        allow_hyphen_values = true
+    )]
+    pub(crate) tolerance: f64,
+    /// Print JSON, with every frame
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// Folder of the run; the page is written into it as report.html
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+}
+
 /// How progress is reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProgressStyle {
@@ -163,6 +251,21 @@ fn parse_frames(text: &str) -> Result<FrameRange, String> {
         return Err(format!("the last frame, {last}, comes before the first, {first}"));
     }
     Ok(FrameRange { first, last })
+}
+
+fn parse_resume(text: &str) -> Result<Resume, String> {
+    match text {
+        "auto" => Ok(Resume::Auto),
+        "never" => Ok(Resume::Never),
+        _ => text.parse().map(Resume::Frame).map_err(|_| "write auto, never or the number of a frame".into()),
+    }
+}
+
+fn parse_tolerance(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(metres) if metres >= 0.0 && metres.is_finite() => Ok(metres),
+        _ => Err("write a distance in metres, for example 1e-6".into()),
+    }
 }
 
 fn parse_setting(text: &str) -> Result<(String, String), String> {

@@ -5,12 +5,14 @@
 #[repr(u8)]
 pub(crate) enum ExitCode {
     Done = 0,
+    Differences = 1,
     Usage = 2,
     BadInput = 65,
     MissingInput = 66,
     Internal = 70,
     CannotCreate = 73,
     Io = 74,
+    Stopped = 75,
     Scene = 78,
     SolverGaveUp = 80,
     QualityLimits = 81,
@@ -20,13 +22,14 @@ pub(crate) enum ExitCode {
 /// The table that `--help` prints.
 pub(crate) const TABLE: &str = "Exit codes:
    0  done
+   1  differences found (diff)
    2  the command line could not be understood
   65  an input file holds data that cannot be used
   66  an input file is missing
   70  internal error
   73  an output could not be created, or holds another run
   74  reading or writing failed (disk full)
-  75  stopped early at a valid state: run again (reserved)
+  75  stopped early at a checkpoint: run the same command again (run --resumable-exit-code)
   78  the scene file is wrong
   80  the solver gave up
   81  quality limits exceeded (run --strict)

@@ -47,7 +47,8 @@ impl From<ShotError> for Failure {
     fn from(error: ShotError) -> Self {
         let code = match &error {
             ShotError::Io(error) => code_of(error),
-            ShotError::Frames(_) => ExitCode::Usage,
+            ShotError::Frames(_) | ShotError::Resume(_) => ExitCode::Usage,
+            ShotError::Changed { .. } => ExitCode::Scene,
             ShotError::Step(StepError::Input { .. }) => ExitCode::BadInput,
             ShotError::Step(_) => ExitCode::SolverGaveUp,
             // Whoever corrects the scene first may find that the data was right.

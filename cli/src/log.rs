@@ -1,8 +1,9 @@
-//! The log: short words on standard error, and everything as JSON lines in a file if one is asked for.
+//! The log: short words on standard error, everything as JSON lines in a file if one is asked for, and both in the folder
+//! of a run once that is known.
 
 use std::fs::File;
-use std::io::IsTerminal;
-use std::sync::Mutex;
+use std::io::{IsTerminal, Write};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use drapery_io::error::IoError;
 use tracing_subscriber::filter::EnvFilter;
@@ -13,8 +14,42 @@ use tracing_subscriber::{Layer, fmt};
 use crate::args::LogArgs;
 use crate::failure::Failure;
 
-/// Sets up the log.
-pub(crate) fn start(args: &LogArgs) -> Result<(), Failure> {
+/// A file that is not known yet when the log is set up.
+#[derive(Debug, Clone, Default)]
+struct LateFile(Arc<Mutex<Option<File>>>);
+
+impl LateFile {
+    fn open(&self, file: File) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(file);
+    }
+}
+
+impl Write for LateFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some(file) => file.write(bytes),
+            None => Ok(bytes.len()),
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// The logs in the folder of a run: words, and JSON lines.
+#[derive(Debug, Default)]
+pub(crate) struct FolderLogs([LateFile; 2]);
+
+impl FolderLogs {
+    /// From now on everything is written to these, too.
+    pub(crate) fn open(&self, files: [File; 2]) {
+        self.0.iter().zip(files).for_each(|(late, file)| late.open(file));
+    }
+}
+
+/// Sets up the log; the logs in the folder of a run wait for their files.
+pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
     let level = match (args.quiet, args.verbose) {
         (true, _) => "error",
         (_, 0) => "warn",
@@ -37,6 +72,14 @@ pub(crate) fn start(args: &LogArgs) -> Result<(), Failure> {
             Some(fmt::layer().json().with_writer(Mutex::new(file)).with_filter(filter("debug")))
         }
     };
-    tracing_subscriber::registry().with(words).with(lines).init();
-    Ok(())
+    let logs = FolderLogs::default();
+    let [folder_words, folder_lines] = logs.0.clone();
+    let folder_words = fmt::layer()
+        .with_target(false)
+        .with_ansi(false)
+        .with_writer(move || folder_words.clone())
+        .with_filter(filter("info"));
+    let folder_lines = fmt::layer().json().with_writer(move || folder_lines.clone()).with_filter(filter("debug"));
+    tracing_subscriber::registry().with(words).with(lines).with(folder_words).with(folder_lines).init();
+    Ok(logs)
 }

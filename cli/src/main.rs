@@ -8,6 +8,7 @@ mod log;
 mod plan;
 mod progress;
 mod say;
+mod signals;
 
 use clap::Parser;
 
@@ -27,7 +28,7 @@ fn main() -> std::process::ExitCode {
     // A panic is a fault of the program; the farm is to see an exit code that says so.
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| dispatch(&cli)));
     match outcome.unwrap_or_else(|_| Err(Failure::internal())) {
-        Ok(code) => code.into(),
+        Ok(code) => code,
         Err(failure) => {
             failure.report();
             failure.code.into()
@@ -35,15 +36,20 @@ fn main() -> std::process::ExitCode {
     }
 }
 
-fn dispatch(cli: &Cli) -> Result<ExitCode, Failure> {
-    log::start(&cli.log)?;
-    match &cli.command {
-        Command::Run(args) => commands::run::run(args, cli.log.quiet),
+fn dispatch(cli: &Cli) -> Result<std::process::ExitCode, Failure> {
+    let logs = log::start(&cli.log)?;
+    let code = match &cli.command {
+        Command::Run(args) => return commands::run::run(args, cli.log.quiet, &logs),
         Command::Check(args) => commands::check::check(args),
         Command::Plan(args) => commands::plan::plan(args),
         Command::Info(args) => commands::info::info(&args.file),
         Command::Verify(args) => commands::verify::verify(args),
+        Command::Status(args) => commands::status::status(args),
+        Command::Stop(args) => commands::stop::stop(args),
+        Command::Diff(args) => commands::diff::diff(args),
+        Command::Report(args) => commands::report::report(args),
         Command::Schema => commands::schema::schema(),
         Command::Materials => commands::materials::materials(),
-    }
+    };
+    code.map(Into::into)
 }

@@ -3,7 +3,8 @@
 
 use std::io::IsTerminal;
 
-use drapery_io::shot::FrameReport;
+use drapery_io::farm::process::resident_bytes;
+use drapery_io::shot::run::FrameReport;
 use indicatif::{ProgressBar, ProgressStyle as BarStyle};
 use serde_json::json;
 
@@ -141,14 +142,6 @@ fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-}
-
-/// Memory that the process occupies, where the system tells.
-fn resident_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kilobytes * 1024)
 }
 
 #[cfg(test)]

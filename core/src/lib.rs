@@ -38,6 +38,7 @@ pub mod parallel;
 pub mod scene;
 pub mod settings;
 pub mod simulation;
+pub mod snapshot;
 pub mod solve;
 pub mod state;
 pub mod step;
@@ -46,3 +47,7 @@ pub mod tolerances;
 
 /// A point, displacement, velocity or force; the unit is said where it is used.
 pub type Vec3 = nalgebra::Vector3<f64>;
+
+/// Raised with every change of the program that changes results, by however little. A run that another version began is
+/// not continued unasked: its frames would not be those of one program.
+pub const SOLVER_VERSION: u32 = 1;

@@ -1,12 +1,13 @@
 //! Seconds and counts of a run: the only place with a clock. A value passed by reference, never a global.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// Seconds and calls of one stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stage {
     /// Label, for example `B.1/forces`.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Seconds spent in it.
     pub seconds: f64,
     /// How often it ran.
@@ -17,7 +18,7 @@ pub struct Stage {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Metrics {
     stages: Vec<Stage>,
-    counts: Vec<(&'static str, u64)>,
+    counts: Vec<(Cow<'static, str>, u64)>,
 }
 
 impl Metrics {
@@ -25,12 +26,17 @@ impl Metrics {
     pub fn stage<T>(&mut self, name: &'static str, work: impl FnOnce(&mut Self) -> T) -> T {
         let start = Instant::now();
         let result = work(self);
-        self.add_time(name, start.elapsed().as_secs_f64(), 1);
+        self.add_time(Cow::Borrowed(name), start.elapsed().as_secs_f64(), 1);
         result
     }
 
     /// Adds to a count.
     pub fn count(&mut self, name: &'static str, amount: u64) {
+        self.add_count(Cow::Borrowed(name), amount);
+    }
+
+    /// Adds to a count of any name, such as one that was read.
+    pub fn add_count(&mut self, name: Cow<'static, str>, amount: u64) {
         match self.counts.iter_mut().find(|(n, _)| *n == name) {
             Some((_, total)) => *total += amount,
             None => self.counts.push((name, amount)),
@@ -43,7 +49,7 @@ impl Metrics {
     }
 
     /// Counts in the order of their first use.
-    pub fn counts(&self) -> &[(&'static str, u64)] {
+    pub fn counts(&self) -> &[(Cow<'static, str>, u64)] {
         &self.counts
     }
 
@@ -55,10 +61,10 @@ impl Metrics {
     /// Adds another record to this one.
     pub fn add(&mut self, other: &Self) {
         for stage in &other.stages {
-            self.add_time(stage.name, stage.seconds, stage.calls);
+            self.add_time(stage.name.clone(), stage.seconds, stage.calls);
         }
         for (name, amount) in &other.counts {
-            self.count(name, *amount);
+            self.add_count(name.clone(), *amount);
         }
     }
 
@@ -74,7 +80,8 @@ impl Metrics {
         taken
     }
 
-    fn add_time(&mut self, name: &'static str, seconds: f64, calls: u64) {
+    /// Adds to a stage of any name.
+    pub fn add_time(&mut self, name: Cow<'static, str>, seconds: f64, calls: u64) {
         match self.stages.iter_mut().find(|s| s.name == name) {
             Some(stage) => (stage.seconds, stage.calls) = (stage.seconds + seconds, stage.calls + calls),
             None => self.stages.push(Stage { name, seconds, calls }),

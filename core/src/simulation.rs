@@ -8,11 +8,11 @@ use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::effects::{Need, PartView, PlannedEffect, build_all};
-use crate::error::{Problem, Problems, StepError};
+use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::sum::join;
-use crate::scene::{BodyShape, PinTarget, Scene};
+use crate::scene::Scene;
 use crate::solve::conjugate_gradient::Stop;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
@@ -20,7 +20,12 @@ use crate::step::{Scratch, StepContext, advance};
 use crate::time_step::StepLimit;
 use crate::tolerances::CG_GRAVITY_FRACTION;
 
+mod saved;
+mod start;
+
 pub use crate::bodies::Sample;
+pub use saved::RestoreError;
+use start::{first_tracks, start_outside};
 
 /// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
 const STANDARD_GRAVITY: f64 = 9.81;
@@ -83,6 +88,46 @@ pub struct FrameSummary {
     pub body_self_crossings: u64,
 }
 
+impl FrameSummary {
+    /// Nothing done yet on the way to a frame.
+    pub fn empty(frame: i64) -> Self {
+        Self {
+            frame,
+            steps: 0,
+            dt_min: f64::INFINITY,
+            dt_max: 0.0,
+            cg_iterations: 0,
+            metrics: Metrics::default(),
+            max_strain: None,
+            kinetic_energy: 0.0,
+            potential_energy: 0.0,
+            body_self_crossings: 0,
+        }
+    }
+
+    /// Puts what was done before a pause in front of this.
+    #[must_use]
+    pub fn after(mut self, earlier: &Self) -> Self {
+        self.steps += earlier.steps;
+        self.dt_min = self.dt_min.min(earlier.dt_min);
+        self.dt_max = self.dt_max.max(earlier.dt_max);
+        self.cg_iterations += earlier.cg_iterations;
+        let later = std::mem::replace(&mut self.metrics, earlier.metrics.clone());
+        self.metrics.add(&later);
+        self
+    }
+}
+
+/// How far an advance came.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Advance {
+    /// The frame is reached.
+    Done(FrameSummary),
+    /// It was asked to pause between two frames, at a state free of collisions; this is what was done since the last frame or
+    /// pause. Strain and energies are those of whole frames and not in it.
+    Paused(FrameSummary),
+}
+
 /// A running simulation.
 pub struct Simulation {
     scene: Arc<Scene>,
@@ -111,7 +156,18 @@ impl Simulation {
     /// # Errors
     /// All problems of the effects' settings, of the first samples, and of vertices that start inside a body.
     pub fn new(scene: Scene, start: &FrameInput) -> Result<Self, Problems> {
-        let scene = Arc::new(scene);
+        let mut simulation = Self::build(Arc::new(scene), start)?;
+        if simulation.collision.is_some() {
+            let Self { scene, state, bodies, pins, .. } = &simulation;
+            start_outside(scene, state, bodies, pins.as_ref())?;
+        }
+        simulation.pins_take_hold();
+        simulation.crossings = simulation.find_crossings();
+        Ok(simulation)
+    }
+
+    /// The simulation with the cloth as the scene starts it, and bodies and tracks where `start` has them.
+    fn build(scene: Arc<Scene>, start: &FrameInput) -> Result<Self, Problems> {
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
@@ -130,9 +186,6 @@ impl Simulation {
             self_collision = self_collision.or(effect.self_collision);
             plan.push(planned);
         }
-        if collision.is_some() {
-            start_outside(&scene, &state, &bodies, pins.as_ref())?;
-        }
         let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
         let limit = StepLimit::new(parts, scene.masses(), &forces, cfl, frame);
         let needs_contact = repulsion.is_some() || self_collision.is_some();
@@ -146,7 +199,7 @@ impl Simulation {
         let scratch = Scratch::new(parts, collision.is_some() || after_position);
         let frame = scene.description().timeline.start;
         let metrics = Metrics::default();
-        let mut simulation = Self {
+        Ok(Self {
             scene,
             state,
             frame,
@@ -162,10 +215,7 @@ impl Simulation {
             metrics,
             plan,
             crossings: Vec::new(),
-        };
-        simulation.pins_take_hold();
-        simulation.crossings = simulation.find_crossings();
-        Ok(simulation)
+        })
     }
 
     /// Hard pins start where their targets are.
@@ -191,6 +241,11 @@ impl Simulation {
             return Vec::new();
         };
         contact.check_everything(&self.state.x, &self.bodies).to_vec()
+    }
+
+    /// The scene, to be shared with another simulation.
+    pub fn shared_scene(&self) -> Arc<Scene> {
+        Arc::clone(&self.scene)
     }
 
     /// The scene.
@@ -247,47 +302,71 @@ impl Simulation {
     /// # Errors
     /// Samples that do not cover the frame; a number that is no longer finite; a step below the scene's shortest.
     pub fn advance(&mut self, input: &FrameInput) -> Result<FrameSummary, StepError> {
-        // Enters the pool once a frame: entering it for every loop would queue, wake and allocate each time.
-        rayon::scope(|_| self.advance_in_pool(input))
+        match self.advance_or_pause(input, &mut |_| false)? {
+            Advance::Done(summary) | Advance::Paused(summary) => Ok(summary),
+        }
     }
 
-    fn advance_in_pool(&mut self, input: &FrameInput) -> Result<FrameSummary, StepError> {
+    /// Goes on to the frame of `input`; asks at every state free of collisions on the way, given its time [s], whether to pause
+    /// there. After a pause the same input goes on, and comes to the same bits as without one.
+    ///
+    /// # Errors
+    /// As [`Simulation::advance`].
+    pub fn advance_or_pause(
+        &mut self,
+        input: &FrameInput,
+        pause: &mut (dyn FnMut(f64) -> bool + Send),
+    ) -> Result<Advance, StepError> {
+        // Enters the pool once a frame: entering it for every loop would queue, wake and allocate each time.
+        rayon::scope(|_| self.advance_in_pool(input, pause))
+    }
+
+    fn advance_in_pool(
+        &mut self,
+        input: &FrameInput,
+        pause: &mut (dyn FnMut(f64) -> bool + Send),
+    ) -> Result<Advance, StepError> {
         if input.frame != self.frame + 1 {
             return Err(self.input_error(input, format!("the next frame is {}, not {}", self.frame + 1, input.frame)));
         }
         let timeline = self.scene.description().timeline;
-        let (from, to) = (self.state.time, timeline.time(input.frame));
+        let (from, to) = (timeline.time(self.frame), timeline.time(input.frame));
         let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
         stops.extend(self.targets.window_times());
         stops.retain(|t| *t > from && *t < to);
         stops.push(to);
         stops.sort_unstable_by(f64::total_cmp);
         stops.dedup();
-        let mut summary = FrameSummary {
-            frame: input.frame,
-            steps: 0,
-            dt_min: f64::INFINITY,
-            dt_max: 0.0,
-            cg_iterations: 0,
-            metrics: Metrics::default(),
-            max_strain: None,
-            kinetic_energy: 0.0,
-            potential_energy: 0.0,
-            body_self_crossings: 0,
-        };
+        let mut summary = FrameSummary::empty(input.frame);
+        let mut start = from;
         for stop in stops {
-            self.push_samples(input, stop, to)?;
+            self.push_samples(input, (start, stop), to)?;
+            start = stop;
+            if self.state.time >= stop {
+                // Behind a pause.
+                continue;
+            }
             // New samples leave the bodies at their times; self-contact starts from where they are now.
             self.bodies.set_step(self.state.time, self.state.time);
-            self.run_to(stop, input.frame, &mut summary)?;
+            let mut pause = |time| time < to && pause(time);
+            if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
+                summary.metrics = self.metrics.take();
+                return Ok(Advance::Paused(summary));
+            }
         }
         self.frame = input.frame;
         self.measure(&mut summary)?;
-        Ok(summary)
+        Ok(Advance::Done(summary))
     }
 
-    /// Steps until `end` [s], one collision step after the other.
-    fn run_to(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<(), StepError> {
+    /// Steps until `end` [s], one collision step after the other, or until it is to pause: then returns true.
+    fn run_to(
+        &mut self,
+        end: f64,
+        frame: i64,
+        summary: &mut FrameSummary,
+        pause: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<bool, StepError> {
         while self.state.time < end {
             let start = self.state.time;
             let steps = self.begin_interval();
@@ -299,14 +378,17 @@ impl Simulation {
             if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
                 self.rewind();
             }
+            if pause(self.state.time) {
+                return Ok(true);
+            }
         }
-        Ok(())
+        Ok(false)
     }
 
     /// A: returns how many time steps may follow until C.
     fn begin_interval(&mut self) -> u32 {
         let Self { self_contact, state, bodies, limit, metrics, .. } = self;
-        let Some(contact) = self_contact else { return u32::MAX };
+        let Some(contact) = self_contact else { return 1 };
         metrics.stage("A neighbours", |m| contact.begin_interval(state, bodies, limit.last(), m))
     }
 
@@ -389,9 +471,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Hands bodies and tracks the samples that the interval up to `stop` needs.
-    fn push_samples(&mut self, input: &FrameInput, stop: f64, frame_end: f64) -> Result<(), StepError> {
-        let start = self.state.time;
+    /// Hands bodies and tracks the samples that the interval from `start` to `stop` [s] needs.
+    fn push_samples(&mut self, input: &FrameInput, (start, stop): (f64, f64), frame_end: f64) -> Result<(), StepError> {
         // The next sample of each mesh is the first one at or after the end of the interval; take it once.
         let needed = |samples: &[Sample]| samples.iter().find(|s| s.time >= stop).cloned();
         for body in 0..self.bodies.list().len() {
@@ -486,76 +567,4 @@ impl Simulation {
 /// Whether no component is infinite or not a number.
 fn is_finite(v: &Vec3) -> bool {
     v.iter().all(|c| c.is_finite())
-}
-
-/// The first sample of every track.
-fn first_tracks(scene: &Scene, start: &FrameInput) -> Result<Vec<Samples>, Problems> {
-    let mut problems = Vec::new();
-    let mut tracks = Vec::new();
-    for (number, track) in start.tracks.iter().enumerate() {
-        match track.last() {
-            Some(sample) => tracks.push(Samples::still(sample.clone())),
-            None => problems.push(Problem::data(
-                format!("track {number}"),
-                "there is no sample of its positions at the start",
-                "look at the file that the pin follows around the first frame",
-            )),
-        }
-    }
-    for (p, pin) in scene.description().pins.iter().enumerate() {
-        if let PinTarget::Track { vertices, track } = &pin.target
-            && tracks.get(*track).is_none_or(|t| t.b.positions.len() != vertices.len())
-        {
-            let name = &scene.description().garments[pin.garment].name;
-            problems.push(Problem::data(
-                format!("garment \"{name}\", pin {p}"),
-                "the animated positions do not fit the pinned vertices",
-                "give one position per pinned vertex at every frame",
-            ));
-        }
-    }
-    if problems.is_empty() { Ok(tracks) } else { Err(Problems(problems)) }
-}
-
-/// Refuses garments whose free vertices start inside a body; names the deepest of each.
-fn start_outside(scene: &Scene, state: &State, bodies: &Bodies, pins: Option<&HardPins>) -> Result<(), Problems> {
-    let mut held = vec![false; state.x.len()];
-    pins.into_iter().flat_map(HardPins::fully_held).for_each(|(vertex, _)| held[vertex] = true);
-    let description = scene.description();
-    let mut problems = Vec::new();
-    for (g, garment) in description.garments.iter().enumerate() {
-        for (b, body) in description.bodies.iter().enumerate() {
-            let reach = scene.mean_edge() * 10.0;
-            let depth = |vertex: usize| {
-                // A vertex lies inside a crossing body's own overlap as soon as its nearest surface says so.
-                bodies.closest(b, &state.x[vertex], &state.x[vertex], reach, None).map_or(f64::INFINITY, |at| at.phi)
-            };
-            let inside: Vec<(f64, usize)> = scene
-                .parts()
-                .garment(g)
-                .filter(|vertex| !held[*vertex])
-                .map(|vertex| (depth(vertex), vertex))
-                .filter(|(phi, _)| *phi < 0.0)
-                .collect();
-            let Some((deepest, vertex)) = inside.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
-            let (_, own) = scene.parts().own_vertex(vertex);
-            let is_surface = matches!(body.shape, BodyShape::Surface { .. });
-            problems.push(Problem::data(
-                format!("garment \"{}\", vertex {own}", garment.name),
-                format!(
-                    "{} of its vertices start inside body \"{}\"; this one is deepest, {:.2} mm",
-                    inside.len(),
-                    body.name,
-                    -1e3 * deepest
-                ),
-                if is_surface {
-                    "move the garment off the body at the start frame, or start from a draped pose; if everything is \
-                     inside, the body's faces may be wound the wrong way"
-                } else {
-                    "move the garment or the body in the scene"
-                },
-            ));
-        }
-    }
-    if problems.is_empty() { Ok(()) } else { Err(Problems(problems)) }
 }

@@ -56,6 +56,11 @@ impl StepLimit {
         self.last
     }
 
+    /// Goes on from a saved state.
+    pub(crate) fn set_last(&mut self, last: f64) {
+        self.last = last;
+    }
+
     /// The step from `time` towards `end` [s]; `share` of what the cloth would allow.
     pub fn choose(
         &mut self,

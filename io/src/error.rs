@@ -53,6 +53,30 @@ pub enum IoError {
         /// Reason given by the system.
         source: std::io::Error,
     },
+    /// A folder that should hold a run has no manifest.
+    #[error(
+        "{}: this folder holds no run: there is no manifest.json in it\n  \
+         help: give the folder that `drapery run` wrote, the one named with --out",
+        path.display()
+    )]
+    NoRun {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The disk has no room for a checkpoint.
+    #[error(
+        "{}: {} MB are needed on this disk and {} MB are free\n  \
+         help: make room and run the same command again; it goes on from the last checkpoint, which is intact",
+        path.display(), needed / 1_000_000 + 1, free / 1_000_000
+    )]
+    NoRoom {
+        /// The file.
+        path: PathBuf,
+        /// What it takes [bytes].
+        needed: u64,
+        /// What is free [bytes].
+        free: u64,
+    },
     /// The output folder holds another run.
     #[error(
         "{}: this folder already holds a run\n  \
@@ -62,6 +86,32 @@ pub enum IoError {
     OutputExists {
         /// The folder.
         path: PathBuf,
+    },
+    /// Another run holds the output folder, or may.
+    #[error(
+        "{}: {what}\n  \
+         help: {advice}",
+        path.display()
+    )]
+    Locked {
+        /// The lock.
+        path: PathBuf,
+        /// Who holds it.
+        what: String,
+        /// What to do.
+        advice: String,
+    },
+    /// The output folder was taken over by another run.
+    #[error(
+        "{}: {taker} has taken this folder over; this run stops and writes nothing more\n  \
+         help: let that run go on; it continues from the last checkpoint",
+        path.display()
+    )]
+    LockLost {
+        /// The lock.
+        path: PathBuf,
+        /// Who holds it now.
+        taker: String,
     },
     /// A cache would replace a file that the shot reads.
     #[error(
@@ -107,7 +157,6 @@ pub enum IoError {
     #[error(transparent)]
     Alembic(#[from] AlembicError),
     /// The HDF5 library refused.
-    #[cfg(feature = "hdf5")]
     #[error(
         "{}: HDF5: {source}\n  \
          help: check that the folder exists, that you may write there, and free space",
@@ -140,15 +189,15 @@ impl IoError {
     /// Whose fault it is.
     pub fn kind(&self) -> IoErrorKind {
         match self {
-            Self::Missing { .. } | Self::Read { .. } => IoErrorKind::MissingInput,
+            Self::Missing { .. } | Self::Read { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
-            Self::Write { .. } => IoErrorKind::Io,
+            Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
+            Self::Write { .. } | Self::NoRoom { .. } => IoErrorKind::Io,
             Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
             Self::Alembic(AlembicError::Io { action: "create", .. }) => IoErrorKind::CannotCreate,
             Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
             Self::Alembic(AlembicError::Refused { .. } | AlembicError::TimeSampling { .. }) => IoErrorKind::Internal,
             Self::Alembic(_) => IoErrorKind::BadInput,
-            #[cfg(feature = "hdf5")]
             Self::Hdf5 { .. } => IoErrorKind::CannotCreate,
         }
     }

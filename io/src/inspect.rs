@@ -60,13 +60,11 @@ pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
     match extension.as_str() {
         "abc" => inspect_alembic(path),
         "obj" => inspect_obj(path),
-        #[cfg(feature = "hdf5")]
         "h5" => crate::formats::hdf5::inspect(path),
         _ => Err(IoError::Format {
             path: path.to_owned(),
             what: format!("files of the kind .{extension} cannot be looked into"),
-            advice: if cfg!(feature = "hdf5") { "give an .abc, .obj or .h5 file" } else { "give an .abc or .obj file" }
-                .into(),
+            advice: "give an .abc, .obj or .h5 file".into(),
         }),
     }
 }

@@ -5,11 +5,16 @@
 
 pub mod atomic_file;
 pub mod cache;
+pub mod cache_frames;
+pub mod checkpoint;
+pub mod diff;
 pub mod error;
+pub mod farm;
 pub mod formats;
 pub mod inspect;
 pub mod materials;
 pub mod mesh_source;
+pub mod report;
 pub mod run_record;
 pub mod scene_file;
 pub mod shot;

@@ -1,17 +1,18 @@
 //! What a run leaves beside its caches: `manifest.json` (what is there, replaced as a whole after every frame) and
 //! `run.jsonl` (one line a frame with everything that was measured).
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::atomic_file;
 use crate::error::IoError;
+use crate::farm::process::resident_bytes;
 
 /// File name of the manifest; a folder that has one holds a run.
 pub const MANIFEST: &str = "manifest.json";
@@ -22,6 +23,9 @@ pub const RECORD: &str = "run.jsonl";
 /// File name of the scene with every default written out.
 pub const RESOLVED: &str = "resolved.toml";
 
+/// File name of what the run depends on, by which a changed scene or input is noticed.
+pub const FINGERPRINT: &str = "fingerprint.json";
+
 /// What a folder of output holds, for programs that pick it up.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Manifest {
@@ -31,7 +35,7 @@ pub struct Manifest {
     pub shot: String,
     /// Scene file.
     pub scene: String,
-    /// `running`, `done` or `failed`.
+    /// `running`, `stopped`, `done` or `failed`.
     pub state: &'static str,
     /// Why it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -52,6 +56,49 @@ pub struct Manifest {
     pub garments: Vec<ManifestGarment>,
     /// Number of threads.
     pub threads: usize,
+    /// The command line that continues the run.
+    pub command: String,
+    /// The last good checkpoint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<ManifestCheckpoint>,
+    /// Every start of the run in this folder.
+    pub attempts: Vec<AttemptRecord>,
+}
+
+/// The last good checkpoint.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ManifestCheckpoint {
+    /// The file, relative to the folder.
+    pub file: String,
+    /// Last frame that it holds.
+    pub frame: i64,
+    /// States free of collisions since that frame.
+    pub sub_step: u64,
+}
+
+/// One start of the run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct AttemptRecord {
+    /// Its number, that of its logs.
+    pub attempt: u32,
+    /// Machine.
+    pub host: String,
+    /// Process.
+    pub pid: u32,
+    /// Number of threads.
+    pub threads: usize,
+    /// First frame that it simulated, or would have.
+    pub first_frame: i64,
+    /// Last frame that it finished.
+    pub last_frame: Option<i64>,
+    /// Seconds that its frames took.
+    pub seconds: f64,
+    /// How it ended: `done`, `failed`, or why it stopped; nothing while it runs, or when it was killed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end: Option<String>,
+    /// What had changed, when it was told to go on all the same.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<String>,
 }
 
 /// The caches of one garment.
@@ -111,6 +158,28 @@ impl RunRecord {
         Ok(Self { path, file })
     }
 
+    /// Goes on with the record in `folder`, cut back to `length` bytes if that is known.
+    ///
+    /// # Errors
+    /// The file cannot be opened or cut.
+    pub fn resume(folder: &Path, length: Option<u64>) -> Result<Self, IoError> {
+        let path = folder.join(RECORD);
+        let file = OpenOptions::new().append(true).create(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
+        let present = file.metadata().map_err(|e| IoError::reading(&path, e))?.len();
+        if let Some(length) = length.filter(|length| *length < present) {
+            file.set_len(length).map_err(|e| IoError::writing(&path, e))?;
+        }
+        Ok(Self { path, file })
+    }
+
+    /// Its length [bytes].
+    ///
+    /// # Errors
+    /// The system does not say.
+    pub fn length(&self) -> Result<u64, IoError> {
+        Ok(self.file.metadata().map_err(|e| IoError::reading(&self.path, e))?.len())
+    }
+
     /// Appends a line.
     ///
     /// # Errors
@@ -133,7 +202,7 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         .as_ref()
         .map(|strain| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain}));
     let mut all = summary.metrics.clone();
-    spent.counts().iter().for_each(|(name, amount)| all.count(name, *amount));
+    spent.counts().iter().for_each(|(name, amount)| all.add_count(name.clone(), *amount));
     json!({
         "record": "frame",
         "frame": summary.frame,
@@ -146,6 +215,7 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         "kinetic_energy": summary.kinetic_energy,
         "potential_energy": summary.potential_energy,
         "body_self_crossings": summary.body_self_crossings,
+        "resident_bytes": resident_bytes(),
         "stages": stages(&summary.metrics),
         "counts": counts(&all),
     })
@@ -159,5 +229,21 @@ pub fn stages(metrics: &Metrics) -> Vec<Value> {
 
 /// Counts by name.
 pub fn counts(metrics: &Metrics) -> Value {
-    metrics.counts().iter().map(|(name, amount)| ((*name).to_owned(), Value::from(*amount))).collect()
+    metrics.counts().iter().map(|(name, amount)| (name.to_string(), Value::from(*amount))).collect()
+}
+
+/// The inverse of [`stages`] and [`counts`]; what is not of that form is left out.
+pub fn metrics_of(stages: &Value, counts: &Value) -> Metrics {
+    let mut metrics = Metrics::default();
+    for stage in stages.as_array().into_iter().flatten() {
+        if let (Some(name), Some(seconds), Some(calls)) =
+            (stage["stage"].as_str(), stage["seconds"].as_f64(), stage["calls"].as_u64())
+        {
+            metrics.add_time(name.to_owned().into(), seconds, calls);
+        }
+    }
+    for (name, amount) in counts.as_object().into_iter().flatten() {
+        metrics.add_count(name.clone().into(), amount.as_u64().unwrap_or(0));
+    }
+    metrics
 }

@@ -5,29 +5,26 @@
 //! first frame minus its pre-roll, because cloth has a history; only the end of the range can be chosen.
 
 pub(crate) mod check;
+mod folder;
+mod inputs;
 pub mod motion;
 mod output;
 pub mod quality;
+mod resume;
+pub mod run;
+mod totals;
 mod written;
 
 use std::path::PathBuf;
 
-use drapery_core::Vec3;
-use drapery_core::effects::PlannedEffect;
-use drapery_core::error::{Problem, Problems, StepError};
-use drapery_core::metrics::Metrics;
-use drapery_core::scene::{BodyShape, Scene, SceneDescription, Timeline};
-use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
-use serde_json::json;
+use drapery_core::error::{Problems, StepError};
+use drapery_core::scene::{Scene, SceneDescription, Timeline};
+use drapery_core::simulation::Simulation;
 
 use crate::cache::MeshData;
 use crate::error::IoError;
-use crate::formats;
-use crate::run_record;
-use crate::shot::check::{Span, check_faces, check_motion, check_size};
+use crate::shot::inputs::Inputs;
 use crate::shot::motion::{InputMotion, Preroll};
-use crate::shot::output::Output;
-use crate::shot::quality::Exceeded;
 use crate::units::Units;
 
 /// A scene with its files opened: everything that a run needs.
@@ -85,6 +82,22 @@ pub enum ShotError {
     /// The solver gave up.
     #[error(transparent)]
     Step(#[from] StepError),
+    /// The run that the folder holds is one of another scene, or of other inputs.
+    #[error(
+        "{}: this folder holds a run of the same name, but not of the same shot\n  {}\n  \
+         help: choose another folder with --out, start anew with --overwrite, or insist with --resume-with-changes: frames \
+         after the last checkpoint are then simulated with the changes",
+        folder.display(), changes.join("\n  ")
+    )]
+    Changed {
+        /// The folder.
+        folder: PathBuf,
+        /// What has changed.
+        changes: Vec<String>,
+    },
+    /// There is nothing to go on from where it was asked for.
+    #[error("{0}")]
+    Resume(String),
 }
 
 /// A shot that was checked and can run.
@@ -106,51 +119,6 @@ struct About {
     last_frame: i64,
     output: OutputDescription,
     resolved: String,
-}
-
-/// How a run is made.
-#[derive(Debug, Clone)]
-pub struct RunOptions {
-    /// Folder of the output.
-    pub out: PathBuf,
-    /// Whether a run that the folder holds is replaced.
-    pub overwrite: bool,
-    /// Number of threads, for the record; the caller has set up the pool.
-    pub threads: usize,
-}
-
-/// One frame that is done.
-#[derive(Debug, Clone, Copy)]
-pub struct FrameReport<'a> {
-    /// Its number.
-    pub frame: i64,
-    /// Last frame of the run.
-    pub last_frame: i64,
-    /// Whether it lies before the first frame that is delivered.
-    pub is_preroll: bool,
-    /// Frames done so far, pre-roll included.
-    pub done: u64,
-    /// Frames in all, pre-roll included.
-    pub total: u64,
-    /// Seconds it took, reading and writing included.
-    pub seconds: f64,
-    /// What the solver reports; `None` for the frame at which the simulation starts.
-    pub summary: Option<&'a FrameSummary>,
-}
-
-/// What a whole run took and wrote.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RunReport {
-    /// Stages and counts of all frames.
-    pub metrics: Metrics,
-    /// Seconds of all frames.
-    pub seconds: f64,
-    /// Frames delivered.
-    pub frames: u64,
-    /// The caches.
-    pub files: Vec<PathBuf>,
-    /// Counts that should have stayed zero, in the order in which they rose.
-    pub exceeded: Vec<Exceeded>,
 }
 
 impl Shot {
@@ -177,12 +145,6 @@ impl Shot {
         let Some(simulation) = simulation.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };
-        for format in output.formats.iter().filter_map(|word| formats::by_extension(word)) {
-            if let Some(feature) = format.left_out {
-                let extension = format.extension;
-                warnings.push(format!("no .{extension} files are written: this build has no feature `{feature}`"));
-            }
-        }
         let (name, resolved) = (description.name, description.resolved);
         let (scene_path, input_files) = (description.scene_path, description.input_files);
         let about = About { name, scene_path, input_files, timeline, last_frame, output, resolved };
@@ -228,99 +190,6 @@ impl Shot {
     pub fn frame_count(&self) -> u64 {
         self.about.last_frame.abs_diff(self.about.timeline.start) + 1
     }
-
-    /// Simulates and writes all frames; `observer` hears of each when it is on the disk.
-    ///
-    /// # Errors
-    /// The folder holds another run or cannot be written; an input breaks; the solver gives up. Frames before stay
-    /// valid.
-    pub fn run(
-        mut self,
-        options: &RunOptions,
-        observer: &mut dyn FnMut(&FrameReport<'_>),
-    ) -> Result<RunReport, ShotError> {
-        let mut output = Output::create(&self, options)?;
-        match self.run_frames(&mut output, observer) {
-            Ok(report) => {
-                output.finish(&report)?;
-                Ok(report)
-            }
-            Err(error) => {
-                // The first error is the one that counts; a full disk would refuse this record too.
-                let _ = output.fail(&error);
-                Err(error)
-            }
-        }
-    }
-
-    fn run_frames(
-        &mut self,
-        output: &mut Output,
-        observer: &mut dyn FnMut(&FrameReport<'_>),
-    ) -> Result<RunReport, ShotError> {
-        let (timeline, last_frame, total) = (self.about.timeline, self.about.last_frame, self.frame_count());
-        let mut all = Metrics::default();
-        let (mut seconds, mut exceeded) = (0.0, Vec::new());
-        for frame in timeline.start..=last_frame {
-            let mut spent = Metrics::default();
-            let summary = match frame == timeline.start {
-                true => None,
-                false => {
-                    let input = spent.stage("read inputs", |_| self.inputs.at(frame))?;
-                    Some(spent.stage("simulate", |_| self.simulation.advance(&input))?)
-                }
-            };
-            let is_preroll = frame < timeline.origin;
-            if !is_preroll {
-                output.write_frame(frame, &self.simulation, &mut spent)?;
-            }
-            let taken: f64 = spent.stages().iter().map(|stage| stage.seconds).sum();
-            seconds += taken;
-            all.add(&spent);
-            quality::watch(&mut exceeded, frame, &spent);
-            match &summary {
-                Some(summary) => {
-                    all.add(&summary.metrics);
-                    quality::watch(&mut exceeded, frame, &summary.metrics);
-                    output.record(&run_record::frame_record(summary, &spent, taken))?;
-                }
-                None => output.record(&run_record::start_record(frame, &spent, taken))?,
-            }
-            let done = frame.abs_diff(timeline.start) + 1;
-            observer(&FrameReport {
-                frame,
-                last_frame,
-                is_preroll,
-                done,
-                total,
-                seconds: taken,
-                summary: summary.as_ref(),
-            });
-        }
-        let frames = last_frame.abs_diff(timeline.origin) + 1;
-        Ok(RunReport { metrics: all, seconds, frames, files: output.files(), exceeded })
-    }
-
-    /// Head of the record: what will run.
-    fn header(&self, threads: usize) -> serde_json::Value {
-        let timeline = self.about.timeline;
-        let effect = |effect: &PlannedEffect| {
-            let (garment, because) = (&effect.garment, &effect.because);
-            json!({"effect": effect.name, "garment": garment, "because": because, "bytes": effect.bytes})
-        };
-        json!({
-            "record": "header",
-            "application": crate::cache::APPLICATION,
-            "shot": self.about.name,
-            "scene": self.about.scene_path,
-            "fps": [timeline.fps_numerator, timeline.fps_denominator],
-            "start_frame": timeline.start,
-            "first_frame": timeline.origin,
-            "last_frame": self.about.last_frame,
-            "threads": threads,
-            "effects": self.simulation.plan().iter().map(effect).collect::<Vec<_>>(),
-        })
-    }
 }
 
 /// The last frame of a run. A range that ends after the scene's own is cut; one that starts elsewhere is refused.
@@ -340,61 +209,6 @@ fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>, warnings: &mut Vec<Strin
         warnings.push(format!("frames {first}-{last} are cut to those of the shot, {scene_first}-{scene_last}"));
     }
     Ok(last.min(scene_last))
-}
-
-/// Everything that moves by files.
-#[derive(Debug)]
-struct Inputs {
-    timeline: Timeline,
-    preroll: Preroll,
-    bodies: Vec<Option<InputMotion>>,
-    tracks: Vec<InputMotion>,
-}
-
-impl Inputs {
-    /// What the solver needs to reach a frame.
-    fn at(&self, frame: i64) -> Result<FrameInput, IoError> {
-        let samples = |motion: &InputMotion| motion.samples(self.timeline, self.preroll, frame);
-        let bodies =
-            self.bodies.iter().map(|body| body.as_ref().map_or(Ok(Vec::new()), samples)).collect::<Result<_, _>>()?;
-        let tracks = self.tracks.iter().map(samples).collect::<Result<_, _>>()?;
-        Ok(FrameInput { frame, bodies, tracks })
-    }
-
-    /// Problems of all frames of all inputs.
-    fn check(&self, scene: &SceneDescription, last_frame: i64, warnings: &mut Vec<String>) -> Vec<Problem> {
-        let span = Span { timeline: self.timeline, last_frame };
-        let mut problems = Vec::new();
-        for (body, motion) in scene.bodies.iter().zip(&self.bodies) {
-            if let (BodyShape::Surface { triangles, point_count }, Some(motion)) = (&body.shape, motion) {
-                problems.extend(check_motion(motion, span, Some(*point_count)));
-                problems.extend(check_size(motion, span, warnings));
-                problems.extend(check_faces(motion, span, triangles, warnings));
-            }
-        }
-        for track in &self.tracks {
-            problems.extend(check_motion(track, span, None));
-        }
-        problems
-    }
-
-    /// The simulation at its start, or more problems.
-    fn start(&self, scene: Scene, problems: &mut Vec<Problem>) -> Result<Option<Simulation>, ShotError> {
-        let input = self.at(self.timeline.start)?;
-        let finite = |p: &Vec3| p.iter().all(|x| x.is_finite());
-        let samples = input.bodies.iter().chain(&input.tracks).flatten();
-        if !problems.is_empty() && samples.flat_map(|s| &s.positions).any(|p| !finite(p)) {
-            // The check of the samples has said so already.
-            return Ok(None);
-        }
-        match Simulation::new(scene, &input) {
-            Ok(simulation) => Ok(Some(simulation)),
-            Err(Problems(found)) => {
-                problems.extend(found);
-                Ok(None)
-            }
-        }
-    }
 }
 
 #[cfg(test)]

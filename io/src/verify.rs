@@ -12,6 +12,8 @@ use drapery_core::Vec3;
 use crate::error::IoError;
 use crate::formats;
 
+pub(crate) use crossings::triangles_of;
+
 /// Stored velocities over the motion seen between frames; outside of it the unit is wrong (per frame, say).
 const VELOCITY_RATIO: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 

@@ -11,7 +11,8 @@ use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, Timeline};
 use drapery_io::cache::MeshData;
 use drapery_io::shot::motion::Preroll;
-use drapery_io::shot::{OutputDescription, RunOptions, Shot, ShotDescription};
+use drapery_io::shot::run::{FrameReport, RunOptions};
+use drapery_io::shot::{OutputDescription, Shot, ShotDescription};
 use drapery_io::units::Units;
 use drapery_io::verify::{Verification, verify};
 
@@ -180,8 +181,8 @@ fn a_run_counts_the_crossings_of_what_it_writes_and_verify_agrees() {
     {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
-        let options = RunOptions { out: out.clone(), overwrite: false, threads: 1 };
-        let report = Shot::prepare(two_sheets(distance, effect), None).unwrap().run(&options, &mut |_| {}).unwrap();
+        let shot = Shot::prepare(two_sheets(distance, effect), None).unwrap();
+        let report = shot.run(&RunOptions::new(out.clone()), &mut |_: &FrameReport<'_>| {}).unwrap();
         let exceeded = report.exceeded.iter().find(|limit| limit.name == "crossings_written");
         assert_eq!(exceeded.map(|limit| limit.first_frame), (counted == Some(true)).then_some(1001));
         let record = std::fs::read_to_string(out.join("run.jsonl")).unwrap();

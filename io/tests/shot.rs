@@ -16,7 +16,8 @@ use drapery_io::cache::MeshData;
 use drapery_io::error::IoError;
 use drapery_io::mesh_source::MeshSource;
 use drapery_io::shot::motion::{InputMotion, Preroll};
-use drapery_io::shot::{OutputDescription, RunOptions, Shot, ShotDescription, ShotError};
+use drapery_io::shot::run::{FrameReport, Outcome, Resume, RunOptions};
+use drapery_io::shot::{OutputDescription, Shot, ShotDescription, ShotError};
 use drapery_io::units::Units;
 
 /// A square of cloth of 9 points, 1 m wide, at a height [m].
@@ -49,7 +50,7 @@ fn falling(folder: &Path) -> ShotDescription {
 }
 
 fn options(folder: &Path) -> RunOptions {
-    RunOptions { out: folder.join("out"), overwrite: false, threads: 1 }
+    RunOptions::new(folder.join("out"))
 }
 
 /// Writes a tetrahedron that rises by 1 cm a frame from frame 1001 on; `change` may alter a frame's points and faces.
@@ -107,8 +108,8 @@ fn a_run_leaves_caches_manifest_record_and_resolved_scene() {
     let folder = tempfile::tempdir().unwrap();
     let mut frames = Vec::new();
     let shot = Shot::prepare(falling(folder.path()), None).unwrap();
-    let report =
-        shot.run(&options(folder.path()), &mut |frame| frames.push((frame.frame, frame.done, frame.total))).unwrap();
+    let mut see = |frame: &FrameReport<'_>| frames.push((frame.frame, frame.done, frame.total));
+    let report = shot.run(&options(folder.path()), &mut see).unwrap();
     assert_eq!(frames, [(1001, 1, 3), (1002, 2, 3), (1003, 3, 3)]);
     assert_eq!(report.frames, 3);
     let out = folder.path().join("out");
@@ -116,7 +117,7 @@ fn a_run_leaves_caches_manifest_record_and_resolved_scene() {
     let manifest: serde_json::Value = serde_json::from_str(&read("manifest.json")).unwrap();
     assert_eq!((manifest["state"].as_str(), manifest["last_complete_frame"].as_i64()), (Some("done"), Some(1003)));
     assert_eq!(manifest["garments"][0]["files"][0], "sheet.abc");
-    assert_eq!(read("run.jsonl").lines().count(), 1 + 3 + 1);
+    assert_eq!(read("run.jsonl").lines().count(), 1 + 3 + 2, "header, frames, the checkpoint of the last one, end");
     assert_eq!(read("resolved.toml"), "# all settings\n");
     let archive = Archive::open(out.join("sheet.abc")).unwrap();
     let mesh = PolyMesh::open(&archive, "/sheet/sheetShape").unwrap();
@@ -130,12 +131,14 @@ fn a_run_leaves_caches_manifest_record_and_resolved_scene() {
 #[test]
 fn another_run_is_replaced_only_when_asked() {
     let folder = tempfile::tempdir().unwrap();
-    let run = |overwrite| {
-        let options = RunOptions { overwrite, ..options(folder.path()) };
-        Shot::prepare(falling(folder.path()), Some([1001, 1002])).unwrap().run(&options, &mut |_| {})
+    let run = |resume, overwrite| {
+        let options = RunOptions { resume, overwrite, ..options(folder.path()) };
+        let shot = Shot::prepare(falling(folder.path()), Some([1001, 1002])).unwrap();
+        shot.run(&options, &mut |_: &FrameReport<'_>| {})
     };
-    run(false).unwrap();
-    let refused = run(false).unwrap_err();
+    assert_eq!(run(Resume::Never, false).unwrap().outcome, Outcome::Done);
+    assert_eq!(run(Resume::Auto, false).unwrap().outcome, Outcome::NothingToDo);
+    let refused = run(Resume::Never, false).unwrap_err();
     assert!(matches!(refused, ShotError::Io(IoError::OutputExists { .. })), "{refused}");
     assert!(refused.to_string().contains("--overwrite"));
     // A cache of the old run that the new one does not write goes too.
@@ -144,7 +147,7 @@ fn another_run_is_replaced_only_when_asked() {
     std::fs::write(&stale, "old").unwrap();
     let text = std::fs::read_to_string(&manifest).unwrap();
     std::fs::write(&manifest, text.replace("\"sheet.abc\"", "\"sheet.abc\", \"sheet.h5\"")).unwrap();
-    run(true).unwrap();
+    run(Resume::Auto, true).unwrap();
     assert!(!stale.exists());
 }
 
@@ -157,7 +160,7 @@ fn a_cache_never_replaces_an_input() {
     std::fs::write(&input, "the artist's file").unwrap();
     shot.input_files.push(input.clone());
     let options = RunOptions { overwrite: true, ..options(folder.path()) };
-    let refused = Shot::prepare(shot, None).unwrap().run(&options, &mut |_| {}).unwrap_err();
+    let refused = Shot::prepare(shot, None).unwrap().run(&options, &mut |_: &FrameReport<'_>| {}).unwrap_err();
     assert!(matches!(refused, ShotError::Io(IoError::OutputIsInput { .. })), "{refused}");
     assert_eq!(std::fs::read_to_string(input).unwrap(), "the artist's file");
 }
@@ -169,10 +172,8 @@ fn the_preroll_is_simulated_but_not_delivered() {
     shot.preroll = Preroll { settle: 2, blend: 1 };
     shot.scene.timeline.start = 998;
     let mut seen = Vec::new();
-    Shot::prepare(shot, None)
-        .unwrap()
-        .run(&options(folder.path()), &mut |frame| seen.push((frame.frame, frame.is_preroll)))
-        .unwrap();
+    let mut see = |frame: &FrameReport<'_>| seen.push((frame.frame, frame.is_preroll));
+    Shot::prepare(shot, None).unwrap().run(&options(folder.path()), &mut see).unwrap();
     assert_eq!((seen[0], seen[2], seen[3]), ((998, true), (1000, true), (1001, false)));
     let archive = Archive::open(folder.path().join("out/sheet.abc")).unwrap();
     let mesh = PolyMesh::open(&archive, "/sheet/sheetShape").unwrap();

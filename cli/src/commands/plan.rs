@@ -2,7 +2,7 @@
 
 use drapery_core::effects::{Need, PlannedEffect};
 use drapery_core::settings::{Origin, SettingValue};
-use drapery_io::formats::{self, FORMATS};
+use drapery_io::formats;
 use drapery_io::shot::Shot;
 use serde_json::{Value, json};
 
@@ -122,15 +122,7 @@ fn output_text(shot: &Shot) -> String {
     let velocities = if output.velocities { "with velocities" } else { "without velocities" };
     let mut text = format!("output: {}, {velocities}\n", output.units);
     for format in output.formats.iter().filter_map(|word| formats::by_extension(word)) {
-        let state = format.left_out.map_or("written".into(), |feature| format!("left out, no feature `{feature}`"));
-        text += &format!("  .{}: {} ({state})\n", format.extension, format.summary);
-    }
-    let left_out: Vec<String> = FORMATS
-        .iter()
-        .filter_map(|format| Some(format!("{} (feature `{}`)", format.extension, format.left_out?)))
-        .collect();
-    if !left_out.is_empty() {
-        text += &format!("this build leaves out: {}\n", left_out.join(", "));
+        text += &format!("  .{}: {}\n", format.extension, format.summary);
     }
     text
 }
@@ -167,10 +159,6 @@ fn as_json(shot: &Shot, threads: &Threads) -> Value {
             json!({"name": garment.name, "points": garment.mesh.points.len(), "triangles": mesh.triangles().len()})
         })
         .collect();
-    let format = |word: &String| {
-        let format = formats::by_extension(word);
-        json!({"extension": word, "left_out": format.and_then(|format| format.left_out)})
-    };
     let (state, effects) = bytes(shot);
     json!({
         "shot": shot.name(),
@@ -183,7 +171,7 @@ fn as_json(shot: &Shot, threads: &Threads) -> Value {
         "effects": shot.simulation().plan().iter().map(effect).collect::<Vec<_>>(),
         "structures": structures(shot),
         "bytes": {"state": state, "effects": effects},
-        "formats": shot.output().formats.iter().map(format).collect::<Vec<_>>(),
+        "formats": shot.output().formats,
         "resolved": shot.resolved(),
     })
 }

@@ -1,7 +1,9 @@
 //! The command from outside: a folder, a command line, the expected text and exit code.
 
 mod bad_input;
+mod inspection;
 mod run;
+mod stop;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

@@ -27,8 +27,9 @@ use crate::metrics::Metrics;
 /// leave are a handful of pairs that a few more end.
 const IMPULSE_ATTEMPTS: usize = 6;
 
-/// A collision step is hard if more than one in so many vertices is left to impact zones.
-const HARD_SHARE: usize = 200;
+/// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than the
+/// shorter steps that avoid them (`docs/decisions/0007-self-contact.md`).
+const HARD_SHARE: usize = 20;
 
 /// Attempts with inelastic zones; then pairs with a prescribed node are given up, and as many attempts follow.
 const INELASTIC_ATTEMPTS: usize = 12;

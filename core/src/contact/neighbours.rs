@@ -93,6 +93,16 @@ impl Neighbours {
         USABLE_REACH * self.reach
     }
 
+    /// The reach that the list was made with, as a share of the nodes' edges.
+    pub fn full_reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// Positions of the nodes when the list was made [m]; none before.
+    pub fn reference(&self) -> &[Vec3] {
+        &self.reference
+    }
+
     /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges,
     /// and the gap that collisions keep [m].
     pub fn rebuild(&mut self, surface: &ContactSurface, search: &mut PairSearch, x: &[Vec3], reach: f64, gap: f64) {

@@ -19,7 +19,9 @@ use crate::contact::friction::{coulomb, respond};
 use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::metrics::Metrics;
+use crate::parallel::parts::Parts;
 use crate::settings::Settings;
+use crate::snapshot::{Section, SnapshotError};
 use crate::tolerances::{FACING, PINCH_DRAG};
 
 use marks::{CHUNK, Marks, bit, constrained, marked};
@@ -33,6 +35,9 @@ pub static SPEC: EffectSpec = EffectSpec {
     needs: &[Need::State, Need::Bodies],
     build,
 };
+
+/// Version of the section of a snapshot.
+pub(crate) const VERSION: u32 = 1;
 
 /// Bodies that can hold a vertex at the same time.
 const HOLDS: usize = 2;
@@ -58,7 +63,7 @@ pub struct VertexContact {
     holds: [Option<Hold>; HOLDS],
 }
 
-/// What is remembered of a surface body near a vertex, to save searches; it never changes their answer.
+/// What is remembered of a surface body near a vertex, to save searches, and to know how deep it was before.
 #[derive(Debug, Clone, Copy)]
 struct Memory {
     /// The vertex is at least this far from contact's reference surface [m]; negative inside.
@@ -144,6 +149,33 @@ impl BodyCollision {
             let least = if memory.clearance >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
             memory.clearance = (memory.clearance - way).max(least);
         }
+    }
+
+    /// Whether there are deforming bodies to remember something of.
+    pub fn remembers(&self) -> bool {
+        self.surfaces > 0
+    }
+
+    /// What is remembered of deforming bodies near each vertex; `None` without such bodies.
+    pub fn save(&self, parts: &Parts) -> Option<Section> {
+        let of_vertex = |i: usize| self.memory[i * self.surfaces..(i + 1) * self.surfaces].iter().map(|m| m.clearance);
+        let clearances = (0..self.held.len()).map(|own| parts.solver_of(own)).flat_map(of_vertex).collect();
+        self.remembers().then(|| Section::new(SPEC.name, VERSION).numbers("clearances", clearances))
+    }
+
+    /// Goes on from what was saved.
+    ///
+    /// # Errors
+    /// The section is of another scene.
+    pub fn load(&mut self, section: &Section, parts: &Parts) -> Result<(), SnapshotError> {
+        let clearances = section.read_numbers("clearances", self.memory.len())?;
+        for (own, of_vertex) in clearances.chunks_exact(self.surfaces.max(1)).enumerate() {
+            let first = parts.solver_of(own) * self.surfaces;
+            for (memory, clearance) in self.memory[first..].iter_mut().zip(of_vertex) {
+                memory.clearance = *clearance;
+            }
+        }
+        Ok(())
     }
 
     /// Forgets where vertices were: the state has been put back.

@@ -15,6 +15,7 @@ use crate::error::Problem;
 use crate::parallel::parts::Parts;
 use crate::scene::{PinAnchor, PinHold, PinTarget, Scene, SurfaceAttachment};
 use crate::settings::Settings;
+use crate::snapshot::{Section, SnapshotError};
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -31,6 +32,9 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let bytes = pins.entries.len() * size_of::<HardPin>() + pins.rows.len() * size_of::<usize>();
     Ok(Effect { pins: Some(pins), bytes, ..Effect::default() })
 }
+
+/// Version of the section of a snapshot.
+pub(crate) const VERSION: u32 = 1;
 
 /// What one pinned vertex follows.
 #[derive(Debug, Clone)]
@@ -147,6 +151,55 @@ impl PinTargets {
             *place = here - along_path(&self.paths[*pin], time);
             self.at_t0[i] = here;
         }
+    }
+
+    /// What the pins remember: the places taken when they took hold, and where their vertices were bound to bodies.
+    pub fn save(&self) -> Section {
+        let place = |target: &Target| match &target.source {
+            Source::Path { place, .. } => *place,
+            _ => Vec3::zeros(),
+        };
+        let none = SurfaceAttachment { vertex: 0, body_points: [0; 3], weights: [0.0; 3], offset: Vec3::zeros() };
+        let attachment = |target: &Target| match &target.source {
+            Source::Surface { attachment, .. } => *attachment,
+            _ => none,
+        };
+        let attachments = || self.targets.iter().map(attachment);
+        Section::new(SPEC.name, VERSION)
+            .vectors("places", self.targets.iter().map(place))
+            .vertices("body_points", 3, attachments().flat_map(|a| a.body_points).collect())
+            .vectors("weights", attachments().map(|a| Vec3::from(a.weights)))
+            .vectors("offsets", attachments().map(|a| a.offset))
+            .vectors("at_end", self.at_t1.iter().copied())
+            .marks("active", self.active.iter().map(|active| u8::from(*active)).collect())
+    }
+
+    /// Goes on from what was saved.
+    ///
+    /// # Errors
+    /// The section is of another scene.
+    pub fn load(&mut self, section: &Section, bodies: &Bodies) -> Result<(), SnapshotError> {
+        let count = self.targets.len();
+        let places = section.read_vectors("places", count)?;
+        let points = section.read_vertices::<3>("body_points", u32::MAX as usize)?;
+        let (weights, offsets) = (section.read_vectors("weights", count)?, section.read_vectors("offsets", count)?);
+        for (i, target) in self.targets.iter_mut().enumerate() {
+            match &mut target.source {
+                Source::Path { place, .. } => *place = places[i],
+                Source::Track { .. } => {}
+                Source::Surface { body, attachment } => {
+                    let of_body = bodies.surface_positions(*body).len();
+                    let points = points.get(i).filter(|points| points.iter().all(|p| (*p as usize) < of_body));
+                    attachment.body_points = *points
+                        .ok_or_else(|| section.error(format!("pin target {i} is bound to no place of its body")))?;
+                    attachment.weights = weights[i].into();
+                    attachment.offset = offsets[i];
+                }
+            }
+        }
+        self.at_t1 = section.read_vectors("at_end", count)?;
+        self.active = section.read_marks("active", count)?.iter().map(|mark| *mark != 0).collect();
+        Ok(())
     }
 
     /// Whether there is nothing to follow.

@@ -91,6 +91,26 @@ impl Parts {
         (garment, self.own_index[solver] - self.garments[garment].start as u32)
     }
 
+    /// Own index, counted over all garments, of a solver index.
+    pub fn own_index(&self, solver: usize) -> usize {
+        self.own_index[solver] as usize
+    }
+
+    /// Solver index of an own index counted over all garments.
+    pub fn solver_of(&self, own: usize) -> usize {
+        self.solver_index[own] as usize
+    }
+
+    /// Values in solver order, one after the other in the garments' own order.
+    pub fn in_own_order<'a, T: Copy>(&'a self, values: &'a [T]) -> impl ExactSizeIterator<Item = T> + 'a {
+        self.solver_index.iter().map(|solver| values[*solver as usize])
+    }
+
+    /// The inverse of [`Parts::in_own_order`].
+    pub fn in_solver_order<'a, T: Copy>(&'a self, values: &'a [T]) -> impl ExactSizeIterator<Item = T> + 'a {
+        self.own_index.iter().map(|own| values[*own as usize])
+    }
+
     /// Part that holds a solver index.
     pub fn part_of(&self, solver: usize) -> usize {
         self.ranges.partition_point(|range| range.end <= solver)

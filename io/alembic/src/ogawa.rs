@@ -80,6 +80,15 @@ pub(crate) struct ChunkSource {
 impl ChunkSource {
     /// Opens `path` and checks the header; returns the root group too.
     pub(crate) fn open(path: &Path) -> Result<(Self, Group), AlembicError> {
+        Self::open_file(path)?.with_root(None)
+    }
+
+    /// The same with the root group at `root`, whatever the header says.
+    pub(crate) fn open_at(path: &Path, root: u64) -> Result<(Self, Group), AlembicError> {
+        Self::open_file(path)?.with_root(Some(root))
+    }
+
+    fn open_file(path: &Path) -> Result<Self, AlembicError> {
         let failed = |source| AlembicError::Io { path: path.to_owned(), action: "open", source };
         let file = File::open(path).map_err(failed)?;
         let about = file.metadata().map_err(failed)?;
@@ -87,15 +96,15 @@ impl ChunkSource {
             let reason = "this is not a regular file".into();
             return Err(AlembicError::NotOgawa { path: path.to_owned(), reason });
         }
-        Self { path: path.to_owned(), length: about.len(), bytes: Bytes::File(Mutex::new(file)) }.with_root()
+        Ok(Self { path: path.to_owned(), length: about.len(), bytes: Bytes::File(Mutex::new(file)) })
     }
 
     /// The same for an archive in memory; `name` stands for the path in messages.
     pub(crate) fn from_bytes(bytes: Vec<u8>, name: &Path) -> Result<(Self, Group), AlembicError> {
-        Self { path: name.to_owned(), length: bytes.len() as u64, bytes: Bytes::Memory(bytes) }.with_root()
+        Self { path: name.to_owned(), length: bytes.len() as u64, bytes: Bytes::Memory(bytes) }.with_root(None)
     }
 
-    fn with_root(self) -> Result<(Self, Group), AlembicError> {
+    fn with_root(self, root: Option<u64>) -> Result<(Self, Group), AlembicError> {
         let path = self.path.clone();
         let not_ogawa = |reason: &str| AlembicError::NotOgawa { path: path.clone(), reason: reason.to_owned() };
         let start = self.read(0, self.length.min(HEADER_SIZE)).map_err(|fault| fault.at(&path, "header"))?;
@@ -114,7 +123,7 @@ impl ChunkSource {
         if start[6..8] != VERSION {
             return Err(not_ogawa("the container version is not 0.1"));
         }
-        let root = self.u64_at(8).and_then(|offset| self.group(Slot(offset)));
+        let root = root.map_or_else(|| self.u64_at(8), Ok).and_then(|offset| self.group(Slot(offset)));
         let root = root.map_err(|fault| fault.at(&path, "root group"))?;
         Ok((self, root))
     }

@@ -170,4 +170,44 @@ proptest! {
         prop_assert!(bytes[0] == bytes[1], "the continued archive has other bytes");
         random.check(&reopened(whole));
     }
+
+    #[test]
+    fn random_archives_do_not_depend_on_what_was_written_after_the_mark(
+        random in random_archive(),
+        back in 0..11_usize,
+        further in 1..4_usize,
+        other_values in any::<bool>(),
+    ) {
+        let folder = folder();
+        let mut whole = new_archive(&folder, "whole.abc");
+        let mut parts = new_archive(&folder, "parts.abc");
+        let whole_ids = random.declare(&mut whole);
+        let part_ids = random.declare(&mut parts);
+        for round in 0..=back {
+            random.write_round(&mut parts, &part_ids, round);
+        }
+        let mark = parts.mark().unwrap();
+        for round in back + 1..=back + further {
+            random.write_round(&mut parts, &part_ids, if other_values { back - back / 2 } else { round });
+        }
+        let path = parts.path().to_owned();
+        drop(parts);
+        let (mut parts, part_ids) =
+            ArchiveWriter::resume(&path, &ArchiveOptions::default(), &mark, |archive| Ok(random.declare(archive)))
+                .unwrap();
+        for round in 0..12 {
+            random.write_round(&mut whole, &whole_ids, round);
+            if round > back {
+                random.write_round(&mut parts, &part_ids, round);
+            }
+        }
+        let marks = [&whole, &parts].map(|archive| archive.mark());
+        prop_assert_eq!(marks[0], marks[1]);
+        let path = [whole.path().to_owned(), path];
+        whole.finish(Durability::Flushed).unwrap();
+        parts.finish(Durability::Flushed).unwrap();
+        let bytes = path.each_ref().map(|path| std::fs::read(path).unwrap());
+        prop_assert!(bytes[0] == bytes[1], "the continued archive has other bytes");
+        random.check(&Archive::open(&path[1]).unwrap());
+    }
 }

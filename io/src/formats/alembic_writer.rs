@@ -3,27 +3,34 @@
 //! One file a garment with one mesh at the object path of the source, under one identity transform a level, points in
 //! world space in the file's unit. Uniform sampling: the first sample is the first delivered frame, at frame / fps.
 //! Faces, UVs, face sets and other attributes are written once; positions, velocities per second and bounds with every
-//! frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces, and
-//! with every frame [`CROSSINGS`] if the shot counts them. The file is committed after every frame, so it is a valid archive whenever a reader looks.
+//! frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
+//! and with every frame [`CROSSINGS`] if the shot counts them. The file is committed after every frame, so it is a valid
+//! archive whenever a reader looks.
+//!
+//! A cache is continued by pointing its header to the commit of its mark and going on behind it
+//! ([`ArchiveWriter::resume`]).
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
-    ArchiveOptions, ArchiveWriter, Bounds, DataType, Durability, EMPTY_BOUNDS, GeomParamSpec, GeomParamWriter, Indexed,
-    MetaData, PodType, PolyMeshSample, PolyMeshWriter, PropertyId, Scope, TimeSampling, Topology, XformWriter,
-    write_face_set,
+    AlembicError, Archive, ArchiveMark, ArchiveOptions, ArchiveWriter, Bounds, DataType, Durability, EMPTY_BOUNDS,
+    GeomParamSpec, GeomParamWriter, Indexed, MetaData, PodType, PolyMesh, PolyMeshSample, PolyMeshWriter, PropertyId,
+    Scope, TimeSampling, Topology, XformWriter, write_face_set,
 };
 use drapery_core::Vec3;
 
-use crate::cache::{APPLICATION, CacheFrame, CachePlan, CacheWriter, MeshData};
+use super::continuing::{beside, cannot_continue, digest_of, hexadecimal, marked_frames, remove, sync_name, too_short};
+use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, MeshData};
 use crate::error::IoError;
 use crate::units::Units;
 
-/// User property: the triangles that were simulated, three points each, counter-clockwise. Only in meshes with other faces;
-/// who cuts those along other diagonals sees another surface.
+/// User property: the triangles that were simulated, three points each, counter-clockwise. Only in meshes with other
+/// faces; who cuts those along other diagonals sees another surface.
 pub(crate) const TRIANGLES: &str = "triangles";
 
-/// User property, one number a frame: how many edges of cloth pass through triangles of cloth in all garments of the shot.
+/// User property, one number a frame: how many edges of cloth pass through triangles of cloth in all garments of the
+/// shot.
 pub(crate) const CROSSINGS: &str = "crossings";
 
 /// An Alembic cache being written. The file appears with its first frame: an archive without samples would be refused
@@ -36,18 +43,38 @@ pub struct AlembicWriter {
     properties: Vec<(&'static str, String)>,
     units: Units,
     sampling: TimeSampling,
+    first_frame: i64,
     velocities: bool,
+    crossings: bool,
     mesh: MeshData,
     triangles: Vec<[u32; 3]>,
-    open: Option<Open>,
+    stage: Stage,
+    mark: CacheMark,
     positions: Vec<[f32; 3]>,
     rates: Vec<[f32; 3]>,
 }
 
-/// What exists once the file does.
+/// How far the file is.
+#[derive(Debug)]
+enum Stage {
+    /// No frame yet, so no file.
+    Empty,
+    /// One frame at least.
+    Open(Box<Open>),
+    /// Finished, or given up after an error.
+    Closed,
+}
+
+/// A file that has frames.
 #[derive(Debug)]
 struct Open {
     archive: ArchiveWriter,
+    declared: Declared,
+}
+
+/// The parts of the archive that grow with every frame.
+#[derive(Debug)]
+struct Declared {
     mesh: PolyMeshWriter,
     sampling: u32,
     crossings: Option<PropertyId>,
@@ -72,7 +99,6 @@ impl AlembicWriter {
                 .with("upAxis", &format!("{:?}", plan.units.up)),
         };
         let properties = vec![
-            ("application", APPLICATION.to_owned()),
             ("length_unit", plan.units.length.word().to_owned()),
             ("up_axis", format!("{:?}", plan.units.up)),
             ("fps", format!("{numerator}/{denominator}")),
@@ -84,32 +110,97 @@ impl AlembicWriter {
             properties,
             units: plan.units,
             sampling: TimeSampling::uniform(plan.file_time(plan.first_frame), plan.timeline.frame_duration())?,
+            first_frame: plan.first_frame,
             velocities: plan.velocities,
+            crossings: plan.crossings,
             mesh: plan.mesh.clone(),
             triangles: plan.triangles.to_vec(),
-            open: None,
+            stage: Stage::Empty,
+            mark: CacheMark::none(path),
             positions: Vec::new(),
             rates: Vec::new(),
         })
     }
 
-    /// Creates the file with its objects; the mesh has no sample yet.
-    fn open(&self) -> Result<Open, IoError> {
-        let mut archive = ArchiveWriter::create(&self.path, &self.options)?;
+    /// Goes on with the cache at `path` after its mark. Readers find a valid archive all the time, with the frames up
+    /// to the mark; programs that opened it before go on seeing the later frames until other ones are written over
+    /// them.
+    ///
+    /// # Errors
+    /// The file is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
+    pub fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
+        let mut writer = Self::create(path, plan)?;
+        let kept = marked_frames(path, plan, mark)?;
+        if kept == 0 {
+            // What a run without a break has at this point: no file before the first frame.
+            remove(path)?;
+            remove(&beside(path))?;
+            return Ok(writer);
+        }
+        if let Some(held) = writer.frames_held().filter(|held| *held > plan.frame_count()) {
+            return Err(too_short(path, plan, plan.first_frame + held as i64 - 1));
+        }
+        let still = vec![[0.0; 3]; plan.mesh.mesh.points.len()];
+        (writer.positions, writer.rates) = (still.clone(), still);
+        let at = archive_mark(mark).ok_or_else(|| cannot_continue(path, "mark", "the mark is incomplete"))?;
+        let resumed = ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, kept));
+        let (archive, declared) = resumed.map_err(|e| not_continued(path, mark, e))?;
+        writer.stage = Stage::Open(Box::new(Open { archive, declared }));
+        writer.mark = mark.clone();
+        Ok(writer)
+    }
+
+    /// Number of frames that readers see in the file, if they can read it.
+    fn frames_held(&self) -> Option<usize> {
+        let archive = Archive::open(&self.path).ok()?;
+        Some(PolyMesh::open(&archive, &self.object_path).ok()?.sample_count())
+    }
+
+    /// Declares the objects; a new mesh has no sample yet.
+    fn declare_mesh(&self, archive: &mut ArchiveWriter) -> Result<Declared, AlembicError> {
         let sampling = archive.add_time_sampling(self.sampling.clone())?;
         let mut names: Vec<&str> = self.object_path.split('/').filter(|name| !name.is_empty()).collect();
         let shape = names.pop().unwrap_or("mesh");
         let mut parent = archive.root();
         for name in names {
-            parent = XformWriter::still(&mut archive, parent, name, None)?.object();
+            parent = XformWriter::still(archive, parent, name, None)?.object();
         }
-        let mesh = PolyMeshWriter::declare(&mut archive, parent, shape, sampling)?;
-        Ok(Open { archive, mesh, sampling, crossings: None })
+        let mesh = PolyMeshWriter::declare(archive, parent, shape, sampling)?;
+        Ok(Declared { mesh, sampling, crossings: None })
     }
 
-    /// Writes the first frame and everything that does not change.
-    fn write_first(&mut self, crossings: Option<u32>) -> Result<Open, IoError> {
-        let mut open = self.open()?;
+    /// Declares everything that a file of this plan with so many frames has.
+    fn declare_again(&self, archive: &mut ArchiveWriter, frames: usize) -> Result<Declared, AlembicError> {
+        let mut declared = self.declare_mesh(archive)?;
+        self.with_first_sample(|sample| declared.mesh.check_continued(archive, sample))?;
+        archive.add_archive_bounds(declared.sampling)?;
+        self.write_attributes(archive, &mut declared, None)?;
+        let held = declared.mesh.sample_count(archive);
+        let counted = declared.crossings.map_or(held, |property| archive.sample_count(property));
+        if held != frames || counted != frames {
+            return Err(AlembicError::Refused {
+                path: self.path.clone(),
+                place: self.object_path.clone(),
+                reason: format!("{held} frames are stored and {counted} counts of crossings, {frames} are expected"),
+            });
+        }
+        Ok(declared)
+    }
+
+    /// Creates the file with its first frame and everything that does not change; it gets its name when it is valid.
+    fn write_first(&self, crossings: Option<u32>) -> Result<Open, IoError> {
+        let mut archive = ArchiveWriter::create(beside(&self.path), &self.options)?;
+        let mut declared = self.declare_mesh(&mut archive)?;
+        self.with_first_sample(|sample| declared.write(&mut archive, sample))?;
+        self.write_attributes(&mut archive, &mut declared, Some(APPLICATION))?;
+        declared.write_crossings(&mut archive, crossings)?;
+        archive.commit(Durability::Flushed)?;
+        archive.rename(&self.path)?;
+        Ok(Open { archive, declared })
+    }
+
+    /// The frame in hand with everything that is written with the first frame only.
+    fn with_first_sample<T>(&self, write: impl FnOnce(&PolyMeshSample<'_>) -> T) -> T {
         let polygons = &self.mesh.mesh;
         let counts: Vec<i32> = polygons.face_counts.iter().map(|&n| n as i32).collect();
         let indices: Vec<i32> = reversed(&polygons.face_counts, &polygons.face_indices).map(|i| i as i32).collect();
@@ -121,21 +212,26 @@ impl AlembicWriter {
             scope: Scope::FaceVarying,
             source_name: Some(uvs.name.as_str()).filter(|name| !name.is_empty()),
         });
-        let sample = PolyMeshSample {
-            topology: Some(Topology { face_counts: &counts, face_indices: &indices }),
-            uv,
-            ..self.sample()
-        };
-        open.write(&sample)?;
-        self.write_attributes(&mut open, crossings.is_some())?;
-        open.write_crossings(crossings)?;
-        Ok(open)
+        let topology = Some(Topology { face_counts: &counts, face_indices: &indices });
+        write(&PolyMeshSample { topology, uv, ..self.sample() })
     }
 
-    /// Attributes of the source, face sets, and how the file was made.
-    fn write_attributes(&self, open: &mut Open, counts_crossings: bool) -> Result<(), IoError> {
-        let archive = &mut open.archive;
-        let properties = open.mesh.user_properties(archive)?;
+    /// Attributes of the source, face sets, and how the file was made. Who made it is said once: another version of the
+    /// program may continue it.
+    fn write_attributes(
+        &self,
+        archive: &mut ArchiveWriter,
+        declared: &mut Declared,
+        application: Option<&str>,
+    ) -> Result<(), AlembicError> {
+        let properties = declared.mesh.user_properties(archive)?;
+        match application {
+            Some(application) => archive.write_static_string(properties, "application", application)?,
+            None => {
+                let (kind, none) = (DataType::new(PodType::String, 1), MetaData::new());
+                archive.add_scalar_property(properties, "application", &none, kind, 0)?;
+            }
+        }
         for (name, text) in &self.properties {
             archive.write_static_string(properties, name, text)?;
         }
@@ -146,12 +242,13 @@ impl AlembicWriter {
             let bytes: Vec<u8> = self.triangles.iter().flatten().flat_map(|&v| (v as i32).to_le_bytes()).collect();
             archive.write_static_raw(property, &bytes)?;
         }
-        if counts_crossings {
+        if self.crossings {
             let (kind, none) = (DataType::new(PodType::U32, 1), MetaData::new());
-            open.crossings = Some(archive.add_scalar_property(properties, CROSSINGS, &none, kind, open.sampling)?);
+            let property = archive.add_scalar_property(properties, CROSSINGS, &none, kind, declared.sampling)?;
+            declared.crossings = Some(property);
         }
         if !self.mesh.params.is_empty() {
-            let attributes = open.mesh.attributes(archive)?;
+            let attributes = declared.mesh.attributes(archive)?;
             for param in &self.mesh.params {
                 let spec = GeomParamSpec {
                     name: &param.name,
@@ -168,7 +265,7 @@ impl AlembicWriter {
         }
         for set in &self.mesh.face_sets {
             let faces: Vec<i32> = set.faces.iter().map(|&face| face as i32).collect();
-            write_face_set(archive, open.mesh.object(), &set.name, &faces, true)?;
+            write_face_set(archive, declared.mesh.object(), &set.name, &faces, true)?;
         }
         Ok(())
     }
@@ -183,19 +280,26 @@ impl AlembicWriter {
     }
 }
 
-impl Open {
-    fn write(&mut self, sample: &PolyMeshSample<'_>) -> Result<(), IoError> {
-        self.mesh.write(&mut self.archive, sample)?;
-        let bounds = sample.bounds.unwrap_or(EMPTY_BOUNDS);
-        self.archive.write_archive_bounds(self.sampling, &bounds)?;
-        Ok(())
+impl Declared {
+    fn write(&mut self, archive: &mut ArchiveWriter, sample: &PolyMeshSample<'_>) -> Result<(), AlembicError> {
+        self.mesh.write(archive, sample)?;
+        archive.write_archive_bounds(self.sampling, &sample.bounds.unwrap_or(EMPTY_BOUNDS))
     }
 
-    fn write_crossings(&mut self, count: Option<u32>) -> Result<(), IoError> {
-        if let (Some(property), Some(count)) = (self.crossings, count) {
-            self.archive.write_sample(property, &[count])?;
+    fn write_crossings(&self, archive: &mut ArchiveWriter, count: Option<u32>) -> Result<(), AlembicError> {
+        match (self.crossings, count) {
+            (Some(property), Some(count)) => archive.write_sample(property, &[count]),
+            _ => Ok(()),
         }
-        Ok(())
+    }
+}
+
+impl Open {
+    /// Appends a later frame.
+    fn write(&mut self, sample: &PolyMeshSample<'_>, crossings: Option<u32>) -> Result<(), AlembicError> {
+        self.declared.write(&mut self.archive, sample)?;
+        self.declared.write_crossings(&mut self.archive, crossings)?;
+        self.archive.commit(Durability::Flushed)
     }
 }
 
@@ -205,26 +309,77 @@ impl CacheWriter for AlembicWriter {
     }
 
     fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError> {
+        let expected = self.mark.last_frame.map_or(self.first_frame, |last| last + 1);
+        assert_eq!(frame.frame, expected, "frames come in order, as the samples of the archive do");
         convert(self.units, frame.positions, &mut self.positions);
         convert(self.units, frame.velocities, &mut self.rates);
-        let mut open = match self.open.take() {
-            None => self.write_first(frame.crossings)?,
-            Some(mut open) => {
-                open.write(&self.sample())?;
-                open.write_crossings(frame.crossings)?;
+        // Closed until the frame is complete: after an error nothing may follow.
+        let open = match std::mem::replace(&mut self.stage, Stage::Closed) {
+            Stage::Empty => Box::new(self.write_first(frame.crossings)?),
+            Stage::Open(mut open) => {
+                open.write(&self.sample(), frame.crossings)?;
                 open
             }
+            Stage::Closed => panic!("no frame is written after an error or after the end"),
         };
-        open.archive.commit(Durability::Flushed)?;
-        self.open = Some(open);
+        if let Some(mark) = open.archive.mark() {
+            self.mark = cache_mark(&self.path, frame.frame, &mark);
+        }
+        self.stage = Stage::Open(open);
+        Ok(())
+    }
+
+    fn mark(&self) -> CacheMark {
+        self.mark.clone()
+    }
+
+    fn sync(&mut self) -> Result<(), IoError> {
+        if let Stage::Open(open) = &mut self.stage {
+            open.archive.sync()?;
+            sync_name(&self.path);
+        }
         Ok(())
     }
 
     fn finish(&mut self) -> Result<(), IoError> {
-        match self.open.take() {
-            Some(open) => Ok(open.archive.finish(Durability::Synced)?),
-            None => Ok(()),
+        if let Stage::Open(open) = std::mem::replace(&mut self.stage, Stage::Closed) {
+            open.archive.finish(Durability::Synced)?;
+            sync_name(&self.path);
         }
+        Ok(())
+    }
+}
+
+fn cache_mark(path: &Path, frame: i64, mark: &ArchiveMark) -> CacheMark {
+    CacheMark {
+        last_frame: Some(frame),
+        bytes: mark.end,
+        root: Some(mark.root),
+        digest: hexadecimal(mark.digest),
+        ..CacheMark::none(path)
+    }
+}
+
+/// The place in the archive that a mark means, if it has all that belongs to one.
+fn archive_mark(mark: &CacheMark) -> Option<ArchiveMark> {
+    Some(ArchiveMark { root: mark.root?, end: mark.bytes, digest: digest_of(&mark.digest)? })
+}
+
+/// The archive's error with what helps when a run cannot be continued.
+fn not_continued(path: &Path, mark: &CacheMark, error: AlembicError) -> IoError {
+    let frame = mark.last_frame.map_or_else(String::new, |frame| format!("frame {frame}"));
+    match error {
+        AlembicError::Io { ref source, action: "open", .. } if source.kind() == ErrorKind::NotFound => {
+            cannot_continue(path, frame, "the cache is missing")
+        }
+        AlembicError::Io { .. } => error.into(),
+        AlembicError::Damaged { place, reason, .. } => cannot_continue(path, format!("{frame}, {place}"), reason),
+        AlembicError::Refused { place, reason, .. } => {
+            let what = format!("the cache was begun with other settings: {reason}");
+            cannot_continue(path, format!("{frame}, {place}"), what)
+        }
+        AlembicError::NotOgawa { reason, .. } => cannot_continue(path, frame, reason),
+        _ => cannot_continue(path, frame, "it is no longer the archive that was written"),
     }
 }
 

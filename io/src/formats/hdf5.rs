@@ -5,6 +5,10 @@
 //! file open through the HDF5 library: readers meet no lock, and a killed run leaves a file that opens like any other
 //! (`docs/decisions/0002-hdf5-preallocated.md`). A frame whose mark is 0 reads as zeros.
 //!
+//! A cache is continued in place: the marks of later frames are cleared, the last one first, and their values are set
+//! back to zeros. Only when the planned range is another than before, the file is made anew beside the old one, its
+//! frames are copied, and it takes the old one's name.
+//!
 //! | dataset | shape | type | content |
 //! |---|---|---|---|
 //! | `positions` | (frames, points, 3) | f32 | in the file's unit and up axis |
@@ -17,88 +21,209 @@
 //! | `triangles` | (triangles, 3) | i32 | what is simulated: how faces with more corners are cut |
 //! | `uv_values`, `uv_indices` | (values, 2), (corners) | f32, i32 | only if the garment has them |
 
-use std::fs::{File, OpenOptions};
-use std::io::{Seek, SeekFrom, Write};
+mod layout;
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use drapery_core::Vec3;
-use hdf5::plist::dataset_create::{AllocTime, FillTime};
+use drapery_alembic::murmur3_x64_128;
 use hdf5::types::VarLenUnicode;
-use hdf5::{Dataset, H5Type};
 
-use crate::cache::{APPLICATION, CacheFrame, CachePlan, CacheWriter};
+use self::layout::{Offsets, create_file, read_layout};
+use super::continuing::{beside, cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
+use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::inspect::{FileSummary, MeshSummary, face_kinds};
 use crate::units::Units;
-
-/// Version of the layout above, stored as the attribute `format_version`.
-const FORMAT_VERSION: i64 = 1;
 
 /// An HDF5 cache being written.
 #[derive(Debug)]
 pub struct Hdf5Writer {
     path: PathBuf,
-    file: File,
     units: Units,
     first_frame: i64,
-    frame_count: usize,
-    point_count: usize,
-    offsets: Offsets,
+    stored: Stored,
+    mark: CacheMark,
     bytes: Vec<u8>,
 }
 
-/// Where the datasets that grow lie in the file [bytes].
-#[derive(Debug, Clone, Copy)]
-struct Offsets {
-    positions: u64,
-    velocities: Option<u64>,
-    crossings: Option<u64>,
-    committed: u64,
+/// The file: where its frames lie, read and written without the library.
+#[derive(Debug)]
+struct Stored {
+    file: File,
+    offsets: Offsets,
+    frames: usize,
+    /// Bytes of the positions, or the velocities, of a frame.
+    vectors: usize,
 }
 
 impl Hdf5Writer {
-    /// Creates the file with room for all frames of the plan; an existing file is replaced.
+    /// Creates the file with room for all frames of the plan; an existing file is replaced in one step.
     ///
     /// # Errors
     /// The file cannot be created.
     pub fn create(path: &Path, plan: &CachePlan<'_>) -> Result<Self, IoError> {
-        let offsets = create_file(path, plan).map_err(|source| IoError::Hdf5 { path: path.to_owned(), source })?;
-        let file = OpenOptions::new().write(true).open(path).map_err(|e| IoError::creating(path, e))?;
-        Ok(Self {
-            path: path.to_owned(),
-            file,
-            units: plan.units,
-            first_frame: plan.first_frame,
-            frame_count: plan.frame_count(),
-            point_count: plan.mesh.mesh.points.len(),
-            offsets,
-            bytes: Vec::new(),
-        })
+        let stored = create_beside(path, plan)?;
+        fs::rename(beside(path), path).map_err(|e| IoError::creating(path, e))?;
+        Ok(Self::new(path, plan, stored, CacheMark::none(path)))
     }
 
-    fn write_vectors(&mut self, offset: u64, index: usize, vectors: &[Vec3]) -> std::io::Result<()> {
-        assert_eq!(vectors.len(), self.point_count, "a garment keeps its number of points");
+    /// Goes on with the cache at `path` after its mark. Readers find a valid file all the time; frames after the mark
+    /// are no longer `committed`.
+    ///
+    /// # Errors
+    /// The file is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
+    pub fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
+        let kept = marked_frames(path, plan, mark)?;
+        if kept == 0 {
+            return Self::create(path, plan);
+        }
+        let failed = |e| IoError::writing(path, e);
+        let frame = mark.last_frame.map_or_else(String::new, |frame| format!("frame {frame}"));
+        if !path.try_exists().map_err(failed)? {
+            return Err(cannot_continue(path, frame, "the cache is missing"));
+        }
+        let layout = read_layout(path, plan).map_err(|what| cannot_continue(path, frame.as_str(), what))?;
+        let file = OpenOptions::new().read(true).write(true).open(path).map_err(failed)?;
+        let mut stored = Stored::new(file, layout.offsets, layout.frames, plan);
+        let marks = stored.marks().map_err(failed)?;
+        if marks.len() < kept || marks[..kept].contains(&0) {
+            return Err(cannot_continue(path, frame, "not all frames up to this one are complete"));
+        }
+        let mut bytes = Vec::new();
+        stored.read_frame(kept - 1, &mut bytes).map_err(failed)?;
+        if hexadecimal(murmur3_x64_128(&bytes)) != mark.digest {
+            return Err(cannot_continue(path, frame, "the frame is not the one that was written"));
+        }
+        remove(&beside(path))?;
+        if stored.frames == plan.frame_count() {
+            stored.cut(kept, &mut bytes).map_err(failed)?;
+        } else {
+            if let Some(held) = marks.iter().rposition(|mark| *mark != 0).filter(|held| *held >= plan.frame_count()) {
+                return Err(too_short(path, plan, plan.first_frame + held as i64));
+            }
+            let mut longer = create_beside(path, plan)?;
+            let copied = longer.copy_frames(&mut stored, kept, &mut bytes).and_then(|()| longer.file.sync_all());
+            copied.and_then(|()| fs::rename(beside(path), path)).map_err(failed)?;
+            sync_name(path);
+            stored = longer;
+        }
+        let size = stored.file.metadata().map_err(failed)?.len();
+        Ok(Self::new(path, plan, stored, CacheMark { bytes: size, ..mark.clone() }))
+    }
+
+    fn new(path: &Path, plan: &CachePlan<'_>, stored: Stored, mark: CacheMark) -> Self {
+        let (units, first_frame) = (plan.units, plan.first_frame);
+        Self { path: path.to_owned(), units, first_frame, stored, mark, bytes: Vec::new() }
+    }
+
+    /// The frame's bytes one dataset after another, as [`Stored::read_frame`] finds them.
+    fn pack(&mut self, frame: &CacheFrame<'_>) {
         self.bytes.clear();
-        for v in vectors {
-            for x in self.units.stored(*v) {
-                self.bytes.extend_from_slice(&x.to_ne_bytes());
+        let velocities = self.stored.offsets.velocities.map(|_| frame.velocities);
+        for vectors in [Some(frame.positions), velocities].into_iter().flatten() {
+            let start = self.bytes.len();
+            for v in vectors {
+                for x in self.units.stored(*v) {
+                    self.bytes.extend_from_slice(&x.to_ne_bytes());
+                }
+            }
+            assert_eq!(self.bytes.len() - start, self.stored.vectors, "a garment keeps its number of points");
+        }
+        if self.stored.offsets.crossings.is_some() {
+            self.bytes.extend_from_slice(&frame.crossings.unwrap_or(0).to_ne_bytes());
+        }
+    }
+}
+
+/// Makes the file of the plan under another name.
+fn create_beside(path: &Path, plan: &CachePlan<'_>) -> Result<Stored, IoError> {
+    let part = beside(path);
+    let offsets = create_file(&part, plan).map_err(|source| IoError::Hdf5 { path: path.to_owned(), source })?;
+    let file = OpenOptions::new().read(true).write(true).open(&part).map_err(|e| IoError::creating(&part, e))?;
+    Ok(Stored::new(file, offsets, plan.frame_count(), plan))
+}
+
+impl Stored {
+    fn new(file: File, offsets: Offsets, frames: usize, plan: &CachePlan<'_>) -> Self {
+        Self { file, offsets, frames, vectors: plan.mesh.mesh.points.len() * size_of::<[f32; 3]>() }
+    }
+
+    /// Places of a frame in the file, without its mark: offset and number of bytes.
+    fn places(&self, index: usize) -> impl Iterator<Item = (u64, usize)> + use<> {
+        let (offsets, vectors) = (self.offsets, self.vectors);
+        let place = move |(offset, size): (u64, usize)| (offset + (index * size) as u64, size);
+        let all = [
+            Some((offsets.positions, vectors)),
+            offsets.velocities.map(|offset| (offset, vectors)),
+            offsets.crossings.map(|offset| (offset, size_of::<u32>())),
+        ];
+        all.into_iter().flatten().map(place)
+    }
+
+    fn read_at(&mut self, offset: u64, bytes: &mut [u8]) -> io::Result<()> {
+        self.file.seek(SeekFrom::Start(offset))?;
+        self.file.read_exact(bytes)
+    }
+
+    fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()> {
+        self.file.seek(SeekFrom::Start(offset))?;
+        self.file.write_all(bytes)
+    }
+
+    /// Values of `committed`.
+    fn marks(&mut self) -> io::Result<Vec<u8>> {
+        let mut marks = vec![0; self.frames];
+        self.read_at(self.offsets.committed, &mut marks)?;
+        Ok(marks)
+    }
+
+    fn read_frame(&mut self, index: usize, bytes: &mut Vec<u8>) -> io::Result<()> {
+        bytes.clear();
+        for (offset, size) in self.places(index) {
+            let start = bytes.len();
+            bytes.resize(start + size, 0);
+            self.read_at(offset, &mut bytes[start..])?;
+        }
+        Ok(())
+    }
+
+    /// Writes a frame, then its mark.
+    fn write_frame(&mut self, index: usize, bytes: &[u8]) -> io::Result<()> {
+        let mut rest = bytes;
+        for (offset, size) in self.places(index) {
+            let (now, later) = rest.split_at(size);
+            self.write_at(offset, now)?;
+            rest = later;
+        }
+        self.write_at(self.offsets.committed + index as u64, &[1])
+    }
+
+    /// Makes the file what it was before any frame from `kept` on was written. All later frames are looked at, because
+    /// a killed run may have left a part of one without its mark.
+    fn cut(&mut self, kept: usize, bytes: &mut Vec<u8>) -> io::Result<()> {
+        for index in (kept..self.frames).rev() {
+            self.write_at(self.offsets.committed + index as u64, &[0])?;
+            self.read_frame(index, bytes)?;
+            if bytes.iter().all(|byte| *byte == 0) {
+                continue;
+            }
+            bytes.fill(0);
+            for (offset, size) in self.places(index) {
+                self.write_at(offset, &bytes[..size])?;
             }
         }
-        self.file.seek(SeekFrom::Start(offset + (index * self.bytes.len()) as u64))?;
-        self.file.write_all(&self.bytes)
+        Ok(())
     }
 
-    fn write_frame(&mut self, frame: &CacheFrame<'_>, index: usize) -> std::io::Result<()> {
-        self.write_vectors(self.offsets.positions, index, frame.positions)?;
-        if let Some(offset) = self.offsets.velocities {
-            self.write_vectors(offset, index, frame.velocities)?;
+    /// Takes over the first frames of a file with another range.
+    fn copy_frames(&mut self, from: &mut Self, frames: usize, bytes: &mut Vec<u8>) -> io::Result<()> {
+        for index in 0..frames {
+            from.read_frame(index, bytes)?;
+            self.write_frame(index, bytes)?;
         }
-        if let (Some(offset), Some(count)) = (self.offsets.crossings, frame.crossings) {
-            self.file.seek(SeekFrom::Start(offset + (index * size_of::<u32>()) as u64))?;
-            self.file.write_all(&count.to_ne_bytes())?;
-        }
-        self.file.seek(SeekFrom::Start(self.offsets.committed + index as u64))?;
-        self.file.write_all(&[1])
+        Ok(())
     }
 }
 
@@ -108,13 +233,34 @@ impl CacheWriter for Hdf5Writer {
     }
 
     fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError> {
+        let expected = self.mark.last_frame.map_or(self.first_frame, |last| last + 1);
+        assert_eq!(frame.frame, expected, "frames come in order");
         let index = usize::try_from(frame.frame - self.first_frame).unwrap_or(usize::MAX);
-        assert!(index < self.frame_count, "frames come from the planned range");
-        self.write_frame(frame, index).map_err(|e| IoError::writing(&self.path, e))
+        assert!(index < self.stored.frames, "frames come from the planned range");
+        self.pack(frame);
+        let failed = |e| IoError::writing(&self.path, e);
+        self.stored.write_frame(index, &self.bytes).map_err(failed)?;
+        self.mark = CacheMark {
+            last_frame: Some(frame.frame),
+            bytes: self.stored.file.metadata().map_err(failed)?.len(),
+            digest: hexadecimal(murmur3_x64_128(&self.bytes)),
+            ..CacheMark::none(&self.path)
+        };
+        Ok(())
+    }
+
+    fn mark(&self) -> CacheMark {
+        self.mark.clone()
+    }
+
+    fn sync(&mut self) -> Result<(), IoError> {
+        self.stored.file.sync_all().map_err(|e| IoError::writing(&self.path, e))?;
+        sync_name(&self.path);
+        Ok(())
     }
 
     fn finish(&mut self) -> Result<(), IoError> {
-        self.file.sync_all().map_err(|e| IoError::writing(&self.path, e))
+        self.sync()
     }
 }
 
@@ -159,92 +305,12 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
     Ok(FileSummary { format: "HDF5 (Drapery)", properties, meshes: vec![mesh], others: Vec::new() })
 }
 
-/// Creates the file, fills in what does not change, and closes it.
-fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Offsets> {
-    // Times of change are left out so that equal runs give equal bytes.
-    let file = hdf5::File::with_options()
-        .with_fapl(|access| access.libver_v110())
-        .with_fcpl(|create| create.obj_track_times(false))
-        .create(path)?;
-    write_attributes(&file, plan)?;
-    let (frames, points) = (plan.frame_count(), plan.mesh.mesh.points.len());
-    let numbers: Vec<i64> = (plan.first_frame..=plan.last_frame).collect();
-    let times: Vec<f64> = numbers.iter().map(|&frame| plan.file_time(frame)).collect();
-    fixed(&file, "times", &times, &[frames])?;
-    fixed(&file, "frame_numbers", &numbers, &[frames])?;
-    let mesh = &plan.mesh.mesh;
-    fixed(&file, "face_counts", &as_i32(&mesh.face_counts), &[mesh.face_counts.len()])?;
-    fixed(&file, "face_indices", &as_i32(&mesh.face_indices), &[mesh.face_indices.len()])?;
-    fixed(&file, "triangles", &as_i32(plan.triangles.as_flattened()), &[plan.triangles.len(), 3])?;
-    if let Some(uvs) = &plan.mesh.uvs {
-        let flat: Vec<f32> = uvs.values.iter().flatten().copied().collect();
-        fixed(&file, "uv_values", &flat, &[uvs.values.len(), 2])?;
-        fixed(&file, "uv_indices", &as_i32(&uvs.indices), &[uvs.indices.len()])?;
-    }
-    let committed = growing::<u8>(&file, "committed", &[frames])?;
-    let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;
-    let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
-    let positions = growing::<f32>(&file, "positions", &[frames, points, 3])?;
-    Ok(Offsets { positions, velocities, crossings, committed })
-}
-
-fn as_i32(values: &[u32]) -> Vec<i32> {
-    // Checked meshes have fewer than 2³¹ corners.
-    values.iter().map(|&v| v as i32).collect()
-}
-
-fn fixed<T: H5Type>(file: &hdf5::File, name: &str, values: &[T], shape: &[usize]) -> hdf5::Result<()> {
-    let dataset = file.new_dataset::<T>().obj_track_times(false).shape(shape.to_vec()).create(name)?;
-    dataset.write_raw(values)
-}
-
-/// A dataset whose space is reserved in the file but not written, and where it lies. What nobody wrote reads as zeros.
-fn growing<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Result<u64> {
-    let dataset: Dataset = file
-        .new_dataset::<T>()
-        .no_chunk()
-        .alloc_time(Some(AllocTime::Early))
-        .fill_time(FillTime::Never)
-        .obj_track_times(false)
-        .shape(shape.to_vec())
-        .create(name)?;
-    dataset.offset().ok_or_else(|| hdf5::Error::from(format!("dataset {name} has no fixed place in the file")))
-}
-
-fn write_attributes(file: &hdf5::File, plan: &CachePlan<'_>) -> hdf5::Result<()> {
-    let texts = [
-        ("application", APPLICATION.to_owned()),
-        ("garment", plan.garment.to_owned()),
-        ("object_path", plan.object_path()),
-        ("length_unit", plan.units.length.word().to_owned()),
-        ("up_axis", format!("{:?}", plan.units.up)),
-        ("winding", "counter-clockwise".to_owned()),
-    ];
-    for (name, text) in texts {
-        let value: VarLenUnicode = text.replace('\0', " ").parse().map_err(|e| hdf5::Error::from(format!("{e}")))?;
-        file.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&value)?;
-    }
-    let numbers = [("fps", plan.fps()), ("metres_per_unit", plan.units.length.metres())];
-    for (name, value) in numbers {
-        file.new_attr::<f64>().create(name)?.write_scalar(&value)?;
-    }
-    let (numerator, denominator) = (plan.timeline.fps_numerator, plan.timeline.fps_denominator);
-    let integers = [
-        ("format_version", FORMAT_VERSION),
-        ("fps_numerator", i64::from(numerator)),
-        ("fps_denominator", i64::from(denominator)),
-    ];
-    for (name, value) in integers {
-        file.new_attr::<i64>().create(name)?.write_scalar(&value)?;
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::cache::{MeshData, Uvs};
     use crate::units::{LengthUnit, UpAxis};
+    use drapery_core::Vec3;
     use drapery_core::mesh::PolygonMesh;
     use drapery_core::scene::Timeline;
 

@@ -1,14 +1,14 @@
-//! The file formats: which are read, which are written, and what this build leaves out.
+//! The file formats: which are read and which are written.
 
 pub mod alembic;
 pub mod alembic_writer;
-#[cfg(feature = "hdf5")]
+mod continuing;
 pub mod hdf5;
 pub mod obj;
 
 use std::path::Path;
 
-use crate::cache::{CachePlan, CacheWriter, MeshReader};
+use crate::cache::{CacheMark, CachePlan, CacheWriter, MeshReader};
 use crate::error::IoError;
 
 /// Opens a mesh, or the objects of it whose path fits the pattern.
@@ -16,6 +16,13 @@ pub type OpenMesh = fn(&Path, Option<&str>) -> Result<Box<dyn MeshReader>, IoErr
 
 /// Creates a cache.
 pub type CreateCache = fn(&Path, &CachePlan<'_>) -> Result<Box<dyn CacheWriter>, IoError>;
+
+/// Opens a cache to go on after its mark: what is behind the mark is cut off. The final file has the bytes of one that
+/// was written without a break.
+///
+/// A cache that is missing, damaged or was made with another plan is an error that says what to do, and stays as it is.
+/// Only the last frame may be another than planned before, as long as it is not before a frame that the file holds.
+pub type ResumeCache = fn(&Path, &CachePlan<'_>, &CacheMark) -> Result<Box<dyn CacheWriter>, IoError>;
 
 /// A file format.
 pub struct Format {
@@ -27,8 +34,8 @@ pub struct Format {
     pub open: Option<OpenMesh>,
     /// How caches are written to it, if they are.
     pub create: Option<CreateCache>,
-    /// Cargo feature that this build lacks, if the format needs one.
-    pub left_out: Option<&'static str>,
+    /// How caches in it are continued, if they are written.
+    pub resume: Option<ResumeCache>,
 }
 
 /// All formats.
@@ -38,28 +45,23 @@ pub static FORMATS: &[Format] = &[
         summary: "Alembic (Ogawa): bodies and garments in, caches out",
         open: Some(|path, pattern| Ok(Box::new(alembic::AlembicMesh::open(path, pattern)?))),
         create: Some(|path, plan| Ok(Box::new(alembic_writer::AlembicWriter::create(path, plan)?))),
-        left_out: None,
+        resume: Some(|path, plan, mark| Ok(Box::new(alembic_writer::AlembicWriter::resume(path, plan, mark)?))),
     },
     Format {
         extension: "obj",
         summary: "Wavefront OBJ: garments and still bodies in",
         open: Some(open_obj),
         create: None,
-        left_out: None,
+        resume: None,
     },
     Format {
         extension: "h5",
         summary: "HDF5: caches out, for analysis",
         open: None,
-        create: CREATE_HDF5,
-        left_out: if cfg!(feature = "hdf5") { None } else { Some("hdf5") },
+        create: Some(|path, plan| Ok(Box::new(hdf5::Hdf5Writer::create(path, plan)?))),
+        resume: Some(|path, plan, mark| Ok(Box::new(hdf5::Hdf5Writer::resume(path, plan, mark)?))),
     },
 ];
-
-#[cfg(feature = "hdf5")]
-const CREATE_HDF5: Option<CreateCache> = Some(|path, plan| Ok(Box::new(hdf5::Hdf5Writer::create(path, plan)?)));
-#[cfg(not(feature = "hdf5"))]
-const CREATE_HDF5: Option<CreateCache> = None;
 
 /// The format with this extension or word.
 pub fn by_extension(extension: &str) -> Option<&'static Format> {

@@ -42,6 +42,7 @@ use crate::error::IoError;
 use crate::shot::ShotDescription;
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
+pub(crate) use resolved::FILES;
 pub use schema::schema;
 
 use tree::{Node, Origin, Path, Sources, Table};

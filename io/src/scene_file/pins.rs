@@ -117,7 +117,11 @@ impl Resolver<'_> {
     ) -> Option<PinDescription> {
         let file = match &pin.file {
             Some(name) => {
-                let read = read_file(&self.scene.folder.join(name));
+                let file = self.scene.folder.join(name);
+                let read = read_file(&file);
+                if !self.input_files.contains(&file) {
+                    self.input_files.push(file);
+                }
                 Some(self.of_file(&path.clone().key("file"), read)?)
             }
             None => None,

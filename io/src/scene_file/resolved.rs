@@ -8,7 +8,7 @@ use super::tree::{Node, Origin, Table, Value};
 const ORDER: [&str; 7] = ["drapery", "shot", "units", "solver", "body", "garment", "output"];
 
 /// Keys that name files relative to the scene file.
-const FILES: [&str; 4] = ["file", "rest", "start", "track"];
+pub(crate) const FILES: [&str; 4] = ["file", "rest", "start", "track"];
 
 /// Column of the comments.
 const COMMENT_COLUMN: usize = 44;

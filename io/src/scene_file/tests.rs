@@ -275,7 +275,7 @@ fn a_body_and_a_garment_from_files_keep_their_units() {
     let names: Vec<_> = shot.scene.effects.iter().map(|e| e.effect.as_str()).collect();
     assert_eq!(names, ["stretch", "bending", "attachments", "pins", "body_collision"]);
     assert_eq!((shot.output.formats.as_slice(), shot.output.velocities), (["abc".to_owned()].as_slice(), false));
-    assert_eq!(shot.input_files.len(), 2);
+    assert_eq!(shot.input_files.len(), 3);
 }
 
 #[test]

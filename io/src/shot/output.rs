@@ -9,13 +9,19 @@ use drapery_core::simulation::Simulation;
 use serde_json::{Value, json};
 
 use crate::atomic_file;
-use crate::cache::{APPLICATION, CacheFrame, CachePlan, CacheWriter};
+use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
+use crate::checkpoint::{self, Account, Head, Saved};
 use crate::error::IoError;
-use crate::formats::{self, CreateCache};
-use crate::run_record::{self, MANIFEST, Manifest, ManifestGarment, RECORD, RESOLVED, RunRecord};
+use crate::farm::digest::Fingerprint;
+use crate::farm::stop::Reason;
+use crate::formats::{self, CreateCache, ResumeCache};
+use crate::run_record::{self, AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment, RESOLVED, RunRecord};
+use crate::shot::folder::{files_of_run, write_fingerprint};
 use crate::shot::quality::CROSSINGS_WRITTEN;
+use crate::shot::run::RunOptions;
+use crate::shot::totals::Totals;
 use crate::shot::written::WrittenCrossings;
-use crate::shot::{RunOptions, RunReport, Shot, ShotError};
+use crate::shot::{Shot, ShotError};
 
 /// What is being written.
 pub(super) struct Output {
@@ -35,39 +41,97 @@ struct Planned {
     garment: usize,
     path: PathBuf,
     create: CreateCache,
+    resume: ResumeCache,
+}
+
+/// What the folder of an attempt is told beside its scene.
+pub(super) struct Start<'a> {
+    /// How the run is made.
+    pub(super) options: &'a RunOptions,
+    /// What it depends on.
+    pub(super) fingerprint: &'a Fingerprint,
+    /// All attempts; the last one is this.
+    pub(super) attempts: Vec<AttemptRecord>,
+}
+
+/// Where a run goes on.
+pub(super) struct From<'a> {
+    /// What the checkpoint says.
+    pub(super) head: &'a Head,
+    /// What the run had taken, if that is known.
+    pub(super) account: Option<&'a Account>,
+    /// The checkpoint, relative to the folder.
+    pub(super) checkpoint: ManifestCheckpoint,
 }
 
 impl Output {
-    /// Prepares the folder. Nothing of an earlier run is touched unless it may be replaced.
-    pub(super) fn create(shot: &Shot, options: &RunOptions) -> Result<Self, IoError> {
-        let folder = options.out.clone();
+    /// Prepares the folder for a run from the start, which replaces what is left of an earlier one.
+    pub(super) fn create(shot: &Shot, start: Start<'_>) -> Result<Self, IoError> {
+        let folder = start.options.out.clone();
         let planned = planned(shot, &folder);
-        let mut old: Vec<PathBuf> = [MANIFEST, RECORD, RESOLVED].map(|name| folder.join(name)).into();
-        old.extend(planned.iter().map(|cache| cache.path.clone()));
-        // Caches of the earlier run that this one does not write again would belong to nothing.
-        old.extend(run_record::listed_files(&folder));
-        old.retain(|path| path.exists());
-        refuse_inputs(shot, &old)?;
-        if let (Some(path), false) = (old.first(), options.overwrite) {
-            return Err(IoError::OutputExists { path: path.clone() });
-        }
-        old.sort();
-        old.dedup();
-        for path in old {
+        for path in files_of_run(&folder, &paths(&planned)) {
             fs::remove_file(&path).map_err(|e| IoError::creating(&path, e))?;
         }
-        fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
-        atomic_file::replace(&folder.join(RESOLVED), shot.about.resolved.as_bytes())?;
-        let mut record = RunRecord::create(&folder)?;
-        record.line(&shot.header(options.threads))?;
-        let mut writers: Vec<Vec<_>> = shot.garments.iter().map(|_| Vec::new()).collect();
-        let written = WrittenCrossings::new(&shot.simulation, shot.about.output.units);
-        for cache in &planned {
-            writers[cache.garment].push(create(shot, cache, written.is_some())?);
-        }
-        let manifest = manifest(shot, options, &planned);
+        // First of all: a folder with a manifest holds a run, which may be started again.
+        let manifest = manifest(shot, start.options, &planned, start.attempts);
         manifest.write(&folder)?;
-        Ok(Self { folder, manifest, record, writers, written, positions: Vec::new(), velocities: Vec::new() })
+        describe(shot, start.fingerprint, &folder)?;
+        let mut record = RunRecord::create(&folder)?;
+        record.line(&shot.header(start.options.threads))?;
+        let written = WrittenCrossings::new(&shot.simulation, shot.about.output.units);
+        let create = |cache: &Planned| (cache.create)(&cache.path, &cache_plan(shot, cache, written.is_some()));
+        let writers = of_garments(shot, &planned, create)?;
+        Ok(Self::new(folder, manifest, record, writers, written))
+    }
+
+    /// Goes on in the folder of a run that stopped: cuts caches and record back to a checkpoint.
+    pub(super) fn resume(shot: &Shot, start: Start<'_>, from: From<'_>) -> Result<Self, IoError> {
+        let folder = start.options.out.clone();
+        let planned = planned(shot, &folder);
+        let written = WrittenCrossings::new(&shot.simulation, shot.about.output.units);
+        let marks: Vec<CacheMark> =
+            from.head.caches.iter().filter_map(|mark| serde_json::from_value(mark.clone()).ok()).collect();
+        let resume = |cache: &Planned| {
+            let plan = cache_plan(shot, cache, written.is_some());
+            let name = file_name(&cache.path);
+            match marks.iter().find(|mark| mark.file == name) {
+                Some(mark) => (cache.resume)(&cache.path, &plan, mark),
+                None if from.head.delivered.is_none() => (cache.create)(&cache.path, &plan),
+                None => Err(IoError::data(
+                    &cache.path,
+                    "this cache",
+                    "the run that is to go on has not written it, so its first frames are missing",
+                    "leave output.formats as it was, or start anew with --overwrite",
+                )),
+            }
+        };
+        let writers = of_garments(shot, &planned, resume)?;
+        describe(shot, start.fingerprint, &folder)?;
+        let mut record = RunRecord::resume(&folder, from.account.map(|account| account.record_bytes))?;
+        let attempt = start.attempts.last().map_or(0, |attempt| attempt.attempt);
+        record.line(&json!({
+            "record": "resume",
+            "frame": from.head.frame,
+            "sub_step": from.head.sub_step,
+            "checkpoint": from.checkpoint.file,
+            "attempt": attempt,
+            "changes": start.attempts.last().map(|attempt| attempt.changes.clone()).unwrap_or_default(),
+        }))?;
+        let mut manifest = manifest(shot, start.options, &planned, start.attempts);
+        manifest.last_complete_frame = from.head.delivered;
+        manifest.checkpoint = Some(from.checkpoint);
+        manifest.write(&folder)?;
+        Ok(Self::new(folder, manifest, record, writers, written))
+    }
+
+    fn new(
+        folder: PathBuf,
+        manifest: Manifest,
+        record: RunRecord,
+        writers: Vec<Vec<Box<dyn CacheWriter>>>,
+        written: Option<WrittenCrossings>,
+    ) -> Self {
+        Self { folder, manifest, record, writers, written, positions: Vec::new(), velocities: Vec::new() }
     }
 
     /// The cache files.
@@ -89,6 +153,36 @@ impl Output {
         }
         spent.stage("write caches", |_| self.write_caches(frame, simulation, crossings))?;
         self.manifest.last_complete_frame = Some(frame);
+        Ok(())
+    }
+
+    /// Notes in the manifest that this attempt has finished a frame, pre-roll included, which took so long [s].
+    pub(super) fn frame_done(&mut self, frame: i64, seconds: f64) -> Result<(), IoError> {
+        if let Some(attempt) = self.manifest.attempts.last_mut() {
+            attempt.last_frame = Some(frame);
+            attempt.seconds += seconds;
+        }
+        self.manifest.write(&self.folder)
+    }
+
+    /// Brings the caches to the disk; returns what they are then, and the length of the record.
+    pub(super) fn mark(&mut self) -> Result<(Vec<CacheMark>, u64), IoError> {
+        for writer in self.writers.iter_mut().flatten() {
+            writer.sync()?;
+        }
+        Ok((self.writers.iter().flatten().map(|writer| writer.mark()).collect(), self.record.length()?))
+    }
+
+    /// Notes a checkpoint that was written.
+    pub(super) fn checkpoint_saved(&mut self, saved: &Saved, frame: i64, sub_step: u64) -> Result<(), IoError> {
+        self.record.line(&json!({
+            "record": "checkpoint",
+            "frame": frame,
+            "sub_step": sub_step,
+            "seconds": saved.seconds,
+            "bytes": saved.bytes,
+        }))?;
+        self.manifest.checkpoint = Some(manifest_checkpoint(&saved.path, frame, sub_step));
         self.manifest.write(&self.folder)
     }
 
@@ -110,32 +204,79 @@ impl Output {
     }
 
     /// Brings everything to the disk and says that the run is complete.
-    pub(super) fn finish(&mut self, report: &RunReport) -> Result<(), IoError> {
-        for writer in self.writers.iter_mut().flatten() {
-            writer.finish()?;
-        }
-        self.record.line(&json!({
+    pub(super) fn finish(&mut self, totals: &Totals, frames: u64) -> Result<(), IoError> {
+        let end = json!({
             "record": "end",
             "state": "done",
-            "frames": report.frames,
-            "seconds": report.seconds,
-            "stages": run_record::stages(&report.metrics),
-            "counts": run_record::counts(&report.metrics),
-        }))?;
-        self.manifest.state = "done";
-        self.manifest.write(&self.folder)
+            "frames": frames,
+            "seconds": totals.seconds,
+            "stages": run_record::stages(&totals.metrics),
+            "counts": run_record::counts(&totals.metrics),
+        });
+        self.end("done", "done", &end)
+    }
+
+    /// Says that the run stopped early at a state from which it goes on, and why.
+    pub(super) fn stop(&mut self, reason: Reason, frame: i64) -> Result<(), IoError> {
+        let end = json!({"record": "stop", "reason": reason.word(), "frame": frame});
+        self.end("stopped", reason.word(), &end)
     }
 
     /// Says that the run ended early, and why. The caches keep the frames before.
     pub(super) fn fail(&mut self, error: &ShotError) -> Result<(), IoError> {
+        self.manifest.error = Some(error.to_string());
+        let end = json!({"record": "end", "state": "failed", "error": error.to_string()});
+        self.end("failed", "failed", &end)
+    }
+
+    fn end(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
         for writer in self.writers.iter_mut().flatten() {
             writer.finish()?;
         }
-        self.record.line(&json!({"record": "end", "state": "failed", "error": error.to_string()}))?;
-        self.manifest.state = "failed";
-        self.manifest.error = Some(error.to_string());
+        self.record.line(record)?;
+        self.manifest.state = state;
+        if let Some(attempt) = self.manifest.attempts.last_mut() {
+            attempt.end = Some(how.to_owned());
+        }
         self.manifest.write(&self.folder)
     }
+}
+
+/// How the manifest names a checkpoint.
+pub(super) fn manifest_checkpoint(path: &Path, frame: i64, sub_step: u64) -> ManifestCheckpoint {
+    ManifestCheckpoint { file: format!("{}/{}", checkpoint::store::FOLDER, file_name(path)), frame, sub_step }
+}
+
+/// Writes beside the caches what they come from.
+fn describe(shot: &Shot, fingerprint: &Fingerprint, folder: &Path) -> Result<(), IoError> {
+    atomic_file::replace(&folder.join(RESOLVED), shot.about.resolved.as_bytes())?;
+    write_fingerprint(folder, fingerprint)
+}
+
+/// The caches of each garment, opened by `open`.
+fn of_garments(
+    shot: &Shot,
+    planned: &[Planned],
+    open: impl Fn(&Planned) -> Result<Box<dyn CacheWriter>, IoError>,
+) -> Result<Vec<Vec<Box<dyn CacheWriter>>>, IoError> {
+    let mut writers: Vec<Vec<_>> = shot.garments.iter().map(|_| Vec::new()).collect();
+    for cache in planned {
+        writers[cache.garment].push(open(cache)?);
+    }
+    Ok(writers)
+}
+
+/// The caches that a shot writes into a folder.
+pub(super) fn planned_files(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
+    paths(&planned(shot, folder))
+}
+
+fn paths(planned: &[Planned]) -> Vec<PathBuf> {
+    planned.iter().map(|cache| cache.path.clone()).collect()
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn garment_names(shot: &Shot) -> impl Iterator<Item = &str> {
@@ -144,16 +285,22 @@ fn garment_names(shot: &Shot) -> impl Iterator<Item = &str> {
 
 fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
     let formats = shot.about.output.formats.iter().filter_map(|word| formats::by_extension(word));
-    let writable: Vec<_> = formats.filter_map(|format| Some((format.extension, format.create?))).collect();
+    let writable: Vec<_> = formats.filter_map(|f| Some((f.extension, f.create?, f.resume?))).collect();
     let caches = |(garment, name): (usize, &str)| {
         let path = |extension: &str| folder.join(format!("{name}.{extension}"));
-        writable.iter().map(|(extension, create)| Planned { garment, path: path(extension), create: *create }).collect()
+        let cache = |&(extension, create, resume): &(&str, CreateCache, ResumeCache)| Planned {
+            garment,
+            path: path(extension),
+            create,
+            resume,
+        };
+        writable.iter().map(cache).collect()
     };
     garment_names(shot).enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
 }
 
 /// An output that is an input of the same shot would be destroyed before it is read.
-fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
+pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
     let real = |path: &PathBuf| fs::canonicalize(path).ok();
     let inputs: Vec<PathBuf> = shot.about.input_files.iter().chain([&shot.about.scene_path]).filter_map(real).collect();
     match outputs.iter().find(|output| real(output).is_some_and(|output| inputs.contains(&output))) {
@@ -162,9 +309,9 @@ fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
     }
 }
 
-fn create(shot: &Shot, cache: &Planned, crossings: bool) -> Result<Box<dyn CacheWriter>, IoError> {
+fn cache_plan<'a>(shot: &'a Shot, cache: &Planned, crossings: bool) -> CachePlan<'a> {
     let (about, scene) = (&shot.about, shot.simulation.scene());
-    let plan = CachePlan {
+    CachePlan {
         garment: &scene.description().garments[cache.garment].name,
         mesh: &shot.garments[cache.garment],
         triangles: scene.meshes()[cache.garment].triangles(),
@@ -174,13 +321,11 @@ fn create(shot: &Shot, cache: &Planned, crossings: bool) -> Result<Box<dyn Cache
         last_frame: about.last_frame,
         velocities: about.output.velocities,
         crossings,
-    };
-    (cache.create)(&cache.path, &plan)
+    }
 }
 
-fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned]) -> Manifest {
+fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Vec<AttemptRecord>) -> Manifest {
     let about = &shot.about;
-    let file_name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let garments = garment_names(shot).zip(&shot.garments).enumerate().map(|(index, (name, mesh))| ManifestGarment {
         name: name.to_owned(),
         object_path: if mesh.object_path.is_empty() {
@@ -205,5 +350,8 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned]) -> Manifest 
         up_axis: format!("{:?}", about.output.units.up),
         garments: garments.collect(),
         threads: options.threads,
+        command: options.command.clone(),
+        checkpoint: None,
+        attempts,
     }
 }

@@ -20,7 +20,15 @@ impl ArchiveWriter {
     pub fn append(path: impl AsRef<Path>) -> Result<Self, AlembicError> {
         let path = path.as_ref();
         let (source, root) = ChunkSource::open(path)?;
-        let tables = Tables::read(&source, root)?;
+        let writer = Self::restored(path, &source, root)?;
+        let failed = |source| AlembicError::Io { path: path.to_owned(), action: "cut the end of", source };
+        writer.file.set_len(writer.end).map_err(failed)?;
+        Ok(writer)
+    }
+
+    /// The writer as it was after the commit with this root; the file is opened for writing and not changed.
+    pub(super) fn restored(path: &Path, source: &ChunkSource, root: Group) -> Result<Self, AlembicError> {
+        let tables = Tables::read(source, root)?;
         let failed = |source| AlembicError::Io { path: path.to_owned(), action: "open for writing", source };
         let file = OpenOptions::new().read(true).write(true).open(path).map_err(failed)?;
         let mut writer = Self::empty(path.to_owned(), file, tables.metadata.clone());
@@ -28,8 +36,7 @@ impl ArchiveWriter {
         writer.insert_object(None, "ABC", String::new());
         writer.objects[0].declared = true;
 
-        let mut restore =
-            Restore { source: &source, tables: &tables, writer, end: root.end(), slots: 0, payloads: Vec::new() };
+        let mut restore = Restore { source, tables: &tables, writer, end: root.end(), slots: 0, payloads: Vec::new() };
         restore.objects()?;
         let Restore { mut writer, end, mut payloads, .. } = restore;
         // In file order, the order in which a writer that was never closed has met them.
@@ -41,7 +48,6 @@ impl ArchiveWriter {
             }
         }
         writer.end = end;
-        writer.file.set_len(end).map_err(failed)?;
         writer.committed = true;
         writer.changed = false;
         Ok(writer)

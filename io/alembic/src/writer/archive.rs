@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use super::resume::ArchiveMark;
 use super::tree::{
     CompoundId, CompoundNode, Member, ObjectId, ObjectNode, PropertyId, PropertyNode, SampleKey, StoredSample,
 };
@@ -50,8 +51,8 @@ const MOST_NESTED: usize = 100;
 /// After an error of the disk, drop the writer: the file shows the last commit and can be continued from there with
 /// [`ArchiveWriter::append`].
 ///
-/// Declaring the same objects and properties again after [`ArchiveWriter::append`] finds the stored ones, so the code
-/// that sets up a shot is the same for a new and a continued file.
+/// Declaring the same objects and properties again after [`ArchiveWriter::append`] or [`ArchiveWriter::resume`] finds
+/// the stored ones, so the code that sets up a shot is the same for a new and a continued file.
 #[derive(Debug)]
 pub struct ArchiveWriter {
     pub(super) path: PathBuf,
@@ -69,6 +70,10 @@ pub struct ArchiveWriter {
     pub(super) chunk: Vec<u8>,
     pub(super) committed: bool,
     pub(super) changed: bool,
+    /// The last commit, if this writer made it or was continued from its mark.
+    pub(super) mark: Option<ArchiveMark>,
+    /// True while the declarations of a continued archive are compared with the file: nothing may be written yet.
+    pub(super) sealed: bool,
 }
 
 impl ArchiveWriter {
@@ -99,7 +104,23 @@ impl ArchiveWriter {
             chunk: Vec::new(),
             committed: false,
             changed: true,
+            mark: None,
+            sealed: false,
         }
+    }
+
+    /// Gives the file another name in the same file system; what has that name is replaced in one step.
+    ///
+    /// An archive that is begun beside its final name and renamed after its first commit is never seen unfinished.
+    pub fn rename(&mut self, path: impl AsRef<Path>) -> Result<(), AlembicError> {
+        let path = path.as_ref().to_owned();
+        std::fs::rename(&self.path, &path).map_err(|source| AlembicError::Io {
+            path: path.clone(),
+            action: "rename the new file to",
+            source,
+        })?;
+        self.path = path;
+        Ok(())
     }
 
     /// The file being written.
@@ -341,7 +362,7 @@ impl ArchiveWriter {
         format!("{}{name}", self.compounds[compound.0].place)
     }
 
-    fn member(&self, compound: CompoundId, name: &str) -> Option<Member> {
+    pub(super) fn member(&self, compound: CompoundId, name: &str) -> Option<Member> {
         self.compounds[compound.0].members.iter().copied().find(|member| match *member {
             Member::Compound(index) => self.compounds[index].name == name,
             Member::Property(index) => self.properties[index].name == name,
@@ -378,7 +399,7 @@ impl ArchiveWriter {
     }
 }
 
-fn archive_metadata(options: &ArchiveOptions) -> String {
+pub(super) fn archive_metadata(options: &ArchiveOptions) -> String {
     let mut metadata = options.extra.clone();
     metadata = metadata.with("_ai_AlembicVersion", "Alembic 1.8.12 (Ogawa, written by drapery-alembic)");
     metadata = metadata.with("_ai_Application", &options.application);

@@ -1,6 +1,7 @@
 //! Commit: all tables and a new root behind the payloads, then eight bytes in the file header.
 
 use super::archive::{ArchiveWriter, Durability};
+use super::resume::ArchiveMark;
 use super::tree::{Member, chain};
 use crate::error::AlembicError;
 use crate::murmur::murmur3_x64_128;
@@ -16,10 +17,7 @@ impl ArchiveWriter {
     /// The previous state stays valid until the last eight bytes are written; when the process dies at any moment the
     /// file shows this commit or the one before. Samples written later are not visible before the next commit.
     pub fn commit(&mut self, durability: Durability) -> Result<(), AlembicError> {
-        let mut tables =
-            Tables { archive: self, base: self.end, bytes: Vec::new(), metadata: MetaDataTable::default() };
-        let root = tables.pack_archive();
-        let bytes = tables.bytes;
+        let (root, bytes) = self.packed_tables(self.end);
         self.write_at(self.end, &bytes)?;
         self.synchronise(durability)?;
         self.write_at(8, &root.0.to_le_bytes())?;
@@ -29,17 +27,34 @@ impl ArchiveWriter {
         }
         self.synchronise(durability)?;
         self.end += bytes.len() as u64;
+        self.mark = Some(ArchiveMark { root: root.0, end: self.end, digest: murmur3_x64_128(&bytes) });
         self.committed = true;
         self.changed = false;
         Ok(())
     }
 
-    /// Commits what is not committed yet and closes the file.
-    pub fn finish(mut self, durability: Durability) -> Result<(), AlembicError> {
-        if self.changed { self.commit(durability) } else { self.synchronise(durability) }
+    /// All tables as they would stand at `base` in the file, and the root among them.
+    pub(super) fn packed_tables(&self, base: u64) -> (Slot, Vec<u8>) {
+        let mut tables = Tables { archive: self, base, bytes: Vec::new(), metadata: MetaDataTable::default() };
+        let root = tables.pack_archive();
+        (root, tables.bytes)
     }
 
-    fn synchronise(&mut self, durability: Durability) -> Result<(), AlembicError> {
+    /// Brings everything written so far to the disk; may be called at any time.
+    pub fn sync(&mut self) -> Result<(), AlembicError> {
+        self.synchronise(Durability::Synced)
+    }
+
+    /// Commits what is not committed yet, cuts off what an earlier writer left behind it, and closes the file.
+    pub fn finish(mut self, durability: Durability) -> Result<(), AlembicError> {
+        if self.changed {
+            self.commit(durability)?;
+        }
+        self.cut_tail()?;
+        self.synchronise(durability)
+    }
+
+    pub(super) fn synchronise(&mut self, durability: Durability) -> Result<(), AlembicError> {
         if durability == Durability::Flushed {
             return Ok(());
         }

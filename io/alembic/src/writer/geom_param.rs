@@ -106,6 +106,15 @@ impl GeomParamWriter {
         self.indices.is_some()
     }
 
+    /// Whether the last sample has these values and indices.
+    pub(super) fn last_is<T: PodValue>(&self, archive: &ArchiveWriter, values: &[T], indices: Option<&[u32]>) -> bool {
+        archive.last_sample_is(self.values, values)
+            && match (self.indices, indices) {
+                (Some(property), Some(indices)) => archive.last_sample_is(property, indices),
+                (stored, given) => stored.is_none() && given.is_none(),
+            }
+    }
+
     /// Next sample: `values` one element after another, and `indices` exactly when the parameter is indexed.
     pub fn write<T: PodValue>(
         &self,

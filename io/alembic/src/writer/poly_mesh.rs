@@ -10,6 +10,9 @@ use crate::property::{DataType, PodType};
 
 const POINT: DataType = DataType::new(PodType::F32, 3);
 
+/// Names of velocities, UVs and normals, which not every mesh has.
+const OPTIONAL: [&str; 3] = [".velocities", "uv", "N"];
+
 /// Faces of a mesh. Alembic faces are clockwise seen from outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Topology<'a> {
@@ -166,6 +169,54 @@ impl PolyMeshWriter {
         Ok(())
     }
 
+    /// Checks that a continued mesh has what `sample` has: the number of vertices, the members, and the values of those
+    /// that a cache writes once, which are faces and UVs. Positions and velocities themselves do not matter.
+    pub fn check_continued(
+        &mut self,
+        archive: &mut ArchiveWriter,
+        sample: &PolyMeshSample<'_>,
+    ) -> Result<(), AlembicError> {
+        self.find_optional(archive);
+        self.compare_with_stored(archive, sample)?;
+        OPTIONAL.iter().for_each(|name| archive.declare_member(self.compound, name));
+        Ok(())
+    }
+
+    fn compare_with_stored(&self, archive: &ArchiveWriter, sample: &PolyMeshSample<'_>) -> Result<(), AlembicError> {
+        let (given, stored) = (sample.positions.len(), archive.properties[self.positions.0].previous_elements);
+        let differs = |property: PropertyId, reason: &str| Err(archive.refuse_sample(property, reason));
+        if given as u64 != stored {
+            return differs(self.positions, &format!("the mesh has {given} vertices, the file has {stored}"));
+        }
+        self.check(archive, sample, false)?;
+        self.check_members(archive, sample)?;
+        let same_faces = sample.topology.is_none_or(|topology| {
+            archive.last_sample_is(self.face_counts, topology.face_counts)
+                && archive.last_sample_is(self.face_indices, topology.face_indices)
+        });
+        if !same_faces {
+            return differs(self.face_indices, "the mesh has other faces than the file");
+        }
+        match (self.uv, sample.uv) {
+            (Some(uv), Some(values)) if !uv.last_is(archive, values.values.as_flattened(), values.indices) => {
+                differs(self.positions, "the mesh has other UVs than the file")
+            }
+            (Some(_), None) => differs(self.positions, "the file has UVs, the mesh has none"),
+            _ => Ok(()),
+        }
+    }
+
+    /// Finds the optional members of a continued file.
+    fn find_optional(&mut self, archive: &ArchiveWriter) {
+        if !self.bound {
+            let [velocities, uv, normals] = OPTIONAL;
+            self.velocities = archive.find_property(self.compound, velocities);
+            self.uv = GeomParamWriter::find(archive, self.compound, uv);
+            self.normals = GeomParamWriter::find(archive, self.compound, normals);
+            self.bound = true;
+        }
+    }
+
     /// Declares the optional members with the first sample; finds them again in a continued file.
     fn bind_optional(
         &mut self,
@@ -175,12 +226,7 @@ impl PolyMeshWriter {
     ) -> Result<(), AlembicError> {
         let (compound, sampling) = (self.compound, self.time_sampling);
         if !is_first {
-            if !self.bound {
-                self.velocities = archive.find_property(compound, ".velocities");
-                self.uv = GeomParamWriter::find(archive, compound, "uv");
-                self.normals = GeomParamWriter::find(archive, compound, "N");
-                self.bound = true;
-            }
+            self.find_optional(archive);
             return self.check_members(archive, sample);
         }
         if sample.velocities.is_some() {

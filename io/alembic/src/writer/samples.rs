@@ -53,6 +53,12 @@ impl ArchiveWriter {
         self.store_chunk(property)
     }
 
+    /// Whether the last sample of a property has these values, by their digests.
+    pub fn last_sample_is<T: PodValue>(&self, property: PropertyId, values: &[T]) -> bool {
+        let node = &self.properties[property.0];
+        node.previous == Some(key_of(node.data_type, &crate::property::encode(values)))
+    }
+
     /// The next sample equals the previous one; nothing is hashed or written.
     pub fn set_same_as_previous(&mut self, property: PropertyId) -> Result<(), AlembicError> {
         self.check_room(property)?;
@@ -119,9 +125,15 @@ impl ArchiveWriter {
         let top = self.top_compound(self.root());
         let property = match self.find_property(top, ".childBnds") {
             Some(found) => found,
-            None => self.add_bounds_property(top, ".childBnds", time_sampling)?,
+            None => self.add_archive_bounds(time_sampling)?,
         };
         self.write_sample(property, bounds)
+    }
+
+    /// Declares the world bounds of everything; [`ArchiveWriter::write_archive_bounds`] does it with the first sample.
+    pub fn add_archive_bounds(&mut self, time_sampling: u32) -> Result<PropertyId, AlembicError> {
+        let top = self.top_compound(self.root());
+        self.add_bounds_property(top, ".childBnds", time_sampling)
     }
 
     pub(super) fn add_bounds_property(
@@ -147,6 +159,9 @@ impl ArchiveWriter {
 
     fn check_room(&self, property: PropertyId) -> Result<(), AlembicError> {
         let node = &self.properties[property.0];
+        if self.sealed {
+            return Err(self.refuse_sample(property, "the file has no value here"));
+        }
         let most = self.samplings[node.time_sampling as usize].most_samples().min(u32::MAX as usize - 1);
         if node.count as usize >= most {
             return Err(self.refuse_sample(property, &format!("its time sampling has only {most} times")));

@@ -1,0 +1,96 @@
+//! `drapery status`: how far a run is.
+
+use std::fmt::Write;
+use std::time::SystemTime;
+
+use drapery_io::report::status::{Process, Status};
+
+use crate::args::StatusArgs;
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+use crate::progress::duration;
+use crate::say;
+
+/// Prints how far a run is, without disturbing it.
+pub(crate) fn status(args: &StatusArgs) -> Result<ExitCode, Failure> {
+    let status = Status::of(&args.folder, SystemTime::now())?;
+    if args.json {
+        // A struct of texts and numbers always has a JSON form.
+        say::line(serde_json::to_string_pretty(&status).unwrap_or_default());
+    } else {
+        say::line(text(&status).trim_end());
+    }
+    Ok(ExitCode::Done)
+}
+
+fn text(status: &Status) -> String {
+    let mut text = format!("{}: {}\n", status.shot, state(status));
+    let mut line = |name: &str, value: String| {
+        // Writing into a text cannot fail.
+        let _ = writeln!(text, "  {name:<12} {value}");
+    };
+    line("frames", frames(status));
+    if let Some(rate) = status.seconds_per_frame {
+        line("rate", format!("{} a frame (median of the last 10)", seconds(rate)));
+    }
+    if let (Some(left), true) = (status.seconds_left, status.state != "done") {
+        line("time left", format!("{} at this rate", duration(left)));
+    }
+    if let Some(checkpoint) = &status.checkpoint {
+        let steps = if checkpoint.sub_step == 0 { String::new() } else { format!(" + {} steps", checkpoint.sub_step) };
+        line("checkpoint", format!("frame {}{steps}, {}", checkpoint.frame, checkpoint.file));
+    }
+    if let Some(process) = &status.process {
+        line("process", process_text(process));
+    }
+    let total: u64 = status.degradations.iter().map(|found| found.total).sum();
+    line("degradations", if total == 0 { "none".to_owned() } else { total.to_string() });
+    for found in &status.degradations {
+        let (name, meaning) = (found.name, found.meaning);
+        let (count, first, worst) = (found.total, found.first_frame, found.worst_frame);
+        line("", format!("{name} {count}, first in frame {first}, most in frame {worst}: {meaning}"));
+    }
+    if let Some(error) = &status.error {
+        line("error", error.replace('\n', "\n               "));
+    }
+    if let (Some(command), true) = (&status.command, status.state != "done") {
+        line("continue", command.clone());
+    }
+    text
+}
+
+fn state(status: &Status) -> String {
+    if status.was_killed() {
+        return "killed (its process has ended without a word); run it again to go on".to_owned();
+    }
+    match status.process.as_ref().map(|process| process.presence) {
+        Some("silent") if status.state == "running" => "running, or dead: it has been silent for minutes".to_owned(),
+        _ => status.state.clone(),
+    }
+}
+
+fn frames(status: &Status) -> String {
+    let Status { frames_done, frames_total, first_frame, last_frame, .. } = status;
+    let percent = 100 * frames_done / (*frames_total).max(1);
+    let last = match (status.last_complete_frame, status.reached_frame) {
+        (Some(frame), _) => format!("last complete {frame}"),
+        (None, Some(reached)) if reached < *first_frame => format!("in the pre-roll at frame {reached}"),
+        (None, _) => "none yet".to_owned(),
+    };
+    format!("{frames_done} of {frames_total} ({percent} %), {last}, range {first_frame}-{last_frame}")
+}
+
+fn process_text(process: &Process) -> String {
+    let host = process.host.as_deref().unwrap_or("unknown");
+    let pid = process.pid.map_or("unknown".to_owned(), |pid| pid.to_string());
+    format!("{pid} on {host}, {}, last heartbeat {} ago", process.presence, duration(process.heartbeat_seconds as f64))
+}
+
+/// Seconds with three digits.
+fn seconds(value: f64) -> String {
+    match value {
+        v if v < 0.1 => format!("{:.1} ms", v * 1e3),
+        v if v < 100.0 => format!("{v:.2} s"),
+        v => duration(v),
+    }
+}

@@ -1,0 +1,22 @@
+//! `drapery stop`: ask a run in progress to write a checkpoint and end.
+
+use std::time::SystemTime;
+
+use drapery_io::farm::stop::request_stop;
+
+use crate::args::StopArgs;
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+use crate::say;
+
+/// Writes the request into the folder of the run.
+pub(crate) fn stop(args: &StopArgs) -> Result<ExitCode, Failure> {
+    let folder = args.folder.display();
+    match request_stop(&args.folder, SystemTime::now())? {
+        Some(holder) => say::line(format_args!(
+            "{folder}: {holder} is asked to stop; it writes a checkpoint after its present step and ends with exit code 75"
+        )),
+        None => say::line(format_args!("{folder}: no run is in progress here; nothing is to be stopped")),
+    }
+    Ok(ExitCode::Done)
+}

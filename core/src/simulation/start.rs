@@ -1,0 +1,85 @@
+//! What has to hold before a simulation starts.
+
+use crate::bodies::{Bodies, Samples};
+use crate::effects::pins::HardPins;
+use crate::error::{Problem, Problems};
+use crate::scene::{BodyShape, PinTarget, Scene};
+use crate::simulation::FrameInput;
+use crate::state::State;
+
+/// The first sample of every track.
+pub(super) fn first_tracks(scene: &Scene, start: &FrameInput) -> Result<Vec<Samples>, Problems> {
+    let mut problems = Vec::new();
+    let mut tracks = Vec::new();
+    for (number, track) in start.tracks.iter().enumerate() {
+        match track.last() {
+            Some(sample) => tracks.push(Samples::still(sample.clone())),
+            None => problems.push(Problem::data(
+                format!("track {number}"),
+                "there is no sample of its positions at the start",
+                "look at the file that the pin follows around the first frame",
+            )),
+        }
+    }
+    for (p, pin) in scene.description().pins.iter().enumerate() {
+        if let PinTarget::Track { vertices, track } = &pin.target
+            && tracks.get(*track).is_none_or(|t| t.b.positions.len() != vertices.len())
+        {
+            let name = &scene.description().garments[pin.garment].name;
+            problems.push(Problem::data(
+                format!("garment \"{name}\", pin {p}"),
+                "the animated positions do not fit the pinned vertices",
+                "give one position per pinned vertex at every frame",
+            ));
+        }
+    }
+    if problems.is_empty() { Ok(tracks) } else { Err(Problems(problems)) }
+}
+
+/// Refuses garments whose free vertices start inside a body; names the deepest of each.
+pub(super) fn start_outside(
+    scene: &Scene,
+    state: &State,
+    bodies: &Bodies,
+    pins: Option<&HardPins>,
+) -> Result<(), Problems> {
+    let mut held = vec![false; state.x.len()];
+    pins.into_iter().flat_map(HardPins::fully_held).for_each(|(vertex, _)| held[vertex] = true);
+    let description = scene.description();
+    let mut problems = Vec::new();
+    for (g, garment) in description.garments.iter().enumerate() {
+        for (b, body) in description.bodies.iter().enumerate() {
+            let reach = scene.mean_edge() * 10.0;
+            let depth = |vertex: usize| {
+                // A vertex lies inside a crossing body's own overlap as soon as its nearest surface says so.
+                bodies.closest(b, &state.x[vertex], &state.x[vertex], reach, None).map_or(f64::INFINITY, |at| at.phi)
+            };
+            let inside: Vec<(f64, usize)> = scene
+                .parts()
+                .garment(g)
+                .filter(|vertex| !held[*vertex])
+                .map(|vertex| (depth(vertex), vertex))
+                .filter(|(phi, _)| *phi < 0.0)
+                .collect();
+            let Some((deepest, vertex)) = inside.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+            let (_, own) = scene.parts().own_vertex(vertex);
+            let is_surface = matches!(body.shape, BodyShape::Surface { .. });
+            problems.push(Problem::data(
+                format!("garment \"{}\", vertex {own}", garment.name),
+                format!(
+                    "{} of its vertices start inside body \"{}\"; this one is deepest, {:.2} mm",
+                    inside.len(),
+                    body.name,
+                    -1e3 * deepest
+                ),
+                if is_surface {
+                    "move the garment off the body at the start frame, or start from a draped pose; if everything is \
+                     inside, the body's faces may be wound the wrong way"
+                } else {
+                    "move the garment or the body in the scene"
+                },
+            ));
+        }
+    }
+    if problems.is_empty() { Ok(()) } else { Err(Problems(problems)) }
+}

@@ -1,0 +1,143 @@
+//! Going back to an earlier commit of an archive and on from there.
+
+use std::path::Path;
+
+use super::archive::{ArchiveOptions, ArchiveWriter, Durability, archive_metadata};
+use super::tree::{CompoundId, Member};
+use crate::error::{AlembicError, Fault};
+use crate::metadata::MetaData;
+use crate::murmur::murmur3_x64_128;
+use crate::ogawa::{ChunkSource, Slot};
+
+/// Metadata that names the writing program: another version of it may continue an archive.
+const ABOUT_THE_WRITER: [&str; 2] = ["_ai_Application", "_ai_AlembicVersion"];
+
+/// A commit of an archive: enough to return to it, whatever was written after it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ArchiveMark {
+    /// Where the root group stands [bytes from the start of the file].
+    pub root: u64,
+    /// First byte behind the commit.
+    pub end: u64,
+    /// Digest of the tables, and through the digests in them of all samples.
+    pub digest: [u8; 16],
+}
+
+impl ArchiveWriter {
+    /// The last commit of this writer; none before the first, and none in an archive opened by
+    /// [`ArchiveWriter::append`].
+    pub fn mark(&self) -> Option<ArchiveMark> {
+        self.mark
+    }
+
+    /// Opens the archive as it was after the commit `mark` and goes on from there. The bytes written then are those of
+    /// a writer that went on after that commit without a break.
+    ///
+    /// `declare` declares everything that the archive has, with the values of static properties; what it returns is
+    /// handed on. Refused is what is declared and not in the file, what is in the file and not declared, and other
+    /// `options`; but another version of the program may continue. Nothing in the file is changed before all that is
+    /// found to be right.
+    ///
+    /// Readers find a valid archive all the time: first the header is pointed to the marked commit, and that is on the
+    /// disk before anything behind it is overwritten. The file is not made shorter before [`ArchiveWriter::finish`],
+    /// because programs that opened it earlier, and may have mapped it into memory, still look at the later commit.
+    /// When the samples are the same again, so are the bytes under their eyes.
+    ///
+    /// It costs reading the tables, 24 bytes of every stored sample, and the last sample of every property.
+    ///
+    /// # Errors
+    /// The file is missing, shorter than the mark, has other content there, or another set-up than declared.
+    pub fn resume<T>(
+        path: impl AsRef<Path>,
+        options: &ArchiveOptions,
+        mark: &ArchiveMark,
+        declare: impl FnOnce(&mut Self) -> Result<T, AlembicError>,
+    ) -> Result<(Self, T), AlembicError> {
+        let path = path.as_ref();
+        let (source, root) = ChunkSource::open_at(path, mark.root)?;
+        let mut writer = Self::restored(path, &source, root)?;
+        if writer.end != mark.end || writer.packed_mark() != Some(*mark) {
+            let reason = "what the file holds at its mark is not what was written there".into();
+            return Err(AlembicError::Damaged { path: path.to_owned(), place: "commit".into(), reason });
+        }
+        writer.check_last_samples(&source)?;
+        if described(&writer.metadata) != described(&archive_metadata(options)) {
+            return Err(writer.refuse("metadata", "the archive was begun with other settings"));
+        }
+        writer.sealed = true;
+        let declared = declare(&mut writer)?;
+        if writer.changed {
+            return Err(writer.refuse("declarations", "objects, properties or time samplings are not in the file"));
+        }
+        if let Some(place) = writer.undeclared() {
+            return Err(writer.refuse(&place, "the file has it, but it is not to be continued"));
+        }
+        writer.sealed = false;
+        writer.mark = Some(*mark);
+        writer.write_at(8, &mark.root.to_le_bytes())?;
+        writer.synchronise(Durability::Synced)?;
+        Ok((writer, declared))
+    }
+
+    /// Something that the file has and nobody declared.
+    fn undeclared(&self) -> Option<String> {
+        let objects = self.objects.iter().map(|object| (object.declared, &object.path));
+        let compounds = self.compounds.iter().map(|compound| (compound.declared, &compound.place));
+        let properties = self.properties.iter().map(|property| (property.declared, &property.place));
+        let mut all = objects.chain(compounds).chain(properties);
+        all.find(|(declared, _)| !declared).map(|(_, place)| place.clone())
+    }
+
+    /// Counts the member `name` of a compound as declared, with everything in it; nothing if there is none.
+    pub(super) fn declare_member(&mut self, compound: CompoundId, name: &str) {
+        let mut waiting: Vec<Member> = self.member(compound, name).into_iter().collect();
+        while let Some(member) = waiting.pop() {
+            match member {
+                Member::Property(index) => self.properties[index].declared = true,
+                Member::Compound(index) => {
+                    self.compounds[index].declared = true;
+                    waiting.extend(&self.compounds[index].members);
+                }
+            }
+        }
+    }
+
+    /// Checks that the last sample of every property is stored as its digest says. Earlier samples are not looked at:
+    /// that would mean to read the whole file.
+    fn check_last_samples(&self, source: &ChunkSource) -> Result<(), AlembicError> {
+        for node in &self.properties {
+            let (Some(last), Some(key)) = (node.stored.last(), node.previous) else {
+                continue;
+            };
+            let at = |fault: Fault| fault.at(&self.path, &node.place);
+            let payload = source.data_after(Slot(last.payload), 16).map_err(at)?;
+            if key.size > 0 && murmur3_x64_128(&payload) != key.digest {
+                return Err(at(Fault::damaged("the last sample is not what was written")));
+            }
+        }
+        Ok(())
+    }
+
+    /// The mark that a commit would have whose tables end where the file ends now.
+    fn packed_mark(&self) -> Option<ArchiveMark> {
+        let size = self.packed_tables(0).1.len() as u64; // offsets in tables do not change their size
+        let (root, tables) = self.packed_tables(self.end.checked_sub(size)?);
+        Some(ArchiveMark { root: root.0, end: self.end, digest: murmur3_x64_128(&tables) })
+    }
+
+    /// Cuts off what stands behind the last commit.
+    pub(super) fn cut_tail(&mut self) -> Result<(), AlembicError> {
+        let cut = self.file.metadata().and_then(|about| match about.len() > self.end {
+            true => self.file.set_len(self.end),
+            false => Ok(()),
+        });
+        cut.map_err(|source| AlembicError::Io { path: self.path.clone(), action: "cut the end of", source })
+    }
+}
+
+/// Pairs of the archive's metadata that say how it is set up.
+fn described(metadata: &str) -> Vec<(String, String)> {
+    let metadata = MetaData::parse(metadata);
+    let pairs = metadata.iter().filter(|(key, _)| !ABOUT_THE_WRITER.contains(key));
+    pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
+}

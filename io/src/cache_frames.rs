@@ -1,0 +1,209 @@
+//! Reading caches back, frame by frame: what comparisons and pages need of an Alembic or HDF5 file, in metres with Y up
+//! whatever the file's own unit and axis are.
+//!
+//! Nothing is kept in memory but the frame that is asked for, and a file that is still being written may be read: only
+//! frames that are complete are listed.
+
+use std::path::{Path, PathBuf};
+
+use drapery_alembic::{Archive, PolyMesh};
+use drapery_core::Vec3;
+
+use crate::cache::Connectivity;
+use crate::error::IoError;
+use crate::formats::alembic_writer::reversed;
+use crate::units::{LengthUnit, Units, UpAxis};
+use crate::verify::triangles_of;
+
+/// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
+const WHOLE_FRAME: f64 = 1e-3;
+
+/// An opened cache.
+#[derive(Debug)]
+pub struct CacheFrames {
+    path: PathBuf,
+    units: Units,
+    meshes: Vec<CacheMesh>,
+    stored: Stored,
+}
+
+/// A mesh of a cache.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CacheMesh {
+    /// Full path of the object.
+    pub name: String,
+    /// Number of points of the first frame.
+    pub points: usize,
+    /// Faces of the first frame, counter-clockwise.
+    pub faces: Connectivity,
+    /// The triangles that were simulated, or the faces cut into triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// Frame number of every complete sample, ascending; sample numbers where the file does not tell its frame rate.
+    pub frames: Vec<i64>,
+}
+
+#[derive(Debug)]
+enum Stored {
+    Alembic(Vec<PolyMesh>),
+    Hdf5(hdf5::File),
+}
+
+impl CacheFrames {
+    /// Opens an `.abc` or `.h5` cache.
+    ///
+    /// # Errors
+    /// The file is missing, damaged, of another format, or holds no mesh.
+    pub fn open(path: &Path) -> Result<Self, IoError> {
+        std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        match extension.as_str() {
+            "abc" => Self::open_alembic(path),
+            "h5" => Self::open_hdf5(path).map_err(|source| not_a_cache(path, &source)),
+            _ => Err(IoError::Format {
+                path: path.to_owned(),
+                what: format!("files of the kind .{extension} are no caches"),
+                advice: "give an .abc or .h5 file".into(),
+            }),
+        }
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its meshes, in the order of their paths.
+    pub fn meshes(&self) -> &[CacheMesh] {
+        &self.meshes
+    }
+
+    /// Positions of a sample of a mesh [m], Y up.
+    ///
+    /// # Errors
+    /// The sample cannot be read.
+    pub fn positions(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
+        match &self.stored {
+            Stored::Alembic(meshes) => {
+                let points = meshes[mesh].world_positions(sample)?;
+                Ok(points.into_iter().map(|p| self.units.to_si(Vec3::from(p))).collect())
+            }
+            Stored::Hdf5(file) => self.vectors(file, "positions", sample),
+        }
+    }
+
+    /// Velocities of a sample of a mesh [m/s], Y up; `None` when the cache stores none.
+    ///
+    /// # Errors
+    /// The sample cannot be read.
+    pub fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<Vec3>>, IoError> {
+        match &self.stored {
+            Stored::Alembic(meshes) => {
+                let rates = meshes[mesh].velocities(sample)?;
+                let si = |v: [f32; 3]| self.units.to_si(Vec3::from(v.map(f64::from)));
+                Ok(rates.map(|rates| rates.into_iter().map(si).collect()))
+            }
+            Stored::Hdf5(file) if file.link_exists("velocities") => self.vectors(file, "velocities", sample).map(Some),
+            Stored::Hdf5(_) => Ok(None),
+        }
+    }
+
+    fn open_alembic(path: &Path) -> Result<Self, IoError> {
+        let archive = Archive::open(path)?;
+        let word = |key: &str| archive.metadata().get(key).unwrap_or_default().to_owned();
+        let units = units(&word("lengthUnit"), &word("upAxis"));
+        let mut stored = PolyMesh::all(&archive)?;
+        stored.sort_by(|a, b| a.object().path().cmp(b.object().path()));
+        if stored.is_empty() {
+            return Err(IoError::data(path, "objects", "it holds no mesh", "give a cache of a garment"));
+        }
+        let fps = archive.frames_per_second_hint();
+        let meshes = stored.iter().map(|mesh| alembic_mesh(mesh, fps)).collect::<Result<_, _>>()?;
+        Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(stored) })
+    }
+
+    fn open_hdf5(path: &Path) -> hdf5::Result<Self> {
+        let file = hdf5::File::open(path)?;
+        let text = |name: &str| -> hdf5::Result<String> {
+            Ok(file.attr(name)?.read_scalar::<hdf5::types::VarLenUnicode>()?.to_string())
+        };
+        let committed = file.dataset("committed")?.read_raw::<u8>()?;
+        let numbers = file.dataset("frame_numbers")?.read_raw::<i64>()?;
+        let triangles = file.dataset("triangles")?.read_raw::<u32>()?;
+        let points = file.dataset("positions")?.shape().get(1).copied().unwrap_or(0);
+        let mesh = CacheMesh {
+            name: text("object_path")?,
+            points,
+            faces: Connectivity {
+                face_counts: file.dataset("face_counts")?.read_raw()?,
+                face_indices: file.dataset("face_indices")?.read_raw()?,
+            },
+            triangles: triangles.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+            // Frames are committed in ascending order, so the first mark that is missing ends the file.
+            frames: numbers.iter().zip(&committed).take_while(|(_, mark)| **mark == 1).map(|(n, _)| *n).collect(),
+        };
+        let units = units(&text("length_unit")?, &text("up_axis")?);
+        Ok(Self { path: path.to_owned(), units, meshes: vec![mesh], stored: Stored::Hdf5(file) })
+    }
+
+    fn vectors(&self, file: &hdf5::File, dataset: &str, sample: usize) -> Result<Vec<Vec3>, IoError> {
+        let read = || file.dataset(dataset)?.read_slice_2d::<f32, _>((sample, .., ..));
+        let values = read().map_err(|source| not_a_cache(&self.path, &source))?;
+        let row = |row: usize| Vec3::new(values[[row, 0]].into(), values[[row, 1]].into(), values[[row, 2]].into());
+        Ok((0..values.shape()[0]).map(|index| self.units.to_si(row(index))).collect())
+    }
+}
+
+fn not_a_cache(path: &Path, source: &hdf5::Error) -> IoError {
+    IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
+}
+
+/// Units by their words; metres with Y up where a file does not say.
+fn units(length: &str, up: &str) -> Units {
+    let length = LengthUnit::ALL.into_iter().find(|unit| unit.word() == length).unwrap_or_default();
+    Units { length, up: if up == "Z" { UpAxis::Z } else { UpAxis::Y } }
+}
+
+fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<CacheMesh, IoError> {
+    let times = mesh.times();
+    let mut described = CacheMesh {
+        name: mesh.object().path().to_owned(),
+        points: 0,
+        faces: Connectivity::default(),
+        triangles: Vec::new(),
+        frames: frame_numbers(&times, fps),
+    };
+    if !times.is_empty() {
+        let faces = mesh.faces(0)?;
+        let first: Vec<Vec3> = mesh.world_positions(0)?.into_iter().map(Vec3::from).collect();
+        described.points = first.len();
+        described.triangles = triangles_of(mesh, &first).unwrap_or_default();
+        described.faces = Connectivity {
+            face_indices: reversed(&faces.face_counts, &faces.face_indices).collect(),
+            face_counts: faces.face_counts,
+        };
+    }
+    Ok(described)
+}
+
+/// Frame numbers of samples, or sample numbers where times are not those of whole frames.
+fn frame_numbers(times: &[f64], fps: Option<f64>) -> Vec<i64> {
+    let whole = |time: &f64| {
+        let frame = time * fps?;
+        ((frame - frame.round()).abs() < WHOLE_FRAME).then_some(frame.round() as i64)
+    };
+    let numbers: Option<Vec<i64>> = times.iter().map(whole).collect();
+    numbers.unwrap_or_else(|| (0..times.len() as i64).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_whole_numbers_or_else_samples_are_counted() {
+        let times = [1001.0 / 24.0, 1002.0 / 24.0];
+        assert_eq!(frame_numbers(&times, Some(24.0)), [1001, 1002]);
+        assert_eq!(frame_numbers(&times, None), [0, 1]);
+        assert_eq!(frame_numbers(&[0.0, 0.25 / 24.0], Some(24.0)), [0, 1]);
+    }
+}

@@ -1,0 +1,173 @@
+use super::*;
+use std::fs;
+
+const VERSIONS: Versions<'static> = Versions { solver: 3, format: 1, application: "Drapery 0.1.0" };
+
+const SCENE_TEXT: &str = r#"
+drapery = 1
+[shot]
+frames = "-10-20"   # scene
+name = "skirt"      # default
+[gravity]
+acceleration = [0, -9.8, 0.0]
+[[garment]]
+name = "skirt"
+file = "FOLDER/skirt.obj@3"
+[garment.stretch]
+stiffness = 40
+[[garment.pin]]
+nodes = [[0, 1], [2, 3]]
+[output]
+format = ["abc"]
+velocities = true
+"#;
+
+/// A folder with the scene's input.
+fn folder(content: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("skirt.obj"), content).unwrap();
+    folder
+}
+
+/// Of the scene with one text replaced by another.
+fn fingerprint(folder: &tempfile::TempDir, replaced: &str, by: &str) -> Fingerprint {
+    assert!(SCENE_TEXT.contains(replaced), "{replaced}");
+    let text = SCENE_TEXT.replace(replaced, by).replace("FOLDER", &folder.path().display().to_string());
+    let scene_path = folder.path().join("scene.toml");
+    let inputs = [scene_path.clone(), folder.path().join("skirt.obj")];
+    Fingerprint::of(&text, &scene_path, &inputs, VERSIONS).unwrap()
+}
+
+fn changes(replaced: &str, by: &str) -> Changes {
+    let folder = folder("v 0 0 0");
+    compare(&fingerprint(&folder, "[shot]", "[shot]"), &fingerprint(&folder, replaced, by))
+}
+
+fn only_allowed(text: &str) -> Changes {
+    Changes { allowed: vec![text.to_owned()], forbidden: Vec::new() }
+}
+
+fn only_forbidden(text: &str) -> Changes {
+    Changes { allowed: Vec::new(), forbidden: vec![text.to_owned()] }
+}
+
+#[test]
+fn comments_order_and_spelling_of_numbers_are_no_changes() {
+    assert_eq!(changes("stiffness = 40", "stiffness = 40.0  # as before"), Changes::default());
+    assert_eq!(changes("[0, -9.8, 0.0]", "[ 0.0, -9.8, 0 ]"), Changes::default());
+    assert_eq!(changes("velocities = true\n", "velocities = true\n\n"), Changes::default());
+    let swapped = "name = \"skirt\"\nfile = \"FOLDER/skirt.obj@3\"";
+    assert_eq!(changes(swapped, "file = \"FOLDER/skirt.obj@3\"\nname = \"skirt\""), Changes::default());
+}
+
+#[test]
+fn the_end_of_the_range_the_output_and_the_name_may_change() {
+    assert_eq!(changes("-10-20", "-10-30"), only_allowed("shot.last_frame 20 -> 30"));
+    assert_eq!(changes("velocities = true", "velocities = false"), only_allowed("output.velocities true -> false"));
+    assert_eq!(changes("[\"abc\"]", "[\"h5\"]"), only_allowed("output.format [\"abc\"] -> [\"h5\"]"));
+    let renamed = changes("name = \"skirt\"      # default", "name = \"dress\"");
+    assert_eq!(renamed, only_allowed("shot.name \"skirt\" -> \"dress\""));
+}
+
+#[test]
+fn allowed_changes_keep_the_digest_of_the_scene() {
+    let folder = folder("v 0 0 0");
+    let digest = |replaced, by| fingerprint(&folder, replaced, by).digests[SCENE].clone();
+    let before = digest("[shot]", "[shot]");
+    assert_eq!(before, digest("-10-20", "-10-30"));
+    assert_eq!(before, digest("velocities = true", "velocities = false"));
+    assert_ne!(before, digest("-10-20", "-11-20"));
+    assert_ne!(before, digest("stiffness = 40", "stiffness = 41"));
+}
+
+#[test]
+fn a_change_of_physics_is_named_with_its_place() {
+    let stiffness = changes("stiffness = 40", "stiffness = 50");
+    assert_eq!(stiffness, only_forbidden("garment[0].stretch.stiffness 40 -> 50"));
+    assert_eq!(changes("-10-20", "-9-20"), only_forbidden("shot.first_frame -10 -> -9"));
+    let added = changes("stiffness = 40", "stiffness = 40\ndamping = 0.1");
+    assert_eq!(added, only_forbidden("garment[0].stretch.damping (nothing) -> 0.1"));
+    assert_eq!(changes("[2, 3]]", "[2, 4]]").forbidden.len(), 1);
+    assert_eq!(changes("skirt.obj@3", "skirt.obj@4").forbidden.len(), 1);
+    let effect = changes("[gravity]", "[wind]");
+    assert_eq!(effect.forbidden.len(), 2, "{effect:?}");
+}
+
+#[test]
+fn a_changed_input_is_found_by_its_content() {
+    let folder = folder("v 0 0 0");
+    let before = fingerprint(&folder, "[shot]", "[shot]");
+    // The same content written again is the same input.
+    fs::write(folder.path().join("skirt.obj"), "v 0 0 0").unwrap();
+    assert_eq!(compare(&before, &fingerprint(&folder, "[shot]", "[shot]")), Changes::default());
+    fs::write(folder.path().join("skirt.obj"), "v 0 0 1").unwrap();
+    let changed = compare(&before, &fingerprint(&folder, "[shot]", "[shot]"));
+    let input = folder.path().join("skirt.obj");
+    assert_eq!(changed, only_forbidden(&format!("input {} has changed", input.display())));
+}
+
+#[test]
+fn inputs_may_be_moved_to_another_folder() {
+    let (here, there, other) = (folder("v 0 0 0"), folder("v 0 0 0"), folder("v 1 0 0"));
+    let [here, there, other] = [here, there, other].map(|folder| fingerprint(&folder, "[shot]", "[shot]"));
+    let moved = compare(&here, &there);
+    assert!(moved.forbidden.is_empty() && moved.allowed.len() == 1, "{moved:?}");
+    assert!(moved.allowed[0].starts_with("garment[0].file ") && moved.allowed[0].contains("same content"));
+    assert_eq!(here.digests[SCENE], there.digests[SCENE]);
+    let another = compare(&here, &other);
+    assert!(another.allowed.is_empty() && another.forbidden.len() == 1, "{another:?}");
+}
+
+#[test]
+fn versions_of_solver_and_checkpoints_count_and_that_of_the_program_does_not() {
+    let folder = folder("v 0 0 0");
+    let before = fingerprint(&folder, "[shot]", "[shot]");
+    let with = |name: &str, value: &str| {
+        let mut after = before.clone();
+        after.digests.insert(name.to_owned(), value.to_owned());
+        compare(&before, &after)
+    };
+    assert_eq!(with("solver", "4"), only_forbidden("version of the solver 3 -> 4"));
+    assert_eq!(with("format", "2"), only_forbidden("version of checkpoints 1 -> 2"));
+    assert_eq!(with("application", "Drapery 0.2.0"), only_allowed("program Drapery 0.1.0 -> Drapery 0.2.0"));
+}
+
+#[test]
+fn digests_alone_show_that_something_has_changed() {
+    let folder = folder("v 0 0 0");
+    let bare = |replaced, by| Fingerprint { scene: BTreeMap::new(), ..fingerprint(&folder, replaced, by) };
+    let before = bare("[shot]", "[shot]");
+    assert_eq!(compare(&before, &bare("-10-20", "-10-30")), Changes::default());
+    assert_eq!(compare(&before, &bare("= 40", "= 50")), only_forbidden("the scene has changed"));
+}
+
+#[test]
+fn a_digest_is_sha_256_of_all_bytes() {
+    let folder = folder("abc");
+    // The example of the standard, FIPS 180-4.
+    let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+    let name = folder.path().join("skirt.obj");
+    assert_eq!(content_digest(&name).unwrap(), expected);
+    // More than one block; the digest as `sha256sum` prints it for a million times "a" (FIPS 180-4, too).
+    fs::write(&name, "a".repeat(1_000_000)).unwrap();
+    let expected = "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0";
+    assert_eq!(content_digest(&name).unwrap(), expected);
+}
+
+#[test]
+fn a_missing_input_is_named() {
+    let error = Fingerprint::of("", Path::new("s.toml"), &["nowhere.abc".into()], VERSIONS).unwrap_err();
+    assert!(matches!(error, IoError::Missing { .. }) && error.to_string().contains("nowhere.abc"), "{error}");
+}
+
+#[test]
+#[ignore = "measures: prints MB/s"]
+fn speed_of_content_digests() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("large");
+    fs::write(&name, vec![7; 1 << 29]).unwrap();
+    let start = std::time::Instant::now();
+    content_digest(&name).unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    eprintln!("{:.0} MB/s", f64::from(1 << 29) / seconds / 1.0e6);
+}

@@ -1,0 +1,141 @@
+//! Spans and points of time as people and schedulers write them.
+
+use std::time::{Duration, SystemTime};
+
+/// Seconds of each unit, from the largest.
+const UNITS: [(char, f64); 4] = [('d', 86_400.0), ('h', 3_600.0), ('m', 60.0), ('s', 1.0)];
+
+/// Longest span that is taken for one [s]: ten years. What is longer is a slip.
+const LONGEST: f64 = 10.0 * 365.0 * 86_400.0;
+
+/// Earliest point of time that is taken for one, in seconds since 1970: September 2001. What is smaller is a span.
+const EARLIEST: f64 = 1.0e9;
+
+/// Why a text is no time.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TimeError {
+    /// It is not a span.
+    #[error("`{text}`: {what}\n  help: write a duration as 11h50m, 15m, 90s, or as a number of seconds")]
+    Span {
+        /// What was written.
+        text: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// It is not a point of time.
+    #[error("`{text}`: {what}\n  help: give seconds since 1970, as `date +%s` prints them")]
+    Epoch {
+        /// What was written.
+        text: String,
+        /// What is wrong with it.
+        what: String,
+    },
+}
+
+/// Reads a span: `11h50m`, `1d2h`, `1.5h`, `90s`, or plain seconds. It is longer than nothing.
+///
+/// # Errors
+/// The text is something else; units come twice or not from large to small.
+pub fn parse_duration(text: &str) -> Result<Duration, TimeError> {
+    let error = |what: &str| TimeError::Span { text: text.to_owned(), what: what.to_owned() };
+    let mut rest = text.trim();
+    let mut seconds = 0.0;
+    let mut units = UNITS.iter();
+    if rest.is_empty() {
+        return Err(error("nothing is written"));
+    }
+    while !rest.is_empty() {
+        let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+        let (number, after) = rest.split_at(end);
+        let number: f64 = number.parse().map_err(|_| error("a number is missing"))?;
+        let Some(letter) = after.chars().next() else {
+            if rest.len() < text.trim().len() {
+                return Err(error("the last number has no unit"));
+            }
+            seconds = number;
+            break;
+        };
+        let known = UNITS.iter().any(|(unit, _)| *unit == letter);
+        let Some((_, factor)) = units.find(|(unit, _)| *unit == letter) else {
+            let what = format!("`{letter}` is no unit; there are d, h, m and s");
+            return Err(error(if known { "units come once each, the largest first" } else { &what }));
+        };
+        seconds += number * factor;
+        rest = &after[letter.len_utf8()..];
+    }
+    match seconds {
+        s if s <= 0.0 => Err(error("it must be longer than nothing")),
+        s if s > LONGEST => Err(error("it is longer than ten years")),
+        s => Ok(Duration::from_secs_f64(s)),
+    }
+}
+
+/// Reads a point of time in seconds since 1970.
+///
+/// # Errors
+/// The text is no number, or so small that a span may be meant.
+pub fn parse_epoch(text: &str) -> Result<SystemTime, TimeError> {
+    let error = |what: &str| TimeError::Epoch { text: text.to_owned(), what: what.to_owned() };
+    match text.trim().parse::<f64>() {
+        Ok(seconds) if seconds < EARLIEST => Err(error("this is long past; is a duration meant?")),
+        Ok(seconds) if seconds > EARLIEST + 100.0 * LONGEST => {
+            Err(error("this is too far away; are milliseconds meant?"))
+        }
+        Ok(seconds) if seconds.is_finite() => Ok(SystemTime::UNIX_EPOCH + Duration::from_secs_f64(seconds)),
+        _ => Err(error("this is no number of seconds")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_read_as_schedulers_and_people_write_them() {
+        let cases = [
+            ("11h50m", 42_600.0),
+            ("90s", 90.0),
+            ("15m", 900.0),
+            ("90", 90.0),
+            ("1d2h3m4s", 93_784.0),
+            ("1.5h", 5_400.0),
+            (" 0.5 ", 0.5),
+        ];
+        for (text, seconds) in cases {
+            assert_eq!(parse_duration(text), Ok(Duration::from_secs_f64(seconds)), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_duration_is_refused_with_the_reason() {
+        let cases = [
+            ("", "nothing is written"),
+            ("h", "a number is missing"),
+            ("-5m", "a number is missing"),
+            ("5x", "`x` is no unit"),
+            ("5µ", "`µ` is no unit"),
+            ("1h30", "the last number has no unit"),
+            ("50m11h", "the largest first"),
+            ("1h1h", "units come once each"),
+            ("0s", "longer than nothing"),
+            ("99999d", "ten years"),
+            ("1.2.3h", "a number is missing"),
+            ("inf", "a number is missing"),
+        ];
+        for (text, reason) in cases {
+            let error = parse_duration(text).unwrap_err().to_string();
+            assert!(error.contains(reason) && error.contains("help: "), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn points_of_time_are_seconds_since_1970() {
+        let time = parse_epoch("1793620000.5").unwrap();
+        assert_eq!(time.duration_since(SystemTime::UNIX_EPOCH).unwrap(), Duration::from_secs_f64(1_793_620_000.5));
+        for (text, reason) in [("3600", "duration"), ("tomorrow", "no number"), ("1793620000000", "milliseconds")] {
+            let error = parse_epoch(text).unwrap_err().to_string();
+            assert!(error.contains(reason), "{text}: {error}");
+        }
+        assert!(parse_epoch("nan").is_err() && parse_epoch("inf").is_err());
+    }
+}

@@ -1,0 +1,80 @@
+//! What caches of all formats share when they are continued: checks of the mark, and names beside the final one.
+
+use std::fs::{self, File};
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use crate::cache::{CacheMark, CachePlan};
+use crate::error::IoError;
+
+/// What helps when a cache is not what its mark says.
+const GO_BACK: &str = "run again from an earlier checkpoint with --resume FRAME, or from the start with --overwrite";
+
+/// The error of a cache that cannot be continued from its mark.
+pub(super) fn cannot_continue(path: &Path, place: impl Into<String>, what: impl Into<String>) -> IoError {
+    IoError::data(path, place, what, GO_BACK)
+}
+
+/// The error of a plan that ends before the last frame of the file.
+pub(super) fn too_short(path: &Path, plan: &CachePlan<'_>, held: i64) -> IoError {
+    let what = format!("it holds frame {held}, but the run is to end with frame {}", plan.last_frame);
+    IoError::data(
+        path,
+        "range",
+        what,
+        format!("let the run end with frame {held} or later, or write to another folder"),
+    )
+}
+
+/// How many frames a cache has up to its mark.
+///
+/// # Errors
+/// The mark is that of another file, or its frame is outside the plan.
+pub(super) fn marked_frames(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<usize, IoError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if name != mark.file.as_str() {
+        return Err(cannot_continue(path, "mark", format!("the checkpoint speaks of the cache {}", mark.file)));
+    }
+    match mark.last_frame {
+        None => Ok(0),
+        Some(last) if last > plan.last_frame => Err(too_short(path, plan, last)),
+        Some(last) if last < plan.first_frame => {
+            let what = format!("the checkpoint speaks of frame {last}, but the run begins at {}", plan.first_frame);
+            Err(cannot_continue(path, "mark", what))
+        }
+        // Within the plan, whose frames are counted by usize.
+        Some(last) => Ok((last - plan.first_frame) as usize + 1),
+    }
+}
+
+/// The name under which a file is made before it is renamed to `path`.
+pub(super) fn beside(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    path.with_file_name(name)
+}
+
+/// Removes a file if it exists.
+pub(super) fn remove(path: &Path) -> Result<(), IoError> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(IoError::creating(path, e)),
+        _ => Ok(()),
+    }
+}
+
+/// Brings the name of a file to the disk.
+pub(super) fn sync_name(path: &Path) {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // Some network file systems cannot do this to folders; they keep names by themselves.
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+}
+
+/// A digest as text.
+pub(super) fn hexadecimal(digest: [u8; 16]) -> String {
+    format!("{:032x}", u128::from_be_bytes(digest))
+}
+
+/// The digest that [`hexadecimal`] wrote.
+pub(super) fn digest_of(text: &str) -> Option<[u8; 16]> {
+    u128::from_str_radix(text, 16).ok().map(u128::to_be_bytes)
+}

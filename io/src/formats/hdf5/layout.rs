@@ -1,0 +1,248 @@
+//! The datasets and attributes of an HDF5 cache: made for a plan, and compared with one.
+
+use std::path::Path;
+
+use hdf5::plist::dataset_create::{AllocTime, FillTime};
+use hdf5::types::VarLenUnicode;
+use hdf5::{Dataset, H5Type};
+
+use crate::cache::{APPLICATION, CachePlan};
+
+/// Version of the layout, stored as the attribute `format_version`.
+const FORMAT_VERSION: i64 = 1;
+
+/// Attribute that names the writing program: another version of it may continue a cache.
+const APPLICATION_ATTRIBUTE: &str = "application";
+
+/// Where the datasets that grow lie in the file [bytes].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Offsets {
+    pub(super) positions: u64,
+    pub(super) velocities: Option<u64>,
+    pub(super) crossings: Option<u64>,
+    pub(super) committed: u64,
+}
+
+/// What a stored file has room for.
+#[derive(Debug)]
+pub(super) struct Layout {
+    pub(super) offsets: Offsets,
+    pub(super) frames: usize,
+}
+
+/// A dataset that is written when the file is made.
+struct Fixed {
+    name: &'static str,
+    shape: Vec<usize>,
+    values: Values,
+}
+
+enum Values {
+    F32(Vec<f32>),
+    F64(Vec<f64>),
+    I32(Vec<i32>),
+    I64(Vec<i64>),
+}
+
+/// Creates the file, fills in what does not change, and closes it.
+pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Offsets> {
+    // Times of change are left out so that equal runs give equal bytes.
+    let file = hdf5::File::with_options()
+        .with_fapl(|access| access.libver_v110())
+        .with_fcpl(|create| create.obj_track_times(false))
+        .create(path)?;
+    for (name, text) in texts(plan) {
+        file.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&unicode(&text)?)?;
+    }
+    for (name, value) in numbers(plan) {
+        file.new_attr::<f64>().create(name)?.write_scalar(&value)?;
+    }
+    for (name, value) in integers(plan) {
+        file.new_attr::<i64>().create(name)?.write_scalar(&value)?;
+    }
+    for fixed in fixed_datasets(plan) {
+        match &fixed.values {
+            Values::F32(values) => fixed.create(&file, values)?,
+            Values::F64(values) => fixed.create(&file, values)?,
+            Values::I32(values) => fixed.create(&file, values)?,
+            Values::I64(values) => fixed.create(&file, values)?,
+        }
+    }
+    let (frames, points) = (plan.frame_count(), plan.mesh.mesh.points.len());
+    let committed = growing::<u8>(&file, "committed", &[frames])?;
+    let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;
+    let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
+    let positions = growing::<f32>(&file, "positions", &[frames, points, 3])?;
+    Ok(Offsets { positions, velocities, crossings, committed })
+}
+
+/// The layout of a stored file that was made with this plan, or with this plan and another last frame.
+///
+/// # Errors
+/// What is wrong with the file: it cannot be read, or was made with another plan.
+pub(super) fn read_layout(path: &Path, plan: &CachePlan<'_>) -> Result<Layout, String> {
+    compared(path, plan).map_err(|source| format!("the file is damaged: {source}"))?
+}
+
+/// The outer error is the library's, the inner one says what differs from the plan.
+fn compared(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Result<Layout, String>> {
+    let file = hdf5::File::open(path)?;
+    let frames = file.dataset("frame_numbers")?.size();
+    // Each frame has at least its mark.
+    if frames == 0 || frames as u64 > file.size() {
+        return Ok(Err(format!("it has {frames} frames")));
+    }
+    let stored = CachePlan { last_frame: plan.first_frame.saturating_add(frames as i64 - 1), ..plan.clone() };
+    if let Some(name) = differing_attribute(&file, &stored)? {
+        return Ok(Err(format!("the cache was begun with other settings: `{name}` is another")));
+    }
+    if file.link_exists("uv_values") && plan.mesh.uvs.is_none() {
+        return Ok(Err("the cache was begun with other settings: it has UVs".into()));
+    }
+    for fixed in fixed_datasets(&stored) {
+        if !fixed.is_in(&file)? {
+            return Ok(Err(format!("the cache was begun with other settings: `{}` is another", fixed.name)));
+        }
+    }
+    let points = plan.mesh.mesh.points.len();
+    let places = [
+        place::<f32>(&file, "positions", &[frames, points, 3])?,
+        place::<f32>(&file, "velocities", &[frames, points, 3])?,
+        place::<u32>(&file, "crossings", &[frames])?,
+        place::<u8>(&file, "committed", &[frames])?,
+    ];
+    match places {
+        [Some(positions), velocities, crossings, Some(committed)]
+            if velocities.is_some() == plan.velocities && crossings.is_some() == plan.crossings =>
+        {
+            Ok(Ok(Layout { offsets: Offsets { positions, velocities, crossings, committed }, frames }))
+        }
+        _ => Ok(Err("the cache was begun with other settings: it has other datasets".into())),
+    }
+}
+
+/// Where a dataset of this type and shape lies, if the file has it.
+fn place<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Result<Option<u64>> {
+    if !file.link_exists(name) {
+        return Ok(None);
+    }
+    let dataset = file.dataset(name)?;
+    if dataset.shape() != shape || !dataset.dtype()?.is::<T>() {
+        return Ok(None);
+    }
+    let size = (dataset.size() * size_of::<T>()) as u64;
+    Ok(dataset.offset().filter(|offset| offset.checked_add(size).is_some_and(|end| end <= file.size())))
+}
+
+/// The first attribute that is not as this plan makes it.
+fn differing_attribute(file: &hdf5::File, plan: &CachePlan<'_>) -> hdf5::Result<Option<&'static str>> {
+    for (name, text) in texts(plan).into_iter().filter(|(name, _)| *name != APPLICATION_ATTRIBUTE) {
+        if file.attr(name)?.read_scalar::<VarLenUnicode>()? != unicode(&text)? {
+            return Ok(Some(name));
+        }
+    }
+    for (name, value) in numbers(plan) {
+        if file.attr(name)?.read_scalar::<f64>()? != value {
+            return Ok(Some(name));
+        }
+    }
+    for (name, value) in integers(plan) {
+        if file.attr(name)?.read_scalar::<i64>()? != value {
+            return Ok(Some(name));
+        }
+    }
+    Ok(None)
+}
+
+fn texts(plan: &CachePlan<'_>) -> [(&'static str, String); 6] {
+    [
+        (APPLICATION_ATTRIBUTE, APPLICATION.to_owned()),
+        ("garment", plan.garment.to_owned()),
+        ("object_path", plan.object_path()),
+        ("length_unit", plan.units.length.word().to_owned()),
+        ("up_axis", format!("{:?}", plan.units.up)),
+        ("winding", "counter-clockwise".to_owned()),
+    ]
+}
+
+fn unicode(text: &str) -> hdf5::Result<VarLenUnicode> {
+    text.replace('\0', " ").parse().map_err(|e| hdf5::Error::from(format!("{e}")))
+}
+
+fn numbers(plan: &CachePlan<'_>) -> [(&'static str, f64); 2] {
+    [("fps", plan.fps()), ("metres_per_unit", plan.units.length.metres())]
+}
+
+fn integers(plan: &CachePlan<'_>) -> [(&'static str, i64); 3] {
+    [
+        ("format_version", FORMAT_VERSION),
+        ("fps_numerator", i64::from(plan.timeline.fps_numerator)),
+        ("fps_denominator", i64::from(plan.timeline.fps_denominator)),
+    ]
+}
+
+fn fixed_datasets(plan: &CachePlan<'_>) -> Vec<Fixed> {
+    let numbers: Vec<i64> = (plan.first_frame..=plan.last_frame).collect();
+    let times: Vec<f64> = numbers.iter().map(|&frame| plan.file_time(frame)).collect();
+    let (mesh, frames) = (&plan.mesh.mesh, numbers.len());
+    let fixed = |name, shape: &[usize], values| Fixed { name, shape: shape.to_vec(), values };
+    let integers = |name, values: &[u32]| fixed(name, &[values.len()], Values::I32(as_i32(values)));
+    let mut all = vec![
+        fixed("times", &[frames], Values::F64(times)),
+        fixed("frame_numbers", &[frames], Values::I64(numbers)),
+        integers("face_counts", &mesh.face_counts),
+        integers("face_indices", &mesh.face_indices),
+        fixed("triangles", &[plan.triangles.len(), 3], Values::I32(as_i32(plan.triangles.as_flattened()))),
+    ];
+    if let Some(uvs) = &plan.mesh.uvs {
+        let flat: Vec<f32> = uvs.values.iter().flatten().copied().collect();
+        all.push(fixed("uv_values", &[uvs.values.len(), 2], Values::F32(flat)));
+        all.push(integers("uv_indices", &uvs.indices));
+    }
+    all
+}
+
+fn as_i32(values: &[u32]) -> Vec<i32> {
+    // Checked meshes have fewer than 2³¹ corners.
+    values.iter().map(|&v| v as i32).collect()
+}
+
+impl Fixed {
+    fn create<T: H5Type>(&self, file: &hdf5::File, values: &[T]) -> hdf5::Result<()> {
+        let dataset = file.new_dataset::<T>().obj_track_times(false).shape(self.shape.clone()).create(self.name)?;
+        dataset.write_raw(values)
+    }
+
+    /// Whether the file has this dataset with these values.
+    fn is_in(&self, file: &hdf5::File) -> hdf5::Result<bool> {
+        fn same<T: H5Type + PartialEq>(dataset: &Dataset, values: &[T]) -> hdf5::Result<bool> {
+            Ok(dataset.read_raw::<T>()? == values)
+        }
+        if !file.link_exists(self.name) {
+            return Ok(false);
+        }
+        let dataset = file.dataset(self.name)?;
+        if dataset.shape() != self.shape {
+            return Ok(false);
+        }
+        match &self.values {
+            Values::F32(values) => same(&dataset, values),
+            Values::F64(values) => same(&dataset, values),
+            Values::I32(values) => same(&dataset, values),
+            Values::I64(values) => same(&dataset, values),
+        }
+    }
+}
+
+/// A dataset whose space is reserved in the file but not written, and where it lies. What nobody wrote reads as zeros.
+fn growing<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Result<u64> {
+    let dataset: Dataset = file
+        .new_dataset::<T>()
+        .no_chunk()
+        .alloc_time(Some(AllocTime::Early))
+        .fill_time(FillTime::Never)
+        .obj_track_times(false)
+        .shape(shape.to_vec())
+        .create(name)?;
+    dataset.offset().ok_or_else(|| hdf5::Error::from(format!("dataset {name} has no fixed place in the file")))
+}

@@ -1,0 +1,66 @@
+//! Everything that moves by files, frame by frame.
+
+use drapery_core::Vec3;
+use drapery_core::error::{Problem, Problems};
+use drapery_core::scene::{BodyShape, Scene, SceneDescription, Timeline};
+use drapery_core::simulation::{FrameInput, Simulation};
+
+use crate::error::IoError;
+use crate::shot::ShotError;
+use crate::shot::check::{Span, check_faces, check_motion, check_size};
+use crate::shot::motion::{InputMotion, Preroll};
+
+/// Everything that moves by files.
+#[derive(Debug)]
+pub(super) struct Inputs {
+    pub(super) timeline: Timeline,
+    pub(super) preroll: Preroll,
+    pub(super) bodies: Vec<Option<InputMotion>>,
+    pub(super) tracks: Vec<InputMotion>,
+}
+
+impl Inputs {
+    /// What the solver needs to reach a frame.
+    pub(super) fn at(&self, frame: i64) -> Result<FrameInput, IoError> {
+        let samples = |motion: &InputMotion| motion.samples(self.timeline, self.preroll, frame);
+        let bodies =
+            self.bodies.iter().map(|body| body.as_ref().map_or(Ok(Vec::new()), samples)).collect::<Result<_, _>>()?;
+        let tracks = self.tracks.iter().map(samples).collect::<Result<_, _>>()?;
+        Ok(FrameInput { frame, bodies, tracks })
+    }
+
+    /// Problems of all frames of all inputs.
+    pub(super) fn check(&self, scene: &SceneDescription, last_frame: i64, warnings: &mut Vec<String>) -> Vec<Problem> {
+        let span = Span { timeline: self.timeline, last_frame };
+        let mut problems = Vec::new();
+        for (body, motion) in scene.bodies.iter().zip(&self.bodies) {
+            if let (BodyShape::Surface { triangles, point_count }, Some(motion)) = (&body.shape, motion) {
+                problems.extend(check_motion(motion, span, Some(*point_count)));
+                problems.extend(check_size(motion, span, warnings));
+                problems.extend(check_faces(motion, span, triangles, warnings));
+            }
+        }
+        for track in &self.tracks {
+            problems.extend(check_motion(track, span, None));
+        }
+        problems
+    }
+
+    /// The simulation at its start, or more problems.
+    pub(super) fn start(&self, scene: Scene, problems: &mut Vec<Problem>) -> Result<Option<Simulation>, ShotError> {
+        let input = self.at(self.timeline.start)?;
+        let finite = |p: &Vec3| p.iter().all(|x| x.is_finite());
+        let samples = input.bodies.iter().chain(&input.tracks).flatten();
+        if !problems.is_empty() && samples.flat_map(|s| &s.positions).any(|p| !finite(p)) {
+            // The check of the samples has said so already.
+            return Ok(None);
+        }
+        match Simulation::new(scene, &input) {
+            Ok(simulation) => Ok(Some(simulation)),
+            Err(Problems(found)) => {
+                problems.extend(found);
+                Ok(None)
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Whether a run starts, goes on or has nothing to do, from what its folder holds.
+
+use std::path::Path;
+
+use drapery_core::simulation::{RestoreError, Simulation};
+
+use crate::cache::APPLICATION;
+use crate::checkpoint::{FORMAT_VERSION, Loaded, Store};
+use crate::error::IoError;
+use crate::farm::digest::{self, Fingerprint, Versions};
+use crate::shot::folder::{Earlier, files_of_run, set_aside, stale};
+use crate::shot::output::planned_files;
+use crate::shot::run::{Resume, RunOptions};
+use crate::shot::{Shot, ShotError};
+
+/// What the shot depends on.
+pub(super) fn fingerprint(shot: &Shot) -> Result<Fingerprint, IoError> {
+    let about = &shot.about;
+    let versions = Versions { solver: drapery_core::SOLVER_VERSION, format: FORMAT_VERSION, application: APPLICATION };
+    Fingerprint::of(&about.resolved, &about.scene_path, &about.input_files, versions)
+}
+
+/// What has changed since the earlier run that may not change; what may is said with `note`.
+pub(super) fn changes(earlier: &Earlier, now: &Fingerprint, note: &mut dyn FnMut(String)) -> Vec<String> {
+    let Some(before) = &earlier.fingerprint else {
+        return vec![
+            "what the earlier run depended on is not known: fingerprint.json is missing or damaged".to_owned(),
+        ];
+    };
+    let found = digest::compare(before, now);
+    for change in found.allowed {
+        note(format!("changed since the run began, and let pass: {change}"));
+    }
+    found.forbidden
+}
+
+/// Whether all frames that are asked for are there, so that nothing needs to be touched.
+pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Earlier>, changed: bool) -> bool {
+    let wanted = !options.overwrite && !changed && matches!(options.resume, Resume::Auto);
+    wanted && earlier.is_some_and(|earlier| earlier.has_all(&options.out, shot.about.last_frame))
+}
+
+/// Refuses a folder that holds something that this run may neither go on with nor replace.
+pub(super) fn refuse_others(shot: &Shot, options: &RunOptions, earlier: Option<&Earlier>) -> Result<(), ShotError> {
+    let goes_on = earlier.is_some() && options.resume != Resume::Never;
+    if options.overwrite || goes_on {
+        return Ok(());
+    }
+    if let Some(path) = files_of_run(&options.out, &planned_files(shot, &options.out)).into_iter().next() {
+        return Err(IoError::OutputExists { path }.into());
+    }
+    match options.resume {
+        Resume::Frame(_) => Err(ShotError::Resume(format!(
+            "{}: this folder holds no run to go on with\n  help: leave --resume out to start it",
+            options.out.display()
+        ))),
+        Resume::Auto | Resume::Never => Ok(()),
+    }
+}
+
+/// The checkpoint to go on from, if there is an earlier run with one; else the run starts at the first frame.
+pub(super) fn decide(
+    shot: &Shot,
+    options: &RunOptions,
+    earlier: Option<&Earlier>,
+    store: &Store,
+    note: &mut dyn FnMut(String),
+) -> Result<Option<Loaded>, ShotError> {
+    let at_most = match options.resume {
+        _ if earlier.is_none() => return Ok(None),
+        Resume::Frame(frame) => frame,
+        Resume::Auto | Resume::Never => shot.about.last_frame,
+    };
+    let search = store.newest_valid(Some(at_most))?;
+    for refused in &search.refused {
+        note(format!("a checkpoint cannot be used, the one before is tried: {refused}"));
+    }
+    match (search.found, &options.resume) {
+        (Some(found), Resume::Frame(frame)) if found.checkpoint.head.frame != *frame => {
+            Err(no_checkpoint_at(*frame, store))
+        }
+        (Some(found), _) => Ok(Some(found)),
+        (None, Resume::Frame(frame)) => Err(no_checkpoint_at(*frame, store)),
+        (None, _) => Ok(None),
+    }
+}
+
+fn no_checkpoint_at(frame: i64, store: &Store) -> ShotError {
+    let frames = store.list().unwrap_or_default().into_iter().filter(|entry| entry.sub_step == 0);
+    let frames: Vec<String> = frames.map(|entry| entry.frame.to_string()).collect();
+    let there =
+        if frames.is_empty() { "there are none".to_owned() } else { format!("there are {}", frames.join(", ")) };
+    ShotError::Resume(format!(
+        "there is no good checkpoint of frame {frame} to go on from: {there}\n  \
+         help: give one of these frames, or keep the checkpoints that you will need with --pin-checkpoint"
+    ))
+}
+
+/// The simulation at a checkpoint.
+pub(super) fn restore(shot: &Shot, found: &Loaded) -> Result<Simulation, ShotError> {
+    let input = shot.inputs.at(found.checkpoint.head.frame)?;
+    Simulation::restore(shot.simulation.shared_scene(), &input, &found.checkpoint.snapshot).map_err(|error| match error
+    {
+        RestoreError::Problems(problems) => ShotError::Problems(problems),
+        RestoreError::Snapshot(error) => ShotError::Resume(format!("{}: {error}", found.path.display())),
+    })
+}
+
+/// Sets aside what comes after the state that a run goes on from: copies of caches and record, and later checkpoints.
+/// Returns whether there was anything.
+pub(super) fn set_aside_after(
+    shot: &Shot,
+    folder: &Path,
+    earlier: &Earlier,
+    found: Option<&Loaded>,
+    (store, attempt): (&Store, u32),
+) -> Result<bool, IoError> {
+    let stale = stale(folder, attempt);
+    let delivered = found.and_then(|found| found.checkpoint.head.delivered);
+    let has_more = earlier.last_complete_frame() > delivered;
+    if has_more {
+        set_aside(&files_of_run(folder, &planned_files(shot, folder)), &stale, found.is_some())?;
+    }
+    let (frame, sub_step) = match found {
+        Some(found) => (found.checkpoint.head.frame, found.checkpoint.head.sub_step),
+        None => (i64::MIN, 0),
+    };
+    let moved = store.set_aside_after(frame, sub_step, &stale)?;
+    Ok(has_more || !moved.is_empty())
+}

@@ -1,0 +1,495 @@
+//! The frame loop: starts, goes on where an earlier attempt stopped, and stops when it is told.
+//!
+//! Frames come from inputs through the solver into the caches. At states free of collisions the loop looks for requests to
+//! stop and for checkpoints that are due; it goes on from a checkpoint with the same bits as if it had never stopped.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+use drapery_core::metrics::Metrics;
+use drapery_core::simulation::{Advance, FrameSummary};
+use serde_json::json;
+
+use crate::checkpoint::{Account, Cadence, Checkpoint, Every, FORMAT_VERSION, Head, Store};
+use crate::error::IoError;
+use crate::farm::attempts::Attempt;
+use crate::farm::digest::Fingerprint;
+use crate::farm::lock::RunLock;
+use crate::farm::process::Owner;
+use crate::farm::stop::{Reason, Request, StopRequests};
+use crate::run_record::{self, AttemptRecord};
+use crate::shot::folder::Earlier;
+use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
+use crate::shot::quality::{self, Exceeded};
+use crate::shot::resume;
+use crate::shot::totals::{Partial, Totals};
+use crate::shot::{Shot, ShotError};
+
+/// Where a run begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Resume {
+    /// After the last good checkpoint of an earlier run in the folder, if there is one.
+    Auto,
+    /// At the first frame; a folder that holds a run is refused.
+    Never,
+    /// After the checkpoint of this frame.
+    Frame(i64),
+}
+
+/// How a run is made.
+#[derive(Debug, Clone)]
+pub struct RunOptions {
+    /// Folder of the output.
+    pub out: PathBuf,
+    /// Where it begins.
+    pub resume: Resume,
+    /// Whether a run that the folder holds is replaced.
+    pub overwrite: bool,
+    /// Whether a run of another scene, or with other inputs, is gone on with.
+    pub with_changes: bool,
+    /// Whether the folder is taken from a run that may be in progress.
+    pub steal_lock: bool,
+    /// Number of threads, for the record; the caller has set up the pool.
+    pub threads: usize,
+    /// How often checkpoints are written.
+    pub checkpoint_every: Every,
+    /// How many of the last checkpoints are kept.
+    pub keep: usize,
+    /// Frames of which checkpoints are written and kept in any case.
+    pub pinned: Vec<i64>,
+    /// Who may stop the run.
+    pub requests: StopRequests,
+    /// The command line that continues it, for the manifest.
+    pub command: String,
+}
+
+impl RunOptions {
+    /// Checkpoints that a run keeps when nobody says.
+    pub const KEEP: usize = 3;
+
+    /// A run into a folder that starts or goes on, on one thread, and that nobody stops.
+    pub fn new(out: PathBuf) -> Self {
+        Self {
+            out,
+            resume: Resume::Auto,
+            overwrite: false,
+            with_changes: false,
+            steal_lock: false,
+            threads: 1,
+            checkpoint_every: Every::Auto,
+            keep: Self::KEEP,
+            pinned: Vec::new(),
+            requests: StopRequests::default(),
+            command: String::new(),
+        }
+    }
+}
+
+/// One frame that is done.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameReport<'a> {
+    /// Its number.
+    pub frame: i64,
+    /// Last frame of the run.
+    pub last_frame: i64,
+    /// Whether it lies before the first frame that is delivered.
+    pub is_preroll: bool,
+    /// Frames done so far, pre-roll and those of earlier attempts included.
+    pub done: u64,
+    /// Frames in all, pre-roll included.
+    pub total: u64,
+    /// Seconds it took, reading and writing included.
+    pub seconds: f64,
+    /// What the solver reports; `None` for the frame at which the simulation starts.
+    pub summary: Option<&'a FrameSummary>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// All frames are written.
+    Done,
+    /// All frames were there already; nothing was written.
+    NothingToDo,
+    /// It was told to stop, and goes on from the last checkpoint when it is run again.
+    Stopped(Reason),
+}
+
+/// What a whole run took and wrote, in all its attempts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunReport {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The last frame that is done.
+    pub frame: i64,
+    /// Stages and counts of all frames.
+    pub metrics: Metrics,
+    /// Seconds of all frames.
+    pub seconds: f64,
+    /// Frames delivered.
+    pub frames: u64,
+    /// The caches.
+    pub files: Vec<PathBuf>,
+    /// Counts that should have stayed zero, in the order in which they rose.
+    pub exceeded: Vec<Exceeded>,
+}
+
+/// Who hears of a run while it goes on.
+pub trait Observer {
+    /// The logs of this attempt are open: words, then JSON lines.
+    fn logs(&mut self, _files: [File; 2]) {}
+
+    /// The run does not begin at the first frame: so many frames are done.
+    fn resumed(&mut self, _frame: i64, _done: u64) {}
+
+    /// Something that whoever looks after the run should know.
+    fn note(&mut self, text: String);
+
+    /// A frame is on the disk.
+    fn frame(&mut self, report: &FrameReport<'_>);
+}
+
+/// A function that hears of frames alone.
+impl<F: FnMut(&FrameReport<'_>)> Observer for F {
+    fn note(&mut self, _text: String) {}
+
+    fn frame(&mut self, report: &FrameReport<'_>) {
+        self(report);
+    }
+}
+
+/// A run in progress.
+struct Run<'a> {
+    shot: Shot,
+    options: &'a RunOptions,
+    fingerprint: Fingerprint,
+    output: Output,
+    store: Store,
+    lock: RunLock,
+    cadence: Cadence,
+    clock: Instant,
+    attempt: u32,
+    totals: Totals,
+    /// Frame and step of the last checkpoint.
+    saved: Option<(i64, u64)>,
+}
+
+impl Shot {
+    /// Simulates and writes all frames that are not there yet; `observer` hears of each when it is on the disk.
+    ///
+    /// # Errors
+    /// The folder holds another run, is in use or cannot be written; an input breaks; the solver gives up. Frames before
+    /// stay valid.
+    pub fn run(self, options: &RunOptions, observer: &mut dyn Observer) -> Result<RunReport, ShotError> {
+        refuse_inputs(&self, &planned_files(&self, &options.out))?;
+        let fingerprint = resume::fingerprint(&self)?;
+        let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
+        let note = &mut |text| observer.note(text);
+        let changed = earlier.as_ref().map_or_else(Vec::new, |earlier| resume::changes(earlier, &fingerprint, note));
+        let forbidden = !changed.is_empty() && !options.with_changes && !matches!(options.resume, Resume::Never);
+        if forbidden {
+            return Err(ShotError::Changed { folder: options.out.clone(), changes: changed });
+        }
+        resume::refuse_others(&self, options, earlier.as_ref())?;
+        if resume::is_complete(&self, options, earlier.as_ref(), !changed.is_empty()) {
+            return Ok(self.nothing_to_do(options));
+        }
+        let mut run = Run::prepare(self, options, fingerprint, changed, observer)?;
+        match run.frames(observer) {
+            Ok(outcome) => run.end(outcome),
+            Err(error) => {
+                // The first error is the one that counts; a full disk would refuse this record too. What was taken over
+                // belongs to somebody else.
+                if run.lock.still_mine() {
+                    let _ = run.output.fail(&error);
+                }
+                Err(error)
+            }
+        }
+    }
+
+    fn nothing_to_do(&self, options: &RunOptions) -> RunReport {
+        RunReport {
+            outcome: Outcome::NothingToDo,
+            frame: self.about.last_frame,
+            metrics: Metrics::default(),
+            seconds: 0.0,
+            frames: self.delivered_frames(),
+            files: planned_files(self, &options.out),
+            exceeded: Vec::new(),
+        }
+    }
+
+    fn delivered_frames(&self) -> u64 {
+        self.about.last_frame.abs_diff(self.about.timeline.origin) + 1
+    }
+
+    /// Head of the record: what will run.
+    pub(super) fn header(&self, threads: usize) -> serde_json::Value {
+        let timeline = self.about.timeline;
+        let effect = |effect: &drapery_core::effects::PlannedEffect| {
+            let (garment, because) = (&effect.garment, &effect.because);
+            json!({"effect": effect.name, "garment": garment, "because": because, "bytes": effect.bytes})
+        };
+        json!({
+            "record": "header",
+            "application": crate::cache::APPLICATION,
+            "shot": self.about.name,
+            "scene": self.about.scene_path,
+            "fps": [timeline.fps_numerator, timeline.fps_denominator],
+            "start_frame": timeline.start,
+            "first_frame": timeline.origin,
+            "last_frame": self.about.last_frame,
+            "threads": threads,
+            "effects": self.simulation.plan().iter().map(effect).collect::<Vec<_>>(),
+        })
+    }
+}
+
+impl<'a> Run<'a> {
+    /// Takes the folder and brings the simulation to where the run begins.
+    fn prepare(
+        mut shot: Shot,
+        options: &'a RunOptions,
+        fingerprint: Fingerprint,
+        changes: Vec<String>,
+        observer: &mut dyn Observer,
+    ) -> Result<Self, ShotError> {
+        let folder = &options.out;
+        let owner = Owner::this_process();
+        let lock = RunLock::take(folder, &owner, options.steal_lock, SystemTime::now())?;
+        let attempt = Attempt::next(folder)?;
+        observer.logs(attempt.open()?);
+        if let Some(former) = lock.former() {
+            observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
+        }
+        for name in options.requests.watch_folder(folder)? {
+            observer.note(format!("control/{name} was asked of an earlier attempt and is removed"));
+        }
+        let store = Store::open(folder, options.keep, &options.pinned)?;
+        if options.overwrite {
+            store.remove_all()?;
+        }
+        // Read again under the lock: another run may have gone on in the meantime.
+        let earlier = Earlier::read(folder).filter(|_| !options.overwrite);
+        let note = &mut |text| observer.note(text);
+        let found = resume::decide(&shot, options, earlier.as_ref(), &store, note)?;
+        if let Some(found) = &found {
+            shot.simulation = resume::restore(&shot, found)?;
+        }
+        if let Some(earlier) = &earlier
+            && resume::set_aside_after(&shot, folder, earlier, found.as_ref(), (&store, attempt.number))?
+        {
+            observer.note("what is simulated again was set aside in the folder `stale`".to_owned());
+        }
+        let mut attempts = earlier.map_or_else(Vec::new, |earlier| earlier.attempts);
+        attempts.push(AttemptRecord {
+            attempt: attempt.number,
+            host: owner.host.clone(),
+            pid: owner.pid,
+            threads: options.threads,
+            first_frame: found.as_ref().map_or(shot.about.timeline.start, |found| found.checkpoint.head.frame + 1),
+            changes,
+            ..AttemptRecord::default()
+        });
+        let start = Start { options, fingerprint: &fingerprint, attempts };
+        let (output, totals, saved) = match &found {
+            None => (Output::create(&shot, start)?, Totals::default(), None),
+            Some(found) => {
+                let head = &found.checkpoint.head;
+                let checkpoint = manifest_checkpoint(&found.path, head.frame, head.sub_step);
+                let from = From { head, account: found.account.as_ref(), checkpoint };
+                let totals = found.account.as_ref().map_or_else(
+                    || Totals {
+                        partial: Partial { sub_step: head.sub_step, ..Partial::default() },
+                        ..Totals::default()
+                    },
+                    |account| Totals::from_json(&account.totals, head.frame + 1, head.sub_step),
+                );
+                observer.resumed(head.frame, head.frame.abs_diff(shot.about.timeline.start) + 1);
+                (Output::resume(&shot, start, from)?, totals, Some((head.frame, head.sub_step)))
+            }
+        };
+        let (attempt, cadence) = (attempt.number, Cadence::new(options.checkpoint_every, 0.0));
+        let clock = Instant::now();
+        Ok(Self { shot, options, fingerprint, output, store, lock, cadence, clock, attempt, totals, saved })
+    }
+
+    /// All frames that are missing.
+    fn frames(&mut self, observer: &mut dyn Observer) -> Result<Outcome, ShotError> {
+        if self.saved.is_none() {
+            let start = self.shot.about.timeline.start;
+            self.totals.partial.spent = Metrics::default();
+            self.finish_frame(start, None, observer)?;
+            if let Some(reason) = self.between_frames()? {
+                return Ok(Outcome::Stopped(reason));
+            }
+        }
+        while self.shot.simulation.frame() < self.shot.about.last_frame {
+            if let Some(reason) = self.next_frame(observer)? {
+                return Ok(Outcome::Stopped(reason));
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// Goes on to the next frame; returns why, if it is to stop.
+    fn next_frame(&mut self, observer: &mut dyn Observer) -> Result<Option<Reason>, ShotError> {
+        let frame = self.shot.simulation.frame() + 1;
+        let input = self.totals.partial.spent.stage("read inputs", |_| self.shot.inputs.at(frame))?;
+        loop {
+            let mut request = None;
+            let Partial { spent, sub_step, summary: before } = &mut self.totals.partial;
+            let (requests, cadence, clock) = (&self.options.requests, &self.cadence, &self.clock);
+            let mut pause = |_| {
+                *sub_step += 1;
+                request = requests.poll(SystemTime::now());
+                if request.is_none() && cadence.due(clock.elapsed().as_secs_f64(), false) {
+                    request = Some(Request::Checkpoint);
+                }
+                request.is_some()
+            };
+            let simulation = &mut self.shot.simulation;
+            let advance = spent.stage("simulate", |_| simulation.advance_or_pause(&input, &mut pause))?;
+            let (Advance::Done(last) | Advance::Paused(last)) = &advance;
+            let summary = before.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
+            if let Advance::Done(_) = advance {
+                self.finish_frame(frame, Some(&summary), observer)?;
+                return self.between_frames();
+            }
+            *before = Some(summary);
+            match request {
+                Some(Request::StopAtOnce(reason)) => return Ok(Some(reason)),
+                Some(Request::Stop(reason)) => {
+                    self.checkpoint()?;
+                    return Ok(Some(reason));
+                }
+                Some(Request::Checkpoint) | None => self.checkpoint()?,
+            }
+        }
+    }
+
+    /// Writes a frame and everything about it.
+    fn finish_frame(
+        &mut self,
+        frame: i64,
+        summary: Option<&FrameSummary>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), ShotError> {
+        self.lock.check()?;
+        let mut spent = std::mem::take(&mut self.totals.partial).spent;
+        let about = &self.shot.about;
+        let is_preroll = frame < about.timeline.origin;
+        if !is_preroll {
+            self.output.write_frame(frame, &self.shot.simulation, &mut spent)?;
+        }
+        let taken: f64 = spent.stages().iter().map(|stage| stage.seconds).sum();
+        let totals = &mut self.totals;
+        totals.seconds += taken;
+        totals.metrics.add(&spent);
+        quality::watch(&mut totals.exceeded, frame, &spent);
+        match summary {
+            Some(summary) => {
+                totals.metrics.add(&summary.metrics);
+                quality::watch(&mut totals.exceeded, frame, &summary.metrics);
+                self.output.record(&run_record::frame_record(summary, &spent, taken))?;
+            }
+            None => self.output.record(&run_record::start_record(frame, &spent, taken))?,
+        }
+        self.output.frame_done(frame, taken)?;
+        self.options.requests.note_frame(taken);
+        self.cadence.frame_done();
+        observer.frame(&FrameReport {
+            frame,
+            last_frame: about.last_frame,
+            is_preroll,
+            done: frame.abs_diff(about.timeline.start) + 1,
+            total: self.shot.frame_count(),
+            seconds: taken,
+            summary,
+        });
+        Ok(())
+    }
+
+    /// At a frame: looks for requests, and writes a checkpoint if one is due. Returns why, if the run is to stop.
+    fn between_frames(&mut self) -> Result<Option<Reason>, ShotError> {
+        let frame = self.shot.simulation.frame();
+        let is_last = frame == self.shot.about.last_frame;
+        let stop = match self.options.requests.poll(SystemTime::now()) {
+            Some(Request::StopAtOnce(reason)) if !is_last => return Ok(Some(reason)),
+            Some(Request::Stop(reason)) if !is_last => Some(reason),
+            Some(Request::Checkpoint) => {
+                self.checkpoint()?;
+                None
+            }
+            _ => None,
+        };
+        let due = self.cadence.due(self.clock.elapsed().as_secs_f64(), true);
+        if is_last || stop.is_some() || due || self.store.is_pinned(frame) {
+            self.checkpoint()?;
+        }
+        Ok(stop)
+    }
+
+    /// Writes a checkpoint of the present state, unless there is one.
+    fn checkpoint(&mut self) -> Result<(), ShotError> {
+        let simulation = &self.shot.simulation;
+        let (frame, sub_step) = (simulation.frame(), self.totals.partial.sub_step);
+        if self.saved == Some((frame, sub_step)) {
+            return Ok(());
+        }
+        self.lock.check()?;
+        let (marks, record_bytes) = self.output.mark()?;
+        let timeline = self.shot.about.timeline;
+        // A mark is of texts and numbers: it always has a JSON form.
+        let caches = marks.iter().filter_map(|mark| serde_json::to_value(mark).ok()).collect();
+        let head = Head {
+            format_version: FORMAT_VERSION,
+            application: crate::cache::APPLICATION.to_owned(),
+            shot: self.shot.about.name.clone(),
+            frame,
+            sub_step,
+            time: simulation.state().time,
+            delivered: (frame >= timeline.origin).then_some(frame),
+            fps: [timeline.fps_numerator, timeline.fps_denominator],
+            digests: self.fingerprint.digests.clone(),
+            caches,
+        };
+        let account = Account { attempt: self.attempt, record_bytes, totals: self.totals.to_json() };
+        let saved = self.store.save(&Checkpoint { head, snapshot: simulation.snapshot() }, &account)?;
+        self.saved = Some((frame, sub_step));
+        self.cadence.saved(self.clock.elapsed().as_secs_f64(), saved.seconds);
+        self.options.requests.note_checkpoint(saved.seconds);
+        self.output.checkpoint_saved(&saved, frame, sub_step)?;
+        Ok(())
+    }
+
+    /// Brings everything to the disk and gives the folder back.
+    fn end(mut self, outcome: Outcome) -> Result<RunReport, ShotError> {
+        let frame = self.shot.simulation.frame();
+        let frames = self.shot.delivered_frames();
+        match self.lock.check().and_then(|()| match outcome {
+            Outcome::Stopped(reason) => self.output.stop(reason, frame),
+            Outcome::Done | Outcome::NothingToDo => self.output.finish(&self.totals, frames),
+        }) {
+            Ok(()) => {}
+            Err(error @ IoError::LockLost { .. }) => return Err(error.into()),
+            Err(error) => {
+                let error = ShotError::from(error);
+                let _ = self.output.fail(&error);
+                return Err(error);
+            }
+        }
+        self.options.requests.finish();
+        Ok(RunReport {
+            outcome,
+            frame,
+            metrics: self.totals.metrics,
+            seconds: self.totals.seconds,
+            frames,
+            files: self.output.files(),
+            exceeded: self.totals.exceeded,
+        })
+    }
+}

@@ -1,0 +1,111 @@
+//! What a run has taken and counted so far, in all its attempts: kept beside every checkpoint, so that the table at the end
+//! speaks of the whole shot.
+
+use drapery_core::metrics::Metrics;
+use drapery_core::simulation::FrameSummary;
+use serde_json::{Value, json};
+
+use crate::run_record::{counts, metrics_of, stages};
+use crate::shot::quality::{Exceeded, LIMITS};
+
+/// Sums over the frames that are done, and what was done since the last one.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Totals {
+    /// Stages and counts of all frames.
+    pub(super) metrics: Metrics,
+    /// Seconds of all frames.
+    pub(super) seconds: f64,
+    /// Counts that should have stayed zero, in the order in which they rose.
+    pub(super) exceeded: Vec<Exceeded>,
+    /// The frame that is being computed.
+    pub(super) partial: Partial,
+}
+
+/// What was done since the last frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Partial {
+    /// What the solver did; `None` right after a frame.
+    pub(super) summary: Option<FrameSummary>,
+    /// What reading, simulating and writing took.
+    pub(super) spent: Metrics,
+    /// States free of collisions.
+    pub(super) sub_step: u64,
+}
+
+impl Totals {
+    /// As JSON.
+    pub(super) fn to_json(&self) -> Value {
+        let exceeded = |limit: &Exceeded| json!([limit.name, limit.total, limit.first_frame]);
+        let summary = self.partial.summary.as_ref().map(|summary| {
+            json!({
+                "steps": summary.steps,
+                "dt_min": summary.dt_min,
+                "dt_max": summary.dt_max,
+                "cg_iterations": summary.cg_iterations,
+                "metrics": metrics_json(&summary.metrics),
+            })
+        });
+        json!({
+            "seconds": self.seconds,
+            "metrics": metrics_json(&self.metrics),
+            "exceeded": self.exceeded.iter().map(exceeded).collect::<Vec<_>>(),
+            "partial": {"summary": summary, "spent": metrics_json(&self.partial.spent)},
+        })
+    }
+
+    /// From JSON, on the way to frame `next`; what is missing counts as nothing.
+    pub(super) fn from_json(value: &Value, next: i64, sub_step: u64) -> Self {
+        let exceeded = |limit: &Value| {
+            let (name, meaning) = LIMITS.iter().copied().find(|(name, _)| limit[0].as_str() == Some(name))?;
+            Some(Exceeded { name, meaning, total: limit[1].as_u64()?, first_frame: limit[2].as_i64()? })
+        };
+        let partial = &value["partial"];
+        let summary = partial["summary"].as_object().map(|_| {
+            let summary = &partial["summary"];
+            FrameSummary {
+                steps: summary["steps"].as_u64().unwrap_or(0),
+                dt_min: summary["dt_min"].as_f64().unwrap_or(f64::INFINITY),
+                dt_max: summary["dt_max"].as_f64().unwrap_or(0.0),
+                cg_iterations: summary["cg_iterations"].as_u64().unwrap_or(0),
+                metrics: metrics_from(&summary["metrics"]),
+                ..FrameSummary::empty(next)
+            }
+        });
+        Self {
+            metrics: metrics_from(&value["metrics"]),
+            seconds: value["seconds"].as_f64().unwrap_or(0.0),
+            exceeded: value["exceeded"].as_array().into_iter().flatten().filter_map(exceeded).collect(),
+            partial: Partial { summary, spent: metrics_from(&partial["spent"]), sub_step },
+        }
+    }
+}
+
+fn metrics_json(metrics: &Metrics) -> Value {
+    json!({"stages": stages(metrics), "counts": counts(metrics)})
+}
+
+fn metrics_from(value: &Value) -> Metrics {
+    metrics_of(&value["stages"], &value["counts"])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn totals_come_back_as_they_were() {
+        let mut totals = Totals { seconds: 12.25, ..Totals::default() };
+        totals.metrics.count("crossings", 3);
+        totals.metrics.count("body_contacts", 7);
+        totals.metrics.add_time("simulate".into(), 1.5, 4);
+        let (name, meaning) = LIMITS[0];
+        totals.exceeded.push(Exceeded { name, meaning, total: 3, first_frame: 17 });
+        let mut summary =
+            FrameSummary { steps: 3, dt_min: 0.1, dt_max: 0.3, cg_iterations: 9, ..FrameSummary::empty(5) };
+        summary.metrics.count("repulsions", 2);
+        totals.partial = Partial { summary: Some(summary), spent: Metrics::default(), sub_step: 2 };
+        totals.partial.spent.add_time("read inputs".into(), 0.5, 1);
+        assert_eq!(Totals::from_json(&totals.to_json(), 5, 2), totals);
+        assert_eq!(Totals::from_json(&Value::Null, 5, 0), Totals::default());
+    }
+}
