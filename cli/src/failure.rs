@@ -48,7 +48,7 @@ impl From<ShotError> for Failure {
         let code = match &error {
             ShotError::Io(error) => code_of(error),
             ShotError::Frames(_) | ShotError::Resume(_) => ExitCode::Usage,
-            ShotError::Changed { .. } => ExitCode::Scene,
+            ShotError::Changed { .. } => ExitCode::CannotCreate,
             ShotError::Step(StepError::Input { .. }) => ExitCode::BadInput,
             ShotError::Step(_) => ExitCode::SolverGaveUp,
             // Whoever corrects the scene first may find that the data was right.

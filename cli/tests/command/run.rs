@@ -67,7 +67,7 @@ fn json_progress_is_one_object_a_line_with_the_exit_code_at_the_end() {
     assert!(records[3]["steps"].as_u64() > Some(0));
     assert_eq!(records[4]["exit_code"], 0);
     // A run that is refused says so in the same place.
-    let refused = drapery(folder.path(), &["run", "scene.toml", "--progress", "json"]);
+    let refused = drapery(folder.path(), &["run", "scene.toml", "--progress", "json", "--resume", "never"]);
     let end: Value = serde_json::from_str(refused.stdout.lines().last().unwrap()).unwrap();
     assert_eq!((refused.code, end["exit_code"].as_i64()), (Some(73), Some(73)));
 }

@@ -29,7 +29,7 @@ const IMPULSE_ATTEMPTS: usize = 6;
 
 /// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than the
 /// shorter steps that avoid them (`docs/decisions/0007-self-contact.md`).
-const HARD_SHARE: usize = 20;
+const HARD_SHARE: usize = 5;
 
 /// Attempts with inelastic zones; then pairs with a prescribed node are given up, and as many attempts follow.
 const INELASTIC_ATTEMPTS: usize = 12;

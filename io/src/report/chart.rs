@@ -10,7 +10,7 @@ use super::thin::Column;
 const LEFT: f64 = 68.0;
 
 /// Room at the right.
-const RIGHT: f64 = 10.0;
+const RIGHT: f64 = 16.0;
 
 /// Room above.
 const TOP: f64 = 8.0;

@@ -101,7 +101,7 @@ impl Output {
                     &cache.path,
                     "this cache",
                     "the run that is to go on has not written it, so its first frames are missing",
-                    "leave output.formats as it was, or start anew with --overwrite",
+                    "leave output.format as it was, or start anew with --overwrite",
                 )),
             }
         };

@@ -22,13 +22,20 @@ use crate::contact::tolerances::{ZONE_FLAT, ZONE_RESIDUAL};
 /// Sweeps, there and back, between two solves among the pushing contacts.
 const SWEEPS: usize = 2;
 
-/// Passes over all contacts after which a zone is given up. A stack of four hundred layers takes half as many, ten
-/// thousand contacts in a heap three hundred.
+/// Passes over all contacts after which a zone is given up, at most. A stack of four hundred layers takes half as many,
+/// ten thousand contacts in a heap three hundred.
 const MAX_PASSES: usize = 5000;
+
+/// The same for small zones: so many, and so many more for each contact. Those that need more hold contacts that nearly
+/// contradict each other, and are sooner made rigid than solved (`docs/decisions/0007-self-contact.md`).
+const FEWEST_PASSES: usize = 200;
+
+/// See [`FEWEST_PASSES`].
+const PASSES_A_CONTACT: usize = 10;
 
 /// Rounds of sweeps and a solve in which the error has to halve: contradicting contacts, as between two prescribed
 /// surfaces that close, never get better.
-const PATIENCE: usize = 25;
+const PATIENCE: usize = 8;
 
 /// Share of its first residual down to which the solve among pushing contacts goes: which contacts push may change yet.
 const FACE_REDUCTION: f64 = 0.1;
@@ -112,7 +119,8 @@ impl Zone {
     fn solve(&mut self) -> (usize, bool) {
         let mut scratch = Scratch::default();
         let (mut passes, mut best, mut waited) = (0, f64::INFINITY, 0);
-        while passes < MAX_PASSES && waited < PATIENCE {
+        let most = (FEWEST_PASSES + PASSES_A_CONTACT * self.rows.len()).min(MAX_PASSES);
+        while passes < most && waited < PATIENCE {
             let error = self.error();
             if error <= self.tolerance {
                 return (passes, true);

@@ -1,0 +1,244 @@
+"""Runs that are stopped, killed and continued, and a reader that looks at their files in the meantime.
+
+    python farm.py
+
+is the reader: it takes a folder or a file a line and answers with a JSON line. A process of its own, because a broken
+archive may bring the official Alembic library down.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+DONE, USAGE, BAD_INPUT, MISSING_INPUT, CANNOT_CREATE, IO, STOPPED = 0, 2, 65, 66, 73, 74, 75
+
+# Bytes at the beginning of a checkpoint that hold length and hash of the rest.
+SEAL = 512
+
+# Longest wait for anything that a run is to do [s]; the machine may be loaded.
+PATIENCE = 120.0
+
+
+class Shot:
+    """A scene with its frames, as a farm starts it again and again with the same command."""
+
+    def __init__(self, scene, frames, **parameters):
+        self.scene, self.parameters = scene, parameters
+        self.first, self.last = map(int, frames.split("-"))
+
+    def frames(self, last=None):
+        return f"{self.first}-{self.last if last is None else last}"
+
+    def command(self, out, *options, last=None, threads=2):
+        drapery = os.environ["DRAPERY"]
+        line = [drapery, "run", str(self.scene), "--frames", self.frames(last), "--out", str(out)]
+        line += ["--threads", str(threads), "--progress", "none", *map(str, options)]
+        for name, value in self.parameters.items():
+            line += ["--set", f"{name}={value}"]
+        return line
+
+    def start(self, out, *options, environment=None, **how):
+        """The run in the background; what it says goes into a file beside its folder."""
+        log = Path(f"{out}.words")
+        with log.open("a") as words:
+            process = subprocess.Popen(self.command(out, *options, **how), stdin=subprocess.DEVNULL, stdout=words,
+                                       stderr=words, env=os.environ | (environment or {}))
+        process.log = log
+        return process
+
+    def run(self, out, *options, code=DONE, environment=None, **how):
+        """The run to its end, which has to be the exit code `code`; returns what it said."""
+        command = self.command(out, *options, **how)
+        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL,
+                              env=os.environ | (environment or {}))
+        said = done.stdout + done.stderr
+        assert done.returncode == code, f"exit code {done.returncode} of {' '.join(command)}\n{said[-4000:]}"
+        return said
+
+
+def wait_until(happens, process, what):
+    """Waits until something happens in a run; false if the run ends before."""
+    deadline = time.monotonic() + PATIENCE
+    while not happens():
+        if process.poll() is not None:
+            return bool(happens())
+        assert time.monotonic() < deadline, f"waited {PATIENCE} s in vain until {what}"
+        time.sleep(0.002)
+    return True
+
+
+def holds_folder(out, process):
+    """Whether the run has the lock of its folder; from then on it hears signals."""
+    lock = Path(out) / "lock.json"
+    return wait_until(lambda: lock.exists() and f'"pid":{process.pid},' in lock.read_text(), process, "the folder is taken")
+
+
+def manifest(out):
+    try:
+        return json.loads((Path(out) / "manifest.json").read_text())
+    except FileNotFoundError:
+        return {}
+
+
+def reaches(out, process, frame):
+    """Waits until a run has finished a frame; false if the run ends before."""
+    return wait_until(lambda: (manifest(out).get("last_complete_frame") or -1) >= frame, process, f"frame {frame} is done")
+
+
+def stop(process, signal):
+    """Sends a signal and waits for the end; returns exit code and seconds."""
+    begin = time.monotonic()
+    process.send_signal(signal)
+    code = process.wait(PATIENCE)
+    return code, time.monotonic() - begin
+
+
+def caches(out):
+    return {path.name: path for path in sorted(Path(out).iterdir()) if path.suffix in (".abc", ".h5")}
+
+
+def checkpoints(out):
+    """The checkpoints of a run, earliest first."""
+    return sorted((Path(out) / "checkpoints").glob("frame_*.h5"))
+
+
+def results(out):
+    """Everything of a run that has to be the same bytes: the caches and the checkpoint of the last frame."""
+    found = {name: path.read_bytes() for name, path in caches(out).items()}
+    last = checkpoints(out)[-1]
+    return found | {last.name: last.read_bytes()}
+
+
+def assert_same(out, expected):
+    """The caches and the last checkpoint are those of another run, byte for byte."""
+    found = results(out)
+    assert found.keys() == expected.keys(), f"{out}: {sorted(found)} instead of {sorted(expected)}"
+    differing = [name for name in expected if found[name] != expected[name]]
+    assert not differing, f"{out}: {differing} differ from those of the run that nobody disturbed"
+    left = [str(path) for path in Path(out).rglob("*.part")]
+    assert not left, f"unfinished files are left: {left}"
+
+
+def contents(out):
+    """Name, bytes and time of change of all files in a folder."""
+    files = (path for path in sorted(Path(out).rglob("*")) if path.is_file())
+    return {str(path): (path.read_bytes(), path.stat().st_mtime_ns) for path in files}
+
+
+def copy(out, to):
+    shutil.copytree(out, to)
+    return to
+
+
+class Reader:
+    """What the official Alembic library and h5py find in the folder of a run."""
+
+    def __init__(self):
+        command = [sys.executable, str(Path(__file__).resolve())]
+        # Not in the project's folder, as in `judges.ask`.
+        self.process = subprocess.Popen(command, cwd="/", text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                        stderr=subprocess.PIPE)
+
+    def look(self, out):
+        """Digests of the frames of each file, by its name relative to the folder."""
+        self.process.stdin.write(f"{Path(out).resolve()}\n")
+        self.process.stdin.flush()
+        line = self.process.stdout.readline()
+        assert line, f"the reader died of {out}: {self.process.wait()} {self.process.stderr.read()[-2000:]}"
+        answer = json.loads(line)
+        refused = {name: found for name, found in answer.items() if isinstance(found, str)}
+        assert not refused, f"in {out}: {refused}"
+        return answer
+
+    def close(self):
+        self.process.communicate()
+
+
+def assert_begin_like(found, whole):
+    """What a reader found of a run in progress is the beginning of the whole run; returns the frames in each cache."""
+    lengths = []
+    for name, digests in found.items():
+        if name in whole and "/" not in name:
+            assert digests == whole[name][: len(digests)], f"{name} does not begin like the whole run"
+            lengths.append(len(digests))
+    return lengths
+
+
+def digest(*arrays):
+    return hashlib.sha1(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
+
+
+def read_archive(path):
+    from alembic3d import Abc  # of the reader alone: the tests' own process must outlive a broken archive
+
+    from official_alembic import choose
+
+    archive = Abc.IArchive(str(path))
+    schema = choose(archive, None).getSchema()
+    frames = []
+    velocities = schema.getVelocitiesProperty()
+    for position, velocity in zip(schema.getPositionsProperty().samples, velocities.samples):
+        frames.append(digest(np.array(position), np.array(velocity)))
+    return frames
+
+
+def read_cache(path):
+    with h5py.File(path, "r") as file:
+        committed = np.flatnonzero(file["committed"][:] == 1)
+        assert list(committed) == list(range(len(committed))), f"gaps between the frames: {committed}"
+        return [digest(file["positions"][frame], file["velocities"][frame]) for frame in committed]
+
+
+def read_checkpoint(path):
+    whole = path.read_bytes()
+    seal = f"bytes {len(whole)}\nsha256 {hashlib.sha256(whole[SEAL:]).hexdigest()}\n"
+    assert seal.encode() in whole[:SEAL], "the seal is not that of the content"
+    with h5py.File(path, "r") as file:
+        return [digest(file["state"]["positions"], file["state"]["velocities"])]
+
+
+def read_json(path):
+    json.loads(path.read_text())
+    return []
+
+
+def readers(out):
+    """Every file under a final name, with what reads it."""
+    for path in sorted(out.rglob("*")):
+        if path.name.startswith(".") or path.name.endswith(".part") or not path.is_file():
+            continue
+        if path.suffix == ".abc":
+            yield path, read_archive
+        elif path.suffix == ".h5":
+            yield path, read_checkpoint if path.name.startswith("frame_") else read_cache
+        elif path.suffix == ".json" and path.name != "lock.json":
+            yield path, read_json
+
+
+def look(out):
+    answer = {}
+    for path, read in readers(out):
+        try:
+            answer[str(path.relative_to(out))] = read(path)
+        except Exception as error:  # whatever goes wrong in a reader is what the test wants to hear
+            # Checkpoints are pruned and caches set aside while somebody looks.
+            if path.exists():
+                answer[str(path.relative_to(out))] = f"{type(error).__name__}: {error}"
+    return answer
+
+
+def main():
+    for line in sys.stdin:
+        print(json.dumps(look(Path(line.strip()))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""A stand-in for Slurm: runs a batch script on this machine and delivers what Slurm would deliver.
+
+It is not Slurm. It knows the options that docs/farm/slurm.sbatch uses, as sbatch(1) describes them: `--signal=B:SIG@s`
+(to the shell alone), `--requeue`, `--open-mode`; the variables SLURM_JOB_ID, SLURM_JOB_NAME, SLURM_RESTART_COUNT,
+SLURM_CPUS_PER_TASK and SLURM_JOB_END_TIME; and `scontrol requeue`. There is no queue, and no time limit passes: a test
+says at which frame the notice comes, the job is cancelled or the machine fails.
+"""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+
+# How long a script may take from the notice to its end [s]. Slurm would give the seconds that the script asks for.
+NOTICE = 15
+
+# How long a frame may be waited for [s].
+PATIENCE = 60
+
+JOB = "4711"
+
+
+def frame_of(out):
+    """Last frame that is complete in the caches of a run, or None."""
+    try:
+        return json.loads((out / "manifest.json").read_text())["last_complete_frame"]
+    except (OSError, ValueError):
+        return None
+
+
+def wait_for_frame(out, frame, process):
+    """Waits until a run has written a frame."""
+    deadline = time.monotonic() + PATIENCE
+    while (frame_of(out) or -1) < frame:
+        assert process.poll() is None, f"it ended with {process.returncode} before frame {frame}"
+        assert time.monotonic() < deadline, f"frame {frame} does not come"
+        time.sleep(0.003)
+
+
+def make_foreign(out, silent_for):
+    """Makes the lock in a folder that of a process on another machine, heard of so many seconds ago."""
+    lock = out / "lock.json"
+    owner = json.loads(lock.read_text())
+    owner.update(host="another-machine", boot="another-boot", heartbeat=int(time.time()) - silent_for)
+    lock.write_text(json.dumps(owner))
+
+
+class Slurm:
+    """One job from its submission to its end."""
+
+    def __init__(self, script, folder):
+        self.script, self.folder = script, folder
+        self.options = dict(re.findall(r"^#SBATCH --([a-z-]+)(?:=(\S+))?$", script.read_text(), re.MULTILINE))
+        self.starts = []  # what ended each start: an exit code, or "node failure"
+        self.requests = folder / "scontrol.txt"
+        commands = folder / "commands"
+        commands.mkdir()
+        (commands / "scontrol").write_text(f'#!/bin/sh\necho "$*" >> "{self.requests}"\n')
+        (commands / "scontrol").chmod(0o755)
+        self.commands = commands
+
+    @property
+    def log(self):
+        """File of the job's output."""
+        return self.folder / self.options["output"].replace("%x", "shot").replace("%j", JOB)
+
+    def run(self, out, arguments, events):
+        """Runs the job; `events` tells what happens to each start: a kind and the frame at which it comes.
+
+        Kinds are "notice", "cancel" and "node failure"; the last start is left alone. Returns the job's exit code.
+        """
+        for number in range(len(events) + 1):
+            event, frame = events[number] if number < len(events) else (None, None)
+            code = self._start(number, out, arguments, event, frame)
+            self.starts.append(code)
+            if code != "node failure" and not self._requeued(number):
+                return code
+            assert "requeue" in self.options, "Slurm starts only jobs with --requeue again"
+        raise AssertionError("the job was started again after the last event")
+
+    def _requeued(self, number):
+        """Whether the script has asked for another start."""
+        asked = self.requests.read_text().splitlines() if self.requests.exists() else []
+        assert all(line == f"requeue {JOB}" for line in asked), asked
+        return len(asked) > sum(code != "node failure" for code in self.starts[:number])
+
+    def _environment(self, number):
+        environment = dict(os.environ)
+        environment.update(
+            PATH=f"{self.commands}:{environment['PATH']}",
+            SLURM_JOB_ID=JOB,
+            SLURM_JOB_NAME="shot",
+            SLURM_CPUS_PER_TASK="2",
+            SLURM_JOB_END_TIME=str(int(time.time()) + 3600),
+        )
+        if number:
+            environment["SLURM_RESTART_COUNT"] = str(number)
+        return environment
+
+    def _start(self, number, out, arguments, event, frame):
+        mode = "ab" if self.options.get("open-mode") == "append" else "wb"
+        with open(self.log, mode) as log:
+            process = subprocess.Popen(
+                ["bash", str(self.script), str(out), *arguments], cwd=self.folder, env=self._environment(number),
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
+            try:
+                if event is None:
+                    return process.wait(PATIENCE)
+                wait_for_frame(out, frame, process)
+                if event == "node failure":
+                    os.killpg(process.pid, signal.SIGKILL)
+                    process.wait()
+                    make_foreign(out, silent_for=20)
+                    return "node failure"
+                self._notify(process, event)
+                return process.wait(NOTICE)
+            finally:
+                if process.poll() is None:
+                    os.killpg(process.pid, signal.SIGKILL)
+
+    def _notify(self, process, event):
+        """Sends the signal of a notice, or of a cancelled job; to the shell alone if the script says so."""
+        to_shell, name = re.match(r"(B:)?(\w+)(?:@\d+)?$", self.options["signal"]).groups()
+        number = signal.SIGTERM if event == "cancel" else getattr(signal, f"SIG{name}")
+        if to_shell:
+            os.kill(process.pid, number)
+        else:
+            os.killpg(process.pid, number)
