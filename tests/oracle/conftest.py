@@ -6,6 +6,7 @@
 
 import os
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -51,13 +52,23 @@ def drapery_command():
 
 @pytest.fixture(scope="session")
 def run_scene(drapery_command, tmp_path_factory):
-    """Runs a scene and returns its output folder; the same run asked for again is not repeated."""
+    """Runs a scene and returns its output folder; the same run asked for again is not repeated.
+
+    Runs in the folder `DRAPERY_LONG_RUNS`, if that is set, outlive the tests: a run that was stopped goes on.
+    """
     finished = {}
+    kept = os.environ.get("DRAPERY_LONG_RUNS")
+
+    def folder(scene, frames, parameters):
+        if not kept:
+            return tmp_path_factory.mktemp("run")
+        settings = [f"{name}={Path(str(value)).name}" for name, value in sorted(parameters.items())]
+        return Path(kept) / "_".join([Path(scene).stem, frames, *settings])
 
     def run(scene, frames, threads=2, **parameters):
         key = (scene, frames, threads, tuple(sorted(parameters.items())))
         if key not in finished:
-            out = tmp_path_factory.mktemp("run")
+            out = folder(scene, frames, parameters)
             command = drapery_command(scene, frames, out, threads, **parameters)
             done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
             assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout[-4000:]}{done.stderr[-4000:]}"

@@ -17,7 +17,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The pages of the tour.
-const PAGES: [&str; 3] = ["01_hanging_sheet", "02_cloth_on_a_ball", "03_dressed_character"];
+const PAGES: [&str; 4] =
+    ["01_hanging_sheet", "02_cloth_on_a_ball", "03_dressed_character", "04_stop_and_continue"];
 
 /// Something that a page asks for.
 #[derive(Debug, PartialEq, Eq)]
@@ -174,6 +175,11 @@ fn the_page_of_cloth_on_a_ball_tells_the_truth() {
 #[test]
 fn the_page_of_the_dressed_character_tells_the_truth() {
     follow(PAGES[2]);
+}
+
+#[test]
+fn the_page_of_stopping_and_continuing_tells_the_truth() {
+    follow(PAGES[3]);
 }
 
 #[test]
