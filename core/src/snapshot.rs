@@ -94,7 +94,7 @@ impl Section {
     }
 
     /// Adds a single count.
-    pub(crate) fn count(mut self, name: &str, value: u64) -> Self {
+    pub(crate) fn integer(mut self, name: &str, value: u64) -> Self {
         self.push(name, vec![1], Values::U64(vec![value]));
         self
     }
@@ -175,7 +175,7 @@ impl Section {
     }
 
     /// A single count.
-    pub(crate) fn read_count(&self, name: &str) -> Result<u64, SnapshotError> {
+    pub(crate) fn read_integer(&self, name: &str) -> Result<u64, SnapshotError> {
         match self.values(name)? {
             Values::U64(values) if values.len() == 1 => Ok(values[0]),
             _ => Err(self.error(format!("`{name}` is not one count"))),

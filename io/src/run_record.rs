@@ -2,7 +2,7 @@
 //! `run.jsonl` (one line a frame with everything that was measured).
 
 use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
@@ -13,6 +13,9 @@ use serde_json::{Value, json};
 use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
+
+/// Stage of a frame that holds all stages of the solver.
+pub const SIMULATE: &str = "simulate";
 
 /// File name of the manifest; a folder that has one holds a run.
 pub const MANIFEST: &str = "manifest.json";
@@ -158,18 +161,36 @@ impl RunRecord {
         Ok(Self { path, file })
     }
 
-    /// Goes on with the record in `folder`, cut back to `length` bytes if that is known.
+    /// Goes on with the record in `folder` after `frame`. If its length then is known [bytes], what comes after that is cut
+    /// off, but for what had happened up to that frame: checkpoints, stops, errors.
     ///
     /// # Errors
-    /// The file cannot be opened or cut.
-    pub fn resume(folder: &Path, length: Option<u64>) -> Result<Self, IoError> {
+    /// The file cannot be read, opened or cut.
+    pub fn resume(folder: &Path, frame: i64, length: Option<u64>) -> Result<Self, IoError> {
         let path = folder.join(RECORD);
-        let file = OpenOptions::new().append(true).create(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
-        let present = file.metadata().map_err(|e| IoError::reading(&path, e))?.len();
+        let options = &mut OpenOptions::new();
+        let file = options.read(true).append(true).create(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
+        let mut record = Self { path, file };
+        let present = record.length()?;
         if let Some(length) = length.filter(|length| *length < present) {
-            file.set_len(length).map_err(|e| IoError::writing(&path, e))?;
+            let events = record.events_after(length, frame)?;
+            record.file.set_len(length).map_err(|e| IoError::writing(&record.path, e))?;
+            events.iter().try_for_each(|event| record.line(event))?;
         }
-        Ok(Self { path, file })
+        Ok(record)
+    }
+
+    /// Lines behind `length` bytes that are not about a frame and not about what came after `frame`.
+    fn events_after(&mut self, length: u64, frame: i64) -> Result<Vec<Value>, IoError> {
+        let mut tail = Vec::new();
+        let read = self.file.seek(SeekFrom::Start(length)).and_then(|_| self.file.read_to_end(&mut tail));
+        read.map_err(|e| IoError::reading(&self.path, e))?;
+        let lines = tail.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Value>(line).ok());
+        let is_event = |line: &Value| {
+            let of_frame = matches!(line["record"].as_str(), Some("frame" | "start") | None);
+            !of_frame && line["frame"].as_i64().is_none_or(|at| at <= frame)
+        };
+        Ok(lines.filter(is_event).collect())
     }
 
     /// Its length [bytes].
@@ -203,6 +224,9 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         .map(|strain| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain}));
     let mut all = summary.metrics.clone();
     spent.counts().iter().for_each(|(name, amount)| all.add_count(name.clone(), *amount));
+    // What the solver took is told by its own stages.
+    let around = spent.stages().iter().filter(|stage| stage.name != SIMULATE);
+    around.for_each(|stage| all.add_time(stage.name.clone(), stage.seconds, stage.calls));
     json!({
         "record": "frame",
         "frame": summary.frame,
@@ -216,7 +240,7 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         "potential_energy": summary.potential_energy,
         "body_self_crossings": summary.body_self_crossings,
         "resident_bytes": resident_bytes(),
-        "stages": stages(&summary.metrics),
+        "stages": stages(&all),
         "counts": counts(&all),
     })
 }

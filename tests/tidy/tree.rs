@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 const SKIPPED: [&str; 7] = [".git", "target", "out", "demo", ".venv", "__pycache__", ".pytest_cache"];
 
 /// Endings of files that hold text written by people.
-const TEXT: [&str; 10] = ["rs", "toml", "md", "py", "txt", "ini", "json", "csv", "yml", "sh"];
+const TEXT: [&str; 12] = ["rs", "toml", "md", "py", "txt", "ini", "json", "csv", "yml", "sh", "sbatch", "alf"];
 
 /// A file of the project.
 pub(crate) struct SourceFile {

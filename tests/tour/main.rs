@@ -17,8 +17,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The pages of the tour.
-const PAGES: [&str; 4] =
-    ["01_hanging_sheet", "02_cloth_on_a_ball", "03_dressed_character", "04_stop_and_continue"];
+const PAGES: [&str; 4] = ["01_hanging_sheet", "02_cloth_on_a_ball", "03_dressed_character", "04_stop_and_continue"];
 
 /// Something that a page asks for.
 #[derive(Debug, PartialEq, Eq)]

@@ -345,9 +345,9 @@ impl SelfContact {
         let Some(geometric) = &self.geometric else { return section };
         let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
         section
-            .count("steps", geometric.control.steps.into())
+            .integer("steps", geometric.control.steps.into())
             .number("step_share", geometric.control.share)
-            .count("successes", geometric.control.successes.into())
+            .integer("successes", geometric.control.successes.into())
             .vertices("crossings", 5, crossings.map(own).collect())
             .vertices("pinched", 1, geometric.pinched.iter().map(|node| own(*node)).collect())
     }
@@ -372,7 +372,7 @@ impl SelfContact {
             true => parts.solver_of(node as usize) as u32,
             false => node,
         };
-        let count = |name| section.read_count(name).map(|n| u32::try_from(n).unwrap_or(u32::MAX));
+        let count = |name| section.read_integer(name).map(|n| u32::try_from(n).unwrap_or(u32::MAX));
         geometric.control.steps = count("steps")?.clamp(1, geometric.control.max_steps);
         geometric.control.share = section.read_number("step_share")?.clamp(SHORTEST_STEP, 1.0);
         geometric.control.successes = count("successes")?;

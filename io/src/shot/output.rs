@@ -107,7 +107,7 @@ impl Output {
         };
         let writers = of_garments(shot, &planned, resume)?;
         describe(shot, start.fingerprint, &folder)?;
-        let mut record = RunRecord::resume(&folder, from.account.map(|account| account.record_bytes))?;
+        let mut record = RunRecord::resume(&folder, from.head.frame, from.account.map(|account| account.record_bytes))?;
         let attempt = start.attempts.last().map_or(0, |attempt| attempt.attempt);
         record.line(&json!({
             "record": "resume",

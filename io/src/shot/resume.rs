@@ -62,7 +62,7 @@ pub(super) fn refuse_others(shot: &Shot, options: &RunOptions, earlier: Option<&
 pub(super) fn decide(
     shot: &Shot,
     options: &RunOptions,
-    earlier: Option<&Earlier>,
+    (earlier, now): (Option<&Earlier>, &Fingerprint),
     store: &Store,
     note: &mut dyn FnMut(String),
 ) -> Result<Option<Loaded>, ShotError> {
@@ -79,10 +79,18 @@ pub(super) fn decide(
         (Some(found), Resume::Frame(frame)) if found.checkpoint.head.frame != *frame => {
             Err(no_checkpoint_at(*frame, store))
         }
+        (Some(found), Resume::Frame(_)) if !options.with_changes => same_shot(found, now, &options.out).map(Some),
         (Some(found), _) => Ok(Some(found)),
         (None, Resume::Frame(frame)) => Err(no_checkpoint_at(*frame, store)),
         (None, _) => Ok(None),
     }
+}
+
+/// A checkpoint that was chosen by hand may be older than a change that the run went on with.
+fn same_shot(found: Loaded, now: &Fingerprint, folder: &Path) -> Result<Loaded, ShotError> {
+    let then = Fingerprint { digests: found.checkpoint.head.digests.clone(), ..Fingerprint::default() };
+    let changes = digest::compare(&then, now).forbidden;
+    if changes.is_empty() { Ok(found) } else { Err(ShotError::Changed { folder: folder.to_owned(), changes }) }
 }
 
 fn no_checkpoint_at(frame: i64, store: &Store) -> ShotError {

@@ -274,7 +274,7 @@ impl<'a> Run<'a> {
         // Read again under the lock: another run may have gone on in the meantime.
         let earlier = Earlier::read(folder).filter(|_| !options.overwrite);
         let note = &mut |text| observer.note(text);
-        let found = resume::decide(&shot, options, earlier.as_ref(), &store, note)?;
+        let found = resume::decide(&shot, options, (earlier.as_ref(), &fingerprint), &store, note)?;
         if let Some(found) = &found {
             shot.simulation = resume::restore(&shot, found)?;
         }
@@ -351,7 +351,7 @@ impl<'a> Run<'a> {
                 request.is_some()
             };
             let simulation = &mut self.shot.simulation;
-            let advance = spent.stage("simulate", |_| simulation.advance_or_pause(&input, &mut pause))?;
+            let advance = spent.stage(run_record::SIMULATE, |_| simulation.advance_or_pause(&input, &mut pause))?;
             let (Advance::Done(last) | Advance::Paused(last)) = &advance;
             let summary = before.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
             if let Advance::Done(_) = advance {
