@@ -64,12 +64,12 @@ impl Progress {
         }
     }
 
-    /// Reports the end.
-    pub(crate) fn end(&mut self, exit_code: u8) {
+    /// Reports the end, and whether all frames are there.
+    pub(crate) fn end(&mut self, exit_code: u8, is_done: bool) {
         self.clear();
         if self.style == ProgressStyle::Json {
             say::line(json!({"record": "end", "exit_code": exit_code}));
-        } else if exit_code == 0 {
+        } else if is_done {
             self.percent(100);
         }
     }

@@ -18,5 +18,6 @@ pub mod report;
 pub mod run_record;
 pub mod scene_file;
 pub mod shot;
+pub mod site_file;
 pub mod units;
 pub mod verify;

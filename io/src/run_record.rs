@@ -1,6 +1,7 @@
 //! What a run leaves beside its caches: `manifest.json` (what is there, replaced as a whole after every frame) and
 //! `run.jsonl` (one line a frame with everything that was measured).
 
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -270,4 +271,11 @@ pub fn metrics_of(stages: &Value, counts: &Value) -> Metrics {
         metrics.add_count(name.clone().into(), amount.as_u64().unwrap_or(0));
     }
     metrics
+}
+
+/// A count of every frame in a record; frames that a resumed run came to again count the last time.
+pub fn frame_counts(record: &Path, name: &str) -> BTreeMap<i64, u64> {
+    let text = std::fs::read_to_string(record).unwrap_or_default();
+    let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    lines.filter_map(|line| Some((line["frame"].as_i64()?, line["counts"][name].as_u64()?))).collect()
 }

@@ -11,6 +11,7 @@ pub mod motion;
 mod output;
 pub mod quality;
 mod resume;
+mod rewritten;
 pub mod run;
 mod totals;
 mod written;

@@ -152,6 +152,38 @@ fn another_run_is_replaced_only_when_asked() {
 }
 
 #[test]
+fn a_run_goes_on_with_more_frames_another_format_and_without_velocities() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |out: &str, formats: &[&str], velocities: bool, last: i64| {
+        let mut shot = falling(folder.path());
+        shot.output.formats = formats.iter().map(|&format| format.to_owned()).collect();
+        shot.output.velocities = velocities;
+        shot.resolved = format!("[output]\nvelocities = {velocities}\n");
+        let options = RunOptions::new(folder.path().join(out));
+        let mut frames = Vec::new();
+        let mut see = |frame: &FrameReport<'_>| frames.push(frame.frame);
+        let report = Shot::prepare(shot, Some([1001, last])).unwrap().run(&options, &mut see);
+        report.map(|report| (report.outcome, frames))
+    };
+    let bytes = |out: &str, file: &str| std::fs::read(folder.path().join(out).join(file)).unwrap();
+    run("whole", &["abc", "h5"], false, 1003).unwrap();
+    run("out", &["abc"], true, 1002).unwrap();
+    // Only the frame that is missing is simulated.
+    assert_eq!(run("out", &["abc", "h5"], false, 1003).unwrap(), (Outcome::Done, vec![1003]));
+    for file in ["sheet.abc", "sheet.h5"] {
+        assert!(bytes("out", file) == bytes("whole", file), "{file}");
+    }
+    assert_eq!(run("out", &["abc", "h5"], false, 1003).unwrap().0, Outcome::NothingToDo);
+    // Without a frame to simulate the form changes all the same.
+    run("other", &["h5"], false, 1003).unwrap();
+    assert_eq!(run("other", &["h5", "abc"], false, 1003).unwrap(), (Outcome::Done, vec![]));
+    assert!(bytes("other", "sheet.abc") == bytes("whole", "sheet.abc"));
+    // What was never stored cannot be made up.
+    let refused = run("other", &["h5", "abc"], true, 1003).unwrap_err().to_string();
+    assert!(refused.contains("no velocities") && refused.contains("--overwrite"), "{refused}");
+}
+
+#[test]
 fn a_cache_never_replaces_an_input() {
     let folder = tempfile::tempdir().unwrap();
     let mut shot = falling(folder.path());

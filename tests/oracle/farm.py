@@ -13,12 +13,19 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-DONE, USAGE, BAD_INPUT, MISSING_INPUT, CANNOT_CREATE, IO, STOPPED = 0, 2, 65, 66, 73, 74, 75
+from judges import ROOT
+
+# The same program as in conftest.py, which makes sure that it is there.
+DRAPERY = os.environ.get("DRAPERY", str(ROOT / "target" / "release" / "drapery"))
+
+# Exit codes.
+DONE, BAD_INPUT, MISSING_INPUT, CANNOT_CREATE, IO, STOPPED = 0, 65, 66, 73, 74, 75
 
 # Bytes at the beginning of a checkpoint that hold length and hash of the rest.
 SEAL = 512
@@ -38,8 +45,7 @@ class Shot:
         return f"{self.first}-{self.last if last is None else last}"
 
     def command(self, out, *options, last=None, threads=2):
-        drapery = os.environ["DRAPERY"]
-        line = [drapery, "run", str(self.scene), "--frames", self.frames(last), "--out", str(out)]
+        line = [DRAPERY, "run", str(self.scene), "--frames", self.frames(last), "--out", str(out)]
         line += ["--threads", str(threads), "--progress", "none", *map(str, options)]
         for name, value in self.parameters.items():
             line += ["--set", f"{name}={value}"]
@@ -64,6 +70,16 @@ class Shot:
         return said
 
 
+@dataclass
+class Whole:
+    """A run that nobody disturbs, with a checkpoint of every frame."""
+
+    out: Path
+    results: dict
+    frames: dict
+    seconds: float
+
+
 def wait_until(happens, process, what):
     """Waits until something happens in a run; false if the run ends before."""
     deadline = time.monotonic() + PATIENCE
@@ -78,7 +94,8 @@ def wait_until(happens, process, what):
 def holds_folder(out, process):
     """Whether the run has the lock of its folder; from then on it hears signals."""
     lock = Path(out) / "lock.json"
-    return wait_until(lambda: lock.exists() and f'"pid":{process.pid},' in lock.read_text(), process, "the folder is taken")
+    mine = f'"pid":{process.pid},'
+    return wait_until(lambda: lock.exists() and mine in lock.read_text(), process, "the folder is taken")
 
 
 def manifest(out):
@@ -90,7 +107,8 @@ def manifest(out):
 
 def reaches(out, process, frame):
     """Waits until a run has finished a frame; false if the run ends before."""
-    return wait_until(lambda: (manifest(out).get("last_complete_frame") or -1) >= frame, process, f"frame {frame} is done")
+    reached = lambda: (manifest(out).get("last_complete_frame") or -1) >= frame
+    return wait_until(reached, process, f"frame {frame} is done")
 
 
 def stop(process, signal):
@@ -123,7 +141,8 @@ def assert_same(out, expected):
     assert found.keys() == expected.keys(), f"{out}: {sorted(found)} instead of {sorted(expected)}"
     differing = [name for name in expected if found[name] != expected[name]]
     assert not differing, f"{out}: {differing} differ from those of the run that nobody disturbed"
-    left = [str(path) for path in Path(out).rglob("*.part")]
+    # What a starter that was killed had prepared may stay: it could be that of a starter elsewhere.
+    left = [str(path) for path in Path(out).rglob("*.part") if not path.name.startswith(".lock.json.")]
     assert not left, f"unfinished files are left: {left}"
 
 

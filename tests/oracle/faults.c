@@ -120,8 +120,9 @@ ssize_t writev(int fd, const struct iovec *parts, int count) {
 }
 
 ssize_t copy_file_range(int from, off64_t *from_at, int to, off64_t *to_at, size_t size, unsigned flags) {
-#define DO(n) \
-    REAL(ssize_t, "copy_file_range", int, off64_t *, int, off64_t *, size_t, unsigned)(from, from_at, to, to_at, n, flags)
+#define DO(n)                                                                           \
+    REAL(ssize_t, "copy_file_range", int, off64_t *, int, off64_t *, size_t, unsigned) \
+    (from, from_at, to, to_at, n, flags)
     /* Programs ask for more than there is; this is less than any cache. */
     WRITE("copy", to, size, 4096, DO);
 #undef DO

@@ -43,11 +43,11 @@ pub(crate) fn run(args: &RunArgs, quiet: bool, logs: &FolderLogs) -> Result<std:
                 }
                 say::line(last);
             }
-            progress.end(code);
+            progress.end(code, !stopped);
             verdict.map(|()| code.into())
         }
         Err(failure) => {
-            progress.end(failure.code as u8);
+            progress.end(failure.code as u8, false);
             tracing::info!(exit_code = failure.code as u8, "failed; when that is mended, continue with: {}", command());
             Err(failure)
         }

@@ -66,6 +66,8 @@ impl de::Error for Misfit {
 fn plain(expected: &str) -> String {
     match expected {
         "u32" | "u64" | "usize" => "a whole number, zero or more".to_owned(),
+        "u8" => "a whole number from 0 to 255".to_owned(),
+        "a nonzero u16" => "a whole number from 1 to 65535".to_owned(),
         "f64" => "a number".to_owned(),
         "a string" => "text in quotes".to_owned(),
         "a boolean" => "true or false".to_owned(),

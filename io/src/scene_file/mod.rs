@@ -24,6 +24,7 @@ mod deserialize;
 mod diagnostics;
 mod effects;
 mod garments;
+mod material_files;
 mod parameters;
 mod pins;
 mod presets;
@@ -32,18 +33,23 @@ mod raw;
 mod resolve;
 mod resolved;
 mod schema;
+mod search;
 mod shapes;
 mod start;
 mod tree;
 
 use std::path::{Path as FilePath, PathBuf};
 
+use serde::de::DeserializeOwned;
+
 use crate::error::IoError;
 use crate::shot::ShotDescription;
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
+pub use material_files::{material_files, read_material};
 pub(crate) use resolved::FILES;
 pub use schema::schema;
+pub use search::{PathMaps, SearchPaths};
 
 use tree::{Node, Origin, Path, Sources, Table};
 
@@ -57,6 +63,7 @@ pub struct SceneFile {
     root: Node,
     sources: Sources,
     parameters: Table,
+    material_files: Vec<PathBuf>,
     folder: PathBuf,
     path: PathBuf,
 }
@@ -66,10 +73,22 @@ pub struct SceneFile {
 /// # Errors
 /// The file cannot be read, is not TOML, or says something that is not understood; the first such place.
 pub fn load(path: &FilePath, overrides: &[(String, String)]) -> Result<SceneFile, SceneFileError> {
+    load_with(path, overrides, &SearchPaths::default())
+}
+
+/// As [`load`], with files found where `search` says.
+///
+/// # Errors
+/// As [`load`]; a material file that cannot be used.
+pub fn load_with(
+    path: &FilePath,
+    overrides: &[(String, String)],
+    search: &SearchPaths,
+) -> Result<SceneFile, SceneFileError> {
     let text =
         std::fs::read_to_string(path).map_err(|error| SceneFileError::of_file(None, &IoError::reading(path, error)))?;
     let folder = path.parent().unwrap_or(FilePath::new(""));
-    let scene = parse(&text, &path.to_string_lossy(), folder, overrides)?;
+    let scene = parse_with(&text, &path.to_string_lossy(), folder, overrides, search)?;
     Ok(SceneFile { path: path.to_owned(), ..scene })
 }
 
@@ -84,6 +103,16 @@ pub fn parse(
     folder: &FilePath,
     overrides: &[(String, String)],
 ) -> Result<SceneFile, SceneFileError> {
+    parse_with(text, name, folder, overrides, &SearchPaths::default())
+}
+
+fn parse_with(
+    text: &str,
+    name: &str,
+    folder: &FilePath,
+    overrides: &[(String, String)],
+    search: &SearchPaths,
+) -> Result<SceneFile, SceneFileError> {
     let mut sources = Sources::new(name, text);
     let mut root = tree::parse(&sources, 0, &Origin::Scene)?;
     parameters::override_values(&mut root, &mut sources, overrides)?;
@@ -91,7 +120,8 @@ pub fn parse(
     parameters::substitute(&mut root, &parameters, &sources)?;
     let stem = FilePath::new(name).file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
     presets::fill_shot_name(&mut root, &stem);
-    presets::fill(&mut root, &sources)?;
+    let material_files = presets::fill(&mut root, &mut sources, &search.materials)?;
+    search.maps.apply_to_files(&mut root);
     effects::check_and_fill(&mut root, &sources)?;
     let document: raw::Document = deserialize::read(&effects::without(&root), &sources, effects::names_at)?;
     if document.drapery != VERSION {
@@ -102,7 +132,17 @@ pub fn parse(
     let defaults = toml::Value::try_from(&document)
         .map_err(|error| sources.error(&root.place, format!("this scene cannot be written back: {error}"), None))?;
     root.fill_from(&defaults);
-    Ok(SceneFile { document, root, sources, parameters, folder: folder.to_owned(), path: PathBuf::new() })
+    let (folder, path) = (folder.to_owned(), PathBuf::new());
+    Ok(SceneFile { document, root, sources, parameters, material_files, folder, path })
+}
+
+/// Reads TOML that is no scene, with the same messages. `name` is that of the file.
+///
+/// # Errors
+/// The text is not TOML, or does not fit the type; the first such place.
+pub(crate) fn read_table<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, SceneFileError> {
+    let sources = Sources::new(name, text);
+    deserialize::read(&tree::parse(&sources, 0, &Origin::Scene)?, &sources, |_| Vec::new())
 }
 
 impl SceneFile {

@@ -1,21 +1,30 @@
 //! What presets put into a scene before its own defaults: the solver's quality, and materials.
 
+use std::borrow::Cow;
+use std::path::PathBuf;
+
 use crate::materials::{self, Material};
 
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
+use super::material_files;
 use super::raw;
 use super::tree::{Node, Origin, Place, Sources, Table, Value};
 
-/// Fills in what the presets say, wherever the scene does not say it itself.
+/// Fills in what the presets and the materials in `folders` say, wherever the scene does not say it itself. Returns the
+/// material files that were read, each once.
 ///
 /// # Errors
-/// A material that does not exist.
-pub(super) fn fill(root: &mut Node, sources: &Sources) -> Result<(), SceneFileError> {
+/// A material that does not exist, or a file of one that cannot be used.
+pub(super) fn fill(
+    root: &mut Node,
+    sources: &mut Sources,
+    folders: &[PathBuf],
+) -> Result<Vec<PathBuf>, SceneFileError> {
     fill_solver(root);
-    let used = fill_materials(root, sources)?;
+    let (used, files) = fill_materials(root, sources, folders)?;
     fill_bodies(root, &used);
-    Ok(())
+    Ok(files)
 }
 
 fn fill_solver(root: &mut Node) {
@@ -60,36 +69,58 @@ fn fill_solver(root: &mut Node) {
     }
 }
 
+/// Materials that garments use, and the files that they were read from.
+type Used = (Vec<Cow<'static, Material>>, Vec<PathBuf>);
+
 /// Fills the garments and returns the materials they use.
-fn fill_materials(root: &mut Node, sources: &Sources) -> Result<Vec<&'static Material>, SceneFileError> {
-    let mut used = Vec::new();
+fn fill_materials(root: &mut Node, sources: &mut Sources, folders: &[PathBuf]) -> Result<Used, SceneFileError> {
+    let (mut used, mut files) = (Vec::new(), Vec::new());
     let Some(Node { value: Value::Array(garments), .. }) = root.as_table_mut().and_then(|t| t.get_mut("garment"))
     else {
-        return Ok(used);
+        return Ok((used, files));
     };
     for garment in garments {
         let place = garment.place.clone();
         let Some(table) = garment.as_table_mut() else { continue };
         let Some(Node { value: Value::Text(name), place: name_place, .. }) = table.get("material") else { continue };
-        let Some(material) = materials::find(name) else {
-            let names: Vec<&str> = materials::PRESETS.iter().map(|m| m.name).collect();
-            let text = format!("there is no material `{name}`");
-            return Err(sources.error(name_place, text, Some(suggestion(name, &names))));
+        let material = match (materials::find(name), material_files::find(name, folders)) {
+            (Some(preset), _) => Cow::Borrowed(preset),
+            (None, Some(file)) => {
+                let material = material_files::read(&file, sources, Some(name_place))?;
+                if !files.contains(&file) {
+                    files.push(file);
+                }
+                // The scene with its values written out has to run where the file is not found.
+                table.0.retain(|entry| entry.key != "material");
+                Cow::Owned(material)
+            }
+            (None, None) => return Err(unknown_material(name, name_place, sources, folders)),
         };
+        fill_garment(table, &material, &place);
         used.push(material);
-        let origin = Origin::Material(material.name.to_owned());
-        if table.get("total_mass").is_none() {
-            table.fill("density", Value::Float(material.density), &place, origin.clone());
-        }
-        table.fill("thickness", Value::Float(material.thickness), &place, origin.clone());
-        fill_springs(table, "stretch", material.stretch_stiffness, material, &place);
-        fill_springs(table, "bending", material.bending_stiffness, material, &place);
     }
-    Ok(used)
+    Ok((used, files))
+}
+
+fn unknown_material(name: &str, place: &Place, sources: &Sources, folders: &[PathBuf]) -> SceneFileError {
+    let in_files = material_files::names(folders);
+    let presets = materials::PRESETS.iter().map(|material| material.name.as_ref());
+    let names: Vec<&str> = presets.chain(in_files.iter().map(String::as_str)).collect();
+    sources.error(place, format!("there is no material `{name}`"), Some(suggestion(name, &names)))
+}
+
+fn fill_garment(table: &mut Table, material: &Material, place: &Place) {
+    let origin = Origin::Material(material.name.to_string());
+    if table.get("total_mass").is_none() {
+        table.fill("density", Value::Float(material.density), place, origin.clone());
+    }
+    table.fill("thickness", Value::Float(material.thickness), place, origin);
+    fill_springs(table, "stretch", material.stretch_stiffness, material, place);
+    fill_springs(table, "bending", material.bending_stiffness, material, place);
 }
 
 fn fill_springs(garment: &mut Table, effect: &str, stiffness: f64, material: &Material, place: &Place) {
-    let origin = Origin::Material(material.name.to_owned());
+    let origin = Origin::Material(material.name.to_string());
     garment.fill(effect, Value::Table(Table::default()), place, origin.clone());
     let Some(table) = garment.get_mut(effect).and_then(Node::as_table_mut) else {
         return;
@@ -101,20 +132,20 @@ fn fill_springs(garment: &mut Table, effect: &str, stiffness: f64, material: &Ma
 }
 
 /// Friction and thickness of bodies that do not say them: the largest of the materials that touch them.
-fn fill_bodies(root: &mut Node, used: &[&Material]) {
+fn fill_bodies(root: &mut Node, used: &[Cow<'static, Material>]) {
     let Some(Node { value: Value::Array(bodies), .. }) = root.as_table_mut().and_then(|t| t.get_mut("body")) else {
         return;
     };
-    let largest = |of: fn(&Material) -> f64| used.iter().copied().max_by(|a, b| of(a).total_cmp(&of(b)));
+    let largest = |of: fn(&Material) -> f64| used.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
     for body in bodies {
         let place = body.place.clone();
         let Some(table) = body.as_table_mut() else { continue };
         if let Some(material) = largest(|m| m.friction) {
-            let origin = Origin::Material(material.name.to_owned());
+            let origin = Origin::Material(material.name.to_string());
             table.fill("friction", Value::Float(material.friction), &place, origin);
         }
         if let Some(material) = largest(|m| m.thickness) {
-            let origin = Origin::Material(material.name.to_owned());
+            let origin = Origin::Material(material.name.to_string());
             table.fill("thickness", Value::Float(material.thickness), &place, origin);
         }
     }

@@ -55,7 +55,7 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         garments: Vec::new(),
         bodies: Vec::new(),
         tracks: Vec::new(),
-        input_files: Vec::new(),
+        input_files: scene.material_files.clone(),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
     let Some((first, last)) = resolver.shot() else {

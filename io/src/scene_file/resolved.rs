@@ -23,6 +23,10 @@ pub(super) fn write(scene: &SceneFile) -> String {
         let origin = if matches!(entry.node.origin, Origin::Set(_)) { "--set" } else { "scene" };
         out.push_str(&format!("# parameter {} = {} ({origin})\n", entry.key, inline(&entry.node.value)));
     }
+    for file in &scene.material_files {
+        let name = file.file_stem().unwrap_or_default().to_string_lossy();
+        out.push_str(&format!("# material {name} = {}\n", std::path::absolute(file).unwrap_or(file.clone()).display()));
+    }
     let Value::Table(root) = &scene.root.value else {
         return out;
     };

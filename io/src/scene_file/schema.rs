@@ -31,7 +31,7 @@ pub fn schema() -> String {
     if let Some(garment) = schema.pointer_mut("/$defs/Garment/properties").and_then(Value::as_object_mut) {
         insert_effects(garment, Scope::Garment);
         if let Some(material) = garment.get_mut("material").and_then(Value::as_object_mut) {
-            let names: Vec<&str> = materials::PRESETS.iter().map(|m| m.name).collect();
+            let names: Vec<&str> = materials::PRESETS.iter().map(|m| m.name.as_ref()).collect();
             material.insert("examples".to_owned(), json!(names));
         }
     }

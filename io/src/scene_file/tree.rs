@@ -21,8 +21,10 @@ pub(super) enum Origin {
     Default,
     /// Preset of the solver.
     Preset(String),
-    /// Preset material.
+    /// Preset material, or one from a file.
     Material(String),
+    /// A path of the given origin, replaced by a path map.
+    PathMap(Box<Origin>),
 }
 
 impl fmt::Display for Origin {
@@ -35,6 +37,7 @@ impl fmt::Display for Origin {
             Self::Default => f.write_str("default"),
             Self::Preset(name) => write!(f, "preset {name}"),
             Self::Material(name) => write!(f, "material {name}"),
+            Self::PathMap(origin) => write!(f, "{origin}, path map"),
         }
     }
 }

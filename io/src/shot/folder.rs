@@ -13,6 +13,9 @@ use crate::run_record::{self, AttemptRecord, FINGERPRINT, MANIFEST, RECORD, RESO
 /// Folder inside that of a run for what a resumed run does not go on from.
 const STALE: &str = "stale";
 
+/// Key of the scene that says whether caches hold velocities.
+const VELOCITIES: &str = "output.velocities";
+
 /// An earlier run in a folder.
 #[derive(Debug)]
 pub(super) struct Earlier {
@@ -37,6 +40,12 @@ impl Earlier {
     /// Last frame that is complete in every cache.
     pub(super) fn last_complete_frame(&self) -> Option<i64> {
         self.manifest["last_complete_frame"].as_i64()
+    }
+
+    /// Whether its caches hold velocities where those of a shot would not, or the other way round.
+    pub(super) fn stores_other_velocities(&self, now: &Fingerprint) -> bool {
+        let stored = |fingerprint: &Fingerprint| fingerprint.scene.get(VELOCITIES).cloned();
+        self.fingerprint.as_ref().is_some_and(|then| stored(then) != stored(now))
     }
 
     /// Whether all frames up to `last` are there, and the caches with them.

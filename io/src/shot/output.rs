@@ -18,6 +18,7 @@ use crate::formats::{self, CreateCache, ResumeCache};
 use crate::run_record::{self, AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment, RESOLVED, RunRecord};
 use crate::shot::folder::{files_of_run, write_fingerprint};
 use crate::shot::quality::CROSSINGS_WRITTEN;
+use crate::shot::rewritten::NewForm;
 use crate::shot::run::RunOptions;
 use crate::shot::totals::Totals;
 use crate::shot::written::WrittenCrossings;
@@ -62,6 +63,8 @@ pub(super) struct From<'a> {
     pub(super) account: Option<&'a Account>,
     /// The checkpoint, relative to the folder.
     pub(super) checkpoint: ManifestCheckpoint,
+    /// Whether caches that are there have another form than is asked for now.
+    pub(super) other_form: bool,
 }
 
 impl Output {
@@ -93,16 +96,19 @@ impl Output {
             from.head.caches.iter().filter_map(|mark| serde_json::from_value(mark.clone()).ok()).collect();
         let resume = |cache: &Planned| {
             let plan = cache_plan(shot, cache, written.is_some());
-            let name = file_name(&cache.path);
-            match marks.iter().find(|mark| mark.file == name) {
-                Some(mark) => (cache.resume)(&cache.path, &plan, mark),
-                None if from.head.delivered.is_none() => (cache.create)(&cache.path, &plan),
-                None => Err(IoError::data(
-                    &cache.path,
-                    "this cache",
-                    "the run that is to go on has not written it, so its first frames are missing",
-                    "leave output.format as it was, or start anew with --overwrite",
-                )),
+            let mark = marks.iter().find(|mark| mark.file == file_name(&cache.path));
+            match (mark, from.head.delivered) {
+                (_, None) => (cache.create)(&cache.path, &plan),
+                (Some(mark), Some(_)) if !from.other_form => (cache.resume)(&cache.path, &plan, mark),
+                (own, Some(last)) => {
+                    // Its own file first: a cache of another format may have been left out for a while.
+                    let stem = cache.path.file_stem();
+                    let others = marks.iter().filter(|mark| Path::new(&mark.file).file_stem() == stem);
+                    let source = own.or(others.last()).map(|mark| folder.join(&mark.file));
+                    let source = source.unwrap_or_else(|| cache.path.clone());
+                    let open = (cache.create, cache.resume);
+                    NewForm { path: &cache.path, plan, open }.write(&source, last)
+                }
             }
         };
         let writers = of_garments(shot, &planned, resume)?;
@@ -163,6 +169,12 @@ impl Output {
             attempt.seconds += seconds;
         }
         self.manifest.write(&self.folder)
+    }
+
+    /// Whether the caches are those that a checkpoint tells of.
+    pub(super) fn has_caches_of(&self, head: &Head) -> bool {
+        let marks = self.writers.iter().flatten().map(|writer| serde_json::to_value(writer.mark()).unwrap_or_default());
+        marks.eq(head.caches.iter().cloned())
     }
 
     /// Brings the caches to the disk; returns what they are then, and the length of the record.

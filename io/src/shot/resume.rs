@@ -34,10 +34,11 @@ pub(super) fn changes(earlier: &Earlier, now: &Fingerprint, note: &mut dyn FnMut
     found.forbidden
 }
 
-/// Whether all frames that are asked for are there, so that nothing needs to be touched.
-pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Earlier>, changed: bool) -> bool {
-    let wanted = !options.overwrite && !changed && matches!(options.resume, Resume::Auto);
-    wanted && earlier.is_some_and(|earlier| earlier.has_all(&options.out, shot.about.last_frame))
+/// Whether all frames that are asked for are there, in the form that is asked for, so that nothing needs to be touched.
+pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Earlier>, now: &Fingerprint) -> bool {
+    let Some(earlier) = earlier.filter(|_| options.resume == Resume::Auto) else { return false };
+    let has_form = || planned_files(shot, &options.out).iter().all(|file| file.is_file());
+    earlier.has_all(&options.out, shot.about.last_frame) && has_form() && !earlier.stores_other_velocities(now)
 }
 
 /// Refuses a folder that holds something that this run may neither go on with nor replace.

@@ -171,7 +171,9 @@ struct Run<'a> {
     clock: Instant,
     attempt: u32,
     totals: Totals,
-    /// Frame and step of the last checkpoint.
+    /// Whether it begins at the first frame.
+    is_new: bool,
+    /// Frame and step of the last checkpoint that tells of the caches as they are.
     saved: Option<(i64, u64)>,
 }
 
@@ -192,7 +194,7 @@ impl Shot {
             return Err(ShotError::Changed { folder: options.out.clone(), changes: changed });
         }
         resume::refuse_others(&self, options, earlier.as_ref())?;
-        if resume::is_complete(&self, options, earlier.as_ref(), !changed.is_empty()) {
+        if changed.is_empty() && resume::is_complete(&self, options, earlier.as_ref(), &fingerprint) {
             return Ok(self.nothing_to_do(options));
         }
         let mut run = Run::prepare(self, options, fingerprint, changed, observer)?;
@@ -283,6 +285,7 @@ impl<'a> Run<'a> {
         {
             observer.note("what is simulated again was set aside in the folder `stale`".to_owned());
         }
+        let other_form = earlier.as_ref().is_some_and(|earlier| earlier.stores_other_velocities(&fingerprint));
         let mut attempts = earlier.map_or_else(Vec::new, |earlier| earlier.attempts);
         attempts.push(AttemptRecord {
             attempt: attempt.number,
@@ -299,7 +302,7 @@ impl<'a> Run<'a> {
             Some(found) => {
                 let head = &found.checkpoint.head;
                 let checkpoint = manifest_checkpoint(&found.path, head.frame, head.sub_step);
-                let from = From { head, account: found.account.as_ref(), checkpoint };
+                let from = From { head, account: found.account.as_ref(), checkpoint, other_form };
                 let totals = found.account.as_ref().map_or_else(
                     || Totals {
                         partial: Partial { sub_step: head.sub_step, ..Partial::default() },
@@ -308,23 +311,27 @@ impl<'a> Run<'a> {
                     |account| Totals::from_json(&account.totals, head.frame + 1, head.sub_step),
                 );
                 observer.resumed(head.frame, head.frame.abs_diff(shot.about.timeline.start) + 1);
-                (Output::resume(&shot, start, from)?, totals, Some((head.frame, head.sub_step)))
+                let output = Output::resume(&shot, start, from)?;
+                let saved = output.has_caches_of(head).then_some((head.frame, head.sub_step));
+                (output, totals, saved)
             }
         };
         let (attempt, cadence) = (attempt.number, Cadence::new(options.checkpoint_every, 0.0));
-        let clock = Instant::now();
-        Ok(Self { shot, options, fingerprint, output, store, lock, cadence, clock, attempt, totals, saved })
+        let (clock, is_new) = (Instant::now(), found.is_none());
+        Ok(Self { shot, options, fingerprint, output, store, lock, cadence, clock, attempt, totals, is_new, saved })
     }
 
     /// All frames that are missing.
     fn frames(&mut self, observer: &mut dyn Observer) -> Result<Outcome, ShotError> {
-        if self.saved.is_none() {
+        if self.is_new {
             let start = self.shot.about.timeline.start;
             self.totals.partial.spent = Metrics::default();
             self.finish_frame(start, None, observer)?;
             if let Some(reason) = self.between_frames()? {
                 return Ok(Outcome::Stopped(reason));
             }
+        } else if self.saved.is_none() {
+            self.checkpoint()?;
         }
         while self.shot.simulation.frame() < self.shot.about.last_frame {
             if let Some(reason) = self.next_frame(observer)? {
@@ -468,7 +475,7 @@ impl<'a> Run<'a> {
     /// Brings everything to the disk and gives the folder back.
     fn end(mut self, outcome: Outcome) -> Result<RunReport, ShotError> {
         let frame = self.shot.simulation.frame();
-        let frames = self.shot.delivered_frames();
+        let frames = u64::try_from(frame - self.shot.about.timeline.origin + 1).unwrap_or(0);
         match self.lock.check().and_then(|()| match outcome {
             Outcome::Stopped(reason) => self.output.stop(reason, frame),
             Outcome::Done | Outcome::NothingToDo => self.output.finish(&self.totals, frames),

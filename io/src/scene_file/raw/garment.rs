@@ -46,7 +46,7 @@ pub(in crate::scene_file) struct Garment {
     /// Random displacement of the start positions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) jitter: Option<Jitter>,
-    /// Preset material; what the garment says itself overrides it.
+    /// Preset material, or one from a file; what the garment says itself overrides it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) material: Option<String>,
     /// Mass per area, in kg/m² or as "150 g/m²".

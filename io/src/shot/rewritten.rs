@@ -1,0 +1,79 @@
+//! Caches that a run goes on with in another form than it began: a format more, or without velocities. The frames that are
+//! there are written anew from a cache that holds them; both store single precision, so nothing is lost.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::cache::{CacheFrame, CachePlan, CacheWriter};
+use crate::cache_frames::CacheFrames;
+use crate::error::IoError;
+use crate::formats::{CreateCache, ResumeCache};
+use crate::run_record::{RECORD, frame_counts};
+use crate::shot::quality::CROSSINGS_WRITTEN;
+
+/// A cache in its new form.
+pub(super) struct NewForm<'a> {
+    /// The file.
+    pub(super) path: &'a Path,
+    /// What it will hold.
+    pub(super) plan: CachePlan<'a>,
+    /// How it is made, and gone on with.
+    pub(super) open: (CreateCache, ResumeCache),
+}
+
+impl NewForm<'_> {
+    /// Writes the frames up to `last` from the cache `source`, puts the file in its place and goes on with it.
+    ///
+    /// # Errors
+    /// The source cannot be read, lacks a frame or the velocities that are asked for; the disk refuses.
+    pub(super) fn write(&self, source: &Path, last: i64) -> Result<Box<dyn CacheWriter>, IoError> {
+        let (create, resume) = self.open;
+        let aside = aside(self.path);
+        let mut writer = create(&aside, &self.plan)?;
+        self.copy_frames(source, last, writer.as_mut())?;
+        writer.finish()?;
+        let mut mark = writer.mark();
+        drop(writer);
+        fs::rename(&aside, self.path).map_err(|e| IoError::writing(self.path, e))?;
+        mark.file = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        resume(self.path, &self.plan, &mark)
+    }
+
+    fn copy_frames(&self, source: &Path, last: i64, writer: &mut dyn CacheWriter) -> Result<(), IoError> {
+        let lacks = |what: String| {
+            let advice = "leave [output] as it was, or start anew with --overwrite";
+            IoError::data(source, "the frames so far", what, advice)
+        };
+        let frames = CacheFrames::open(source)?;
+        let folder = source.parent().unwrap_or(Path::new("."));
+        let crossings = if self.plan.crossings { crossings_of(folder) } else { BTreeMap::new() };
+        for frame in self.plan.first_frame..=last {
+            let sample = frames.meshes()[0].frames.binary_search(&frame);
+            let sample = sample.map_err(|_| lacks(format!("frame {frame} is missing in it")))?;
+            let positions = frames.positions(0, sample)?;
+            let velocities = match frames.velocities(0, sample)? {
+                Some(velocities) => velocities,
+                None if self.plan.velocities => return Err(lacks("it holds no velocities".to_owned())),
+                None => Vec::new(),
+            };
+            let crossings = self.plan.crossings.then(|| crossings.get(&frame).copied().unwrap_or(0));
+            let (positions, velocities) = (&positions[..], &velocities[..]);
+            writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
+        }
+        Ok(())
+    }
+}
+
+/// Where the new form is written until it is whole; it keeps its extension.
+fn aside(path: &Path) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{stem}.rewritten.{extension}"))
+}
+
+/// What every frame counted in the record beside the caches.
+fn crossings_of(folder: &Path) -> BTreeMap<i64, u32> {
+    let counts = frame_counts(&folder.join(RECORD), CROSSINGS_WRITTEN);
+    counts.into_iter().map(|(frame, count)| (frame, u32::try_from(count).unwrap_or(u32::MAX))).collect()
+}
