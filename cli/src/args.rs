@@ -1,5 +1,6 @@
 //! What was typed.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -7,9 +8,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::duration::parse_duration;
-use drapery_io::shot::run::{Resume, RunOptions};
+use drapery_io::shot::run::Resume;
 
-use crate::exit_code::{self, ExitCode};
+use crate::exit_code;
 
 /// Offline cloth solver: animated bodies and garments in, vertex caches out.
 #[derive(Debug, Parser)]
@@ -19,6 +20,9 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
     #[command(flatten)]
     pub(crate) log: LogArgs,
+    /// Site file: defaults of this place for run, plan, check and materials [default: DRAPERY_CONFIG]
+    #[arg(long, value_name = "FILE", global = true)]
+    pub(crate) config: Option<PathBuf>,
 }
 
 /// What is logged, and where.
@@ -58,8 +62,8 @@ pub(crate) enum Command {
     Report(ReportArgs),
     /// Print the JSON schema of scene files, for editors
     Schema,
-    /// List the material presets
-    Materials,
+    /// List the materials: presets, and those in files
+    Materials(MaterialsArgs),
 }
 
 /// A scene and what is changed in it.
@@ -73,9 +77,47 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
-    /// Number of threads [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK, or all cores]
+    /// Number of threads [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK, the site file, or
+    /// all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
+    #[command(flatten)]
+    pub(crate) materials: MaterialsArgs,
+}
+
+/// Where materials are found.
+#[derive(Debug, Args)]
+pub(crate) struct MaterialsArgs {
+    /// Folders of material files, as in A:B [default: DRAPERY_MATERIALS, or the site file]
+    #[arg(long, value_name = "DIRS")]
+    pub(crate) materials: Option<OsString>,
+}
+
+/// How a run is made; nothing here changes a result.
+#[derive(Debug, Default, Args)]
+pub(crate) struct RunSettingsArgs {
+    /// Folder for the caches and the record of the run [default: out/<shot name>]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Write a checkpoint and stop in time before this much time has passed, for example 11h50m [default: the site file]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub(crate) max_wall: Option<Duration>,
+    /// How often checkpoints are written: every so many frames (10f), every so much time (15m), or `auto`; never so often
+    /// that they take more than a twentieth of the time [default: the site file, or auto]
+    #[arg(long, value_name = "N")]
+    pub(crate) checkpoint_every: Option<Every>,
+    /// How many of the last checkpoints are kept [default: the site file, or 3]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) keep: Option<u16>,
+    /// Exit code when stopped early at a checkpoint (99 makes SGE start the job again) [default: the site file, or 75]
+    #[arg(long, value_name = "N")]
+    pub(crate) resumable_exit_code: Option<u8>,
+    /// How a run ends that SIGTERM has stopped, when its checkpoint is on the disk [default: the site file, or exit]
+    #[arg(long, value_enum)]
+    pub(crate) on_term: Option<OnTerm>,
+    /// How progress is reported [default: DRAPERY_PROGRESS, the site file, or auto]
+    #[arg(long, value_enum)]
+    pub(crate) progress: Option<ProgressStyle>,
 }
 
 /// Arguments of `run`.
@@ -83,9 +125,8 @@ pub(crate) struct SceneArgs {
 pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
-    /// Folder for the caches and the record of the run [default: out/<shot name>]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: RunSettingsArgs,
     /// Where to begin when the folder holds a run of this shot: `auto` goes on after its last good checkpoint, a frame
     /// after the checkpoint of that frame, and `never` refuses such a folder
     #[arg(long, value_name = "auto|never|FRAME", default_value = "auto", value_parser = parse_resume)]
@@ -100,28 +141,12 @@ pub(crate) struct RunArgs {
     /// Take the folder from another run that holds it; make sure that it has ended
     #[arg(long)]
     pub(crate) steal_lock: bool,
-    /// Write a checkpoint and stop in time before this much time has passed, for example 11h50m
-    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
-    pub(crate) max_wall: Option<Duration>,
-    /// How often checkpoints are written: every so many frames (10f), every so much time (15m), or `auto`; never so often
-    /// that they take more than a twentieth of the time
-    #[arg(long, value_name = "N", default_value = "auto")]
-    pub(crate) checkpoint_every: Every,
-    /// How many of the last checkpoints are kept
-    #[arg(long, value_name = "N", default_value_t = RunOptions::KEEP as u16, value_parser = clap::value_parser!(u16).range(1..))]
-    pub(crate) keep: u16,
     /// Frames of which checkpoints are written and kept, for example 1040,1066
     #[arg(long, value_name = "FRAMES", value_delimiter = ',', allow_hyphen_values = true)]
     pub(crate) pin_checkpoint: Vec<i64>,
-    /// Exit code when stopped early at a checkpoint (99 makes SGE start the job again)
-    #[arg(long, value_name = "N", default_value_t = ExitCode::Stopped as u8)]
-    pub(crate) resumable_exit_code: u8,
     /// End with exit code 81 if a count that should stay zero did not, such as `crossings`; all frames are written
     #[arg(long)]
     pub(crate) strict: bool,
-    /// How progress is reported
-    #[arg(long, value_enum, default_value_t = ProgressStyle::Auto, env = "DRAPERY_PROGRESS")]
-    pub(crate) progress: ProgressStyle,
 }
 
 /// Arguments of `check`.
@@ -136,6 +161,8 @@ pub(crate) struct CheckArgs {
 pub(crate) struct PlanArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
+    #[command(flatten)]
+    pub(crate) settings: RunSettingsArgs,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -227,6 +254,15 @@ pub(crate) enum ProgressStyle {
     Json,
     /// Nothing
     None,
+}
+
+/// How a run ends that SIGTERM has stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OnTerm {
+    /// With the exit code of a run that goes on
+    Exit,
+    /// By the signal, for sites where that means that a person has ended it
+    Signal,
 }
 
 /// First and last frame.

@@ -30,7 +30,7 @@ pub(crate) const TABLE: &str = "Exit codes:
   73  an output could not be created, or holds another run
   74  reading or writing failed (disk full)
   75  stopped early at a checkpoint: run the same command again (run --resumable-exit-code)
-  78  the scene file is wrong
+  78  the scene file, a material file or the site file is wrong
   80  the solver gave up
   81  quality limits exceeded (run --strict)
   82  a verified file breaks a rule";

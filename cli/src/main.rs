@@ -2,6 +2,7 @@
 
 mod args;
 mod commands;
+mod config;
 mod exit_code;
 mod failure;
 mod log;
@@ -13,6 +14,7 @@ mod signals;
 use clap::Parser;
 
 use crate::args::{Cli, Command};
+use crate::config::Surroundings;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 
@@ -38,10 +40,12 @@ fn main() -> std::process::ExitCode {
 
 fn dispatch(cli: &Cli) -> Result<std::process::ExitCode, Failure> {
     let logs = log::start(&cli.log)?;
+    // Read only where it matters: a broken site file is no reason not to see how a run is.
+    let around = || Surroundings::find(cli.config.as_deref());
     let code = match &cli.command {
-        Command::Run(args) => return commands::run::run(args, cli.log.quiet, &logs),
-        Command::Check(args) => commands::check::check(args),
-        Command::Plan(args) => commands::plan::plan(args),
+        Command::Run(args) => return commands::run::run(args, around(), cli.log.quiet, &logs),
+        Command::Check(args) => commands::check::check(args, &around()?),
+        Command::Plan(args) => commands::plan::plan(args, &around()?),
         Command::Info(args) => commands::info::info(&args.file),
         Command::Verify(args) => commands::verify::verify(args),
         Command::Status(args) => commands::status::status(args),
@@ -49,7 +53,7 @@ fn dispatch(cli: &Cli) -> Result<std::process::ExitCode, Failure> {
         Command::Diff(args) => commands::diff::diff(args),
         Command::Report(args) => commands::report::report(args),
         Command::Schema => commands::schema::schema(),
-        Command::Materials => commands::materials::materials(),
+        Command::Materials(args) => commands::materials::materials(args, &around()?),
     };
     code.map(Into::into)
 }

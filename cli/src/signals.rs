@@ -1,5 +1,6 @@
-//! Signals with which schedulers and people ask a run to stop. The program never dies of them, and never sends them on
-//! to itself: farm software takes death by a signal for the wish of a person, and does not start the job again.
+//! Signals with which schedulers and people ask a run to stop. The program does not die of them, and does not send them on
+//! to itself: farm software takes death by a signal for the wish of a person, and does not start the job again. Where a
+//! site wants just that (`--on-term signal`), it ends by SIGTERM once everything is on the disk.
 
 use std::time::SystemTime;
 
@@ -34,6 +35,15 @@ pub(crate) fn listen(requests: &StopRequests) -> Result<(), Failure> {
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failure)?;
     Ok(())
+}
+
+/// Exit code that a shell shows for a program that SIGTERM has ended.
+pub(crate) const ENDED_BY_TERM: u8 = 128 + SIGTERM as u8;
+
+/// Ends the program by SIGTERM. Returns only if that fails.
+pub(crate) fn end_by_term() -> Result<(), Failure> {
+    let failure = |error| Failure::new(ExitCode::Internal, format!("the program cannot end by a signal: {error}"));
+    signal_hook::low_level::emulate_default_handler(SIGTERM).map_err(failure)
 }
 
 #[cfg(test)]

@@ -107,8 +107,10 @@ def manifest(out):
 
 def reaches(out, process, frame):
     """Waits until a run has finished a frame; false if the run ends before."""
-    reached = lambda: (manifest(out).get("last_complete_frame") or -1) >= frame
-    return wait_until(reached, process, f"frame {frame} is done")
+    def has_frame():
+        return (manifest(out).get("last_complete_frame") or -1) >= frame
+
+    return wait_until(has_frame, process, f"frame {frame} is done")
 
 
 def stop(process, signal):
@@ -136,11 +138,12 @@ def results(out):
 
 
 def assert_same(out, expected):
-    """The caches and the last checkpoint are those of another run, byte for byte."""
+    """The run is done, and its caches and last checkpoint are those of another one, byte for byte."""
     found = results(out)
     assert found.keys() == expected.keys(), f"{out}: {sorted(found)} instead of {sorted(expected)}"
     differing = [name for name in expected if found[name] != expected[name]]
     assert not differing, f"{out}: {differing} differ from those of the run that nobody disturbed"
+    assert manifest(out)["state"] == "done", f"{out}: {manifest(out)}"
     # What a starter that was killed had prepared may stay: it could be that of a starter elsewhere.
     left = [str(path) for path in Path(out).rglob("*.part") if not path.name.startswith(".lock.json.")]
     assert not left, f"unfinished files are left: {left}"
@@ -247,15 +250,23 @@ def readers(out):
             yield path, read_json
 
 
+def identity(path):
+    return path.stat().st_ino if path.exists() else None
+
+
 def look(out):
     answer = {}
     for path, read in readers(out):
-        try:
-            answer[str(path.relative_to(out))] = read(path)
-        except Exception as error:  # whatever goes wrong in a reader is what the test wants to hear
-            # Checkpoints are pruned and caches set aside while somebody looks.
-            if path.exists():
-                answer[str(path.relative_to(out))] = f"{type(error).__name__}: {error}"
+        name, before = str(path.relative_to(out)), None
+        # Checkpoints are pruned and caches set aside while somebody looks: what is another file now is looked at again.
+        while before != (before := identity(path)) and before is not None:
+            try:
+                answer[name] = read(path)
+                break
+            except Exception as error:  # whatever goes wrong in a reader is what the test wants to hear
+                answer[name] = f"{type(error).__name__}: {error}"
+        if before is None:
+            answer.pop(name, None)
     return answer
 
 

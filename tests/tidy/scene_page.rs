@@ -200,7 +200,8 @@ fn one_line(text: &str) -> String {
 fn materials() -> String {
     let mut text = String::from(
         "\n## Materials\n\nWords for `garment.material`. Stiffness is the mean of warp and weft; where each number comes from \
-         stands in\n`io/src/materials.rs` and is printed by `drapery materials`.\n\n| word | | kg/m² | thickness | stretch \
+         stands in\n`io/src/materials.rs` and is printed by `drapery materials`. Other words are those of [material \
+         files](config.md).\n\n| word | | kg/m² | thickness | stretch \
          | bending | damping ratio | friction |\n|---|---|---|---|---|---|---|---|\n",
     );
     for m in PRESETS {

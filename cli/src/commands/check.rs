@@ -1,14 +1,15 @@
 //! `drapery check`: every problem at once, nothing simulated.
 
 use crate::args::CheckArgs;
+use crate::config::Surroundings;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::plan;
 use crate::say;
 
 /// Checks the scene and every frame of its inputs.
-pub(crate) fn check(args: &CheckArgs) -> Result<ExitCode, Failure> {
-    let (shot, _) = plan::prepare(&args.scene)?;
+pub(crate) fn check(args: &CheckArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
+    let (shot, _) = plan::prepare(&args.scene, around)?;
     let [first, last] = shot.frames();
     say::line(format_args!("{}: frames {first}-{last} can be simulated", shot.name()));
     Ok(ExitCode::Done)

@@ -1,25 +1,48 @@
-//! `drapery materials`: the presets and where their numbers come from.
+//! `drapery materials`: presets and material files, and where their numbers come from.
 
-use drapery_io::materials::PRESETS;
+use drapery_io::materials::{self, Material, PRESETS};
+use drapery_io::scene_file::{material_files, read_material};
 
+use crate::args::MaterialsArgs;
+use crate::config::Surroundings;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::say;
 
-/// Lists the presets.
-pub(crate) fn materials() -> Result<ExitCode, Failure> {
+/// Lists all materials that a scene would find.
+pub(crate) fn materials(args: &MaterialsArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
     for material in PRESETS {
-        say::line(format_args!("{}: {}", material.name, material.summary));
-        say::line(format_args!(
-            "  density {} kg/m², thickness {} mm, stretch {} N/m, bending {} N/m, damping {}, friction {}",
-            material.density,
-            1e3 * material.thickness,
-            material.stretch_stiffness,
-            material.bending_stiffness,
-            material.damping_ratio,
-            material.friction
-        ));
-        say::line(format_args!("  {}", material.provenance));
+        list(material, "preset");
+    }
+    let mut found = Vec::new();
+    for file in material_files(&around.search(args).value.materials)? {
+        let material = read_material(&file)?;
+        let place = file.display();
+        match materials::find(&material.name) {
+            Some(_) => list(&material, &format!("{place}; not used, the preset of this name goes first")),
+            None if found.contains(&material.name) => {
+                list(&material, &format!("{place}; not used, a folder named before has one of this name"));
+            }
+            None => list(&material, &place.to_string()),
+        }
+        found.push(material.name);
     }
     Ok(ExitCode::Done)
+}
+
+fn list(material: &Material, place: &str) {
+    say::line(format_args!("{}: {}", material.name, material.summary).to_string().trim_end_matches(": "));
+    say::line(format_args!(
+        "  density {} kg/m², thickness {} mm, stretch {} N/m, bending {} N/m, damping {}, friction {}",
+        material.density,
+        1e3 * material.thickness,
+        material.stretch_stiffness,
+        material.bending_stiffness,
+        material.damping_ratio,
+        material.friction
+    ));
+    if !material.provenance.is_empty() {
+        say::line(format_args!("  {}", material.provenance));
+    }
+    say::line(format_args!("  from: {place}"));
 }

@@ -7,23 +7,29 @@ use drapery_io::shot::Shot;
 use serde_json::{Value, json};
 
 use crate::args::PlanArgs;
+use crate::config::{Chosen, RunSettings, Surroundings};
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
-use crate::plan::{self, Threads};
-use crate::say;
+use crate::{plan, say};
+
+use sources::Said;
+
+mod sources;
 
 /// Prints the plan.
-pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
-    let (shot, threads) = plan::prepare(&args.scene)?;
+pub(crate) fn plan(args: &PlanArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
+    let settings = RunSettings::choose(&args.settings, around)?;
+    let (shot, threads) = plan::prepare(&args.scene, around)?;
+    let said = sources::all(args, around, &settings, (&shot, &threads));
     if args.json {
-        say::line(format_args!("{:#}", as_json(&shot, &threads)));
+        say::line(format_args!("{:#}", as_json(&shot, &threads, &said)));
     } else {
-        say::line(as_text(&shot, &threads));
+        say::line(as_text(&shot, &threads, &said));
     }
     Ok(ExitCode::Done)
 }
 
-fn as_text(shot: &Shot, threads: &Threads) -> String {
+fn as_text(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> String {
     let timeline = shot.timeline();
     let [first, last] = shot.frames();
     let (numerator, denominator) = (timeline.fps_numerator, timeline.fps_denominator);
@@ -31,7 +37,7 @@ fn as_text(shot: &Shot, threads: &Threads) -> String {
     if timeline.start < first {
         text += &format!("pre-roll: {} frames from frame {}\n", first - timeline.start, timeline.start);
     }
-    text += &format!("threads: {} ({})\n", threads.count, threads.source);
+    text += &format!("threads: {} ({})\n", threads.value, threads.source);
     text += &scene_text(shot);
     text += "\neffects, in the order of execution\n";
     for effect in shot.simulation().plan() {
@@ -43,6 +49,10 @@ fn as_text(shot: &Shot, threads: &Threads) -> String {
     text += &format!("memory: {} state and scratch, {} effects\n", mebibytes(state), mebibytes(effects));
     text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
     text += &output_text(shot);
+    text += "\nwhere it comes from\n";
+    for Said { what, text: value, source, .. } in said {
+        text += &format!("  {what:<20} {value:<24} {source}\n");
+    }
     text + "\nsettings, defaults written out\n" + shot.resolved().trim_end()
 }
 
@@ -127,7 +137,9 @@ fn output_text(shot: &Shot) -> String {
     text
 }
 
-fn as_json(shot: &Shot, threads: &Threads) -> Value {
+fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> Value {
+    let said: serde_json::Map<String, Value> =
+        said.iter().map(|s| (s.what.to_owned(), json!({"value": s.value, "from": s.source}))).collect();
     let timeline = shot.timeline();
     let effect = |effect: &PlannedEffect| {
         let setting = |(name, value, origin): (&str, &SettingValue, Origin)| {
@@ -165,7 +177,8 @@ fn as_json(shot: &Shot, threads: &Threads) -> Value {
         "frames": shot.frames(),
         "start_frame": timeline.start,
         "fps": [timeline.fps_numerator, timeline.fps_denominator],
-        "threads": {"value": threads.count, "from": threads.source},
+        "threads": {"value": threads.value, "from": threads.source},
+        "run": said,
         "garments": garments,
         "bodies": scene.description().bodies.iter().map(|body| &body.name).collect::<Vec<_>>(),
         "effects": shot.simulation().plan().iter().map(effect).collect::<Vec<_>>(),

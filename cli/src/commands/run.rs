@@ -4,39 +4,50 @@ use std::fs::File;
 use std::time::SystemTime;
 
 use drapery_core::metrics::Metrics;
-use drapery_io::farm::duration::parse_epoch;
-use drapery_io::farm::stop::{Reason, StopRequests};
+use drapery_io::farm::stop::{Reason, Signal, StopRequests};
 use drapery_io::shot::quality::{Exceeded, LIMITS};
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
 
-use crate::args::{ProgressStyle, RunArgs};
+use crate::args::{OnTerm, ProgressStyle, RunArgs};
+use crate::config::{RunSettings, Surroundings};
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::log::FolderLogs;
 use crate::progress::{Progress, duration};
 use crate::{plan, say, signals};
 
-/// Points of time at which a run is to have stopped, from the environment: the variable, and what a stop is then called.
-const STOP_TIMES: [(&str, Reason); 2] = [("DRAPERY_STOP_AT", Reason::StopAt), ("SLURM_JOB_END_TIME", Reason::JobEnd)];
-
 /// Runs the shot.
-pub(crate) fn run(args: &RunArgs, quiet: bool, logs: &FolderLogs) -> Result<std::process::ExitCode, Failure> {
-    let mut watcher = Watcher { progress: None, logs, args, quiet, notes: 0 };
-    let outcome = run_shot(args, &mut watcher);
+pub(crate) fn run(
+    args: &RunArgs,
+    around: Result<Surroundings, Failure>,
+    quiet: bool,
+    logs: &FolderLogs,
+) -> Result<std::process::ExitCode, Failure> {
+    let chosen = around.and_then(|around| Ok((RunSettings::choose(&args.settings, &around)?, around)));
+    let (settings, around) = chosen.inspect_err(|failure| {
+        let style = args.settings.progress.unwrap_or(ProgressStyle::Auto);
+        Progress::new(style, quiet, 0).end(failure.code as u8, false);
+    })?;
+    let (style, requests) = (settings.progress.value, settings.requests());
+    let mut watcher = Watcher { progress: None, logs, args, style, requests: &requests, told: false, quiet, notes: 0 };
+    let outcome = run_shot(args, &settings, &around, &mut watcher);
     let Watcher { progress, notes, .. } = watcher;
-    let mut progress = progress.unwrap_or_else(|| Progress::new(args.progress, quiet, 0));
+    let mut progress = progress.unwrap_or_else(|| Progress::new(style, quiet, 0));
     match outcome {
         Ok(report) => {
             let stopped = matches!(report.outcome, Outcome::Stopped(_));
             let verdict = if args.strict && !stopped { limits_kept(&report) } else { Ok(()) };
+            let by_term = settings.on_term.value == OnTerm::Signal
+                && report.outcome == Outcome::Stopped(Reason::Signal(Signal::Terminate));
             let code = match (&verdict, stopped) {
                 (Err(failure), _) => failure.code as u8,
-                (Ok(()), true) => args.resumable_exit_code,
+                (Ok(()), true) if by_term => signals::ENDED_BY_TERM,
+                (Ok(()), true) => settings.resumable_exit_code.value,
                 (Ok(()), false) => ExitCode::Done as u8,
             };
             let last = last_line(&report, notes);
             tracing::info!(exit_code = code, "{last}");
-            if !quiet && !matches!(args.progress, ProgressStyle::Json | ProgressStyle::None) {
+            if !quiet && !matches!(style, ProgressStyle::Json | ProgressStyle::None) {
                 progress.clear();
                 if report.outcome != Outcome::NothingToDo {
                     say::line(end_table(&report));
@@ -44,6 +55,9 @@ pub(crate) fn run(args: &RunArgs, quiet: bool, logs: &FolderLogs) -> Result<std:
                 say::line(last);
             }
             progress.end(code, !stopped);
+            if by_term {
+                signals::end_by_term()?;
+            }
             verdict.map(|()| code.into())
         }
         Err(failure) => {
@@ -54,21 +68,26 @@ pub(crate) fn run(args: &RunArgs, quiet: bool, logs: &FolderLogs) -> Result<std:
     }
 }
 
-fn run_shot(args: &RunArgs, watcher: &mut Watcher<'_>) -> Result<RunReport, Failure> {
+fn run_shot(
+    args: &RunArgs,
+    settings: &RunSettings,
+    around: &Surroundings,
+    watcher: &mut Watcher<'_>,
+) -> Result<RunReport, Failure> {
     // Before anything that takes long: a signal during the checks is a request, too.
-    let requests = requests(args)?;
-    signals::listen(&requests)?;
-    let (shot, threads) = plan::prepare(&args.scene)?;
+    signals::listen(watcher.requests)?;
+    let (shot, threads) = plan::prepare(&args.scene, around)?;
     watcher.notes += shot.warnings().len();
-    let out = args.out.clone().unwrap_or_else(|| plan::default_folder(&shot));
+    let out = args.settings.out.clone().unwrap_or_else(|| plan::default_folder(&shot));
     let [first, last] = shot.frames();
     tracing::info!(
         shot = shot.name(),
         first,
         last,
-        threads = threads.count,
+        threads = threads.value,
         threads_from = threads.source,
         out = %out.display(),
+        site_file = around.site_path.as_ref().map(|path| tracing::field::display(path.value.display())),
         "run"
     );
     let options = RunOptions {
@@ -77,31 +96,15 @@ fn run_shot(args: &RunArgs, watcher: &mut Watcher<'_>) -> Result<RunReport, Fail
         overwrite: args.overwrite,
         with_changes: args.resume_with_changes,
         steal_lock: args.steal_lock,
-        threads: threads.count,
-        checkpoint_every: args.checkpoint_every,
-        keep: args.keep.into(),
+        threads: threads.value,
+        checkpoint_every: settings.checkpoint_every.value,
+        keep: settings.keep.value.into(),
         pinned: args.pin_checkpoint.clone(),
-        requests,
+        requests: watcher.requests.clone(),
         command: command(),
     };
-    watcher.progress = Some(Progress::new(args.progress, watcher.quiet, shot.frame_count()));
+    watcher.progress = Some(Progress::new(watcher.style, watcher.quiet, shot.frame_count()));
     Ok(shot.run(&options, watcher)?)
-}
-
-/// The requests to stop that are known from the start.
-fn requests(args: &RunArgs) -> Result<StopRequests, Failure> {
-    let (requests, now) = (StopRequests::default(), SystemTime::now());
-    if let Some(time) = args.max_wall {
-        requests.deadline(Reason::MaxWall, now + time, now);
-    }
-    for (variable, reason) in STOP_TIMES {
-        if let Ok(text) = std::env::var(variable) {
-            let at =
-                parse_epoch(&text).map_err(|e| Failure::new(ExitCode::Usage, format!("{variable}={text}: {e}")))?;
-            requests.deadline(reason, at, now);
-        }
-    }
-    Ok(requests)
 }
 
 /// The command line that continues this run: without what would start it anew, or was meant for this once.
@@ -147,20 +150,37 @@ struct Watcher<'a> {
     progress: Option<Progress>,
     logs: &'a FolderLogs,
     args: &'a RunArgs,
+    style: ProgressStyle,
+    requests: &'a StopRequests,
+    /// Whether it was said how much notice checkpoints need.
+    told: bool,
     quiet: bool,
     /// Number of warnings.
     notes: usize,
+}
+
+impl Watcher<'_> {
+    /// Says how much time there is before the run has to end: at the start, and once it is known what a checkpoint takes.
+    fn tell_notice(&mut self, at_start: bool) {
+        let notice = self.requests.notice(SystemTime::now());
+        let Some(notice) = notice.filter(|notice| at_start || (notice.knows_checkpoints && !self.told)) else { return };
+        self.told = !at_start;
+        let (reason, needed, left) = (notice.reason.word(), notice.needed.ceil(), notice.left.floor());
+        let how = if notice.knows_checkpoints { "measured" } else { "not measured yet" };
+        tracing::info!(limit = reason, "needs about {needed} s of notice ({how}), {left} s are left");
+    }
 }
 
 impl Observer for Watcher<'_> {
     fn logs(&mut self, files: [File; 2]) {
         self.logs.open(files);
         tracing::info!(scene = %self.args.scene.scene.display(), version = env!("CARGO_PKG_VERSION"), "attempt begins");
+        self.tell_notice(true);
     }
 
     fn resumed(&mut self, frame: i64, done: u64) {
         tracing::info!(frame, done, "goes on from a checkpoint");
-        if !self.quiet && self.args.progress == ProgressStyle::Auto {
+        if !self.quiet && self.style == ProgressStyle::Auto {
             say::line(format_args!("going on after frame {frame}"));
         }
     }
@@ -172,6 +192,7 @@ impl Observer for Watcher<'_> {
 
     fn frame(&mut self, report: &FrameReport<'_>) {
         log_frame(report);
+        self.tell_notice(false);
         if let Some(progress) = &mut self.progress {
             progress.frame(report);
         }

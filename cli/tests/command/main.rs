@@ -3,6 +3,7 @@
 mod bad_input;
 mod inspection;
 mod run;
+mod site;
 mod stop;
 
 use std::path::Path;
@@ -29,13 +30,25 @@ impl From<Output> for Outcome {
 pub(crate) fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_drapery"));
     command.current_dir(folder).args(arguments).stdin(Stdio::null());
-    for name in
-        ["DRAPERY_THREADS", "OMP_NUM_THREADS", "CUE_THREADS", "SLURM_CPUS_PER_TASK", "DRAPERY_LOG", "DRAPERY_PROGRESS"]
-    {
+    for name in VARIABLES {
         command.env_remove(name);
     }
     command
 }
+
+/// Variables of the environment that could change what a command does.
+const VARIABLES: [&str; 10] = [
+    "DRAPERY_THREADS",
+    "OMP_NUM_THREADS",
+    "CUE_THREADS",
+    "SLURM_CPUS_PER_TASK",
+    "DRAPERY_LOG",
+    "DRAPERY_PROGRESS",
+    "DRAPERY_CONFIG",
+    "DRAPERY_MATERIALS",
+    "DRAPERY_STOP_AT",
+    "SLURM_JOB_END_TIME",
+];
 
 /// Runs `drapery` in a folder and waits.
 pub(crate) fn drapery(folder: &Path, arguments: &[&str]) -> Outcome {

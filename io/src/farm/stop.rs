@@ -108,6 +108,19 @@ pub enum Request {
     StopAtOnce(Reason),
 }
 
+/// How much time a run needs for ending before its earliest deadline, and how much there is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Notice {
+    /// Why it will stop.
+    pub reason: Reason,
+    /// Twice its slowest checkpoint and the longest of its last frames, or the least reserve if that is more [s].
+    pub needed: f64,
+    /// Until the deadline [s].
+    pub left: f64,
+    /// Whether a checkpoint was written, so that `needed` is measured.
+    pub knows_checkpoints: bool,
+}
+
 /// All requests to one run. Clones are the same requests: one stays with the signals, one goes into the frame loop.
 #[derive(Debug, Clone, Default)]
 pub struct StopRequests(Arc<Mutex<State>>);
@@ -194,14 +207,16 @@ impl StopRequests {
         state.frames.push_back(seconds);
     }
 
-    /// Notice that this run needs: twice its slowest checkpoint and the longest of its last frames [s].
-    pub fn needed_notice(&self) -> f64 {
-        self.state().needed_notice()
-    }
-
-    /// The earliest deadline: why, and when.
-    pub fn next_deadline(&self) -> Option<(Reason, SystemTime)> {
-        self.state().deadlines.iter().min_by_key(|deadline| deadline.at).map(|deadline| (deadline.reason, deadline.at))
+    /// The earliest deadline, and how long before it the run will stop as things are now. `None` without a deadline.
+    pub fn notice(&self, now: SystemTime) -> Option<Notice> {
+        let state = self.state();
+        let deadline = state.deadlines.iter().min_by_key(|deadline| deadline.at)?;
+        Some(Notice {
+            reason: deadline.reason,
+            needed: deadline.reserve(state.needed_notice()),
+            left: deadline.left(now),
+            knows_checkpoints: state.slowest_checkpoint > 0.0,
+        })
     }
 
     /// What is asked for now. Signals come before deadlines, and those before files.
@@ -247,9 +262,17 @@ impl State {
 impl Deadline {
     /// Whether what is left of the time is needed for ending.
     fn has_come(&self, needed_notice: f64, now: SystemTime) -> bool {
-        let left = self.at.duration_since(now).unwrap_or_default().as_secs_f64();
-        let least = LEAST_RESERVE.min(LEAST_RESERVE_SHARE * self.span.as_secs_f64());
-        left <= needed_notice.max(least)
+        self.left(now) <= self.reserve(needed_notice)
+    }
+
+    /// Time until it [s].
+    fn left(&self, now: SystemTime) -> f64 {
+        self.at.duration_since(now).unwrap_or_default().as_secs_f64()
+    }
+
+    /// Time before it at which the run ends [s].
+    fn reserve(&self, needed_notice: f64) -> f64 {
+        needed_notice.max(LEAST_RESERVE.min(LEAST_RESERVE_SHARE * self.span.as_secs_f64()))
     }
 }
 

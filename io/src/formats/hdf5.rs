@@ -140,7 +140,11 @@ impl Hdf5Writer {
 /// Makes the file of the plan under another name.
 fn create_beside(path: &Path, plan: &CachePlan<'_>) -> Result<Stored, IoError> {
     let part = beside(path);
-    let offsets = create_file(&part, plan).map_err(|source| IoError::Hdf5 { path: path.to_owned(), source })?;
+    // The library tells in words what the system refused; the usual reason is a full disk.
+    let refused = |what: String| IoError::writing(&part, std::io::Error::other(format!("HDF5: {what}")));
+    let offsets = create_file(&part, plan).map_err(|error| refused(error.to_string()))?;
+    // The library passes over errors of its last writes: what it says it has written is read again.
+    read_layout(&part, plan).map_err(refused)?;
     let file = OpenOptions::new().read(true).write(true).open(&part).map_err(|e| IoError::creating(&part, e))?;
     Ok(Stored::new(file, offsets, plan.frame_count(), plan))
 }

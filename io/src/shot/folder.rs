@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::atomic_file;
+use crate::checkpoint::store;
 use crate::error::IoError;
 use crate::farm::digest::Fingerprint;
 use crate::run_record::{self, AttemptRecord, FINGERPRINT, MANIFEST, RECORD, RESOLVED};
@@ -48,10 +49,25 @@ impl Earlier {
         self.fingerprint.as_ref().is_some_and(|then| stored(then) != stored(now))
     }
 
-    /// Whether all frames up to `last` are there, and the caches with them.
+    /// Whether it has come far enough for anything to depend on what it was: a delivered frame or a checkpoint.
+    pub(super) fn has_begun(&self, folder: &Path) -> bool {
+        self.last_complete_frame().is_some() || store::list(folder).is_ok_and(|checkpoints| !checkpoints.is_empty())
+    }
+
+    /// Whether all frames up to `last` are there, the caches with them, and the checkpoint from which more could follow.
     pub(super) fn has_all(&self, folder: &Path, last: i64) -> bool {
+        let ended = |frame: i64| frame > last || frame == last && self.manifest["state"] == "done";
         let files = run_record::listed_files(folder);
-        self.last_complete_frame().is_some_and(|frame| frame >= last) && files.iter().all(|file| file.is_file())
+        self.last_complete_frame().is_some_and(ended) && files.iter().all(|file| file.is_file())
+    }
+
+    /// Says in the manifest that only the frames up to `delivered` count: what follows is about to be taken back.
+    pub(super) fn take_back(&self, folder: &Path, delivered: Option<i64>) -> Result<(), IoError> {
+        let mut manifest = self.manifest.clone();
+        manifest["state"] = "running".into();
+        manifest["last_complete_frame"] = delivered.into();
+        let text = format!("{manifest:#}\n");
+        atomic_file::replace(&folder.join(MANIFEST), text.as_bytes())
     }
 }
 
@@ -80,15 +96,20 @@ pub(super) fn stale(folder: &Path, attempt: u32) -> PathBuf {
     folder.join(STALE).join(format!("attempt_{attempt:03}"))
 }
 
-/// Moves files into `stale`, or copies them if they are `kept`.
-pub(super) fn set_aside(files: &[PathBuf], stale: &Path, kept: bool) -> Result<(), IoError> {
+/// Copies files into `stale`, each whole or not at all.
+pub(super) fn set_aside(files: &[PathBuf], stale: &Path) -> Result<(), IoError> {
     if !files.is_empty() {
         fs::create_dir_all(stale).map_err(|e| IoError::creating(stale, e))?;
     }
     for file in files {
         let to = stale.join(file.file_name().unwrap_or_default());
-        let done = if kept { fs::copy(file, &to).map(|_| ()) } else { fs::rename(file, &to) };
-        done.map_err(|e| IoError::writing(&to, e))?;
+        let part = stale.join(".part");
+        let copied = fs::copy(file, &part).and_then(|_| fs::rename(&part, &to));
+        if copied.is_err() {
+            // What is left of it would only take room.
+            let _ = fs::remove_file(&part);
+        }
+        copied.map_err(|e| IoError::writing(&to, e))?;
     }
     Ok(())
 }

@@ -15,7 +15,9 @@ use crate::error::IoError;
 use crate::farm::digest::Fingerprint;
 use crate::farm::stop::Reason;
 use crate::formats::{self, CreateCache, ResumeCache};
-use crate::run_record::{self, AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment, RESOLVED, RunRecord};
+use crate::run_record::{
+    self, AttemptRecord, MANIFEST, Manifest, ManifestCheckpoint, ManifestGarment, RESOLVED, RunRecord,
+};
 use crate::shot::folder::{files_of_run, write_fingerprint};
 use crate::shot::quality::CROSSINGS_WRITTEN;
 use crate::shot::rewritten::NewForm;
@@ -72,12 +74,14 @@ impl Output {
     pub(super) fn create(shot: &Shot, start: Start<'_>) -> Result<Self, IoError> {
         let folder = start.options.out.clone();
         let planned = planned(shot, &folder);
-        for path in files_of_run(&folder, &paths(&planned)) {
-            fs::remove_file(&path).map_err(|e| IoError::creating(&path, e))?;
-        }
+        let old = files_of_run(&folder, &paths(&planned));
         // First of all: a folder with a manifest holds a run, which may be started again.
         let manifest = manifest(shot, start.options, &planned, start.attempts);
         manifest.write(&folder)?;
+        let its_manifest = folder.join(MANIFEST);
+        for path in old.iter().filter(|path| **path != its_manifest) {
+            fs::remove_file(path).map_err(|e| IoError::creating(path, e))?;
+        }
         describe(shot, start.fingerprint, &folder)?;
         let mut record = RunRecord::create(&folder)?;
         record.line(&shot.header(start.options.threads))?;

@@ -21,8 +21,16 @@ pub(super) fn fingerprint(shot: &Shot) -> Result<Fingerprint, IoError> {
 }
 
 /// What has changed since the earlier run that may not change; what may is said with `note`.
-pub(super) fn changes(earlier: &Earlier, now: &Fingerprint, note: &mut dyn FnMut(String)) -> Vec<String> {
+pub(super) fn changes(
+    earlier: &Earlier,
+    folder: &Path,
+    now: &Fingerprint,
+    note: &mut dyn FnMut(String),
+) -> Vec<String> {
     let Some(before) = &earlier.fingerprint else {
+        if !earlier.has_begun(folder) {
+            return Vec::new();
+        }
         return vec![
             "what the earlier run depended on is not known: fingerprint.json is missing or damaged".to_owned(),
         ];
@@ -117,6 +125,8 @@ pub(super) fn restore(shot: &Shot, found: &Loaded) -> Result<Simulation, ShotErr
 
 /// Sets aside what comes after the state that a run goes on from: copies of caches and record, and later checkpoints.
 /// Returns whether there was anything.
+///
+/// At every moment in between, a run that is started again finds either all as it was or that it has to go back.
 pub(super) fn set_aside_after(
     shot: &Shot,
     folder: &Path,
@@ -128,7 +138,8 @@ pub(super) fn set_aside_after(
     let delivered = found.and_then(|found| found.checkpoint.head.delivered);
     let has_more = earlier.last_complete_frame() > delivered;
     if has_more {
-        set_aside(&files_of_run(folder, &planned_files(shot, folder)), &stale, found.is_some())?;
+        set_aside(&files_of_run(folder, &planned_files(shot, folder)), &stale)?;
+        earlier.take_back(folder, delivered)?;
     }
     let (frame, sub_step) = match found {
         Some(found) => (found.checkpoint.head.frame, found.checkpoint.head.sub_step),

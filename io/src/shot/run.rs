@@ -188,7 +188,9 @@ impl Shot {
         let fingerprint = resume::fingerprint(&self)?;
         let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
         let note = &mut |text| observer.note(text);
-        let changed = earlier.as_ref().map_or_else(Vec::new, |earlier| resume::changes(earlier, &fingerprint, note));
+        let changed = earlier
+            .as_ref()
+            .map_or_else(Vec::new, |earlier| resume::changes(earlier, &options.out, &fingerprint, note));
         let forbidden = !changed.is_empty() && !options.with_changes && !matches!(options.resume, Resume::Never);
         if forbidden {
             return Err(ShotError::Changed { folder: options.out.clone(), changes: changed });
@@ -391,7 +393,7 @@ impl<'a> Run<'a> {
         if !is_preroll {
             self.output.write_frame(frame, &self.shot.simulation, &mut spent)?;
         }
-        let taken: f64 = spent.stages().iter().map(|stage| stage.seconds).sum();
+        let taken = spent.stages().iter().fold(0.0, |sum, stage| sum + stage.seconds);
         let totals = &mut self.totals;
         totals.seconds += taken;
         totals.metrics.add(&spent);

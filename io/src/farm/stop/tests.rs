@@ -52,12 +52,13 @@ fn a_run_leaves_two_checkpoints_and_a_frame_before_its_time_is_over() {
     requests.deadline(Reason::MaxWall, at(36_000.0), at(0.0));
     [30.0, 40.0, 20.0].iter().for_each(|seconds| requests.note_frame(*seconds));
     [5.0, 8.0, 6.0].iter().for_each(|seconds| requests.note_checkpoint(*seconds));
-    assert_eq!(requests.needed_notice(), 2.0 * 8.0 + 40.0);
+    let notice = requests.notice(at(1000.0)).unwrap();
+    assert_eq!((notice.reason, notice.needed, notice.left), (Reason::MaxWall, 2.0 * 8.0 + 40.0, 35_000.0));
     assert_eq!(requests.poll(at(36_000.0 - 56.1)), None);
     assert_eq!(requests.poll(at(36_000.0 - 56.0)), Some(Request::Stop(Reason::MaxWall)));
     // Ten frames later the long one no longer counts; the slow checkpoint does.
     (0..10).for_each(|_| requests.note_frame(1.0));
-    assert_eq!(requests.needed_notice(), 2.0 * 8.0 + 1.0);
+    assert_eq!(requests.notice(at(0.0)).unwrap().needed, 2.0 * 8.0 + 1.0);
 }
 
 #[test]
@@ -79,7 +80,10 @@ fn the_earliest_deadline_counts() {
     requests.deadline(Reason::StopAt, at(500.0), at(0.0));
     requests.deadline(Reason::JobEnd, at(400.0), at(0.0));
     requests.deadline(Reason::MaxWall, at(900.0), at(0.0));
-    assert_eq!(requests.next_deadline(), Some((Reason::JobEnd, at(400.0))));
+    assert_eq!(StopRequests::default().notice(at(0.0)), None);
+    // Nothing is measured yet: the least reserve.
+    let notice = Notice { reason: Reason::JobEnd, needed: 10.0, left: 300.0, knows_checkpoints: false };
+    assert_eq!(requests.notice(at(100.0)), Some(notice));
     assert_eq!(requests.poll(at(100.0)), None);
     assert_eq!(requests.poll(at(1000.0)), Some(Request::Stop(Reason::JobEnd)));
     let late = StopRequests::default();

@@ -73,6 +73,9 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Off
     let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;
     let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
     let positions = growing::<f32>(&file, "positions", &[frames, points, 3])?;
+    // What goes wrong while a file is dropped is not heard of.
+    file.flush()?;
+    file.close()?;
     Ok(Offsets { positions, velocities, crossings, committed })
 }
 

@@ -1,0 +1,97 @@
+//! How a run would be made, and who says so.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use clap::ValueEnum;
+use drapery_io::checkpoint::Every;
+use drapery_io::shot::Shot;
+use serde_json::{Value, json};
+
+use crate::args::PlanArgs;
+use crate::config::{Chosen, DEFAULT, Limit, RunSettings, SITE_FILE, Surroundings};
+use crate::plan;
+use crate::progress::duration;
+
+/// One thing that is not of the scene: what it is, its value, and who said it.
+pub(super) struct Said {
+    pub(super) what: &'static str,
+    pub(super) value: Value,
+    pub(super) text: String,
+    pub(super) source: &'static str,
+}
+
+impl Said {
+    fn new(what: &'static str, value: Value, source: &'static str) -> Self {
+        let text = match &value {
+            Value::String(text) => text.clone(),
+            Value::Null => "none".to_owned(),
+            Value::Array(items) if items.is_empty() => "none".to_owned(),
+            other => other.to_string(),
+        };
+        Self { what, value, text, source }
+    }
+}
+
+/// Everything, in the order in which it is shown.
+pub(super) fn all(
+    args: &PlanArgs,
+    around: &Surroundings,
+    settings: &RunSettings,
+    (shot, threads): (&Shot, &Chosen<usize>),
+) -> Vec<Said> {
+    let out = match &args.settings.out {
+        Some(out) => Said::new("out", json!(out), "--out"),
+        None => Said::new("out", json!(plan::default_folder(shot)), DEFAULT),
+    };
+    let config = match &around.site_path {
+        Some(path) => Said::new("config", json!(path.value), path.source),
+        None => Said::new("config", Value::Null, DEFAULT),
+    };
+    let RunSettings { progress, resumable_exit_code: code, on_term, checkpoint_every: every, keep, limits } = settings;
+    let mut all = vec![
+        out,
+        config,
+        Said::new("threads", json!(threads.value), threads.source),
+        Said::new("progress", word(progress.value), progress.source),
+        Said::new("resumable_exit_code", json!(code.value), code.source),
+        Said::new("on_term", word(on_term.value), on_term.source),
+        Said::new("checkpoint_every", json!(every_text(every.value)), every.source),
+        Said::new("keep", json!(keep.value), keep.source),
+    ];
+    all.extend(limits.iter().map(limit));
+    let search = around.search(&args.scene.materials);
+    all.push(Said::new("materials", json!(search.value.materials), search.source));
+    if !search.value.maps.pairs().is_empty() {
+        let maps = search.value.maps.pairs();
+        let text: Vec<String> = maps.iter().map(|(from, to)| format!("{from}/ -> {to}/")).collect();
+        let value: serde_json::Map<String, Value> = maps.iter().map(|(from, to)| (from.clone(), json!(to))).collect();
+        all.push(Said { text: text.join(", "), ..Said::new("paths", value.into(), SITE_FILE) });
+    }
+    all
+}
+
+/// A limit of time: a span in seconds, or seconds since 1970.
+fn limit(limit: &Chosen<Limit>) -> Said {
+    let (what, seconds, text) = match limit.value {
+        Limit::After(time) => ("max_wall", time.as_secs_f64(), duration(time.as_secs_f64())),
+        Limit::At(key, _, at) => {
+            let seconds = at.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
+            let left = at.duration_since(SystemTime::now()).unwrap_or_default().as_secs_f64();
+            (key, seconds, format!("{seconds} (in {})", duration(left)))
+        }
+    };
+    Said { text, ..Said::new(what, json!(seconds), limit.source) }
+}
+
+fn every_text(every: Every) -> String {
+    match every {
+        Every::Auto => "auto".to_owned(),
+        Every::Frames(frames) => format!("{frames}f"),
+        Every::Seconds(seconds) => format!("{seconds}s"),
+    }
+}
+
+/// The word of the command line.
+fn word(value: impl ValueEnum) -> Value {
+    value.to_possible_value().map_or(Value::Null, |word| json!(word.get_name()))
+}

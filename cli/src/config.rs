@@ -1,0 +1,285 @@
+//! What flags, environment and site file say about a run. A flag wins over the environment, that over the site file, and
+//! that over the default; each value remembers who said it.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use clap::ValueEnum;
+use drapery_core::settings::nearest;
+use drapery_io::checkpoint::Every;
+use drapery_io::farm::duration::parse_epoch;
+use drapery_io::farm::stop::{Reason, StopRequests};
+use drapery_io::scene_file::{SceneErrorKind, SearchPaths};
+use drapery_io::shot::run::RunOptions;
+use drapery_io::site_file::SiteFile;
+
+use crate::args::{MaterialsArgs, OnTerm, ProgressStyle, RunSettingsArgs};
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+
+/// Variable that names the site file.
+const CONFIG: &str = "DRAPERY_CONFIG";
+
+/// Variable with folders of material files.
+const MATERIALS: &str = "DRAPERY_MATERIALS";
+
+/// Variable with the mode of progress.
+const PROGRESS: &str = "DRAPERY_PROGRESS";
+
+/// Environment variables that give the number of threads, the first one wins.
+const THREADS: [&str; 4] = ["DRAPERY_THREADS", "OMP_NUM_THREADS", "CUE_THREADS", "SLURM_CPUS_PER_TASK"];
+
+/// Points of time at which a run is to have stopped, from the environment: the variable, its key in a plan, and what a
+/// stop is then called.
+const STOP_TIMES: [(&str, &str, Reason); 2] =
+    [("DRAPERY_STOP_AT", "stop_at", Reason::StopAt), ("SLURM_JOB_END_TIME", "job_end", Reason::JobEnd)];
+
+/// Who has said something that no flag and no variable says.
+pub(crate) const SITE_FILE: &str = "site file";
+pub(crate) const DEFAULT: &str = "default";
+
+/// A value and who said so.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Chosen<T> {
+    pub(crate) value: T,
+    pub(crate) source: &'static str,
+}
+
+impl<T> Chosen<T> {
+    fn new(value: T, source: &'static str) -> Self {
+        Self { value, source }
+    }
+}
+
+/// The first of a flag, a site file's word and a default.
+fn first_of<T>(flag: Option<T>, name: &'static str, site: Option<T>, default: T) -> Chosen<T> {
+    match (flag, site) {
+        (Some(value), _) => Chosen::new(value, name),
+        (None, Some(value)) => Chosen::new(value, SITE_FILE),
+        (None, None) => Chosen::new(default, DEFAULT),
+    }
+}
+
+/// What surrounds the command: the environment and the site file.
+pub(crate) struct Surroundings {
+    variable: fn(&str) -> Option<String>,
+    /// The site file and who named it.
+    pub(crate) site_path: Option<Chosen<PathBuf>>,
+    site: SiteFile,
+}
+
+impl Surroundings {
+    /// Reads the site file that the flag or the environment names.
+    pub(crate) fn find(config: Option<&Path>) -> Result<Self, Failure> {
+        Self::with(config, |name| {
+            let text = std::env::var_os(name)?.to_string_lossy().into_owned();
+            // A variable is often emptied to take it back.
+            Some(text).filter(|text| !text.trim().is_empty())
+        })
+    }
+
+    fn with(config: Option<&Path>, variable: fn(&str) -> Option<String>) -> Result<Self, Failure> {
+        let flag = config.map(|path| Chosen::new(path.to_owned(), "--config"));
+        let site_path = flag.or_else(|| Some(Chosen::new(PathBuf::from(variable(CONFIG)?), CONFIG)));
+        let site = match &site_path {
+            None => SiteFile::default(),
+            Some(Chosen { value: path, source }) => SiteFile::read(path).map_err(|error| match error.kind {
+                SceneErrorKind::Missing => {
+                    Failure::new(ExitCode::MissingInput, format!("the site file of {source}: {error}"))
+                }
+                SceneErrorKind::Scene | SceneErrorKind::Data => Failure::new(ExitCode::Scene, error.to_string()),
+            })?,
+        };
+        Ok(Self { variable, site_path, site })
+    }
+
+    /// Number of threads: flag, environment, site file, cores of the machine.
+    pub(crate) fn threads(&self, flag: Option<u16>) -> Chosen<usize> {
+        if let Some(count) = flag {
+            return Chosen::new(count.into(), "--threads");
+        }
+        for name in THREADS {
+            let Some(text) = (self.variable)(name) else { continue };
+            // OMP_NUM_THREADS may be a list, one number a nesting level.
+            match text.split(',').next().unwrap_or_default().trim().parse() {
+                Ok(count) if count > 0 => return Chosen::new(count, name),
+                _ => tracing::warn!("{name}={text} is not a number of threads and is passed over"),
+            }
+        }
+        let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        self.site.threads.map_or_else(
+            || Chosen::new(cores(), "cores of this machine"),
+            |count| Chosen::new(usize::from(count.get()), SITE_FILE),
+        )
+    }
+
+    /// Where files are found; the source is that of the folders of materials.
+    pub(crate) fn search(&self, flag: &MaterialsArgs) -> Chosen<SearchPaths> {
+        let split = |text: &OsStr| -> Vec<PathBuf> {
+            std::env::split_paths(text).filter(|path| !path.as_os_str().is_empty()).collect()
+        };
+        let folders = match (&flag.materials, (self.variable)(MATERIALS)) {
+            (Some(text), _) => Chosen::new(split(text), "--materials"),
+            (None, Some(text)) => Chosen::new(split(OsStr::new(&text)), MATERIALS),
+            (None, None) => first_of(None, "", Some(self.site.materials.clone()).filter(|m| !m.is_empty()), Vec::new()),
+        };
+        let maps = self.site.paths.clone();
+        Chosen::new(SearchPaths { maps, materials: folders.value }, folders.source)
+    }
+
+    /// A word of the site file.
+    fn site_word<T: ValueEnum>(&self, key: &str, text: Option<&String>) -> Result<Option<T>, Failure> {
+        let path = self.site_path.as_ref().map(|path| path.value.display().to_string()).unwrap_or_default();
+        let read =
+            |text: &String| word(text).map_err(|e| Failure::new(ExitCode::Scene, format!("{path}: `{key}`: {e}")));
+        text.map(read).transpose()
+    }
+}
+
+/// A word of a list, or what is wrong with it.
+fn word<T: ValueEnum>(text: &str) -> Result<T, String> {
+    T::from_str(text, false).map_err(|_| {
+        let names: Vec<String> =
+            T::value_variants().iter().filter_map(|v| Some(v.to_possible_value()?.get_name().to_owned())).collect();
+        let help = match nearest(text, names.iter().map(String::as_str)) {
+            Some(best) => format!("did you mean `{best}`?"),
+            None => format!("use one of {}", names.join(", ")),
+        };
+        format!("unknown word `{text}`\n  help: {help}")
+    })
+}
+
+/// A limit of time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Limit {
+    /// Counted from the start.
+    After(Duration),
+    /// A point of time: its key in a plan, and what a stop is then called.
+    At(&'static str, Reason, SystemTime),
+}
+
+/// How a run is made.
+#[derive(Debug)]
+pub(crate) struct RunSettings {
+    pub(crate) progress: Chosen<ProgressStyle>,
+    pub(crate) resumable_exit_code: Chosen<u8>,
+    pub(crate) on_term: Chosen<OnTerm>,
+    pub(crate) checkpoint_every: Chosen<Every>,
+    pub(crate) keep: Chosen<u16>,
+    /// The earliest counts.
+    pub(crate) limits: Vec<Chosen<Limit>>,
+}
+
+impl RunSettings {
+    /// Of everybody who may say something.
+    pub(crate) fn choose(args: &RunSettingsArgs, around: &Surroundings) -> Result<Self, Failure> {
+        let usage =
+            |name: &str, text: &str, error: String| Failure::new(ExitCode::Usage, format!("{name}={text}: {error}"));
+        let site = &around.site;
+        let mut progress = first_of(
+            args.progress,
+            "--progress",
+            around.site_word("progress", site.progress.as_ref())?,
+            ProgressStyle::Auto,
+        );
+        if let (None, Some(text)) = (args.progress, (around.variable)(PROGRESS)) {
+            progress = Chosen::new(word(&text).map_err(|error| usage(PROGRESS, &text, error))?, PROGRESS);
+        }
+        let mut limits = Vec::new();
+        let max_wall = args.max_wall.map(|time| Chosen::new(time, "--max-wall"));
+        if let Some(Chosen { value, source }) = max_wall.or(site.max_wall.map(|time| Chosen::new(time, SITE_FILE))) {
+            limits.push(Chosen::new(Limit::After(value), source));
+        }
+        for (name, key, reason) in STOP_TIMES {
+            if let Some(text) = (around.variable)(name) {
+                let at = parse_epoch(&text).map_err(|error| usage(name, &text, error.to_string()))?;
+                limits.push(Chosen::new(Limit::At(key, reason, at), name));
+            }
+        }
+        let on_term = around.site_word("on_term", site.on_term.as_ref())?;
+        let (code, keep) = (site.resumable_exit_code, site.keep.map(std::num::NonZero::get));
+        Ok(Self {
+            progress,
+            resumable_exit_code: first_of(
+                args.resumable_exit_code,
+                "--resumable-exit-code",
+                code,
+                ExitCode::Stopped as u8,
+            ),
+            on_term: first_of(args.on_term, "--on-term", on_term, OnTerm::Exit),
+            checkpoint_every: first_of(args.checkpoint_every, "--checkpoint-every", site.checkpoint_every, Every::Auto),
+            keep: first_of(args.keep, "--keep", keep, RunOptions::KEEP as u16),
+            limits,
+        })
+    }
+
+    /// The requests to stop that are known from the start.
+    pub(crate) fn requests(&self) -> StopRequests {
+        let (requests, now) = (StopRequests::default(), SystemTime::now());
+        for limit in &self.limits {
+            match limit.value {
+                Limit::After(time) => requests.deadline(Reason::MaxWall, now + time, now),
+                Limit::At(_, reason, at) => requests.deadline(reason, at, now),
+            }
+        }
+        requests
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Surroundings with a site file in a folder that is kept beside them.
+    fn around(site: &str, variable: fn(&str) -> Option<String>) -> (Surroundings, tempfile::TempDir) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("site.toml");
+        std::fs::write(&path, site).unwrap();
+        (Surroundings::with(Some(&path), variable).unwrap(), folder)
+    }
+
+    fn nothing(_: &str) -> Option<String> {
+        None
+    }
+
+    #[test]
+    fn the_flag_wins_over_the_environment_that_over_the_site_file_and_that_over_the_default() {
+        let set = |name: &str| match name {
+            "OMP_NUM_THREADS" => Some("3,2".to_owned()),
+            "CUE_THREADS" => Some("7".to_owned()),
+            "DRAPERY_PROGRESS" => Some("tr".to_owned()),
+            _ => None,
+        };
+        let (all, _kept) = around("threads = 9\nprogress = \"alf\"\nkeep = 7", set);
+        assert_eq!(all.threads(Some(5)), Chosen::new(5, "--threads"));
+        assert_eq!(all.threads(None), Chosen::new(3, "OMP_NUM_THREADS"));
+        let flags = RunSettingsArgs { progress: Some(ProgressStyle::Json), keep: Some(2), ..Default::default() };
+        let chosen = RunSettings::choose(&flags, &all).unwrap();
+        assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Json, "--progress"));
+        assert_eq!(chosen.keep, Chosen::new(2, "--keep"));
+        let chosen = RunSettings::choose(&RunSettingsArgs::default(), &all).unwrap();
+        assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Tr, "DRAPERY_PROGRESS"));
+        assert_eq!(chosen.keep, Chosen::new(7, SITE_FILE));
+        assert_eq!(chosen.resumable_exit_code, Chosen::new(75, DEFAULT));
+        let (site, _kept) = around("threads = 9\nprogress = \"alf\"", nothing);
+        assert_eq!(site.threads(None), Chosen::new(9, SITE_FILE));
+        let chosen = RunSettings::choose(&RunSettingsArgs::default(), &site).unwrap();
+        assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Alf, SITE_FILE));
+        let broken = |name: &str| (name == "DRAPERY_THREADS").then(|| "many".to_owned());
+        assert_eq!(around("", broken).0.threads(None).source, "cores of this machine");
+    }
+
+    #[test]
+    fn limits_of_time_are_all_kept_and_the_earliest_counts() {
+        let set = |name: &str| (name == "SLURM_JOB_END_TIME").then(|| "9999999999".to_owned());
+        let (around, _kept) = around("max_wall = \"1h\"", set);
+        let chosen = RunSettings::choose(&RunSettingsArgs::default(), &around).unwrap();
+        let sources: Vec<_> = chosen.limits.iter().map(|limit| limit.source).collect();
+        assert_eq!(sources, [SITE_FILE, "SLURM_JOB_END_TIME"]);
+        assert_eq!(chosen.requests().notice(SystemTime::now()).map(|n| n.reason), Some(Reason::MaxWall));
+        let flag = RunSettingsArgs { max_wall: Some(Duration::from_secs(60)), ..Default::default() };
+        let chosen = RunSettings::choose(&flag, &around).unwrap();
+        assert_eq!(chosen.limits[0], Chosen::new(Limit::After(Duration::from_secs(60)), "--max-wall"));
+    }
+}
