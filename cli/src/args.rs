@@ -77,8 +77,8 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
-    /// Number of threads [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK, the site file, or
-    /// all cores]
+    /// Number of threads [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK, the site file,
+    /// or all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
     #[command(flatten)]
@@ -99,11 +99,12 @@ pub(crate) struct RunSettingsArgs {
     /// Folder for the caches and the record of the run [default: out/<shot name>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Write a checkpoint and stop in time before this much time has passed, for example 11h50m [default: the site file]
+    /// Write a checkpoint and stop in time before this much time has passed, for example 11h50m [default: the site
+    /// file]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub(crate) max_wall: Option<Duration>,
-    /// How often checkpoints are written: every so many frames (10f), every so much time (15m), or `auto`; never so often
-    /// that they take more than a twentieth of the time [default: the site file, or auto]
+    /// How often checkpoints are written: every so many frames (10f), every so much time (15m), or `auto`; never so
+    /// often that they take more than a twentieth of the time [default: the site file, or auto]
     #[arg(long, value_name = "N")]
     pub(crate) checkpoint_every: Option<Every>,
     /// How many of the last checkpoints are kept [default: the site file, or 3]

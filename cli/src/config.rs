@@ -1,5 +1,5 @@
-//! What flags, environment and site file say about a run. A flag wins over the environment, that over the site file, and
-//! that over the default; each value remembers who said it.
+//! What flags, environment and site file say about a run. A flag wins over the environment, that over the site file,
+//! and that over the default; each value remembers who said it.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

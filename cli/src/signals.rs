@@ -1,6 +1,6 @@
-//! Signals with which schedulers and people ask a run to stop. The program does not die of them, and does not send them on
-//! to itself: farm software takes death by a signal for the wish of a person, and does not start the job again. Where a
-//! site wants just that (`--on-term signal`), it ends by SIGTERM once everything is on the disk.
+//! Signals with which schedulers and people ask a run to stop. The program does not die of them, and does not send them
+//! on to itself: farm software takes death by a signal for the wish of a person, and does not start the job again. Where
+//! a site wants just that (`--on-term signal`), it ends by SIGTERM once everything is on the disk.
 
 use std::time::SystemTime;
 

@@ -257,22 +257,6 @@ pub fn counts(metrics: &Metrics) -> Value {
     metrics.counts().iter().map(|(name, amount)| (name.to_string(), Value::from(*amount))).collect()
 }
 
-/// The inverse of [`stages`] and [`counts`]; what is not of that form is left out.
-pub fn metrics_of(stages: &Value, counts: &Value) -> Metrics {
-    let mut metrics = Metrics::default();
-    for stage in stages.as_array().into_iter().flatten() {
-        if let (Some(name), Some(seconds), Some(calls)) =
-            (stage["stage"].as_str(), stage["seconds"].as_f64(), stage["calls"].as_u64())
-        {
-            metrics.add_time(name.to_owned().into(), seconds, calls);
-        }
-    }
-    for (name, amount) in counts.as_object().into_iter().flatten() {
-        metrics.add_count(name.clone().into(), amount.as_u64().unwrap_or(0));
-    }
-    metrics
-}
-
 /// A count of every frame in a record; frames that a resumed run came to again count the last time.
 pub fn frame_counts(record: &Path, name: &str) -> BTreeMap<i64, u64> {
     let text = std::fs::read_to_string(record).unwrap_or_default();

@@ -250,23 +250,33 @@ def readers(out):
             yield path, read_json
 
 
-def identity(path):
-    return path.stat().st_ino if path.exists() else None
+def is_still(path, held):
+    """Whether the name still stands for the file that is held open, so that its number cannot be given to another."""
+    try:
+        return path.stat().st_ino == os.fstat(held.fileno()).st_ino
+    except FileNotFoundError:
+        return False
 
 
 def look(out):
     answer = {}
     for path, read in readers(out):
-        name, before = str(path.relative_to(out)), None
+        name = str(path.relative_to(out))
         # Checkpoints are pruned and caches set aside while somebody looks: what is another file now is looked at again.
-        while before != (before := identity(path)) and before is not None:
+        while True:
             try:
-                answer[name] = read(path)
+                held = path.open("rb")
+            except FileNotFoundError:
+                answer.pop(name, None)
                 break
-            except Exception as error:  # whatever goes wrong in a reader is what the test wants to hear
-                answer[name] = f"{type(error).__name__}: {error}"
-        if before is None:
-            answer.pop(name, None)
+            with held:
+                try:
+                    answer[name] = read(path)
+                    break
+                except Exception as error:  # whatever goes wrong in a reader is what the test wants to hear
+                    answer[name] = f"{type(error).__name__}: {error}"
+                    if is_still(path, held):
+                        break
     return answer
 
 

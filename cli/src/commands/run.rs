@@ -160,7 +160,7 @@ struct Watcher<'a> {
 }
 
 impl Watcher<'_> {
-    /// Says how much time there is before the run has to end: at the start, and once it is known what a checkpoint takes.
+    /// Says how much time there is before the run has to end: at the start, and once a checkpoint was measured.
     fn tell_notice(&mut self, at_start: bool) {
         let notice = self.requests.notice(SystemTime::now());
         let Some(notice) = notice.filter(|notice| at_start || (notice.knows_checkpoints && !self.told)) else { return };

@@ -14,6 +14,9 @@ use crate::run_record::{self, AttemptRecord, FINGERPRINT, MANIFEST, RECORD, RESO
 /// Folder inside that of a run for what a resumed run does not go on from.
 const STALE: &str = "stale";
 
+/// Name of a copy that is not whole yet.
+const UNFINISHED: &str = ".part";
+
 /// Key of the scene that says whether caches hold velocities.
 const VELOCITIES: &str = "output.velocities";
 
@@ -96,6 +99,15 @@ pub(super) fn stale(folder: &Path, attempt: u32) -> PathBuf {
     folder.join(STALE).join(format!("attempt_{attempt:03}"))
 }
 
+/// Removes what a killed attempt left unfinished among what it set aside.
+pub(super) fn clear_unfinished(folder: &Path) -> Result<(), IoError> {
+    let attempts = fs::read_dir(folder.join(STALE)).into_iter().flatten().flatten();
+    for part in attempts.map(|attempt| attempt.path().join(UNFINISHED)).filter(|part| part.exists()) {
+        fs::remove_file(&part).map_err(|e| IoError::writing(&part, e))?;
+    }
+    Ok(())
+}
+
 /// Copies files into `stale`, each whole or not at all.
 pub(super) fn set_aside(files: &[PathBuf], stale: &Path) -> Result<(), IoError> {
     if !files.is_empty() {
@@ -103,7 +115,7 @@ pub(super) fn set_aside(files: &[PathBuf], stale: &Path) -> Result<(), IoError> 
     }
     for file in files {
         let to = stale.join(file.file_name().unwrap_or_default());
-        let part = stale.join(".part");
+        let part = stale.join(UNFINISHED);
         let copied = fs::copy(file, &part).and_then(|_| fs::rename(&part, &to));
         if copied.is_err() {
             // What is left of it would only take room.

@@ -107,8 +107,8 @@ impl Output {
                 (own, Some(last)) => {
                     // Its own file first: a cache of another format may have been left out for a while.
                     let stem = cache.path.file_stem();
-                    let others = marks.iter().filter(|mark| Path::new(&mark.file).file_stem() == stem);
-                    let source = own.or(others.last()).map(|mark| folder.join(&mark.file));
+                    let other = marks.iter().rfind(|mark| Path::new(&mark.file).file_stem() == stem);
+                    let source = own.or(other).map(|mark| folder.join(&mark.file));
                     let source = source.unwrap_or_else(|| cache.path.clone());
                     let open = (cache.create, cache.resume);
                     NewForm { path: &cache.path, plan, open }.write(&source, last)

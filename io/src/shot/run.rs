@@ -19,7 +19,7 @@ use crate::farm::lock::RunLock;
 use crate::farm::process::Owner;
 use crate::farm::stop::{Reason, Request, StopRequests};
 use crate::run_record::{self, AttemptRecord};
-use crate::shot::folder::Earlier;
+use crate::shot::folder::{self, Earlier};
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
 use crate::shot::quality::{self, Exceeded};
 use crate::shot::resume;
@@ -187,10 +187,10 @@ impl Shot {
         refuse_inputs(&self, &planned_files(&self, &options.out))?;
         let fingerprint = resume::fingerprint(&self)?;
         let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
-        let note = &mut |text| observer.note(text);
-        let changed = earlier
-            .as_ref()
-            .map_or_else(Vec::new, |earlier| resume::changes(earlier, &options.out, &fingerprint, note));
+        let (mut notes, mut changed) = (Vec::new(), Vec::new());
+        if let Some(earlier) = &earlier {
+            changed = resume::changes(earlier, &options.out, &fingerprint, &mut |text| notes.push(text));
+        }
         let forbidden = !changed.is_empty() && !options.with_changes && !matches!(options.resume, Resume::Never);
         if forbidden {
             return Err(ShotError::Changed { folder: options.out.clone(), changes: changed });
@@ -199,7 +199,7 @@ impl Shot {
         if changed.is_empty() && resume::is_complete(&self, options, earlier.as_ref(), &fingerprint) {
             return Ok(self.nothing_to_do(options));
         }
-        let mut run = Run::prepare(self, options, fingerprint, changed, observer)?;
+        let mut run = Run::prepare(self, options, fingerprint, (changed, notes), observer)?;
         match run.frames(observer) {
             Ok(outcome) => run.end(outcome),
             Err(error) => {
@@ -257,33 +257,35 @@ impl<'a> Run<'a> {
         mut shot: Shot,
         options: &'a RunOptions,
         fingerprint: Fingerprint,
-        changes: Vec<String>,
+        (changes, notes): (Vec<String>, Vec<String>),
         observer: &mut dyn Observer,
     ) -> Result<Self, ShotError> {
-        let folder = &options.out;
+        let out = &options.out;
         let owner = Owner::this_process();
-        let lock = RunLock::take(folder, &owner, options.steal_lock, SystemTime::now())?;
-        let attempt = Attempt::next(folder)?;
+        let lock = RunLock::take(out, &owner, options.steal_lock, SystemTime::now())?;
+        let attempt = Attempt::next(out)?;
         observer.logs(attempt.open()?);
+        notes.into_iter().for_each(|note| observer.note(note));
         if let Some(former) = lock.former() {
             observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
         }
-        for name in options.requests.watch_folder(folder)? {
+        for name in options.requests.watch_folder(out)? {
             observer.note(format!("control/{name} was asked of an earlier attempt and is removed"));
         }
-        let store = Store::open(folder, options.keep, &options.pinned)?;
+        let store = Store::open(out, options.keep, &options.pinned)?;
         if options.overwrite {
             store.remove_all()?;
         }
+        folder::clear_unfinished(out)?;
         // Read again under the lock: another run may have gone on in the meantime.
-        let earlier = Earlier::read(folder).filter(|_| !options.overwrite);
+        let earlier = Earlier::read(out).filter(|_| !options.overwrite);
         let note = &mut |text| observer.note(text);
         let found = resume::decide(&shot, options, (earlier.as_ref(), &fingerprint), &store, note)?;
         if let Some(found) = &found {
             shot.simulation = resume::restore(&shot, found)?;
         }
         if let Some(earlier) = &earlier
-            && resume::set_aside_after(&shot, folder, earlier, found.as_ref(), (&store, attempt.number))?
+            && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
         {
             observer.note("what is simulated again was set aside in the folder `stale`".to_owned());
         }

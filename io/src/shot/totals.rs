@@ -5,7 +5,6 @@ use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
 use serde_json::{Value, json};
 
-use crate::run_record::{counts, metrics_of, stages};
 use crate::shot::quality::{Exceeded, LIMITS};
 
 /// Sums over the frames that are done, and what was done since the last one.
@@ -80,12 +79,27 @@ impl Totals {
     }
 }
 
+/// Lists: an object would not keep the order in which the table at the end shows them.
 fn metrics_json(metrics: &Metrics) -> Value {
-    json!({"stages": stages(metrics), "counts": counts(metrics)})
+    let stages = metrics.stages().iter().map(|stage| json!([stage.name, stage.seconds, stage.calls]));
+    let counts = metrics.counts().iter().map(|(name, amount)| json!([name, amount]));
+    json!({"stages": stages.collect::<Vec<_>>(), "counts": counts.collect::<Vec<_>>()})
 }
 
+/// The inverse; what is not of that form is left out.
 fn metrics_from(value: &Value) -> Metrics {
-    metrics_of(&value["stages"], &value["counts"])
+    let mut metrics = Metrics::default();
+    for stage in value["stages"].as_array().into_iter().flatten() {
+        if let (Some(name), Some(seconds), Some(calls)) = (stage[0].as_str(), stage[1].as_f64(), stage[2].as_u64()) {
+            metrics.add_time(name.to_owned().into(), seconds, calls);
+        }
+    }
+    for count in value["counts"].as_array().into_iter().flatten() {
+        if let (Some(name), Some(amount)) = (count[0].as_str(), count[1].as_u64()) {
+            metrics.add_count(name.to_owned().into(), amount);
+        }
+    }
+    metrics
 }
 
 #[cfg(test)]
