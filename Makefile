@@ -31,8 +31,8 @@ test: build ## Rust tests, then the outside judges (Alembic's own reader, Blende
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle
 
 .PHONY: test-full
-test-full: build ## the suites too long for CI; writes docs/test-full.md
-	@.ci/test-full
+test-full: build ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
+	@.ci/test-full "$(ONLY)"
 
 .PHONY: bench
 bench: setup ## benches of the solver's parts
