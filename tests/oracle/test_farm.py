@@ -19,7 +19,7 @@ from slurm_stand_in import NOTICE, Slurm, frame_of, make_foreign, wait_for_frame
 FARM = ROOT / "docs" / "farm"
 SCENE = ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml"
 FIRST, LAST = 1001, 1030
-RESOLUTION = 40
+RESOLUTION, SLOW = 40, 70
 ARGUMENTS = [str(SCENE), "--frames", f"{FIRST}-{LAST}", "--set", f"resolution={RESOLUTION}"]
 PLAIN = FARM / "plain.sh"
 
@@ -52,8 +52,8 @@ def attempts(out):
     return json.loads((out / "manifest.json").read_text())["attempts"]
 
 
-def start_plain(out, *arguments):
-    return subprocess.Popen(["bash", str(PLAIN), str(out), *ARGUMENTS, "--progress", "none", *arguments],
+def start_plain(out, *arguments, shot=ARGUMENTS):
+    return subprocess.Popen(["bash", str(PLAIN), str(out), *shot, "--progress", "none", *arguments],
                             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True)
 
 
@@ -65,19 +65,21 @@ def test_the_plain_script_starts_attempts_until_the_shot_is_done(whole, tmp_path
     assert_same(out, whole)
 
 
-def test_the_plain_script_passes_signals_on_and_ends_when_it_is_told(whole, tmp_path):
-    out = tmp_path / "out"
-    script = start_plain(out)
-    wait_for_frame(out, FIRST + 5, script)
+def test_the_plain_script_passes_signals_on_and_ends_when_it_is_told(run_scene, tmp_path):
+    # Slow enough that the file `stop`, which is looked for once a second, is found before the last frame.
+    whole = run_scene("sample_assets/scenes/hanging_sheet.toml", f"{FIRST}-{LAST}", resolution=SLOW)
+    out, shot = tmp_path / "out", [*ARGUMENTS[:-1], f"resolution={SLOW}"]
+    script = start_plain(out, shot=shot)
+    wait_for_frame(out, FIRST + 2, script)
     script.send_signal(signal.SIGTERM)
     assert script.wait(NOTICE) == 75
-    script = start_plain(out)
-    wait_for_frame(out, frame_of(out) + 4, script)
+    script = start_plain(out, shot=shot)
+    wait_for_frame(out, frame_of(out) + 2, script)
     assert drapery("stop", out).returncode == 0
     code = script.wait(NOTICE)
     assert [attempt["end"] for attempt in attempts(out)] == ["signal TERM", "control/stop"]
     assert code == 75
-    assert start_plain(out).wait(NOTICE) == 0
+    assert start_plain(out, shot=shot).wait(NOTICE) == 0
     assert_same(out, whole)
 
 
