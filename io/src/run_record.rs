@@ -1,6 +1,7 @@
 //! What a run leaves beside its caches: `manifest.json` (what is there, replaced as a whole after every frame) and
 //! `run.jsonl` (one line a frame with everything that was measured).
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -31,7 +32,10 @@ pub const RESOLVED: &str = "resolved.toml";
 pub const FINGERPRINT: &str = "fingerprint.json";
 
 /// What a folder of output holds, for programs that pick it up.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+///
+/// What a folder of an older program does not say is empty.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Manifest {
     /// Program and version.
     pub application: String,
@@ -40,7 +44,7 @@ pub struct Manifest {
     /// Scene file.
     pub scene: String,
     /// `running`, `stopped`, `done` or `failed`.
-    pub state: &'static str,
+    pub state: Cow<'static, str>,
     /// Why it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
@@ -61,7 +65,7 @@ pub struct Manifest {
     /// Number of threads.
     pub threads: usize,
     /// The command line that continues the run.
-    pub command: String,
+    pub command: Option<String>,
     /// The last good checkpoint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checkpoint: Option<ManifestCheckpoint>,
@@ -70,7 +74,8 @@ pub struct Manifest {
 }
 
 /// The last good checkpoint.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ManifestCheckpoint {
     /// The file, relative to the folder.
     pub file: String,
@@ -82,6 +87,7 @@ pub struct ManifestCheckpoint {
 
 /// One start of the run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct AttemptRecord {
     /// Its number, that of its logs.
     pub attempt: u32,
@@ -106,7 +112,8 @@ pub struct AttemptRecord {
 }
 
 /// The caches of one garment.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ManifestGarment {
     /// Name of the garment.
     pub name: String,

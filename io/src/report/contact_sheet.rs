@@ -8,6 +8,7 @@ use super::folder::RunFolder;
 use super::raster::{Picture, Surface, View, render};
 use super::text::escape;
 use crate::cache_frames::CacheFrames;
+use crate::run_record::ManifestGarment;
 
 mod base64;
 
@@ -70,7 +71,7 @@ pub(super) fn sheet(folder: &RunFolder) -> String {
 /// The first cache of each garment that can be read.
 fn garments(folder: &RunFolder) -> Vec<Garment> {
     let listed = folder.manifest.garments.iter().zip(GARMENTS.iter().cycle());
-    let open = |(garment, colour): (&super::folder::GarmentText, &[f64; 3])| {
+    let open = |(garment, colour): (&ManifestGarment, &[f64; 3])| {
         let paths = garment.files.iter().filter_map(|name| folder.cache(name));
         let cache = paths.filter_map(|path| CacheFrames::open(&path).ok()).next()?;
         Some(Garment { cache, colour: *colour })

@@ -4,11 +4,9 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
-
 use super::record::Record;
 use crate::error::IoError;
-use crate::run_record::{MANIFEST, RECORD};
+use crate::run_record::{MANIFEST, Manifest, RECORD};
 
 /// What a run folder tells.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -16,93 +14,9 @@ pub struct RunFolder {
     /// The folder.
     pub path: PathBuf,
     /// What is there.
-    pub manifest: ManifestText,
+    pub manifest: Manifest,
     /// What was measured.
     pub record: Record,
-}
-
-/// The manifest, as far as readers of it need it.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(default)]
-pub struct ManifestText {
-    /// Program and version.
-    pub application: String,
-    /// Name of the shot.
-    pub shot: String,
-    /// Scene file.
-    pub scene: String,
-    /// `running`, `stopped`, `done` or `failed`.
-    pub state: String,
-    /// Why it failed.
-    pub error: Option<String>,
-    /// First frame that is delivered.
-    pub first_frame: i64,
-    /// Last frame that is delivered.
-    pub last_frame: i64,
-    /// Last frame that is complete in every cache.
-    pub last_complete_frame: Option<i64>,
-    /// Frames per second as a fraction.
-    pub fps: String,
-    /// Unit of length of the caches.
-    pub length_unit: String,
-    /// Up axis of the caches.
-    pub up_axis: String,
-    /// Garments and their caches.
-    pub garments: Vec<GarmentText>,
-    /// Number of threads.
-    pub threads: u64,
-    /// Processes that worked on the shot, one after the other.
-    pub attempts: Vec<AttemptText>,
-    /// Last good checkpoint.
-    pub checkpoint: Option<CheckpointText>,
-    /// Command line that goes on with the run.
-    pub command: Option<String>,
-}
-
-/// A garment of the manifest.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(default)]
-pub struct GarmentText {
-    /// Its name.
-    pub name: String,
-    /// Number of points.
-    pub points: u64,
-    /// Its caches.
-    pub files: Vec<String>,
-}
-
-/// A process that worked on the shot.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(default)]
-pub struct AttemptText {
-    /// Number, from 1.
-    pub attempt: u64,
-    /// Machine.
-    pub host: String,
-    /// Process number.
-    pub pid: u64,
-    /// Number of threads.
-    pub threads: u64,
-    /// First frame that it computed.
-    pub first_frame: Option<i64>,
-    /// Last frame that it completed.
-    pub last_frame: Option<i64>,
-    /// How long it worked [s].
-    pub seconds: f64,
-    /// How it ended; empty while it works, or when it was killed.
-    pub end: Option<String>,
-}
-
-/// The last good checkpoint.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize, serde::Serialize)]
-#[serde(default)]
-pub struct CheckpointText {
-    /// Its file, relative to the folder.
-    pub file: String,
-    /// Last frame that it has reached.
-    pub frame: i64,
-    /// Collision steps since that frame.
-    pub sub_step: u64,
 }
 
 impl RunFolder {

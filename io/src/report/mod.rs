@@ -75,7 +75,7 @@ fn header(run: &RunFolder, title: &str) -> String {
     let garments: Vec<String> = manifest
         .garments
         .iter()
-        .map(|garment| format!("{} ({} points)", garment.name, text::count(garment.points)))
+        .map(|garment| format!("{} ({} points)", garment.name, text::count(garment.points as u64)))
         .collect();
     let (first, last) = (manifest.first_frame, manifest.last_frame);
     let rate = manifest.fps.strip_suffix("/1").unwrap_or(&manifest.fps);

@@ -5,10 +5,11 @@ use std::time::SystemTime;
 
 use serde::Serialize;
 
-use super::folder::{CheckpointText, RunFolder};
+use super::folder::RunFolder;
 use super::record::median;
 use crate::error::IoError;
 use crate::farm::lock::{self, Holder, Presence};
+use crate::run_record::ManifestCheckpoint;
 use crate::shot::quality::LIMITS;
 
 /// Number of frames from which the rate is told.
@@ -43,7 +44,7 @@ pub struct Status {
     /// Seconds to the end at that rate; `None` before the first frame and after the last.
     pub seconds_left: Option<f64>,
     /// Last good checkpoint.
-    pub checkpoint: Option<CheckpointText>,
+    pub checkpoint: Option<ManifestCheckpoint>,
     /// Counts that should be zero and are not.
     pub degradations: Vec<Degradation>,
     /// The process that works on it.
@@ -101,7 +102,7 @@ impl Status {
         let manifest = folder.manifest;
         Ok(Self {
             shot: manifest.shot,
-            state: manifest.state,
+            state: manifest.state.into_owned(),
             error: manifest.error,
             first_frame: manifest.first_frame,
             last_frame: manifest.last_frame,

@@ -117,7 +117,7 @@ pub(super) fn attempts(run: &RunFolder) -> String {
                 number(attempt.attempt.to_string()),
                 words(format!("{}:{}", attempt.host, attempt.pid)),
                 number(attempt.threads.to_string()),
-                frame(attempt.first_frame),
+                frame(Some(attempt.first_frame)),
                 frame(attempt.last_frame),
                 number(text::seconds(attempt.seconds)),
                 words(attempt.end.as_deref().unwrap_or("no word: it runs, or was killed")),

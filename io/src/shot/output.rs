@@ -250,7 +250,7 @@ impl Output {
             writer.finish()?;
         }
         self.record.line(record)?;
-        self.manifest.state = state;
+        self.manifest.state = state.into();
         if let Some(attempt) = self.manifest.attempts.last_mut() {
             attempt.end = Some(how.to_owned());
         }
@@ -356,7 +356,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         application: APPLICATION.to_owned(),
         shot: about.name.clone(),
         scene: about.scene_path.display().to_string(),
-        state: "running",
+        state: "running".into(),
         error: None,
         first_frame: about.timeline.origin,
         last_frame: about.last_frame,
@@ -366,7 +366,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         up_axis: format!("{:?}", about.output.units.up),
         garments: garments.collect(),
         threads: options.threads,
-        command: options.command.clone(),
+        command: Some(options.command.clone()),
         checkpoint: None,
         attempts,
     }
