@@ -4,7 +4,7 @@ use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
 const ALLOWED: [(&str, &[&str], &[&str]); 6] = [
-    ("core", &["nalgebra", "rayon", "robust", "thiserror"], &["criterion"]),
+    ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &["criterion"]),
     ("io/alembic", &["thiserror"], &["proptest", "serde_json", "tempfile"]),
     (
         "io",

@@ -11,6 +11,7 @@ pub mod geometric;
 pub mod impact_zone;
 pub mod impulse;
 pub mod neighbours;
+pub mod nodes;
 pub mod ordering;
 pub mod pair;
 pub mod repulsion;

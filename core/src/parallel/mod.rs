@@ -1,7 +1,13 @@
-//! Logical parts: a fixed split of all vertices, made from the scene alone. Every order that can reach a result is
-//! written in terms of parts, never in terms of threads, so that their number changes no bit.
+//! Logical parts and ranks. The parts are a fixed split of all vertices, made from the scene alone: every order that can
+//! reach a result is written in terms of parts and vertex numbers, never in terms of threads or ranks, so that their number
+//! changes no bit. A rank holds a run of parts, and copies of what lies next to it.
 
+pub mod communicator;
+pub mod halo;
 pub mod lanes;
+pub mod local_ranks;
 pub mod parts;
+pub mod ranks;
+pub mod serial;
 pub mod split;
 pub mod sum;

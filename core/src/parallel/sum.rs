@@ -1,7 +1,11 @@
 //! Sums whose bits do not depend on who computes them: blocks of fixed size inside a part are added in order, block sums
-//! are joined by a fixed tree over block numbers.
+//! are joined by a fixed tree over block numbers. Every rank joins the subtrees that are its own; what is left is
+//! exchanged.
+
+use std::ops::Range;
 
 use crate::Vec3;
+use crate::parallel::ranks::Ranks;
 
 /// Number of vertices of a block. A constant, never taken from the machine: it fixes the order of every sum.
 pub const SUM_BLOCK: usize = 512;
@@ -18,6 +22,88 @@ pub fn join(blocks: &[f64]) -> f64 {
     }
 }
 
+/// Which blocks of a sum belong to which rank.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Shares {
+    /// First block of every rank, and the number of all at the end.
+    starts: Vec<usize>,
+    /// Largest subtrees of this rank, in order.
+    own: Vec<Range<usize>>,
+    /// How many such subtrees every rank has.
+    counts: Vec<usize>,
+}
+
+impl Shares {
+    /// The shares of ranks that own runs of blocks, of which `starts` are the first ones, and the number of all.
+    pub fn new(starts: Vec<usize>, rank: usize) -> Self {
+        let all = starts.last().copied().unwrap_or(0);
+        let subtrees = |rank: usize| {
+            let mut found = Vec::new();
+            largest_subtrees(0..all, &(starts[rank]..starts[rank + 1]), &mut found);
+            found
+        };
+        let counts = (0..starts.len() - 1).map(|rank| subtrees(rank).len()).collect();
+        let own = subtrees(rank);
+        Self { starts, own, counts }
+    }
+
+    /// The sum of the blocks of all ranks, of which `blocks` are this rank's; the same as [`join`] of all together.
+    pub fn join(&self, ranks: &Ranks, blocks: &[f64]) -> f64 {
+        if ranks.is_alone() {
+            return join(blocks);
+        }
+        let [sum] = self.join_all(ranks, &[blocks]);
+        sum
+    }
+
+    /// Several sums at once.
+    pub fn join_all<const N: usize>(&self, ranks: &Ranks, blocks: &[&[f64]; N]) -> [f64; N] {
+        if ranks.is_alone() {
+            return blocks.map(join);
+        }
+        let first = self.starts[ranks.rank()];
+        let local = |tree: &Range<usize>| tree.start - first..tree.end - first;
+        let own: Vec<[f64; N]> = self.own.iter().map(|tree| blocks.map(|blocks| join(&blocks[local(tree)]))).collect();
+        let counts: Vec<usize> = self.counts.iter().map(|count| count * N).collect();
+        let all = ranks.all_gather(own.as_flattened(), &counts);
+        let mut next = all.as_chunks::<N>().0.iter();
+        self.assemble(0..*self.starts.last().unwrap_or(&0), &mut next)
+    }
+
+    /// Joins subtrees, each the next of `values`, as [`join`] does.
+    fn assemble<'a, const N: usize>(
+        &self,
+        tree: Range<usize>,
+        values: &mut impl Iterator<Item = &'a [f64; N]>,
+    ) -> [f64; N] {
+        if tree.is_empty() {
+            return [0.0; N];
+        }
+        let rank = self.starts.partition_point(|start| *start <= tree.start) - 1;
+        if tree.end <= self.starts[rank + 1] {
+            return values.next().copied().unwrap_or([f64::NAN; N]);
+        }
+        let middle = tree.start + tree.len() / 2;
+        let (low, high) = (self.assemble(tree.start..middle, values), self.assemble(middle..tree.end, values));
+        std::array::from_fn(|n| low[n] + high[n])
+    }
+}
+
+/// The largest subtrees below `tree` that lie in `run`, in order.
+fn largest_subtrees(tree: Range<usize>, run: &Range<usize>, found: &mut Vec<Range<usize>>) {
+    let (start, end) = (tree.start.max(run.start), tree.end.min(run.end));
+    if start >= end {
+        return;
+    }
+    if run.start <= tree.start && tree.end <= run.end {
+        found.push(tree);
+        return;
+    }
+    let middle = tree.start + tree.len() / 2;
+    largest_subtrees(tree.start..middle, run, found);
+    largest_subtrees(middle..tree.end, run, found);
+}
+
 /// Largest of the block values; zero if there are none.
 pub fn largest(blocks: &[f64]) -> f64 {
     blocks.iter().copied().fold(0.0, f64::max)
@@ -30,4 +116,25 @@ pub fn weighted_dot(m: &[f64], a: &[Vec3], b: &[Vec3]) -> f64 {
         sum += a.component_mul(b) * *m;
     }
     sum.x + sum.y + sum.z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parallel::local_ranks::LocalRanks;
+
+    #[test]
+    fn any_split_among_ranks_gives_the_bits_of_the_whole_sum() {
+        for count in [0, 1, 2, 5, 37] {
+            let blocks: Vec<f64> = (0..count).map(|i| 1.0 / (1.0 + i as f64) - 0.37).collect();
+            for starts in [vec![0, count], vec![0, count / 3, count], vec![0, 0, count / 2, count / 2, count, count]] {
+                let sums = LocalRanks::run(starts.len() - 1, 1, |communicator| {
+                    let ranks = Ranks::new(communicator);
+                    let own = &blocks[starts[ranks.rank()]..starts[ranks.rank() + 1]];
+                    Shares::new(starts.clone(), ranks.rank()).join(&ranks, own)
+                });
+                assert!(sums.expect("no rank ends early").iter().all(|sum| sum.to_bits() == join(&blocks).to_bits()));
+            }
+        }
+    }
 }

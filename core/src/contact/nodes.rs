@@ -1,0 +1,136 @@
+//! The nodes that the contacts of a rank know of: cloth [ghosts below | own | ghosts above], then the points of the
+//! deforming bodies, which every rank has. Local numbers ascend as those of the scene do, so whatever is sorted by the
+//! one is sorted by the other.
+//!
+//! A pair is at *home* with the owner of its smallest node: there it is found, judged and counted. It is *held* by all ranks
+//! that own one of its nodes.
+
+use std::ops::Range;
+
+use bytemuck::Pod;
+
+use crate::parallel::halo::Halo;
+use crate::parallel::ranks::Ranks;
+
+/// The numbering of a rank's nodes of contact, and the messages that keep its ghosts.
+#[derive(Debug, Clone)]
+pub struct ContactNodes {
+    ranks: Ranks,
+    /// First vertex of every rank in the scene's numbering, and the number of all cloth vertices at the end.
+    rank_starts: Vec<u32>,
+    /// Numbers of the ghosts in the scene, ascending.
+    ghosts: Vec<u32>,
+    own: Range<usize>,
+    /// Points of the deforming bodies.
+    body_nodes: usize,
+    halo: Halo,
+}
+
+impl ContactNodes {
+    /// The nodes of a rank with these ghosts (by their numbers in the scene, ascending). All ranks call it together.
+    pub fn new(ranks: &Ranks, rank_starts: &[u32], ghosts: Vec<u32>, body_nodes: usize) -> Self {
+        let (first, end) = (rank_starts[ranks.rank()], rank_starts[ranks.rank() + 1]);
+        let low = ghosts.partition_point(|ghost| *ghost < first);
+        let halo = Halo::new(ranks, &ghosts, rank_starts);
+        let own = low..low + (end - first) as usize;
+        Self { ranks: ranks.clone(), rank_starts: rank_starts.to_vec(), ghosts, own, body_nodes, halo }
+    }
+
+    /// This rank and the others.
+    pub fn ranks(&self) -> &Ranks {
+        &self.ranks
+    }
+
+    /// The ghosts' messages.
+    pub fn halo(&self) -> &Halo {
+        &self.halo
+    }
+
+    /// Numbers of the ghosts in the scene, ascending.
+    pub fn ghosts(&self) -> &[u32] {
+        &self.ghosts
+    }
+
+    /// Number of nodes of cloth here, ghosts included; nodes of bodies follow.
+    pub fn cloth(&self) -> usize {
+        self.own.len() + self.ghosts.len()
+    }
+
+    /// Number of all nodes here.
+    pub fn count(&self) -> usize {
+        self.cloth() + self.body_nodes
+    }
+
+    /// Own nodes of cloth, in local numbers.
+    pub fn own(&self) -> Range<usize> {
+        self.own.clone()
+    }
+
+    /// Whether this rank owns a local node of cloth.
+    #[inline]
+    pub fn is_own(&self, node: u32) -> bool {
+        self.own.contains(&(node as usize))
+    }
+
+    /// Whether a local node is a point of a body.
+    #[inline]
+    pub fn is_body(&self, node: u32) -> bool {
+        node as usize >= self.cloth()
+    }
+
+    /// Number in the scene of a local node; points of bodies come after all cloth.
+    pub fn number(&self, node: u32) -> u32 {
+        let (node, cloth) = (node as usize, self.cloth());
+        let first = self.rank_starts[self.ranks.rank()];
+        if node >= cloth {
+            self.all_cloth() + (node - cloth) as u32
+        } else if node < self.own.start {
+            self.ghosts[node]
+        } else if node < self.own.end {
+            first + (node - self.own.start) as u32
+        } else {
+            self.ghosts[node - self.own.len()]
+        }
+    }
+
+    /// The local number of a node of the scene, if it is own, a ghost, or of a body.
+    pub fn local(&self, number: u32) -> Option<u32> {
+        let rank = self.ranks.rank();
+        let (first, end) = (self.rank_starts[rank], self.rank_starts[rank + 1]);
+        if (first..end).contains(&number) {
+            return Some(number - first + self.own.start as u32);
+        }
+        if number >= self.all_cloth() {
+            return Some(number - self.all_cloth() + self.cloth() as u32);
+        }
+        let place = self.ghosts.binary_search(&number).ok()?;
+        Some((if place < self.own.start { place } else { place + self.own.len() }) as u32)
+    }
+
+    /// The rank that owns a cloth vertex of the scene.
+    pub fn owner(&self, number: u32) -> usize {
+        self.rank_starts.partition_point(|start| *start <= number) - 1
+    }
+
+    /// Whether a pair of local nodes is at home here: whether this rank owns the smallest of them.
+    #[inline]
+    pub fn is_home(&self, nodes: &[u32; 4]) -> bool {
+        self.is_own(nodes.iter().copied().min().unwrap_or(0))
+    }
+
+    /// Whether this rank owns one of the nodes.
+    #[inline]
+    pub fn holds(&self, nodes: &[u32; 4]) -> bool {
+        nodes.iter().any(|node| self.is_own(*node))
+    }
+
+    /// Number of cloth vertices of the scene.
+    pub fn all_cloth(&self) -> u32 {
+        self.rank_starts[self.rank_starts.len() - 1]
+    }
+
+    /// Brings the ghosts' values, in an array over local nodes, to those of their owners.
+    pub fn refresh<T: Pod>(&self, values: &mut [T]) {
+        self.halo.refresh(&self.ranks, values);
+    }
+}

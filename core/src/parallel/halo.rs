@@ -1,0 +1,99 @@
+//! Ghosts: copies of vertices that other ranks own, and the messages that keep them as their owners have them.
+
+use std::ops::Range;
+
+use bytemuck::Pod;
+
+use crate::parallel::communicator::{Exchange, Expected, Message};
+use crate::parallel::ranks::Ranks;
+
+/// Which own vertices go to which rank, and where those of other ranks stand here. Numbers are local: places in arrays that
+/// hold [ghosts below | own vertices | ghosts above], ascending in the scene's numbering.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Halo {
+    sends: Vec<(usize, Vec<u32>)>,
+    receives: Vec<(usize, Range<usize>)>,
+}
+
+/// Values on their way to the ghosts.
+pub struct InFlight<'a> {
+    exchange: Option<Box<dyn Exchange + 'a>>,
+    receives: &'a [(usize, Range<usize>)],
+}
+
+impl Halo {
+    /// The halo for these ghosts, given by their numbers in the scene, ascending; none is this rank's own. `starts` are the
+    /// first vertices of every rank in the scene, and the number of all at the end. All ranks call it together.
+    pub fn new(ranks: &Ranks, ghosts: &[u32], starts: &[u32]) -> Self {
+        if ranks.is_alone() {
+            return Self::default();
+        }
+        let rank = ranks.rank();
+        let (first, own) = (starts[rank], (starts[rank + 1] - starts[rank]) as usize);
+        let low = ghosts.partition_point(|ghost| *ghost < first);
+        let (mut wanted, mut receives) = (Vec::new(), Vec::new());
+        for owner in 0..ranks.count() {
+            let place = |end: u32| ghosts.partition_point(|ghost| *ghost < end);
+            let range = place(starts[owner])..place(starts[owner + 1]);
+            wanted.push(ghosts[range.clone()].to_vec());
+            if !range.is_empty() {
+                let shift = if range.start < low { 0 } else { own };
+                receives.push((owner, range.start + shift..range.end + shift));
+            }
+        }
+        let asked = ranks.send_lists(wanted).into_iter().enumerate().filter(|(_, list)| !list.is_empty());
+        let local = |vertex: &u32| vertex - first + low as u32;
+        let sends = asked.map(|(to, list)| (to, list.iter().map(local).collect())).collect();
+        Self { sends, receives }
+    }
+
+    /// Whether nothing is exchanged.
+    pub fn is_empty(&self) -> bool {
+        self.sends.is_empty() && self.receives.is_empty()
+    }
+
+    /// Own vertices that some other rank has a copy of, rank by rank.
+    pub fn sends(&self) -> &[(usize, Vec<u32>)] {
+        &self.sends
+    }
+
+    /// Where the copies of other ranks' vertices stand, rank by rank.
+    pub fn receives(&self) -> &[(usize, Range<usize>)] {
+        &self.receives
+    }
+
+    /// Sends own values; the ghosts get theirs when the flight is finished.
+    pub fn start<'a, T: Pod>(&'a self, ranks: &'a Ranks, values: &[T]) -> InFlight<'a> {
+        let receives = self.receives.as_slice();
+        if self.is_empty() {
+            return InFlight { exchange: None, receives };
+        }
+        let pack = |list: &[u32]| {
+            let mut bytes = Vec::with_capacity(size_of::<T>() * list.len());
+            list.iter().for_each(|i| bytes.extend_from_slice(bytemuck::bytes_of(&values[*i as usize])));
+            bytes
+        };
+        let messages = self.sends.iter().map(|(to, list)| Message { to: *to, bytes: pack(list) }).collect();
+        let expected = |(from, range): &(usize, Range<usize>)| Expected {
+            from: *from,
+            length: Some(size_of::<T>() * range.len()),
+        };
+        let expected: Vec<Expected> = receives.iter().map(expected).collect();
+        InFlight { exchange: Some(ranks.start(messages, &expected)), receives }
+    }
+
+    /// Brings the ghosts to their owners' values.
+    pub fn refresh<T: Pod>(&self, ranks: &Ranks, values: &mut [T]) {
+        self.start(ranks, values).finish(values);
+    }
+}
+
+impl InFlight<'_> {
+    /// Waits for the ghosts' values, of the type that was sent, and puts them into place.
+    pub fn finish<T: Pod>(self, values: &mut [T]) {
+        let Some(exchange) = self.exchange else { return };
+        for ((_, range), bytes) in self.receives.iter().zip(exchange.finish()) {
+            bytemuck::cast_slice_mut::<T, u8>(&mut values[range.clone()]).copy_from_slice(&bytes);
+        }
+    }
+}

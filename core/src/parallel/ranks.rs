@@ -1,0 +1,200 @@
+//! The ranks of a run as the solver uses them: typed messages over a [`Communicator`], counted.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use bytemuck::Pod;
+
+use crate::parallel::communicator::{Communicator, Exchange, Expected, Message};
+use crate::parallel::serial::Serial;
+
+/// This rank, and the way to the others.
+#[derive(Clone)]
+pub struct Ranks {
+    communicator: Arc<dyn Communicator>,
+    traffic: Arc<Traffic>,
+}
+
+/// What a rank has sent.
+#[derive(Debug, Default)]
+struct Traffic {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+    collectives: AtomicU64,
+}
+
+/// What a rank has sent so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Sent {
+    /// Messages to single ranks.
+    pub messages: u64,
+    /// Bytes given away, in messages and collective operations.
+    pub bytes: u64,
+    /// Collective operations, in which all ranks take part.
+    pub collectives: u64,
+}
+
+impl std::fmt::Debug for Ranks {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "rank {} of {}", self.rank(), self.count())
+    }
+}
+
+impl Default for Ranks {
+    /// One rank alone.
+    fn default() -> Self {
+        Self::new(Arc::new(Serial))
+    }
+}
+
+impl Ranks {
+    /// The ranks of a communicator.
+    pub fn new(communicator: Arc<dyn Communicator>) -> Self {
+        Self { communicator, traffic: Arc::default() }
+    }
+
+    /// Number of this rank.
+    pub fn rank(&self) -> usize {
+        self.communicator.rank()
+    }
+
+    /// Number of ranks.
+    pub fn count(&self) -> usize {
+        self.communicator.ranks()
+    }
+
+    /// Whether there is no other rank.
+    pub fn is_alone(&self) -> bool {
+        self.count() == 1
+    }
+
+    /// Whether this is rank 0, which reads and writes.
+    pub fn is_first(&self) -> bool {
+        self.rank() == 0
+    }
+
+    /// What this rank has sent so far.
+    pub fn sent(&self) -> Sent {
+        let Traffic { messages, bytes, collectives } = &*self.traffic;
+        Sent { messages: messages.load(Relaxed), bytes: bytes.load(Relaxed), collectives: collectives.load(Relaxed) }
+    }
+
+    fn note_collective(&self, bytes: usize) {
+        self.traffic.collectives.fetch_add(1, Relaxed);
+        self.traffic.bytes.fetch_add(bytes as u64, Relaxed);
+    }
+
+    /// Waits for all ranks.
+    pub fn barrier(&self) {
+        self.note_collective(0);
+        self.communicator.barrier();
+    }
+
+    /// The largest value of all ranks. Not NaN.
+    pub fn max(&self, value: f64) -> f64 {
+        let [largest] = self.max_of([value]);
+        largest
+    }
+
+    /// The largest of all ranks, value by value. None is NaN.
+    pub fn max_of<const N: usize>(&self, mut values: [f64; N]) -> [f64; N] {
+        if !self.is_alone() {
+            self.note_collective(N * size_of::<f64>());
+            self.communicator.max(&mut values);
+        }
+        values
+    }
+
+    /// Whether it holds on some rank.
+    pub fn any(&self, holds: bool) -> bool {
+        self.max(f64::from(u8::from(holds))) > 0.0
+    }
+
+    /// Sums of counts over all ranks, value by value.
+    pub fn sum_of<const N: usize>(&self, values: [u64; N]) -> [u64; N] {
+        if self.is_alone() {
+            return values;
+        }
+        let all = self.all_gather(&values, &vec![N; self.count()]);
+        std::array::from_fn(|n| all.iter().skip(n).step_by(N).sum())
+    }
+
+    /// The values of all ranks in the order of ranks; `counts` says how many each gives.
+    pub fn all_gather<T: Pod>(&self, own: &[T], counts: &[usize]) -> Vec<T> {
+        if self.is_alone() {
+            return own.to_vec();
+        }
+        self.note_collective(size_of_val(own));
+        let lengths: Vec<usize> = counts.iter().map(|count| count * size_of::<T>()).collect();
+        bytemuck::pod_collect_to_vec(&self.communicator.all_gather(bytemuck::cast_slice(own), &lengths))
+    }
+
+    /// The values of all ranks, each by itself, where nobody knows how many others give.
+    pub fn all_gather_each<T: Pod>(&self, own: &[T]) -> Vec<Vec<T>> {
+        if self.is_alone() {
+            return vec![own.to_vec()];
+        }
+        let counts = self.all_gather(&[own.len() as u64], &vec![1; self.count()]);
+        let counts: Vec<usize> = counts.iter().map(|count| *count as usize).collect();
+        if counts.iter().all(|count| *count == 0) {
+            return vec![Vec::new(); counts.len()];
+        }
+        let mut rest = self.all_gather(own, &counts);
+        let cut = |count: &usize| {
+            let tail = rest.split_off(*count);
+            std::mem::replace(&mut rest, tail)
+        };
+        counts.iter().map(cut).collect()
+    }
+
+    /// The values of all ranks in the order of ranks on rank 0; nothing elsewhere.
+    pub fn gather<T: Pod>(&self, own: &[T]) -> Vec<Vec<T>> {
+        if self.is_alone() {
+            return vec![own.to_vec()];
+        }
+        self.note_collective(size_of_val(own));
+        let all = self.communicator.gather(bytemuck::cast_slice(own).to_vec());
+        all.iter().map(|bytes| bytemuck::pod_collect_to_vec(bytes)).collect()
+    }
+
+    /// The bytes of rank 0, on every rank.
+    pub fn broadcast(&self, bytes: &mut Vec<u8>) {
+        if !self.is_alone() {
+            self.note_collective(if self.is_first() { bytes.len() } else { 0 });
+            self.communicator.broadcast(bytes);
+        }
+    }
+
+    /// Starts messages to some ranks and from others.
+    pub fn start<'a>(&'a self, messages: Vec<Message>, from: &[Expected]) -> Box<dyn Exchange + 'a> {
+        self.traffic.messages.fetch_add(messages.len() as u64, Relaxed);
+        self.traffic.bytes.fetch_add(messages.iter().map(|m| m.bytes.len() as u64).sum(), Relaxed);
+        self.communicator.start(messages, from)
+    }
+
+    /// Gives every rank its list; returns what each rank gave this one. A list for this rank comes back as it is.
+    pub fn send_lists<T: Pod>(&self, mut lists: Vec<Vec<T>>) -> Vec<Vec<T>> {
+        if self.is_alone() {
+            return lists;
+        }
+        let (rank, count) = (self.rank(), self.count());
+        let mine = std::mem::take(&mut lists[rank]);
+        // Who sends how much to whom; a message is sent only where there is something to say.
+        let lengths: Vec<u64> = lists.iter().map(|list| size_of_val(list.as_slice()) as u64).collect();
+        let lengths = self.all_gather(&lengths, &vec![count; count]);
+        let to_me = |from: usize| lengths[from * count + rank] as usize;
+        let expected: Vec<Expected> = (0..count)
+            .filter(|&from| from != rank && to_me(from) > 0)
+            .map(|from| Expected { from, length: Some(to_me(from)) })
+            .collect();
+        let message = |(to, list): (usize, &Vec<T>)| Message { to, bytes: bytemuck::cast_slice(list).to_vec() };
+        let messages = lists.iter().enumerate().filter(|(_, list)| !list.is_empty()).map(message).collect();
+        let received = self.start(messages, &expected).finish();
+        let mut all: Vec<Vec<T>> = (0..count).map(|_| Vec::new()).collect();
+        for (expected, bytes) in expected.iter().zip(received) {
+            all[expected.from] = bytemuck::pod_collect_to_vec(&bytes);
+        }
+        all[rank] = mine;
+        all
+    }
+}
