@@ -1,13 +1,16 @@
 //! Contact: friction on bodies, and everything that keeps cloth from passing through cloth.
 //!
-//! Read in this order: `pair` and `surface` (what can touch), `search` and `neighbours` (what is close), `repulsion` (impulses
-//! in every time step), `ccd`, `geometric`, `zones` (what is stopped at the end of a collision step), `self_contact` (one
-//! collision step).
+//! Read in this order: `pair`, `nodes` and `surface` (what can touch), `search` and `neighbours` (what is close), `repulsion`
+//! (impulses in every time step), `ccd`, `geometric`, `zones` (what is stopped at the end of a collision step),
+//! `self_contact` (one collision step).
 
 pub mod ccd;
 pub mod common_motion;
+pub mod exact_check;
+pub mod faces;
 pub mod friction;
 pub mod geometric;
+pub mod holders;
 pub mod impact_zone;
 pub mod impulse;
 pub mod neighbours;
@@ -17,8 +20,10 @@ pub mod pair;
 pub mod repulsion;
 pub mod search;
 pub mod self_contact;
+pub mod share;
 pub mod shared;
 pub mod surface;
 pub mod tolerances;
 pub mod untangle;
+pub mod visitors;
 pub mod zones;

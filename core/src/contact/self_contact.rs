@@ -126,11 +126,13 @@ pub struct SelfContact {
     neighbours: Neighbours,
     repulsions: Option<Repulsions>,
     geometric: Option<Geometric>,
-    /// Inverse masses of the cloth, zero where a vertex is held in all directions [1/kg].
+    /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
     mobility: Vec<f64>,
-    /// Inverse masses of all nodes per axis, zero where held [1/kg].
-    node_mobility: Vec<Vec3>,
     paths: NodePaths,
+    /// Positions and velocities of the nodes of cloth in B.2 and B.8, where there are ghosts.
+    cloth: [Vec<Vec3>; 2],
+    /// Distance that collisions keep in this collision step [m].
+    gap: f64,
     /// Time of the collision-free state [s].
     start_time: f64,
     /// Longest way of a node as a share of its edges [1/s], in the last collision step.
@@ -157,23 +159,21 @@ impl SelfContact {
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
             control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
-            work: CollisionLoop::new(surface.nodes()),
+            work: CollisionLoop::new(surface.nodes().count()),
             velocities: Vec::new(),
             crossings: Vec::new(),
             ignored: Vec::new(),
             pinched: Vec::new(),
         });
-        let mobility: Vec<f64> = scene.masses().iter().map(|m| 1.0 / m).collect();
-        let mut node_mobility: Vec<Vec3> = mobility.iter().map(|w| Vec3::repeat(*w)).collect();
-        node_mobility.resize(surface.nodes(), Vec3::zeros());
         Self {
-            search: PairSearch::new(&surface),
+            search: PairSearch::new(),
             neighbours,
-            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws, surface.cloth_nodes())),
+            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws, surface.nodes().cloth())),
             geometric,
-            mobility,
-            node_mobility,
+            mobility: cloth_mobility(&surface),
             paths: NodePaths::default(),
+            cloth: Default::default(),
+            gap: 0.0,
             start_time: 0.0,
             wear: 0.0,
             used: f64::INFINITY,
@@ -183,7 +183,7 @@ impl SelfContact {
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        let nodes = self.surface.nodes() * (3 * size_of::<Vec3>() + size_of::<f64>());
+        let nodes = self.surface.nodes().count() * (2 * size_of::<Vec3>() + size_of::<f64>());
         let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
@@ -201,15 +201,21 @@ impl SelfContact {
     /// Notes which vertices are held during the coming step.
     pub fn set_held(&mut self, masses: &[f64], pins: Option<&HardPins>, targets: &PinTargets) {
         let Some(pins) = pins else { return };
-        for (vertex, _, _) in pins.axes() {
-            self.node_mobility[vertex] = Vec3::repeat(1.0 / masses[vertex]);
-        }
-        for (vertex, target, axes) in pins.axes() {
-            if targets.is_active(target) {
-                (0..3).filter(|axis| axes[*axis]).for_each(|axis| self.node_mobility[vertex][axis] = 0.0);
+        let place = self.surface.place();
+        self.surface.change_mobility(|nodes, mobility| {
+            let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + nodes.own().start);
+            for (vertex, _, _) in pins.axes() {
+                if let Some(node) = own(vertex) {
+                    mobility[node] = Vec3::repeat(1.0 / masses[vertex]);
+                }
             }
-            self.mobility[vertex] = self.node_mobility[vertex].max();
-        }
+            for (vertex, target, axes) in pins.axes().filter(|(_, target, _)| targets.is_active(*target)) {
+                if let Some(node) = own(vertex) {
+                    (0..3).filter(|axis| axes[*axis]).for_each(|axis| mobility[node][axis] = 0.0);
+                }
+            }
+        });
+        self.mobility = cloth_mobility(&self.surface);
     }
 
     /// Share of the time step that the cloth allows, shortened where contact needs it.
@@ -231,39 +237,71 @@ impl SelfContact {
         let affordable = (LONGEST_WAY / per_step.max(f64::MIN_POSITIVE)) as u32;
         let steps = wanted.min(affordable).max(1);
         let way = per_step * f64::from(steps);
-        self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
+        self.gap = gap(self.surface.ranks(), &self.paths.start);
+        self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
         if self.used + way > self.neighbours.reach() || self.used.is_nan() {
-            metrics.count("pair_searches", 1);
+            metrics.count("pair_searches", self.once(1));
             // A list that lasts is worth being long; one that does not is for repulsions alone.
             let reach = if LASTING * way <= LONG_REACH { LONG_REACH } else { way.min(SHORT_REACH) };
-            self.neighbours.rebuild(&self.surface, &mut self.search, &self.paths.start, reach, gap(&self.paths.start));
-            self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
+            self.rebuild(reach);
+            self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
             let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
-            let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
+            let nodes = self.surface.nodes();
+            let is_ignored =
+                |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(&nodes.numbered(pair)).is_ok());
             repulsions.take_sides(&self.neighbours, &self.paths.start, slack, &is_ignored);
         }
-        metrics.count("collision_steps", 1);
-        metrics.count(STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], 1);
-        metrics.count("collision_steps_shortened", u64::from(self.step_share() < 1.0));
+        metrics.count("collision_steps", self.once(1));
+        metrics.count(STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], self.once(1));
+        metrics.count("collision_steps_shortened", self.once(u64::from(self.step_share() < 1.0)));
         steps
     }
 
-    /// B.2: repulsion of the velocities of the half step.
-    pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
-        if let Some(repulsions) = &mut self.repulsions {
-            repulsions.apply(Passes::Full, dt, x, &self.mobility, v, metrics);
+    /// A count of what all ranks know alike.
+    fn once(&self, count: u64) -> u64 {
+        once(self.surface.ranks(), count)
+    }
+
+    /// Makes the list of neighbours anew around the collision-free state.
+    fn rebuild(&mut self, reach: f64) {
+        let Self { surface, search, neighbours, paths, mobility, gap, .. } = self;
+        neighbours.rebuild(surface, search, &mut paths.start, reach, *gap);
+        if surface.nodes().cloth() != mobility.len() || !surface.ranks().is_alone() {
+            *mobility = cloth_mobility(surface);
         }
+    }
+
+    /// B.2: repulsion of the velocities of the half step, over the scene's local vertices.
+    pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+        self.repel(Passes::Full, dt, x, v, metrics);
     }
 
     /// B.8: repulsion of the final velocities, without springs.
     pub fn final_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         if let Some(repulsions) = &mut self.repulsions {
             repulsions.positions_changed();
-            repulsions.apply(Passes::WithoutSprings, dt, x, &self.mobility, v, metrics);
         }
+        self.repel(Passes::WithoutSprings, dt, x, v, metrics);
+    }
+
+    fn repel(&mut self, passes: Passes, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+        let Some(repulsions) = &mut self.repulsions else { return };
+        let (nodes, place) = (self.surface.nodes(), self.surface.place());
+        if nodes.ranks().is_alone() {
+            repulsions.apply(passes, dt, x, &self.mobility, v, metrics);
+            return;
+        }
+        let [contact_x, contact_v] = &mut self.cloth;
+        for (all, own) in [(&mut *contact_x, x), (&mut *contact_v, &*v)] {
+            all.resize(nodes.cloth(), Vec3::zeros());
+            all[nodes.own()].copy_from_slice(&own[place.clone()]);
+        }
+        nodes.refresh(contact_x);
+        repulsions.apply(passes, dt, contact_x, &self.mobility, contact_v, metrics);
+        v[place].copy_from_slice(&contact_v[nodes.own()]);
     }
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
@@ -480,34 +518,4 @@ impl SelfContact {
 fn gap(x: &[Vec3]) -> f64 {
     let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.amax()));
     GAP_ROUNDINGS * f64::from(f32::EPSILON) * largest
-}
-
-/// The pairs of points, triangles and edges that may pass through each other because an edge crosses a triangle: its ends
-/// with the triangle, and the edge with the triangle's edges (method 4.9). Ascending.
-fn ignored_pairs(crossings: &[Crossing]) -> Vec<Pair> {
-    let mut pairs = Vec::new();
-    for Crossing { edge, triangle: [a, b, c] } in crossings {
-        for p in edge {
-            pairs.push(Pair { kind: PairKind::PointTriangle, nodes: [*p, *a, *b, *c] });
-        }
-        for [p, q] in [[a, b], [b, c], [c, a]] {
-            let other = [*p.min(q), *p.max(q)];
-            let [first, second] = if *edge < other { [*edge, other] } else { [other, *edge] };
-            let nodes = [first[0], first[1], second[0], second[1]];
-            pairs.push(Pair { kind: PairKind::EdgeEdge, nodes });
-        }
-    }
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs
-}
-
-/// The vertices of cloth in crossings of cloth with bodies where these may cross themselves, ascending.
-fn pinched_vertices(surface: &ContactSurface, crossings: &[Crossing], bodies: &Bodies) -> Vec<u32> {
-    let pinched = crossings.iter().filter(|crossing| surface.is_pinched(crossing, bodies));
-    let nodes = pinched.flat_map(|c| c.edge.into_iter().chain(c.triangle));
-    let mut vertices: Vec<u32> = nodes.filter(|&node| !surface.is_body(node)).collect();
-    vertices.sort_unstable();
-    vertices.dedup();
-    vertices
 }
