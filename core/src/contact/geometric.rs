@@ -133,7 +133,7 @@ impl CollisionLoop {
         self.displacements.clear();
         self.displacements.extend(paths.start.iter().zip(&paths.end).map(|(a, b)| b - a));
         self.moved.fill(false);
-        let mut zones = Zones::new(collisions.surface.nodes());
+        let mut zones = Zones::new(collisions.surface.node_count());
         let mut attempts = 0;
         let is_hard = |nodes: usize| nodes * HARD_SHARE > collisions.surface.cloth_nodes();
         while !hits.is_empty() {

@@ -5,6 +5,7 @@
 //! collision step).
 
 pub mod ccd;
+mod colouring;
 pub mod common_motion;
 pub mod friction;
 pub mod geometric;
@@ -19,6 +20,8 @@ pub mod search;
 pub mod self_contact;
 pub mod shared;
 pub mod surface;
+#[cfg(test)]
+pub(crate) mod testing;
 pub mod tolerances;
 pub mod untangle;
 pub mod zones;

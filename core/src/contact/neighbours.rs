@@ -64,8 +64,8 @@ impl Neighbours {
     pub fn new(surface: &ContactSurface, coloured: bool) -> Self {
         let (edge_length, reach) = (surface.edge_length().to_vec(), 0.0);
         let mut thickness = surface.thickness().to_vec();
-        thickness.resize(surface.nodes(), 0.0);
-        let way = vec![0.0; surface.nodes()];
+        thickness.resize(surface.node_count(), 0.0);
+        let way = vec![0.0; surface.node_count()];
         let (lists, orders) = Default::default();
         let common = [RigidFit::new(&[], &[]); 2];
         let (reference, shortening) = (Vec::new(), 1.0);
@@ -131,7 +131,8 @@ impl Neighbours {
             }
             (list, Order::default())
         };
-        let (points, edges) = rayon::join(|| split(PairKind::PointTriangle), || split(PairKind::EdgeEdge));
+        // One after the other: ranks agree on colours.
+        let (points, edges) = (split(PairKind::PointTriangle), split(PairKind::EdgeEdge));
         self.lists = [points.0, edges.0];
         self.orders = [points.1, edges.1];
         self.reference.clear();

@@ -253,7 +253,6 @@ impl Repulsions {
                 live.iter().for_each(one);
             }
         }
-        of_kind.live[of_kind.live_order.rest()].iter().for_each(one);
     }
 }
 

@@ -58,7 +58,7 @@ impl PairSearch {
     /// A search over a surface, without boxes yet.
     pub fn new(surface: &ContactSurface) -> Self {
         Self {
-            node_boxes: vec![Aabb::EMPTY; surface.nodes()],
+            node_boxes: vec![Aabb::EMPTY; surface.node_count()],
             triangle_boxes: vec![Aabb::EMPTY; surface.triangles().len()],
             edge_boxes: vec![Aabb::EMPTY; surface.edges().len()],
             cloth: Tree::empty(),

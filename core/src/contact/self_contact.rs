@@ -157,7 +157,7 @@ impl SelfContact {
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
             control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
-            work: CollisionLoop::new(surface.nodes()),
+            work: CollisionLoop::new(surface.node_count()),
             velocities: Vec::new(),
             crossings: Vec::new(),
             ignored: Vec::new(),
@@ -165,7 +165,7 @@ impl SelfContact {
         });
         let mobility: Vec<f64> = scene.masses().iter().map(|m| 1.0 / m).collect();
         let mut node_mobility: Vec<Vec3> = mobility.iter().map(|w| Vec3::repeat(*w)).collect();
-        node_mobility.resize(surface.nodes(), Vec3::zeros());
+        node_mobility.resize(surface.node_count(), Vec3::zeros());
         Self {
             search: PairSearch::new(&surface),
             neighbours,
@@ -183,7 +183,7 @@ impl SelfContact {
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        let nodes = self.surface.nodes() * (3 * size_of::<Vec3>() + size_of::<f64>());
+        let nodes = self.surface.node_count() * (3 * size_of::<Vec3>() + size_of::<f64>());
         let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
@@ -357,7 +357,7 @@ impl SelfContact {
     /// # Errors
     /// The section is of another scene.
     pub fn load(&mut self, section: &Section, parts: &Parts) -> Result<(), SnapshotError> {
-        let (nodes, vertices) = (self.surface.nodes(), parts.vertex_count());
+        let (nodes, vertices) = (self.surface.node_count(), parts.vertex_count());
         self.wear = section.read_number("wear")?;
         if section.rows("list_positions")? > 0 {
             let own = section.read_vectors("list_positions", nodes)?;

@@ -7,8 +7,10 @@
 
 use crate::Vec3;
 use crate::bodies::Bodies;
+use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
 use crate::geometry::crossings::{Crossing, EdgeOwners};
+use crate::parallel::ranks::Ranks;
 use crate::scene::{BodyShape, Scene};
 
 /// The surfaces of a scene that can touch.
@@ -17,7 +19,7 @@ pub struct ContactSurface {
     triangles: Vec<[u32; 3]>,
     cloth_triangles: usize,
     cloth_nodes: usize,
-    nodes: usize,
+    nodes: ContactNodes,
     /// Nodes and edges (the smaller node first) in the order of the triangles that own them.
     owned_nodes: Owned<u32>,
     owned_edges: Owned<[u32; 2]>,
@@ -73,6 +75,8 @@ impl ContactSurface {
         }
         let thickness = thicknesses(scene, clamp);
         let edge_length = edge_lengths(scene, nodes);
+        let starts = [0, cloth_nodes as u32];
+        let nodes = ContactNodes::new(&Ranks::default(), &starts, Vec::new(), nodes - cloth_nodes);
         Self {
             triangles,
             cloth_triangles,
@@ -105,9 +109,14 @@ impl ContactSurface {
         self.cloth_nodes
     }
 
+    /// The numbering of the nodes.
+    pub fn nodes(&self) -> &ContactNodes {
+        &self.nodes
+    }
+
     /// Number of nodes, bodies included.
-    pub fn nodes(&self) -> usize {
-        self.nodes
+    pub fn node_count(&self) -> usize {
+        self.nodes.count()
     }
 
     /// Thickness of each cloth vertex [m].

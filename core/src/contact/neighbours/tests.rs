@@ -29,7 +29,7 @@ fn crumpled(random: &mut Random) -> (Scene, Vec<Vec3>) {
 fn all_pairs(surface: &ContactSurface) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for &[a, b, c] in surface.triangles() {
-        let points = (0..surface.nodes() as u32).filter(|p| ![a, b, c].contains(p));
+        let points = (0..surface.node_count() as u32).filter(|p| ![a, b, c].contains(p));
         pairs.extend(points.map(|p| Pair { kind: PairKind::PointTriangle, nodes: [p, a, b, c] }));
     }
     for e in surface.edges() {
