@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use bytemuck::Pod;
 
+use crate::contact::pair::Pair;
 use crate::parallel::halo::Halo;
 use crate::parallel::ranks::Ranks;
 
@@ -122,6 +123,11 @@ impl ContactNodes {
     #[inline]
     pub fn holds(&self, nodes: &[u32; 4]) -> bool {
         nodes.iter().any(|node| self.is_own(*node))
+    }
+
+    /// A pair by the numbers that its nodes have in the scene.
+    pub fn numbered(&self, pair: &Pair) -> Pair {
+        Pair { kind: pair.kind, nodes: pair.nodes.map(|node| self.number(node)) }
     }
 
     /// Number of cloth vertices of the scene.

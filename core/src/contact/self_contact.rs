@@ -9,7 +9,7 @@ use crate::bodies::Bodies;
 use crate::contact::geometric::{CollisionLoop, Collisions};
 use crate::contact::neighbours::Neighbours;
 use crate::contact::pair::{Pair, PairKind};
-use crate::contact::repulsion::{Laws, Passes, Repulsions};
+use crate::contact::repulsion::{Laws, Moment, Passes, Repulsions};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
@@ -169,7 +169,7 @@ impl SelfContact {
         Self {
             search: PairSearch::new(&surface),
             neighbours,
-            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws, surface.cloth_nodes())),
+            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
             geometric,
             mobility,
             node_mobility,
@@ -243,7 +243,7 @@ impl SelfContact {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
             let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
             let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
-            repulsions.take_sides(&self.neighbours, &self.paths.start, slack, &is_ignored);
+            repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
         }
         metrics.count("collision_steps", 1);
         metrics.count(STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], 1);
@@ -254,7 +254,8 @@ impl SelfContact {
     /// B.2: repulsion of the velocities of the half step.
     pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         if let Some(repulsions) = &mut self.repulsions {
-            repulsions.apply(Passes::Full, dt, x, &self.mobility, v, metrics);
+            let at = Moment { nodes: self.surface.nodes(), dt, x, mobility: &self.mobility };
+            repulsions.apply(Passes::Full, &at, v, metrics);
         }
     }
 
@@ -262,7 +263,8 @@ impl SelfContact {
     pub fn final_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         if let Some(repulsions) = &mut self.repulsions {
             repulsions.positions_changed();
-            repulsions.apply(Passes::WithoutSprings, dt, x, &self.mobility, v, metrics);
+            let at = Moment { nodes: self.surface.nodes(), dt, x, mobility: &self.mobility };
+            repulsions.apply(Passes::WithoutSprings, &at, v, metrics);
         }
     }
 
@@ -279,7 +281,7 @@ impl SelfContact {
         mut moved: impl FnMut(usize, f64),
     ) -> Ending {
         if let Some(repulsions) = &mut self.repulsions {
-            metrics.count("inverted_pairs", repulsions.inverted());
+            metrics.count("inverted_pairs", repulsions.inverted(self.surface.nodes()));
             repulsions.positions_changed();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
