@@ -133,9 +133,9 @@ impl CollisionLoop {
         self.displacements.clear();
         self.displacements.extend(paths.start.iter().zip(&paths.end).map(|(a, b)| b - a));
         self.moved.fill(false);
-        let mut zones = Zones::new(collisions.surface.nodes());
+        let mut zones = Zones::new(collisions.surface.node_count());
         let mut attempts = 0;
-        let is_hard = |nodes: usize| nodes * HARD_SHARE > collisions.surface.cloth_nodes();
+        let is_hard = |nodes: usize| nodes * HARD_SHARE > collisions.surface.nodes().cloth();
         while !hits.is_empty() {
             attempts += 1;
             if attempts == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(hits.len()) {
@@ -169,7 +169,7 @@ impl CollisionLoop {
         metrics.count("collision_loops", 1);
         metrics.count("pairs_pinched", self.given_up.len() as u64);
         zones.report(metrics);
-        let cloth = 0..collisions.surface.cloth_nodes() as u32;
+        let cloth = 0..collisions.surface.nodes().cloth() as u32;
         let moved = cloth.filter(|&node| self.moved[node as usize]).collect();
         Resolution { moved, hard: is_hard(zones.node_count()), pinched: !self.given_up.is_empty(), given_back: false }
     }
@@ -179,7 +179,7 @@ impl CollisionLoop {
         let concerns = |pair: &Pair| recent.is_none_or(|r| pair.nodes.iter().any(|&node| r[node as usize]));
         let judge = |pair: &Pair| {
             let hit = meet(pair, paths, collisions.gap)?;
-            let left_alone = (collisions.ignored)(pair) || self.given_up.binary_search(pair).is_ok();
+            let left_alone = (collisions.ignored)(&collisions.surface.nodes().numbered(pair)) || self.given_up.binary_search(pair).is_ok();
             (!left_alone).then_some(hit)
         };
         let chunks = self.candidates.par_chunks(CHUNK);

@@ -5,6 +5,7 @@
 //! `self_contact` (one collision step).
 
 pub mod ccd;
+mod colouring;
 pub mod common_motion;
 pub mod exact_check;
 pub mod faces;
@@ -23,6 +24,8 @@ pub mod self_contact;
 pub mod share;
 pub mod shared;
 pub mod surface;
+#[cfg(test)]
+pub(crate) mod testing;
 pub mod tolerances;
 pub mod untangle;
 pub mod visitors;

@@ -146,7 +146,7 @@ impl Neighbours {
             self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
             // One after the other, since ranks colour together.
             for (list, order) in self.lists.iter_mut().zip(&mut self.orders) {
-                *order = Order::of(list, surface.nodes().count(), |n| n.pair.nodes);
+                *order = Order::of(list, surface.nodes(), |n| n.pair.nodes);
             }
         }
         self.edge_length = surface.edge_length().to_vec();

@@ -6,10 +6,12 @@
 
 use crate::Vec3;
 use crate::bodies::Bodies;
-use crate::contact::geometric::{CollisionLoop, Collisions};
+use crate::contact::exact_check::{crossings, ignored_pairs, pinched_vertices};
+use crate::contact::geometric::{CollisionLoop, Collisions, Resolution};
 use crate::contact::neighbours::Neighbours;
-use crate::contact::pair::{Pair, PairKind};
-use crate::contact::repulsion::{Laws, Passes, Repulsions};
+use crate::contact::nodes::{ContactNodes, once};
+use crate::contact::pair::Pair;
+use crate::contact::repulsion::{Laws, Moment, Passes, Repulsions};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
@@ -19,6 +21,7 @@ use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
+use crate::parallel::ranks::Ranks;
 use crate::scene::Scene;
 use crate::snapshot::{Section, SnapshotError};
 use crate::state::State;
@@ -109,7 +112,8 @@ struct Geometric {
     work: CollisionLoop,
     /// Velocities at the collision-free state [m/s].
     velocities: Vec<Vec3>,
-    /// Crossings of the collision-free state: those of the start, and of cloth that bodies have pinched.
+    /// Crossings of the collision-free state: those of the start, and of cloth that bodies have pinched. These and what follows
+    /// from them are alike on all ranks, in numbers of the scene.
     crossings: Vec<Crossing>,
     /// Pairs that are left alone because of them, ascending.
     ignored: Vec<Pair>,
@@ -159,7 +163,7 @@ impl SelfContact {
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
             control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
-            work: CollisionLoop::new(surface.nodes().count()),
+            work: CollisionLoop::new(surface.node_count()),
             velocities: Vec::new(),
             crossings: Vec::new(),
             ignored: Vec::new(),
@@ -168,7 +172,7 @@ impl SelfContact {
         Self {
             search: PairSearch::new(),
             neighbours,
-            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws, surface.nodes().cloth())),
+            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
             geometric,
             mobility: cloth_mobility(&surface),
             paths: NodePaths::default(),
@@ -183,7 +187,7 @@ impl SelfContact {
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        let nodes = self.surface.nodes().count() * (2 * size_of::<Vec3>() + size_of::<f64>());
+        let nodes = self.surface.node_count() * (2 * size_of::<Vec3>() + size_of::<f64>());
         let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
@@ -209,7 +213,7 @@ impl SelfContact {
                     mobility[node] = Vec3::repeat(1.0 / masses[vertex]);
                 }
             }
-            for (vertex, target, axes) in pins.axes().filter(|(_, target, _)| targets.is_active(*target)) {
+            for (vertex, _, axes) in pins.axes().filter(|(_, target, _)| targets.is_active(*target)) {
                 if let Some(node) = own(vertex) {
                     (0..3).filter(|axis| axes[*axis]).for_each(|axis| mobility[node][axis] = 0.0);
                 }
@@ -249,10 +253,8 @@ impl SelfContact {
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
             let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
-            let nodes = self.surface.nodes();
-            let is_ignored =
-                |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(&nodes.numbered(pair)).is_ok());
-            repulsions.take_sides(&self.neighbours, &self.paths.start, slack, &is_ignored);
+            let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
+            repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
         }
         metrics.count("collision_steps", self.once(1));
         metrics.count(STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], self.once(1));
@@ -291,7 +293,7 @@ impl SelfContact {
         let Some(repulsions) = &mut self.repulsions else { return };
         let (nodes, place) = (self.surface.nodes(), self.surface.place());
         if nodes.ranks().is_alone() {
-            repulsions.apply(passes, dt, x, &self.mobility, v, metrics);
+            repulsions.apply(passes, &Moment { nodes, dt, x, mobility: &self.mobility }, v, metrics);
             return;
         }
         let [contact_x, contact_v] = &mut self.cloth;
@@ -300,7 +302,8 @@ impl SelfContact {
             all[nodes.own()].copy_from_slice(&own[place.clone()]);
         }
         nodes.refresh(contact_x);
-        repulsions.apply(passes, dt, contact_x, &self.mobility, contact_v, metrics);
+        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility };
+        repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);
     }
 
@@ -317,33 +320,21 @@ impl SelfContact {
         mut moved: impl FnMut(usize, f64),
     ) -> Ending {
         if let Some(repulsions) = &mut self.repulsions {
-            metrics.count("inverted_pairs", repulsions.inverted());
+            metrics.count("inverted_pairs", repulsions.inverted(self.surface.nodes()));
             repulsions.positions_changed();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
-        let used = self.neighbours.note_ways(&self.paths.start, &self.paths.end);
+        let used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.end);
         if duration > 0.0 {
             self.wear = (used - self.used).max(0.0) / duration;
         }
+        if self.geometric.is_none() {
+            return Ending::Resolved;
+        }
+        let outcome = self.resolve(duration, may_rewind, used, metrics);
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
-        let (ignored, pinched, surface) = (&geometric.ignored, &geometric.pinched, &self.surface);
-        let is_ignored = |pair: &Pair| {
-            let lets_out =
-                || !surface.repels(pair) && pair.nodes.iter().any(|node| pinched.binary_search(node).is_ok());
-            ignored.binary_search(pair).is_ok() || (!pinched.is_empty() && lets_out())
-        };
-        let collisions = Collisions {
-            surface: &self.surface,
-            mobility: &self.node_mobility,
-            gap: gap(&self.paths.start),
-            duration,
-            ignored: &is_ignored,
-            may_give_back: may_rewind && geometric.control.steps > 1,
-        };
-        let outcome =
-            geometric.work.resolve(&collisions, &mut self.neighbours, &mut self.search, &mut self.paths, used, metrics);
         if outcome.given_back {
-            metrics.count("rewinds", 1);
+            metrics.count("rewinds", once(self.surface.ranks(), 1));
             geometric.control.failed();
             return Ending::Rewound;
         }
@@ -352,26 +343,50 @@ impl SelfContact {
         } else {
             geometric.control.succeeded()
         }
+        let (place, first) = (self.surface.place(), self.surface.nodes().own().start);
         for &node in &outcome.moved {
             let node = node as usize;
-            let change = self.paths.end[node] - x[node];
-            x[node] = self.paths.end[node];
-            v[node] += change / duration;
-            moved(node, change.norm());
+            let vertex = node - first + place.start;
+            let change = self.paths.end[node] - x[vertex];
+            x[vertex] = self.paths.end[node];
+            v[vertex] += change / duration;
+            moved(vertex, change.norm());
         }
-        if !outcome.moved.is_empty() || !geometric.crossings.is_empty() || outcome.pinched {
+        let has_crossings = !geometric.crossings.is_empty() || outcome.pinched;
+        if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings) {
             self.check(&outcome.moved, (x, v), bodies, duration, metrics);
         }
         Ending::Resolved
     }
 
+    /// Stops what would pass through something on the paths, of which `used` is the longest way. The ghosts are those of
+    /// before when it is done.
+    fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> Resolution {
+        let Self { surface, search, neighbours, geometric, paths, gap, .. } = self;
+        let Some(Geometric { control, work, ignored, pinched, .. }) = geometric else { return Resolution::default() };
+        let cloth = surface.nodes().all_cloth();
+        // Pairs by numbers of the scene. Where a body has pinched cloth that it crosses itself, nothing of it holds the cloth.
+        let is_ignored = |pair: &Pair| {
+            let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
+            let lets_out = || of_body() && pair.nodes.iter().any(|number| pinched.binary_search(number).is_ok());
+            ignored.binary_search(pair).is_ok() || (!pinched.is_empty() && lets_out())
+        };
+        let collisions = Collisions {
+            surface,
+            mobility: surface.mobility(),
+            gap: *gap,
+            duration,
+            ignored: &is_ignored,
+            may_give_back: may_rewind && control.steps > 1,
+        };
+        work.resolve(&collisions, neighbours, search, paths, used, metrics)
+    }
+
     /// What self-contact remembers at a collision-free state: the list of neighbours by the positions it was made around, the
     /// number and length of the steps it takes, and what crosses.
     pub fn save(&self, parts: &Parts) -> Section {
-        let own = |node: u32| match self.surface.is_body(node) {
-            true => node,
-            false => parts.own_index(node as usize) as u32,
-        };
+        let cloth = self.surface.nodes().all_cloth();
+        let own = |number: u32| if number < cloth { parts.own_index(number as usize) as u32 } else { number };
         let reference = self.neighbours.reference();
         let cloth = if reference.is_empty() { 0 } else { parts.vertex_count() };
         let in_order =
@@ -395,15 +410,16 @@ impl SelfContact {
     /// # Errors
     /// The section is of another scene.
     pub fn load(&mut self, section: &Section, parts: &Parts) -> Result<(), SnapshotError> {
-        let (nodes, vertices) = (self.surface.nodes(), parts.vertex_count());
+        let (nodes, vertices) = (self.surface.node_count(), parts.vertex_count());
         self.wear = section.read_number("wear")?;
         if section.rows("list_positions")? > 0 {
             let own = section.read_vectors("list_positions", nodes)?;
-            let reference: Vec<Vec3> =
+            self.paths.start =
                 parts.in_solver_order(&own[..vertices]).chain(own[vertices..].iter().copied()).collect();
             let reach = section.read_number("list_reach")?;
             // The list follows from the positions it was made around, to the last bit and in the same order.
-            self.neighbours.rebuild(&self.surface, &mut self.search, &reference, reach, gap(&reference));
+            self.gap = gap(self.surface.ranks(), &self.paths.start);
+            self.rebuild(reach);
         }
         let Some(geometric) = &mut self.geometric else { return Ok(()) };
         let solver = |node: u32| match (node as usize) < vertices {
@@ -431,18 +447,17 @@ impl SelfContact {
         self.geometric.as_ref().map_or(&[], |g| &g.crossings)
     }
 
-    /// Puts the state back to the last collision-free one.
+    /// Puts the state back to the last collision-free one; of the positions, those of own vertices.
     pub fn rewind(&self, state: &mut State) {
         if let Some(geometric) = &self.geometric {
-            let vertices = state.x.len();
-            state.x.copy_from_slice(&self.paths.start[..vertices]);
+            state.x[self.surface.place()].copy_from_slice(&self.paths.start[self.surface.nodes().own()]);
             state.v.copy_from_slice(&geometric.velocities);
             state.time = self.start_time;
         }
     }
 
-    /// Finds the crossings that the state has now: around the vertices in `moved` if there were none before, else all. More of
-    /// cloth with cloth than before are not accepted: what makes them stays where it was.
+    /// Finds the crossings that the state has now: around the nodes in `moved` (own ones) if there were none before, else all.
+    /// More of cloth with cloth than before are not accepted: what makes them stays where it was.
     fn check(
         &mut self,
         moved: &[u32],
@@ -452,56 +467,56 @@ impl SelfContact {
         metrics: &mut Metrics,
     ) {
         let Some(geometric) = &mut self.geometric else { return };
-        metrics.count("crossing_checks", 1);
-        let surface = &self.surface;
+        let (surface, nodes, paths) = (&self.surface, self.surface.nodes(), &mut self.paths);
+        metrics.count("crossing_checks", once(nodes.ranks(), 1));
         let among_cloth = |all: &[Crossing]| all.iter().filter(|c| surface.is_cloth(c)).count();
         let (before, allowed) = (&geometric.crossings, among_cloth(&geometric.crossings));
-        let only = before.is_empty().then_some(moved);
-        let mut stopped = Vec::new();
+        let only = before.is_empty().then(|| marks(nodes, moved));
+        let mut stopped = vec![0; nodes.count()];
         let mut round = 0;
         let found = loop {
-            let end = &self.paths.end;
+            let end = &paths.end;
             self.search.fit(surface, |i| Aabb::of_point(&end[i]));
-            let found = self.search.crossings(surface, end, only.filter(|_| round == 0));
+            let found = crossings(surface, &self.search, end, only.as_deref().filter(|_| round == 0));
             if among_cloth(&found) <= allowed || round > REVERT_ROUNDS {
                 break found;
             }
-            metrics.count("crossings_reverted", 1);
-            stopped.resize(x.len(), false);
+            metrics.count("crossings_reverted", once(nodes.ranks(), 1));
             let new = found.iter().filter(|c| surface.is_cloth(c) && before.binary_search(c).is_err());
-            new.flat_map(|c| c.edge.iter().chain(&c.triangle)).for_each(|&node| stopped[node as usize] = true);
+            let numbers = new.flat_map(|c| c.edge.iter().chain(&c.triangle));
+            numbers.filter_map(|number| nodes.local(*number)).for_each(|node| stopped[node as usize] = 1);
             // The neighbours of what stays too: nothing new may be made at its border. At last everything stays.
             surface.grow(&mut stopped);
-            for node in (0..x.len()).filter(|&node| stopped[node] || round == REVERT_ROUNDS) {
-                let change = self.paths.start[node] - self.paths.end[node];
-                self.paths.end[node] = self.paths.start[node];
-                x[node] = self.paths.start[node];
-                v[node] += change / duration;
+            nodes.refresh(&mut stopped);
+            for (node, vertex) in nodes.own().zip(surface.place()) {
+                if stopped[node] != 0 || round == REVERT_ROUNDS {
+                    let change = paths.start[node] - paths.end[node];
+                    paths.end[node] = paths.start[node];
+                    x[vertex] = paths.start[node];
+                    v[vertex] += change / duration;
+                }
             }
+            nodes.refresh(&mut paths.end);
             round += 1;
         };
-        geometric.crossings = found;
-        geometric.ignored = ignored_pairs(&geometric.crossings);
-        geometric.pinched = pinched_vertices(surface, &geometric.crossings, bodies);
-        let paths = &self.paths;
-        let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
+        geometric.note_crossings(surface, found, bodies);
         // Where a body crosses itself there is no way out yet.
         let pinched = |c: &Crossing| surface.is_pinched(c, bodies);
         let free: Vec<Crossing> = geometric.crossings.iter().filter(|c| !pinched(c)).copied().collect();
-        push_apart(surface, &free, &paths.end, velocity, &self.node_mobility, v);
+        let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
+        push_apart(surface, &free, &paths.end, velocity, surface.mobility(), v);
     }
 
-    /// All crossings of the state `x` [m], with bodies where they stand; the pairs that cross are left alone from now on.
+    /// All crossings of the state `x` [m], with bodies where they stand, in numbers of the scene; the pairs that cross are left
+    /// alone from now on.
     pub fn check_everything(&mut self, x: &[Vec3], bodies: &Bodies) -> &[Crossing] {
         self.surface.gather(x, bodies, &mut self.paths.end);
         let end = &self.paths.end;
         self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
-        let found = self.search.crossings(&self.surface, end, None);
+        let found = crossings(&self.surface, &self.search, end, None);
         match &mut self.geometric {
             Some(geometric) => {
-                geometric.ignored = ignored_pairs(&found);
-                geometric.pinched = pinched_vertices(&self.surface, &found, bodies);
-                geometric.crossings = found;
+                geometric.note_crossings(&self.surface, found, bodies);
                 &geometric.crossings
             }
             None => &[],
@@ -514,8 +529,30 @@ impl SelfContact {
     }
 }
 
+impl Geometric {
+    /// Takes note of what crosses now.
+    fn note_crossings(&mut self, surface: &ContactSurface, crossings: Vec<Crossing>, bodies: &Bodies) {
+        self.ignored = ignored_pairs(&crossings);
+        self.pinched = pinched_vertices(surface, &crossings, bodies);
+        self.crossings = crossings;
+    }
+}
+
 /// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest coordinate.
-fn gap(x: &[Vec3]) -> f64 {
+fn gap(ranks: &Ranks, x: &[Vec3]) -> f64 {
     let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.amax()));
-    GAP_ROUNDINGS * f64::from(f32::EPSILON) * largest
+    GAP_ROUNDINGS * f64::from(f32::EPSILON) * ranks.max(largest)
+}
+
+/// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
+fn cloth_mobility(surface: &ContactSurface) -> Vec<f64> {
+    surface.mobility()[..surface.nodes().cloth()].iter().map(Vec3::max).collect()
+}
+
+/// One entry for each node, not zero for these own nodes and their copies.
+fn marks(nodes: &ContactNodes, own: &[u32]) -> Vec<u8> {
+    let mut marks = vec![0; nodes.count()];
+    own.iter().for_each(|node| marks[*node as usize] = 1);
+    nodes.refresh(&mut marks);
+    marks
 }

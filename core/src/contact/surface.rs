@@ -159,6 +159,11 @@ impl ContactSurface {
         &self.nodes
     }
 
+    /// Number of nodes here, ghosts and bodies included.
+    pub fn node_count(&self) -> usize {
+        self.nodes.count()
+    }
+
     /// This rank and the others.
     pub fn ranks(&self) -> &Ranks {
         self.nodes.ranks()
