@@ -179,7 +179,8 @@ impl CollisionLoop {
         let concerns = |pair: &Pair| recent.is_none_or(|r| pair.nodes.iter().any(|&node| r[node as usize]));
         let judge = |pair: &Pair| {
             let hit = meet(pair, paths, collisions.gap)?;
-            let left_alone = (collisions.ignored)(&collisions.surface.nodes().numbered(pair)) || self.given_up.binary_search(pair).is_ok();
+            let left_alone = (collisions.ignored)(&collisions.surface.nodes().numbered(pair))
+                || self.given_up.binary_search(pair).is_ok();
             (!left_alone).then_some(hit)
         };
         let chunks = self.candidates.par_chunks(CHUNK);

@@ -414,8 +414,7 @@ impl SelfContact {
         self.wear = section.read_number("wear")?;
         if section.rows("list_positions")? > 0 {
             let own = section.read_vectors("list_positions", nodes)?;
-            self.paths.start =
-                parts.in_solver_order(&own[..vertices]).chain(own[vertices..].iter().copied()).collect();
+            self.paths.start = parts.in_solver_order(&own[..vertices]).chain(own[vertices..].iter().copied()).collect();
             let reach = section.read_number("list_reach")?;
             // The list follows from the positions it was made around, to the last bit and in the same order.
             self.gap = gap(self.surface.ranks(), &self.paths.start);
