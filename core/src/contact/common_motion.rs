@@ -56,13 +56,7 @@ impl Samples {
     }
 
     /// The rigid motions that bring `from`, with its centre, closest to `to` in the mean square.
-    pub fn fits(
-        &self,
-        nodes: &ContactNodes,
-        from: &[Vec3],
-        centre: (f64, Vec3),
-        to: [&[Vec3]; 2],
-    ) -> [RigidFit; 2] {
+    pub fn fits(&self, nodes: &ContactNodes, from: &[Vec3], centre: (f64, Vec3), to: [&[Vec3]; 2]) -> [RigidFit; 2] {
         let terms = |node: usize, to: &[Vec3]| terms(&(from[node] - centre.1), &(to[node] - centre.1));
         if std::ptr::eq(to[0], to[1]) {
             return [RigidFit::of(&self.sum(nodes, |node| terms(node, to[0])), centre); 2];

@@ -36,7 +36,8 @@ pub fn crossings(surface: &ContactSurface, search: &PairSearch, x: &[Vec3], move
     let number = |node: u32| nodes.number(node);
     let mut all: Vec<Crossing> = found.iter().map(|c| numbered(c, number, number)).collect();
     all.extend(with_visitors(surface, search, &cloth, moved));
-    let told: Vec<[u32; 5]> = all.iter().map(|c| [c.edge[0], c.edge[1], c.triangle[0], c.triangle[1], c.triangle[2]]).collect();
+    let told: Vec<[u32; 5]> =
+        all.iter().map(|c| [c.edge[0], c.edge[1], c.triangle[0], c.triangle[1], c.triangle[2]]).collect();
     let heard = nodes.ranks().all_gather_each(&told).into_iter().flatten();
     let mut all: Vec<Crossing> = heard.map(|[a, b, c, d, e]| Crossing { edge: [a, b], triangle: [c, d, e] }).collect();
     all.sort_unstable();

@@ -281,4 +281,3 @@ impl Default for PairSearch {
         Self::new()
     }
 }
-
