@@ -5,6 +5,8 @@ use crate::geometry::testing::Random;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
 
+mod ranks;
+
 const N: usize = 7;
 
 /// Two small sheets, crumpled into each other.
