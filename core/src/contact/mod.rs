@@ -7,6 +7,7 @@
 pub mod ccd;
 mod colouring;
 pub mod common_motion;
+mod components;
 pub mod exact_check;
 pub mod faces;
 pub mod friction;

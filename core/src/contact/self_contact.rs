@@ -163,7 +163,7 @@ impl SelfContact {
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
             control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
-            work: CollisionLoop::new(surface.node_count()),
+            work: CollisionLoop::default(),
             velocities: Vec::new(),
             crossings: Vec::new(),
             ignored: Vec::new(),
@@ -371,15 +371,14 @@ impl SelfContact {
             let lets_out = || of_body() && pair.nodes.iter().any(|number| pinched.binary_search(number).is_ok());
             ignored.binary_search(pair).is_ok() || (!pinched.is_empty() && lets_out())
         };
-        let collisions = Collisions {
+        let mut collisions = Collisions {
             surface,
-            mobility: surface.mobility(),
             gap: *gap,
             duration,
             ignored: &is_ignored,
             may_give_back: may_rewind && control.steps > 1,
         };
-        work.resolve(&collisions, neighbours, search, paths, used, metrics)
+        work.resolve(&mut collisions, neighbours, search, paths, used, metrics)
     }
 
     /// What self-contact remembers at a collision-free state: the list of neighbours by the positions it was made around, the
