@@ -134,7 +134,7 @@ fn lengths_need_not_be_known(comm: &dyn Communicator) {
     let peers: Vec<usize> = (0..comm.ranks()).filter(|peer| *peer != own).collect();
     let messages = peers.iter().map(|to| Message { to: *to, bytes: letter(own, *to, 0, 70_000 + own) }).collect();
     // Of one message the length is known, of the next it is not.
-    let expect = |from: &usize| Expected { from: *from, length: (from % 2 == 0).then_some(70_000 + from) };
+    let expect = |from: &usize| Expected { from: *from, length: from.is_multiple_of(2).then_some(70_000 + from) };
     let received = comm.start(messages, &peers.iter().map(expect).collect::<Vec<_>>()).finish();
     let expected: Vec<_> = peers.iter().map(|from| letter(*from, own, 0, 70_000 + from)).collect();
     assert!(received == expected);
