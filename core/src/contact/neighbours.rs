@@ -106,8 +106,8 @@ impl Neighbours {
     }
 
     /// Positions of the nodes when the list was made [m]; none before.
-    pub fn reference(&self) -> &[Vec3] {
-        self.reference.as_deref().unwrap_or(&[])
+    pub fn reference(&self) -> Option<&[Vec3]> {
+        self.reference.as_deref()
     }
 
     /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges,
@@ -198,9 +198,6 @@ impl Neighbours {
 
     /// Notes the way of one node again, after its end has changed. Returns it as a share of the node's edges.
     pub fn note_way(&mut self, node: usize, end: &Vec3) -> f64 {
-        if self.reference.is_none() {
-            return f64::INFINITY;
-        }
         self.way[node] = self.way[node].max(self.way_to(node, end));
         self.way[node] / (self.edge_length[node] * self.shortening)
     }
@@ -210,8 +207,9 @@ impl Neighbours {
         nodes.refresh(&mut self.way);
     }
 
+    /// Infinite before the list is made.
     fn way_to(&self, node: usize, end: &Vec3) -> f64 {
-        let reference = self.reference();
+        let Some(reference) = &self.reference else { return f64::INFINITY };
         (end - self.common[1].apply(&reference[node])).norm()
     }
 

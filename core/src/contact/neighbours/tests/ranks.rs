@@ -236,8 +236,8 @@ fn any_number_of_ranks_finds_the_pairs_the_ways_and_the_crossings_of_one() {
             let (heap, starts) = (heap.clone(), heap.cut(&mut random, 1));
             on_ranks(1, move |ranks| search(&heap, &ranks, &starts)).remove(0)
         };
-        assert!(alone.held.iter().all(|list| list.len() > 5000), "the sheets are close");
-        assert!(alone.crossings.iter().skip(1).all(|list| list.len() > 100) && alone.close.len() > 100);
+        assert!(alone.held.iter().all(|list| list.len() > 300), "{:?} are close", alone.held.each_ref().map(Vec::len));
+        assert!(alone.crossings.iter().skip(1).all(|list| list.len() > 20) && alone.close.len() > 20);
         assert!(alone.crossings[1].len() > alone.crossings[2].len());
         for count in [2, 3, 5] {
             let (shared, starts) = (heap.clone(), heap.cut(&mut random, count));
