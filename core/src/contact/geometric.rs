@@ -290,3 +290,6 @@ fn meet(kind: PairKind, start: &[Vec3; 4], end: &[Vec3; 4], gap: f64) -> Option<
     }
     Some((test(CLOSER_THAN_GAP * start_distance)?, start_distance))
 }
+
+#[cfg(test)]
+mod tests;

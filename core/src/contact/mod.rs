@@ -18,6 +18,7 @@ pub mod impulse;
 pub mod neighbours;
 pub mod nodes;
 pub mod ordering;
+mod packing;
 pub mod pair;
 pub mod repulsion;
 pub mod search;

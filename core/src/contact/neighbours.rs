@@ -296,4 +296,4 @@ fn is_close_at_rest(surface: &ContactSurface, pair: &Pair, thickness: f64) -> bo
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

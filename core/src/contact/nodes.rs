@@ -80,8 +80,13 @@ impl ContactNodes {
 
     /// Whether this rank owns a cloth vertex of the scene.
     pub fn owns(&self, number: u32) -> bool {
+        self.owned().contains(&number)
+    }
+
+    /// The cloth vertices of the scene that this rank owns.
+    pub fn owned(&self) -> Range<u32> {
         let rank = self.ranks.rank();
-        (self.rank_starts[rank]..self.rank_starts[rank + 1]).contains(&number)
+        self.rank_starts[rank]..self.rank_starts[rank + 1]
     }
 
     /// Whether a local node is a point of a body.

@@ -496,7 +496,7 @@ impl SelfContact {
         let pinched = |c: &Crossing| surface.is_pinched(c, bodies);
         let free: Vec<Crossing> = geometric.crossings.iter().filter(|c| !pinched(c)).copied().collect();
         let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
-        push_apart(surface, &free, &paths.end, velocity, surface.mobility(), v);
+        push_apart(surface, &free, &paths.end, velocity, &mut v[surface.place()]);
     }
 
     /// All crossings of the state `x` [m], with bodies where they stand, in numbers of the scene; the pairs that cross are left

@@ -10,10 +10,10 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::components::Sets;
-use crate::contact::geometric::packing::{Packed, Unpacked};
 use crate::contact::geometric::{IMPULSE_ATTEMPTS, meet};
 use crate::contact::impulse::{change_normal_velocity, normal_velocity, response};
 use crate::contact::nodes::{ContactNodes, once};
+use crate::contact::packing::{Packed, Unpacked};
 use crate::contact::pair::Pair;
 use crate::contact::zones::{Action, Hit, Motion, Solved, Zone, Zones};
 use crate::metrics::Metrics;
@@ -241,13 +241,13 @@ impl Response {
         changed.dedup();
         let mut packed = Packed::default();
         for place in changed {
-            packed.number(numbers[place as usize].into());
+            packed.number(numbers[place as usize]);
             packed.vector(&moved[place as usize]);
         }
         for words in nodes.ranks().all_gather_each(packed.words()) {
             let mut unpacked = Unpacked::new(&words);
             while !unpacked.is_empty() {
-                let (number, displacement) = (unpacked.number() as u32, unpacked.vector());
+                let (number, displacement) = (unpacked.node(), unpacked.vector());
                 if nodes.owns(number) {
                     displacements[field.local(number) as usize] = displacement;
                     touched.push(field.local(number));
@@ -403,3 +403,6 @@ fn named_by_others(nodes: &ContactNodes, hits: &[Hit]) -> Vec<u32> {
     named.dedup();
     named
 }
+
+#[cfg(test)]
+mod tests;

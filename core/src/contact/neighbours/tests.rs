@@ -5,7 +5,7 @@ use crate::geometry::testing::Random;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
 
-mod ranks;
+pub(crate) mod ranks;
 
 const N: usize = 7;
 

@@ -22,7 +22,7 @@ fn sheet() -> Vec<[u32; 3]> {
 }
 
 /// Sheets that are folded and lie on each other and on a body, all as one array; how they are cut among ranks.
-struct Heap {
+pub(crate) struct Heap {
     triangles: Vec<[u32; 3]>,
     rest: Vec<Vec3>,
     thickness: Vec<f64>,
@@ -36,7 +36,7 @@ struct Heap {
 
 impl Heap {
     /// With `mixed`, neighbours on the cloth have numbers far apart.
-    fn random(random: &mut Random, mixed: bool) -> Self {
+    pub(crate) fn random(random: &mut Random, mixed: bool) -> Self {
         let mut order: Vec<u32> = (0..SHEET as u32).collect();
         if mixed {
             (0..SHEET).for_each(|i| order.swap(i, below(random, SHEET)));
@@ -79,7 +79,7 @@ impl Heap {
     }
 
     /// First blocks of so many ranks, and the number of all; some ranks may have none.
-    fn cut(&self, random: &mut Random, ranks: usize) -> Vec<usize> {
+    pub(crate) fn cut(&self, random: &mut Random, ranks: usize) -> Vec<usize> {
         let count = self.blocks.len() - 1;
         let mut starts: Vec<usize> = (1..ranks).map(|_| below(random, count + 1)).collect();
         starts.extend([0, count]);
@@ -87,7 +87,7 @@ impl Heap {
         starts
     }
 
-    fn surface(&self, ranks: &Ranks, starts: &[usize]) -> ContactSurface {
+    pub(crate) fn surface(&self, ranks: &Ranks, starts: &[usize]) -> ContactSurface {
         let mine = starts[ranks.rank()]..starts[ranks.rank() + 1];
         let own = self.blocks[mine.start]..self.blocks[mine.end];
         let has_own = |t: &&[u32; 3]| t.iter().any(|v| own.contains(&(*v as usize)));
@@ -110,7 +110,7 @@ impl Heap {
     }
 
     /// Positions at a time, as a rank has them.
-    fn at(&self, surface: &ContactSurface, time: usize) -> Vec<Vec3> {
+    pub(crate) fn at(&self, surface: &ContactSurface, time: usize) -> Vec<Vec3> {
         let nodes = surface.nodes();
         // Ghosts come from their owners.
         let own = |node: u32| nodes.is_own(node) || nodes.is_body(node);
