@@ -140,7 +140,7 @@ impl Neighbours {
         if let Some(renumber) = share(surface, &mut found) {
             fetch(&renumber, surface, x);
         }
-        self.lists = [Vec::new(), Vec::new()];
+        self.lists.iter_mut().for_each(Vec::clear);
         found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
         if self.coloured {
             self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
@@ -149,11 +149,14 @@ impl Neighbours {
                 *order = Order::of(list, surface.nodes(), |n| n.pair.nodes);
             }
         }
-        self.edge_length = surface.edge_length().to_vec();
+        self.edge_length.clear();
+        self.edge_length.extend_from_slice(surface.edge_length());
         self.own = own_nodes(surface);
-        self.way = vec![0.0; x.len()];
+        self.way.resize(x.len(), 0.0);
         self.centre = surface.samples().centre(surface.nodes(), x);
-        self.reference = Some(x.clone());
+        let reference = self.reference.get_or_insert_default();
+        reference.clear();
+        reference.extend_from_slice(x);
     }
 
     /// Lays everything out for other ghosts.

@@ -204,21 +204,24 @@ impl SelfContact {
     /// Notes which vertices are held during the coming step.
     pub fn set_held(&mut self, masses: &[f64], pins: Option<&HardPins>, targets: &PinTargets) {
         let Some(pins) = pins else { return };
-        let place = self.surface.place();
-        self.surface.change_mobility(|nodes, mobility| {
-            let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + nodes.own().start);
-            for (vertex, _, _) in pins.axes() {
-                if let Some(node) = own(vertex) {
-                    mobility[node] = Vec3::repeat(1.0 / masses[vertex]);
-                }
+        let Self { surface, mobility, .. } = self;
+        let place = surface.place();
+        let shift = surface.nodes().own().start;
+        let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + shift);
+        surface.change_mobility(|all| {
+            for (vertex, node) in pins.axes().filter_map(|(vertex, ..)| Some((vertex, own(vertex)?))) {
+                all[node] = Vec3::repeat(1.0 / masses[vertex]);
             }
-            for (vertex, _, axes) in pins.axes().filter(|(_, target, _)| targets.is_active(*target)) {
-                if let Some(node) = own(vertex) {
-                    (0..3).filter(|axis| axes[*axis]).for_each(|axis| mobility[node][axis] = 0.0);
+            for (vertex, target, axes) in pins.axes() {
+                if let Some(node) = own(vertex).filter(|_| targets.is_active(target)) {
+                    (0..3).filter(|axis| axes[*axis]).for_each(|axis| all[node][axis] = 0.0);
                 }
             }
         });
-        self.mobility = cloth_mobility(&self.surface);
+        let pinned = pins.axes().filter_map(|(vertex, ..)| own(vertex));
+        for node in pinned.chain(surface.nodes().ghost_places()) {
+            mobility[node] = surface.mobility()[node].max();
+        }
     }
 
     /// Share of the time step that the cloth allows, shortened where contact needs it.
