@@ -2,9 +2,12 @@
 //!
 //! A snapshot holds what time has changed and nothing else: positions and velocities, and of every effect what it remembers
 //! across collision steps. It is in the order of the scene (garment by garment, each in its own vertex order), so any number
-//! of threads may go on from it. Files are the caller's business.
+//! of threads and ranks may go on from it. Files are the caller's business.
+//!
+//! A snapshot need not be in memory as a whole: the solver gives its arrays row by row to a [`SnapshotSink`] and takes them back
+//! from a [`SnapshotSource`]. [`Snapshot`] is both.
 
-use crate::Vec3;
+use std::ops::Range;
 
 /// Everything that a simulation needs to go on, beside its scene.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -50,6 +53,85 @@ pub enum Values {
     U8(Vec<u8>),
 }
 
+/// Type of the values of an array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ValueKind {
+    /// [`Values::F64`].
+    F64,
+    /// [`Values::U64`].
+    U64,
+    /// [`Values::I64`].
+    I64,
+    /// [`Values::U32`].
+    U32,
+    /// [`Values::U8`].
+    U8,
+}
+
+/// What a section holds, without the values.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SectionOutline {
+    /// Name of the section.
+    pub name: String,
+    /// Version of its layout.
+    pub version: u32,
+    /// Its arrays, in order.
+    pub datasets: Vec<DatasetOutline>,
+}
+
+/// What an array is, without the values.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DatasetOutline {
+    /// Name, unique within the section.
+    pub name: String,
+    /// Extents; their product is the number of values.
+    pub shape: Vec<usize>,
+    /// Type of the values.
+    pub kind: ValueKind,
+}
+
+/// Takes a snapshot piece by piece. What goes wrong is remembered and told at the end, so that whoever saves need not stop in
+/// the middle of it.
+pub trait SnapshotSink {
+    /// Begins a section.
+    fn section(&mut self, name: &str, version: u32);
+
+    /// Begins an array of the section begun last. All its rows follow before anything else.
+    fn dataset(&mut self, name: &str, shape: &[usize], kind: ValueKind);
+
+    /// The next rows of the array begun last, in order, of its kind; any number of whole rows.
+    fn rows(&mut self, values: Values);
+}
+
+/// Gives a snapshot piece by piece.
+pub trait SnapshotSource {
+    /// All sections in order.
+    fn outline(&self) -> Vec<SectionOutline>;
+
+    /// Values of some rows of an array: as many for each row as the extents behind the first say.
+    ///
+    /// # Errors
+    /// There is no such array, it has fewer rows, or it cannot be read.
+    fn values(&mut self, section: &str, dataset: &str, rows: Range<usize>) -> Result<Values, SnapshotError>;
+
+    /// Version of a section, if there is one of this name.
+    fn version(&self, section: &str) -> Option<u32> {
+        self.outline().iter().find(|known| known.name == section).map(|known| known.version)
+    }
+
+    /// Number of rows of an array.
+    ///
+    /// # Errors
+    /// There is no such array.
+    fn rows_of(&self, section: &str, dataset: &str) -> Result<usize, SnapshotError> {
+        let error = |what: String| SnapshotError { section: section.to_owned(), what };
+        let outline = self.outline();
+        let found = outline.iter().find(|known| known.name == section).ok_or_else(|| error("it is missing".into()))?;
+        let found = found.datasets.iter().find(|known| known.name == dataset);
+        Ok(found.ok_or_else(|| error(format!("`{dataset}` is missing")))?.rows())
+    }
+}
+
 /// Why a snapshot cannot be continued.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("section `{section}` of the saved state: {what}\n  help: it belongs to another scene or version; start anew")]
@@ -75,9 +157,114 @@ impl Snapshot {
         Ok(section)
     }
 
+    /// Gives all of it to a sink.
+    pub fn give(&self, sink: &mut dyn SnapshotSink) {
+        for section in &self.sections {
+            sink.section(&section.name, section.version);
+            for dataset in &section.datasets {
+                sink.dataset(&dataset.name, &dataset.shape, dataset.values.kind());
+                sink.rows(dataset.values.clone());
+            }
+        }
+    }
+
+    /// All that a source gives.
+    ///
+    /// # Errors
+    /// The source cannot be read.
+    pub fn take(source: &mut dyn SnapshotSource) -> Result<Self, SnapshotError> {
+        let outline = source.outline();
+        let section = |about: &SectionOutline| {
+            let mut section = Section::new(&about.name, about.version);
+            for dataset in &about.datasets {
+                let (name, shape) = (&dataset.name, &dataset.shape);
+                section.push(name, shape.clone(), source.values(&about.name, name, 0..dataset.rows())?);
+            }
+            Ok(section)
+        };
+        Ok(Self { sections: outline.iter().map(section).collect::<Result<_, _>>()? })
+    }
+
     /// Memory held by the values [bytes].
     pub fn bytes(&self) -> usize {
         self.sections.iter().flat_map(|section| &section.datasets).map(|dataset| dataset.values.bytes()).sum()
+    }
+}
+
+impl SnapshotSink for Snapshot {
+    fn section(&mut self, name: &str, version: u32) {
+        self.sections.push(Section::new(name, version));
+    }
+
+    fn dataset(&mut self, name: &str, shape: &[usize], kind: ValueKind) {
+        let section = self.sections.last_mut().expect("a section is begun before its arrays");
+        section.push(name, shape.to_vec(), kind.empty());
+    }
+
+    fn rows(&mut self, values: Values) {
+        let dataset = self.sections.last_mut().and_then(|section| section.datasets.last_mut());
+        dataset.expect("an array is begun before its rows").values.append(values);
+    }
+}
+
+impl SnapshotSource for Snapshot {
+    fn outline(&self) -> Vec<SectionOutline> {
+        let dataset = |dataset: &Dataset| DatasetOutline {
+            name: dataset.name.clone(),
+            shape: dataset.shape.clone(),
+            kind: dataset.values.kind(),
+        };
+        let section = |section: &Section| SectionOutline {
+            name: section.name.clone(),
+            version: section.version,
+            datasets: section.datasets.iter().map(dataset).collect(),
+        };
+        self.sections.iter().map(section).collect()
+    }
+
+    fn values(&mut self, section: &str, dataset: &str, rows: Range<usize>) -> Result<Values, SnapshotError> {
+        let error = |what: String| SnapshotError { section: section.to_owned(), what };
+        let found = self.sections.iter().find(|known| known.name == section);
+        let found = found.ok_or_else(|| error("it is missing".into()))?;
+        let found = found.datasets.iter().find(|known| known.name == dataset);
+        let found = found.ok_or_else(|| error(format!("`{dataset}` is missing")))?;
+        let width = found.shape.iter().skip(1).product::<usize>();
+        let part = found.values.part(rows.start * width..rows.end * width);
+        part.ok_or_else(|| error(format!("`{dataset}` has fewer than {} rows", rows.end)))
+    }
+}
+
+impl DatasetOutline {
+    /// Number of rows: the first extent, or one for a single value.
+    pub fn rows(&self) -> usize {
+        self.shape.first().copied().unwrap_or(1)
+    }
+
+    /// Number of values in a row.
+    pub fn width(&self) -> usize {
+        self.shape.iter().skip(1).product()
+    }
+}
+
+impl ValueKind {
+    /// Bytes that one value takes.
+    pub fn size(self) -> usize {
+        match self {
+            Self::F64 | Self::U64 | Self::I64 => 8,
+            Self::U32 => 4,
+            Self::U8 => 1,
+        }
+    }
+
+    /// No values of this kind.
+    pub fn empty(self) -> Values {
+        match self {
+            Self::F64 => Values::F64(Vec::new()),
+            Self::U64 => Values::U64(Vec::new()),
+            Self::I64 => Values::I64(Vec::new()),
+            Self::U32 => Values::U32(Vec::new()),
+            Self::U8 => Values::U8(Vec::new()),
+        }
     }
 }
 
@@ -87,124 +274,65 @@ impl Section {
         Self { name: name.to_owned(), version, datasets: Vec::new() }
     }
 
-    /// Adds a single real number.
-    pub(crate) fn number(mut self, name: &str, value: f64) -> Self {
-        self.push(name, vec![1], Values::F64(vec![value]));
-        self
-    }
-
-    /// Adds a single count.
-    pub(crate) fn integer(mut self, name: &str, value: u64) -> Self {
-        self.push(name, vec![1], Values::U64(vec![value]));
-        self
-    }
-
-    /// Adds one real number a row.
-    pub(crate) fn numbers(mut self, name: &str, values: Vec<f64>) -> Self {
-        self.push(name, vec![values.len()], Values::F64(values));
-        self
-    }
-
-    /// Adds one vector a row.
-    pub(crate) fn vectors(mut self, name: &str, values: impl ExactSizeIterator<Item = Vec3>) -> Self {
-        let mut flat = Vec::with_capacity(3 * values.len());
-        values.for_each(|v| flat.extend(<[f64; 3]>::from(v)));
-        self.push(name, vec![flat.len() / 3, 3], Values::F64(flat));
-        self
-    }
-
-    /// Adds rows of `width` vertex numbers.
-    pub(crate) fn vertices(mut self, name: &str, width: usize, values: Vec<u32>) -> Self {
-        self.push(name, vec![values.len() / width, width], Values::U32(values));
-        self
-    }
-
-    /// Adds one mark a row.
-    pub(crate) fn marks(mut self, name: &str, values: Vec<u8>) -> Self {
-        self.push(name, vec![values.len()], Values::U8(values));
-        self
-    }
-
     fn push(&mut self, name: &str, shape: Vec<usize>, values: Values) {
         self.datasets.push(Dataset { name: name.to_owned(), shape, values });
-    }
-
-    /// An error about this section.
-    pub(crate) fn error(&self, what: impl Into<String>) -> SnapshotError {
-        SnapshotError { section: self.name.clone(), what: what.into() }
-    }
-
-    fn values(&self, name: &str) -> Result<&Values, SnapshotError> {
-        let dataset = self.datasets.iter().find(|dataset| dataset.name == name);
-        dataset.map(|dataset| &dataset.values).ok_or_else(|| self.error(format!("`{name}` is missing")))
-    }
-
-    /// Number of rows of a dataset.
-    pub(crate) fn rows(&self, name: &str) -> Result<usize, SnapshotError> {
-        let dataset = self.datasets.iter().find(|dataset| dataset.name == name);
-        let shape = dataset.map(|dataset| &dataset.shape).ok_or_else(|| self.error(format!("`{name}` is missing")))?;
-        Ok(shape.first().copied().unwrap_or(0))
-    }
-
-    /// `count` real numbers.
-    fn real(&self, name: &str, count: usize) -> Result<&[f64], SnapshotError> {
-        match self.values(name)? {
-            Values::F64(values) if values.len() == count => Ok(values),
-            Values::F64(values) => Err(self.error(format!("`{name}` has {} values, not {count}", values.len()))),
-            _ => Err(self.error(format!("`{name}` is not of real numbers"))),
-        }
-    }
-
-    /// A single real number.
-    pub(crate) fn read_number(&self, name: &str) -> Result<f64, SnapshotError> {
-        Ok(self.real(name, 1)?[0])
-    }
-
-    /// Real numbers, one a row.
-    pub(crate) fn read_numbers(&self, name: &str, rows: usize) -> Result<&[f64], SnapshotError> {
-        self.real(name, rows)
-    }
-
-    /// Finite vectors, one a row.
-    pub(crate) fn read_vectors(&self, name: &str, rows: usize) -> Result<Vec<Vec3>, SnapshotError> {
-        let flat = self.real(name, 3 * rows)?;
-        if let Some(broken) = flat.iter().position(|x| !x.is_finite()) {
-            return Err(self.error(format!("row {} of `{name}` is not finite", broken / 3)));
-        }
-        Ok(flat.as_chunks().0.iter().map(|v: &[f64; 3]| Vec3::from(*v)).collect())
-    }
-
-    /// A single count.
-    pub(crate) fn read_integer(&self, name: &str) -> Result<u64, SnapshotError> {
-        match self.values(name)? {
-            Values::U64(values) if values.len() == 1 => Ok(values[0]),
-            _ => Err(self.error(format!("`{name}` is not one count"))),
-        }
-    }
-
-    /// Rows of vertex numbers below `limit`.
-    pub(crate) fn read_vertices<const W: usize>(&self, name: &str, limit: usize) -> Result<&[[u32; W]], SnapshotError> {
-        let Values::U32(values) = self.values(name)? else {
-            return Err(self.error(format!("`{name}` is not of vertex numbers")));
-        };
-        let (rows, rest) = values.as_chunks();
-        match values.iter().find(|v| **v as usize >= limit) {
-            Some(vertex) => Err(self.error(format!("`{name}` names vertex {vertex} of {limit}"))),
-            None if !rest.is_empty() => Err(self.error(format!("`{name}` has an incomplete row"))),
-            None => Ok(rows),
-        }
-    }
-
-    /// Marks, one a row.
-    pub(crate) fn read_marks(&self, name: &str, rows: usize) -> Result<&[u8], SnapshotError> {
-        match self.values(name)? {
-            Values::U8(values) if values.len() == rows => Ok(values),
-            _ => Err(self.error(format!("`{name}` does not hold {rows} marks"))),
-        }
     }
 }
 
 impl Values {
+    /// Their type.
+    pub fn kind(&self) -> ValueKind {
+        match self {
+            Self::F64(_) => ValueKind::F64,
+            Self::U64(_) => ValueKind::U64,
+            Self::I64(_) => ValueKind::I64,
+            Self::U32(_) => ValueKind::U32,
+            Self::U8(_) => ValueKind::U8,
+        }
+    }
+
+    /// Number of values.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F64(values) => values.len(),
+            Self::U64(values) => values.len(),
+            Self::I64(values) => values.len(),
+            Self::U32(values) => values.len(),
+            Self::U8(values) => values.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Appends values of the same kind.
+    ///
+    /// # Panics
+    /// They are of another kind.
+    pub fn append(&mut self, more: Self) {
+        match (self, more) {
+            (Self::F64(values), Self::F64(more)) => values.extend(more),
+            (Self::U64(values), Self::U64(more)) => values.extend(more),
+            (Self::I64(values), Self::I64(more)) => values.extend(more),
+            (Self::U32(values), Self::U32(more)) => values.extend(more),
+            (Self::U8(values), Self::U8(more)) => values.extend(more),
+            (values, more) => panic!("an array of {:?} gets {:?}", values.kind(), more.kind()),
+        }
+    }
+
+    /// Some of the values; `None` when there are fewer.
+    fn part(&self, range: Range<usize>) -> Option<Self> {
+        Some(match self {
+            Self::F64(values) => Self::F64(values.get(range)?.to_vec()),
+            Self::U64(values) => Self::U64(values.get(range)?.to_vec()),
+            Self::I64(values) => Self::I64(values.get(range)?.to_vec()),
+            Self::U32(values) => Self::U32(values.get(range)?.to_vec()),
+            Self::U8(values) => Self::U8(values.get(range)?.to_vec()),
+        })
+    }
+
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
         match self {

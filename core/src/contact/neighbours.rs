@@ -106,8 +106,8 @@ impl Neighbours {
     }
 
     /// Positions of the nodes when the list was made [m]; none before.
-    pub fn reference(&self) -> &[Vec3] {
-        self.reference.as_deref().unwrap_or(&[])
+    pub fn reference(&self) -> Option<&[Vec3]> {
+        self.reference.as_deref()
     }
 
     /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges,
@@ -140,7 +140,7 @@ impl Neighbours {
         if let Some(renumber) = share(surface, &mut found) {
             fetch(&renumber, surface, x);
         }
-        self.lists = [Vec::new(), Vec::new()];
+        self.lists.iter_mut().for_each(Vec::clear);
         found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
         if self.coloured {
             self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
@@ -149,11 +149,14 @@ impl Neighbours {
                 *order = Order::of(list, surface.nodes(), |n| n.pair.nodes);
             }
         }
-        self.edge_length = surface.edge_length().to_vec();
+        self.edge_length.clear();
+        self.edge_length.extend_from_slice(surface.edge_length());
         self.own = own_nodes(surface);
-        self.way = vec![0.0; x.len()];
+        self.way.resize(x.len(), 0.0);
         self.centre = surface.samples().centre(surface.nodes(), x);
-        self.reference = Some(x.clone());
+        let reference = self.reference.get_or_insert_default();
+        reference.clear();
+        reference.extend_from_slice(x);
     }
 
     /// Lays everything out for other ghosts.
@@ -198,9 +201,6 @@ impl Neighbours {
 
     /// Notes the way of one node again, after its end has changed. Returns it as a share of the node's edges.
     pub fn note_way(&mut self, node: usize, end: &Vec3) -> f64 {
-        if self.reference.is_none() {
-            return f64::INFINITY;
-        }
         self.way[node] = self.way[node].max(self.way_to(node, end));
         self.way[node] / (self.edge_length[node] * self.shortening)
     }
@@ -210,8 +210,9 @@ impl Neighbours {
         nodes.refresh(&mut self.way);
     }
 
+    /// Infinite before the list is made.
     fn way_to(&self, node: usize, end: &Vec3) -> f64 {
-        let reference = self.reference();
+        let Some(reference) = &self.reference else { return f64::INFINITY };
         (end - self.common[1].apply(&reference[node])).norm()
     }
 

@@ -72,6 +72,11 @@ impl ContactNodes {
         self.own.clone()
     }
 
+    /// Ghosts, in local numbers.
+    pub fn ghost_places(&self) -> impl Iterator<Item = usize> + use<> {
+        (0..self.own.start).chain(self.own.end..self.cloth())
+    }
+
     /// Whether this rank owns a local node of cloth.
     #[inline]
     pub fn is_own(&self, node: u32) -> bool {

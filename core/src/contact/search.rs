@@ -146,8 +146,7 @@ impl PairSearch {
         if nodes.ranks().is_alone() {
             return;
         }
-        let ghosts = (0..nodes.own().start).chain(nodes.own().end..nodes.cloth());
-        ghosts.for_each(|i| self.node_boxes[i] = box_of(i));
+        nodes.ghost_places().for_each(|i| self.node_boxes[i] = box_of(i));
         self.visiting.fit(&self.visitors, &self.node_boxes);
     }
 

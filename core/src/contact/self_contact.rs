@@ -20,10 +20,9 @@ use crate::effects::pins::{HardPins, PinTargets};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
+use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
-use crate::snapshot::{Section, SnapshotError};
 use crate::state::State;
 
 /// Name of the section of a snapshot.
@@ -205,21 +204,24 @@ impl SelfContact {
     /// Notes which vertices are held during the coming step.
     pub fn set_held(&mut self, masses: &[f64], pins: Option<&HardPins>, targets: &PinTargets) {
         let Some(pins) = pins else { return };
-        let place = self.surface.place();
-        self.surface.change_mobility(|nodes, mobility| {
-            let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + nodes.own().start);
-            for (vertex, _, _) in pins.axes() {
-                if let Some(node) = own(vertex) {
-                    mobility[node] = Vec3::repeat(1.0 / masses[vertex]);
-                }
+        let Self { surface, mobility, .. } = self;
+        let place = surface.place();
+        let shift = surface.nodes().own().start;
+        let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + shift);
+        surface.change_mobility(|all| {
+            for (vertex, node) in pins.axes().filter_map(|(vertex, ..)| Some((vertex, own(vertex)?))) {
+                all[node] = Vec3::repeat(1.0 / masses[vertex]);
             }
-            for (vertex, _, axes) in pins.axes().filter(|(_, target, _)| targets.is_active(*target)) {
-                if let Some(node) = own(vertex) {
-                    (0..3).filter(|axis| axes[*axis]).for_each(|axis| mobility[node][axis] = 0.0);
+            for (vertex, target, axes) in pins.axes() {
+                if let Some(node) = own(vertex).filter(|_| targets.is_active(target)) {
+                    (0..3).filter(|axis| axes[*axis]).for_each(|axis| all[node][axis] = 0.0);
                 }
             }
         });
-        self.mobility = cloth_mobility(&self.surface);
+        let pinned = pins.axes().filter_map(|(vertex, ..)| own(vertex));
+        for node in pinned.chain(surface.nodes().ghost_places()) {
+            mobility[node] = surface.mobility()[node].max();
+        }
     }
 
     /// Share of the time step that the cloth allows, shortened where contact needs it.
@@ -365,7 +367,7 @@ impl SelfContact {
         let Self { surface, search, neighbours, geometric, paths, gap, .. } = self;
         let Some(Geometric { control, work, ignored, pinched, .. }) = geometric else { return Resolution::default() };
         let cloth = surface.nodes().all_cloth();
-        // Pairs by numbers of the scene. Where a body has pinched cloth that it crosses itself, nothing of it holds the cloth.
+        // Pairs have numbers of the scene here.
         let is_ignored = |pair: &Pair| {
             let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
             let lets_out = || of_body() && pair.nodes.iter().any(|number| pinched.binary_search(number).is_ok());
@@ -378,66 +380,61 @@ impl SelfContact {
             ignored: &is_ignored,
             may_give_back: may_rewind && control.steps > 1,
         };
-        work.resolve(&mut collisions, neighbours, search, paths, used, metrics)
+        let kept = collisions.surface.nodes().clone();
+        let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
+        if kept.ghosts() != surface.nodes().ghosts() {
+            let renumber = surface.set_nodes(kept);
+            neighbours.renumber(&renumber, surface);
+            paths.renumber(&renumber, surface.nodes());
+            renumber.renumber(outcome.moved.iter_mut());
+        }
+        outcome
     }
 
     /// What self-contact remembers at a collision-free state: the list of neighbours by the positions it was made around, the
     /// number and length of the steps it takes, and what crosses.
-    pub fn save(&self, parts: &Parts) -> Section {
-        let cloth = self.surface.nodes().all_cloth();
-        let own = |number: u32| if number < cloth { parts.own_index(number as usize) as u32 } else { number };
-        let reference = self.neighbours.reference();
-        let cloth = if reference.is_empty() { 0 } else { parts.vertex_count() };
-        let in_order =
-            (0..reference.len()).map(|i| if i < cloth { reference[parts.solver_of(i)] } else { reference[i] });
-        let section = Section::new(SECTION, VERSION)
-            .number("wear", self.wear)
-            .number("list_reach", self.neighbours.full_reach())
-            .vectors("list_positions", in_order);
-        let Some(geometric) = &self.geometric else { return section };
+    pub(crate) fn remember(&self) -> Remembered {
+        let (reference, nodes) = (self.neighbours.reference(), self.surface.nodes());
+        let list = reference.map(|x| (x[nodes.own()].to_vec(), x[nodes.cloth()..].to_vec()));
+        let memory = Remembered::new(SECTION, VERSION)
+            .with("wear", Field::Number(self.wear))
+            .with("list_reach", Field::Number(self.neighbours.full_reach()))
+            .with("list_positions", Field::Nodes(list));
+        let Some(geometric) = &self.geometric else { return memory };
         let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
-        section
-            .integer("steps", geometric.control.steps.into())
-            .number("step_share", geometric.control.share)
-            .integer("successes", geometric.control.successes.into())
-            .vertices("crossings", 5, crossings.map(own).collect())
-            .vertices("pinched", 1, geometric.pinched.iter().map(|node| own(*node)).collect())
+        memory
+            .with("steps", Field::Count(geometric.control.steps.into()))
+            .with("step_share", Field::Number(geometric.control.share))
+            .with("successes", Field::Count(geometric.control.successes.into()))
+            .with("crossings", Field::Numbers(5, crossings.collect()))
+            .with("pinched", Field::Numbers(1, geometric.pinched.clone()))
     }
 
-    /// Goes on from what was saved.
-    ///
-    /// # Errors
-    /// The section is of another scene.
-    pub fn load(&mut self, section: &Section, parts: &Parts) -> Result<(), SnapshotError> {
-        let (nodes, vertices) = (self.surface.node_count(), parts.vertex_count());
-        self.wear = section.read_number("wear")?;
-        if section.rows("list_positions")? > 0 {
-            let own = section.read_vectors("list_positions", nodes)?;
-            self.paths.start = parts.in_solver_order(&own[..vertices]).chain(own[vertices..].iter().copied()).collect();
-            let reach = section.read_number("list_reach")?;
+    /// Goes on from what was remembered.
+    pub(crate) fn go_on(&mut self, memory: &Remembered, _: &State, _: &Bodies) {
+        self.wear = memory.number("wear");
+        if let Some((cloth, bodies)) = memory.nodes("list_positions") {
+            let nodes = self.surface.nodes();
+            let start = &mut self.paths.start;
+            *start = vec![Vec3::zeros(); nodes.count()];
+            start[nodes.own()].copy_from_slice(cloth);
+            start[nodes.cloth()..].copy_from_slice(bodies);
+            nodes.refresh(start);
+            let reach = memory.number("list_reach");
             // The list follows from the positions it was made around, to the last bit and in the same order.
             self.gap = gap(self.surface.ranks(), &self.paths.start);
             self.rebuild(reach);
         }
-        let Some(geometric) = &mut self.geometric else { return Ok(()) };
-        let solver = |node: u32| match (node as usize) < vertices {
-            true => parts.solver_of(node as usize) as u32,
-            false => node,
-        };
-        let count = |name| section.read_integer(name).map(|n| u32::try_from(n).unwrap_or(u32::MAX));
-        geometric.control.steps = count("steps")?.clamp(1, geometric.control.max_steps);
-        geometric.control.share = section.read_number("step_share")?.clamp(SHORTEST_STEP, 1.0);
-        geometric.control.successes = count("successes")?;
-        let crossings = section.read_vertices::<5>("crossings", nodes)?;
-        let crossing = |row: &[u32; 5]| {
-            let [a, b, c, d, e] = row.map(solver);
-            Crossing { edge: [a, b], triangle: [c, d, e] }
-        };
-        geometric.crossings = crossings.iter().map(crossing).collect();
+        let Some(geometric) = &mut self.geometric else { return };
+        let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
+        geometric.control.steps = count("steps").clamp(1, geometric.control.max_steps);
+        geometric.control.share = memory.number("step_share").clamp(SHORTEST_STEP, 1.0);
+        geometric.control.successes = count("successes");
+        let rows = memory.numbers("crossings").as_chunks::<5>().0;
+        let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
+        geometric.crossings = rows.iter().map(crossing).collect();
         geometric.ignored = ignored_pairs(&geometric.crossings);
-        let pinched = section.read_vertices::<1>("pinched", nodes)?;
-        geometric.pinched = pinched.iter().map(|[node]| solver(*node)).collect();
-        Ok(())
+        geometric.pinched = memory.numbers("pinched").to_vec();
     }
 
     /// Edges that crossed triangles when it was last looked for them.

@@ -37,75 +37,67 @@ pub struct ClothShare {
 }
 
 impl ClothShare {
-    /// The cloth of a scene; `clamp` is the largest thickness of a vertex as a fraction of its shortest rest edge.
+    /// This rank's share of a scene; `clamp` is the largest thickness of a vertex as a fraction of its shortest rest edge.
     pub fn of(scene: &Scene, clamp: f64) -> Self {
         let parts = scene.parts();
-        let count = parts.vertex_count();
-        let mut triangles = Vec::new();
-        let (mut rest, mut garment) = (vec![Vec3::zeros(); count], vec![0; count]);
-        for (g, mesh) in scene.meshes().iter().enumerate() {
-            let solver = |v: u32| parts.solver_index(g, v) as u32;
-            triangles.extend(mesh.triangles().iter().map(|t| t.map(solver)));
-            for (v, position) in mesh.rest_positions().iter().enumerate() {
-                let solver = solver(v as u32) as usize;
-                rest[solver] = *position;
-                garment[solver] = g as u32;
-            }
-        }
-        let cut = |part: &Range<usize>| {
-            let end = part.end;
-            part.clone().step_by(SUM_BLOCK).map(move |start| start..(start + SUM_BLOCK).min(end))
-        };
-        let blocks: Vec<Range<usize>> = parts.ranges().iter().flat_map(cut).collect();
-        Self {
-            ranks: Ranks::default(),
-            rank_starts: vec![0, count as u32],
-            block_starts: vec![0, blocks.len()],
-            blocks,
-            place: 0..count,
-            triangles,
-            rest,
-            thickness: thicknesses(scene, clamp),
-            edge_length: edge_lengths(scene),
-            garment,
-            mobility: scene.masses().iter().map(|m| 1.0 / m).collect(),
+        let own = parts.own();
+        let mut share = Self {
+            ranks: parts.ranks().clone(),
+            rank_starts: parts.rank_starts().to_vec(),
+            block_starts: parts.rank_block_starts(),
+            blocks: parts
+                .ranges()
+                .iter()
+                .flat_map(|part| blocks_of(part.start - own.start..part.end - own.start))
+                .collect(),
+            place: own.clone(),
+            triangles: Vec::new(),
+            rest: vec![Vec3::zeros(); own.len()],
+            thickness: vec![0.0; own.len()],
+            edge_length: vec![0.0; own.len()],
+            garment: own.clone().map(|v| parts.garment_of(v) as u32).collect(),
+            mobility: scene.masses()[own.clone()].iter().map(|m| 1.0 / m).collect(),
             mean_edge: scene.mean_edge(),
+        };
+        let mut edges = vec![0; own.len()];
+        for garment in 0..scene.meshes().len() {
+            share.add_garment(scene, garment, clamp, &mut edges);
+        }
+        for (length, edges) in share.edge_length.iter_mut().zip(edges) {
+            *length = if edges > 0 { *length / f64::from(edges) } else { share.mean_edge };
+        }
+        share
+    }
+
+    /// Adds a garment's triangles, the lengths of its edges, and their number at each own vertex. Own vertices have all their
+    /// edges here, in the same order on any number of ranks.
+    fn add_garment(&mut self, scene: &Scene, garment: usize, clamp: f64, edges: &mut [u32]) {
+        let (parts, mesh) = (scene.parts(), &scene.meshes()[garment]);
+        let first = parts.garment(garment).start;
+        let own = |v: u32| Some(first + v as usize).filter(|v| self.place.contains(v)).map(|v| v - self.place.start);
+        let touches = |corners: &&[u32; 3]| corners.iter().any(|v| own(*v).is_some());
+        let number = |v: u32| parts.number(first + v as usize);
+        self.triangles.extend(mesh.triangles().iter().filter(touches).map(|t| t.map(number)));
+        for (v, rest) in (0..).zip(mesh.rest_positions()) {
+            if let Some(v) = own(v) {
+                self.rest[v] = *rest;
+                self.thickness[v] = scene.description().garments[garment].thickness;
+            }
+        }
+        for edge in mesh.edges() {
+            let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
+            let length = (a - b).norm();
+            for v in edge.vertices.into_iter().filter_map(own) {
+                // Method 3.2.
+                self.thickness[v] = self.thickness[v].min(clamp * length);
+                self.edge_length[v] += length;
+                edges[v] += 1;
+            }
         }
     }
 }
 
-/// Thickness per vertex in solver order: the garment's, at most `clamp` times each rest edge of the vertex (method 3.2).
-fn thicknesses(scene: &Scene, clamp: f64) -> Vec<f64> {
-    let parts = scene.parts();
-    let mut thickness = vec![0.0; parts.vertex_count()];
-    for (g, (mesh, garment)) in scene.meshes().iter().zip(&scene.description().garments).enumerate() {
-        parts.garment(g).for_each(|solver| thickness[solver] = garment.thickness);
-        for edge in mesh.edges() {
-            let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
-            let longest: f64 = clamp * (a - b).norm();
-            for v in edge.vertices {
-                let own: &mut f64 = &mut thickness[parts.solver_index(g, v)];
-                *own = own.min(longest);
-            }
-        }
-    }
-    thickness
-}
-
-/// Mean rest length of the edges of each vertex [m]; of all cloth for vertices without edges.
-fn edge_lengths(scene: &Scene) -> Vec<f64> {
-    let parts = scene.parts();
-    let count = parts.vertex_count();
-    let (mut sums, mut counts) = (vec![0.0; count], vec![0u32; count]);
-    for (g, mesh) in scene.meshes().iter().enumerate() {
-        for edge in mesh.edges() {
-            let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
-            for v in edge.vertices {
-                sums[parts.solver_index(g, v)] += (a - b).norm();
-                counts[parts.solver_index(g, v)] += 1;
-            }
-        }
-    }
-    let mean = |(sum, count): (&f64, &u32)| if *count > 0 { sum / f64::from(*count) } else { scene.mean_edge() };
-    sums.iter().zip(&counts).map(mean).collect()
+/// The blocks of sums of a part.
+fn blocks_of(part: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    part.clone().step_by(SUM_BLOCK).map(move |start| start..(start + SUM_BLOCK).min(part.end))
 }

@@ -53,16 +53,16 @@ impl Heap {
             // Folded three times along one side.
             let (row, along) = ((i / 5.0).floor(), i % 5.0);
             let across = if row as usize % 2 == 0 { along } else { 5.0 - along };
-            x[flat] = Vec3::new(across, 0.7 * row + 0.35 * s as f64, j) * 0.01;
+            x[flat] = Vec3::new(across, 2.4 * row + 0.8 * s as f64, j) * 0.01;
         }
         // A body under the sheets.
-        let point = |v: usize| Vec3::new((v % SIDE) as f64, -0.4, (v / SIDE) as f64) * 0.01;
+        let point = |v: usize| Vec3::new((v % SIDE) as f64, -0.7, (v / SIDE) as f64) * 0.01;
         x.extend((0..SHEET).map(point));
         let noise = |x: &[Vec3], by: f64, random: &mut Random| x.iter().map(|x| x + random.vector() * by).collect();
         let first: Vec<Vec3> = noise(&x, 0.001, random);
         let second: Vec<Vec3> = noise(&first, 0.0008, random);
-        let third: Vec<Vec3> = noise(&second, 0.006, random);
-        let fourth: Vec<Vec3> = noise(&third, 0.03, random);
+        let third: Vec<Vec3> = noise(&second, 0.004, random);
+        let fourth: Vec<Vec3> = noise(&third, 0.006, random);
         let mut blocks = vec![0];
         while blocks[blocks.len() - 1] < CLOTH {
             blocks.push((blocks[blocks.len() - 1] + 1 + below(random, 40)).min(CLOTH));
@@ -236,8 +236,8 @@ fn any_number_of_ranks_finds_the_pairs_the_ways_and_the_crossings_of_one() {
             let (heap, starts) = (heap.clone(), heap.cut(&mut random, 1));
             on_ranks(1, move |ranks| search(&heap, &ranks, &starts)).remove(0)
         };
-        assert!(alone.held.iter().all(|list| list.len() > 5000), "the sheets are close");
-        assert!(alone.crossings.iter().skip(1).all(|list| list.len() > 100) && alone.close.len() > 100);
+        assert!(alone.held.iter().all(|list| list.len() > 300), "{:?} are close", alone.held.each_ref().map(Vec::len));
+        assert!(alone.crossings.iter().skip(1).all(|list| list.len() > 20) && alone.close.len() > 20);
         assert!(alone.crossings[1].len() > alone.crossings[2].len());
         for count in [2, 3, 5] {
             let (shared, starts) = (heap.clone(), heap.cut(&mut random, count));

@@ -1,0 +1,119 @@
+//! What goes from a simulation to files: fields of garments as caches store them, and what rank 0 reads for all. All ranks
+//! call these together; rank 0 alone gives and gets.
+
+use super::{FrameInput, Sample, Simulation};
+use crate::Vec3;
+use crate::parallel::ranks::Ranks;
+use crate::parallel::wire::{Wire, wire};
+use crate::scene::Scene;
+
+/// A field of the vertices of a garment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Field {
+    /// Positions [m].
+    Positions,
+    /// Velocities [m/s].
+    Velocities,
+}
+
+wire!(struct Sample { time, positions });
+wire!(struct FrameInput { frame, bodies, tracks });
+
+impl Scene {
+    /// The input of a frame for each rank, of what rank 0 has read: all bodies, and of the tracks what own pins follow. All
+    /// ranks call it together; `None` everywhere but on rank 0.
+    pub fn share_input(&self, input: Option<FrameInput>) -> FrameInput {
+        let ranks = self.parts().ranks();
+        let mut input = input.unwrap_or_default();
+        if ranks.is_alone() {
+            return input;
+        }
+        let tracks = std::mem::take(&mut input.tracks);
+        let mut bytes = (input, tracks.len()).to_bytes();
+        ranks.broadcast(&mut bytes);
+        let (mut shared, count) = <(FrameInput, usize)>::take(&mut bytes.as_slice()).unwrap_or_default();
+        shared.tracks = (0..count).map(|track| self.share_track(track, tracks.get(track))).collect();
+        shared
+    }
+
+    /// The rows of a track that own pins follow, of the samples that rank 0 has.
+    fn share_track(&self, track: usize, samples: Option<&Vec<Sample>>) -> Vec<Sample> {
+        let ranks = self.parts().ranks();
+        let wanted = ranks.gather(&self.track_rows(track));
+        let rows = |rows: &Vec<u32>| -> Vec<u8> {
+            let of = |sample: &Sample| Sample {
+                time: sample.time,
+                positions: rows.iter().filter_map(|row| sample.positions.get(*row as usize).copied()).collect(),
+            };
+            samples.map_or_else(Vec::new, |samples| samples.iter().map(of).collect()).to_bytes()
+        };
+        let mut lists: Vec<Vec<u8>> = wanted.iter().map(rows).collect();
+        lists.resize(ranks.count(), Vec::new());
+        let received = ranks.send_lists(lists).into_iter().next().unwrap_or_default();
+        Vec::take(&mut received.as_slice()).unwrap_or_default()
+    }
+}
+
+impl Simulation {
+    /// This rank and the others.
+    pub fn ranks(&self) -> &Ranks {
+        self.scene().parts().ranks()
+    }
+
+    /// One field of a garment as it is stored, in the garment's own order: on rank 0, `None` elsewhere.
+    pub fn stored(
+        &self,
+        garment: usize,
+        field: Field,
+        convert: &(dyn Fn(&Vec3) -> [f32; 3] + Sync),
+    ) -> Option<Vec<[f32; 3]>> {
+        self.in_own_order(garment, field, [0.0; 3], convert)
+    }
+
+    /// Positions of a garment in its own order [m], on rank 0; nothing elsewhere.
+    pub fn garment_positions(&self, garment: usize, out: &mut Vec<Vec3>) {
+        *out = self.in_own_order(garment, Field::Positions, Vec3::zeros(), &|x| *x).unwrap_or_default();
+    }
+
+    /// Velocities of a garment in its own order [m/s], on rank 0; nothing elsewhere.
+    pub fn garment_velocities(&self, garment: usize, out: &mut Vec<Vec3>) {
+        *out = self.in_own_order(garment, Field::Velocities, Vec3::zeros(), &|v| *v).unwrap_or_default();
+    }
+
+    fn in_own_order<T: bytemuck::Pod>(
+        &self,
+        garment: usize,
+        field: Field,
+        zero: T,
+        convert: &(dyn Fn(&Vec3) -> T + Sync),
+    ) -> Option<Vec<T>> {
+        let (parts, ranks) = (self.scene().parts(), self.ranks());
+        let own = parts.own_of_garment(garment);
+        let values = match field {
+            Field::Positions => &self.state().x[own.clone()],
+            Field::Velocities => &self.state().v[own.clone()],
+        };
+        let numbers = &parts.own_numbers()[own];
+        let count = parts.partition().garments()[garment].len();
+        let mut all = vec![zero; if ranks.is_first() { count } else { 0 }];
+        let mut put = |numbers: &[u32], values: &mut dyn Iterator<Item = T>| {
+            numbers.iter().zip(values).for_each(|(number, value)| all[*number as usize] = value);
+        };
+        if ranks.is_first() {
+            put(numbers, &mut values.iter().map(convert));
+        }
+        if !ranks.is_alone() {
+            // Rank after rank, so that rank 0 never holds more than what it hands on and the share of one.
+            for rank in 1..ranks.count() {
+                let here = rank == ranks.rank();
+                let values: Vec<T> = if here { values.iter().map(convert).collect() } else { Vec::new() };
+                let numbers = ranks.to_first(rank, if here { numbers } else { &[] });
+                let values = ranks.to_first(rank, &values);
+                if ranks.is_first() {
+                    put(&numbers, &mut values.into_iter());
+                }
+            }
+        }
+        ranks.is_first().then_some(all)
+    }
+}
