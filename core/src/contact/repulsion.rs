@@ -123,6 +123,9 @@ pub struct Repulsions {
     seen: Vec<bool>,
     /// What ranks tell each other during a pass.
     borders: Borders,
+    /// Active pairs at home here, and those of them that have passed through each other.
+    active: u64,
+    inverted: u64,
     /// Whether the active pairs are those of the positions that come next.
     fresh: bool,
 }
@@ -132,7 +135,7 @@ impl Repulsions {
     pub fn new(laws: Laws) -> Self {
         let (kinds, velocities) = (Default::default(), SharedVectors::new(0));
         let (nodes, seen, borders) = Default::default();
-        Self { laws, kinds, velocities, nodes, seen, borders, fresh: false }
+        Self { laws, kinds, velocities, nodes, seen, borders, active: 0, inverted: 0, fresh: false }
     }
 
     /// Memory held [bytes].
@@ -223,19 +226,13 @@ impl Repulsions {
             (0..2).for_each(|kind| law(kind, &|t, rel| laws.elastic_change(t, rel, dt)));
         }
         self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
-        let attracted = self.inverted(at.nodes);
-        metrics.count("repulsions", self.at_home(at.nodes).count() as u64 - attracted);
-        metrics.count("attractions", attracted);
+        metrics.count("repulsions", self.active - self.inverted);
+        metrics.count("attractions", self.inverted);
     }
 
     /// Number of active pairs at home here that had passed through each other at the positions of the last pass.
-    pub fn inverted(&self, nodes: &ContactNodes) -> u64 {
-        self.at_home(nodes).filter(|t| t.distance < 0.0).count() as u64
-    }
-
-    fn at_home(&self, nodes: &ContactNodes) -> impl Iterator<Item = &Touching> {
-        let active = self.kinds.iter().flat_map(PairsOfKind::active);
-        active.filter(|t| nodes.is_home(&t.nodes))
+    pub fn inverted(&self) -> u64 {
+        self.inverted
     }
 
     /// Finds the active pairs and their geometry.
@@ -256,7 +253,11 @@ impl Repulsions {
             self.seen = vec![false; at.nodes.cloth()];
             self.velocities = SharedVectors::new(at.nodes.cloth());
         }
+        (self.active, self.inverted) = (0, 0);
         for touching in self.kinds.iter().flat_map(PairsOfKind::active) {
+            let is_home = at.nodes.is_home(&touching.nodes);
+            self.active += u64::from(is_home);
+            self.inverted += u64::from(is_home && touching.distance < 0.0);
             for node in touching.nodes {
                 if !std::mem::replace(&mut self.seen[node as usize], true) {
                     self.nodes.push(node);

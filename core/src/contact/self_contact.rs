@@ -322,7 +322,7 @@ impl SelfContact {
         mut moved: impl FnMut(usize, f64),
     ) -> Ending {
         if let Some(repulsions) = &mut self.repulsions {
-            metrics.count("inverted_pairs", repulsions.inverted(self.surface.nodes()));
+            metrics.count("inverted_pairs", repulsions.inverted());
             repulsions.positions_changed();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
@@ -382,7 +382,7 @@ impl SelfContact {
         };
         let kept = collisions.surface.nodes().clone();
         let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
-        if kept.ghosts() != surface.nodes().ghosts() {
+        if outcome.renumbered {
             let renumber = surface.set_nodes(kept);
             neighbours.renumber(&renumber, surface);
             paths.renumber(&renumber, surface.nodes());
