@@ -73,8 +73,6 @@ pub struct Resolution {
     pub pinched: bool,
     /// Whether nothing was resolved, for a shorter collision step to try.
     pub given_back: bool,
-    /// Whether some rank's surfaces have other ghosts now.
-    pub renumbered: bool,
 }
 
 /// Arrays of the loop, over the nodes of this rank.
@@ -87,8 +85,6 @@ pub struct CollisionLoop {
     moved: Vec<u8>,
     /// Pairs at home here that may meet.
     candidates: Vec<Pair>,
-    /// Whether some rank has other ghosts than at the start.
-    renumbered: bool,
 }
 
 impl CollisionLoop {
@@ -108,12 +104,11 @@ impl CollisionLoop {
         let mut source = Source::of(used, neighbours);
         [&mut self.recent, &mut self.moved].into_iter().for_each(Vec::clear);
         self.displacements.clear();
-        self.renumbered = false;
         self.prepare(source, collisions, neighbours, search, paths, metrics);
         let mut hits = self.detect(collisions, paths, &response);
         let [mut everywhere] = ranks.sum_of([hits.len() as u64]);
         if everywhere == 0 {
-            return Resolution { renumbered: self.renumbered, ..Resolution::default() };
+            return Resolution::default();
         }
         self.displacements.extend(paths.start.iter().zip(&paths.end).map(|(a, b)| b - a));
         [&mut self.recent, &mut self.moved].into_iter().for_each(|marks| marks.resize(paths.start.len(), 0));
@@ -124,7 +119,7 @@ impl CollisionLoop {
         while everywhere > 0 {
             attempts += 1;
             if attempts == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(collisions, everywhere) {
-                return Resolution { given_back: true, renumbered: self.renumbered, ..Resolution::default() };
+                return Resolution { given_back: true, ..Resolution::default() };
             }
             metrics.count("collision_hits", hits.len() as u64);
             let (surface, gap) = (&*collisions.surface, collisions.gap);
@@ -151,13 +146,7 @@ impl CollisionLoop {
         let nodes = collisions.surface.nodes();
         let (zone_nodes, given_up) = response.report(nodes, metrics);
         let moved = nodes.own().filter(|&node| self.moved[node] != 0).map(|node| node as u32).collect();
-        Resolution {
-            moved,
-            hard: is_hard(collisions, zone_nodes),
-            pinched: given_up > 0,
-            given_back: false,
-            renumbered: self.renumbered,
-        }
+        Resolution { moved, hard: is_hard(collisions, zone_nodes), pinched: given_up > 0, given_back: false }
     }
 
     /// Finds the pairs that may meet on these paths, with a little more, so that impulses seldom lead beyond.
@@ -177,7 +166,6 @@ impl CollisionLoop {
         metrics.count("swept_searches", once(collisions.surface.ranks(), 1));
         let found = &mut self.candidates;
         let renumber = search.swept_pairs(collisions.surface, neighbours, paths, reach, found);
-        self.renumbered |= renumber.is_some();
         if let Some(renumber) = renumber.filter(|_| !self.displacements.is_empty()) {
             let nodes = collisions.surface.nodes();
             renumber.apply(&mut self.displacements, Vec3::zeros());

@@ -382,7 +382,7 @@ impl SelfContact {
         };
         let kept = collisions.surface.nodes().clone();
         let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
-        if outcome.renumbered {
+        if kept.ghosts() != surface.nodes().ghosts() {
             let renumber = surface.set_nodes(kept);
             neighbours.renumber(&renumber, surface);
             paths.renumber(&renumber, surface.nodes());
