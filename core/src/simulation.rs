@@ -20,10 +20,12 @@ use crate::step::{Scratch, StepContext, advance};
 use crate::time_step::StepLimit;
 use crate::tolerances::CG_GRAVITY_FRACTION;
 
+mod outside;
 mod saved;
 mod start;
 
 pub use crate::bodies::Sample;
+pub use outside::Field;
 pub use saved::RestoreError;
 use start::{first_tracks, start_outside};
 

@@ -2,7 +2,12 @@
 //!
 //! A snapshot holds what time has changed and nothing else: positions and velocities, and of every effect what it remembers
 //! across collision steps. It is in the order of the scene (garment by garment, each in its own vertex order), so any number
-//! of threads may go on from it. Files are the caller's business.
+//! of threads and ranks may go on from it. Files are the caller's business.
+//!
+//! A snapshot need not be in memory as a whole: the solver gives its arrays row by row to a [`SnapshotSink`] and takes them back
+//! from a [`SnapshotSource`]. [`Snapshot`] is both.
+
+use std::ops::Range;
 
 use crate::Vec3;
 
@@ -50,6 +55,85 @@ pub enum Values {
     U8(Vec<u8>),
 }
 
+/// Type of the values of an array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ValueKind {
+    /// [`Values::F64`].
+    F64,
+    /// [`Values::U64`].
+    U64,
+    /// [`Values::I64`].
+    I64,
+    /// [`Values::U32`].
+    U32,
+    /// [`Values::U8`].
+    U8,
+}
+
+/// What a section holds, without the values.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SectionOutline {
+    /// Name of the section.
+    pub name: String,
+    /// Version of its layout.
+    pub version: u32,
+    /// Its arrays, in order.
+    pub datasets: Vec<DatasetOutline>,
+}
+
+/// What an array is, without the values.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DatasetOutline {
+    /// Name, unique within the section.
+    pub name: String,
+    /// Extents; their product is the number of values.
+    pub shape: Vec<usize>,
+    /// Type of the values.
+    pub kind: ValueKind,
+}
+
+/// Takes a snapshot piece by piece. What goes wrong is remembered and told at the end, so that whoever saves need not stop in
+/// the middle of it.
+pub trait SnapshotSink {
+    /// Begins a section.
+    fn section(&mut self, name: &str, version: u32);
+
+    /// Begins an array of the section begun last. All its rows follow before anything else.
+    fn dataset(&mut self, name: &str, shape: &[usize], kind: ValueKind);
+
+    /// The next rows of the array begun last, in order, of its kind; any number of whole rows.
+    fn rows(&mut self, values: Values);
+}
+
+/// Gives a snapshot piece by piece.
+pub trait SnapshotSource {
+    /// All sections in order.
+    fn outline(&self) -> Vec<SectionOutline>;
+
+    /// Values of some rows of an array: as many for each row as the extents behind the first say.
+    ///
+    /// # Errors
+    /// There is no such array, it has fewer rows, or it cannot be read.
+    fn values(&mut self, section: &str, dataset: &str, rows: Range<usize>) -> Result<Values, SnapshotError>;
+
+    /// Version of a section, if there is one of this name.
+    fn version(&self, section: &str) -> Option<u32> {
+        self.outline().iter().find(|known| known.name == section).map(|known| known.version)
+    }
+
+    /// Number of rows of an array.
+    ///
+    /// # Errors
+    /// There is no such array.
+    fn rows_of(&self, section: &str, dataset: &str) -> Result<usize, SnapshotError> {
+        let error = |what: String| SnapshotError { section: section.to_owned(), what };
+        let outline = self.outline();
+        let found = outline.iter().find(|known| known.name == section).ok_or_else(|| error("it is missing".into()))?;
+        let found = found.datasets.iter().find(|known| known.name == dataset);
+        Ok(found.ok_or_else(|| error(format!("`{dataset}` is missing")))?.rows())
+    }
+}
+
 /// Why a snapshot cannot be continued.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("section `{section}` of the saved state: {what}\n  help: it belongs to another scene or version; start anew")]
@@ -75,9 +159,114 @@ impl Snapshot {
         Ok(section)
     }
 
+    /// Gives all of it to a sink.
+    pub fn give(&self, sink: &mut dyn SnapshotSink) {
+        for section in &self.sections {
+            sink.section(&section.name, section.version);
+            for dataset in &section.datasets {
+                sink.dataset(&dataset.name, &dataset.shape, dataset.values.kind());
+                sink.rows(dataset.values.clone());
+            }
+        }
+    }
+
+    /// All that a source gives.
+    ///
+    /// # Errors
+    /// The source cannot be read.
+    pub fn take(source: &mut dyn SnapshotSource) -> Result<Self, SnapshotError> {
+        let outline = source.outline();
+        let section = |about: &SectionOutline| {
+            let mut section = Section::new(&about.name, about.version);
+            for dataset in &about.datasets {
+                let (name, shape) = (&dataset.name, &dataset.shape);
+                section.push(name, shape.clone(), source.values(&about.name, name, 0..dataset.rows())?);
+            }
+            Ok(section)
+        };
+        Ok(Self { sections: outline.iter().map(section).collect::<Result<_, _>>()? })
+    }
+
     /// Memory held by the values [bytes].
     pub fn bytes(&self) -> usize {
         self.sections.iter().flat_map(|section| &section.datasets).map(|dataset| dataset.values.bytes()).sum()
+    }
+}
+
+impl SnapshotSink for Snapshot {
+    fn section(&mut self, name: &str, version: u32) {
+        self.sections.push(Section::new(name, version));
+    }
+
+    fn dataset(&mut self, name: &str, shape: &[usize], kind: ValueKind) {
+        let section = self.sections.last_mut().expect("a section is begun before its arrays");
+        section.push(name, shape.to_vec(), kind.empty());
+    }
+
+    fn rows(&mut self, values: Values) {
+        let dataset = self.sections.last_mut().and_then(|section| section.datasets.last_mut());
+        dataset.expect("an array is begun before its rows").values.append(values);
+    }
+}
+
+impl SnapshotSource for Snapshot {
+    fn outline(&self) -> Vec<SectionOutline> {
+        let dataset = |dataset: &Dataset| DatasetOutline {
+            name: dataset.name.clone(),
+            shape: dataset.shape.clone(),
+            kind: dataset.values.kind(),
+        };
+        let section = |section: &Section| SectionOutline {
+            name: section.name.clone(),
+            version: section.version,
+            datasets: section.datasets.iter().map(dataset).collect(),
+        };
+        self.sections.iter().map(section).collect()
+    }
+
+    fn values(&mut self, section: &str, dataset: &str, rows: Range<usize>) -> Result<Values, SnapshotError> {
+        let error = |what: String| SnapshotError { section: section.to_owned(), what };
+        let found = self.sections.iter().find(|known| known.name == section);
+        let found = found.ok_or_else(|| error("it is missing".into()))?;
+        let found = found.datasets.iter().find(|known| known.name == dataset);
+        let found = found.ok_or_else(|| error(format!("`{dataset}` is missing")))?;
+        let width = found.shape.iter().skip(1).product::<usize>();
+        let part = found.values.part(rows.start * width..rows.end * width);
+        part.ok_or_else(|| error(format!("`{dataset}` has fewer than {} rows", rows.end)))
+    }
+}
+
+impl DatasetOutline {
+    /// Number of rows: the first extent, or one for a single value.
+    pub fn rows(&self) -> usize {
+        self.shape.first().copied().unwrap_or(1)
+    }
+
+    /// Number of values in a row.
+    pub fn width(&self) -> usize {
+        self.shape.iter().skip(1).product()
+    }
+}
+
+impl ValueKind {
+    /// Bytes that one value takes.
+    pub fn size(self) -> usize {
+        match self {
+            Self::F64 | Self::U64 | Self::I64 => 8,
+            Self::U32 => 4,
+            Self::U8 => 1,
+        }
+    }
+
+    /// No values of this kind.
+    pub fn empty(self) -> Values {
+        match self {
+            Self::F64 => Values::F64(Vec::new()),
+            Self::U64 => Values::U64(Vec::new()),
+            Self::I64 => Values::I64(Vec::new()),
+            Self::U32 => Values::U32(Vec::new()),
+            Self::U8 => Values::U8(Vec::new()),
+        }
     }
 }
 
@@ -205,6 +394,59 @@ impl Section {
 }
 
 impl Values {
+    /// Their type.
+    pub fn kind(&self) -> ValueKind {
+        match self {
+            Self::F64(_) => ValueKind::F64,
+            Self::U64(_) => ValueKind::U64,
+            Self::I64(_) => ValueKind::I64,
+            Self::U32(_) => ValueKind::U32,
+            Self::U8(_) => ValueKind::U8,
+        }
+    }
+
+    /// Number of values.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F64(values) => values.len(),
+            Self::U64(values) => values.len(),
+            Self::I64(values) => values.len(),
+            Self::U32(values) => values.len(),
+            Self::U8(values) => values.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Appends values of the same kind.
+    ///
+    /// # Panics
+    /// They are of another kind.
+    pub fn append(&mut self, more: Self) {
+        match (self, more) {
+            (Self::F64(values), Self::F64(more)) => values.extend(more),
+            (Self::U64(values), Self::U64(more)) => values.extend(more),
+            (Self::I64(values), Self::I64(more)) => values.extend(more),
+            (Self::U32(values), Self::U32(more)) => values.extend(more),
+            (Self::U8(values), Self::U8(more)) => values.extend(more),
+            (values, more) => panic!("an array of {:?} gets {:?}", values.kind(), more.kind()),
+        }
+    }
+
+    /// Some of the values; `None` when there are fewer.
+    fn part(&self, range: Range<usize>) -> Option<Self> {
+        Some(match self {
+            Self::F64(values) => Self::F64(values.get(range)?.to_vec()),
+            Self::U64(values) => Self::U64(values.get(range)?.to_vec()),
+            Self::I64(values) => Self::I64(values.get(range)?.to_vec()),
+            Self::U32(values) => Self::U32(values.get(range)?.to_vec()),
+            Self::U8(values) => Self::U8(values.get(range)?.to_vec()),
+        })
+    }
+
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
         match self {

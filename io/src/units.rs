@@ -113,6 +113,11 @@ impl Units {
         let v = self.from_si(vector);
         [v.x as f32, v.y as f32, v.z as f32]
     }
+
+    /// The same for many.
+    pub fn stored_all(self, vectors: &[Vec3]) -> Vec<[f32; 3]> {
+        vectors.iter().map(|v| self.stored(*v)).collect()
+    }
 }
 
 impl fmt::Display for Units {
