@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
+use crate::shot::spread::Spread;
 
 /// Stage of a frame that holds all stages of the solver.
 pub const SIMULATE: &str = "simulate";
@@ -62,7 +63,7 @@ pub struct Manifest {
     pub up_axis: String,
     /// Caches.
     pub garments: Vec<ManifestGarment>,
-    /// Number of threads.
+    /// Number of threads of each rank.
     pub threads: usize,
     /// The command line that continues the run.
     pub command: Option<String>,
@@ -95,8 +96,10 @@ pub struct AttemptRecord {
     pub host: String,
     /// Process.
     pub pid: u32,
-    /// Number of threads.
+    /// Number of threads of each rank.
     pub threads: usize,
+    /// Number of ranks; 0 in the records of older programs, which had one.
+    pub ranks: usize,
     /// First frame that it simulated, or would have.
     pub first_frame: i64,
     /// Last frame that it finished.
@@ -224,8 +227,9 @@ pub fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
     json!({"record": "start", "frame": frame, "seconds": seconds, "counts": counts(spent)})
 }
 
-/// Everything that was measured in one frame; `spent` is what reading and writing took and counted.
-pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Value {
+/// Everything that was measured in one frame; `spent` is what reading and writing took and counted, `spread` what the ranks
+/// took if there are many.
+pub fn frame_record(summary: &FrameSummary, spent: &Metrics, spread: Option<&Spread>, seconds: f64) -> Value {
     let strain = summary
         .max_strain
         .as_ref()
@@ -248,14 +252,21 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         "potential_energy": summary.potential_energy,
         "body_self_crossings": summary.body_self_crossings,
         "resident_bytes": resident_bytes(),
-        "stages": stages(&all),
+        "stages": stages(&all, spread),
         "counts": counts(&all),
     })
 }
 
-/// Stages with seconds and calls, in the order of their first call.
-pub fn stages(metrics: &Metrics) -> Vec<Value> {
-    let stage = |s: &drapery_core::metrics::Stage| json!({"stage": s.name, "seconds": s.seconds, "calls": s.calls});
+/// Stages with seconds and calls, in the order of their first call; on many ranks the seconds are those of rank 0, with the
+/// smallest, mean and largest beside them.
+pub fn stages(metrics: &Metrics, spread: Option<&Spread>) -> Vec<Value> {
+    let stage = |s: &drapery_core::metrics::Stage| {
+        let mut stage = json!({"stage": s.name, "seconds": s.seconds, "calls": s.calls});
+        if let Some(over) = spread.and_then(|spread| spread.of_stage(&s.name)) {
+            stage["over_ranks"] = json!({"min": over.min, "mean": over.mean, "max": over.max});
+        }
+        stage
+    };
     metrics.stages().iter().map(stage).collect()
 }
 

@@ -77,7 +77,7 @@ pub enum UpAxis {
 }
 
 /// Unit of length and up axis of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Units {
     /// Unit of length.
     pub length: LengthUnit,

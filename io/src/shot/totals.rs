@@ -6,6 +6,7 @@ use drapery_core::simulation::FrameSummary;
 use serde_json::{Value, json};
 
 use crate::shot::quality::{Exceeded, LIMITS};
+use crate::shot::spread::Spread;
 
 /// Sums over the frames that are done, and what was done since the last one.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -16,6 +17,8 @@ pub(super) struct Totals {
     pub(super) seconds: f64,
     /// Counts that should have stayed zero, in the order in which they rose.
     pub(super) exceeded: Vec<Exceeded>,
+    /// What the stages took on the ranks, if some frames were computed by many.
+    pub(super) spread: Option<Spread>,
     /// The frame that is being computed.
     pub(super) partial: Partial,
 }
@@ -47,6 +50,7 @@ impl Totals {
         json!({
             "seconds": self.seconds,
             "metrics": metrics_json(&self.metrics),
+            "over_ranks": self.spread.as_ref().map(Spread::to_json),
             "exceeded": self.exceeded.iter().map(exceeded).collect::<Vec<_>>(),
             "partial": {"summary": summary, "spent": metrics_json(&self.partial.spent)},
         })
@@ -74,6 +78,7 @@ impl Totals {
             metrics: metrics_from(&value["metrics"]),
             seconds: value["seconds"].as_f64().unwrap_or(0.0),
             exceeded: value["exceeded"].as_array().into_iter().flatten().filter_map(exceeded).collect(),
+            spread: value["over_ranks"].is_array().then(|| Spread::from_json(&value["over_ranks"])),
             partial: Partial { summary, spent: metrics_from(&partial["spent"]), sub_step },
         }
     }
