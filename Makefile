@@ -7,6 +7,7 @@ QUALITY ?= light
 TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
 export DRAPERY := $(TARGET)/release/drapery
 export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
+export DRAPERY_CONFORMANCE := $(TARGET)/release/examples/conformance
 
 .PHONY: help
 help: ## list the targets

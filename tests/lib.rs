@@ -1,5 +1,7 @@
 //! Shared pieces of Drapery's tests: small scenes built in code, and the closed-form truths.
 
+pub mod conformance;
+
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{

@@ -35,6 +35,7 @@ pub mod geometry;
 pub mod mesh;
 pub mod metrics;
 pub mod parallel;
+pub(crate) mod remembered;
 pub mod scene;
 pub mod settings;
 pub mod simulation;

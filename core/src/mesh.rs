@@ -110,7 +110,7 @@ pub struct Hinge {
     pub triangles: [u32; 2],
 }
 
-/// The simulated triangulation of a garment, vertices numbered as in its file, with what follows from the rest shape.
+/// The simulated triangulation of a garment, or of a rank's piece of it, with what follows from the rest shape.
 #[derive(Debug, Clone)]
 pub struct TriangleMesh {
     triangles: Vec<[u32; 3]>,
@@ -123,11 +123,16 @@ pub struct TriangleMesh {
 }
 
 impl TriangleMesh {
-    /// Triangulates `mesh` and derives edges (ascending by vertex numbers) and hinges (every pair of triangles that share
-    /// an edge, also where more than two meet). Assumes valid indices; `Scene::validate` checks them.
+    /// Triangulates `mesh`. Assumes valid indices; `Scene::validate` checks them.
     pub fn new(mesh: &PolygonMesh) -> Self {
         let (triangles, polygons) = mesh.triangulate();
-        let at = |i: u32| mesh.points[i as usize];
+        Self::of_triangles(mesh.points.clone(), triangles, polygons)
+    }
+
+    /// The mesh of these triangles, each with its polygon, over rest positions [m], with its edges (ascending by vertex
+    /// numbers) and hinges (every pair of triangles that share an edge, also where more than two meet).
+    pub fn of_triangles(rest_positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, polygons: Vec<u32>) -> Self {
+        let at = |i: u32| rest_positions[i as usize];
         let rest_areas: Vec<f64> =
             triangles.iter().map(|&[a, b, c]| 0.5 * (at(b) - at(a)).cross(&(at(c) - at(a))).norm()).collect();
         // One entry per side of each triangle; sorting brings the sides of an edge together.
@@ -143,7 +148,7 @@ impl TriangleMesh {
             polygons,
             edges: Vec::new(),
             hinges: Vec::new(),
-            rest_positions: mesh.points.clone(),
+            rest_positions,
             rest_areas,
             edge_areas: Vec::new(),
         };

@@ -3,6 +3,9 @@
 use std::borrow::Cow;
 use std::time::Instant;
 
+use crate::parallel::ranks::Ranks;
+use crate::parallel::wire::Wire;
+
 /// Seconds and calls of one stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stage {
@@ -12,6 +15,8 @@ pub struct Stage {
     pub seconds: f64,
     /// How often it ran.
     pub calls: u64,
+    /// Shortest and longest time of a rank [s], where there are several; `seconds` is then their mean.
+    pub spread: Option<[f64; 2]>,
 }
 
 /// Stages in the order of their first call, and counts.
@@ -20,6 +25,9 @@ pub struct Metrics {
     stages: Vec<Stage>,
     counts: Vec<(Cow<'static, str>, u64)>,
 }
+
+/// Stages and counts as ranks send them.
+type Record = (Vec<(String, (f64, u64))>, Vec<(String, u64)>);
 
 impl Metrics {
     /// Runs `work` as the stage `name`.
@@ -33,6 +41,11 @@ impl Metrics {
     /// Adds to a count.
     pub fn count(&mut self, name: &'static str, amount: u64) {
         self.add_count(Cow::Borrowed(name), amount);
+    }
+
+    /// Adds to a count of what all ranks do alike and together: it is counted on one of them.
+    pub fn count_once(&mut self, ranks: &Ranks, name: &'static str, amount: u64) {
+        self.count(name, if ranks.is_first() { amount } else { 0 });
     }
 
     /// Adds to a count of any name, such as one that was read.
@@ -62,6 +75,9 @@ impl Metrics {
     pub fn add(&mut self, other: &Self) {
         for stage in &other.stages {
             self.add_time(stage.name.clone(), stage.seconds, stage.calls);
+            if let Some([least, most]) = stage.spread {
+                self.add_spread(&stage.name, [least, most]);
+            }
         }
         for (name, amount) in &other.counts {
             self.add_count(name.clone(), *amount);
@@ -72,7 +88,7 @@ impl Metrics {
     pub fn take(&mut self) -> Self {
         let taken = self.clone();
         for stage in &mut self.stages {
-            (stage.seconds, stage.calls) = (0.0, 0);
+            (stage.seconds, stage.calls, stage.spread) = (0.0, 0, None);
         }
         for (_, total) in &mut self.counts {
             *total = 0;
@@ -84,7 +100,48 @@ impl Metrics {
     pub fn add_time(&mut self, name: Cow<'static, str>, seconds: f64, calls: u64) {
         match self.stages.iter_mut().find(|s| s.name == name) {
             Some(stage) => (stage.seconds, stage.calls) = (stage.seconds + seconds, stage.calls + calls),
-            None => self.stages.push(Stage { name, seconds, calls }),
+            None => self.stages.push(Stage { name, seconds, calls, spread: None }),
         }
+    }
+
+    /// Adds to the shortest and the longest time of a rank in a stage.
+    pub fn add_spread(&mut self, name: &str, [least, most]: [f64; 2]) {
+        if let Some(stage) = self.stages.iter_mut().find(|s| s.name == name) {
+            let [a, b] = stage.spread.unwrap_or_default();
+            stage.spread = Some([a + least, b + most]);
+        }
+    }
+
+    /// The records of all ranks as one, on rank 0: counts added, seconds as their mean and spread. The others keep their own.
+    /// All ranks call it together.
+    pub fn over_ranks(self, ranks: &Ranks) -> Self {
+        if ranks.is_alone() {
+            return self;
+        }
+        let stages: Vec<(String, (f64, u64))> =
+            self.stages.iter().map(|s| (s.name.to_string(), (s.seconds, s.calls))).collect();
+        let counts: Vec<(String, u64)> = self.counts.iter().map(|(name, amount)| (name.to_string(), *amount)).collect();
+        let all = ranks.gather(&(stages, counts).to_bytes());
+        if !ranks.is_first() {
+            return self;
+        }
+        let mut together = Self::default();
+        let read = |bytes: &Vec<u8>| Record::take(&mut bytes.as_slice()).unwrap_or_default();
+        let records: Vec<Record> = all.iter().map(read).collect();
+        for (name, (_, calls)) in records.iter().flat_map(|(stages, _)| stages) {
+            if together.stages.iter().any(|stage| stage.name == *name) {
+                continue;
+            }
+            let of_rank = |(stages, _): &Record| stages.iter().find(|s| s.0 == *name).map_or(0.0, |(_, (s, _))| *s);
+            let seconds: Vec<f64> = records.iter().map(of_rank).collect();
+            let mean = seconds.iter().sum::<f64>() / seconds.len() as f64;
+            together.add_time(Cow::Owned(name.clone()), mean, *calls);
+            let least = seconds.iter().copied().fold(f64::INFINITY, f64::min);
+            together.add_spread(name, [least, seconds.iter().copied().fold(0.0, f64::max)]);
+        }
+        for (name, amount) in records.into_iter().flat_map(|(_, counts)| counts) {
+            together.add_count(Cow::Owned(name), amount);
+        }
+        together
     }
 }

@@ -4,7 +4,11 @@
 //! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
 //! that every index is in range, every number finite and every rest edge longer than zero.
 
+mod share;
 mod validate;
+mod wire;
+
+pub(crate) use validate::agree;
 
 use std::collections::BTreeMap;
 
@@ -356,38 +360,59 @@ impl BodyDescription {
     }
 }
 
-/// A checked scene: indices in range, numbers finite, rest edges longer than zero, effects known.
+/// A checked scene: indices in range, numbers finite, rest edges longer than zero, effects known. On many ranks this is what
+/// one of them has: its own vertices and what lies around them.
 #[derive(Debug)]
 pub struct Scene {
-    /// What it was made from.
+    /// What it was made from, without the arrays of garments and pins.
     description: SceneDescription,
-    /// Simulated mesh of each garment, vertices numbered as in the garment's file.
+    /// This rank's piece of each garment. Vertex v of it is the local vertex `parts.garment(g).start + v`.
     meshes: Vec<TriangleMesh>,
-    /// Fixed split of all vertices, and the order in which the solver stores them.
+    /// Fixed split of all vertices, the order in which the solver stores them, and this rank's share.
     parts: Parts,
-    /// Mass of each vertex in solver order [kg].
+    /// Mass of each local vertex [kg].
     masses: Vec<f64>,
     /// Mean rest edge length over all garments [m]: the length that tolerances scale with.
     mean_edge: f64,
+    start: Option<Vec<Vec3>>,
+    velocities: Option<Vec<Vec3>>,
+    pinned: Vec<Pinned>,
+    pin_targets: usize,
+}
+
+/// A vertex that a pin holds.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Pinned {
+    /// Number of the target among all of the scene.
+    pub(crate) number: u32,
+    /// Number of the pin.
+    pub(crate) pin: usize,
+    /// Place among the vertices of the pin.
+    pub(crate) row: usize,
+    /// Local vertex.
+    pub(crate) vertex: u32,
+    /// Where it is attached to, if the description says so.
+    pub(crate) attachment: Option<SurfaceAttachment>,
 }
 
 impl Scene {
-    /// The description that this scene was made from.
+    /// The description that this scene was made from, without the arrays of garments and pins.
     pub fn description(&self) -> &SceneDescription {
         &self.description
     }
 
-    /// The simulated mesh of each garment, vertices numbered as in the garment's file.
+    /// This rank's piece of each garment, all of it if there is no other rank: the triangles with an own vertex and those that
+    /// share an edge with one of them. Vertex v is the local vertex `parts().garment(g).start + v`.
     pub fn meshes(&self) -> &[TriangleMesh] {
         &self.meshes
     }
 
-    /// The fixed split of all vertices.
+    /// The fixed split of all vertices, and this rank's share.
     pub fn parts(&self) -> &Parts {
         &self.parts
     }
 
-    /// Mass of each vertex in solver order [kg].
+    /// Mass of each local vertex [kg].
     pub fn masses(&self) -> &[f64] {
         &self.masses
     }
@@ -395,5 +420,33 @@ impl Scene {
     /// Mean rest edge length over all garments [m].
     pub fn mean_edge(&self) -> f64 {
         self.mean_edge
+    }
+
+    /// Own vertices that pins hold, in the order of their targets.
+    pub(crate) fn pinned(&self) -> &[Pinned] {
+        &self.pinned
+    }
+
+    /// Rows of a track that own vertices follow, ascending.
+    pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
+        let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
+        self.pinned.iter().filter(follows).map(|pinned| pinned.row as u32).collect()
+    }
+
+    /// Number of all pin targets of the scene.
+    pub(crate) fn pin_targets(&self) -> usize {
+        self.pin_targets
+    }
+
+    /// Positions [m] and velocities [m/s] of the local vertices at the start.
+    pub(crate) fn start_state(&self) -> [Vec<Vec3>; 2] {
+        let rest = || self.meshes.iter().flat_map(|mesh| mesh.rest_positions()).copied().collect();
+        let uniform = || {
+            let of_garment = |(g, garment): (usize, &GarmentDescription)| {
+                std::iter::repeat_n(garment.velocity, self.parts.garment(g).len())
+            };
+            self.description.garments.iter().enumerate().flat_map(of_garment).collect()
+        };
+        [self.start.clone().unwrap_or_else(rest), self.velocities.clone().unwrap_or_else(uniform)]
     }
 }

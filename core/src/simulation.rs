@@ -7,12 +7,13 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Need, PartView, PlannedEffect, build_all};
+use crate::effects::{Force, Need, PartView, PlannedEffect, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::parallel::sum::join;
-use crate::scene::Scene;
+use crate::parallel::ranks::Sent;
+use crate::parallel::sum::weighted_dot;
+use crate::scene::{Scene, agree};
 use crate::solve::conjugate_gradient::Stop;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
@@ -20,12 +21,11 @@ use crate::step::{Scratch, StepContext, advance};
 use crate::time_step::StepLimit;
 use crate::tolerances::CG_GRAVITY_FRACTION;
 
-mod outside;
+pub mod outside;
 mod saved;
 mod start;
 
 pub use crate::bodies::Sample;
-pub use outside::Field;
 pub use saved::RestoreError;
 use start::{first_tracks, start_outside};
 
@@ -143,11 +143,15 @@ pub struct Simulation {
     self_contact: Option<SelfContact>,
     bodies: Bodies,
     limit: StepLimit,
+    /// Which own parts need vertices of other ranks.
+    reaches_ghosts: Vec<bool>,
     scratch: Scratch,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,
     /// Crossings of the state at the last frame.
     crossings: Vec<Crossing>,
+    /// What this rank had sent at the last frame.
+    sent: Sent,
 }
 
 impl Simulation {
@@ -173,8 +177,10 @@ impl Simulation {
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
-        let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time).map_err(|p| Problems(vec![p]))?;
+        let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time);
         let parts = scene.parts();
+        agree(parts.ranks(), targets.as_ref().err().cloned().into_iter().collect())?;
+        let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
         let (mut repulsion, mut self_collision) = (None, None);
@@ -190,12 +196,19 @@ impl Simulation {
         }
         let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
         let limit = StepLimit::new(parts, scene.masses(), &forces, cfl, frame);
+        let is_ghost = |vertex: &u32| !parts.own().contains(&(*vertex as usize));
+        let reaches = |forces: &Vec<Box<dyn Force>>| forces.iter().any(|f| f.neighbours().iter().any(is_ghost));
+        let reaches_ghosts = forces.iter().map(reaches).collect();
         let needs_contact = repulsion.is_some() || self_collision.is_some();
         let self_contact = needs_contact.then(|| SelfContact::new(&scene, repulsion, self_collision));
         // The structures are shared: the first of the effects that need them carries their memory.
         let first = plan.iter_mut().find(|effect| effect.needs.contains(&Need::ClothSurface));
         if let (Some(effect), Some(contact)) = (first, &self_contact) {
             effect.bytes = contact.bytes();
+        }
+        for effect in &mut plan {
+            let [bytes] = parts.ranks().sum_of([effect.bytes as u64]);
+            effect.bytes = bytes as usize;
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
         let scratch = Scratch::new(parts, collision.is_some() || after_position);
@@ -213,10 +226,12 @@ impl Simulation {
             self_contact,
             bodies,
             limit,
+            reaches_ghosts,
             scratch,
             metrics,
             plan,
             crossings: Vec::new(),
+            sent: Sent::default(),
         })
     }
 
@@ -229,6 +244,7 @@ impl Simulation {
             for (part, range) in parts.ranges().iter().enumerate() {
                 pins.set_positions(part, range.start, &self.targets, &mut self.state.x[range.clone()]);
             }
+            parts.halo().refresh(parts.ranks(), &mut self.state.x);
         }
     }
 
@@ -260,7 +276,7 @@ impl Simulation {
         self.frame
     }
 
-    /// Positions and velocities in solver order.
+    /// Positions and velocities of the local vertices, ghosts included.
     pub fn state(&self) -> &State {
         &self.state
     }
@@ -270,7 +286,7 @@ impl Simulation {
         &self.plan
     }
 
-    /// Memory of the state and the scratch arrays [bytes].
+    /// Memory of the state and the scratch arrays on this rank [bytes].
     pub fn bytes(&self) -> usize {
         2 * self.state.x.len() * size_of::<Vec3>() + self.scratch.bytes()
     }
@@ -278,25 +294,6 @@ impl Simulation {
     /// Largest step that the elastic forces allow [s].
     pub fn elastic_step(&self) -> f64 {
         self.limit.elastic
-    }
-
-    /// Positions of a garment in its own order [m].
-    pub fn garment_positions(&self, garment: usize, out: &mut Vec<Vec3>) {
-        self.gather(garment, &self.state.x, out);
-    }
-
-    /// Velocities of a garment in its own order [m/s].
-    pub fn garment_velocities(&self, garment: usize, out: &mut Vec<Vec3>) {
-        self.gather(garment, &self.state.v, out);
-    }
-
-    fn gather(&self, garment: usize, from: &[Vec3], out: &mut Vec<Vec3>) {
-        let parts = self.scene.parts();
-        out.clear();
-        out.resize(parts.garment(garment).len(), Vec3::zeros());
-        for solver in parts.garment(garment) {
-            out[parts.own_vertex(solver).1 as usize] = from[solver];
-        }
     }
 
     /// Goes on to the frame of `input`, the one after the current frame.
@@ -352,7 +349,7 @@ impl Simulation {
             self.bodies.set_step(self.state.time, self.state.time);
             let mut pause = |time| time < to && pause(time);
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
-                summary.metrics = self.metrics.take();
+                summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 return Ok(Advance::Paused(summary));
             }
         }
@@ -396,7 +393,8 @@ impl Simulation {
 
     /// C.
     fn end_interval(&mut self, duration: f64, may_rewind: bool) -> Ending {
-        let Self { self_contact, collision, state, bodies, metrics, .. } = self;
+        let Self { scene, self_contact, collision, state, bodies, metrics, .. } = self;
+        let parts = scene.parts();
         let Some(contact) = self_contact.as_mut().filter(|c| !c.collides_after_position()) else {
             return Ending::Resolved;
         };
@@ -404,19 +402,25 @@ impl Simulation {
         let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
         metrics.stage(stage, |m| {
             let ends = (&mut state.x[..], &mut state.v[..]);
-            contact.end_interval(ends, bodies, duration, may_rewind, m, |vertex, way| {
+            let ending = contact.end_interval(ends, bodies, duration, may_rewind, m, |vertex, way| {
                 if let Some(collision) = collision {
                     collision.moved(vertex, way);
                 }
-            })
+            });
+            parts.halo().refresh(parts.ranks(), &mut state.x);
+            parts.halo().refresh(parts.ranks(), &mut state.v);
+            ending
         })
     }
 
     /// Puts everything back to the last collision-free state.
     fn rewind(&mut self) {
-        let Self { self_contact, collision, state, bodies, targets, tracks, .. } = self;
+        let Self { scene, self_contact, collision, state, bodies, targets, tracks, .. } = self;
         let Some(contact) = self_contact else { return };
         contact.rewind(state);
+        let parts = scene.parts();
+        parts.halo().refresh(parts.ranks(), &mut state.x);
+        parts.halo().refresh(parts.ranks(), &mut state.v);
         let time = state.time;
         bodies.set_step(time, time);
         targets.set_step(bodies, tracks, &state.x, (time, time));
@@ -454,6 +458,7 @@ impl Simulation {
             collision: self.collision.as_mut(),
             self_contact: self.self_contact.as_mut(),
             bodies: &mut self.bodies,
+            reaches_ghosts: &self.reaches_ghosts,
             scratch: &mut self.scratch,
             stop,
             metrics: &mut self.metrics,
@@ -508,51 +513,85 @@ impl Simulation {
 
     /// Fills in what is measured at the end of a frame, and makes sure that everything is finite.
     fn measure(&mut self, summary: &mut FrameSummary) -> Result<(), StepError> {
-        if !self.state.x.iter().chain(&self.state.v).all(is_finite) {
+        let (scene, ranks) = (Arc::clone(&self.scene), self.ranks().clone());
+        let parts = scene.parts();
+        if ranks.any(!parts.own().all(|i| is_finite(&self.state.x[i]) && is_finite(&self.state.v[i]))) {
             return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
         }
-        let parts = self.scene.parts();
-        let masses = self.scene.masses();
+        let masses = scene.masses();
         let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
-        let mut strain: Option<(f64, [usize; 2])> = None;
         for (range, forces) in parts.ranges().iter().zip(&self.forces) {
-            let own = &masses[range.clone()];
-            kinetic.push(
-                0.5 * crate::parallel::sum::weighted_dot(
-                    own,
-                    &self.state.v[range.clone()],
-                    &self.state.v[range.clone()],
-                ),
-            );
+            let (own, v) = (&masses[range.clone()], &self.state.v[range.clone()]);
+            kinetic.push(0.5 * weighted_dot(own, v, v));
             let view =
                 PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, targets: &self.targets };
-            potential.extend(forces.iter().map(|f| f.energy(&view)));
-            let largest = forces.iter().filter_map(|f| f.largest_strain(&self.state.x));
-            strain = largest.chain(strain).max_by(|a, b| a.0.total_cmp(&b.0));
+            potential.push(forces.iter().map(|f| f.energy(&view)).sum());
         }
-        summary.kinetic_energy = join(&kinetic);
-        summary.potential_energy = join(&potential);
-        summary.max_strain = strain.map(|(strain, ends)| {
-            let (garment, _) = parts.own_vertex(ends[0]);
-            let mut vertices = ends.map(|v| parts.own_vertex(v).1);
-            vertices.sort_unstable();
-            StrainRecord { garment: self.scene.description().garments[garment].name.clone(), vertices, strain }
-        });
+        [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);
+        summary.max_strain = self.largest_strain();
         self.crossings = self.find_crossings();
         if self.self_contact.as_ref().is_some_and(SelfContact::keeps_free) {
-            self.metrics.count("crossings", self.crossings.len() as u64);
+            self.metrics.count_once(&ranks, "crossings", self.crossings.len() as u64);
         }
         summary.body_self_crossings = self.bodies.self_crossings() as u64;
-        summary.metrics = self.metrics.take();
+        self.count_traffic();
+        summary.metrics = self.metrics.take().over_ranks(&ranks);
         Ok(())
     }
 
+    /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
+    fn largest_strain(&self) -> Option<StrainRecord> {
+        let (parts, ranks) = (self.scene.parts(), self.ranks());
+        let all = self.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.state.x));
+        let numbered = all.map(|(strain, ends)| {
+            let mut numbers = ends.map(|local| parts.number(local));
+            numbers.sort_unstable();
+            (strain, numbers, ends)
+        });
+        let larger =
+            |a: &(f64, [u32; 2], [usize; 2]), b: &(f64, [u32; 2], [usize; 2])| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1));
+        let here = numbered.max_by(larger).map(|(strain, numbers, ends)| {
+            let (garment, a) = parts.own_vertex(ends[0]);
+            let (_, b) = parts.own_vertex(ends[1]);
+            // Bits of the strain, and what orders and names it.
+            [strain.to_bits(), numbers[0].into(), numbers[1].into(), garment as u64, a.min(b).into(), a.max(b).into()]
+        });
+        let all = ranks.all_gather_each(here.as_slice()).concat();
+        let strain = |found: &[u64; 6]| f64::from_bits(found[0]);
+        let order = |a: &[u64; 6], b: &[u64; 6]| strain(a).total_cmp(&strain(b)).then(b[1..3].cmp(&a[1..3]));
+        let found = all.into_iter().max_by(order)?;
+        let garment = &self.scene.description().garments[found[3] as usize];
+        let vertices = [found[4] as usize, found[5] as usize].map(|v| v as u32);
+        Some(StrainRecord { garment: garment.name.clone(), vertices, strain: strain(&found) })
+    }
+
+    /// Counts what this rank has sent since the last frame.
+    fn count_traffic(&mut self) {
+        let sent = self.ranks().sent();
+        let before = std::mem::replace(&mut self.sent, sent);
+        if !self.ranks().is_alone() {
+            self.metrics.count("messages", sent.messages - before.messages);
+            self.metrics.count("bytes_sent", sent.bytes - before.bytes);
+            self.metrics.count_once(
+                &self.scene.parts().ranks().clone(),
+                "collectives",
+                sent.collectives - before.collectives,
+            );
+        }
+    }
+
+    /// The first vertex of all ranks whose numbers are no longer finite. All ranks call it together.
     fn not_finite(&self, stage: &'static str, frame: i64, dt: f64) -> StepError {
-        let broken =
-            self.state.x.iter().zip(&self.state.v).position(|(x, v)| !is_finite(x) || !is_finite(v)).unwrap_or(0);
-        let (garment, vertex) = self.scene.parts().own_vertex(broken);
+        let parts = self.scene.parts();
+        let broken = parts.own().find(|&i| !is_finite(&self.state.x[i]) || !is_finite(&self.state.v[i]));
+        let here = broken.map(|i| {
+            let (garment, vertex) = parts.own_vertex(i);
+            [u64::from(parts.number(i)), garment as u64, vertex.into()]
+        });
+        let all = self.ranks().all_gather_each(here.as_slice()).concat();
+        let [_, garment, vertex] = all.into_iter().min().unwrap_or_default();
         StepError::NotFinite {
-            garment: self.scene.description().garments[garment].name.clone(),
+            garment: self.scene.description().garments[garment as usize].name.clone(),
             vertex: vertex as usize,
             frame,
             time: self.state.time,

@@ -1,9 +1,9 @@
-//! What time changes: positions and velocities of all vertices, in solver order.
+//! What time changes: positions and velocities of the local vertices.
 
 use crate::Vec3;
 use crate::scene::Scene;
 
-/// Positions [m] and velocities [m/s] in solver order.
+/// Positions [m] and velocities [m/s] of a rank's vertices and its ghosts.
 ///
 /// One array of 3-vectors each: springs gather whole vertices, so three arrays would touch three cache lines where one
 /// does (`docs/decisions/0001-state-layout.md`).
@@ -20,21 +20,8 @@ pub struct State {
 impl State {
     /// The state at the start of a scene.
     pub fn at_start(scene: &Scene) -> Self {
-        let description = scene.description();
-        let parts = scene.parts();
-        let mut state = Self {
-            x: vec![Vec3::zeros(); parts.vertex_count()],
-            v: vec![Vec3::zeros(); parts.vertex_count()],
-            time: description.timeline.time(description.timeline.start),
-        };
-        for (g, garment) in description.garments.iter().enumerate() {
-            let start = garment.start.as_ref().unwrap_or(&garment.mesh.points);
-            for (vertex, position) in start.iter().enumerate() {
-                let solver = parts.solver_index(g, vertex as u32);
-                state.x[solver] = *position;
-                state.v[solver] = garment.start_velocities.as_ref().map_or(garment.velocity, |v| v[vertex]);
-            }
-        }
-        state
+        let timeline = scene.description().timeline;
+        let [x, v] = scene.start_state();
+        Self { x, v, time: timeline.time(timeline.start) }
     }
 }

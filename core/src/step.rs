@@ -44,9 +44,9 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// Arrays for all vertices of the parts; `with_v_star` adds what only contact between B.3 and B.5 needs.
+    /// Arrays for the local vertices; `with_v_star` adds what only contact between B.3 and B.5 needs.
     pub fn new(parts: &Parts, with_v_star: bool) -> Self {
-        let vertices = vec![Vec3::zeros(); parts.vertex_count()];
+        let vertices = vec![Vec3::zeros(); parts.local_count()];
         let v_star = if with_v_star { vertices.clone() } else { Vec::new() };
         Self {
             v_half: vertices.clone(),
@@ -68,9 +68,9 @@ impl Scratch {
 pub struct StepContext<'a> {
     /// The split of the vertices.
     pub parts: &'a Parts,
-    /// Masses in solver order [kg].
+    /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
-    /// Positions and velocities, changed by the step.
+    /// Positions and velocities, changed by the step; ghosts are those of their owners before and after.
     pub state: &'a mut State,
     /// Forces of every part.
     pub forces: &'a mut PartForces,
@@ -86,6 +86,8 @@ pub struct StepContext<'a> {
     pub self_contact: Option<&'a mut SelfContact>,
     /// The bodies.
     pub bodies: &'a mut Bodies,
+    /// Which own parts need vertices of other ranks.
+    pub reaches_ghosts: &'a [bool],
     /// Scratch arrays.
     pub scratch: &'a mut Scratch,
     /// When the damping solves stop.
@@ -115,6 +117,7 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     context.second_half(dt, &mut report); // B.5, B.6
     context.final_velocities(dt); // B.7
     context.repel_final_velocities(dt); // B.8
+    context.parts.halo().refresh(context.parts.ranks(), &mut context.state.v);
     context.state.time = time + dt;
     report
 }
@@ -140,7 +143,7 @@ impl StepContext<'_> {
 
     /// B.1: v½ from x and v.
     fn first_half(&mut self, dt: f64, report: &mut StepReport) {
-        let Self { parts, masses, state, forces, pins, targets, scratch, stop, metrics, .. } = self;
+        let Self { parts, masses, state, forces, pins, targets, reaches_ghosts, scratch, stop, metrics, .. } = self;
         let Scratch { v_half, explicit, cg, .. } = &mut **scratch;
         metrics.stage("B.1 velocity", |m| {
             let problem = VelocityProblem {
@@ -152,10 +155,11 @@ impl StepContext<'_> {
                 half_step: 0.5 * dt,
                 x: &state.x,
                 fraction: 0.0,
+                reaches_ghosts,
                 stop: *stop,
             };
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
-            note(outcome, "B.1", m, report);
+            note(outcome, "B.1", parts, m, report);
         });
     }
 
@@ -198,8 +202,10 @@ impl StepContext<'_> {
         let Scratch { v_half, v_star, x_new, .. } = &mut **scratch;
         if let Some(collision) = collision {
             metrics.stage("B.4 body collision", |m| {
-                let step = CollisionStep { bodies, dt, x: &state.x, v: &state.v, v_half };
-                collision.positions(&step, x_new, v_star, m);
+                let own = parts.own();
+                let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own.clone()]);
+                let step = CollisionStep { bodies, dt, x, v, v_half };
+                collision.positions(&step, &mut x_new[own.clone()], &mut v_star[own], m);
             });
         } else {
             metrics.stage("B.3 positions", |_| {
@@ -213,15 +219,18 @@ impl StepContext<'_> {
             });
         }
         if let Some(pins) = pins {
-            parts.for_each(PerVertex(x_new), &|part, x_new| {
+            parts.for_each(PerVertex(&mut x_new[parts.own()]), &|part, x_new| {
                 pins.set_positions(part, parts.ranges()[part].start, targets, x_new.0);
             });
         }
+        parts.halo().refresh(parts.ranks(), x_new);
     }
 
     /// B.5 and B.6: the velocity at the end, from the forces at the middle.
     fn second_half(&mut self, dt: f64, report: &mut StepReport) {
-        let Self { parts, masses, state, forces, pins, targets, collision, scratch, stop, metrics, .. } = self;
+        let Self {
+            parts, masses, state, forces, pins, targets, collision, reaches_ghosts, scratch, stop, metrics, ..
+        } = self;
         let Scratch { v_half, v_star, x_new, x_middle, explicit, cg } = &mut **scratch;
         metrics.stage("B.5 velocity", |m| {
             let chunks = x_middle.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK)).zip(x_new.par_chunks(CHUNK));
@@ -241,14 +250,13 @@ impl StepContext<'_> {
                 half_step: 0.5 * dt,
                 x: x_middle,
                 fraction: 0.5,
+                reaches_ghosts,
                 stop: *stop,
             };
             let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
-            note(outcome, "B.5", m, report);
-            // Without a constrained contact there is no projection to undo: the solution is what the formula gives, to the
-            // tolerance of the solve.
-            if contacts.is_some_and(|c| c.is_constrained(0..v_half.len())) {
-                problem.undo_projection(forces, explicit, v_half, &mut state.v);
+            note(outcome, "B.5", parts, m, report);
+            if let Some(contacts) = contacts {
+                problem.undo_projection(contacts, forces, explicit, v_half, &mut state.v);
                 extrapolate(&mut state.v, None, v_star);
             } else if !v_star.is_empty() {
                 extrapolate(&mut state.v, Some(v_half), v_star);
@@ -265,7 +273,8 @@ impl StepContext<'_> {
         impose(self.parts, self.pins, self.targets, &mut self.state.v);
         let Self { state, collision, bodies, metrics, .. } = self;
         if let Some(collision) = collision {
-            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, &mut state.v));
+            let own = self.parts.own();
+            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, &mut state.v[own]));
             impose(self.parts, self.pins, self.targets, &mut self.state.v);
         }
     }
@@ -274,17 +283,17 @@ impl StepContext<'_> {
 /// Gives pinned components their prescribed velocity.
 fn impose(parts: &Parts, pins: Option<&HardPins>, targets: &PinTargets, v: &mut [Vec3]) {
     if let Some(pins) = pins {
-        parts.for_each(PerVertex(v), &|part, v| {
+        parts.for_each(PerVertex(&mut v[parts.own()]), &|part, v| {
             pins.set_velocities(part, parts.ranges()[part].start, targets, v.0);
         });
     }
 }
 
 /// Counts a solve.
-fn note(outcome: Outcome, stage: &'static str, metrics: &mut Metrics, report: &mut StepReport) {
+fn note(outcome: Outcome, stage: &'static str, parts: &Parts, metrics: &mut Metrics, report: &mut StepReport) {
     report.cg_iterations += outcome.iterations;
-    metrics.count("cg_iterations", outcome.iterations as u64);
-    metrics.count("cg_short", u64::from(!outcome.converged));
+    metrics.count_once(parts.ranks(), "cg_iterations", outcome.iterations as u64);
+    metrics.count_once(parts.ranks(), "cg_short", u64::from(!outcome.converged));
     if !outcome.finite {
         report.not_finite = report.not_finite.or(Some(stage));
     }

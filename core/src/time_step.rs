@@ -48,6 +48,7 @@ impl StepLimit {
             let squared = sums.iter().zip(&masses[range.clone()]).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
             elastic = squared.fold(elastic, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt });
         }
+        let elastic = -parts.ranks().max(-elastic);
         Self { elastic, strain_rates: vec![0.0; parts.count()], frame, last: 0.0 }
     }
 
@@ -86,7 +87,7 @@ impl StepLimit {
                 })
             };
         });
-        let strain = settings.strain_per_step / largest(&self.strain_rates);
+        let strain = settings.strain_per_step / parts.ranks().max(largest(&self.strain_rates));
         let limit = longest.min(strain);
         self.last = limit;
         let left = end - time;

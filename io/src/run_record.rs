@@ -15,7 +15,6 @@ use serde_json::{Value, json};
 use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
-use crate::shot::spread::Spread;
 
 /// Stage of a frame that holds all stages of the solver.
 pub const SIMULATE: &str = "simulate";
@@ -227,9 +226,8 @@ pub fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
     json!({"record": "start", "frame": frame, "seconds": seconds, "counts": counts(spent)})
 }
 
-/// Everything that was measured in one frame; `spent` is what reading and writing took and counted, `spread` what the ranks
-/// took if there are many.
-pub fn frame_record(summary: &FrameSummary, spent: &Metrics, spread: Option<&Spread>, seconds: f64) -> Value {
+/// Everything that was measured in one frame; `spent` is what reading and writing took and counted.
+pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Value {
     let strain = summary
         .max_strain
         .as_ref()
@@ -252,18 +250,18 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, spread: Option<&Spr
         "potential_energy": summary.potential_energy,
         "body_self_crossings": summary.body_self_crossings,
         "resident_bytes": resident_bytes(),
-        "stages": stages(&all, spread),
+        "stages": stages(&all),
         "counts": counts(&all),
     })
 }
 
-/// Stages with seconds and calls, in the order of their first call; on many ranks the seconds are those of rank 0, with the
-/// smallest, mean and largest beside them.
-pub fn stages(metrics: &Metrics, spread: Option<&Spread>) -> Vec<Value> {
+/// Stages with seconds and calls, in the order of their first call; over ranks the seconds are their mean, with the least and
+/// the most of a rank beside it.
+pub fn stages(metrics: &Metrics) -> Vec<Value> {
     let stage = |s: &drapery_core::metrics::Stage| {
         let mut stage = json!({"stage": s.name, "seconds": s.seconds, "calls": s.calls});
-        if let Some(over) = spread.and_then(|spread| spread.of_stage(&s.name)) {
-            stage["over_ranks"] = json!({"min": over.min, "mean": over.mean, "max": over.max});
+        if let Some([min, max]) = s.spread {
+            stage["over_ranks"] = json!({"min": min, "mean": s.seconds, "max": max});
         }
         stage
     };

@@ -16,7 +16,6 @@ pub mod quality;
 mod resume;
 mod rewritten;
 pub mod run;
-pub mod spread;
 mod totals;
 
 use std::path::PathBuf;

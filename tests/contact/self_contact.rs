@@ -51,12 +51,11 @@ fn all_positions(simulation: &Simulation) -> Vec<Vec3> {
 /// Crossings among all garments with their vertices where they are written, in single precision.
 fn crossings_as_written(simulation: &Simulation) -> usize {
     let mut triangles = Vec::new();
-    let mut first = 0;
-    for mesh in simulation.scene().meshes() {
+    for (garment, mesh) in simulation.scene().meshes().iter().enumerate() {
+        let first = simulation.scene().parts().garment(garment).start as u32;
         triangles.extend(mesh.triangles().iter().map(|t| t.map(|v| v + first)));
-        first += mesh.rest_positions().len() as u32;
     }
-    let x: Vec<Vec3> = all_positions(simulation).iter().map(|p| p.map(|c| f64::from(c as f32))).collect();
+    let x: Vec<Vec3> = simulation.state().x.iter().map(|p| p.map(|c| f64::from(c as f32))).collect();
     let box_of = |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&x[v as usize])));
     let tree = Bvh::build(&triangles.iter().map(box_of).collect::<Vec<_>>());
     let owners = EdgeOwners::new(&triangles);

@@ -42,10 +42,10 @@ fn a_hanging_chain_stretches_as_hooke_says() {
         let mut simulation = start(description);
         settle(&mut simulation, 1200);
         // Tension across each gap, from the positions and the spring law, against the weight below it.
-        let x = positions(&simulation);
-        let mesh = &simulation.scene().meshes()[0];
+        let (scene, x) = (simulation.scene(), &simulation.state().x);
+        let mesh = &scene.meshes()[0];
         for gap in 0..cells {
-            let column = |v: u32| v as usize % (cells + 1);
+            let column = |v: u32| scene.parts().own_vertex(v as usize).1 as usize % (cells + 1);
             let tension: f64 = mesh
                 .edges()
                 .iter()

@@ -18,9 +18,8 @@ use crate::effects::pins::{HardPins, PinTargets};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::parallel::parts::Parts;
+use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
-use crate::snapshot::{Section, SnapshotError};
 use crate::state::State;
 
 /// Name of the section of a snapshot.
@@ -329,63 +328,48 @@ impl SelfContact {
 
     /// What self-contact remembers at a collision-free state: the list of neighbours by the positions it was made around, the
     /// number and length of the steps it takes, and what crosses.
-    pub fn save(&self, parts: &Parts) -> Section {
-        let own = |node: u32| match self.surface.is_body(node) {
-            true => node,
-            false => parts.own_index(node as usize) as u32,
-        };
+    pub(crate) fn remember(&self) -> Remembered {
         let reference = self.neighbours.reference();
-        let cloth = if reference.is_empty() { 0 } else { parts.vertex_count() };
-        let in_order =
-            (0..reference.len()).map(|i| if i < cloth { reference[parts.solver_of(i)] } else { reference[i] });
-        let section = Section::new(SECTION, VERSION)
-            .number("wear", self.wear)
-            .number("list_reach", self.neighbours.full_reach())
-            .vectors("list_positions", in_order);
-        let Some(geometric) = &self.geometric else { return section };
+        let cloth = self.surface.cloth_nodes();
+        let list = if reference.is_empty() {
+            let bodies = self.surface.nodes() - cloth;
+            Some((Vec::new(), vec![Vec3::zeros(); bodies])).filter(|_| false)
+        } else {
+            Some((reference[..cloth].to_vec(), reference[cloth..].to_vec()))
+        };
+        let memory = Remembered::new(SECTION, VERSION)
+            .with("wear", Field::Number(self.wear))
+            .with("list_reach", Field::Number(self.neighbours.full_reach()))
+            .with("list_positions", Field::Nodes(list));
+        let Some(geometric) = &self.geometric else { return memory };
         let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
-        section
-            .integer("steps", geometric.control.steps.into())
-            .number("step_share", geometric.control.share)
-            .integer("successes", geometric.control.successes.into())
-            .vertices("crossings", 5, crossings.map(own).collect())
-            .vertices("pinched", 1, geometric.pinched.iter().map(|node| own(*node)).collect())
+        memory
+            .with("steps", Field::Count(geometric.control.steps.into()))
+            .with("step_share", Field::Number(geometric.control.share))
+            .with("successes", Field::Count(geometric.control.successes.into()))
+            .with("crossings", Field::Numbers(5, crossings.collect()))
+            .with("pinched", Field::Numbers(1, geometric.pinched.clone()))
     }
 
-    /// Goes on from what was saved.
-    ///
-    /// # Errors
-    /// The section is of another scene.
-    pub fn load(&mut self, section: &Section, parts: &Parts) -> Result<(), SnapshotError> {
-        let (nodes, vertices) = (self.surface.nodes(), parts.vertex_count());
-        self.wear = section.read_number("wear")?;
-        if section.rows("list_positions")? > 0 {
-            let own = section.read_vectors("list_positions", nodes)?;
-            let reference: Vec<Vec3> =
-                parts.in_solver_order(&own[..vertices]).chain(own[vertices..].iter().copied()).collect();
-            let reach = section.read_number("list_reach")?;
+    /// Goes on from what was remembered.
+    pub(crate) fn go_on(&mut self, memory: &Remembered, _: &State, _: &Bodies) {
+        self.wear = memory.number("wear");
+        if let Some((cloth, bodies)) = memory.nodes("list_positions") {
+            let reference: Vec<Vec3> = cloth.iter().chain(bodies).copied().collect();
+            let reach = memory.number("list_reach");
             // The list follows from the positions it was made around, to the last bit and in the same order.
             self.neighbours.rebuild(&self.surface, &mut self.search, &reference, reach, gap(&reference));
         }
-        let Some(geometric) = &mut self.geometric else { return Ok(()) };
-        let solver = |node: u32| match (node as usize) < vertices {
-            true => parts.solver_of(node as usize) as u32,
-            false => node,
-        };
-        let count = |name| section.read_integer(name).map(|n| u32::try_from(n).unwrap_or(u32::MAX));
-        geometric.control.steps = count("steps")?.clamp(1, geometric.control.max_steps);
-        geometric.control.share = section.read_number("step_share")?.clamp(SHORTEST_STEP, 1.0);
-        geometric.control.successes = count("successes")?;
-        let crossings = section.read_vertices::<5>("crossings", nodes)?;
-        let crossing = |row: &[u32; 5]| {
-            let [a, b, c, d, e] = row.map(solver);
-            Crossing { edge: [a, b], triangle: [c, d, e] }
-        };
-        geometric.crossings = crossings.iter().map(crossing).collect();
+        let Some(geometric) = &mut self.geometric else { return };
+        let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
+        geometric.control.steps = count("steps").clamp(1, geometric.control.max_steps);
+        geometric.control.share = memory.number("step_share").clamp(SHORTEST_STEP, 1.0);
+        geometric.control.successes = count("successes");
+        let rows = memory.numbers("crossings").as_chunks::<5>().0;
+        let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
+        geometric.crossings = rows.iter().map(crossing).collect();
         geometric.ignored = ignored_pairs(&geometric.crossings);
-        let pinched = section.read_vertices::<1>("pinched", nodes)?;
-        geometric.pinched = pinched.iter().map(|[node]| solver(*node)).collect();
-        Ok(())
+        geometric.pinched = memory.numbers("pinched").to_vec();
     }
 
     /// Edges that crossed triangles when it was last looked for them.

@@ -43,12 +43,12 @@ impl ContactSurface {
         let parts = scene.parts();
         let mut triangles = Vec::new();
         for (g, mesh) in scene.meshes().iter().enumerate() {
-            let solver = |v: u32| parts.solver_index(g, v) as u32;
+            let solver = |v: u32| parts.garment(g).start as u32 + v;
             triangles.extend(mesh.triangles().iter().map(|t| t.map(solver)));
         }
         // Neighbours on the cloth become neighbours in memory, as the vertices are.
         triangles.sort_by_key(|t| t.iter().copied().min());
-        let (cloth_triangles, cloth_nodes) = (triangles.len(), parts.vertex_count());
+        let (cloth_triangles, cloth_nodes) = (triangles.len(), parts.local_count());
         let mut nodes = cloth_nodes;
         let mut bodies = Vec::new();
         for (body, description) in scene.description().bodies.iter().enumerate() {
@@ -67,8 +67,8 @@ impl ContactSurface {
         let edge_owners = [cloth, of_bodies].map(EdgeOwners::new);
         let (mut rest, mut garment) = (vec![Vec3::zeros(); cloth_nodes], vec![0; cloth_nodes]);
         for solver in 0..cloth_nodes {
-            let (g, own) = parts.own_vertex(solver);
-            rest[solver] = scene.meshes()[g].rest_positions()[own as usize];
+            let g = parts.garment_of(solver);
+            rest[solver] = scene.meshes()[g].rest_positions()[solver - parts.garment(g).start];
             garment[solver] = g as u32;
         }
         let thickness = thicknesses(scene, clamp);
@@ -249,14 +249,14 @@ impl<T: Ord + Copy> Owned<T> {
 /// Thickness per vertex in solver order: the garment's, at most `clamp` times each rest edge of the vertex (method 3.2).
 fn thicknesses(scene: &Scene, clamp: f64) -> Vec<f64> {
     let parts = scene.parts();
-    let mut thickness = vec![0.0; parts.vertex_count()];
+    let mut thickness = vec![0.0; parts.local_count()];
     for (g, (mesh, garment)) in scene.meshes().iter().zip(&scene.description().garments).enumerate() {
         parts.garment(g).for_each(|solver| thickness[solver] = garment.thickness);
         for edge in mesh.edges() {
             let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
             let longest: f64 = clamp * (a - b).norm();
             for v in edge.vertices {
-                let own: &mut f64 = &mut thickness[parts.solver_index(g, v)];
+                let own: &mut f64 = &mut thickness[parts.garment(g).start + v as usize];
                 *own = own.min(longest);
             }
         }
@@ -281,8 +281,8 @@ fn edge_lengths(scene: &Scene, nodes: usize) -> Vec<f64> {
         for edge in mesh.edges() {
             let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
             for v in edge.vertices {
-                sums[parts.solver_index(g, v)] += (a - b).norm();
-                counts[parts.solver_index(g, v)] += 1;
+                sums[parts.garment(g).start + v as usize] += (a - b).norm();
+                counts[parts.garment(g).start + v as usize] += 1;
             }
         }
     }

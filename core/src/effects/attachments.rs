@@ -9,7 +9,6 @@
 //! damping_ratio = 1.0
 //! ```
 
-use crate::effects::pins::pinned_vertices;
 use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
@@ -48,12 +47,12 @@ struct PartAttachments {
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let (scene, parts) = (context.scene, context.scene.parts());
     let mut entries = Vec::new();
-    for (target, (pin, _, garment, vertex)) in pinned_vertices(scene).enumerate() {
-        if let PinHold::Spring { stiffness, damping_ratio } = scene.description().pins[pin].hold {
-            let solver = parts.solver_index(garment, vertex);
-            let part = parts.part_of(solver);
-            let damping = 2.0 * damping_ratio * (stiffness * scene.masses()[solver]).sqrt();
-            let vertex = solver - parts.ranges()[part].start;
+    for (target, pinned) in scene.pinned().iter().enumerate() {
+        if let PinHold::Spring { stiffness, damping_ratio } = scene.description().pins[pinned.pin].hold {
+            let own = pinned.vertex as usize;
+            let part = parts.part_of(own);
+            let damping = 2.0 * damping_ratio * (stiffness * scene.masses()[own]).sqrt();
+            let vertex = own - parts.ranges()[part].start;
             entries.push((part, Attachment { vertex, target, stiffness, damping, active: false }));
         }
     }

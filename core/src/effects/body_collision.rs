@@ -11,6 +11,8 @@
 
 mod marks;
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::Vec3;
@@ -19,9 +21,8 @@ use crate::contact::friction::{coulomb, respond};
 use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::metrics::Metrics;
-use crate::parallel::parts::Parts;
+use crate::remembered::{Field, Remembered};
 use crate::settings::Settings;
-use crate::snapshot::{Section, SnapshotError};
 use crate::tolerances::{FACING, PINCH_DRAG};
 
 use marks::{CHUNK, Marks, bit, constrained, marked};
@@ -81,7 +82,7 @@ struct Counts {
     queries: u64,
 }
 
-/// The effect: contact state of all vertices.
+/// The effect: contact state of the rank's own vertices.
 #[derive(Debug)]
 pub struct BodyCollision {
     contacts: Vec<VertexContact>,
@@ -94,10 +95,12 @@ pub struct BodyCollision {
     surfaces: usize,
     /// Whether pins hold the vertex in all directions, so that no body can move it.
     held: Vec<bool>,
+    /// Local number of the first own vertex.
+    first: usize,
     search: f64,
 }
 
-/// The step as body collision sees it.
+/// The step as body collision sees it, over own vertices.
 #[derive(Clone, Copy)]
 pub struct CollisionStep<'a> {
     /// Bodies at both ends of the step.
@@ -113,7 +116,8 @@ pub struct CollisionStep<'a> {
 }
 
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
-    let (scene, vertices) = (context.scene, context.scene.parts().vertex_count());
+    let (scene, own) = (context.scene, context.scene.parts().own());
+    let vertices = own.len();
     let mut surfaces = 0;
     let mut memory_slot = Vec::new();
     for body in &scene.description().bodies {
@@ -128,6 +132,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
         memory_slot,
         surfaces,
         held: vec![false; vertices],
+        first: own.start,
         search: SEARCH_EDGES * scene.mean_edge(),
     };
     let bytes = vertices * (size_of::<VertexContact>() + 1 + surfaces * size_of::<Memory>())
@@ -136,13 +141,14 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
 }
 
 impl BodyCollision {
-    /// Tells which vertices are held in all directions during this step.
+    /// Tells which own vertices, by their local numbers, are held in all directions during this step.
     pub fn set_held(&mut self, held: impl Iterator<Item = (usize, bool)>) {
-        held.for_each(|(vertex, holds)| self.held[vertex] = holds);
+        held.for_each(|(vertex, holds)| self.held[vertex - self.first] = holds);
     }
 
-    /// Tells that a vertex was moved by something else [m].
+    /// Tells that an own vertex, by its local number, was moved by something else [m].
     pub fn moved(&mut self, vertex: usize, way: f64) {
+        let vertex = vertex - self.first;
         let surfaces = vertex * self.surfaces..(vertex + 1) * self.surfaces;
         for memory in &mut self.memory[surfaces] {
             // What was outside is still taken to be outside, however close it may be now.
@@ -157,25 +163,17 @@ impl BodyCollision {
     }
 
     /// What is remembered of deforming bodies near each vertex; `None` without such bodies.
-    pub fn save(&self, parts: &Parts) -> Option<Section> {
-        let of_vertex = |i: usize| self.memory[i * self.surfaces..(i + 1) * self.surfaces].iter().map(|m| m.clearance);
-        let clearances = (0..self.held.len()).map(|own| parts.solver_of(own)).flat_map(of_vertex).collect();
-        self.remembers().then(|| Section::new(SPEC.name, VERSION).numbers("clearances", clearances))
+    pub(crate) fn remember(&self) -> Option<Remembered> {
+        let clearances = self.memory.iter().map(|memory| memory.clearance).collect();
+        let field = Field::Vertices(self.surfaces, clearances);
+        self.remembers().then(|| Remembered::new(SPEC.name, VERSION).with("clearances", field))
     }
 
-    /// Goes on from what was saved.
-    ///
-    /// # Errors
-    /// The section is of another scene.
-    pub fn load(&mut self, section: &Section, parts: &Parts) -> Result<(), SnapshotError> {
-        let clearances = section.read_numbers("clearances", self.memory.len())?;
-        for (own, of_vertex) in clearances.chunks_exact(self.surfaces.max(1)).enumerate() {
-            let first = parts.solver_of(own) * self.surfaces;
-            for (memory, clearance) in self.memory[first..].iter_mut().zip(of_vertex) {
-                memory.clearance = *clearance;
-            }
+    /// Goes on from what was remembered.
+    pub(crate) fn go_on(&mut self, memory: &Remembered) {
+        for (memory, clearance) in self.memory.iter_mut().zip(memory.vertices("clearances")) {
+            memory.clearance = *clearance;
         }
-        Ok(())
     }
 
     /// Forgets where vertices were: the state has been put back.
@@ -229,8 +227,10 @@ impl BodyCollision {
         metrics.count("body_queries", counts.queries);
     }
 
-    /// Gives the vertices in contact their normal velocity: the initial guess of the second solve.
+    /// Gives the vertices in contact, from the local number `start` on, their normal velocity: the initial guess of the
+    /// second solve.
     pub fn set_velocities(&self, start: usize, v: &mut [Vec3]) {
+        let start = start - self.first;
         for vertex in constrained(&self.marks, start..start + v.len()) {
             let v = &mut v[vertex - start];
             for (normal, target) in self.contacts[vertex].constraints() {
@@ -241,6 +241,7 @@ impl BodyCollision {
 
     /// Removes the contact normals from a residual or search direction.
     pub fn project(&self, start: usize, r: &mut [Vec3]) {
+        let start = start - self.first;
         for vertex in constrained(&self.marks, start..start + r.len()) {
             let r = &mut r[vertex - start];
             for (normal, _) in self.contacts[vertex].orthogonal_constraints() {
@@ -249,13 +250,14 @@ impl BodyCollision {
         }
     }
 
-    /// Whether some vertex of this range is constrained by a contact.
-    pub fn is_constrained(&self, vertices: std::ops::Range<usize>) -> bool {
-        constrained(&self.marks, vertices).next().is_some()
+    /// Whether some vertex of this range of local numbers, all own, is constrained by a contact.
+    pub fn is_constrained(&self, vertices: Range<usize>) -> bool {
+        let own = vertices.start - self.first..vertices.end - self.first;
+        constrained(&self.marks, own).next().is_some()
     }
 
     /// B.7: no vertex approaches a body that it would touch in the next step, and friction acts with the full load. The
-    /// look-ahead is relative to the body (method 5.4).
+    /// look-ahead is relative to the body (method 5.4). `v` are those of own vertices.
     pub fn final_velocity(&self, bodies: &Bodies, dt: f64, v: &mut [Vec3]) {
         let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks);
         chunks.for_each(|((v, contacts), marks)| {

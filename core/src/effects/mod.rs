@@ -173,6 +173,11 @@ pub trait Force: Send + Sync {
     /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
     fn add_stiffness(&self, _sums: &mut [f64]) {}
 
+    /// Vertices of other parts that the force looks at: a part without such on other ranks need not wait for them.
+    fn neighbours(&self) -> &[u32] {
+        &[]
+    }
+
     /// A rate of relative change of length [1/s] that no element of the part exceeds, from the velocities `v` [m/s] of all
     /// vertices; `part` are the part's own.
     fn strain_rate_bound(&self, _part: Range<usize>, _v: &[Vec3]) -> f64 {

@@ -8,14 +8,17 @@
 //! to = "start"          # or "body:hero"
 //! ```
 
+use std::collections::BTreeMap;
+
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
 use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::parts::Parts;
-use crate::scene::{PinAnchor, PinHold, PinTarget, Scene, SurfaceAttachment};
+use crate::remembered::{Field, Remembered};
+use crate::scene::{PinAnchor, PinHold, PinTarget, Pinned, Scene, SurfaceAttachment};
 use crate::settings::Settings;
-use crate::snapshot::{Section, SnapshotError};
+use crate::snapshot::{SnapshotError, Values};
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -51,7 +54,9 @@ enum Source {
 struct Target {
     /// Number of the pin in the scene.
     pin: usize,
-    /// The pinned vertex in solver order.
+    /// Number of the target in the scene.
+    number: u32,
+    /// The pinned vertex, own.
     vertex: usize,
     /// Whether the place is taken anew when the pin takes hold.
     taken_when_held: bool,
@@ -62,6 +67,7 @@ struct Target {
 #[derive(Debug, Default)]
 pub struct PinTargets {
     targets: Vec<Target>,
+
     paths: Vec<Vec<(f64, Vec3)>>,
     windows: Vec<(f64, f64)>,
     at_t0: Vec<Vec3>,
@@ -70,26 +76,15 @@ pub struct PinTargets {
     dt: f64,
 }
 
-/// Every (pin, row, garment, vertex) of a scene in the order of the targets.
-pub(crate) fn pinned_vertices(scene: &Scene) -> impl Iterator<Item = (usize, usize, usize, u32)> + '_ {
-    scene.description().pins.iter().enumerate().flat_map(|(p, pin)| {
-        let vertices: Vec<u32> = match &pin.target {
-            PinTarget::Path { vertices, .. }
-            | PinTarget::Track { vertices, .. }
-            | PinTarget::BodyNearest { vertices, .. } => vertices.clone(),
-            PinTarget::Body { attachments, .. } => attachments.iter().map(|a| a.vertex).collect(),
-        };
-        vertices.into_iter().enumerate().map(move |(row, vertex)| (p, row, pin.garment, vertex))
-    })
-}
-
 impl PinTargets {
-    /// Targets of all pins at the start: `x` are the start positions in solver order, `bodies` stand at the start time.
+    /// Targets of the pins of own vertices at the start: `x` are the start positions of local vertices, `bodies` stand at the
+    /// start time, tracks have the rows of own vertices.
     ///
     /// # Errors
     /// A vertex that is to be bound to the nearest place of a body finds none.
     pub fn new(scene: &Scene, x: &[Vec3], bodies: &Bodies, tracks: &[Samples], time: f64) -> Result<Self, Problem> {
         let mut built = Self::default();
+        let mut rows = BTreeMap::new();
         for pin in &scene.description().pins {
             built.windows.push((pin.from, pin.until));
             built.paths.push(match &pin.target {
@@ -97,21 +92,26 @@ impl PinTargets {
                 _ => Vec::new(),
             });
         }
-        for (pin, row, garment, vertex) in pinned_vertices(scene) {
-            let solver = scene.parts().solver_index(garment, vertex);
-            let place = x[solver];
+        for pinned in scene.pinned() {
+            let (vertex, place) = (pinned.vertex as usize, x[pinned.vertex as usize]);
             let mut taken_when_held = false;
-            let source = match &scene.description().pins[pin].target {
+            let source = match &scene.description().pins[pinned.pin].target {
                 PinTarget::Path { anchor, .. } => {
                     taken_when_held = *anchor == PinAnchor::WhenHeld;
-                    Source::Path { place, pin }
+                    Source::Path { place, pin: pinned.pin }
                 }
-                PinTarget::Track { track, .. } => Source::Track { track: *track, row },
-                PinTarget::Body { body, attachments } => Source::Surface { body: *body, attachment: attachments[row] },
-                PinTarget::BodyNearest { body, .. } => {
-                    let attachment = bodies.bind(*body, vertex, place).ok_or_else(|| {
+                PinTarget::Track { track, .. } => {
+                    // The rows of a track are those of own vertices, in order.
+                    let row = rows.entry(*track).or_insert(0);
+                    *row += 1;
+                    Source::Track { track: *track, row: *row - 1 }
+                }
+                PinTarget::Body { body, .. } | PinTarget::BodyNearest { body, .. } => {
+                    let (garment, own) = scene.parts().own_vertex(vertex);
+                    let attachment = pinned.attachment.or_else(|| bodies.bind(*body, own, place));
+                    let attachment = attachment.ok_or_else(|| {
                         let name = &scene.description().garments[garment].name;
-                        let place = format!("garment \"{name}\", pin {pin}, vertex {vertex}");
+                        let place = format!("garment \"{name}\", pin {}, vertex {own}", pinned.pin);
                         Problem::data(
                             place,
                             "the body has no surface to bind to",
@@ -121,7 +121,7 @@ impl PinTargets {
                     Source::Surface { body: *body, attachment }
                 }
             };
-            built.targets.push(Target { pin, vertex: solver, taken_when_held, source });
+            built.targets.push(Target { pin: pinned.pin, number: pinned.number, vertex, taken_when_held, source });
         }
         built.at_t1 = built.targets.iter().map(|t| built.evaluate(t, bodies, tracks, time)).collect();
         built.at_t0 = built.at_t1.clone();
@@ -154,7 +154,7 @@ impl PinTargets {
     }
 
     /// What the pins remember: the places taken when they took hold, and where their vertices were bound to bodies.
-    pub fn save(&self) -> Section {
+    pub(crate) fn remember(&self) -> Remembered {
         let place = |target: &Target| match &target.source {
             Source::Path { place, .. } => *place,
             _ => Vec3::zeros(),
@@ -165,41 +165,57 @@ impl PinTargets {
             _ => none,
         };
         let attachments = || self.targets.iter().map(attachment);
-        Section::new(SPEC.name, VERSION)
-            .vectors("places", self.targets.iter().map(place))
-            .vertices("body_points", 3, attachments().flat_map(|a| a.body_points).collect())
-            .vectors("weights", attachments().map(|a| Vec3::from(a.weights)))
-            .vectors("offsets", attachments().map(|a| a.offset))
-            .vectors("at_end", self.at_t1.iter().copied())
-            .marks("active", self.active.iter().map(|active| u8::from(*active)).collect())
+        let vectors = |values: Vec<Vec3>| Field::Targets(3, Values::F64(bytemuck::cast_slice(&values).to_vec()));
+        let active = self.active.iter().map(|active| u8::from(*active)).collect();
+        Remembered::new(SPEC.name, VERSION)
+            .with("places", vectors(self.targets.iter().map(place).collect()))
+            .with("body_points", Field::Targets(3, Values::U32(attachments().flat_map(|a| a.body_points).collect())))
+            .with("weights", Field::Targets(3, Values::F64(attachments().flat_map(|a| a.weights).collect())))
+            .with("offsets", vectors(attachments().map(|a| a.offset).collect()))
+            .with("at_end", vectors(self.at_t1.clone()))
+            .with("active", Field::Targets(1, Values::U8(active)))
     }
 
-    /// Goes on from what was saved.
+    /// Goes on from what was remembered.
     ///
     /// # Errors
-    /// The section is of another scene.
-    pub fn load(&mut self, section: &Section, bodies: &Bodies) -> Result<(), SnapshotError> {
-        let count = self.targets.len();
-        let places = section.read_vectors("places", count)?;
-        let points = section.read_vertices::<3>("body_points", u32::MAX as usize)?;
-        let (weights, offsets) = (section.read_vectors("weights", count)?, section.read_vectors("offsets", count)?);
+    /// It is of another scene.
+    pub(crate) fn go_on(&mut self, memory: &Remembered, bodies: &Bodies) -> Result<(), SnapshotError> {
+        let error = |what: String| SnapshotError { section: memory.name.to_owned(), what };
+        let reals = |name: &str| match memory.targets(name) {
+            Some(Values::F64(values)) => values.as_chunks::<3>().0,
+            _ => &[],
+        };
+        let (places, weights, offsets, at_end) = (reals("places"), reals("weights"), reals("offsets"), reals("at_end"));
+        let points: &[[u32; 3]] = match memory.targets("body_points") {
+            Some(Values::U32(values)) => values.as_chunks().0,
+            _ => &[],
+        };
         for (i, target) in self.targets.iter_mut().enumerate() {
             match &mut target.source {
-                Source::Path { place, .. } => *place = places[i],
+                Source::Path { place, .. } => *place = places[i].into(),
                 Source::Track { .. } => {}
                 Source::Surface { body, attachment } => {
                     let of_body = bodies.surface_positions(*body).len();
                     let points = points.get(i).filter(|points| points.iter().all(|p| (*p as usize) < of_body));
-                    attachment.body_points = *points
-                        .ok_or_else(|| section.error(format!("pin target {i} is bound to no place of its body")))?;
-                    attachment.weights = weights[i].into();
-                    attachment.offset = offsets[i];
+                    attachment.body_points = *points.ok_or_else(|| {
+                        error(format!("pin target {} is bound to no place of its body", target.number))
+                    })?;
+                    attachment.weights = weights[i];
+                    attachment.offset = offsets[i].into();
                 }
             }
         }
-        self.at_t1 = section.read_vectors("at_end", count)?;
-        self.active = section.read_marks("active", count)?.iter().map(|mark| *mark != 0).collect();
+        self.at_t1 = at_end.iter().map(|place| Vec3::from(*place)).collect();
+        if let Some(Values::U8(active)) = memory.targets("active") {
+            self.active = active.iter().map(|mark| *mark != 0).collect();
+        }
         Ok(())
+    }
+
+    /// Numbers of own targets in the scene, ascending.
+    pub(crate) fn numbers(&self) -> Vec<u32> {
+        self.targets.iter().map(|target| target.number).collect()
     }
 
     /// Whether there is nothing to follow.
@@ -297,15 +313,13 @@ impl HardPins {
     fn new(scene: &Scene) -> Self {
         let parts: &Parts = scene.parts();
         let pins = &scene.description().pins;
-        let mut entries: Vec<HardPin> = pinned_vertices(scene)
-            .enumerate()
-            .filter(|(_, (pin, ..))| pins[*pin].hold == PinHold::Hard)
-            .map(|(target, (pin, _, garment, vertex))| HardPin {
-                vertex: parts.solver_index(garment, vertex),
-                target,
-                axes: pins[pin].axes,
-            })
-            .collect();
+        let hard = scene.pinned().iter().enumerate().filter(|(_, pinned)| pins[pinned.pin].hold == PinHold::Hard);
+        let entry = |(target, pinned): (usize, &Pinned)| HardPin {
+            vertex: pinned.vertex as usize,
+            target,
+            axes: pins[pinned.pin].axes,
+        };
+        let mut entries: Vec<HardPin> = hard.map(entry).collect();
         entries.sort_unstable_by_key(|e| (e.vertex, e.target));
         let mut rows: Vec<usize> =
             parts.ranges().iter().map(|r| entries.partition_point(|e| e.vertex < r.start)).collect();

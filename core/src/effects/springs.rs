@@ -11,6 +11,7 @@ mod part_springs;
 use crate::effects::{BuildContext, Effect};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
+use crate::parallel::ranks::Ranks;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// How the stiffness of each spring follows from a setting.
@@ -100,8 +101,16 @@ pub fn build_effect(
     };
     let place = format!("garment \"{}\", {name}", context.scene.description().garments[garment].name);
     let stiffness = stiffness_setting(settings).map_err(|e| Problem::scene(place, e, "give one of them"))?;
-    let elements = elements(&context.scene.meshes()[garment]);
-    let (stiffnesses, notes) = stiffnesses(&elements, stiffness, settings.optional("short_edges"));
+    let parts = context.scene.parts();
+    let first = parts.garment(garment).start;
+    let is_own = |vertex: u32| parts.own().contains(&(first + vertex as usize));
+    let mut elements = elements(&context.scene.meshes()[garment]);
+    elements.retain(|element| element.vertices.into_iter().any(is_own));
+    // Each spring counts at the rank that owns its first vertex.
+    let counts = elements.iter().filter(|e| e.vertices.iter().min().is_some_and(|first| is_own(*first)));
+    let lengths: Vec<f64> = counts.map(|e| e.rest_length).collect();
+    let (stiffnesses, notes) =
+        stiffnesses(&elements, &lengths, stiffness, settings.optional("short_edges"), parts.ranks());
     let damping_ratio = settings.number("damping_ratio");
     let (forces, bytes) =
         part_springs::build(context.scene, garment, &elements, &stiffnesses, damping_ratio, measures_strain);
@@ -110,13 +119,18 @@ pub fn build_effect(
 
 /// Stiffness of each spring [N/m], and a note on those that were softened (method 1.4: a rest length that is clamped
 /// from below in the stiffness, not in the length at rest).
-fn stiffnesses(elements: &[SpringElement], stiffness: Stiffness, short_edges: Option<f64>) -> (Vec<f64>, Vec<String>) {
+fn stiffnesses(
+    elements: &[SpringElement],
+    lengths: &[f64],
+    stiffness: Stiffness,
+    short_edges: Option<f64>,
+    ranks: &Ranks,
+) -> (Vec<f64>, Vec<String>) {
     let default = if matches!(stiffness, Stiffness::Membrane(_)) { SHORT_EDGES } else { 0.0 };
-    let mut lengths: Vec<f64> = elements.iter().map(|e| e.rest_length).collect();
-    lengths.sort_unstable_by(f64::total_cmp);
-    let rank = (short_edges.unwrap_or(default) * lengths.len() as f64) as usize;
-    let shortest = lengths.get(rank).copied().unwrap_or(0.0);
-    let softened = lengths.partition_point(|l| *l < shortest);
+    let [count] = ranks.sum_of([lengths.len() as u64]);
+    let place = (short_edges.unwrap_or(default) * count as f64) as u64;
+    let shortest = if place > 0 && place < count { smallest_but(place, lengths, ranks) } else { 0.0 };
+    let [softened] = ranks.sum_of([lengths.iter().filter(|l| **l < shortest).count() as u64]);
     let of = |element: &SpringElement| {
         let length = element.rest_length.max(shortest);
         match stiffness {
@@ -129,6 +143,18 @@ fn stiffnesses(elements: &[SpringElement], stiffness: Stiffness, short_edges: Op
         1e3 * shortest
     );
     (elements.iter().map(of).collect(), if softened > 0 { vec![note] } else { Vec::new() })
+}
+
+/// The value that so many of all ranks' lengths are not longer than before it: that at `place` if they stood in order.
+fn smallest_but(place: u64, lengths: &[f64], ranks: &Ranks) -> f64 {
+    // Positive numbers are in the order of their bits; so many halvings end at a single one.
+    let (mut low, mut high) = (0, f64::INFINITY.to_bits());
+    while low < high {
+        let middle = low.midpoint(high);
+        let [not_longer] = ranks.sum_of([lengths.iter().filter(|l| l.to_bits() <= middle).count() as u64]);
+        if not_longer > place { high = middle } else { low = middle + 1 }
+    }
+    f64::from_bits(low)
 }
 
 /// Springs along the edges of a mesh.

@@ -11,3 +11,4 @@ pub mod ranks;
 pub mod serial;
 pub mod split;
 pub mod sum;
+pub(crate) mod wire;

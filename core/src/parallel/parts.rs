@@ -1,12 +1,15 @@
-//! The split of the vertices into parts by recursive bisection of the rest positions.
+//! The split of the vertices into parts by recursive bisection of the rest positions, and a rank's share of them.
 //!
 //! Vertices are stored in part order; the same bisection goes on inside a part, so that neighbours on the cloth are
-//! neighbours in memory.
+//! neighbours in memory. A rank owns a run of parts. Its arrays hold [ghosts below | own vertices | ghosts above]: *local*
+//! numbers, which ascend as those of the scene do.
 
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::parallel::sum::SUM_BLOCK;
+use crate::parallel::halo::Halo;
+use crate::parallel::ranks::Ranks;
+use crate::parallel::sum::{SUM_BLOCK, Shares};
 
 /// Largest number of vertices of a part. Small enough for one part's vectors to stay in a core's cache, large enough for
 /// the springs that cross a border (and are evaluated on both sides) to be few: 5 % of all at this size.
@@ -15,120 +18,310 @@ pub const PART_SIZE: usize = 2048;
 /// Number of vertices at which the bisection stops ordering.
 const LEAF_SIZE: usize = 8;
 
-/// The parts, and the maps between the solver's order and the garments' own.
-#[derive(Debug, Clone)]
-pub struct Parts {
-    ranges: Vec<Range<usize>>,
-    block_starts: Vec<usize>,
+/// The parts of all garments, alike on all ranks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Partition {
+    /// First vertex of each part in the scene's numbering, and the number of all vertices at the end.
+    starts: Vec<usize>,
+    /// Vertices of each garment.
     garments: Vec<Range<usize>>,
-    /// Solver index of each vertex, garment after garment in the garments' own order.
-    solver_index: Vec<u32>,
-    /// The inverse: own index (counted over all garments) of each solver index.
-    own_index: Vec<u32>,
 }
 
-impl Parts {
-    /// Splits the garments with these rest positions; no part holds vertices of two garments.
-    pub fn new(garments: &[&[Vec3]]) -> Self {
-        let mut parts = Self {
-            ranges: Vec::new(),
-            block_starts: vec![0],
-            garments: Vec::new(),
-            solver_index: Vec::new(),
-            own_index: Vec::new(),
-        };
-        for positions in garments {
-            let first = parts.own_index.len();
-            let mut order: Vec<u32> = (0..positions.len() as u32).collect();
-            bisect(positions, &mut order, first, &mut parts.ranges);
-            parts.own_index.extend(order.iter().map(|own| own + first as u32));
-            parts.garments.push(first..parts.own_index.len());
-        }
-        parts.solver_index = vec![0; parts.own_index.len()];
-        for (solver, own) in parts.own_index.iter().enumerate() {
-            parts.solver_index[*own as usize] = solver as u32;
-        }
-        for range in &parts.ranges {
-            let blocks = range.len().div_ceil(SUM_BLOCK);
-            parts.block_starts.push(parts.block_starts[parts.block_starts.len() - 1] + blocks);
-        }
-        parts
+impl Default for Partition {
+    fn default() -> Self {
+        Self { starts: vec![0], garments: Vec::new() }
+    }
+}
+
+impl Partition {
+    /// The partition with these first vertices of parts, with the number of all at the end, and these vertices of garments.
+    pub fn new(starts: Vec<usize>, garments: Vec<Range<usize>>) -> Self {
+        Self { starts, garments }
     }
 
-    /// Vertices of each part in solver order.
-    pub fn ranges(&self) -> &[Range<usize>] {
-        &self.ranges
-    }
-
-    /// Number of parts.
-    pub fn count(&self) -> usize {
-        self.ranges.len()
+    /// Adds a garment with these rest positions; no part holds vertices of two garments. Returns the garment's vertices in the
+    /// order of the scene.
+    pub fn add_garment(&mut self, positions: &[Vec3]) -> Vec<u32> {
+        let first = self.vertex_count();
+        let mut order: Vec<u32> = (0..positions.len() as u32).collect();
+        bisect(positions, &mut order, first, &mut self.starts);
+        self.garments.push(first..first + positions.len());
+        order
     }
 
     /// Number of vertices of all garments.
     pub fn vertex_count(&self) -> usize {
-        self.own_index.len()
+        self.starts[self.starts.len() - 1]
     }
 
-    /// First block of sums of each part, and the number of all blocks at the end.
+    /// Number of all parts.
+    pub fn part_count(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// First vertex of each part in the scene's numbering, and the number of all vertices at the end.
+    pub fn starts(&self) -> &[usize] {
+        &self.starts
+    }
+
+    /// Vertices of each garment in the scene's numbering.
+    pub fn garments(&self) -> &[Range<usize>] {
+        &self.garments
+    }
+
+    /// First part of every rank, and the number of all parts at the end, such that the ranks' shares of `costs`, one for each
+    /// part, are nearly equal.
+    pub fn share_out(&self, costs: &[f64], ranks: usize) -> Vec<usize> {
+        let total: f64 = costs.iter().sum();
+        let mut starts = vec![0];
+        let (mut part, mut before) = (0, 0.0);
+        for rank in 1..ranks {
+            let wanted = total * rank as f64 / ranks as f64;
+            // A part goes to the side on which its middle lies.
+            while part < costs.len() && before + 0.5 * costs[part] <= wanted {
+                before += costs[part];
+                part += 1;
+            }
+            starts.push(part);
+        }
+        starts.push(costs.len());
+        starts
+    }
+
+    /// Number of vertices of each part, which is what it costs before anything is measured.
+    pub fn sizes(&self) -> Vec<f64> {
+        self.starts.windows(2).map(|w| (w[1] - w[0]) as f64).collect()
+    }
+}
+
+/// A rank's share of the parts, and the maps between its numbers, those of the scene and those of the garments.
+#[derive(Debug, Clone)]
+pub struct Parts {
+    partition: Partition,
+    ranks: Ranks,
+    /// First part of every rank, and the number of all at the end.
+    assignment: Vec<usize>,
+    /// First vertex of every rank in the scene's numbering, and the number of all at the end.
+    rank_starts: Vec<u32>,
+    /// Own parts, in local numbers.
+    ranges: Vec<Range<usize>>,
+    /// First block of sums of each own part, counted from the rank's first, and their number at the end.
+    block_starts: Vec<usize>,
+    blocks: Shares,
+    part_shares: Shares,
+    /// Numbers of the ghosts in the scene, ascending.
+    ghosts: Vec<u32>,
+    own: Range<usize>,
+    /// Local vertices of each garment, ghosts included.
+    garments: Vec<Range<usize>>,
+    /// Number in its garment of each local vertex.
+    own_numbers: Vec<u32>,
+    halo: Halo,
+}
+
+impl Parts {
+    /// The share of this rank, with these ghosts (by their numbers in the scene, ascending) and the number that each local
+    /// vertex has in its garment. All ranks call it together.
+    pub fn new(
+        ranks: Ranks,
+        partition: Partition,
+        assignment: Vec<usize>,
+        ghosts: Vec<u32>,
+        own_numbers: Vec<u32>,
+    ) -> Self {
+        let rank = ranks.rank();
+        let rank_starts: Vec<u32> = assignment.iter().map(|part| partition.starts[*part] as u32).collect();
+        let first = rank_starts[rank] as usize;
+        let low = ghosts.partition_point(|ghost| (*ghost as usize) < first);
+        let own = low..low + rank_starts[rank + 1] as usize - first;
+        let run = assignment[rank]..assignment[rank + 1];
+        let local = |vertex: usize| vertex - first + low;
+        let ranges = run.clone().map(|p| local(partition.starts[p])..local(partition.starts[p + 1])).collect();
+        let mut all_blocks = vec![0];
+        for sizes in partition.starts.windows(2) {
+            all_blocks.push(all_blocks[all_blocks.len() - 1] + (sizes[1] - sizes[0]).div_ceil(SUM_BLOCK));
+        }
+        let block_starts = all_blocks[run.start..=run.end].iter().map(|block| block - all_blocks[run.start]).collect();
+        let blocks = Shares::new(assignment.iter().map(|part| all_blocks[*part]).collect(), rank);
+        let part_shares = Shares::new(assignment.clone(), rank);
+        let halo = Halo::new(&ranks, &ghosts, &rank_starts);
+        let mut parts = Self {
+            partition,
+            ranks,
+            assignment,
+            rank_starts,
+            ranges,
+            block_starts,
+            blocks,
+            part_shares,
+            ghosts,
+            own,
+            garments: Vec::new(),
+            own_numbers,
+            halo,
+        };
+        parts.garments = parts.partition.garments.iter().map(|g| parts.place(g.start)..parts.place(g.end)).collect();
+        parts
+    }
+
+    /// How many local vertices come before a number of the scene.
+    fn place(&self, vertex: usize) -> usize {
+        let ghosts = self.ghosts.partition_point(|ghost| (*ghost as usize) < vertex);
+        let first = self.rank_starts[self.ranks.rank()] as usize;
+        ghosts + vertex.clamp(first, first + self.own.len()) - first
+    }
+
+    /// This rank and the others.
+    pub fn ranks(&self) -> &Ranks {
+        &self.ranks
+    }
+
+    /// The parts of all ranks.
+    pub fn partition(&self) -> &Partition {
+        &self.partition
+    }
+
+    /// First part of every rank, and the number of all at the end.
+    pub fn assignment(&self) -> &[usize] {
+        &self.assignment
+    }
+
+    /// First vertex of every rank in the scene's numbering, and the number of all at the end.
+    pub fn rank_starts(&self) -> &[u32] {
+        &self.rank_starts
+    }
+
+    /// The ghosts' messages.
+    pub fn halo(&self) -> &Halo {
+        &self.halo
+    }
+
+    /// Vertices of each own part, in local numbers.
+    pub fn ranges(&self) -> &[Range<usize>] {
+        &self.ranges
+    }
+
+    /// Number of own parts.
+    pub fn count(&self) -> usize {
+        self.ranges.len()
+    }
+
+    /// Number of local vertices, ghosts included: the length of the rank's arrays.
+    pub fn local_count(&self) -> usize {
+        self.own_numbers.len()
+    }
+
+    /// Own vertices, in local numbers.
+    pub fn own(&self) -> Range<usize> {
+        self.own.clone()
+    }
+
+    /// First block of sums of each own part, counted from the rank's first, and their number at the end.
     pub fn block_starts(&self) -> &[usize] {
         &self.block_starts
     }
 
-    /// Vertices of a garment in solver order.
+    /// Number of own blocks of sums.
+    pub fn block_count(&self) -> usize {
+        self.block_starts[self.block_starts.len() - 1]
+    }
+
+    /// Joins one value for each block, of all ranks, in an order that depends on the scene alone.
+    pub fn join(&self, blocks: &[f64]) -> f64 {
+        self.blocks.join(&self.ranks, blocks)
+    }
+
+    /// Joins one value for each block, and takes the largest of one more value of each rank, in one exchange.
+    pub fn join_with_max(&self, blocks: &[f64], value: f64) -> (f64, f64) {
+        self.blocks.join_with_max(&self.ranks, blocks, value)
+    }
+
+    /// Joins several sums at once.
+    pub fn join_all<const N: usize>(&self, blocks: &[&[f64]; N]) -> [f64; N] {
+        self.blocks.join_all(&self.ranks, blocks)
+    }
+
+    /// Joins one value for each part, of all ranks.
+    pub fn join_parts<const N: usize>(&self, parts: &[&[f64]; N]) -> [f64; N] {
+        self.part_shares.join_all(&self.ranks, parts)
+    }
+
+    /// Local vertices of a garment, ghosts included.
     pub fn garment(&self, garment: usize) -> Range<usize> {
         self.garments[garment].clone()
     }
 
-    /// Solver index of a garment's vertex.
-    pub fn solver_index(&self, garment: usize, vertex: u32) -> usize {
-        self.solver_index[self.garments[garment].start + vertex as usize] as usize
+    /// Own vertices of a garment, in local numbers.
+    pub fn own_of_garment(&self, garment: usize) -> Range<usize> {
+        let Range { start, end } = self.garment(garment);
+        let start = start.max(self.own.start);
+        start..end.min(self.own.end).max(start)
     }
 
-    /// Garment and own vertex number of a solver index.
-    pub fn own_vertex(&self, solver: usize) -> (usize, u32) {
-        let garment = self.garments.partition_point(|range| range.end <= solver);
-        (garment, self.own_index[solver] - self.garments[garment].start as u32)
+    /// Garment of a local vertex.
+    pub fn garment_of(&self, local: usize) -> usize {
+        self.garments.partition_point(|range| range.end <= local)
     }
 
-    /// Own index, counted over all garments, of a solver index.
-    pub fn own_index(&self, solver: usize) -> usize {
-        self.own_index[solver] as usize
+    /// Garment of a local vertex, and its number there.
+    pub fn own_vertex(&self, local: usize) -> (usize, u32) {
+        (self.garment_of(local), self.own_numbers[local])
     }
 
-    /// Solver index of an own index counted over all garments.
-    pub fn solver_of(&self, own: usize) -> usize {
-        self.solver_index[own] as usize
+    /// Number of each local vertex in its garment.
+    pub fn own_numbers(&self) -> &[u32] {
+        &self.own_numbers
     }
 
-    /// Values in solver order, one after the other in the garments' own order.
-    pub fn in_own_order<'a, T: Copy>(&'a self, values: &'a [T]) -> impl ExactSizeIterator<Item = T> + 'a {
-        self.solver_index.iter().map(|solver| values[*solver as usize])
+    /// Number of a local vertex in the scene.
+    pub fn number(&self, local: usize) -> u32 {
+        let first = self.rank_starts[self.ranks.rank()];
+        if local < self.own.start {
+            self.ghosts[local]
+        } else if local < self.own.end {
+            first + (local - self.own.start) as u32
+        } else {
+            self.ghosts[local - self.own.len()]
+        }
     }
 
-    /// The inverse of [`Parts::in_own_order`].
-    pub fn in_solver_order<'a, T: Copy>(&'a self, values: &'a [T]) -> impl ExactSizeIterator<Item = T> + 'a {
-        self.own_index.iter().map(|own| values[*own as usize])
+    /// The local number of a vertex of the scene, if it is own or a ghost.
+    pub fn local(&self, number: u32) -> Option<usize> {
+        let rank = self.ranks.rank();
+        let (first, end) = (self.rank_starts[rank], self.rank_starts[rank + 1]);
+        if (first..end).contains(&number) {
+            return Some((number - first) as usize + self.own.start);
+        }
+        let place = self.ghosts.binary_search(&number).ok()?;
+        Some(if place < self.own.start { place } else { place + self.own.len() })
     }
 
-    /// Part that holds a solver index.
-    pub fn part_of(&self, solver: usize) -> usize {
-        self.ranges.partition_point(|range| range.end <= solver)
+    /// The rank that owns a vertex of the scene.
+    pub fn owner(&self, number: u32) -> usize {
+        self.rank_starts.partition_point(|start| *start <= number) - 1
+    }
+
+    /// Own part that holds an own vertex, counted from the rank's first.
+    pub fn part_of(&self, local: usize) -> usize {
+        self.ranges.partition_point(|range| range.end <= local)
     }
 }
 
 /// Orders `order` by recursive bisection along the longest side of the bounds; ties go by vertex number. Every piece of at
-/// most [`PART_SIZE`] vertices that came from a larger one becomes a part.
-fn bisect(positions: &[Vec3], order: &mut [u32], first: usize, ranges: &mut Vec<Range<usize>>) {
+/// most [`PART_SIZE`] vertices that came from a larger one becomes a part, of which the end goes to `ends`.
+fn bisect(positions: &[Vec3], order: &mut [u32], first: usize, ends: &mut Vec<usize>) {
+    if order.is_empty() {
+        return;
+    }
     if order.len() <= PART_SIZE {
-        ranges.push(first..first + order.len());
+        ends.push(first + order.len());
         sort_leaves(positions, order);
         return;
     }
     let (low, high) = halve(positions, order);
     let middle = first + low.len();
-    bisect(positions, low, first, ranges);
-    bisect(positions, high, middle, ranges);
+    bisect(positions, low, first, ends);
+    bisect(positions, high, middle, ends);
 }
 
 /// Goes on bisecting inside a part, for locality.
@@ -155,28 +348,54 @@ fn halve<'a>(positions: &[Vec3], order: &'a mut [u32]) -> (&'a mut [u32], &'a mu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parallel::local_ranks::LocalRanks;
+
+    fn sheet(n: usize) -> Vec<Vec3> {
+        (0..n * n).map(|k| Vec3::new((k % n) as f64, 0.1 * (k % 7) as f64, (k / n) as f64)).collect()
+    }
 
     #[test]
-    fn the_two_maps_are_inverse_and_parts_cover_every_vertex_once() {
-        let sheet = |n: usize| -> Vec<Vec3> {
-            (0..n * n).map(|k| Vec3::new((k % n) as f64, 0.1 * (k % 7) as f64, (k / n) as f64)).collect()
-        };
-        let (a, b) = (sheet(70), sheet(11));
-        let parts = Parts::new(&[&a, &b]);
-        assert_eq!(parts.vertex_count(), 4900 + 121);
-        let mut next = 0;
-        for range in parts.ranges() {
-            assert_eq!(range.start, next);
-            assert!(range.len() <= PART_SIZE);
-            next = range.end;
+    fn parts_cover_every_vertex_once_and_no_part_holds_two_garments() {
+        let mut partition = Partition::default();
+        let orders = [70, 11].map(|n| partition.add_garment(&sheet(n)));
+        assert_eq!(partition.vertex_count(), 4900 + 121);
+        assert!(partition.starts().windows(2).all(|w| w[0] < w[1] && w[1] - w[0] <= PART_SIZE));
+        assert!(partition.starts().contains(&4900));
+        for mut order in orders {
+            order.sort_unstable();
+            assert!(order.iter().copied().eq(0..order.len() as u32));
         }
-        assert_eq!(next, 5021);
-        for (garment, count) in [(0, 4900), (1, 121)] {
-            for vertex in 0..count {
-                let solver = parts.solver_index(garment, vertex);
-                assert_eq!(parts.own_vertex(solver), (garment, vertex));
-                assert!(parts.ranges()[parts.part_of(solver)].contains(&solver));
-            }
+    }
+
+    #[test]
+    fn ranks_share_the_parts_and_ghosts_follow_their_owners() {
+        for ranks in [1, 2, 3, 5] {
+            let numbers = LocalRanks::run(ranks, 1, |communicator| {
+                let ranks = Ranks::new(communicator);
+                let mut partition = Partition::default();
+                let order = partition.add_garment(&sheet(70));
+                let assignment = partition.share_out(&partition.sizes(), ranks.count());
+                let starts: Vec<usize> = assignment.iter().map(|part| partition.starts()[*part]).collect();
+                let own = starts[ranks.rank()]..starts[ranks.rank() + 1];
+                // Every hundredth vertex of the others.
+                let ghosts: Vec<u32> =
+                    (0..4900).step_by(100).filter(|v| !own.contains(v) && !own.is_empty()).map(|v| v as u32).collect();
+                let mut local: Vec<u32> = ghosts.iter().copied().chain(own.clone().map(|v| v as u32)).collect();
+                local.sort_unstable();
+                let numbers = local.iter().map(|v| order[*v as usize]).collect();
+                let parts = Parts::new(ranks.clone(), partition, assignment, ghosts, numbers);
+                for (i, number) in local.iter().enumerate() {
+                    assert_eq!((parts.number(i), parts.local(*number)), (*number, Some(i)));
+                    assert_eq!(parts.own_vertex(i), (0, order[*number as usize]));
+                }
+                assert_eq!(parts.garment(0), 0..local.len());
+                let mut values: Vec<u32> = vec![u32::MAX; local.len()];
+                parts.own().for_each(|i| values[i] = local[i]);
+                parts.halo().refresh(&ranks, &mut values);
+                assert_eq!(values, local);
+                parts.own().len()
+            });
+            assert_eq!(numbers.expect("no rank ends early").iter().sum::<usize>(), 4900);
         }
     }
 }

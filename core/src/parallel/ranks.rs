@@ -105,6 +105,15 @@ impl Ranks {
         values
     }
 
+    /// The largest of all ranks, value by value; all have as many.
+    pub fn max_each(&self, mut values: Vec<f64>) -> Vec<f64> {
+        if !self.is_alone() && !values.is_empty() {
+            self.note_collective(size_of_val(values.as_slice()));
+            self.communicator.max(&mut values);
+        }
+        values
+    }
+
     /// Whether it holds on some rank.
     pub fn any(&self, holds: bool) -> bool {
         self.max(f64::from(u8::from(holds))) > 0.0
@@ -170,6 +179,18 @@ impl Ranks {
         self.traffic.messages.fetch_add(messages.len() as u64, Relaxed);
         self.traffic.bytes.fetch_add(messages.iter().map(|m| m.bytes.len() as u64).sum(), Relaxed);
         self.communicator.start(messages, from)
+    }
+
+    /// Sends the values of one rank to rank 0, which gets them; nothing elsewhere. Only these two ranks need to call it.
+    pub fn to_first<T: Pod>(&self, from: usize, own: &[T]) -> Vec<T> {
+        if self.rank() == from {
+            let message = Message { to: 0, bytes: bytemuck::cast_slice(own).to_vec() };
+            self.start(vec![message], &[]).finish();
+        } else if self.is_first() {
+            let received = self.start(Vec::new(), &[Expected { from, length: None }]).finish();
+            return received.first().map(|bytes| bytemuck::pod_collect_to_vec(bytes)).unwrap_or_default();
+        }
+        Vec::new()
     }
 
     /// Gives every rank its list; returns what each rank gave this one. A list for this rank comes back as it is.

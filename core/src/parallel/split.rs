@@ -1,4 +1,4 @@
-//! Work on all parts in parallel, each with exclusive access to its own slice of every array. Allocates nothing.
+//! Work on all own parts in parallel, each with exclusive access to its own slice of every array. Allocates nothing.
 
 use crate::parallel::parts::Parts;
 

@@ -70,6 +70,28 @@ impl Shares {
         self.assemble(0..*self.starts.last().unwrap_or(&0), &mut next)
     }
 
+    /// A sum, and the largest of one more value of every rank, in one exchange.
+    pub fn join_with_max(&self, ranks: &Ranks, blocks: &[f64], value: f64) -> (f64, f64) {
+        if ranks.is_alone() {
+            return (join(blocks), value);
+        }
+        let first = self.starts[ranks.rank()];
+        let own = self.own.iter().map(|tree| join(&blocks[tree.start - first..tree.end - first]));
+        let own: Vec<f64> = own.chain([value]).collect();
+        let counts: Vec<usize> = self.counts.iter().map(|count| count + 1).collect();
+        let all = ranks.all_gather(&own, &counts);
+        let (mut trees, mut largest) = (Vec::with_capacity(all.len()), 0.0_f64);
+        let mut rest = all.as_slice();
+        for count in &self.counts {
+            let (of_rank, others) = rest.split_at(count + 1);
+            trees.extend(of_rank[..*count].iter().map(|sum| [*sum]));
+            largest = largest.max(of_rank[*count]);
+            rest = others;
+        }
+        let [sum] = self.assemble(0..*self.starts.last().unwrap_or(&0), &mut trees.iter());
+        (sum, largest)
+    }
+
     /// Joins subtrees, each the next of `values`, as [`join`] does.
     fn assemble<'a, const N: usize>(
         &self,

@@ -8,6 +8,9 @@ use crate::error::{Problem, Problems};
 use crate::geometry::shapes::Shape;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
+use crate::parallel::ranks::Ranks;
+use crate::parallel::wire::Wire;
+use crate::scene::share::{self, Received};
 use crate::scene::{BodyDescription, BodyShape, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription};
 use crate::settings::nearest;
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
@@ -16,53 +19,101 @@ use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 const LISTED: usize = 5;
 
 impl Scene {
-    /// Checks a description and derives what does not change: triangulation, masses, parts.
+    /// Checks a description and derives what does not change: triangulation, masses, parts; on one rank.
     ///
     /// # Errors
     /// All problems at once, each with its place and what to do.
     pub fn validate(description: SceneDescription) -> Result<Self, Problems> {
-        let mut problems = Vec::new();
-        check_solver(&description, &mut problems);
-        check_names(&description, &mut problems);
-        for garment in &description.garments {
-            check_garment(garment, &mut problems);
-        }
-        for body in &description.bodies {
-            check_body(body, &mut problems);
-        }
-        check_pins(&description, &mut problems);
-        check_effects(&description, &mut problems);
-        if !problems.is_empty() {
-            return Err(Problems(problems));
-        }
-        let meshes: Vec<_> = description.garments.iter().map(|g| TriangleMesh::new(&g.mesh)).collect();
-        let rest: Vec<&[Vec3]> = description.garments.iter().map(|g| g.mesh.points.as_slice()).collect();
-        let parts = Parts::new(&rest);
-        let mut masses = vec![0.0; parts.vertex_count()];
-        for (g, (garment, mesh)) in description.garments.iter().zip(&meshes).enumerate() {
-            for (vertex, mass) in vertex_masses(garment, mesh).into_iter().enumerate() {
-                masses[parts.solver_index(g, vertex as u32)] = mass;
-            }
-        }
-        let lengths = || meshes.iter().flat_map(|m| m.edges().iter().map(|e| m.rest_length(*e)));
-        let mean_edge = lengths().sum::<f64>() / lengths().count() as f64;
-        Ok(Self { description, meshes, parts, masses, mean_edge })
+        Self::distribute(&Ranks::default(), Some(description))
+    }
+
+    /// The same over ranks: rank 0 gives the description, which it hands out piece by piece. All ranks call it together.
+    ///
+    /// # Errors
+    /// All problems at once, the same on every rank.
+    pub fn distribute(ranks: &Ranks, description: Option<SceneDescription>) -> Result<Self, Problems> {
+        let problems = description.as_ref().map_or_else(Vec::new, check_description);
+        agree(ranks, problems)?;
+        let received = match description.filter(|_| ranks.is_first()) {
+            Some(description) => Some(share::hand_out(ranks, description)),
+            None => share::receive(ranks),
+        };
+        let broken = || Problem::scene("scene", "its pieces did not arrive as they were sent", "report this");
+        let Some(received) = received else { return Err(Problems(vec![broken()])) };
+        let Received { description, parts, meshes, start, velocities, pinned, pin_targets } = received;
+        let elements = meshes.iter().enumerate().flat_map(|(g, mesh)| check_elements(&description, &parts, g, mesh));
+        agree(ranks, elements.collect())?;
+        let masses = masses(&description, &parts, &meshes);
+        let mean_edge = mean_edge(&parts, &meshes);
+        Ok(Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets })
     }
 }
 
-/// Mass of each vertex in the garment's own order [kg].
-fn vertex_masses(garment: &GarmentDescription, mesh: &TriangleMesh) -> Vec<f64> {
-    let count = garment.mesh.points.len();
-    match garment.mass {
-        Mass::UniformTotal(total) => vec![total / count as f64; count],
-        Mass::Density(density) => {
-            let mut masses = vec![0.0; count];
-            for (triangle, area) in mesh.triangles().iter().zip(mesh.rest_areas()) {
-                triangle.iter().for_each(|v| masses[*v as usize] += density * area / 3.0);
-            }
-            masses
+/// What can be said without the elements of the meshes.
+fn check_description(description: &SceneDescription) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    check_solver(description, &mut problems);
+    check_names(description, &mut problems);
+    for garment in &description.garments {
+        check_garment(garment, &mut problems);
+    }
+    for body in &description.bodies {
+        check_body(body, &mut problems);
+    }
+    check_pins(description, &mut problems);
+    check_effects(description, &mut problems);
+    problems
+}
+
+/// The problems of all ranks, each once, as an error on every rank.
+pub(crate) fn agree(ranks: &Ranks, problems: Vec<Problem>) -> Result<(), Problems> {
+    if !ranks.any(!problems.is_empty()) {
+        return Ok(());
+    }
+    let all = ranks.all_gather_each(&problems.to_bytes());
+    let mut together: Vec<Problem> = Vec::new();
+    for problem in all.iter().flat_map(|bytes| Vec::take(&mut bytes.as_slice()).unwrap_or_default()) {
+        if !together.contains(&problem) {
+            together.push(problem);
         }
     }
+    Err(Problems(together))
+}
+
+/// Mass of each local vertex [kg].
+fn masses(description: &SceneDescription, parts: &Parts, meshes: &[TriangleMesh]) -> Vec<f64> {
+    let mut masses = vec![0.0; parts.local_count()];
+    for (g, (garment, mesh)) in description.garments.iter().zip(meshes).enumerate() {
+        let of_garment = &mut masses[parts.garment(g)];
+        match garment.mass {
+            Mass::UniformTotal(total) => of_garment.fill(total / parts.partition().garments()[g].len() as f64),
+            Mass::Density(density) => {
+                for (triangle, area) in mesh.triangles().iter().zip(mesh.rest_areas()) {
+                    triangle.iter().for_each(|v| of_garment[*v as usize] += density * area / 3.0);
+                }
+            }
+        }
+    }
+    // Ghosts have triangles that are not here.
+    parts.halo().refresh(parts.ranks(), &mut masses);
+    masses
+}
+
+/// Mean rest length of all edges [m]; each belongs to the part of its first vertex.
+fn mean_edge(parts: &Parts, meshes: &[TriangleMesh]) -> f64 {
+    let (mut sums, mut count) = (vec![0.0; parts.count()], 0);
+    for (g, mesh) in meshes.iter().enumerate() {
+        let first = parts.garment(g).start;
+        for edge in mesh.edges() {
+            let vertex = first + edge.vertices[0] as usize;
+            if parts.own().contains(&vertex) {
+                sums[parts.part_of(vertex)] += mesh.rest_length(*edge);
+                count += 1;
+            }
+        }
+    }
+    let ([sum], [count]) = (parts.join_parts(&[&sums]), parts.ranks().sum_of([count]));
+    sum / count as f64
 }
 
 fn check_solver(description: &SceneDescription, problems: &mut Vec<Problem>) {
@@ -150,7 +201,6 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
         }
         finite_points(&place(", start velocities"), velocities, problems);
     }
-    let before = problems.len();
     check_mesh(&garment.name, &garment.mesh, problems);
     if let Some(start) = &garment.start {
         if start.len() != garment.mesh.points.len() {
@@ -159,9 +209,6 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
             problems.push(Problem::data(place(""), what, "use a start pose of the same mesh"));
         }
         finite_points(&place(", start pose"), start, problems);
-    }
-    if problems.len() == before {
-        check_elements(garment, problems);
     }
 }
 
@@ -199,48 +246,75 @@ fn finite_points(place: &str, points: &[Vec3], problems: &mut Vec<Problem>) {
     });
 }
 
-/// Degenerate, duplicate and missing elements.
-fn check_elements(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
-    let place = format!("garment \"{}\"", garment.name);
-    let mesh = TriangleMesh::new(&garment.mesh);
-    let points = &garment.mesh.points;
-    let (low, high) = points.iter().fold((points[0], points[0]), |(l, h), p| (l.inf(p), h.sup(p)));
+/// Degenerate, duplicate and missing elements. Every element is looked at by the rank that owns its first vertex; the
+/// problems are those of all ranks, on rank 0.
+fn check_elements(description: &SceneDescription, parts: &Parts, garment: usize, mesh: &TriangleMesh) -> Vec<Problem> {
+    let place = format!("garment \"{}\"", description.garments[garment].name);
+    let first = parts.garment(garment).start;
+    let is_own = |vertices: &[u32]| {
+        vertices.iter().min().is_some_and(|vertex| parts.own().contains(&(first + *vertex as usize)))
+    };
+    let points = mesh.rest_positions();
+    let [low, high] = bounds(parts.ranks(), points);
     let size = (high - low).norm();
-    let short = mesh.edges().iter().filter(|e| mesh.rest_length(**e) <= DEGENERATE_EDGE * size);
-    report(short.map(|e| format!("{}-{}", e.vertices[0], e.vertices[1])), problems, |list| {
-        Problem::data(&place, format!("edges {list} have no length"), "merge coinciding points (merge by distance)")
+    let number = |vertex: u32| parts.own_numbers()[first + vertex as usize];
+    let short = mesh.edges().iter().filter(|e| is_own(&e.vertices) && mesh.rest_length(**e) <= DEGENERATE_EDGE * size);
+    let short = short.map(|e| {
+        let [a, b] = e.vertices.map(number);
+        [a.min(b), a.max(b)]
     });
     let longest = |t: &[u32; 3]| {
         (0..3).map(|i| (points[t[i] as usize] - points[t[(i + 1) % 3] as usize]).norm_squared()).fold(0.0, f64::max)
     };
-    let flat = mesh.triangles().iter().zip(mesh.rest_areas()).zip(mesh.polygons());
-    let flat: BTreeSet<u32> =
-        flat.filter(|((t, area), _)| **area <= DEGENERATE_AREA * longest(t)).map(|(_, f)| *f).collect();
-    report(flat.iter(), problems, |list| {
-        Problem::data(&place, format!("faces {list} have no area"), "delete these faces or dissolve their corners")
-    });
-    let mut seen = BTreeSet::new();
-    let mut twice = BTreeSet::new();
-    for (t, polygon) in mesh.triangles().iter().zip(mesh.polygons()) {
-        let mut key = *t;
-        key.sort_unstable();
-        if !seen.insert(key) {
-            twice.insert(*polygon);
-        }
-    }
-    report(twice.iter(), problems, |list| {
-        Problem::data(
-            &place,
-            format!("faces {list} lie on other faces of the same corners"),
-            "delete the duplicate faces",
-        )
-    });
+    let own = || mesh.triangles().iter().zip(mesh.rest_areas()).zip(mesh.polygons()).filter(|((t, _), _)| is_own(*t));
+    let flat = own().filter(|((t, area), _)| **area <= DEGENERATE_AREA * longest(t)).map(|(_, f)| [*f; 2]);
+    let mut corners: Vec<([u32; 3], u32)> = own()
+        .map(|((t, _), polygon)| {
+            let mut key = *t;
+            key.sort_unstable();
+            (key, *polygon)
+        })
+        .collect();
+    corners.sort_unstable();
+    let twice = corners.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| [w[1].1; 2]);
     let mut used = vec![false; points.len()];
-    garment.mesh.face_indices.iter().for_each(|v| used[*v as usize] = true);
-    let loose = used.iter().enumerate().filter(|(_, u)| !**u).map(|(i, _)| i);
-    report(loose, problems, |list| {
-        Problem::data(&place, format!("vertices {list} belong to no face"), "delete loose vertices (clean up the mesh)")
-    });
+    mesh.triangles().iter().flatten().for_each(|v| used[*v as usize] = true);
+    let loose = (0..used.len() as u32).filter(|v| !used[*v as usize] && is_own(&[*v])).map(|v| [number(v); 2]);
+    let lists = [short.collect(), flat.collect(), twice.collect(), loose.collect()].map(|l| listed(parts.ranks(), l));
+    let says = [
+        ("edges", "have no length", "merge coinciding points (merge by distance)"),
+        ("faces", "have no area", "delete these faces or dissolve their corners"),
+        ("faces", "lie on other faces of the same corners", "delete the duplicate faces"),
+        ("vertices", "belong to no face", "delete loose vertices (clean up the mesh)"),
+    ];
+    let found = lists.into_iter().zip(says).filter_map(|(list, says)| list.map(|list| (list, says)));
+    found.map(|(list, (what, is, advice))| Problem::data(&place, format!("{what} {list} {is}"), advice)).collect()
+}
+
+/// Bounds of the points of all ranks.
+fn bounds(ranks: &Ranks, points: &[Vec3]) -> [Vec3; 2] {
+    let none = Vec3::repeat(f64::NEG_INFINITY);
+    let (low, high) = points.iter().fold((none, none), |(l, h), p| (l.sup(&-p), h.sup(p)));
+    let all = ranks.max_of([low.x, low.y, low.z, high.x, high.y, high.z]);
+    [-Vec3::new(all[0], all[1], all[2]), Vec3::new(all[3], all[4], all[5])]
+}
+
+/// The elements of all ranks as text, those with the smallest numbers first; `None` when there are none. Two numbers that
+/// differ are the ends of an edge.
+fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
+    elements.sort_unstable();
+    elements.dedup();
+    let [count] = ranks.sum_of([elements.len() as u64]);
+    if count == 0 {
+        return None;
+    }
+    elements.truncate(LISTED);
+    let mut all = ranks.all_gather_each(&elements).concat();
+    all.sort_unstable();
+    let name = |[a, b]: &[u32; 2]| if a == b { a.to_string() } else { format!("{a}-{b}") };
+    let names: Vec<String> = all.iter().take(LISTED).map(name).collect();
+    let more = count.saturating_sub(LISTED as u64);
+    Some(if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") })
 }
 
 /// Adds one problem for a list of elements, if there are any; long lists are cut.

@@ -1,15 +1,12 @@
-//! What goes from a simulation to files and back: fields of garments as caches store them, and everything that a checkpoint
-//! needs. All ranks call these together; rank 0 alone gives and gets.
+//! What goes from a simulation to files: fields of garments as caches store them, and what rank 0 reads for all. All ranks
+//! call these together; rank 0 alone gives and gets.
 
-use std::sync::Arc;
-
-use super::{FrameInput, RestoreError, Simulation};
+use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;
-use crate::error::Problems;
 use crate::geometry::crossings::{CrossingSearch, find};
 use crate::parallel::ranks::Ranks;
-use crate::scene::{Scene, SceneDescription};
-use crate::snapshot::{Snapshot, SnapshotSink, SnapshotSource};
+use crate::parallel::wire::{Wire, wire};
+use crate::scene::Scene;
 
 /// A field of the vertices of a garment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,28 +17,50 @@ pub enum Field {
     Velocities,
 }
 
+wire!(struct Sample { time, positions });
+wire!(struct FrameInput { frame, bodies, tracks });
+
 impl Scene {
-    /// The checked scene on all ranks, each with its share. Rank 0 gives the description, the others `None`.
-    ///
-    /// # Errors
-    /// All problems of the description, the same on all ranks.
-    ///
-    /// # Panics
-    /// Rank 0 gives no description.
-    pub fn distribute(_ranks: &Ranks, description: Option<SceneDescription>) -> Result<Self, Problems> {
-        Self::validate(description.expect("rank 0 has the description"))
+    /// The input of a frame for each rank, of what rank 0 has read: all bodies, and of the tracks what own pins follow. All
+    /// ranks call it together; `None` everywhere but on rank 0.
+    pub fn share_input(&self, input: Option<FrameInput>) -> FrameInput {
+        let ranks = self.parts().ranks();
+        let mut input = input.unwrap_or_default();
+        if ranks.is_alone() {
+            return input;
+        }
+        let tracks = std::mem::take(&mut input.tracks);
+        let mut bytes = (input, tracks.len()).to_bytes();
+        ranks.broadcast(&mut bytes);
+        let (mut shared, count) = <(FrameInput, usize)>::take(&mut bytes.as_slice()).unwrap_or_default();
+        shared.tracks = (0..count).map(|track| self.share_track(track, tracks.get(track))).collect();
+        shared
     }
 
-    /// The input of a frame for each rank, of what rank 0 has read: all bodies, and of the tracks what its pins follow.
-    ///
-    /// # Panics
-    /// Rank 0 gives no input.
-    pub fn share_input(&self, input: Option<FrameInput>) -> FrameInput {
-        input.expect("rank 0 has the input")
+    /// The rows of a track that own pins follow, of the samples that rank 0 has.
+    fn share_track(&self, track: usize, samples: Option<&Vec<Sample>>) -> Vec<Sample> {
+        let ranks = self.parts().ranks();
+        let wanted = ranks.gather(&self.track_rows(track));
+        let rows = |rows: &Vec<u32>| -> Vec<u8> {
+            let of = |sample: &Sample| Sample {
+                time: sample.time,
+                positions: rows.iter().filter_map(|row| sample.positions.get(*row as usize).copied()).collect(),
+            };
+            samples.map_or_else(Vec::new, |samples| samples.iter().map(of).collect()).to_bytes()
+        };
+        let mut lists: Vec<Vec<u8>> = wanted.iter().map(rows).collect();
+        lists.resize(ranks.count(), Vec::new());
+        let received = ranks.send_lists(lists).into_iter().next().unwrap_or_default();
+        Vec::take(&mut received.as_slice()).unwrap_or_default()
     }
 }
 
 impl Simulation {
+    /// This rank and the others.
+    pub fn ranks(&self) -> &Ranks {
+        self.scene().parts().ranks()
+    }
+
     /// One field of a garment as it is stored, in the garment's own order: on rank 0, `None` elsewhere.
     pub fn stored(
         &self,
@@ -49,50 +68,77 @@ impl Simulation {
         field: Field,
         convert: &(dyn Fn(&Vec3) -> [f32; 3] + Sync),
     ) -> Option<Vec<[f32; 3]>> {
-        let mut values = Vec::new();
-        match field {
-            Field::Positions => self.garment_positions(garment, &mut values),
-            Field::Velocities => self.garment_velocities(garment, &mut values),
-        }
-        Some(values.iter().map(convert).collect())
+        self.in_own_order(garment, field, [0.0; 3], convert)
     }
 
-    /// Number of crossings of cloth with cloth when every vertex is where `place` puts it; the same on all ranks.
+    /// Positions of a garment in its own order [m], on rank 0; nothing elsewhere.
+    pub fn garment_positions(&self, garment: usize, out: &mut Vec<Vec3>) {
+        *out = self.in_own_order(garment, Field::Positions, Vec3::zeros(), &|x| *x).unwrap_or_default();
+    }
+
+    /// Velocities of a garment in its own order [m/s], on rank 0; nothing elsewhere.
+    pub fn garment_velocities(&self, garment: usize, out: &mut Vec<Vec3>) {
+        *out = self.in_own_order(garment, Field::Velocities, Vec3::zeros(), &|v| *v).unwrap_or_default();
+    }
+
+    /// Number of crossings of cloth with cloth when every vertex is where `place` puts it; the same on all ranks. All ranks
+    /// call it together.
     pub fn crossings_when(&mut self, place: &(dyn Fn(&Vec3) -> Vec3 + Sync)) -> u32 {
-        let scene = &self.scene;
-        let (mut triangles, mut all, mut positions) = (Vec::new(), Vec::new(), Vec::new());
+        let (scene, ranks) = (self.shared_scene(), self.ranks().clone());
+        let parts = scene.parts();
+        let (mut triangles, mut all) = (Vec::new(), Vec::new());
         for (garment, mesh) in scene.meshes().iter().enumerate() {
+            let local = parts.garment(garment).start;
+            let is_own = |t: &&[u32; 3]| {
+                let first = t.iter().map(|v| local + *v as usize).min_by_key(|v| parts.number(*v));
+                first.is_some_and(|first| parts.own().contains(&first))
+            };
+            let own = |v: u32| parts.own_vertex(local + v as usize).1;
+            let here: Vec<u32> = mesh.triangles().iter().filter(is_own).flat_map(|t| t.map(own)).collect();
             let first = all.len() as u32;
-            triangles.extend(mesh.triangles().iter().map(|t| t.map(|v| v + first)));
-            self.garment_positions(garment, &mut positions);
-            all.extend(positions.iter().map(place));
+            for corners in ranks.gather(&here).iter().flat_map(|rank| rank.as_chunks().0) {
+                triangles.push(corners.map(|v: u32| v + first));
+            }
+            all.extend(self.in_own_order(garment, Field::Positions, Vec3::zeros(), place).unwrap_or_default());
         }
-        let search = CrossingSearch::new(triangles, all);
-        u32::try_from(find(&search.surface()).len()).unwrap_or(u32::MAX)
+        let count = if triangles.is_empty() { 0 } else { find(&CrossingSearch::new(triangles, all).surface()).len() };
+        ranks.max(count as f64) as u32
     }
 
-    /// Everything that time has changed, section by section and rows in order, to the sink of rank 0. Only between calls of
-    /// [`Simulation::advance_or_pause`].
-    pub fn save(&self, sink: Option<&mut dyn SnapshotSink>) {
-        if let Some(sink) = sink {
-            self.snapshot().give(sink);
+    fn in_own_order<T: bytemuck::Pod>(
+        &self,
+        garment: usize,
+        field: Field,
+        zero: T,
+        convert: &(dyn Fn(&Vec3) -> T + Sync),
+    ) -> Option<Vec<T>> {
+        let (parts, ranks) = (self.scene().parts(), self.ranks());
+        let own = parts.own_of_garment(garment);
+        let values = match field {
+            Field::Positions => &self.state().x[own.clone()],
+            Field::Velocities => &self.state().v[own.clone()],
+        };
+        let numbers = &parts.own_numbers()[own];
+        let count = parts.partition().garments()[garment].len();
+        let mut all = vec![zero; if ranks.is_first() { count } else { 0 }];
+        let mut put = |numbers: &[u32], values: &mut dyn Iterator<Item = T>| {
+            numbers.iter().zip(values).for_each(|(number, value)| all[*number as usize] = value);
+        };
+        if ranks.is_first() {
+            put(numbers, &mut values.iter().map(convert));
         }
-    }
-
-    /// A simulation that goes on from what was saved, which rank 0 gives; `start` is the input of the frame that the state
-    /// follows.
-    ///
-    /// # Errors
-    /// As [`Simulation::restore`].
-    ///
-    /// # Panics
-    /// Rank 0 gives no source.
-    pub fn restore_from(
-        scene: impl Into<Arc<Scene>>,
-        start: &FrameInput,
-        source: Option<&mut dyn SnapshotSource>,
-    ) -> Result<Self, RestoreError> {
-        let snapshot = Snapshot::take(source.expect("rank 0 has the source"))?;
-        Self::restore(scene, start, &snapshot)
+        if !ranks.is_alone() {
+            // Rank after rank, so that rank 0 never holds more than what it hands on and the share of one.
+            for rank in 1..ranks.count() {
+                let here = rank == ranks.rank();
+                let values: Vec<T> = if here { values.iter().map(convert).collect() } else { Vec::new() };
+                let numbers = ranks.to_first(rank, if here { numbers } else { &[] });
+                let values = ranks.to_first(rank, &values);
+                if ranks.is_first() {
+                    put(&numbers, &mut values.into_iter());
+                }
+            }
+        }
+        ranks.is_first().then_some(all)
     }
 }

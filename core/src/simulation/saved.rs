@@ -5,10 +5,10 @@ use std::sync::Arc;
 use super::{FrameInput, Simulation};
 use crate::Vec3;
 use crate::contact::self_contact;
-use crate::effects::{body_collision, pins};
 use crate::error::Problems;
+use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
-use crate::snapshot::{Section, Snapshot, SnapshotError};
+use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 
 /// Name of the section with positions and velocities.
 const STATE: &str = "state";
@@ -28,19 +28,36 @@ pub enum RestoreError {
 }
 
 impl Simulation {
-    /// Everything that time has changed. Only between calls of [`Simulation::advance_or_pause`], which return at states free
-    /// of collisions.
+    /// Everything that time has changed, in memory. Only between calls of [`Simulation::advance_or_pause`], which return at
+    /// states free of collisions. All ranks call it together; rank 0 has the snapshot, the others an empty one.
     pub fn snapshot(&self) -> Snapshot {
-        let parts = self.scene.parts();
-        let state = Section::new(STATE, VERSION)
-            .number("time", self.state.time)
-            .number("last_step", self.limit.last())
-            .vectors("positions", parts.in_own_order(&self.state.x))
-            .vectors("velocities", parts.in_own_order(&self.state.v));
-        let pins = (!self.targets.is_empty()).then(|| self.targets.save());
-        let collision = self.collision.as_ref().and_then(|collision| collision.save(parts));
-        let contact = self.self_contact.as_ref().map(|contact| contact.save(parts));
-        Snapshot { sections: [Some(state), pins, collision, contact].into_iter().flatten().collect() }
+        let mut snapshot = Snapshot::default();
+        self.save(self.ranks().is_first().then_some(&mut snapshot));
+        snapshot
+    }
+
+    /// Everything that time has changed, section by section and rows in order, to the sink of rank 0. When, as
+    /// [`Simulation::snapshot`].
+    pub fn save(&self, mut sink: Option<&mut dyn SnapshotSink>) {
+        let numbers = self.targets.numbers();
+        for section in self.remember() {
+            section.give(self.scene.parts(), (&numbers, self.scene.pin_targets()), sink.as_deref_mut());
+        }
+    }
+
+    /// What time has changed, on this rank.
+    pub(super) fn remember(&self) -> Vec<Remembered> {
+        let own = self.scene.parts().own();
+        let flat = |vectors: &[Vec3]| Field::Vertices(3, bytemuck::cast_slice(&vectors[own.clone()]).to_vec());
+        let state = Remembered::new(STATE, VERSION)
+            .with("time", Field::Number(self.state.time))
+            .with("last_step", Field::Number(self.limit.last()))
+            .with("positions", flat(&self.state.x))
+            .with("velocities", flat(&self.state.v));
+        let pins = (self.scene.pin_targets() > 0).then(|| self.targets.remember());
+        let collision = self.collision.as_ref().and_then(|collision| collision.remember());
+        let contact = self.self_contact.as_ref().map(|contact| contact.remember());
+        [Some(state), pins, collision, contact].into_iter().flatten().collect()
     }
 
     /// A simulation that goes on from a snapshot taken at the frame of `start`, or after it and before the next one; `start`
@@ -53,38 +70,70 @@ impl Simulation {
         start: &FrameInput,
         snapshot: &Snapshot,
     ) -> Result<Self, RestoreError> {
+        Self::restore_from(scene, start, Some(&mut snapshot.clone()))
+    }
+
+    /// The same over ranks: rank 0 has the source. All ranks call it together.
+    ///
+    /// # Errors
+    /// As [`Simulation::restore`], the same on all ranks.
+    pub fn restore_from(
+        scene: impl Into<Arc<Scene>>,
+        start: &FrameInput,
+        mut source: Option<&mut dyn SnapshotSource>,
+    ) -> Result<Self, RestoreError> {
         let mut simulation = Self::build(scene.into(), start).map_err(RestoreError::Problems)?;
-        simulation.load(start.frame, snapshot)?;
+        // What a new simulation remembers says what there is to read.
+        let mut memory = simulation.remember();
+        let (numbers, targets) = (simulation.targets.numbers(), simulation.scene.pin_targets());
+        for section in &mut memory {
+            section.take(simulation.scene.parts(), (&numbers, targets), source.as_deref_mut())?;
+        }
+        simulation.go_on(start.frame, &memory)?;
         Ok(simulation)
     }
 
-    fn load(&mut self, frame: i64, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+    /// Goes on from what was remembered at the frame `frame` or after it.
+    pub(super) fn go_on(&mut self, frame: i64, memory: &[Remembered]) -> Result<(), SnapshotError> {
         let Self { scene, state, targets, collision, self_contact, bodies, limit, .. } = self;
         let parts = scene.parts();
-        let section = snapshot.section(STATE, VERSION)?;
         let timeline = scene.description().timeline;
-        state.time = section.read_number("time")?;
-        if !(timeline.time(frame)..timeline.time(frame + 1)).contains(&state.time) {
-            let (time, frame_time) = (state.time, timeline.time(frame));
-            return Err(section.error(format!("its time {time} s does not follow frame {frame} at {frame_time} s")));
+        let mut sections = memory.iter();
+        let mut problem = None;
+        if let Some(section) = sections.next() {
+            state.time = section.number("time");
+            if !(timeline.time(frame)..timeline.time(frame + 1)).contains(&state.time) {
+                let (time, frame_time) = (state.time, timeline.time(frame));
+                let what = format!("its time {time} s does not follow frame {frame} at {frame_time} s");
+                return Err(SnapshotError { section: STATE.to_owned(), what });
+            }
+            limit.set_last(section.number("last_step"));
+            for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
+                vectors[parts.own()].copy_from_slice(bytemuck::cast_slice(section.vertices(name)));
+                parts.halo().refresh(parts.ranks(), vectors);
+            }
         }
-        limit.set_last(section.read_number("last_step")?);
-        let vectors = |name: &str| -> Result<Vec<Vec3>, SnapshotError> {
-            Ok(parts.in_solver_order(&section.read_vectors(name, parts.vertex_count())?).collect())
-        };
-        (state.x, state.v) = (vectors("positions")?, vectors("velocities")?);
         bodies.set_step(state.time, state.time);
-        if !targets.is_empty() {
-            targets.load(snapshot.section(pins::SPEC.name, pins::VERSION)?, bodies)?;
+        if scene.pin_targets() > 0
+            && let Some(section) = sections.next()
+        {
+            problem = targets.go_on(section, bodies).err();
         }
-        if let Some(collision) = collision.as_mut().filter(|collision| collision.remembers()) {
-            collision.load(snapshot.section(body_collision::SPEC.name, body_collision::VERSION)?, parts)?;
+        if let (Some(collision), Some(section)) =
+            (collision.as_mut().filter(|c| c.remembers()), memory.iter().find(|s| s.name == "body_collision"))
+        {
+            collision.go_on(section);
         }
-        if let Some(contact) = self_contact {
-            contact.load(snapshot.section(self_contact::SECTION, self_contact::VERSION)?, parts)?;
+        if let (Some(contact), Some(section)) =
+            (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION))
+        {
+            contact.go_on(section, state, bodies);
             self.crossings = contact.known_crossings().to_vec();
         }
         self.frame = frame;
-        Ok(())
+        match problem {
+            Some(problem) => Err(problem),
+            None => Ok(()),
+        }
     }
 }

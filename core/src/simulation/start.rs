@@ -3,7 +3,7 @@
 use crate::bodies::{Bodies, Samples};
 use crate::effects::pins::HardPins;
 use crate::error::{Problem, Problems};
-use crate::scene::{BodyShape, PinTarget, Scene};
+use crate::scene::{BodyShape, PinTarget, Scene, agree};
 use crate::simulation::FrameInput;
 use crate::state::State;
 
@@ -22,8 +22,8 @@ pub(super) fn first_tracks(scene: &Scene, start: &FrameInput) -> Result<Vec<Samp
         }
     }
     for (p, pin) in scene.description().pins.iter().enumerate() {
-        if let PinTarget::Track { vertices, track } = &pin.target
-            && tracks.get(*track).is_none_or(|t| t.b.positions.len() != vertices.len())
+        if let PinTarget::Track { track, .. } = &pin.target
+            && tracks.get(*track).is_none_or(|t| t.b.positions.len() != scene.track_rows(*track).len())
         {
             let name = &scene.description().garments[pin.garment].name;
             problems.push(Problem::data(
@@ -33,7 +33,7 @@ pub(super) fn first_tracks(scene: &Scene, start: &FrameInput) -> Result<Vec<Samp
             ));
         }
     }
-    if problems.is_empty() { Ok(tracks) } else { Err(Problems(problems)) }
+    agree(scene.parts().ranks(), problems).map(|()| tracks)
 }
 
 /// Refuses garments whose free vertices start inside a body; names the deepest of each.
@@ -56,19 +56,25 @@ pub(super) fn start_outside(
             };
             let inside: Vec<(f64, usize)> = scene
                 .parts()
-                .garment(g)
+                .own_of_garment(g)
                 .filter(|vertex| !held[*vertex])
                 .map(|vertex| (depth(vertex), vertex))
                 .filter(|(phi, _)| *phi < 0.0)
                 .collect();
-            let Some((deepest, vertex)) = inside.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
-            let (_, own) = scene.parts().own_vertex(vertex);
+            let deepest = inside.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0));
+            let deepest = deepest.map_or((f64::INFINITY, 0), |(phi, vertex)| (phi, scene.parts().own_vertex(vertex).1));
+            let ranks = scene.parts().ranks();
+            let ([count], all) = (ranks.sum_of([inside.len() as u64]), ranks.all_gather_each(&[deepest.0]).concat());
+            let own = ranks.all_gather_each(&[deepest.1]).concat();
+            let Some((deepest, own)) = all.into_iter().zip(own).min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+            if count == 0 {
+                continue;
+            }
             let is_surface = matches!(body.shape, BodyShape::Surface { .. });
             problems.push(Problem::data(
                 format!("garment \"{}\", vertex {own}", garment.name),
                 format!(
-                    "{} of its vertices start inside body \"{}\"; this one is deepest, {:.2} mm",
-                    inside.len(),
+                    "{count} of its vertices start inside body \"{}\"; this one is deepest, {:.2} mm",
                     body.name,
                     -1e3 * deepest
                 ),

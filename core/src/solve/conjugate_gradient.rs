@@ -7,15 +7,38 @@
 use crate::Vec3;
 use crate::parallel::parts::Parts;
 use crate::parallel::split::{PerBlock, PerVertex};
-use crate::parallel::sum::{SUM_BLOCK, join, largest, weighted_dot};
+use crate::parallel::sum::{SUM_BLOCK, largest, weighted_dot};
 
 /// The operator and the constraints.
 pub trait System: Sync {
-    /// Writes `h M⁻¹ G s` of one part into `q`, the part's own slice; `s` are velocities of all vertices.
+    /// Writes `h M⁻¹ G s` of one part into `q`, the part's own slice; `s` are velocities of the local vertices.
     fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]);
+
+    /// Whether the product of a part needs vertices of other ranks.
+    fn reaches_ghosts(&self, part: usize) -> bool;
 
     /// Removes the constrained directions of one part from `r`, the part's own slice.
     fn project(&self, part: usize, r: &mut [Vec3]);
+}
+
+/// Which parts are worked on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reach {
+    All,
+    /// Those that need no vertex of another rank.
+    Inside,
+    /// Those that do.
+    Border,
+}
+
+impl Reach {
+    fn includes(self, reaches_ghosts: bool) -> bool {
+        match self {
+            Self::All => true,
+            Self::Inside => !reaches_ghosts,
+            Self::Border => reaches_ghosts,
+        }
+    }
 }
 
 /// Scratch of the solver; made once.
@@ -49,19 +72,21 @@ pub struct Outcome {
 }
 
 impl ConjugateGradient {
-    /// Scratch for all vertices of the parts.
+    /// Scratch for the vertices of a rank.
     pub fn new(parts: &Parts) -> Self {
-        let vertices = vec![Vec3::zeros(); parts.vertex_count()];
-        let blocks = vec![0.0; *parts.block_starts().last().unwrap_or(&0)];
-        Self { r: vertices.clone(), s: vertices.clone(), q: vertices, dots: blocks.clone(), residuals: blocks }
+        let own = vec![Vec3::zeros(); parts.own().len()];
+        let blocks = vec![0.0; parts.block_count()];
+        let s = vec![Vec3::zeros(); parts.local_count()];
+        Self { r: own.clone(), s, q: own, dots: blocks.clone(), residuals: blocks }
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        3 * self.r.len() * size_of::<Vec3>() + 2 * self.dots.len() * size_of::<f64>()
+        (2 * self.r.len() + self.s.len()) * size_of::<Vec3>() + 2 * self.dots.len() * size_of::<f64>()
     }
 
-    /// Solves in place: `v` holds the initial guess, which satisfies the constraints, and then the solution.
+    /// Solves in place: `v` holds the initial guess, which satisfies the constraints, and then the solution; the ghosts are
+    /// those of their owners before and after.
     pub fn solve(
         &mut self,
         parts: &Parts,
@@ -90,7 +115,7 @@ impl ConjugateGradient {
 
     /// `r = P h M⁻¹ G v`, which is also the first direction `s`; returns `<r, r>` and the largest nodal residual.
     fn first_residual(&mut self, parts: &Parts, masses: &[f64], system: &impl System, v: &[Vec3]) -> (f64, f64) {
-        let vectors = (PerVertex(&mut self.r), PerVertex(&mut self.s));
+        let vectors = (PerVertex(&mut self.r), PerVertex(&mut self.s[parts.own()]));
         let blocks = (PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
         parts.for_each((vectors, blocks), &|part, ((r, s), (dots, residuals))| {
             system.damping(part, v, r.0);
@@ -98,24 +123,43 @@ impl ConjugateGradient {
             s.0.copy_from_slice(r.0);
             measure(&masses[parts.ranges()[part].clone()], r.0, dots.0, residuals.0);
         });
-        (join(&self.dots), largest(&self.residuals).sqrt())
+        self.norms(parts)
     }
 
     /// `s = r + β s`.
     fn direction(&mut self, parts: &Parts, beta: f64) {
-        let r = &self.r;
-        parts.for_each(PerVertex(&mut self.s), &|part, s| {
-            let r = &r[parts.ranges()[part].clone()];
-            for (s, r) in s.0.iter_mut().zip(r) {
+        parts.for_each((PerVertex(&mut self.s[parts.own()]), PerVertex(&mut self.r)), &|_, (s, r)| {
+            for (s, r) in s.0.iter_mut().zip(&*r.0) {
                 *s = r + *s * beta;
             }
         });
     }
 
+    /// `<r, r>` and the largest nodal residual, of all ranks.
+    fn norms(&self, parts: &Parts) -> (f64, f64) {
+        let (sum, largest) = parts.join_with_max(&self.dots, largest(&self.residuals));
+        (sum, largest.sqrt())
+    }
+
     /// `q = P A s`; returns `<s, q>`.
     pub fn product(&mut self, parts: &Parts, masses: &[f64], system: &impl System) -> f64 {
+        // Parts without neighbours on other ranks are worked on while the others' directions are on their way.
+        let flight = parts.halo().start(parts.ranks(), &self.s);
+        if !parts.halo().is_empty() {
+            self.product_of(parts, masses, system, Reach::Inside);
+        }
+        flight.finish(&mut self.s);
+        self.product_of(parts, masses, system, if parts.halo().is_empty() { Reach::All } else { Reach::Border });
+        parts.join(&self.dots)
+    }
+
+    /// The product of some of the parts.
+    fn product_of(&mut self, parts: &Parts, masses: &[f64], system: &impl System, reach: Reach) {
         let s = &self.s;
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
+            if !reach.includes(system.reaches_ghosts(part)) {
+                return;
+            }
             let range = parts.ranges()[part].clone();
             system.damping(part, s, q.0);
             for (q, s) in q.0.iter_mut().zip(&s[range.clone()]) {
@@ -128,23 +172,28 @@ impl ConjugateGradient {
                 *dot = weighted_dot(m, s, q);
             }
         });
-        join(&self.dots)
     }
 
     /// `v += α s`, `r -= α q`; returns `<r, r>` and the largest nodal residual.
     fn advance(&mut self, parts: &Parts, masses: &[f64], v: &mut [Vec3], alpha: f64) -> (f64, f64) {
-        let (s, q) = (&self.s, &self.q);
-        let slices = (PerVertex(v), PerVertex(&mut self.r), PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
-        parts.for_each(slices, &|part, (v, r, dots, residuals)| {
+        let s = &self.s;
+        let own = parts.own();
+        let blocks = (PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
+        let vectors = (PerVertex(&mut v[own.clone()]), PerVertex(&mut self.r), PerVertex(&mut self.q));
+        parts.for_each((vectors, blocks), &|part, ((v, r, q), (dots, residuals))| {
             let range = parts.ranges()[part].clone();
-            let steps = v.0.iter_mut().zip(r.0.iter_mut()).zip(s[range.clone()].iter().zip(&q[range.clone()]));
+            let steps = v.0.iter_mut().zip(r.0.iter_mut()).zip(s[range.clone()].iter().zip(&*q.0));
             for ((v, r), (s, q)) in steps {
                 *v += s * alpha;
                 *r -= q * alpha;
             }
             measure(&masses[range], r.0, dots.0, residuals.0);
         });
-        (join(&self.dots), largest(&self.residuals).sqrt())
+        // Ghosts go the same way as with their owners: their directions are here.
+        for ghost in (0..own.start).chain(own.end..s.len()) {
+            v[ghost] += s[ghost] * alpha;
+        }
+        self.norms(parts)
     }
 }
 

@@ -19,7 +19,7 @@ pub type PartForces = Vec<Vec<Box<dyn Force>>>;
 pub struct VelocityProblem<'a> {
     /// The split of the vertices.
     pub parts: &'a Parts,
-    /// Masses in solver order [kg].
+    /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
     /// Where pinned vertices have to be.
     pub targets: &'a PinTargets,
@@ -29,10 +29,12 @@ pub struct VelocityProblem<'a> {
     pub contacts: Option<&'a BodyCollision>,
     /// Half the time step [s].
     pub half_step: f64,
-    /// Positions at which forces are evaluated [m].
+    /// Positions of the local vertices at which forces are evaluated [m], ghosts like those of their owners.
     pub x: &'a [Vec3],
     /// Fraction of the step that these positions belong to.
     pub fraction: f64,
+    /// Which own parts need vertices of other ranks.
+    pub reaches_ghosts: &'a [bool],
     /// When to stop iterating.
     pub stop: Stop,
 }
@@ -51,6 +53,10 @@ impl<'a> DampingSystem<'a> {
 }
 
 impl System for DampingSystem<'_> {
+    fn reaches_ghosts(&self, part: usize) -> bool {
+        self.problem.reaches_ghosts[part]
+    }
+
     fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]) {
         let range = self.problem.parts.ranges()[part].clone();
         let mut f = [Lanes::ZERO; PART_SIZE];
@@ -85,7 +91,8 @@ impl VelocityProblem<'_> {
         explicit: &mut [Vec3],
         out: &mut [Vec3],
     ) -> Outcome {
-        let slices = (PerVertex(explicit), PerVertex(&mut *out), PerPart(forces));
+        let own = self.parts.own();
+        let slices = (PerVertex(&mut explicit[own.clone()]), PerVertex(&mut out[own]), PerPart(forces));
         self.parts.for_each(slices, &|part, (explicit, out, forces)| {
             let range = self.parts.ranges()[part].clone();
             let masses = &self.masses[range.clone()];
@@ -105,16 +112,32 @@ impl VelocityProblem<'_> {
                 pins.set_velocities(part, range.start, self.targets, out.0);
             }
         });
+        self.parts.halo().refresh(self.parts.ranks(), out);
         cg.solve(self.parts, self.masses, &DampingSystem { problem: self, forces }, out, self.stop)
     }
 
     /// Undoes the projection: `v ← b + h M⁻¹ G v_cg`, so that constrained vertices get back the velocity that the forces
     /// would have given them, which is the load that friction needs. `v_cg` is not changed.
-    pub fn undo_projection(&self, forces: &PartForces, explicit: &[Vec3], v_cg: &[Vec3], out: &mut [Vec3]) {
+    ///
+    /// In a part without a constrained contact there is nothing to undo: the solution is what the formula gives, to the
+    /// tolerance of the solve.
+    pub fn undo_projection(
+        &self,
+        contacts: &BodyCollision,
+        forces: &PartForces,
+        explicit: &[Vec3],
+        v_cg: &[Vec3],
+        out: &mut [Vec3],
+    ) {
         let system = DampingSystem { problem: self, forces };
-        self.parts.for_each(PerVertex(out), &|part, out| {
+        self.parts.for_each(PerVertex(&mut out[self.parts.own()]), &|part, out| {
+            let range = self.parts.ranges()[part].clone();
+            if !contacts.is_constrained(range.clone()) {
+                out.0.copy_from_slice(&v_cg[range]);
+                return;
+            }
             system.damping(part, v_cg, out.0);
-            for (out, b) in out.0.iter_mut().zip(&explicit[self.parts.ranges()[part].clone()]) {
+            for (out, b) in out.0.iter_mut().zip(&explicit[range]) {
                 *out += b;
             }
         });

@@ -5,20 +5,21 @@ use std::time::SystemTime;
 
 use drapery_core::Vec3;
 use drapery_core::error::{Problems, StepError};
-use drapery_core::metrics::Metrics;
-use drapery_core::parallel::ranks::{Ranks, Sent};
+use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{Scene, SceneDescription};
-use drapery_core::simulation::{Advance, Field, FrameInput, RestoreError, Simulation};
+use drapery_core::simulation::outside::Field;
+use drapery_core::simulation::{Advance, FrameInput, RestoreError, Simulation};
 use drapery_core::snapshot::{SnapshotSink, SnapshotSource};
 use serde::{Deserialize, Serialize};
 
 use crate::farm::stop::{Request, StopRequests};
-use crate::shot::spread::{OfRank, Spread};
 use crate::units::Units;
 
 /// What all ranks do next.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 enum Order {
+    /// Start threads: so many, or as each rank finds right.
+    Threads { count: Option<usize> },
     /// Take a share of the scene.
     Scene,
     /// Take the input of a frame.
@@ -37,17 +38,13 @@ enum Order {
     Crossings { units: Units },
     /// Give everything that time has changed.
     Save,
-    /// Say what was measured since the last time.
-    Measures,
     /// End with this exit code.
     End { code: u8 },
 }
 
 fn give(ranks: &Ranks, order: Order) {
     if !ranks.is_alone() {
-        // An enumeration of numbers and words always has a JSON form.
-        let mut bytes = serde_json::to_vec(&order).unwrap_or_default();
-        ranks.broadcast(&mut bytes);
+        ranks.broadcast(&mut to_bytes(&order));
     }
 }
 
@@ -61,7 +58,6 @@ fn receive(ranks: &Ranks) -> Order {
 pub(super) struct Crew {
     ranks: Ranks,
     simulation: Simulation,
-    measured: Measured,
 }
 
 impl Crew {
@@ -76,20 +72,19 @@ impl Crew {
         let input = share(ranks, &scene, input);
         give(ranks, Order::Start);
         let simulation = Simulation::new(scene, &input)?;
-        let measured = Measured::from_now(ranks);
-        Ok(Self { ranks: ranks.clone(), simulation, measured })
+        Ok(Self { ranks: ranks.clone(), simulation })
     }
 
     /// The simulation at a checkpoint of the frame of `input`.
     pub(super) fn restored(self, input: FrameInput, source: &mut dyn SnapshotSource) -> Result<Self, RestoreError> {
-        let Self { ranks, simulation, measured } = self;
+        let Self { ranks, simulation } = self;
         let scene = simulation.shared_scene();
         // Its room is needed for the one to come.
         drop(simulation);
         let input = share(&ranks, &scene, input);
         give(&ranks, Order::Restore);
         let simulation = Simulation::restore_from(scene, &input, Some(source))?;
-        Ok(Self { ranks, simulation, measured })
+        Ok(Self { ranks, simulation })
     }
 
     /// The ranks.
@@ -115,7 +110,7 @@ impl Crew {
         ask: &mut (dyn FnMut() -> Option<Request> + Send),
     ) -> Result<(Advance, Option<Request>), StepError> {
         give(&self.ranks, Order::Advance);
-        advance(&self.ranks, &mut self.simulation, input, ask).inspect(|(advance, _)| self.measured.add(advance))
+        advance(&self.ranks, &mut self.simulation, input, ask)
     }
 
     /// What all ranks agree on when this is asked for here.
@@ -143,17 +138,30 @@ impl Crew {
         give(&self.ranks, Order::Save);
         self.simulation.save(Some(sink));
     }
+}
 
-    /// What the stages took on the ranks and what these sent since the last time, if there are many.
-    pub(super) fn measures(&mut self) -> Option<Spread> {
-        if self.ranks.is_alone() {
-            return None;
-        }
-        give(&self.ranks, Order::Measures);
-        let own = self.measured.take(&self.ranks);
-        let all = self.ranks.gather(&own);
-        Some(Spread::of(&all.iter().filter_map(|bytes| serde_json::from_slice(bytes).ok()).collect::<Vec<_>>()))
-    }
+/// Starts the threads of all ranks, so many each or as each finds right: with `start`, which all call together and which
+/// returns their number. To be called by rank 0, once; returns the number of threads of every rank.
+///
+/// # Errors
+/// What went wrong on the first rank on which something did.
+pub fn start_threads(
+    ranks: &Ranks,
+    count: Option<usize>,
+    start: &dyn Fn(Option<usize>) -> Result<usize, String>,
+) -> Result<Vec<usize>, String> {
+    give(ranks, Order::Threads { count });
+    let all = ranks.gather(&to_bytes(&start(count)));
+    let of_rank = |(rank, bytes): (usize, &Vec<u8>)| {
+        let told: Result<usize, String> = serde_json::from_slice(bytes).unwrap_or_else(|e| Err(e.to_string()));
+        told.map_err(|error| if rank == 0 { error } else { format!("rank {rank}: {error}") })
+    };
+    all.iter().enumerate().map(of_rank).collect()
+}
+
+/// Numbers and texts always have a JSON form.
+fn to_bytes(value: &impl Serialize) -> Vec<u8> {
+    serde_json::to_vec(value).unwrap_or_default()
 }
 
 /// Ends all other ranks, each with the exit code of rank 0. They do nothing more after that.
@@ -162,18 +170,22 @@ pub fn dismiss(ranks: &Ranks, code: u8) {
 }
 
 /// What a rank other than 0 does: whatever rank 0 orders, until the end. `requests` are those that come to this rank, such as
-/// signals. Returns the exit code.
+/// signals; `start_threads` is what [`start_threads`] calls here. Returns the exit code.
 ///
 /// # Panics
 /// Rank 0 gives orders in an impossible sequence, which is a fault of the program.
-pub fn follow(ranks: &Ranks, requests: &StopRequests) -> u8 {
-    let mut follower = Follower { measured: Measured::from_now(ranks), ..Follower::default() };
+pub fn follow(
+    ranks: &Ranks,
+    requests: &StopRequests,
+    start_threads: &dyn Fn(Option<usize>) -> Result<usize, String>,
+) -> u8 {
+    let mut follower = Follower::default();
     loop {
-        let order = receive(ranks);
-        if let Order::End { code } = order {
-            return code;
+        match receive(ranks) {
+            Order::End { code } => return code,
+            Order::Threads { count } => drop(ranks.gather(&to_bytes(&start_threads(count)))),
+            order => follower.obey(ranks, order, requests),
         }
-        follower.obey(ranks, order, requests);
     }
 }
 
@@ -183,7 +195,6 @@ struct Follower {
     scene: Option<Scene>,
     simulation: Option<Simulation>,
     input: Option<FrameInput>,
-    measured: Measured,
 }
 
 impl Follower {
@@ -207,9 +218,7 @@ impl Follower {
             Order::Advance => {
                 let input = self.input.take().expect("an input comes before its frame");
                 let simulation = self.simulation.as_mut().expect("a simulation is started before it advances");
-                if let Ok((advance, _)) = advance(ranks, simulation, &input, &mut || poll()) {
-                    self.measured.add(&advance);
-                }
+                drop(advance(ranks, simulation, &input, &mut || poll()));
                 self.input = Some(input);
             }
             Order::Agree => drop(agree(ranks, poll())),
@@ -219,8 +228,8 @@ impl Follower {
             }
             Order::Crossings { units } => drop(self.started().crossings_when(&as_stored(units))),
             Order::Save => self.started().save(None),
-            Order::Measures => drop(ranks.gather(&self.measured.take(ranks))),
-            Order::End { .. } => {}
+            // Not the simulation's business.
+            Order::Threads { .. } | Order::End { .. } => {}
         }
     }
 
@@ -230,36 +239,6 @@ impl Follower {
 
     fn started(&mut self) -> &mut Simulation {
         self.simulation.as_mut().expect("a simulation is started before anything is asked of it")
-    }
-}
-
-/// What one rank has measured since it was asked.
-#[derive(Debug, Default)]
-struct Measured {
-    metrics: Metrics,
-    sent: Sent,
-}
-
-impl Measured {
-    fn from_now(ranks: &Ranks) -> Self {
-        Self { metrics: Metrics::default(), sent: ranks.sent() }
-    }
-
-    fn add(&mut self, advance: &Advance) {
-        let (Advance::Done(summary) | Advance::Paused(summary)) = advance;
-        self.metrics.add(&summary.metrics);
-    }
-
-    /// As bytes for rank 0.
-    fn take(&mut self, ranks: &Ranks) -> Vec<u8> {
-        let sent = ranks.sent();
-        let before = std::mem::replace(&mut self.sent, sent);
-        let own = OfRank {
-            stages: self.metrics.take().stages().iter().map(|s| (s.name.to_string(), s.seconds)).collect(),
-            sent: [sent.messages - before.messages, sent.bytes - before.bytes, sent.collectives - before.collectives],
-        };
-        // Texts and numbers always have a JSON form.
-        serde_json::to_vec(&own).unwrap_or_default()
     }
 }
 

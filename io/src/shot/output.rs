@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::Field;
+use drapery_core::simulation::outside::Field;
 use serde_json::{Value, json};
 
 use crate::atomic_file;
@@ -223,7 +223,7 @@ impl Output {
             "state": "done",
             "frames": frames,
             "seconds": totals.seconds,
-            "stages": run_record::stages(&totals.metrics, totals.spread.as_ref()),
+            "stages": run_record::stages(&totals.metrics),
             "counts": run_record::counts(&totals.metrics),
         });
         self.end("done", "done", &end)

@@ -23,7 +23,6 @@ use crate::shot::folder::{self, Earlier};
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
 use crate::shot::quality::{self, Exceeded};
 use crate::shot::resume;
-use crate::shot::spread::Spread;
 use crate::shot::totals::{Partial, Totals};
 use crate::shot::{Shot, ShotError};
 
@@ -136,8 +135,6 @@ pub struct RunReport {
     pub exceeded: Vec<Exceeded>,
     /// Number of ranks of this attempt.
     pub ranks: usize,
-    /// What the stages took on the ranks, if there were many.
-    pub spread: Option<Spread>,
 }
 
 /// Who hears of a run while it goes on.
@@ -228,7 +225,6 @@ impl Shot {
             files: planned_files(self, &options.out),
             exceeded: Vec::new(),
             ranks: self.crew.ranks().count(),
-            spread: None,
         }
     }
 
@@ -404,11 +400,6 @@ impl<'a> Run<'a> {
         if !is_preroll {
             self.output.write_frame(frame, crew, &mut spent)?;
         }
-        let spread = crew.measures();
-        if let Some(spread) = &spread {
-            spread.count(&mut spent);
-            self.totals.spread.get_or_insert_default().add(spread);
-        }
         let taken = spent.stages().iter().fold(0.0, |sum, stage| sum + stage.seconds);
         let totals = &mut self.totals;
         totals.seconds += taken;
@@ -418,7 +409,7 @@ impl<'a> Run<'a> {
             Some(summary) => {
                 totals.metrics.add(&summary.metrics);
                 quality::watch(&mut totals.exceeded, frame, &summary.metrics);
-                self.output.record(&run_record::frame_record(summary, &spent, spread.as_ref(), taken))?;
+                self.output.record(&run_record::frame_record(summary, &spent, taken))?;
             }
             None => self.output.record(&run_record::start_record(frame, &spent, taken))?,
         }
@@ -518,7 +509,6 @@ impl<'a> Run<'a> {
             files: self.output.files(),
             exceeded: self.totals.exceeded,
             ranks: self.shot.crew.ranks().count(),
-            spread: self.totals.spread,
         })
     }
 }

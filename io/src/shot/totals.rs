@@ -6,7 +6,6 @@ use drapery_core::simulation::FrameSummary;
 use serde_json::{Value, json};
 
 use crate::shot::quality::{Exceeded, LIMITS};
-use crate::shot::spread::Spread;
 
 /// Sums over the frames that are done, and what was done since the last one.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -17,8 +16,6 @@ pub(super) struct Totals {
     pub(super) seconds: f64,
     /// Counts that should have stayed zero, in the order in which they rose.
     pub(super) exceeded: Vec<Exceeded>,
-    /// What the stages took on the ranks, if some frames were computed by many.
-    pub(super) spread: Option<Spread>,
     /// The frame that is being computed.
     pub(super) partial: Partial,
 }
@@ -50,7 +47,6 @@ impl Totals {
         json!({
             "seconds": self.seconds,
             "metrics": metrics_json(&self.metrics),
-            "over_ranks": self.spread.as_ref().map(Spread::to_json),
             "exceeded": self.exceeded.iter().map(exceeded).collect::<Vec<_>>(),
             "partial": {"summary": summary, "spent": metrics_json(&self.partial.spent)},
         })
@@ -78,7 +74,6 @@ impl Totals {
             metrics: metrics_from(&value["metrics"]),
             seconds: value["seconds"].as_f64().unwrap_or(0.0),
             exceeded: value["exceeded"].as_array().into_iter().flatten().filter_map(exceeded).collect(),
-            spread: value["over_ranks"].is_array().then(|| Spread::from_json(&value["over_ranks"])),
             partial: Partial { summary, spent: metrics_from(&partial["spent"]), sub_step },
         }
     }
@@ -86,7 +81,10 @@ impl Totals {
 
 /// Lists: an object would not keep the order in which the table at the end shows them.
 fn metrics_json(metrics: &Metrics) -> Value {
-    let stages = metrics.stages().iter().map(|stage| json!([stage.name, stage.seconds, stage.calls]));
+    let stages = metrics.stages().iter().map(|stage| match stage.spread {
+        None => json!([stage.name, stage.seconds, stage.calls]),
+        Some([least, most]) => json!([stage.name, stage.seconds, stage.calls, least, most]),
+    });
     let counts = metrics.counts().iter().map(|(name, amount)| json!([name, amount]));
     json!({"stages": stages.collect::<Vec<_>>(), "counts": counts.collect::<Vec<_>>()})
 }
@@ -97,6 +95,9 @@ fn metrics_from(value: &Value) -> Metrics {
     for stage in value["stages"].as_array().into_iter().flatten() {
         if let (Some(name), Some(seconds), Some(calls)) = (stage[0].as_str(), stage[1].as_f64(), stage[2].as_u64()) {
             metrics.add_time(name.to_owned().into(), seconds, calls);
+            if let (Some(least), Some(most)) = (stage[3].as_f64(), stage[4].as_f64()) {
+                metrics.add_spread(name, [least, most]);
+            }
         }
     }
     for count in value["counts"].as_array().into_iter().flatten() {
@@ -117,6 +118,8 @@ mod tests {
         totals.metrics.count("crossings", 3);
         totals.metrics.count("body_contacts", 7);
         totals.metrics.add_time("simulate".into(), 1.5, 4);
+        totals.metrics.add_time("A neighbours".into(), 1.0, 4);
+        totals.metrics.add_spread("A neighbours", [0.5, 1.25]);
         let (name, meaning) = LIMITS[0];
         totals.exceeded.push(Exceeded { name, meaning, total: 3, first_frame: 17 });
         let mut summary =

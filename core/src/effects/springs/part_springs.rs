@@ -47,7 +47,7 @@ struct PartSprings {
     inner: Vec<u16>,
     /// Springs across the border: own end (counted from the part's first vertex) and number of the neighbour.
     border: Vec<[u16; 2]>,
-    /// Vertices of other parts at the far ends of border springs, in solver order.
+    /// Vertices of other parts at the far ends of border springs, ascending.
     neighbours: Vec<u32>,
     /// Number of border springs to each [`NEIGHBOURS`] neighbours, whose numbers start anew.
     border_groups: Vec<usize>,
@@ -67,7 +67,7 @@ struct PartSprings {
 
 const _: () = assert!(PART_SIZE <= u16::MAX as usize, "rows number the vertices of a part by u16");
 
-/// A spring of one part: own end, other end (both in solver order) and element.
+/// A spring of one part: own end, other end (both local vertices) and element.
 type Entry = (usize, usize, usize);
 
 /// Sorts the springs of a garment into its parts.
@@ -80,16 +80,17 @@ pub(super) fn build(
     measures_strain: bool,
 ) -> (Vec<PartForce>, usize) {
     let (parts, masses) = (scene.parts(), scene.masses());
+    let first = parts.garment(garment).start;
+    let part_of = |vertex: usize| parts.own().contains(&vertex).then(|| parts.part_of(vertex));
     // (part, whether it crosses the border, spring): sorted, so that every order is fixed by the scene.
     let mut entries: Vec<(usize, bool, Entry)> = Vec::with_capacity(elements.len() * 9 / 8);
     for (number, element) in elements.iter().enumerate() {
-        let [a, b] = element.vertices.map(|v| parts.solver_index(garment, v));
+        let [a, b] = element.vertices.map(|v| first + v as usize);
         let (a, b) = (a.min(b), a.max(b));
-        let (part_a, part_b) = (parts.part_of(a), parts.part_of(b));
-        entries.push((part_a, part_a != part_b, (a, b, number)));
-        if part_a != part_b {
-            entries.push((part_b, true, (b, a, number)));
-        }
+        let (part_a, part_b) = (part_of(a), part_of(b));
+        let across = part_a != part_b;
+        entries.extend(part_a.map(|part| (part, across, (a, b, number))));
+        entries.extend(part_b.filter(|_| across).map(|part| (part, true, (b, a, number))));
     }
     entries.sort_unstable();
     let mut bytes = 0;
@@ -334,6 +335,10 @@ impl PartSprings {
 }
 
 impl Force for PartSprings {
+    fn neighbours(&self) -> &[u32] {
+        &self.neighbours
+    }
+
     fn update(&mut self, view: &PartView<'_>, own: &[Lanes], f: &mut [Lanes]) {
         let (mut row, mut spring) = (0, 0);
         for group in &self.groups {

@@ -1,0 +1,303 @@
+//! Handing out a scene: rank 0 has the description, every rank gets what lies around its own vertices.
+//!
+//! A rank's piece of a garment are the triangles that have one of its vertices, and those that share an edge with one of these:
+//! all that springs along edges and across them, masses and contacts of its own vertices need. Rank 0 makes the pieces one after
+//! the other and keeps nothing.
+
+use std::ops::Range;
+
+use crate::Vec3;
+use crate::mesh::TriangleMesh;
+use crate::parallel::communicator::{Expected, Message};
+use crate::parallel::parts::{Partition, Parts};
+use crate::parallel::ranks::Ranks;
+use crate::parallel::wire::Wire;
+use crate::scene::{GarmentDescription, PinTarget, Pinned, SceneDescription};
+
+/// What a rank needs of a garment, vertices ascending by their numbers in the scene.
+#[derive(Debug, Default)]
+pub(super) struct Piece {
+    /// Number in the scene, and in the garment.
+    vertices: Vec<[u32; 2]>,
+    rest: Vec<Vec3>,
+    /// Start of own vertices, where it differs from the rest shape [m].
+    start: Vec<Vec3>,
+    /// Velocities of own vertices at the start, where they differ among each other [m/s].
+    velocities: Vec<Vec3>,
+    /// Corners (numbers in the scene), number in the garment, and polygon.
+    triangles: Vec<[u32; 5]>,
+}
+
+/// A garment on rank 0 while it is handed out.
+struct Handout<'a> {
+    garment: &'a GarmentDescription,
+    triangles: Vec<[u32; 3]>,
+    polygons: Vec<u32>,
+    /// Vertex of the garment at each place of the scene's numbering, from the garment's first on; and the inverse.
+    order: Vec<u32>,
+    places: Vec<u32>,
+    /// Triangles at each vertex of the garment, in rows.
+    stars: Vec<u32>,
+    rows: Vec<u32>,
+    first: usize,
+}
+
+impl<'a> Handout<'a> {
+    fn new(garment: &'a GarmentDescription, order: Vec<u32>, first: usize) -> Self {
+        let (triangles, polygons) = garment.mesh.triangulate();
+        let mut places = vec![0; order.len()];
+        order.iter().zip(0..).for_each(|(vertex, place)| places[*vertex as usize] = place);
+        let mut rows = vec![0u32; order.len() + 1];
+        triangles.iter().flatten().for_each(|v| rows[*v as usize + 1] += 1);
+        (0..order.len()).for_each(|v| rows[v + 1] += rows[v]);
+        let mut next = rows.clone();
+        let mut stars = vec![0; 3 * triangles.len()];
+        for (t, corners) in triangles.iter().enumerate() {
+            for v in corners {
+                stars[next[*v as usize] as usize] = t as u32;
+                next[*v as usize] += 1;
+            }
+        }
+        Self { garment, triangles, polygons, order, places, stars, rows, first }
+    }
+
+    fn star(&self, vertex: u32) -> &[u32] {
+        &self.stars[self.rows[vertex as usize] as usize..self.rows[vertex as usize + 1] as usize]
+    }
+
+    /// The piece around the vertices `own` of the scene.
+    fn piece(&self, own: &Range<usize>) -> Piece {
+        let last = self.first + self.order.len();
+        let own = own.start.clamp(self.first, last) - self.first..own.end.clamp(self.first, last) - self.first;
+        let mut near: Vec<u32> = self.order[own.clone()].iter().flat_map(|v| self.star(*v)).copied().collect();
+        near.sort_unstable();
+        near.dedup();
+        let across = |&t: &u32| {
+            let [a, b, c] = self.triangles[t as usize];
+            let with = move |other: u32| move |s: &&u32| self.triangles[**s as usize].contains(&other);
+            [(a, b), (b, c), (c, a)].into_iter().flat_map(move |(p, q)| self.star(p).iter().filter(with(q)).copied())
+        };
+        let beyond: Vec<u32> = near.iter().flat_map(across).collect();
+        near.extend(beyond);
+        near.sort_unstable();
+        near.dedup();
+        let number = |vertex: &u32| (self.first as u32) + self.places[*vertex as usize];
+        let mut vertices: Vec<[u32; 2]> = near
+            .iter()
+            .flat_map(|t| &self.triangles[*t as usize])
+            .chain(&self.order[own.clone()])
+            .map(|v| [number(v), *v])
+            .collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let rest = vertices.iter().map(|[_, v]| self.garment.mesh.points[*v as usize]).collect();
+        let of_own = |values: &Option<Vec<Vec3>>| {
+            let own = &self.order[own.clone()];
+            values.as_ref().map_or_else(Vec::new, |values| own.iter().map(|v| values[*v as usize]).collect())
+        };
+        let triangle = |&t: &u32| {
+            let [a, b, c] = self.triangles[t as usize].map(|v| number(&v));
+            [a, b, c, t, self.polygons[t as usize]]
+        };
+        let triangles = near.iter().map(triangle).collect();
+        let (start, velocities) = (of_own(&self.garment.start), of_own(&self.garment.start_velocities));
+        Piece { vertices, rest, start, velocities, triangles }
+    }
+}
+
+impl Piece {
+    fn to_bytes(&self) -> Vec<u8> {
+        let Self { vertices, rest, start, velocities, triangles } = self;
+        let mut bytes = [vertices.len(), start.len(), velocities.len(), triangles.len()].to_bytes();
+        bytes.reserve(size_of_val(vertices.as_slice()) + size_of_val(rest.as_slice()));
+        bytes.extend_from_slice(bytemuck::cast_slice(vertices));
+        [rest, start, velocities].iter().for_each(|vectors| bytes.extend_from_slice(bytemuck::cast_slice(vectors)));
+        bytes.extend_from_slice(bytemuck::cast_slice(triangles));
+        bytes
+    }
+
+    fn from_bytes(mut bytes: &[u8]) -> Option<Self> {
+        let [vertices, start, velocities, triangles] = <[usize; 4]>::take(&mut bytes)?;
+        Some(Self {
+            vertices: next(&mut bytes, vertices)?,
+            rest: next(&mut bytes, vertices)?,
+            start: next(&mut bytes, start)?,
+            velocities: next(&mut bytes, velocities)?,
+            triangles: next(&mut bytes, triangles)?,
+        })
+    }
+
+    /// The mesh of this piece.
+    fn mesh(self) -> TriangleMesh {
+        let local = |number: u32| self.vertices.partition_point(|[other, _]| *other < number) as u32;
+        let corners = self.triangles.iter().map(|[a, b, c, ..]| [*a, *b, *c].map(local)).collect();
+        let polygons = self.triangles.iter().map(|triangle| triangle[4]).collect();
+        TriangleMesh::of_triangles(self.rest, corners, polygons)
+    }
+}
+
+/// The next so many values of a message.
+fn next<T: bytemuck::Pod>(bytes: &mut &[u8], count: usize) -> Option<Vec<T>> {
+    let (own, rest) = bytes.split_at_checked(count * size_of::<T>())?;
+    *bytes = rest;
+    Some(bytemuck::pod_collect_to_vec(own))
+}
+
+/// What all ranks know of a scene, and this rank's pieces.
+pub(super) struct Received {
+    pub(super) description: SceneDescription,
+    pub(super) parts: Parts,
+    pub(super) meshes: Vec<TriangleMesh>,
+    /// Positions at the start over local vertices, where some garment does not start in its rest shape [m].
+    pub(super) start: Option<Vec<Vec3>>,
+    /// Velocities at the start over local vertices, where some garment's differ [m/s].
+    pub(super) velocities: Option<Vec<Vec3>>,
+    pub(super) pinned: Vec<Pinned>,
+    pub(super) pin_targets: usize,
+}
+
+/// Rank 0's side of the handing out: it keeps nothing of the garments but its own pieces.
+pub(super) fn hand_out(ranks: &Ranks, mut description: SceneDescription) -> Received {
+    let mut partition = Partition::default();
+    let orders: Vec<Vec<u32>> = description.garments.iter().map(|g| partition.add_garment(&g.mesh.points)).collect();
+    let assignment = partition.share_out(&partition.sizes(), ranks.count());
+    let own = |rank: usize| partition.starts()[assignment[rank]]..partition.starts()[assignment[rank + 1]];
+    let pinned = pinned_vertices(&description, &partition, &orders);
+    let pin_targets = pinned.len();
+    description.pins.iter_mut().for_each(forget_vertices);
+    let garments: Vec<GarmentDescription> = description.garments.iter_mut().map(take_arrays).collect();
+    if !ranks.is_alone() {
+        let of_garments: Vec<(usize, usize)> = partition.garments().iter().map(|g| (g.start, g.end)).collect();
+        let mut all = description.to_bytes();
+        (partition.starts().to_vec(), of_garments).put(&mut all);
+        (assignment.clone(), pin_targets).put(&mut all);
+        ranks.broadcast(&mut all);
+    }
+    let mut pieces = Vec::new();
+    // One garment after the other, and each is forgotten when it is handed out.
+    for ((garment, order), place) in garments.into_iter().zip(orders).zip(partition.garments()) {
+        let handout = Handout::new(&garment, order, place.start);
+        for rank in 1..ranks.count() {
+            let message = Message { to: rank, bytes: handout.piece(&own(rank)).to_bytes() };
+            ranks.start(vec![message], &[]).finish();
+        }
+        pieces.push(handout.piece(&own(0)));
+    }
+    for rank in 1..ranks.count() {
+        let bytes = pins_of(&pinned, &own(rank)).to_bytes();
+        ranks.start(vec![Message { to: rank, bytes }], &[]).finish();
+    }
+    let own_pins = pins_of(&pinned, &own(0));
+    settle(ranks, description, (partition, assignment), pieces, (own_pins, pin_targets))
+}
+
+/// The other ranks' side. `None` if the messages are not those of [`hand_out`].
+pub(super) fn receive(ranks: &Ranks) -> Option<Received> {
+    let mut all = Vec::new();
+    ranks.broadcast(&mut all);
+    let mut bytes = all.as_slice();
+    let description = SceneDescription::take(&mut bytes)?;
+    let (parts, garments) = <(Vec<usize>, Vec<(usize, usize)>)>::take(&mut bytes)?;
+    let (assignment, pin_targets) = <(Vec<usize>, usize)>::take(&mut bytes)?;
+    let next = || ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish().pop();
+    let pieces: Option<Vec<Piece>> = garments.iter().map(|_| Piece::from_bytes(&next()?)).collect();
+    let pinned = Vec::<Pinned>::take(&mut next()?.as_slice())?;
+    let partition = Partition::new(parts, garments.into_iter().map(|(start, end)| start..end).collect());
+    Some(settle(ranks, description, (partition, assignment), pieces?, (pinned, pin_targets)))
+}
+
+/// Builds what a rank keeps from its pieces.
+fn settle(
+    ranks: &Ranks,
+    description: SceneDescription,
+    (partition, assignment): (Partition, Vec<usize>),
+    pieces: Vec<Piece>,
+    (mut pinned, pin_targets): (Vec<Pinned>, usize),
+) -> Received {
+    let starts = partition.starts();
+    let own = starts[assignment[ranks.rank()]] as u32..starts[assignment[ranks.rank() + 1]] as u32;
+    let vertices = || pieces.iter().flat_map(|piece| &piece.vertices);
+    let ghosts = vertices().map(|[number, _]| *number).filter(|number| !own.contains(number)).collect();
+    let own_numbers = vertices().map(|[_, own]| *own).collect();
+    let parts = Parts::new(ranks.clone(), partition, assignment, ghosts, own_numbers);
+    for pinned in &mut pinned {
+        // What was sent are the pins of own vertices.
+        pinned.vertex = pinned.vertex - own.start + parts.own().start as u32;
+    }
+    let differs = |of: fn(&Piece) -> &Vec<Vec3>| ranks.any(pieces.iter().any(|piece| !of(piece).is_empty()));
+    let own_places = |garment: usize| parts.own_of_garment(garment);
+    let start = differs(|piece| &piece.start).then(|| {
+        let mut x: Vec<Vec3> = pieces.iter().flat_map(|piece| &piece.rest).copied().collect();
+        for (g, piece) in pieces.iter().enumerate().filter(|(_, piece)| !piece.start.is_empty()) {
+            x[own_places(g)].copy_from_slice(&piece.start);
+        }
+        parts.halo().refresh(ranks, &mut x);
+        x
+    });
+    let velocities = differs(|piece| &piece.velocities).then(|| {
+        let mut v = vec![Vec3::zeros(); parts.local_count()];
+        for (g, piece) in pieces.iter().enumerate() {
+            if piece.velocities.is_empty() {
+                v[own_places(g)].fill(description.garments[g].velocity);
+            } else {
+                v[own_places(g)].copy_from_slice(&piece.velocities);
+            }
+        }
+        parts.halo().refresh(ranks, &mut v);
+        v
+    });
+    let meshes = pieces.into_iter().map(Piece::mesh).collect();
+    Received { description, parts, meshes, start, velocities, pinned, pin_targets }
+}
+
+/// The pinned vertices among `own`, which are numbers of the scene.
+fn pins_of(pinned: &[Pinned], own: &Range<usize>) -> Vec<Pinned> {
+    pinned.iter().filter(|pinned| own.contains(&(pinned.vertex as usize))).cloned().collect()
+}
+
+/// Every pinned vertex of a description, by its number in the scene, in the order of the targets.
+fn pinned_vertices(description: &SceneDescription, partition: &Partition, orders: &[Vec<u32>]) -> Vec<Pinned> {
+    let mut places: Vec<Vec<u32>> = Vec::new();
+    for order in orders {
+        // Only what is pinned is looked up, but any vertex may be.
+        let mut of_garment = if description.pins.is_empty() { Vec::new() } else { vec![0; order.len()] };
+        order.iter().zip(0..).take(of_garment.len()).for_each(|(v, place)| of_garment[*v as usize] = place);
+        places.push(of_garment);
+    }
+    let mut all = Vec::new();
+    for (p, pin) in description.pins.iter().enumerate() {
+        let first = partition.garments()[pin.garment].start as u32;
+        let mut add = |row: usize, vertex: u32, attachment| {
+            let vertex = first + places[pin.garment][vertex as usize];
+            all.push(Pinned { number: all.len() as u32, pin: p, row, vertex, attachment });
+        };
+        match &pin.target {
+            PinTarget::Path { vertices, .. }
+            | PinTarget::Track { vertices, .. }
+            | PinTarget::BodyNearest { vertices, .. } => {
+                vertices.iter().enumerate().for_each(|(row, vertex)| add(row, *vertex, None));
+            }
+            PinTarget::Body { attachments, .. } => {
+                attachments.iter().enumerate().for_each(|(row, a)| add(row, a.vertex, Some(*a)));
+            }
+        }
+    }
+    all
+}
+
+/// The garment with its arrays; the rest stays.
+fn take_arrays(garment: &mut GarmentDescription) -> GarmentDescription {
+    let (mesh, start) = (std::mem::take(&mut garment.mesh), garment.start.take());
+    let start_velocities = garment.start_velocities.take();
+    GarmentDescription { mesh, start, start_velocities, ..garment.clone() }
+}
+
+/// Which vertices a pin holds is known to the ranks that own them.
+fn forget_vertices(pin: &mut crate::scene::PinDescription) {
+    match &mut pin.target {
+        PinTarget::Path { vertices, .. }
+        | PinTarget::Track { vertices, .. }
+        | PinTarget::BodyNearest { vertices, .. } => *vertices = Vec::new(),
+        PinTarget::Body { attachments, .. } => *attachments = Vec::new(),
+    }
+}

@@ -1,0 +1,103 @@
+//! A scene description as bytes, without the arrays of its garments and pins: what every rank has to know.
+
+use nalgebra::{Quaternion, UnitQuaternion};
+
+use crate::error::{Problem, ProblemKind};
+use crate::geometry::shapes::Shape;
+use crate::mesh::PolygonMesh;
+use crate::parallel::wire::{Wire, wire};
+use crate::scene::{
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinAnchor, PinDescription, PinHold, PinTarget,
+    Pinned, RigidMotion, SceneDescription, SolverSettings, SurfaceAttachment, Timeline,
+};
+use crate::settings::SettingValue;
+
+wire!(struct Timeline { fps_numerator, fps_denominator, origin, start });
+wire!(struct SolverSettings { cfl, max_dt, min_dt, strain_per_step, cg_tolerance, cg_max_iterations });
+wire!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
+wire!(struct PolygonMesh { points, face_counts, face_indices });
+wire!(struct GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness });
+wire!(enum Shape {
+    0 => HalfSpace,
+    1 => Sphere { radius },
+    2 => Capsule { radius, half_length },
+    3 => Cylinder { radius, half_length },
+    4 => Box { half_extents },
+});
+wire!(enum BodyShape { 0 => Rigid(shape), 1 => Surface { triangles, point_count } });
+wire!(struct RigidMotion { path, rotation, angular_velocity, spin_start });
+wire!(struct BodyDescription { name, shape, motion, friction, thickness, max_push_speed });
+wire!(enum PinAnchor { 0 => Start, 1 => WhenHeld });
+wire!(enum PinHold { 0 => Hard, 1 => Spring { stiffness, damping_ratio } });
+wire!(struct SurfaceAttachment { vertex, body_points, weights, offset });
+wire!(enum PinTarget {
+    0 => Path { anchor, vertices, offsets },
+    1 => Track { vertices, track },
+    2 => Body { body, attachments },
+    3 => BodyNearest { body, vertices },
+});
+wire!(struct PinDescription { garment, target, axes, from, until, hold });
+wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value) });
+wire!(struct EffectRequest { effect, garment, settings, because });
+wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, effects });
+wire!(struct Pinned { number, pin, row, vertex, attachment });
+wire!(enum ProblemKind { 0 => Scene, 1 => Data });
+wire!(struct Problem { place, what, advice, kind });
+
+impl Wire for UnitQuaternion<f64> {
+    fn put(&self, out: &mut Vec<u8>) {
+        <[f64; 4]>::from(self.coords).put(out);
+    }
+
+    fn take(bytes: &mut &[u8]) -> Option<Self> {
+        // As it was, to the last bit: it was of unit length.
+        <[f64; 4]>::take(bytes).map(|coords| Self::new_unchecked(Quaternion::from_vector(coords.into())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vec3;
+
+    #[test]
+    fn a_description_comes_back_as_it_was() {
+        let mut description = SceneDescription::new("wired");
+        description.timeline.start = -12;
+        description.solver.max_dt = Some(0.01);
+        let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);
+        let mut garment = GarmentDescription::new("flag", mesh, 0.2);
+        garment.start_velocities = Some(vec![Vec3::x(); 3]);
+        garment.mass = Mass::UniformTotal(0.3);
+        description.garments.push(garment);
+        let shapes = [Shape::HalfSpace, Shape::Sphere { radius: 0.1 }, Shape::Box { half_extents: [0.1, 0.2, 0.3] }];
+        for shape in shapes {
+            let mut motion = RigidMotion::at(Vec3::x());
+            motion.rotation = UnitQuaternion::from_scaled_axis(Vec3::new(0.1, 0.7, -0.3));
+            description.bodies.push(BodyDescription::new("b", BodyShape::Rigid(shape), motion));
+        }
+        let shape = BodyShape::Surface { triangles: vec![[0, 1, 2]], point_count: 3 };
+        description.bodies.push(BodyDescription::new("s", shape, RigidMotion::at(Vec3::y())));
+        let attachment =
+            SurfaceAttachment { vertex: 2, body_points: [0, 1, 2], weights: [0.2, 0.3, 0.5], offset: Vec3::z() };
+        let targets = [
+            PinTarget::Path { anchor: PinAnchor::WhenHeld, vertices: vec![1], offsets: vec![(0.5, Vec3::z())] },
+            PinTarget::Track { vertices: vec![0, 2], track: 3 },
+            PinTarget::Body { body: 3, attachments: vec![attachment] },
+            PinTarget::BodyNearest { body: 3, vertices: vec![2] },
+        ];
+        for (target, hold) in targets.into_iter().zip([PinHold::Hard; 4]) {
+            let axes = [true, false, true];
+            description.pins.push(PinDescription { garment: 0, target, axes, from: -1.0, until: 2.0, hold });
+        }
+        description.pins[0].hold = PinHold::Spring { stiffness: 3.0, damping_ratio: 1.0 };
+        let gravity = EffectRequest::of_scene("gravity").with_vector("acceleration", [0.0, -9.81, 0.0]);
+        description.effects.push(gravity.with_flag("flag", true).with("number", 4.0));
+        let bytes = description.to_bytes();
+        let mut rest = bytes.as_slice();
+        let back = SceneDescription::take(&mut rest).expect("the bytes of a description");
+        assert!(rest.is_empty());
+        assert_eq!(format!("{back:?}"), format!("{description:?}"));
+        assert!((0..bytes.len()).all(|end| SceneDescription::take(&mut &bytes[..end]).is_none()));
+    }
+}

@@ -1,0 +1,184 @@
+//! The same bits on any number of ranks and threads.
+
+use std::sync::Arc;
+
+use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
+use drapery_core::parallel::communicator::Communicator;
+use drapery_core::parallel::local_ranks::LocalRanks;
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::{
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
+    RigidMotion, Scene, SceneDescription,
+};
+use drapery_core::simulation::{FrameInput, FrameSummary, Sample, Simulation};
+use drapery_core::snapshot::Snapshot;
+use drapery_tests::*;
+
+/// Ranks, and threads of each.
+const COUNTS: [[usize; 2]; 7] = [[1, 1], [2, 1], [3, 2], [4, 1], [7, 1], [8, 1], [11, 1]];
+
+/// A scene and the frames of its bodies and tracks.
+struct Shot {
+    description: SceneDescription,
+    input: fn(i64) -> FrameInput,
+    frames: i64,
+}
+
+/// What a run leaves: its state, and what it says of every frame.
+type Outcome = (Snapshot, Vec<FrameSummary>);
+
+impl Shot {
+    /// One rank's side of the run.
+    fn simulate(&self, communicator: Arc<dyn Communicator>, from: Option<&Snapshot>, frames: [i64; 2]) -> Outcome {
+        let ranks = Ranks::new(communicator);
+        let first = || ranks.is_first();
+        let scene = Scene::distribute(&ranks, first().then(|| self.description.clone())).expect("a valid scene");
+        let input = |scene: &Scene, frame: i64| scene.share_input(first().then(|| (self.input)(frame)));
+        let start = input(&scene, frames[0]);
+        let mut simulation = match from {
+            None => Simulation::new(scene, &start).expect("a start"),
+            Some(snapshot) => {
+                let mut snapshot = snapshot.clone();
+                Simulation::restore_from(scene, &start, first().then_some(&mut snapshot as _)).expect("a snapshot")
+            }
+        };
+        let mut summaries = Vec::new();
+        for frame in frames[0] + 1..=frames[1] {
+            let input = input(simulation.scene(), frame);
+            summaries.push(simulation.advance(&input).expect("a frame"));
+        }
+        (simulation.snapshot(), summaries)
+    }
+
+    fn run(&self, [ranks, threads]: [usize; 2], from: Option<&Snapshot>, frames: [i64; 2]) -> Outcome {
+        let work = |communicator| self.simulate(communicator, from, frames);
+        let all = LocalRanks::run(ranks, threads, work).unwrap_or_else(|e| panic!("{ranks} ranks: {e}"));
+        all.into_iter().next().expect("there is a first rank")
+    }
+
+    /// Any number of ranks comes to the same, and so does a run that goes on with another number.
+    fn has_the_same_bits_everywhere(&self) {
+        let [one, ..] = COUNTS;
+        let (whole, summaries) = self.run(one, None, [0, self.frames]);
+        for count in &COUNTS[1..] {
+            let (snapshot, found) = self.run(*count, None, [0, self.frames]);
+            assert_alike(&snapshot, &whole, &format!("{count:?} ranks and threads"));
+            for (a, b) in found.iter().zip(&summaries) {
+                assert_eq!((a.steps, a.cg_iterations), (b.steps, b.cg_iterations), "{count:?}, frame {}", a.frame);
+                let figures = |s: &FrameSummary| [s.kinetic_energy, s.potential_energy, s.dt_min].map(f64::to_bits);
+                assert_eq!((figures(a), &a.max_strain), (figures(b), &b.max_strain), "{count:?}, frame {}", a.frame);
+                for (name, amount) in b.metrics.counts() {
+                    assert_eq!(a.metrics.counted(name), *amount, "{name}, {count:?}, frame {}", a.frame);
+                }
+            }
+        }
+        let middle = self.frames / 2;
+        let (half, _) = self.run([4, 1], None, [0, middle]);
+        for count in [[1, 2], [3, 1], [8, 1]] {
+            let (snapshot, _) = self.run(count, Some(&half), [middle, self.frames]);
+            assert_alike(&snapshot, &whole, &format!("four ranks, then {count:?}"));
+        }
+    }
+}
+
+fn assert_alike(a: &Snapshot, b: &Snapshot, what: &str) {
+    assert_eq!(a.sections.len(), b.sections.len(), "{what}");
+    for (a, b) in a.sections.iter().zip(&b.sections) {
+        assert_eq!((&a.name, a.version), (&b.name, b.version), "{what}");
+        for (x, y) in a.datasets.iter().zip(&b.datasets) {
+            assert!(x == y, "{what}: {}/{} differs", a.name, x.name);
+        }
+    }
+}
+
+/// A sheet of 81 by 81 vertices, 1 m wide, in four parts, with stretch, bending and gravity.
+fn cloth(height: f64) -> SceneDescription {
+    let mut mesh = sheet(80, 80, 1.0 / 80.0);
+    mesh.points.iter_mut().for_each(|p| p.y += height);
+    let mut description = scene_of(GarmentDescription::new("sheet", mesh, 0.2), 24);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 200.0));
+    description.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 5.0));
+    description
+}
+
+fn no_input(frame: i64) -> FrameInput {
+    FrameInput::to_frame(frame)
+}
+
+#[test]
+fn a_hanging_sheet_with_springs_and_late_pins() {
+    let mut description = cloth(0.0);
+    add_pins(&mut description, vec![0, 80]);
+    description.pins.push(PinDescription {
+        garment: 0,
+        target: PinTarget::Path {
+            anchor: PinAnchor::WhenHeld,
+            vertices: vec![6480, 6560],
+            offsets: vec![(0.0, Vec3::zeros()), (0.1, Vec3::y() * 0.02)],
+        },
+        axes: [true, false, true],
+        from: 0.05,
+        until: 0.11,
+        hold: PinHold::Hard,
+    });
+    description.pins.push(PinDescription {
+        garment: 0,
+        target: PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![3000, 40, 3300], offsets: Vec::new() },
+        axes: [true; 3],
+        from: 0.02,
+        until: f64::INFINITY,
+        hold: PinHold::Spring { stiffness: 30.0, damping_ratio: 0.5 },
+    });
+    description.effects.push(EffectRequest::of_scene("attachments"));
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
+}
+
+#[test]
+fn two_garments_that_fall_on_a_spinning_ball_and_on_a_floor() {
+    let mut description = cloth(0.21);
+    description.garments[0].velocity = Vec3::new(0.0, -1.0, 0.0);
+    let mut small = GarmentDescription::new("small", sheet(12, 9, 0.02), 0.3);
+    small.mesh.points.iter_mut().for_each(|p| *p += Vec3::new(0.6, 0.01, 0.6));
+    description.garments.push(small);
+    description.effects.push(EffectRequest::of_garment("stretch", 1).with("stiffness", 100.0));
+    let motion = RigidMotion { angular_velocity: Vec3::y() * 3.0, ..RigidMotion::at(Vec3::zeros()) };
+    add_body(&mut description, BodyShape::Rigid(Shape::Sphere { radius: 0.2 }), motion, 0.4);
+    add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), 0.2);
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
+}
+
+/// The swelling ball, and two points that a pin follows.
+fn ball_and_track(frame: i64) -> FrameInput {
+    let time = frame as f64 / 24.0;
+    let at = |x: f64| Vec3::new(x, 0.26 + 0.1 * time, 0.5);
+    let track = vec![Sample { time, positions: vec![at(-0.5), at(0.5), at(0.0)] }];
+    FrameInput { tracks: vec![track], ..ball_input(frame) }
+}
+
+#[test]
+fn a_sheet_on_a_deforming_ball_that_follows_a_track() {
+    let mut description = cloth(0.26);
+    let (triangles, points) = swelling_ball(0.0);
+    let shape = BodyShape::Surface { triangles, point_count: points.len() };
+    let body = BodyDescription {
+        friction: 0.3,
+        thickness: 0.001,
+        ..BodyDescription::new("ball", shape, RigidMotion::at(Vec3::zeros()))
+    };
+    description.bodies.push(body);
+    description.effects.push(EffectRequest::of_scene("body_collision"));
+    let pin = |target| PinDescription {
+        garment: 0,
+        target,
+        axes: [true; 3],
+        from: f64::NEG_INFINITY,
+        until: f64::INFINITY,
+        hold: PinHold::Hard,
+    };
+    description.pins.push(pin(PinTarget::Track { vertices: vec![6480, 6560, 6520], track: 0 }));
+    description.pins.push(pin(PinTarget::BodyNearest { body: 0, vertices: vec![3280, 3281] }));
+    description.effects.push(EffectRequest::of_scene("pins"));
+    Shot { description, input: ball_and_track, frames: 4 }.has_the_same_bits_everywhere();
+}

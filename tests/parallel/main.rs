@@ -1,0 +1,4 @@
+//! Ranks and threads: that they can speak with each other, and that their number changes nothing.
+
+mod bits;
+mod communicators;
