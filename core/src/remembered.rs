@@ -179,6 +179,21 @@ fn translated(parts: &Parts, numbers: &[u32], known: impl Fn(u32) -> Option<u32>
     parts.ranks().max_each(here).into_iter().map(|number| number.max(0.0) as u32).collect()
 }
 
+/// The rows of those targets that are this rank's in `new`.
+fn moved_targets<T: Pod>(new: &Parts, pinned: &[[u32; 2]], width: usize, values: &[T]) -> Vec<T> {
+    let ranks = new.ranks();
+    let to = |rank: usize| {
+        pinned.iter().zip(values.chunks_exact(width)).filter(move |([_, vertex], _)| new.owner(*vertex) == rank)
+    };
+    let numbers = ranks.send_lists((0..ranks.count()).map(|rank| to(rank).map(|(p, _)| p[0]).collect()).collect());
+    let rows =
+        ranks.send_lists((0..ranks.count()).map(|rank| to(rank).flat_map(|(_, row)| row).copied().collect()).collect());
+    let (numbers, rows) = (numbers.concat(), rows.concat());
+    let mut order: Vec<usize> = (0..numbers.len()).collect();
+    order.sort_unstable_by_key(|i| numbers[*i]);
+    order.into_iter().flat_map(|i| rows[i * width..(i + 1) * width].iter().copied()).collect()
+}
+
 impl Remembered {
     /// Nothing yet.
     pub(crate) fn new(name: &'static str, version: u32) -> Self {
@@ -336,6 +351,34 @@ impl Remembered {
             }
         }
         Ok(())
+    }
+
+    /// Hands the rows of own vertices and targets to the ranks that own them in `new`; `pinned` are the own targets, each with its
+    /// number and that of its vertex in the scene. All ranks call it together.
+    pub(crate) fn move_to(&mut self, old: &Parts, new: &Parts, pinned: &[[u32; 2]]) {
+        let ranks = old.ranks();
+        let first = old.rank_starts()[ranks.rank()];
+        let own = first..old.rank_starts()[ranks.rank() + 1];
+        let run = |rank: usize| {
+            let (start, end) = (new.rank_starts()[rank].max(own.start), new.rank_starts()[rank + 1].min(own.end));
+            (start.min(end) - first.min(end)) as usize..(end - first.min(end)) as usize
+        };
+        for (_, field) in &mut self.fields {
+            match field {
+                Field::Vertices(width, values) => {
+                    let rows = |rank| values[run(rank).start * *width..run(rank).end * *width].to_vec();
+                    *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
+                }
+                Field::Nodes(Some((values, _))) => {
+                    let rows = |rank| values[run(rank)].to_vec();
+                    *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
+                }
+                Field::Targets(width, Values::F64(values)) => *values = moved_targets(new, pinned, *width, values),
+                Field::Targets(width, Values::U32(values)) => *values = moved_targets(new, pinned, *width, values),
+                Field::Targets(width, Values::U8(values)) => *values = moved_targets(new, pinned, *width, values),
+                Field::Targets(..) | Field::Number(_) | Field::Count(_) | Field::Nodes(None) | Field::Numbers(..) => {}
+            }
+        }
     }
 
     /// A number of this name.
