@@ -358,7 +358,7 @@ impl Simulation {
             self.bodies.set_step(self.state.time, self.state.time);
             let mut pause = |time| time < to && pause(time);
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
-                summary.metrics = self.metrics.take();
+                summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 return Ok(Advance::Paused(summary));
             }
         }
