@@ -203,3 +203,31 @@ fn a_sheet_on_a_deforming_ball_that_follows_a_track() {
     description.effects.push(EffectRequest::of_scene("pins"));
     Shot { description, input: ball_and_track, frames: 4 }.has_the_same_bits_everywhere();
 }
+
+/// A sheet 1 mm over another, which falls and folds over a swelling ball.
+fn two_sheets_on_a_ball() -> SceneDescription {
+    let mut description = cloth(0.205);
+    let mut upper = GarmentDescription::new("upper", sheet(50, 50, 0.011), 0.2);
+    upper.mesh.points.iter_mut().for_each(|p| *p += Vec3::new(0.003, 0.21, 0.004));
+    upper.velocity = Vec3::new(0.0, -1.0, 0.3);
+    description.garments.push(upper);
+    description.effects.push(EffectRequest::of_garment("stretch", 1).with("stiffness", 100.0));
+    let (triangles, points) = swelling_ball(0.0);
+    let shape = BodyShape::Surface { triangles, point_count: points.len() };
+    let body = BodyDescription {
+        friction: 0.3,
+        thickness: 0.001,
+        ..BodyDescription::new("ball", shape, RigidMotion::at(Vec3::zeros()))
+    };
+    description.bodies.push(body);
+    for effect in ["body_collision", "self_repulsion", "self_collision"] {
+        description.effects.push(EffectRequest::of_scene(effect));
+    }
+    description.garments.iter_mut().for_each(|garment| garment.thickness = 0.004);
+    description
+}
+
+#[test]
+fn two_sheets_that_meet_on_a_deforming_ball() {
+    Shot { description: two_sheets_on_a_ball(), input: ball_input, frames: 2 }.has_the_same_bits_everywhere();
+}

@@ -5,6 +5,9 @@
 //! still meet form impact zones: first inelastic ones, where everything may slide but nothing approach, then rigid ones, and
 //! at last the nodes stay where they were. The loop always ends, since the state it started from is free of collisions.
 //!
+//! Pairs are judged at home, by the rank of their smallest node (`response` says who answers). What is decided for all is
+//! decided by all ranks alike.
+//!
 //! The gap is wider than the rounding of a position to single precision, so that what a cache stores is as free of
 //! crossings as what is computed.
 
@@ -12,34 +15,27 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::ccd::{self, Contact};
-use crate::contact::impact_zone::{self, ZoneNode};
-use crate::contact::impulse::{Constraint, change_normal_velocity, normal_velocity, response};
+use crate::contact::geometric::response::{Field, Response};
 use crate::contact::neighbours::Neighbours;
+use crate::contact::nodes::{ContactNodes, once};
 use crate::contact::pair::{Pair, PairKind};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::{CLOSER_THAN_GAP, OPEN_GAP};
-use crate::contact::zones::Zones;
-use crate::geometry::aabb::Aabb;
+use crate::contact::zones::Hit;
 use crate::metrics::Metrics;
+use crate::parallel::communicator::{Expected, Message};
+
+mod packing;
+mod response;
 
 /// Attempts with impulses alone. The authors make three, and ten or twenty in older scenes (method 4.6): most of what three
 /// leave are a handful of pairs that a few more end.
-const IMPULSE_ATTEMPTS: usize = 6;
+const IMPULSE_ATTEMPTS: u32 = 6;
 
 /// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than the
 /// shorter steps that avoid them (`docs/decisions/0007-self-contact.md`).
-const HARD_SHARE: usize = 5;
-
-/// Attempts with inelastic zones; then pairs with a prescribed node are given up, and as many attempts follow.
-const INELASTIC_ATTEMPTS: usize = 12;
-
-/// Attempts with rigid zones, before their nodes stay where they were (method 4.8).
-const RIGID_ATTEMPTS: usize = 8;
-
-/// Attempts after which what still meets is left alone: the loop ends also where a vertex that is held in some directions
-/// is driven through something.
-const LAST_ATTEMPT: usize = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS + 2 * RIGID_ATTEMPTS + 50;
+const HARD_SHARE: u64 = 5;
 
 /// Edge lengths per second at which pairs closer than the gap are opened [1/s].
 const OPENING_RATE: f64 = 1.0;
@@ -50,35 +46,24 @@ const MARGIN: f64 = 0.02;
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;
 
-/// A pair that meets on the way.
-#[derive(Debug, Clone, Copy)]
-struct Hit {
-    pair: Pair,
-    contact: Contact,
-    /// Distance of the pair at the collision-free state [m].
-    start_distance: f64,
-}
-
 /// What the collisions work on.
 pub struct Collisions<'a> {
-    /// The surfaces.
-    pub surface: &'a ContactSurface,
-    /// Inverse masses per axis [1/kg]; zero for what is prescribed.
-    pub mobility: &'a [Vec3],
+    /// The surfaces. Ghosts may come to those they have.
+    pub surface: &'a mut ContactSurface,
     /// Distance that everything keeps [m].
     pub gap: f64,
     /// Length of the interval [s].
     pub duration: f64,
-    /// Pairs that are left alone because they cross at the start.
+    /// Pairs that are left alone because they cross at the start, by the scene's numbers of their nodes.
     pub ignored: &'a (dyn Fn(&Pair) -> bool + Sync),
     /// Whether what impulses do not resolve is given back for a shorter collision step.
     pub may_give_back: bool,
 }
 
-/// What was done.
+/// What was done; all but the vertices is the same on all ranks.
 #[derive(Debug, Default)]
 pub struct Resolution {
-    /// Cloth vertices whose end was changed, ascending.
+    /// Own cloth vertices whose end was changed, ascending, by the local numbers that they have now.
     pub moved: Vec<u32>,
     /// Whether large impact zones were needed.
     pub hard: bool,
@@ -88,98 +73,118 @@ pub struct Resolution {
     pub given_back: bool,
 }
 
-/// Arrays of the loop.
-#[derive(Debug)]
+/// Arrays of the loop, over the nodes of this rank.
+#[derive(Debug, Default)]
 pub struct CollisionLoop {
     /// Displacements over the interval [m].
     displacements: Vec<Vec3>,
-    recent: Vec<bool>,
-    moved: Vec<bool>,
-    given_up: Vec<Pair>,
-    /// Pairs that may meet.
+    /// Not zero for nodes that the last attempt has changed, and for those that any has.
+    recent: Vec<u8>,
+    moved: Vec<u8>,
+    /// Pairs at home here that may meet.
     candidates: Vec<Pair>,
 }
 
 impl CollisionLoop {
-    /// A loop over so many nodes.
-    pub fn new(nodes: usize) -> Self {
-        Self {
-            displacements: Vec::new(),
-            recent: vec![false; nodes],
-            moved: vec![false; nodes],
-            given_up: Vec::new(),
-            candidates: Vec::new(),
-        }
-    }
-
     /// Changes the ends of `paths` until nothing meets. `used` is the longest way of a node ([`Neighbours::note_ways`] for
-    /// these paths).
+    /// these paths). All ranks call it together.
     pub fn resolve(
         &mut self,
-        collisions: &Collisions<'_>,
+        collisions: &mut Collisions<'_>,
         neighbours: &mut Neighbours,
         search: &mut PairSearch,
         paths: &mut NodePaths,
         mut used: f64,
         metrics: &mut Metrics,
     ) -> Resolution {
-        self.given_up.clear();
+        let ranks = collisions.surface.ranks().clone();
+        let mut response = Response::default();
         let mut source = Source::of(used, neighbours);
-        source.prepare(collisions, neighbours, search, paths, &mut self.candidates, metrics);
-        let mut hits = self.detect(collisions, paths, None);
-        if hits.is_empty() {
+        [&mut self.recent, &mut self.moved].into_iter().for_each(Vec::clear);
+        self.displacements.clear();
+        self.prepare(source, collisions, neighbours, search, paths, metrics);
+        let mut hits = self.detect(collisions, paths, &response);
+        let [mut everywhere] = ranks.sum_of([hits.len() as u64]);
+        if everywhere == 0 {
             return Resolution::default();
         }
-        self.displacements.clear();
         self.displacements.extend(paths.start.iter().zip(&paths.end).map(|(a, b)| b - a));
-        self.moved.fill(false);
-        let mut zones = Zones::new(collisions.surface.nodes());
+        [&mut self.recent, &mut self.moved].into_iter().for_each(|marks| marks.resize(paths.start.len(), 0));
+        let is_hard = |collisions: &Collisions<'_>, nodes: u64| {
+            nodes * HARD_SHARE > u64::from(collisions.surface.nodes().all_cloth())
+        };
         let mut attempts = 0;
-        let is_hard = |nodes: usize| nodes * HARD_SHARE > collisions.surface.cloth_nodes();
-        while !hits.is_empty() {
+        while everywhere > 0 {
             attempts += 1;
-            if attempts == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(hits.len()) {
+            if attempts == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(collisions, everywhere) {
                 return Resolution { given_back: true, ..Resolution::default() };
             }
             metrics.count("collision_hits", hits.len() as u64);
-            let touched = self.respond(collisions, attempts, &hits, &mut zones, paths, metrics);
-            self.recent.fill(false);
-            let mut covered = true;
-            for node in touched {
-                let end = paths.start[node as usize] + self.displacements[node as usize];
-                paths.end[node as usize] = end;
-                self.recent[node as usize] = true;
-                self.moved[node as usize] = true;
-                covered &= match source {
-                    Source::Swept => search.covers(node, &end),
-                    Source::Neighbours => neighbours.covers(node as usize, &end, MARGIN),
-                };
-            }
-            if !covered {
-                let moved = (0..self.moved.len()).filter(|&node| self.moved[node]);
-                used = moved.map(|node| neighbours.note_way(node, &paths.end[node])).fold(used, f64::max);
+            let (surface, gap) = (&*collisions.surface, collisions.gap);
+            let field = Field { nodes: surface.nodes(), start: &paths.start, mobility: surface.mobility(), gap };
+            let touched = response.respond(&field, attempts, hits, &mut self.displacements, metrics);
+            let covers = |node: u32, end: &Vec3| match source {
+                Source::Swept => search.covers(node, end),
+                Source::Neighbours => neighbours.covers(node as usize, end, MARGIN),
+            };
+            let covered = self.note_touched(surface.nodes(), &touched, paths, covers);
+            if ranks.any(!covered) {
+                let nodes = surface.nodes();
+                let moved = nodes.own().filter(|&node| self.moved[node] != 0);
+                used = ranks.max(moved.map(|node| neighbours.note_way(node, &paths.end[node])).fold(used, f64::max));
+                neighbours.share_ways(nodes);
                 source = Source::of(used, neighbours);
-                source.prepare(collisions, neighbours, search, paths, &mut self.candidates, metrics);
+                self.prepare(source, collisions, neighbours, search, paths, metrics);
             }
-            hits = self.detect(collisions, paths, Some(&self.recent));
-            // What moves as one rigid body is as far apart at the end as at the start.
-            hits.retain(|hit| !zones.are_rigid(&hit.pair.nodes));
+            hits = self.detect(collisions, paths, &response);
+            [everywhere] = ranks.sum_of([hits.len() as u64]);
         }
-        metrics.count("collision_attempts", attempts as u64);
-        metrics.count("collision_loops", 1);
-        metrics.count("pairs_pinched", self.given_up.len() as u64);
-        zones.report(metrics);
-        let cloth = 0..collisions.surface.cloth_nodes() as u32;
-        let moved = cloth.filter(|&node| self.moved[node as usize]).collect();
-        Resolution { moved, hard: is_hard(zones.node_count()), pinched: !self.given_up.is_empty(), given_back: false }
+        metrics.count("collision_attempts", once(&ranks, attempts.into()));
+        metrics.count("collision_loops", once(&ranks, 1));
+        let nodes = collisions.surface.nodes();
+        let (zone_nodes, given_up) = response.report(nodes, metrics);
+        let moved = nodes.own().filter(|&node| self.moved[node] != 0).map(|node| node as u32).collect();
+        Resolution { moved, hard: is_hard(collisions, zone_nodes), pinched: given_up > 0, given_back: false }
     }
 
-    /// The candidates that meet, sorted; only those with a node in `recent` if given.
-    fn detect(&self, collisions: &Collisions<'_>, paths: &NodePaths, recent: Option<&[bool]>) -> Vec<Hit> {
-        let concerns = |pair: &Pair| recent.is_none_or(|r| pair.nodes.iter().any(|&node| r[node as usize]));
+    /// Finds the pairs that may meet on these paths, with a little more, so that impulses seldom lead beyond.
+    fn prepare(
+        &mut self,
+        source: Source,
+        collisions: &mut Collisions<'_>,
+        neighbours: &mut Neighbours,
+        search: &mut PairSearch,
+        paths: &mut NodePaths,
+        metrics: &mut Metrics,
+    ) {
+        let reach = [collisions.gap, MARGIN];
+        if source == Source::Neighbours {
+            return neighbours.close_pairs(collisions.gap, MARGIN, &mut self.candidates);
+        }
+        metrics.count("swept_searches", once(collisions.surface.ranks(), 1));
+        let found = &mut self.candidates;
+        let renumber = search.swept_pairs(collisions.surface, neighbours, paths, reach, found);
+        if let Some(renumber) = renumber.filter(|_| !self.displacements.is_empty()) {
+            let nodes = collisions.surface.nodes();
+            renumber.apply(&mut self.displacements, Vec3::zeros());
+            nodes.refresh(&mut self.displacements);
+            for marks in [&mut self.recent, &mut self.moved] {
+                renumber.apply(marks, 0);
+                nodes.refresh(marks);
+            }
+        }
+    }
+
+    /// The candidates that meet, sorted; of these, once nodes have been changed, only those with such a node, which have not
+    /// moved as one body: they are as far apart at the end as at the start.
+    fn detect(&self, collisions: &Collisions<'_>, paths: &NodePaths, response: &Response) -> Vec<Hit> {
+        let concerns =
+            |pair: &Pair| self.recent.is_empty() || pair.nodes.iter().any(|&node| self.recent[node as usize] != 0);
         let judge = |pair: &Pair| {
-            let hit = meet(pair, paths, collisions.gap)?;
-            let left_alone = (collisions.ignored)(pair) || self.given_up.binary_search(pair).is_ok();
+            let (contact, start_distance) =
+                meet(pair.kind, &pair.positions(&paths.start), &pair.positions(&paths.end), collisions.gap)?;
+            let hit = collisions.hit(pair, &contact, start_distance);
+            let left_alone = (collisions.ignored)(&hit.pair) || response.leaves_alone(&hit);
             (!left_alone).then_some(hit)
         };
         let chunks = self.candidates.par_chunks(CHUNK);
@@ -189,97 +194,53 @@ impl CollisionLoop {
         hits
     }
 
-    /// Changes the displacements so that the hits go away, more firmly with every attempt; returns the nodes changed.
-    fn respond(
+    /// Brings the ends of own nodes, and of the copies of such nodes, to their new displacements. Returns whether the pairs
+    /// that were looked for with `covers` still hold.
+    fn note_touched(
         &mut self,
-        collisions: &Collisions<'_>,
-        attempt: usize,
-        hits: &[Hit],
-        zones: &mut Zones,
-        paths: &NodePaths,
-        metrics: &mut Metrics,
-    ) -> Vec<u32> {
-        let hits = self.give_up(collisions, attempt, hits, zones);
-        if attempt <= IMPULSE_ATTEMPTS {
-            return self.impulses(collisions, &hits, paths);
+        nodes: &ContactNodes,
+        touched: &[u32],
+        paths: &mut NodePaths,
+        covers: impl Fn(u32, &Vec3) -> bool,
+    ) -> bool {
+        self.recent.fill(0);
+        let mut covered = true;
+        for &node in touched {
+            covered &= covers(node, &self.note(node, paths));
         }
-        let targets = hits.iter().map(|hit| (hit.constraint(), hit.opening(collisions)));
-        zones.add(targets);
-        let rigid_from = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
-        let seeds = hits.iter().map(|hit| hit.pair.nodes[0]);
-        if attempt <= rigid_from {
-            let (rigid, inelastic): (Vec<_>, Vec<_>) = seeds.partition(|&node| zones.contradicts(node));
-            let mut touched = zones.make_inelastic(&inelastic, collisions.mobility, &mut self.displacements, metrics);
-            touched.extend(self.make_rigid(collisions, &rigid, zones, paths));
-            return touched;
+        let halo = nodes.halo();
+        if halo.is_empty() {
+            return covered;
         }
-        let seeds: Vec<u32> = seeds.collect();
-        if attempt <= rigid_from + RIGID_ATTEMPTS {
-            return self.make_rigid(collisions, &seeds, zones, paths);
-        }
-        zones.stop(&seeds, |i| {
-            let free = collisions.mobility[i as usize].map(|w| f64::from(w == 0.0));
-            self.displacements[i as usize].component_mul_assign(&free);
-        })
-    }
-
-    /// Makes the zones that one of `seeds` belongs to rigid; returns the nodes that may have changed.
-    fn make_rigid(
-        &mut self,
-        collisions: &Collisions<'_>,
-        seeds: &[u32],
-        zones: &mut Zones,
-        paths: &NodePaths,
-    ) -> Vec<u32> {
-        let node = |i: u32, displacements: &[Vec3]| {
-            let start = paths.start[i as usize];
-            let (end, mobility) = (start + displacements[i as usize], collisions.mobility[i as usize]);
-            ZoneNode { start, end, mobility }
+        let message = |(to, list): &(usize, Vec<u32>)| {
+            let mut words: Vec<u64> = Vec::new();
+            for (&node, place) in list.iter().zip(0..).filter(|(node, _)| self.recent[**node as usize] != 0) {
+                words.push(place);
+                words.extend(self.displacements[node as usize].iter().map(|d| d.to_bits()));
+            }
+            Message { to: *to, bytes: bytemuck::cast_slice(&words).to_vec() }
         };
-        zones.make_rigid(seeds, |members| {
-            let mut nodes: Vec<ZoneNode> = members.iter().map(|&i| node(i, &self.displacements)).collect();
-            impact_zone::rigid(&mut nodes, 1.0);
-            for (&i, node) in members.iter().zip(&nodes) {
-                self.displacements[i as usize] = node.end - node.start;
+        let messages = halo.sends().iter().map(message).collect();
+        let expected: Vec<Expected> =
+            halo.receives().iter().map(|(from, _)| Expected { from: *from, length: None }).collect();
+        let answers = nodes.ranks().start(messages, &expected).finish();
+        for ((_, range), bytes) in halo.receives().iter().zip(answers) {
+            let words: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
+            for &[place, x, y, z] in words.as_chunks::<4>().0 {
+                let node = range.start as u32 + place as u32;
+                self.displacements[node as usize] = Vec3::from([x, y, z].map(f64::from_bits));
+                self.note(node, paths);
             }
-        })
-    }
-
-    /// Leaves alone what cannot be helped: pairs of prescribed nodes only, and, when zones have failed, pairs with one.
-    fn give_up(&mut self, collisions: &Collisions<'_>, attempt: usize, hits: &[Hit], zones: &mut Zones) -> Vec<Hit> {
-        let prescribed = |node: &u32| collisions.mobility[*node as usize] == Vec3::zeros();
-        let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
-        let (given_up, kept): (Vec<_>, Vec<_>) = hits.iter().copied().partition(|hit| {
-            let hopeless = response(&hit.constraint(), collisions.mobility) == 0.0;
-            let with_prescribed = hit.pair.nodes.iter().any(prescribed);
-            attempt > LAST_ATTEMPT
-                || (hopeless || last_chance || zones.has_let_go(hit.pair.nodes[0])) && with_prescribed
-        });
-        self.given_up.extend(given_up.iter().map(|hit| hit.pair));
-        self.given_up.sort_unstable();
-        kept
-    }
-
-    /// One Gauss-Seidel pass over the hits: each is looked at again with what those before it have changed.
-    fn impulses(&mut self, collisions: &Collisions<'_>, hits: &[Hit], paths: &NodePaths) -> Vec<u32> {
-        let mut touched = Vec::new();
-        for hit in hits {
-            let start = hit.pair.positions(&paths.start);
-            let end = [0, 1, 2, 3].map(|q| start[q] + self.displacements[hit.pair.nodes[q] as usize]);
-            let Some(hit) = meet_at(&hit.pair, &start, &end, collisions.gap) else { continue };
-            let constraint = hit.constraint();
-            let wanted = hit.opening(collisions);
-            let change = wanted - normal_velocity(&constraint, &self.displacements);
-            if change > 0.0 {
-                change_normal_velocity(&constraint, collisions.mobility, &mut self.displacements, change);
-            }
-            // What met but needed no change turns a lot, and has to be looked at again.
-            touched.extend_from_slice(&hit.pair.nodes);
         }
-        touched.retain(|&node| collisions.mobility[node as usize] != Vec3::zeros());
-        touched.sort_unstable();
-        touched.dedup();
-        touched
+        covered
+    }
+
+    /// Brings the end of a node to its new displacement; returns it.
+    fn note(&mut self, node: u32, paths: &mut NodePaths) -> Vec3 {
+        let node = node as usize;
+        let end = paths.start[node] + self.displacements[node];
+        (paths.end[node], self.recent[node], self.moved[node]) = (end, 1, 1);
+        end
     }
 }
 
@@ -296,58 +257,39 @@ impl Source {
     fn of(used: f64, neighbours: &Neighbours) -> Self {
         if used + MARGIN <= neighbours.reach() { Self::Neighbours } else { Self::Swept }
     }
+}
 
-    /// Finds the pairs that may meet on these paths, with a little more, so that impulses seldom lead beyond.
-    fn prepare(
-        &self,
-        collisions: &Collisions<'_>,
-        neighbours: &Neighbours,
-        search: &mut PairSearch,
-        paths: &NodePaths,
-        candidates: &mut Vec<Pair>,
-        metrics: &mut Metrics,
-    ) {
-        match self {
-            Self::Neighbours => neighbours.close_pairs(collisions.gap, MARGIN, candidates),
-            Self::Swept => {
-                metrics.count("swept_searches", 1);
-                let (start, end, edges) = (&paths.start, &paths.end, collisions.surface.edge_length());
-                let margin = |i: usize| collisions.gap + MARGIN * edges[i];
-                search.fit(collisions.surface, |i| Aabb::of_segment(&start[i], &end[i]).enlarged(margin(i)));
-                search.pairs(collisions.surface, |pair, out| out.push(pair), candidates);
-            }
+impl Collisions<'_> {
+    /// What is to be said of a pair that meets.
+    fn hit(&self, pair: &Pair, contact: &Contact, start_distance: f64) -> Hit {
+        let (nodes, mobility) = (self.surface.nodes(), self.surface.mobility());
+        // A gap opened at once would throw the vertices of a short interval.
+        let slowly = OPENING_RATE * self.duration * self.surface.edge_length()[pair.nodes[0] as usize];
+        Hit {
+            pair: nodes.numbered(pair),
+            moves: pair.nodes.map(|node| mobility[node as usize] != Vec3::zeros()),
+            weights: contact.weights,
+            normal: contact.normal,
+            target: (OPEN_GAP * self.gap - start_distance).clamp(0.0, slowly),
         }
     }
 }
 
-impl Hit {
-    fn constraint(&self) -> Constraint {
-        Constraint { nodes: self.pair.nodes, weights: self.contact.weights, normal: self.contact.normal }
-    }
-
-    /// How far the pair has to open during the interval [m]: zero, unless it is closer than twice the gap. It opens slowly:
-    /// a gap opened at once would throw the vertices of a short interval.
-    fn opening(&self, collisions: &Collisions<'_>) -> f64 {
-        let slowly = OPENING_RATE * collisions.duration * collisions.surface.edge_length()[self.pair.nodes[0] as usize];
-        (OPEN_GAP * collisions.gap - self.start_distance).clamp(0.0, slowly)
-    }
-}
-
-/// Whether a pair comes closer than `gap` on its way; less, if it is that close already.
-fn meet(pair: &Pair, paths: &NodePaths, gap: f64) -> Option<Hit> {
-    meet_at(pair, &pair.positions(&paths.start), &pair.positions(&paths.end), gap)
-}
-
-fn meet_at(pair: &Pair, start: &[Vec3; 4], end: &[Vec3; 4], gap: f64) -> Option<Hit> {
-    let test = |gap: f64| match pair.kind {
+/// Where a pair comes closer than `gap` on its way, and how far it is apart at the start [m]. One that is that close already
+/// must come closer still.
+fn meet(kind: PairKind, start: &[Vec3; 4], end: &[Vec3; 4], gap: f64) -> Option<(Contact, f64)> {
+    let test = |gap: f64| match kind {
         PairKind::PointTriangle => ccd::point_triangle(start, end, gap),
         PairKind::EdgeEdge => ccd::edge_edge(start, end, gap),
     };
     let contact = test(gap)?;
-    let start_distance = pair.closest(start).apart.norm();
+    // The nodes' numbers do not matter for how far they are apart.
+    let start_distance = Pair { kind, nodes: [0; 4] }.closest(start).apart.norm();
     if start_distance > gap {
-        return Some(Hit { pair: *pair, contact, start_distance });
+        return Some((contact, start_distance));
     }
-    let contact = test(CLOSER_THAN_GAP * start_distance)?;
-    Some(Hit { pair: *pair, contact, start_distance })
+    Some((test(CLOSER_THAN_GAP * start_distance)?, start_distance))
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,11 +4,17 @@
 //! pair within touching distance is in the list, and for each pair of it the distance then, less what its nodes have moved,
 //! bounds the distance now. Most pairs are dismissed by that bound alone (method section 8, displacement bounds). Motion
 //! that all nodes have in common does not count.
+//!
+//! Every rank that owns a node of a pair holds the pair, with the same entry.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::common_motion::RigidFit;
+use crate::contact::holders;
+use crate::contact::nodes::{ContactNodes, Renumber};
 use crate::contact::ordering::Order;
 use crate::contact::pair::{Pair, PairKind};
 use crate::contact::search::PairSearch;
@@ -43,13 +49,16 @@ pub struct Neighbours {
     /// Points and triangles; then edges; each in the order of its colours if repulsions need one.
     lists: [Vec<Neighbour>; 2],
     orders: [Order; 2],
-    /// Positions of the nodes when the list was made [m]; empty before.
-    reference: Vec<Vec3>,
+    /// Positions of the nodes when the list was made [m]; none before.
+    reference: Option<Vec<Vec3>>,
     /// Mean rest length of the edges of each node [m]: the measure of its reach.
     edge_length: Vec<f64>,
+    /// Own nodes of cloth: pairs with the smallest node among them are at home.
+    own: Range<u32>,
+    /// Number and centre of the nodes that stand for all, when the list was made [m].
+    centre: (f64, Vec3),
     /// Reach of the present list, as a share of those lengths.
     reach: f64,
-    thickness: Vec<f64>,
     /// What every node has moved since the list was made, at most, besides the common motion [m].
     way: Vec<f64>,
     /// The common motion since the list was made, at both ends of the paths noted last.
@@ -63,13 +72,11 @@ impl Neighbours {
     /// An empty list over a surface. With `coloured` the pairs get colours.
     pub fn new(surface: &ContactSurface, coloured: bool) -> Self {
         let (edge_length, reach) = (surface.edge_length().to_vec(), 0.0);
-        let mut thickness = surface.thickness().to_vec();
-        thickness.resize(surface.nodes(), 0.0);
-        let way = vec![0.0; surface.nodes()];
+        let way = vec![0.0; surface.nodes().count()];
         let (lists, orders) = Default::default();
-        let common = [RigidFit::new(&[], &[]); 2];
-        let (reference, shortening) = (Vec::new(), 1.0);
-        Self { lists, orders, reference, edge_length, reach, thickness, way, common, shortening, coloured }
+        let (common, centre) = ([RigidFit::NONE; 2], (0.0, Vec3::zeros()));
+        let (reference, shortening, own) = (None, 1.0, own_nodes(surface));
+        Self { lists, orders, reference, edge_length, own, centre, reach, way, common, shortening, coloured }
     }
 
     /// Memory held [bytes].
@@ -99,59 +106,83 @@ impl Neighbours {
     }
 
     /// Positions of the nodes when the list was made [m]; none before.
-    pub fn reference(&self) -> &[Vec3] {
-        &self.reference
+    pub fn reference(&self) -> Option<&[Vec3]> {
+        self.reference.as_deref()
     }
 
     /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges,
-    /// and the gap that collisions keep [m].
-    pub fn rebuild(&mut self, surface: &ContactSurface, search: &mut PairSearch, x: &[Vec3], reach: f64, gap: f64) {
+    /// and the gap that collisions keep [m]. All ranks call it together; the surface gets the ghosts that the pairs need, and
+    /// `x` is laid out for them.
+    pub fn rebuild(
+        &mut self,
+        surface: &mut ContactSurface,
+        search: &mut PairSearch,
+        x: &mut Vec<Vec3>,
+        reach: f64,
+        gap: f64,
+    ) {
         self.reach = reach;
-        let (edges, thickness) = (&self.edge_length, &self.thickness);
-        search.fit(surface, |i| Aabb::of_point(&x[i]).enlarged(ACTIVE * thickness[i] + reach * edges[i] + gap));
+        let around = |surface: &ContactSurface, x: &[Vec3], i: usize| {
+            Aabb::of_point(&x[i]).enlarged(ACTIVE * surface.thickness()[i] + reach * surface.edge_length()[i] + gap)
+        };
+        let fetch = |renumber: &Renumber, surface: &ContactSurface, x: &mut Vec<Vec3>| {
+            renumber.apply(x, Vec3::zeros());
+            surface.nodes().refresh(x);
+        };
+        search.fit(surface, |i| around(surface, x, i));
+        if let Some(renumber) = search.invite(surface) {
+            fetch(&renumber, surface, x);
+        }
+        search.fit_visitors(surface, |i| around(surface, x, i));
         let mut found: Vec<Neighbour> = Vec::new();
-        let keep = |pair: Pair, out: &mut Vec<Neighbour>| {
-            let [a, b] = pair.fold(edges, f64::max);
-            let thick = pair_thickness(&pair, thickness);
-            let limit = ACTIVE * thick + reach * (a + b) + gap;
-            let distance_squared = pair.closest(&pair.positions(x)).apart.norm_squared();
-            if distance_squared <= limit * limit {
-                let distance = below(distance_squared.sqrt());
-                let repels = surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
-                out.push(Neighbour { pair, distance, thickness: if repels { thick as f32 } else { 0.0 } });
-            }
-        };
+        let keep = |pair: Pair, out: &mut Vec<Neighbour>| out.extend(close(pair, surface, x, reach, gap));
         search.pairs(surface, keep, &mut found);
-        let split = |kind| {
-            let mut list: Vec<Neighbour> = found.iter().filter(|n| n.pair.kind == kind).copied().collect();
-            if self.coloured {
-                list.par_sort_unstable_by_key(|n| n.pair.nodes);
-                let order = Order::of(&mut list, surface.nodes(), |n| n.pair.nodes);
-                return (list, order);
+        if let Some(renumber) = share(surface, &mut found) {
+            fetch(&renumber, surface, x);
+        }
+        self.lists.iter_mut().for_each(Vec::clear);
+        found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
+        if self.coloured {
+            self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
+            // One after the other, since ranks colour together.
+            for (list, order) in self.lists.iter_mut().zip(&mut self.orders) {
+                *order = Order::of(list, surface.nodes(), |n| n.pair.nodes);
             }
-            (list, Order::default())
-        };
-        let (points, edges) = rayon::join(|| split(PairKind::PointTriangle), || split(PairKind::EdgeEdge));
-        self.lists = [points.0, edges.0];
-        self.orders = [points.1, edges.1];
-        self.reference.clear();
-        self.reference.extend_from_slice(x);
+        }
+        self.edge_length.clear();
+        self.edge_length.extend_from_slice(surface.edge_length());
+        self.own = own_nodes(surface);
+        self.way.resize(x.len(), 0.0);
+        self.centre = surface.samples().centre(surface.nodes(), x);
+        let reference = self.reference.get_or_insert_default();
+        reference.clear();
+        reference.extend_from_slice(x);
     }
 
-    /// Notes the way of every node on the straight path from `start` to `end` [m]. Returns the longest as a share of the
-    /// node's edges: above the reach the list may lack pairs. Infinite before the list is made.
-    pub fn note_ways(&mut self, start: &[Vec3], end: &[Vec3]) -> f64 {
-        if self.reference.len() != self.way.len() {
-            return f64::INFINITY;
+    /// Lays everything out for other ghosts.
+    pub fn renumber(&mut self, renumber: &Renumber, surface: &ContactSurface) {
+        renumber.renumber(self.lists.iter_mut().flatten().flat_map(|n| &mut n.pair.nodes));
+        self.edge_length = surface.edge_length().to_vec();
+        self.own = own_nodes(surface);
+        renumber.apply(&mut self.way, 0.0);
+        if let Some(reference) = &mut self.reference {
+            renumber.apply(reference, Vec3::zeros());
         }
-        self.common = [start, end].map(|now| RigidFit::new(&self.reference, now));
+    }
+
+    /// Notes the way of every node on the straight path from `start` to `end` [m]. Returns the longest of all ranks as a share
+    /// of the node's edges: above the reach the list may lack pairs. Infinite before the list is made. All ranks call it
+    /// together.
+    pub fn note_ways(&mut self, surface: &ContactSurface, start: &[Vec3], end: &[Vec3]) -> f64 {
+        let Some(reference) = &self.reference else { return f64::INFINITY };
+        self.common = surface.samples().fits(surface.nodes(), reference, self.centre, [start, end]);
         self.shortening = self.common[0].shortening_to(&self.common[1]);
         let chunks = self.way.par_chunks_mut(CHUNK).enumerate();
         let largest = chunks.map(|(c, ways)| {
             let mut largest = 0.0_f64;
             for (i, way) in ways.iter_mut().enumerate() {
                 let node = c * CHUNK + i;
-                let from = &self.reference[node];
+                let from = &reference[node];
                 let [a, b] =
                     [(start, 0), (end, 1)].map(|(x, at)| (x[node] - self.common[at].apply(from)).norm_squared());
                 *way = a.max(b).sqrt();
@@ -160,7 +191,7 @@ impl Neighbours {
             largest
         });
         // A path between two rotations shortens distances.
-        largest.reduce(|| 0.0, f64::max) / self.shortening
+        surface.ranks().max(largest.reduce(|| 0.0, f64::max)) / self.shortening
     }
 
     /// Whether a node with a new end has moved no farther than noted, up to a share of its edges.
@@ -170,27 +201,38 @@ impl Neighbours {
 
     /// Notes the way of one node again, after its end has changed. Returns it as a share of the node's edges.
     pub fn note_way(&mut self, node: usize, end: &Vec3) -> f64 {
-        if self.reference.len() != self.way.len() {
-            return f64::INFINITY;
-        }
         self.way[node] = self.way[node].max(self.way_to(node, end));
         self.way[node] / (self.edge_length[node] * self.shortening)
     }
 
-    fn way_to(&self, node: usize, end: &Vec3) -> f64 {
-        (end - self.common[1].apply(&self.reference[node])).norm()
+    /// Brings the ways of ghosts to what their owners have noted again. All ranks call it together.
+    pub fn share_ways(&mut self, nodes: &ContactNodes) {
+        nodes.refresh(&mut self.way);
     }
 
-    /// The pairs that may come within `gap` [m] on the paths noted last, also if all nodes move a share `margin` of their edges
-    /// farther.
+    /// Infinite before the list is made.
+    fn way_to(&self, node: usize, end: &Vec3) -> f64 {
+        let Some(reference) = &self.reference else { return f64::INFINITY };
+        (end - self.common[1].apply(&reference[node])).norm()
+    }
+
+    /// The pairs at home here that may come within `gap` [m] on the paths noted last, also if all nodes move a share `margin`
+    /// of their edges farther.
     pub fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
         out.clear();
         let may_meet = |n: &&Neighbour| {
             let [a, b] = n.pair.fold(&self.edge_length, f64::max);
-            self.distance_bound(n) - margin * (a + b) <= gap
+            self.distance_bound(n) - margin * (a + b) <= gap && self.is_home(&n.pair)
         };
         let chunks = self.lists[0].par_chunks(CHUNK).chain(self.lists[1].par_chunks(CHUNK));
         out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
+    }
+
+    /// Whether this rank owns the smallest node of a pair.
+    #[inline]
+    fn is_home(&self, pair: &Pair) -> bool {
+        let [a, b, c, d] = pair.nodes;
+        self.own.contains(&a.min(b).min(c.min(d)))
     }
 
     /// A bound from below on the distance of a pair anywhere on the paths noted last [m].
@@ -199,6 +241,44 @@ impl Neighbours {
         let [a, b] = neighbour.pair.fold(&self.way, f64::max);
         f64::from(neighbour.distance) * self.shortening - a - b
     }
+}
+
+/// Own nodes of cloth, in local numbers.
+fn own_nodes(surface: &ContactSurface) -> Range<u32> {
+    let own = surface.nodes().own();
+    own.start as u32..own.end as u32
+}
+
+/// The entry of a pair, if it is close enough for the list.
+fn close(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: f64) -> Option<Neighbour> {
+    let [a, b] = pair.fold(surface.edge_length(), f64::max);
+    let thick = pair_thickness(&pair, surface.thickness());
+    let limit = ACTIVE * thick + reach * (a + b) + gap;
+    let distance_squared = pair.closest(&pair.positions(x)).apart.norm_squared();
+    if distance_squared > limit * limit {
+        return None;
+    }
+    let repels = surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
+    let thickness = if repels { thick as f32 } else { 0.0 };
+    Some(Neighbour { pair, distance: below(distance_squared.sqrt()), thickness })
+}
+
+/// Brings the pairs found to all ranks that hold them, and leaves no ghosts but those that pairs or triangles need.
+fn share(surface: &mut ContactSurface, pairs: &mut Vec<Neighbour>) -> Option<Renumber> {
+    if surface.ranks().is_alone() {
+        return None;
+    }
+    let nodes = surface.nodes();
+    pairs.iter_mut().for_each(|n| n.pair = nodes.numbered(&n.pair));
+    holders::spread(nodes, pairs);
+    let is_ghost = |number: &u32| *number < nodes.all_cloth() && !nodes.owns(*number);
+    let mut ghosts: Vec<u32> = pairs.iter().flat_map(|n| n.pair.nodes).filter(is_ghost).collect();
+    ghosts.sort_unstable();
+    ghosts.dedup();
+    let renumber = surface.set_ghosts(ghosts);
+    let local = |number: u32| surface.nodes().local(number).expect("the nodes of held pairs are own or ghosts");
+    pairs.iter_mut().for_each(|n| n.pair.nodes = n.pair.nodes.map(local));
+    renumber
 }
 
 /// `f32` not above a positive `x`.
@@ -219,4 +299,4 @@ fn is_close_at_rest(surface: &ContactSurface, pair: &Pair, thickness: f64) -> bo
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

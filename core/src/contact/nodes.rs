@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use bytemuck::Pod;
 
+use crate::contact::pair::Pair;
 use crate::parallel::halo::Halo;
 use crate::parallel::ranks::Ranks;
 
@@ -34,6 +35,11 @@ impl ContactNodes {
         let halo = Halo::new(ranks, &ghosts, rank_starts);
         let own = low..low + (end - first) as usize;
         Self { ranks: ranks.clone(), rank_starts: rank_starts.to_vec(), ghosts, own, body_nodes, halo }
+    }
+
+    /// The nodes of this rank with other ghosts. All ranks call it together.
+    pub fn with_ghosts(&self, ghosts: Vec<u32>) -> Self {
+        Self::new(&self.ranks, &self.rank_starts, ghosts, self.body_nodes)
     }
 
     /// This rank and the others.
@@ -66,10 +72,26 @@ impl ContactNodes {
         self.own.clone()
     }
 
+    /// Ghosts, in local numbers.
+    pub fn ghost_places(&self) -> impl Iterator<Item = usize> + use<> {
+        (0..self.own.start).chain(self.own.end..self.cloth())
+    }
+
     /// Whether this rank owns a local node of cloth.
     #[inline]
     pub fn is_own(&self, node: u32) -> bool {
         self.own.contains(&(node as usize))
+    }
+
+    /// Whether this rank owns a cloth vertex of the scene.
+    pub fn owns(&self, number: u32) -> bool {
+        self.owned().contains(&number)
+    }
+
+    /// The cloth vertices of the scene that this rank owns.
+    pub fn owned(&self) -> Range<u32> {
+        let rank = self.ranks.rank();
+        self.rank_starts[rank]..self.rank_starts[rank + 1]
     }
 
     /// Whether a local node is a point of a body.
@@ -124,6 +146,11 @@ impl ContactNodes {
         nodes.iter().any(|node| self.is_own(*node))
     }
 
+    /// A pair by the numbers that its nodes have in the scene.
+    pub fn numbered(&self, pair: &Pair) -> Pair {
+        Pair { kind: pair.kind, nodes: pair.nodes.map(|node| self.number(node)) }
+    }
+
     /// Number of cloth vertices of the scene.
     pub fn all_cloth(&self) -> u32 {
         self.rank_starts[self.rank_starts.len() - 1]
@@ -133,4 +160,58 @@ impl ContactNodes {
     pub fn refresh<T: Pod>(&self, values: &mut [T]) {
         self.halo.refresh(&self.ranks, values);
     }
+}
+
+/// New local numbers for old ones, after the ghosts have changed. Ascending, so whatever is sorted by nodes stays so.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Renumber {
+    /// New number of each old node; `DROPPED` where it is no ghost any more.
+    to: Vec<u32>,
+    /// Nodes of cloth before and now.
+    cloth: [usize; 2],
+    /// Number of all nodes now.
+    count: usize,
+}
+
+/// What stands for the number of a node that is not known any more.
+const DROPPED: u32 = u32::MAX;
+
+impl Renumber {
+    /// From one numbering of a rank's nodes to another.
+    pub fn between(old: &ContactNodes, new: &ContactNodes) -> Self {
+        let to = (0..old.count() as u32).map(|node| new.local(old.number(node)).unwrap_or(DROPPED)).collect();
+        Self { to, cloth: [old.cloth(), new.cloth()], count: new.count() }
+    }
+
+    /// Number of all nodes now.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The new number of a node that is still known.
+    #[inline]
+    pub fn node(&self, old: u32) -> u32 {
+        self.to[old as usize]
+    }
+
+    /// Lays an array over all nodes, or over the nodes of cloth, out anew; what is new gets `fill`.
+    pub fn apply<T: Clone>(&self, values: &mut Vec<T>, fill: T) {
+        let count = if values.len() == self.cloth[0] { self.cloth[1] } else { self.count };
+        let old = std::mem::replace(values, vec![fill; count]);
+        for (value, to) in old.into_iter().zip(&self.to) {
+            if *to != DROPPED {
+                values[*to as usize] = value;
+            }
+        }
+    }
+
+    /// Renumbers nodes in place; all are still known.
+    pub fn renumber<'a>(&self, nodes: impl Iterator<Item = &'a mut u32>) {
+        nodes.for_each(|node| *node = self.node(*node));
+    }
+}
+
+/// A count of what all ranks know alike: counted on one of them.
+pub fn once(ranks: &Ranks, count: u64) -> u64 {
+    if ranks.is_first() { count } else { 0 }
 }

@@ -3,17 +3,24 @@
 //! At a collision-free state every pair gets its *side*: which way it has to be apart. Until the next such state the signed
 //! distance is measured against it. A pair that has passed through has a negative distance, and the same laws that push
 //! others apart then pull it back: attraction.
+//!
+//! Every rank treats all pairs that it holds, and so its ghosts too, with the same operands and results as their owners. What
+//! the pairs of a colour that it does not hold do to its ghosts it is told after that colour (`borders`).
 
 use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::neighbours::{ACTIVE, Neighbour, Neighbours};
+use crate::contact::nodes::ContactNodes;
 use crate::contact::ordering::Order;
 use crate::contact::pair::{KINDS, Pair, PairKind};
+use crate::contact::repulsion::borders::Borders;
 use crate::contact::shared::SharedVectors;
 use crate::contact::tolerances::TRUSTED_SIDE;
 use crate::metrics::Metrics;
 use crate::tolerances::NO_DIRECTION;
+
+mod borders;
 
 /// Sweeps of the inelastic pass (method 3.7).
 const INELASTIC_SWEEPS: usize = 3;
@@ -47,6 +54,19 @@ pub enum Passes {
     Full,
     /// Friction and inelastic: B.8.
     WithoutSprings,
+}
+
+/// What the sweeps act on; arrays over this rank's nodes of cloth, ghosts included.
+#[derive(Debug, Clone, Copy)]
+pub struct Moment<'a> {
+    /// The numbering of the nodes.
+    pub nodes: &'a ContactNodes,
+    /// Length of the time step [s].
+    pub dt: f64,
+    /// Positions, the ghosts' as their owners have them [m].
+    pub x: &'a [Vec3],
+    /// Inverse masses, zero where a vertex is held [1/kg].
+    pub mobility: &'a [f64],
 }
 
 /// A pair and its side.
@@ -85,6 +105,13 @@ struct PairsOfKind {
     live_order: Order,
 }
 
+impl PairsOfKind {
+    /// The active pairs, in the order of their colours.
+    fn active(&self) -> impl Iterator<Item = &Touching> {
+        self.live.iter().filter_map(|&i| self.touching[i as usize].as_ref())
+    }
+}
+
 /// The repulsions of a scene.
 #[derive(Debug)]
 pub struct Repulsions {
@@ -94,15 +121,18 @@ pub struct Repulsions {
     /// Nodes of active pairs.
     nodes: Vec<u32>,
     seen: Vec<bool>,
+    /// What ranks tell each other during a pass.
+    borders: Borders,
     /// Whether the active pairs are those of the positions that come next.
     fresh: bool,
 }
 
 impl Repulsions {
-    /// Repulsions over so many cloth vertices.
-    pub fn new(laws: Laws, vertices: usize) -> Self {
-        let (kinds, velocities) = (Default::default(), SharedVectors::new(vertices));
-        Self { laws, kinds, velocities, nodes: Vec::new(), seen: vec![false; vertices], fresh: false }
+    /// Repulsions without pairs yet.
+    pub fn new(laws: Laws) -> Self {
+        let (kinds, velocities) = (Default::default(), SharedVectors::new(0));
+        let (nodes, seen, borders) = Default::default();
+        Self { laws, kinds, velocities, nodes, seen, borders, fresh: false }
     }
 
     /// Memory held [bytes].
@@ -113,9 +143,10 @@ impl Repulsions {
 
     /// A: gives every pair that may come within touching distance its side, at the collision-free positions `x` [m].
     /// `slack` is how far any two nodes may approach until the next collision-free state [m]; pairs for which `ignored`
-    /// holds get none.
+    /// holds, by the scene's numbers of their nodes, get none.
     pub fn take_sides(
         &mut self,
+        nodes: &ContactNodes,
         neighbours: &Neighbours,
         x: &[Vec3],
         slack: f64,
@@ -129,7 +160,7 @@ impl Repulsions {
                 if n.thickness <= 0.0 || neighbours.distance_bound(n) > limit {
                     return None;
                 }
-                sided(n, x, limit).filter(|_| !ignored(&n.pair))
+                sided(n, x, limit).filter(|s| !ignored(&nodes.numbered(&s.pair)))
             };
             let pieces: Vec<(Vec<u32>, Vec<Sided>)> = list
                 .par_chunks(CHUNK)
@@ -157,27 +188,27 @@ impl Repulsions {
         self.fresh = false;
     }
 
-    /// B.2 or B.8: changes the velocities `v` [m/s] of the nodes of all active pairs at the positions `x` [m], for a step of
-    /// length `dt` [s]. `mobility` are inverse masses [1/kg], zero where a vertex is held.
-    pub fn apply(
-        &mut self,
-        passes: Passes,
-        dt: f64,
-        x: &[Vec3],
-        mobility: &[f64],
-        v: &mut [Vec3],
-        metrics: &mut Metrics,
-    ) {
+    /// The nodes have other local numbers now, in the same order.
+    pub fn renumber(&mut self, to: impl Fn(u32) -> u32) {
+        let pairs = self.kinds.iter_mut().flat_map(|of_kind| &mut of_kind.sided);
+        pairs.for_each(|sided| sided.pair.nodes = sided.pair.nodes.map(&to));
+        self.fresh = false;
+    }
+
+    /// B.2 or B.8: changes the velocities `v` [m/s], over this rank's nodes of cloth, of the nodes of all active pairs. Those
+    /// of ghosts may be anything before, and are of no use after. All ranks call it together.
+    pub fn apply(&mut self, passes: Passes, at: &Moment<'_>, v: &mut [Vec3], metrics: &mut Metrics) {
         if !self.fresh {
-            self.refresh(x, mobility);
+            self.refresh(at);
             self.fresh = true;
         }
         if self.nodes.is_empty() {
             return;
         }
         self.nodes.iter().for_each(|&node| self.velocities.set(node, &v[node as usize]));
-        let law =
-            |kind: usize, law: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)| self.sweep(kind, mobility, law);
+        self.borders.before_sweeps(at.nodes.ranks(), &self.velocities);
+        let dt = at.dt;
+        let law = |kind: usize, law: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)| self.sweep(kind, at, law);
         let laws = self.laws;
         let with_springs = passes == Passes::Full;
         for kind in 0..2 {
@@ -192,22 +223,24 @@ impl Repulsions {
             (0..2).for_each(|kind| law(kind, &|t, rel| laws.elastic_change(t, rel, dt)));
         }
         self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
-        let active = self.kinds.iter().flat_map(|k| k.live.iter().filter_map(|&i| k.touching[i as usize].as_ref()));
-        let (mut repelled, mut attracted) = (0, 0);
-        active.for_each(|t| if t.distance < 0.0 { attracted += 1 } else { repelled += 1 });
-        metrics.count("repulsions", repelled);
+        let attracted = self.inverted(at.nodes);
+        metrics.count("repulsions", self.at_home(at.nodes).count() as u64 - attracted);
         metrics.count("attractions", attracted);
     }
 
-    /// Number of active pairs at the positions of the last pass that have passed through each other.
-    pub fn inverted(&self) -> u64 {
-        let active = self.kinds.iter().flat_map(|k| k.live.iter().filter_map(|&i| k.touching[i as usize].as_ref()));
-        active.filter(|t| t.distance < 0.0).count() as u64
+    /// Number of active pairs at home here that had passed through each other at the positions of the last pass.
+    pub fn inverted(&self, nodes: &ContactNodes) -> u64 {
+        self.at_home(nodes).filter(|t| t.distance < 0.0).count() as u64
     }
 
-    /// Finds the active pairs and their geometry at `x`.
-    fn refresh(&mut self, x: &[Vec3], mobility: &[f64]) {
-        let laws = self.laws;
+    fn at_home(&self, nodes: &ContactNodes) -> impl Iterator<Item = &Touching> {
+        let active = self.kinds.iter().flat_map(PairsOfKind::active);
+        active.filter(|t| nodes.is_home(&t.nodes))
+    }
+
+    /// Finds the active pairs and their geometry.
+    fn refresh(&mut self, at: &Moment<'_>) {
+        let (laws, x, mobility) = (self.laws, at.x, at.mobility);
         for of_kind in &mut self.kinds {
             let chunks = of_kind.touching.par_chunks_mut(CHUNK).zip(of_kind.sided.par_chunks(CHUNK));
             chunks.for_each(|(touching, sided)| {
@@ -219,19 +252,22 @@ impl Repulsions {
         }
         self.nodes.iter().for_each(|&node| self.seen[node as usize] = false);
         self.nodes.clear();
-        for of_kind in &self.kinds {
-            for touching in of_kind.live.iter().filter_map(|&i| of_kind.touching[i as usize].as_ref()) {
-                for node in touching.nodes {
-                    if !std::mem::replace(&mut self.seen[node as usize], true) {
-                        self.nodes.push(node);
-                    }
+        if self.seen.len() != at.nodes.cloth() {
+            self.seen = vec![false; at.nodes.cloth()];
+            self.velocities = SharedVectors::new(at.nodes.cloth());
+        }
+        for touching in self.kinds.iter().flat_map(PairsOfKind::active) {
+            for node in touching.nodes {
+                if !std::mem::replace(&mut self.seen[node as usize], true) {
+                    self.nodes.push(node);
                 }
             }
         }
+        self.borders = Borders::of(at.nodes, &self.kinds, &self.seen);
     }
 
     /// One Gauss-Seidel pass in the order of the colours. `change` is the change of relative velocity that the law wants.
-    fn sweep(&self, kind: usize, mobility: &[f64], change: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)) {
+    fn sweep(&self, kind: usize, at: &Moment<'_>, change: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)) {
         let of_kind = &self.kinds[kind];
         let one = |&i: &u32| {
             let Some(t) = &of_kind.touching[i as usize] else { return };
@@ -241,19 +277,19 @@ impl Repulsions {
             let Some(change) = change(t, &relative) else { return };
             let impulse = change / t.response;
             for q in 0..4 {
-                let share = t.weights[q] * mobility[t.nodes[q] as usize];
+                let share = t.weights[q] * at.mobility[t.nodes[q] as usize];
                 self.velocities.set(t.nodes[q], &(v[q] + impulse * share));
             }
         };
-        for colour in of_kind.live_order.colours() {
+        for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
             let live = &of_kind.live[colour.clone()];
             if live.len() >= PARALLEL {
                 live.par_iter().with_min_len(PARALLEL / 4).for_each(one);
             } else {
                 live.iter().for_each(one);
             }
+            self.borders.after_colour(at.nodes.ranks(), [kind, number], &self.velocities);
         }
-        of_kind.live[of_kind.live_order.rest()].iter().for_each(one);
     }
 }
 

@@ -2,15 +2,21 @@
 //!
 //! The caller gives every node a box; a pair is met when the boxes of its primitives, which join those of their nodes,
 //! overlap. With boxes around points this finds what is close; with boxes around paths, what may have met.
+//!
+//! Every pair is found on one rank, that of its smallest node. On many ranks a search has three steps: `fit`, after which
+//! `invite` lets the triangles of other ranks in, whose nodes are ghosts then, and `fit_visitors` when these have their values.
 
 use rayon::prelude::*;
 
 use crate::Vec3;
+use crate::contact::faces::Faces;
+use crate::contact::neighbours::Neighbours;
+use crate::contact::nodes::Renumber;
 use crate::contact::pair::{Pair, PairKind};
-use crate::contact::surface::ContactSurface;
+use crate::contact::surface::{ContactSurface, NodePaths};
+use crate::contact::visitors::{self, Visitor};
 use crate::geometry::aabb::Aabb;
-use crate::geometry::bvh::Bvh;
-use crate::geometry::crossings::{self, Crossing, Surface};
+use crate::geometry::bvh::{Bvh, PairTask};
 use crate::geometry::tolerances::REBUILD_COST;
 
 /// Pieces of a search: enough for many threads, few enough for their overhead not to show.
@@ -23,74 +29,150 @@ const CHUNK: usize = 4096;
 #[derive(Debug)]
 pub struct PairSearch {
     node_boxes: Vec<Aabb>,
-    triangle_boxes: Vec<Aabb>,
-    edge_boxes: Vec<Aabb>,
-    cloth: Tree,
-    bodies: Tree,
+    cloth: Fitted,
+    bodies: Fitted,
+    /// Triangles of higher ranks, for one search.
+    visitors: Faces,
+    visiting: Fitted,
 }
 
+/// Boxes of triangles and of the edges that hang on them, and a tree over the triangles.
 #[derive(Debug)]
-struct Tree {
-    bvh: Bvh,
+struct Fitted {
+    triangle_boxes: Vec<Aabb>,
+    edge_boxes: Vec<Aabb>,
+    tree: Bvh,
     built_cost: f64,
 }
 
-impl Tree {
-    /// A tree without triangles.
-    fn empty() -> Self {
-        Self { bvh: Bvh::build(&[]), built_cost: 0.0 }
-    }
-
-    /// Fits the tree to the boxes; builds it anew where motion has spoiled it.
-    fn fit(&mut self, boxes: &[Aabb]) {
-        if self.bvh.len() == boxes.len() {
-            self.bvh.refit(|t| boxes[t as usize]);
-            if self.bvh.cost() <= REBUILD_COST * self.built_cost {
-                return;
-            }
-        }
-        self.bvh = Bvh::build(boxes);
-        self.built_cost = self.bvh.cost();
-    }
+/// Triangles with their boxes.
+#[derive(Clone, Copy)]
+struct Side<'a> {
+    faces: &'a Faces,
+    fitted: &'a Fitted,
 }
 
-impl PairSearch {
-    /// A search over a surface, without boxes yet.
-    pub fn new(surface: &ContactSurface) -> Self {
-        Self {
-            node_boxes: vec![Aabb::EMPTY; surface.nodes()],
-            triangle_boxes: vec![Aabb::EMPTY; surface.triangles().len()],
-            edge_boxes: vec![Aabb::EMPTY; surface.edges().len()],
-            cloth: Tree::empty(),
-            bodies: Tree::empty(),
-        }
+impl Fitted {
+    /// Boxes of nothing.
+    fn empty() -> Self {
+        let (triangle_boxes, edge_boxes) = (Vec::new(), Vec::new());
+        Self { triangle_boxes, edge_boxes, tree: Bvh::build(&[]), built_cost: 0.0 }
     }
 
-    /// Memory held [bytes], trees estimated at two nodes a triangle.
-    pub fn bytes(&self) -> usize {
-        (self.node_boxes.len() + self.edge_boxes.len() + 4 * self.triangle_boxes.len()) * size_of::<Aabb>()
-    }
-
-    /// Gives every node its box and fits the trees.
-    pub fn fit(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb + Sync) {
-        let chunks = self.node_boxes.par_chunks_mut(CHUNK).enumerate();
-        chunks.for_each(|(c, boxes)| boxes.iter_mut().enumerate().for_each(|(i, b)| *b = box_of(c * CHUNK + i)));
-        let nodes = &self.node_boxes;
-        let chunks = self.triangle_boxes.par_chunks_mut(CHUNK).zip(surface.triangles().par_chunks(CHUNK));
+    /// Makes the boxes from those of the nodes and fits the tree to them; builds it anew where motion has spoiled it.
+    fn fit(&mut self, faces: &Faces, nodes: &[Aabb]) {
+        self.triangle_boxes.resize(faces.triangles().len(), Aabb::EMPTY);
+        self.edge_boxes.resize(faces.edges().len(), Aabb::EMPTY);
+        let chunks = self.triangle_boxes.par_chunks_mut(CHUNK).zip(faces.triangles().par_chunks(CHUNK));
         chunks.for_each(|(boxes, triangles)| {
             for (b, [i, j, k]) in boxes.iter_mut().zip(triangles) {
                 *b = nodes[*i as usize].union(&nodes[*j as usize]).union(&nodes[*k as usize]);
             }
         });
-        let chunks = self.edge_boxes.par_chunks_mut(CHUNK).zip(surface.edges().par_chunks(CHUNK));
+        let chunks = self.edge_boxes.par_chunks_mut(CHUNK).zip(faces.edges().par_chunks(CHUNK));
         chunks.for_each(|(boxes, edges)| {
             for (b, [i, j]) in boxes.iter_mut().zip(edges) {
                 *b = nodes[*i as usize].union(&nodes[*j as usize]);
             }
         });
-        let (cloth, bodies) = self.triangle_boxes.split_at(surface.cloth_triangles());
-        self.cloth.fit(cloth);
-        self.bodies.fit(bodies);
+        let boxes = &self.triangle_boxes;
+        if self.tree.len() == boxes.len() {
+            self.tree.refit(|t| boxes[t as usize]);
+            if self.tree.cost() <= REBUILD_COST * self.built_cost {
+                return;
+            }
+        }
+        self.tree = Bvh::build(boxes);
+        self.built_cost = self.tree.cost();
+    }
+
+    fn bytes(&self) -> usize {
+        (self.edge_boxes.len() + 4 * self.triangle_boxes.len()) * size_of::<Aabb>()
+    }
+}
+
+impl PairSearch {
+    /// A search without boxes yet.
+    pub fn new() -> Self {
+        let [cloth, bodies, visiting] = [(); 3].map(|()| Fitted::empty());
+        Self { node_boxes: Vec::new(), cloth, bodies, visitors: Faces::default(), visiting }
+    }
+
+    /// Memory held [bytes], trees estimated at two nodes a triangle.
+    pub fn bytes(&self) -> usize {
+        let boxes = self.node_boxes.len() * size_of::<Aabb>();
+        boxes + self.cloth.bytes() + self.bodies.bytes() + self.visiting.bytes() + self.visitors.bytes()
+    }
+
+    /// Gives every node its box and fits the trees.
+    pub fn fit(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb + Sync) {
+        self.node_boxes.resize(surface.nodes().count(), Aabb::EMPTY);
+        let chunks = self.node_boxes.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(c, boxes)| boxes.iter_mut().enumerate().for_each(|(i, b)| *b = box_of(c * CHUNK + i)));
+        self.cloth.fit(surface.cloth(), &self.node_boxes);
+        self.bodies.fit(surface.bodies(), &self.node_boxes);
+        if !self.visitors.triangles().is_empty() {
+            (self.visitors, self.visiting) = (Faces::default(), Fitted::empty());
+        }
+    }
+
+    /// Lets the triangles of higher ranks in that may meet those of this rank: their nodes become ghosts, besides those there
+    /// are. All ranks call it together after `fit`. Returns what nodes are called now, unless nothing has changed.
+    pub fn invite(&mut self, surface: &mut ContactSurface) -> Option<Renumber> {
+        if surface.ranks().is_alone() {
+            return None;
+        }
+        let Fitted { tree, triangle_boxes, .. } = &self.cloth;
+        let visitors: Vec<Visitor> = visitors::visit(surface.nodes(), surface.cloth(), tree, triangle_boxes);
+        let numbers = visitors.iter().flat_map(|[a, b, c, _]| [*a, *b, *c]);
+        let mut ghosts: Vec<u32> = numbers.filter(|number| !surface.nodes().owns(*number)).collect();
+        ghosts.extend_from_slice(surface.nodes().ghosts());
+        ghosts.sort_unstable();
+        ghosts.dedup();
+        let renumber = surface.set_ghosts(ghosts);
+        let local = |number: u32| surface.nodes().local(number).expect("the nodes of visitors are own or ghosts");
+        let triangles = visitors.iter().map(|[a, b, c, _]| [*a, *b, *c].map(local)).collect();
+        let carried: Vec<u32> = visitors.iter().map(|[.., carried]| *carried).collect();
+        self.visitors = Faces::told(triangles, &carried);
+        if let Some(renumber) = &renumber {
+            renumber.apply(&mut self.node_boxes, Aabb::EMPTY);
+        }
+        renumber
+    }
+
+    /// Gives the ghosts their boxes, and fits the tree of the visitors.
+    pub fn fit_visitors(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb) {
+        let nodes = surface.nodes();
+        if nodes.ranks().is_alone() {
+            return;
+        }
+        nodes.ghost_places().for_each(|i| self.node_boxes[i] = box_of(i));
+        self.visiting.fit(&self.visitors, &self.node_boxes);
+    }
+
+    /// Finds the pairs of this rank that may come within `gap` [m] on their paths, also if their nodes move a share `margin`
+    /// of their edges farther. All ranks call it together. Ghosts may come to the ones there are: then the paths and the
+    /// list of neighbours are laid out anew, and what nodes are called now is returned.
+    pub fn swept_pairs(
+        &mut self,
+        surface: &mut ContactSurface,
+        neighbours: &mut Neighbours,
+        paths: &mut NodePaths,
+        [gap, margin]: [f64; 2],
+        found: &mut Vec<Pair>,
+    ) -> Option<Renumber> {
+        let swept = |paths: &NodePaths, edges: &[f64], i: usize| {
+            Aabb::of_segment(&paths.start[i], &paths.end[i]).enlarged(gap + margin * edges[i])
+        };
+        self.fit(surface, |i| swept(paths, surface.edge_length(), i));
+        let renumber = self.invite(surface);
+        if let Some(renumber) = &renumber {
+            paths.renumber(renumber, surface.nodes());
+            neighbours.renumber(renumber, surface);
+        }
+        self.fit_visitors(surface, |i| swept(paths, surface.edge_length(), i));
+        self.pairs(surface, |pair, out| out.push(pair), found);
+        renumber
     }
 
     /// Whether the box of a node contains a point, so that pairs found for the box hold for it.
@@ -99,72 +181,71 @@ impl PairSearch {
         (0..3).all(|k| f64::from(bounds.min[k]) <= point[k] && point[k] <= f64::from(bounds.max[k]))
     }
 
-    /// Meets every pair with a cloth node whose boxes overlap, once, and keeps what `keep` makes of it. Primitives that
-    /// share a node are no pair. The order depends on the trees: sort what order matters for.
+    /// A tree over the triangles of cloth, and one over those of the bodies, with the boxes given last.
+    pub fn trees(&self) -> [&Bvh; 2] {
+        [&self.cloth.tree, &self.bodies.tree]
+    }
+
+    /// Boxes of the triangles of cloth.
+    pub fn cloth_boxes(&self) -> &[Aabb] {
+        &self.cloth.triangle_boxes
+    }
+
+    /// Meets every pair of this rank whose boxes overlap, once, and keeps what `keep` makes of it. Primitives that share a node
+    /// are no pair. The order depends on the trees: sort what order matters for.
     pub fn pairs<T: Send>(
         &self,
         surface: &ContactSurface,
         keep: impl Fn(Pair, &mut Vec<T>) + Sync,
         found: &mut Vec<T>,
     ) {
-        let own = self.cloth.bvh.self_tasks(TASKS);
-        let inside = own.par_iter().map(|task| {
+        let cloth = Side { faces: surface.cloth(), fitted: &self.cloth };
+        let bodies = Side { faces: surface.bodies(), fitted: &self.bodies };
+        let visitors = Side { faces: &self.visitors, fitted: &self.visiting };
+        let tree = &self.cloth.tree;
+        let work = |other: Side<'_>, task: &PairTask| {
             let mut out = Vec::new();
-            let mut meet = |s, t| self.meet(surface, s, t, &keep, &mut out);
-            self.cloth.bvh.pairs_of(task, &self.cloth.bvh, &mut meet);
+            let mut meet = |s, t| self.meet((cloth, s), (other, t), &keep, &mut out);
+            tree.pairs_of(task, &other.fitted.tree, &mut meet);
             out
-        });
-        let first = surface.cloth_triangles() as u32;
-        let mixed = self.cloth.bvh.tasks_with(&self.bodies.bvh, TASKS);
-        let between = mixed.par_iter().map(|task| {
-            let mut out = Vec::new();
-            let mut meet = |s, t| self.meet(surface, s, t + first, &keep, &mut out);
-            self.cloth.bvh.pairs_of(task, &self.bodies.bvh, &mut meet);
-            out
-        });
-        let pieces: Vec<Vec<T>> = inside.chain(between).collect();
+        };
+        let mut tasks: Vec<(Side<'_>, PairTask)> = tree.self_tasks(TASKS).into_iter().map(|t| (cloth, t)).collect();
+        for other in [bodies, visitors].into_iter().filter(|other| !other.fitted.tree.is_empty()) {
+            tasks.extend(tree.tasks_with(&other.fitted.tree, TASKS).into_iter().map(|task| (other, task)));
+        }
+        let pieces: Vec<Vec<T>> = tasks.par_iter().map(|(other, task)| work(*other, task)).collect();
         found.clear();
         found.extend(pieces.into_iter().flatten());
     }
 
-    /// Edges of cloth that pass through triangles, of cloth or of bodies, and edges of bodies through cloth, with the nodes at
-    /// `x` [m] inside the boxes given last; only around the nodes in `only` (ascending) if given.
-    pub fn crossings(&self, surface: &ContactSurface, x: &[Vec3], only: Option<&[u32]>) -> Vec<Crossing> {
-        let (cloth, bodies) = surface.triangles().split_at(surface.cloth_triangles());
-        let [cloth_owners, body_owners] = surface.edge_owners();
-        let cloth = Surface { triangles: cloth, owners: cloth_owners, positions: x, tree: &self.cloth.bvh };
-        let bodies = Surface { triangles: bodies, owners: body_owners, positions: x, tree: &self.bodies.bvh };
-        let mut found = match only {
-            Some(only) => crossings::find_moved(&cloth, |node| only.binary_search(&node).is_ok()),
-            None => crossings::find(&cloth),
-        };
-        if !bodies.triangles.is_empty() {
-            found.extend(crossings::find_between(&cloth, &bodies));
-            found.extend(crossings::find_between(&bodies, &cloth));
-            found.sort_unstable();
-        }
-        found
-    }
-
     /// The pairs of points, triangles and edges that belong to two triangles.
     #[inline]
-    fn meet<T>(&self, surface: &ContactSurface, s: u32, t: u32, keep: &impl Fn(Pair, &mut Vec<T>), out: &mut Vec<T>) {
-        let boxes = [&self.triangle_boxes[s as usize], &self.triangle_boxes[t as usize]];
-        if !boxes[0].overlaps(boxes[1]) {
+    fn meet<T>(
+        &self,
+        one: (Side<'_>, u32),
+        other: (Side<'_>, u32),
+        keep: &impl Fn(Pair, &mut Vec<T>),
+        out: &mut Vec<T>,
+    ) {
+        let (s, t) = (one.1, other.1);
+        let [own_boxes, boxes] = [one.0.fitted, other.0.fitted];
+        let triangle_box = &boxes.triangle_boxes[t as usize];
+        if !own_boxes.triangle_boxes[s as usize].overlaps(triangle_box) {
             return;
         }
-        self.points_against(surface, s, t, keep, out);
-        self.points_against(surface, t, s, keep, out);
-        let others = surface.owned_edges(t);
-        for e in surface.owned_edges(s) {
-            let own = &self.edge_boxes[e];
-            if !own.overlaps(boxes[1]) {
+        self.points_against(one, other, keep, out);
+        self.points_against(other, one, keep, out);
+        let others = other.0.faces.edges_of(t);
+        for e in one.0.faces.edges_of(s) {
+            let own = &own_boxes.edge_boxes[e];
+            if !own.overlaps(triangle_box) {
                 continue;
             }
-            let [a, b] = surface.edges()[e];
-            for (&[c, d], other) in surface.edges()[others.clone()].iter().zip(&self.edge_boxes[others.clone()]) {
+            let [a, b] = one.0.faces.edges()[e];
+            let edges = &other.0.faces.edges()[others.clone()];
+            for (&[c, d], bounds) in edges.iter().zip(&boxes.edge_boxes[others.clone()]) {
                 let apart = (a != c) & (a != d) & (b != c) & (b != d);
-                if apart & own.overlaps(other) {
+                if apart & own.overlaps(bounds) {
                     let nodes = if [a, b] < [c, d] { [a, b, c, d] } else { [c, d, a, b] };
                     keep(Pair { kind: PairKind::EdgeEdge, nodes }, out);
                 }
@@ -172,22 +253,30 @@ impl PairSearch {
         }
     }
 
-    /// The points that `s` owns against the triangle `t`.
+    /// The points that hang on one triangle against another.
     #[inline]
     fn points_against<T>(
         &self,
-        surface: &ContactSurface,
-        s: u32,
-        t: u32,
+        (one, s): (Side<'_>, u32),
+        (other, t): (Side<'_>, u32),
         keep: &impl Fn(Pair, &mut Vec<T>),
         out: &mut Vec<T>,
     ) {
-        let corners = surface.triangles()[t as usize];
-        let triangle_box = &self.triangle_boxes[t as usize];
-        for &p in surface.owned_nodes(s) {
+        if !other.faces.is_face(t) {
+            return;
+        }
+        let corners = other.faces.triangles()[t as usize];
+        let triangle_box = &other.fitted.triangle_boxes[t as usize];
+        for &p in one.faces.points(s) {
             if !corners.contains(&p) && self.node_boxes[p as usize].overlaps(triangle_box) {
                 keep(Pair { kind: PairKind::PointTriangle, nodes: [p, corners[0], corners[1], corners[2]] }, out);
             }
         }
+    }
+}
+
+impl Default for PairSearch {
+    fn default() -> Self {
+        Self::new()
     }
 }

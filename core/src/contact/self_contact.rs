@@ -6,10 +6,12 @@
 
 use crate::Vec3;
 use crate::bodies::Bodies;
-use crate::contact::geometric::{CollisionLoop, Collisions};
+use crate::contact::exact_check::{crossings, ignored_pairs, pinched_vertices};
+use crate::contact::geometric::{CollisionLoop, Collisions, Resolution};
 use crate::contact::neighbours::Neighbours;
-use crate::contact::pair::{Pair, PairKind};
-use crate::contact::repulsion::{Laws, Passes, Repulsions};
+use crate::contact::nodes::{ContactNodes, once};
+use crate::contact::pair::Pair;
+use crate::contact::repulsion::{Laws, Moment, Passes, Repulsions};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
@@ -18,6 +20,7 @@ use crate::effects::pins::{HardPins, PinTargets};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
+use crate::parallel::ranks::Ranks;
 use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
 use crate::state::State;
@@ -108,7 +111,8 @@ struct Geometric {
     work: CollisionLoop,
     /// Velocities at the collision-free state [m/s].
     velocities: Vec<Vec3>,
-    /// Crossings of the collision-free state: those of the start, and of cloth that bodies have pinched.
+    /// Crossings of the collision-free state: those of the start, and of cloth that bodies have pinched. These and what follows
+    /// from them are alike on all ranks, in numbers of the scene.
     crossings: Vec<Crossing>,
     /// Pairs that are left alone because of them, ascending.
     ignored: Vec<Pair>,
@@ -125,11 +129,13 @@ pub struct SelfContact {
     neighbours: Neighbours,
     repulsions: Option<Repulsions>,
     geometric: Option<Geometric>,
-    /// Inverse masses of the cloth, zero where a vertex is held in all directions [1/kg].
+    /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
     mobility: Vec<f64>,
-    /// Inverse masses of all nodes per axis, zero where held [1/kg].
-    node_mobility: Vec<Vec3>,
     paths: NodePaths,
+    /// Positions and velocities of the nodes of cloth in B.2 and B.8, where there are ghosts.
+    cloth: [Vec<Vec3>; 2],
+    /// Distance that collisions keep in this collision step [m].
+    gap: f64,
     /// Time of the collision-free state [s].
     start_time: f64,
     /// Longest way of a node as a share of its edges [1/s], in the last collision step.
@@ -156,23 +162,21 @@ impl SelfContact {
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
             control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
-            work: CollisionLoop::new(surface.nodes()),
+            work: CollisionLoop::default(),
             velocities: Vec::new(),
             crossings: Vec::new(),
             ignored: Vec::new(),
             pinched: Vec::new(),
         });
-        let mobility: Vec<f64> = scene.masses().iter().map(|m| 1.0 / m).collect();
-        let mut node_mobility: Vec<Vec3> = mobility.iter().map(|w| Vec3::repeat(*w)).collect();
-        node_mobility.resize(surface.nodes(), Vec3::zeros());
         Self {
-            search: PairSearch::new(&surface),
+            search: PairSearch::new(),
             neighbours,
-            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws, surface.cloth_nodes())),
+            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
             geometric,
-            mobility,
-            node_mobility,
+            mobility: cloth_mobility(&surface),
             paths: NodePaths::default(),
+            cloth: Default::default(),
+            gap: 0.0,
             start_time: 0.0,
             wear: 0.0,
             used: f64::INFINITY,
@@ -182,7 +186,7 @@ impl SelfContact {
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        let nodes = self.surface.nodes() * (3 * size_of::<Vec3>() + size_of::<f64>());
+        let nodes = self.surface.node_count() * (2 * size_of::<Vec3>() + size_of::<f64>());
         let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
@@ -200,14 +204,23 @@ impl SelfContact {
     /// Notes which vertices are held during the coming step.
     pub fn set_held(&mut self, masses: &[f64], pins: Option<&HardPins>, targets: &PinTargets) {
         let Some(pins) = pins else { return };
-        for (vertex, _, _) in pins.axes() {
-            self.node_mobility[vertex] = Vec3::repeat(1.0 / masses[vertex]);
-        }
-        for (vertex, target, axes) in pins.axes() {
-            if targets.is_active(target) {
-                (0..3).filter(|axis| axes[*axis]).for_each(|axis| self.node_mobility[vertex][axis] = 0.0);
+        let Self { surface, mobility, .. } = self;
+        let place = surface.place();
+        let shift = surface.nodes().own().start;
+        let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + shift);
+        surface.change_mobility(|all| {
+            for (vertex, node) in pins.axes().filter_map(|(vertex, ..)| Some((vertex, own(vertex)?))) {
+                all[node] = Vec3::repeat(1.0 / masses[vertex]);
             }
-            self.mobility[vertex] = self.node_mobility[vertex].max();
+            for (vertex, target, axes) in pins.axes() {
+                if let Some(node) = own(vertex).filter(|_| targets.is_active(target)) {
+                    (0..3).filter(|axis| axes[*axis]).for_each(|axis| all[node][axis] = 0.0);
+                }
+            }
+        });
+        let pinned = pins.axes().filter_map(|(vertex, ..)| own(vertex));
+        for node in pinned.chain(surface.nodes().ghost_places()) {
+            mobility[node] = surface.mobility()[node].max();
         }
     }
 
@@ -230,39 +243,70 @@ impl SelfContact {
         let affordable = (LONGEST_WAY / per_step.max(f64::MIN_POSITIVE)) as u32;
         let steps = wanted.min(affordable).max(1);
         let way = per_step * f64::from(steps);
-        self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
+        self.gap = gap(self.surface.ranks(), &self.paths.start);
+        self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
         if self.used + way > self.neighbours.reach() || self.used.is_nan() {
-            metrics.count("pair_searches", 1);
+            metrics.count("pair_searches", self.once(1));
             // A list that lasts is worth being long; one that does not is for repulsions alone.
             let reach = if LASTING * way <= LONG_REACH { LONG_REACH } else { way.min(SHORT_REACH) };
-            self.neighbours.rebuild(&self.surface, &mut self.search, &self.paths.start, reach, gap(&self.paths.start));
-            self.used = self.neighbours.note_ways(&self.paths.start, &self.paths.start);
+            self.rebuild(reach);
+            self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
             let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
             let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
-            repulsions.take_sides(&self.neighbours, &self.paths.start, slack, &is_ignored);
+            repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
         }
-        metrics.count("collision_steps", 1);
-        metrics.count(STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], 1);
-        metrics.count("collision_steps_shortened", u64::from(self.step_share() < 1.0));
+        metrics.count("collision_steps", self.once(1));
+        metrics.count(STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], self.once(1));
+        metrics.count("collision_steps_shortened", self.once(u64::from(self.step_share() < 1.0)));
         steps
     }
 
-    /// B.2: repulsion of the velocities of the half step.
-    pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
-        if let Some(repulsions) = &mut self.repulsions {
-            repulsions.apply(Passes::Full, dt, x, &self.mobility, v, metrics);
+    /// A count of what all ranks know alike.
+    fn once(&self, count: u64) -> u64 {
+        once(self.surface.ranks(), count)
+    }
+
+    /// Makes the list of neighbours anew around the collision-free state.
+    fn rebuild(&mut self, reach: f64) {
+        let Self { surface, search, neighbours, paths, mobility, gap, .. } = self;
+        neighbours.rebuild(surface, search, &mut paths.start, reach, *gap);
+        if surface.nodes().cloth() != mobility.len() || !surface.ranks().is_alone() {
+            *mobility = cloth_mobility(surface);
         }
+    }
+
+    /// B.2: repulsion of the velocities of the half step, over the scene's local vertices.
+    pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+        self.repel(Passes::Full, dt, x, v, metrics);
     }
 
     /// B.8: repulsion of the final velocities, without springs.
     pub fn final_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         if let Some(repulsions) = &mut self.repulsions {
             repulsions.positions_changed();
-            repulsions.apply(Passes::WithoutSprings, dt, x, &self.mobility, v, metrics);
         }
+        self.repel(Passes::WithoutSprings, dt, x, v, metrics);
+    }
+
+    fn repel(&mut self, passes: Passes, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+        let Some(repulsions) = &mut self.repulsions else { return };
+        let (nodes, place) = (self.surface.nodes(), self.surface.place());
+        if nodes.ranks().is_alone() {
+            repulsions.apply(passes, &Moment { nodes, dt, x, mobility: &self.mobility }, v, metrics);
+            return;
+        }
+        let [contact_x, contact_v] = &mut self.cloth;
+        for (all, own) in [(&mut *contact_x, x), (&mut *contact_v, &*v)] {
+            all.resize(nodes.cloth(), Vec3::zeros());
+            all[nodes.own()].copy_from_slice(&own[place.clone()]);
+        }
+        nodes.refresh(contact_x);
+        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility };
+        repulsions.apply(passes, &at, contact_v, metrics);
+        v[place].copy_from_slice(&contact_v[nodes.own()]);
     }
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
@@ -278,33 +322,21 @@ impl SelfContact {
         mut moved: impl FnMut(usize, f64),
     ) -> Ending {
         if let Some(repulsions) = &mut self.repulsions {
-            metrics.count("inverted_pairs", repulsions.inverted());
+            metrics.count("inverted_pairs", repulsions.inverted(self.surface.nodes()));
             repulsions.positions_changed();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
-        let used = self.neighbours.note_ways(&self.paths.start, &self.paths.end);
+        let used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.end);
         if duration > 0.0 {
             self.wear = (used - self.used).max(0.0) / duration;
         }
+        if self.geometric.is_none() {
+            return Ending::Resolved;
+        }
+        let outcome = self.resolve(duration, may_rewind, used, metrics);
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
-        let (ignored, pinched, surface) = (&geometric.ignored, &geometric.pinched, &self.surface);
-        let is_ignored = |pair: &Pair| {
-            let lets_out =
-                || !surface.repels(pair) && pair.nodes.iter().any(|node| pinched.binary_search(node).is_ok());
-            ignored.binary_search(pair).is_ok() || (!pinched.is_empty() && lets_out())
-        };
-        let collisions = Collisions {
-            surface: &self.surface,
-            mobility: &self.node_mobility,
-            gap: gap(&self.paths.start),
-            duration,
-            ignored: &is_ignored,
-            may_give_back: may_rewind && geometric.control.steps > 1,
-        };
-        let outcome =
-            geometric.work.resolve(&collisions, &mut self.neighbours, &mut self.search, &mut self.paths, used, metrics);
         if outcome.given_back {
-            metrics.count("rewinds", 1);
+            metrics.count("rewinds", once(self.surface.ranks(), 1));
             geometric.control.failed();
             return Ending::Rewound;
         }
@@ -313,30 +345,57 @@ impl SelfContact {
         } else {
             geometric.control.succeeded()
         }
+        let (place, first) = (self.surface.place(), self.surface.nodes().own().start);
         for &node in &outcome.moved {
             let node = node as usize;
-            let change = self.paths.end[node] - x[node];
-            x[node] = self.paths.end[node];
-            v[node] += change / duration;
-            moved(node, change.norm());
+            let vertex = node - first + place.start;
+            let change = self.paths.end[node] - x[vertex];
+            x[vertex] = self.paths.end[node];
+            v[vertex] += change / duration;
+            moved(vertex, change.norm());
         }
-        if !outcome.moved.is_empty() || !geometric.crossings.is_empty() || outcome.pinched {
+        let has_crossings = !geometric.crossings.is_empty() || outcome.pinched;
+        if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings) {
             self.check(&outcome.moved, (x, v), bodies, duration, metrics);
         }
         Ending::Resolved
     }
 
+    /// Stops what would pass through something on the paths, of which `used` is the longest way. The ghosts are those of
+    /// before when it is done.
+    fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> Resolution {
+        let Self { surface, search, neighbours, geometric, paths, gap, .. } = self;
+        let Some(Geometric { control, work, ignored, pinched, .. }) = geometric else { return Resolution::default() };
+        let cloth = surface.nodes().all_cloth();
+        // Pairs have numbers of the scene here.
+        let is_ignored = |pair: &Pair| {
+            let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
+            let lets_out = || of_body() && pair.nodes.iter().any(|number| pinched.binary_search(number).is_ok());
+            ignored.binary_search(pair).is_ok() || (!pinched.is_empty() && lets_out())
+        };
+        let mut collisions = Collisions {
+            surface,
+            gap: *gap,
+            duration,
+            ignored: &is_ignored,
+            may_give_back: may_rewind && control.steps > 1,
+        };
+        let kept = collisions.surface.nodes().clone();
+        let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
+        if kept.ghosts() != surface.nodes().ghosts() {
+            let renumber = surface.set_nodes(kept);
+            neighbours.renumber(&renumber, surface);
+            paths.renumber(&renumber, surface.nodes());
+            renumber.renumber(outcome.moved.iter_mut());
+        }
+        outcome
+    }
+
     /// What self-contact remembers at a collision-free state: the list of neighbours by the positions it was made around, the
     /// number and length of the steps it takes, and what crosses.
     pub(crate) fn remember(&self) -> Remembered {
-        let reference = self.neighbours.reference();
-        let cloth = self.surface.cloth_nodes();
-        let list = if reference.is_empty() {
-            let bodies = self.surface.nodes() - cloth;
-            Some((Vec::new(), vec![Vec3::zeros(); bodies])).filter(|_| false)
-        } else {
-            Some((reference[..cloth].to_vec(), reference[cloth..].to_vec()))
-        };
+        let (reference, nodes) = (self.neighbours.reference(), self.surface.nodes());
+        let list = reference.map(|x| (x[nodes.own()].to_vec(), x[nodes.cloth()..].to_vec()));
         let memory = Remembered::new(SECTION, VERSION)
             .with("wear", Field::Number(self.wear))
             .with("list_reach", Field::Number(self.neighbours.full_reach()))
@@ -355,10 +414,16 @@ impl SelfContact {
     pub(crate) fn go_on(&mut self, memory: &Remembered, _: &State, _: &Bodies) {
         self.wear = memory.number("wear");
         if let Some((cloth, bodies)) = memory.nodes("list_positions") {
-            let reference: Vec<Vec3> = cloth.iter().chain(bodies).copied().collect();
+            let nodes = self.surface.nodes();
+            let start = &mut self.paths.start;
+            *start = vec![Vec3::zeros(); nodes.count()];
+            start[nodes.own()].copy_from_slice(cloth);
+            start[nodes.cloth()..].copy_from_slice(bodies);
+            nodes.refresh(start);
             let reach = memory.number("list_reach");
             // The list follows from the positions it was made around, to the last bit and in the same order.
-            self.neighbours.rebuild(&self.surface, &mut self.search, &reference, reach, gap(&reference));
+            self.gap = gap(self.surface.ranks(), &self.paths.start);
+            self.rebuild(reach);
         }
         let Some(geometric) = &mut self.geometric else { return };
         let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
@@ -377,18 +442,17 @@ impl SelfContact {
         self.geometric.as_ref().map_or(&[], |g| &g.crossings)
     }
 
-    /// Puts the state back to the last collision-free one.
+    /// Puts the state back to the last collision-free one; of the positions, those of own vertices.
     pub fn rewind(&self, state: &mut State) {
         if let Some(geometric) = &self.geometric {
-            let vertices = state.x.len();
-            state.x.copy_from_slice(&self.paths.start[..vertices]);
+            state.x[self.surface.place()].copy_from_slice(&self.paths.start[self.surface.nodes().own()]);
             state.v.copy_from_slice(&geometric.velocities);
             state.time = self.start_time;
         }
     }
 
-    /// Finds the crossings that the state has now: around the vertices in `moved` if there were none before, else all. More of
-    /// cloth with cloth than before are not accepted: what makes them stays where it was.
+    /// Finds the crossings that the state has now: around the nodes in `moved` (own ones) if there were none before, else all.
+    /// More of cloth with cloth than before are not accepted: what makes them stays where it was.
     fn check(
         &mut self,
         moved: &[u32],
@@ -398,56 +462,56 @@ impl SelfContact {
         metrics: &mut Metrics,
     ) {
         let Some(geometric) = &mut self.geometric else { return };
-        metrics.count("crossing_checks", 1);
-        let surface = &self.surface;
+        let (surface, nodes, paths) = (&self.surface, self.surface.nodes(), &mut self.paths);
+        metrics.count("crossing_checks", once(nodes.ranks(), 1));
         let among_cloth = |all: &[Crossing]| all.iter().filter(|c| surface.is_cloth(c)).count();
         let (before, allowed) = (&geometric.crossings, among_cloth(&geometric.crossings));
-        let only = before.is_empty().then_some(moved);
-        let mut stopped = Vec::new();
+        let only = before.is_empty().then(|| marks(nodes, moved));
+        let mut stopped = vec![0; nodes.count()];
         let mut round = 0;
         let found = loop {
-            let end = &self.paths.end;
+            let end = &paths.end;
             self.search.fit(surface, |i| Aabb::of_point(&end[i]));
-            let found = self.search.crossings(surface, end, only.filter(|_| round == 0));
+            let found = crossings(surface, &self.search, end, only.as_deref().filter(|_| round == 0));
             if among_cloth(&found) <= allowed || round > REVERT_ROUNDS {
                 break found;
             }
-            metrics.count("crossings_reverted", 1);
-            stopped.resize(x.len(), false);
+            metrics.count("crossings_reverted", once(nodes.ranks(), 1));
             let new = found.iter().filter(|c| surface.is_cloth(c) && before.binary_search(c).is_err());
-            new.flat_map(|c| c.edge.iter().chain(&c.triangle)).for_each(|&node| stopped[node as usize] = true);
+            let numbers = new.flat_map(|c| c.edge.iter().chain(&c.triangle));
+            numbers.filter_map(|number| nodes.local(*number)).for_each(|node| stopped[node as usize] = 1);
             // The neighbours of what stays too: nothing new may be made at its border. At last everything stays.
             surface.grow(&mut stopped);
-            for node in (0..x.len()).filter(|&node| stopped[node] || round == REVERT_ROUNDS) {
-                let change = self.paths.start[node] - self.paths.end[node];
-                self.paths.end[node] = self.paths.start[node];
-                x[node] = self.paths.start[node];
-                v[node] += change / duration;
+            nodes.refresh(&mut stopped);
+            for (node, vertex) in nodes.own().zip(surface.place()) {
+                if stopped[node] != 0 || round == REVERT_ROUNDS {
+                    let change = paths.start[node] - paths.end[node];
+                    paths.end[node] = paths.start[node];
+                    x[vertex] = paths.start[node];
+                    v[vertex] += change / duration;
+                }
             }
+            nodes.refresh(&mut paths.end);
             round += 1;
         };
-        geometric.crossings = found;
-        geometric.ignored = ignored_pairs(&geometric.crossings);
-        geometric.pinched = pinched_vertices(surface, &geometric.crossings, bodies);
-        let paths = &self.paths;
-        let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
+        geometric.note_crossings(surface, found, bodies);
         // Where a body crosses itself there is no way out yet.
         let pinched = |c: &Crossing| surface.is_pinched(c, bodies);
         let free: Vec<Crossing> = geometric.crossings.iter().filter(|c| !pinched(c)).copied().collect();
-        push_apart(surface, &free, &paths.end, velocity, &self.node_mobility, v);
+        let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
+        push_apart(surface, &free, &paths.end, velocity, &mut v[surface.place()]);
     }
 
-    /// All crossings of the state `x` [m], with bodies where they stand; the pairs that cross are left alone from now on.
+    /// All crossings of the state `x` [m], with bodies where they stand, in numbers of the scene; the pairs that cross are left
+    /// alone from now on.
     pub fn check_everything(&mut self, x: &[Vec3], bodies: &Bodies) -> &[Crossing] {
         self.surface.gather(x, bodies, &mut self.paths.end);
         let end = &self.paths.end;
         self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
-        let found = self.search.crossings(&self.surface, end, None);
+        let found = crossings(&self.surface, &self.search, end, None);
         match &mut self.geometric {
             Some(geometric) => {
-                geometric.ignored = ignored_pairs(&found);
-                geometric.pinched = pinched_vertices(&self.surface, &found, bodies);
-                geometric.crossings = found;
+                geometric.note_crossings(&self.surface, found, bodies);
                 &geometric.crossings
             }
             None => &[],
@@ -460,38 +524,30 @@ impl SelfContact {
     }
 }
 
-/// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest coordinate.
-fn gap(x: &[Vec3]) -> f64 {
-    let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.amax()));
-    GAP_ROUNDINGS * f64::from(f32::EPSILON) * largest
-}
-
-/// The pairs of points, triangles and edges that may pass through each other because an edge crosses a triangle: its ends
-/// with the triangle, and the edge with the triangle's edges (method 4.9). Ascending.
-fn ignored_pairs(crossings: &[Crossing]) -> Vec<Pair> {
-    let mut pairs = Vec::new();
-    for Crossing { edge, triangle: [a, b, c] } in crossings {
-        for p in edge {
-            pairs.push(Pair { kind: PairKind::PointTriangle, nodes: [*p, *a, *b, *c] });
-        }
-        for [p, q] in [[a, b], [b, c], [c, a]] {
-            let other = [*p.min(q), *p.max(q)];
-            let [first, second] = if *edge < other { [*edge, other] } else { [other, *edge] };
-            let nodes = [first[0], first[1], second[0], second[1]];
-            pairs.push(Pair { kind: PairKind::EdgeEdge, nodes });
-        }
+impl Geometric {
+    /// Takes note of what crosses now.
+    fn note_crossings(&mut self, surface: &ContactSurface, crossings: Vec<Crossing>, bodies: &Bodies) {
+        self.ignored = ignored_pairs(&crossings);
+        self.pinched = pinched_vertices(surface, &crossings, bodies);
+        self.crossings = crossings;
     }
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs
 }
 
-/// The vertices of cloth in crossings of cloth with bodies where these may cross themselves, ascending.
-fn pinched_vertices(surface: &ContactSurface, crossings: &[Crossing], bodies: &Bodies) -> Vec<u32> {
-    let pinched = crossings.iter().filter(|crossing| surface.is_pinched(crossing, bodies));
-    let nodes = pinched.flat_map(|c| c.edge.into_iter().chain(c.triangle));
-    let mut vertices: Vec<u32> = nodes.filter(|&node| !surface.is_body(node)).collect();
-    vertices.sort_unstable();
-    vertices.dedup();
-    vertices
+/// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest coordinate.
+fn gap(ranks: &Ranks, x: &[Vec3]) -> f64 {
+    let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.amax()));
+    GAP_ROUNDINGS * f64::from(f32::EPSILON) * ranks.max(largest)
+}
+
+/// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
+fn cloth_mobility(surface: &ContactSurface) -> Vec<f64> {
+    surface.mobility()[..surface.nodes().cloth()].iter().map(Vec3::max).collect()
+}
+
+/// One entry for each node, not zero for these own nodes and their copies.
+fn marks(nodes: &ContactNodes, own: &[u32]) -> Vec<u8> {
+    let mut marks = vec![0; nodes.count()];
+    own.iter().for_each(|node| marks[*node as usize] = 1);
+    nodes.refresh(&mut marks);
+    marks
 }

@@ -17,6 +17,11 @@ impl SharedVectors {
         Self((0..count).map(|_| Default::default()).collect())
     }
 
+    /// Number of entries.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
     /// One entry.
     #[inline]
     pub fn get(&self, i: u32) -> Vec3 {

@@ -1,121 +1,200 @@
 //! The triangles, edges and vertices that can touch: all garments, then all deforming bodies, in one numbering.
 //!
-//! *Nodes* are the cloth's vertices in solver order, followed by the points of the deforming bodies. Every node and every
-//! edge is *owned* by the first triangle that has it. A search over pairs of triangles then meets each pair of a point and
-//! a triangle, and each pair of edges, exactly once: in the pair of triangles of which one owns the point and the other is
-//! the triangle, or which own the two edges.
+//! *Nodes* are the cloth's vertices in solver order, followed by the points of the deforming bodies (`nodes` says which of
+//! them a rank knows). Of the cloth a rank has the triangles with a vertex of its own; of the bodies, all.
+
+use std::ops::Range;
 
 use crate::Vec3;
 use crate::bodies::Bodies;
+use crate::contact::common_motion::Samples;
+use crate::contact::faces::{Faces, Sides};
+use crate::contact::nodes::{ContactNodes, Renumber};
 use crate::contact::pair::Pair;
-use crate::geometry::crossings::{Crossing, EdgeOwners};
+use crate::contact::share::ClothShare;
+use crate::geometry::crossings::Crossing;
+use crate::parallel::ranks::Ranks;
 use crate::scene::{BodyShape, Scene};
+
+/// Garment of the points of bodies.
+const NO_GARMENT: u32 = u32::MAX;
 
 /// The surfaces of a scene that can touch.
 #[derive(Debug)]
 pub struct ContactSurface {
-    triangles: Vec<[u32; 3]>,
-    cloth_triangles: usize,
-    cloth_nodes: usize,
-    nodes: usize,
-    /// Nodes and edges (the smaller node first) in the order of the triangles that own them.
-    owned_nodes: Owned<u32>,
-    owned_edges: Owned<[u32; 2]>,
-    /// Which triangle of cloth, and of the bodies, speaks for which edge in exact checks.
-    edge_owners: [EdgeOwners; 2],
-    /// Deforming bodies and their first nodes, in the order of their nodes.
-    bodies: Vec<(usize, u32)>,
-    /// Thickness that repulsions keep around each cloth vertex [m].
+    nodes: ContactNodes,
+    /// Ghosts that are there always, by their numbers in the scene, ascending: the other corners of own triangles.
+    corners: Vec<u32>,
+    cloth: Faces,
+    bodies: Faces,
+    sides: [Sides; 2],
+    /// Deforming bodies and their first points, counted over all of them, in their order.
+    first_points: Vec<(usize, u32)>,
+    /// Where own vertices stand in arrays over the scene's local vertices.
+    place: Range<usize>,
+    samples: Samples,
+    /// Arrays over the nodes: thickness that repulsions keep, zero for bodies [m].
     thickness: Vec<f64>,
-    /// Cloth vertices at rest, in solver order [m].
+    /// Positions at rest, zero for bodies [m].
     rest: Vec<Vec3>,
-    /// Garment of each cloth vertex.
     garment: Vec<u32>,
     /// Mean rest length of the edges of each node [m]; of all cloth for bodies.
     edge_length: Vec<f64>,
-    /// Every edge with each triangle that has it, ascending.
-    edge_triangles: Vec<([u32; 2], u32)>,
+    /// Inverse masses per axis, zero where held [1/kg].
+    mobility: Vec<Vec3>,
+    longest_edge: f64,
+}
+
+/// The surface of a deforming body.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyFaces<'a> {
+    /// Its number among the bodies.
+    pub body: usize,
+    /// Its triangles, by its own points.
+    pub triangles: &'a [[u32; 3]],
+    /// Number of its points.
+    pub points: usize,
 }
 
 impl ContactSurface {
     /// The surfaces of a scene; `clamp` is the largest thickness of a vertex as a fraction of its shortest rest edge.
     pub fn new(scene: &Scene, clamp: f64) -> Self {
-        let parts = scene.parts();
-        let mut triangles = Vec::new();
-        for (g, mesh) in scene.meshes().iter().enumerate() {
-            let solver = |v: u32| parts.garment(g).start as u32 + v;
-            triangles.extend(mesh.triangles().iter().map(|t| t.map(solver)));
-        }
+        let of_body = |(body, shape): (usize, _)| match shape {
+            &BodyShape::Surface { ref triangles, point_count } => {
+                Some(BodyFaces { body, triangles, points: point_count })
+            }
+            _ => None,
+        };
+        let shapes = scene.description().bodies.iter().map(|body| &body.shape).enumerate();
+        let bodies: Vec<BodyFaces<'_>> = shapes.filter_map(of_body).collect();
+        Self::of_share(ClothShare::of(scene, clamp), &bodies)
+    }
+
+    /// The surfaces that a rank has. All ranks call it together.
+    pub fn of_share(share: ClothShare, bodies: &[BodyFaces<'_>]) -> Self {
+        let ClothShare { ranks, rank_starts, mut triangles, mean_edge, .. } = share;
         // Neighbours on the cloth become neighbours in memory, as the vertices are.
         triangles.sort_by_key(|t| t.iter().copied().min());
-        let (cloth_triangles, cloth_nodes) = (triangles.len(), parts.local_count());
-        let mut nodes = cloth_nodes;
-        let mut bodies = Vec::new();
-        for (body, description) in scene.description().bodies.iter().enumerate() {
-            if let BodyShape::Surface { triangles: own, point_count } = &description.shape {
-                triangles.extend(own.iter().map(|t| t.map(|v| v + nodes as u32)));
-                bodies.push((body, nodes as u32));
-                nodes += point_count;
-            }
+        let own = rank_starts[ranks.rank()]..rank_starts[ranks.rank() + 1];
+        let mut corners: Vec<u32> = triangles.iter().flatten().copied().filter(|v| !own.contains(v)).collect();
+        corners.sort_unstable();
+        corners.dedup();
+        let points = bodies.iter().map(|body| body.points).sum();
+        let nodes = ContactNodes::new(&ranks, &rank_starts, corners.clone(), points);
+        let local = |v: u32| nodes.local(v).expect("the corners of all triangles are own or ghosts");
+        let triangles = triangles.iter().map(|t| t.map(local)).collect();
+        let (cloth, cloth_sides) = Faces::new(triangles, |node| nodes.is_own(node));
+        let (mut of_bodies, mut first_points, mut first) = (Vec::new(), Vec::new(), 0);
+        for body in bodies {
+            of_bodies.extend(body.triangles.iter().map(|t| t.map(|v| v + first + nodes.cloth() as u32)));
+            first_points.push((body.body, first));
+            first += body.points as u32;
         }
-        let owned_nodes = Owned::new(&triangles, |corners| *corners);
-        let owned_edges = Owned::new(&triangles, edges_of);
-        let sides = triangles.iter().zip(0..).flat_map(|(corners, t)| edges_of(corners).map(|edge| (edge, t)));
-        let mut edge_triangles: Vec<_> = sides.collect();
-        edge_triangles.sort_unstable();
-        let (cloth, of_bodies) = triangles.split_at(cloth_triangles);
-        let edge_owners = [cloth, of_bodies].map(EdgeOwners::new);
-        let (mut rest, mut garment) = (vec![Vec3::zeros(); cloth_nodes], vec![0; cloth_nodes]);
-        for solver in 0..cloth_nodes {
-            let g = parts.garment_of(solver);
-            rest[solver] = scene.meshes()[g].rest_positions()[solver - parts.garment(g).start];
-            garment[solver] = g as u32;
-        }
-        let thickness = thicknesses(scene, clamp);
-        let edge_length = edge_lengths(scene, nodes);
-        Self {
-            triangles,
-            cloth_triangles,
-            cloth_nodes,
+        let (of_bodies, body_sides) = Faces::new(of_bodies, |_| true);
+        let longest = share.edge_length.iter().copied().fold(if points > 0 { mean_edge } else { 0.0 }, f64::max);
+        let mobility: Vec<Vec3> = share.mobility.iter().map(|w| Vec3::repeat(*w)).collect();
+        let mut surface = Self {
+            thickness: over_nodes(&nodes, share.thickness, 0.0),
+            rest: over_nodes(&nodes, share.rest, Vec3::zeros()),
+            garment: over_nodes(&nodes, share.garment, NO_GARMENT),
+            edge_length: over_nodes(&nodes, share.edge_length, mean_edge),
+            mobility: over_nodes(&nodes, mobility, Vec3::zeros()),
+            longest_edge: ranks.max(longest),
+            samples: Samples::new(&ranks, share.blocks, share.block_starts),
             nodes,
-            owned_nodes,
-            owned_edges,
-            edge_owners,
-            bodies,
-            thickness,
-            rest,
-            garment,
-            edge_length,
-            edge_triangles,
+            corners,
+            cloth,
+            bodies: of_bodies,
+            sides: [cloth_sides, body_sides],
+            first_points,
+            place: share.place,
+        };
+        surface.refresh();
+        surface
+    }
+
+    /// Brings what is known of the ghosts to what their owners know.
+    fn refresh(&mut self) {
+        self.nodes.refresh(&mut self.thickness);
+        self.nodes.refresh(&mut self.rest);
+        self.nodes.refresh(&mut self.garment);
+        self.nodes.refresh(&mut self.edge_length);
+        self.nodes.refresh(&mut self.mobility);
+    }
+
+    /// Replaces the ghosts by these, and those without which there are no triangles; numbers of the scene, ascending. All ranks
+    /// call it together. Returns what nodes are called now, unless nothing has changed on any rank.
+    pub fn set_ghosts(&mut self, ghosts: Vec<u32>) -> Option<Renumber> {
+        let ranks = self.ranks().clone();
+        if ranks.is_alone() {
+            return None;
         }
+        let ghosts = union(ghosts, &self.corners);
+        if !ranks.any(ghosts != self.nodes.ghosts()) {
+            return None;
+        }
+        let nodes = self.nodes.with_ghosts(ghosts);
+        let renumber = self.set_nodes(nodes);
+        self.refresh();
+        Some(renumber)
     }
 
-    /// Triangles: the cloth's, then the bodies'.
-    pub fn triangles(&self) -> &[[u32; 3]] {
-        &self.triangles
+    /// Goes over to other nodes, among them the corners of all triangles.
+    pub fn set_nodes(&mut self, nodes: ContactNodes) -> Renumber {
+        let renumber = Renumber::between(&self.nodes, &nodes);
+        [&mut self.cloth, &mut self.bodies].into_iter().for_each(|faces| faces.renumber(&renumber));
+        let edges = self.sides.iter_mut().flatten().map(|(edge, _)| edge);
+        renumber.renumber(edges.flatten());
+        renumber.apply(&mut self.thickness, 0.0);
+        renumber.apply(&mut self.rest, Vec3::zeros());
+        renumber.apply(&mut self.garment, NO_GARMENT);
+        renumber.apply(&mut self.edge_length, 0.0);
+        renumber.apply(&mut self.mobility, Vec3::zeros());
+        self.nodes = nodes;
+        renumber
     }
 
-    /// Triangles of cloth.
-    pub fn cloth_triangles(&self) -> usize {
-        self.cloth_triangles
+    /// The nodes that this rank knows.
+    pub fn nodes(&self) -> &ContactNodes {
+        &self.nodes
     }
 
-    /// Number of cloth vertices.
-    pub fn cloth_nodes(&self) -> usize {
-        self.cloth_nodes
+    /// Number of nodes here, ghosts and bodies included.
+    pub fn node_count(&self) -> usize {
+        self.nodes.count()
     }
 
-    /// Number of nodes, bodies included.
-    pub fn nodes(&self) -> usize {
-        self.nodes
+    /// This rank and the others.
+    pub fn ranks(&self) -> &Ranks {
+        self.nodes.ranks()
     }
 
-    /// Thickness of each cloth vertex [m].
+    /// Triangles of cloth with a node of this rank, and what is at home here.
+    pub fn cloth(&self) -> &Faces {
+        &self.cloth
+    }
+
+    /// Triangles of the bodies.
+    pub fn bodies(&self) -> &Faces {
+        &self.bodies
+    }
+
+    /// Which nodes stand for all in fits of common motion.
+    pub fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    /// Where own vertices stand in arrays over the scene's local vertices.
+    pub fn place(&self) -> Range<usize> {
+        self.place.clone()
+    }
+
+    /// Thickness of each node, zero for bodies [m].
     pub fn thickness(&self) -> &[f64] {
         &self.thickness
     }
 
-    /// Cloth vertices at rest, in solver order [m].
+    /// Nodes at rest, bodies at zero [m].
     pub fn rest(&self) -> &[Vec3] {
         &self.rest
     }
@@ -125,21 +204,31 @@ impl ContactSurface {
         &self.edge_length
     }
 
-    /// Longest entry of `edge_length` [m].
+    /// Longest entry of `edge_length` on any rank [m].
     pub fn longest_edge(&self) -> f64 {
-        self.edge_length.iter().copied().fold(0.0, f64::max)
+        self.longest_edge
     }
 
-    /// Which triangle of cloth, and of the bodies, speaks for which edge.
-    pub fn edge_owners(&self) -> &[EdgeOwners; 2] {
-        &self.edge_owners
+    /// Inverse masses of the nodes per axis, zero where held [1/kg].
+    pub fn mobility(&self) -> &[Vec3] {
+        &self.mobility
     }
 
-    /// Positions of all nodes [m]: cloth at `x`, bodies where they stand at the end of their step.
+    /// Changes the inverse masses of own nodes. All ranks call it together.
+    pub fn change_mobility(&mut self, change: impl FnOnce(&mut [Vec3])) {
+        change(&mut self.mobility);
+        self.nodes.refresh(&mut self.mobility);
+    }
+
+    /// Positions of all nodes [m]: cloth at `x`, over the scene's local vertices, bodies where they stand at the end of their
+    /// step. All ranks call it together.
     pub fn gather(&self, x: &[Vec3], bodies: &Bodies, nodes: &mut Vec<Vec3>) {
         nodes.clear();
-        nodes.extend_from_slice(x);
-        self.bodies.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.surface_positions(*body)));
+        nodes.resize(self.nodes.own().start, Vec3::zeros());
+        nodes.extend_from_slice(&x[self.place.clone()]);
+        nodes.resize(self.nodes.cloth(), Vec3::zeros());
+        self.first_points.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.surface_positions(*body)));
+        self.nodes.refresh(nodes);
     }
 
     /// Whether all nodes of a pair are of one garment.
@@ -153,115 +242,67 @@ impl ContactSurface {
         !pair.nodes.iter().any(|&node| self.is_body(node))
     }
 
-    /// Whether an edge of cloth crosses a triangle of cloth, and no body has part in it.
-    pub fn is_cloth(&self, crossing: &Crossing) -> bool {
-        !crossing.edge.iter().chain(&crossing.triangle).any(|&node| self.is_body(node))
+    /// Whether a node belongs to a body.
+    pub fn is_body(&self, node: u32) -> bool {
+        self.nodes.is_body(node)
     }
 
-    /// Whether cloth crosses a body where that body crosses itself.
+    /// Whether an edge of cloth crosses a triangle of cloth, and no body has part in it. Crossings have numbers of the scene.
+    pub fn is_cloth(&self, crossing: &Crossing) -> bool {
+        !crossing.edge.iter().chain(&crossing.triangle).any(|&number| number >= self.nodes.all_cloth())
+    }
+
+    /// Whether cloth crosses a body where that body crosses itself. Crossings have numbers of the scene.
     pub fn is_pinched(&self, crossing: &Crossing, bodies: &Bodies) -> bool {
-        crossing.edge.iter().chain(&crossing.triangle).filter(|&&node| self.is_body(node)).any(|&node| {
-            let last = self.bodies.partition_point(|(_, first)| *first <= node) - 1;
-            let (body, first) = self.bodies[last];
-            bodies.crosses_itself_at(body, node - first)
+        let cloth = self.nodes.all_cloth();
+        crossing.edge.iter().chain(&crossing.triangle).filter(|&&number| number >= cloth).any(|&number| {
+            let point = number - cloth;
+            let last = self.first_points.partition_point(|(_, first)| *first <= point) - 1;
+            let (body, first) = self.first_points[last];
+            bodies.crosses_itself_at(body, point - first)
         })
     }
 
-    /// Marks the corners of all triangles of cloth that have a marked corner.
-    pub fn grow(&self, marked: &mut [bool]) {
-        let touched: Vec<u32> = self.triangles[..self.cloth_triangles]
-            .iter()
-            .filter(|corners| corners.iter().any(|&node| marked[node as usize]))
-            .flatten()
-            .copied()
-            .collect();
-        touched.iter().for_each(|&node| marked[node as usize] = true);
+    /// Marks the corners of all triangles of cloth that have a marked corner; right for own nodes.
+    pub fn grow(&self, marked: &mut [u8]) {
+        let is_touched = |corners: &&[u32; 3]| corners.iter().any(|&node| marked[node as usize] != 0);
+        let touched: Vec<u32> = self.cloth.triangles().iter().filter(is_touched).flatten().copied().collect();
+        touched.iter().for_each(|&node| marked[node as usize] = 1);
     }
 
-    /// Whether a node belongs to a body.
-    pub fn is_body(&self, node: u32) -> bool {
-        node as usize >= self.cloth_nodes
-    }
-
-    /// Nodes that a triangle owns.
-    #[inline]
-    pub fn owned_nodes(&self, triangle: u32) -> &[u32] {
-        &self.owned_nodes.items[self.owned_nodes.range(triangle)]
-    }
-
-    /// All edges, the smaller node of each first, in the order of the triangles that own them.
-    pub fn edges(&self) -> &[[u32; 2]] {
-        &self.owned_edges.items
-    }
-
-    /// Places in `edges` of those that a triangle owns.
-    #[inline]
-    pub fn owned_edges(&self, triangle: u32) -> std::ops::Range<usize> {
-        self.owned_edges.range(triangle)
-    }
-
-    /// The triangles that have an edge, given with its smaller node first.
+    /// The triangles that have an edge, given with its smaller node first; all of them where the edge is at home.
     pub fn triangles_of_edge(&self, edge: [u32; 2]) -> impl Iterator<Item = [u32; 3]> + '_ {
-        let first = self.edge_triangles.partition_point(|(e, _)| *e < edge);
-        let same = self.edge_triangles[first..].iter().take_while(move |(e, _)| *e == edge);
-        same.map(|(_, triangle)| self.triangles[*triangle as usize])
+        let kind = usize::from(self.is_body(edge[0]));
+        let (sides, triangles) = (&self.sides[kind], [&self.cloth, &self.bodies][kind].triangles());
+        let first = sides.partition_point(|(e, _)| *e < edge);
+        let same = sides[first..].iter().take_while(move |(e, _)| *e == edge);
+        same.map(|(_, triangle)| triangles[*triangle as usize])
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        self.triangles.len() * (5 * size_of::<[u32; 3]>() + 2 * size_of::<u64>())
-            + self.thickness.len() * size_of::<f64>()
+        let sides = self.sides.iter().map(Vec::len).sum::<usize>() * size_of::<([u32; 2], u32)>();
+        let traits = 2 * size_of::<f64>() + 2 * size_of::<Vec3>() + size_of::<u32>();
+        self.cloth.bytes() + self.bodies.bytes() + sides + self.nodes.count() * traits
     }
 }
 
-/// Edges of a triangle, the smaller node of each first.
-fn edges_of(&[a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
-    [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
+/// An array over all nodes from one over own vertices, with `body` for points of bodies.
+fn over_nodes<T: Clone>(nodes: &ContactNodes, own: Vec<T>, body: T) -> Vec<T> {
+    if nodes.count() == own.len() {
+        return own;
+    }
+    let mut all = vec![body; nodes.count()];
+    all[nodes.own()].clone_from_slice(&own);
+    all
 }
 
-/// Things that triangles own, in the order of the triangles.
-#[derive(Debug)]
-struct Owned<T> {
-    items: Vec<T>,
-    /// First item of each triangle, and their number at the end.
-    starts: Vec<u32>,
-}
-
-impl<T: Ord + Copy> Owned<T> {
-    /// Gives each of the things that triangles have to the first triangle that has it.
-    fn new(triangles: &[[u32; 3]], things: impl Fn(&[u32; 3]) -> [T; 3]) -> Self {
-        let mut all: Vec<(T, u32)> =
-            triangles.iter().zip(0..).flat_map(|(triangle, t)| things(triangle).map(|thing| (thing, t))).collect();
-        all.sort_unstable();
-        all.dedup_by_key(|(thing, _)| *thing);
-        all.sort_unstable_by_key(|(thing, t)| (*t, *thing));
-        let starts =
-            (0..=triangles.len() as u32).map(|t| all.partition_point(|(_, owner)| *owner < t) as u32).collect();
-        Self { items: all.into_iter().map(|(thing, _)| thing).collect(), starts }
-    }
-
-    #[inline]
-    fn range(&self, triangle: u32) -> std::ops::Range<usize> {
-        self.starts[triangle as usize] as usize..self.starts[triangle as usize + 1] as usize
-    }
-}
-
-/// Thickness per vertex in solver order: the garment's, at most `clamp` times each rest edge of the vertex (method 3.2).
-fn thicknesses(scene: &Scene, clamp: f64) -> Vec<f64> {
-    let parts = scene.parts();
-    let mut thickness = vec![0.0; parts.local_count()];
-    for (g, (mesh, garment)) in scene.meshes().iter().zip(&scene.description().garments).enumerate() {
-        parts.garment(g).for_each(|solver| thickness[solver] = garment.thickness);
-        for edge in mesh.edges() {
-            let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
-            let longest: f64 = clamp * (a - b).norm();
-            for v in edge.vertices {
-                let own: &mut f64 = &mut thickness[parts.garment(g).start + v as usize];
-                *own = own.min(longest);
-            }
-        }
-    }
-    thickness
+/// Both lists in one, ascending.
+fn union(mut a: Vec<u32>, b: &[u32]) -> Vec<u32> {
+    a.extend_from_slice(b);
+    a.sort_unstable();
+    a.dedup();
+    a
 }
 
 /// Positions of all nodes at both ends of a collision step.
@@ -273,19 +314,12 @@ pub struct NodePaths {
     pub end: Vec<Vec3>,
 }
 
-/// Mean rest length of the edges of each node [m]; of all cloth for the points of bodies, and for vertices without edges.
-fn edge_lengths(scene: &Scene, nodes: usize) -> Vec<f64> {
-    let parts = scene.parts();
-    let (mut sums, mut counts) = (vec![0.0; nodes], vec![0u32; nodes]);
-    for (g, mesh) in scene.meshes().iter().enumerate() {
-        for edge in mesh.edges() {
-            let [a, b] = edge.vertices.map(|v| mesh.rest_positions()[v as usize]);
-            for v in edge.vertices {
-                sums[parts.garment(g).start + v as usize] += (a - b).norm();
-                counts[parts.garment(g).start + v as usize] += 1;
-            }
+impl NodePaths {
+    /// Lays the paths out for other ghosts, and fetches those.
+    pub fn renumber(&mut self, renumber: &Renumber, nodes: &ContactNodes) {
+        for x in [&mut self.start, &mut self.end] {
+            renumber.apply(x, Vec3::zeros());
+            nodes.refresh(x);
         }
     }
-    let mean = |(sum, count): (&f64, &u32)| if *count > 0 { sum / f64::from(*count) } else { scene.mean_edge() };
-    sums.iter().zip(&counts).map(mean).collect()
 }

@@ -7,7 +7,10 @@
 //! from the edge into the triangles that have it, a shift d of the edge moves the point where it crosses by
 //! d − (d·N)/(e·N) e, so the line gets shorter by d · Σ_i (R_i − (R_i·e)/(e·N) N).
 
+use std::collections::BTreeMap;
+
 use crate::Vec3;
+use crate::contact::packing::{Packed, Unpacked};
 use crate::contact::surface::ContactSurface;
 use crate::contact::tolerances::ALONG_TRIANGLE;
 use crate::geometry::crossings::Crossing;
@@ -19,33 +22,106 @@ const PUSH_RATE: f64 = 10.0;
 const RELEASE_RATE: f64 = 60.0;
 
 /// Gives every crossing a relative velocity out of itself, at least [m/s]; positions `x` [m] of all nodes, `velocity` of the
-/// bodies' nodes [m/s], inverse masses per axis [1/kg].
+/// bodies' nodes [m/s], velocities `v` of own vertices in the order of the scene [m/s].
+///
+/// The crossings are those of all ranks, which call it together: each tells what it knows of their nodes, and all push alike.
 pub fn push_apart(
     surface: &ContactSurface,
     crossings: &[Crossing],
     x: &[Vec3],
     velocity: impl Fn(u32) -> Vec3,
-    mobility: &[Vec3],
     v: &mut [Vec3],
 ) {
+    if crossings.is_empty() {
+        return;
+    }
+    let nodes = surface.nodes();
+    let mut known = Known::of_all(surface, crossings, x, velocity, v);
     for crossing in crossings {
-        let Some(push) = Push::new(surface, crossing, x) else { continue };
-        let nodes = push.nodes.iter().zip(&push.weights);
-        let speed_of = |node: u32, v: &[Vec3]| v.get(node as usize).copied().unwrap_or_else(|| velocity(node));
-        let speed: f64 = nodes.clone().map(|(&node, w)| speed_of(node, v).dot(&push.direction) * w).sum();
+        let Some(push) = Push::new(&known, crossing) else { continue };
         let rate = if surface.is_cloth(crossing) { PUSH_RATE } else { RELEASE_RATE };
-        let wanted = rate * surface.edge_length()[crossing.edge[0] as usize];
-        let squares = push.direction.component_mul(&push.direction);
-        let response: f64 = nodes.clone().map(|(&node, w)| w * w * mobility[node as usize].dot(&squares)).sum();
-        if speed >= wanted || response <= 0.0 {
-            continue;
+        let speed = rate * known.edges[&crossing.edge].length;
+        push.apply(&mut known, speed);
+    }
+    for (number, point) in known.points.range(nodes.owned()) {
+        v[(number - nodes.owned().start) as usize] = point.v;
+    }
+}
+
+/// A node of a crossing.
+struct Point {
+    /// Position [m].
+    x: Vec3,
+    /// Velocity [m/s].
+    v: Vec3,
+    /// Inverse mass per axis [1/kg].
+    mobility: Vec3,
+}
+
+/// An edge that crosses.
+struct Edge {
+    /// Mean rest length of the edges around its first node [m].
+    length: f64,
+    /// Third corners of the triangles that have it [m].
+    corners: Vec<Vec3>,
+}
+
+/// What is known of the crossings, by the scene's numbers of the nodes; alike on all ranks.
+struct Known {
+    points: BTreeMap<u32, Point>,
+    edges: BTreeMap<[u32; 2], Edge>,
+}
+
+impl Known {
+    fn of_all(
+        surface: &ContactSurface,
+        crossings: &[Crossing],
+        x: &[Vec3],
+        velocity: impl Fn(u32) -> Vec3,
+        v: &[Vec3],
+    ) -> Self {
+        let nodes = surface.nodes();
+        // What bodies do is known everywhere: one rank tells it.
+        let tells = |number: u32| nodes.owns(number) || (number >= nodes.all_cloth() && nodes.ranks().is_first());
+        let mut numbers: Vec<u32> = crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle)).collect();
+        let mut edges: Vec<[u32; 2]> = crossings.iter().map(|crossing| crossing.edge).collect();
+        numbers.retain(|number| tells(*number));
+        edges.retain(|[first, _]| tells(*first));
+        numbers.sort_unstable();
+        numbers.dedup();
+        edges.sort_unstable();
+        edges.dedup();
+        let local = |number: u32| nodes.local(number).expect("own nodes, their edges' other ends and bodies are known");
+        let mut packed = Packed::default();
+        packed.list(&numbers, |packed, number| {
+            let node = local(*number);
+            let v = if nodes.owns(*number) { v[(number - nodes.owned().start) as usize] } else { velocity(node) };
+            packed.number(*number);
+            [x[node as usize], v, surface.mobility()[node as usize]].iter().for_each(|vector| packed.vector(vector));
+        });
+        packed.list(&edges, |packed, edge| {
+            let of = edge.map(local);
+            let opposite = |triangle: [u32; 3]| triangle.into_iter().find(|node| !of.contains(node));
+            let corners: Vec<u32> = surface.triangles_of_edge(of).filter_map(opposite).collect();
+            edge.iter().for_each(|number| packed.number(*number));
+            packed.float(surface.edge_length()[of[0] as usize]);
+            packed.list(&corners, |packed, node| packed.vector(&x[*node as usize]));
+        });
+        let mut known = Self { points: BTreeMap::new(), edges: BTreeMap::new() };
+        for words in nodes.ranks().all_gather_each(packed.words()) {
+            let mut unpacked = Unpacked::new(&words);
+            unpacked.list(|unpacked| {
+                let number = unpacked.node();
+                let [x, v, mobility] = [(); 3].map(|()| unpacked.vector());
+                known.points.insert(number, Point { x, v, mobility })
+            });
+            unpacked.list(|unpacked| {
+                let edge = [(); 2].map(|()| unpacked.node());
+                let (length, corners) = (unpacked.float(), unpacked.list(Unpacked::vector));
+                known.edges.insert(edge, Edge { length, corners })
+            });
         }
-        let impulse = push.direction * ((wanted - speed) / response);
-        for (&node, w) in nodes {
-            if let Some(v) = v.get_mut(node as usize) {
-                *v += mobility[node as usize].component_mul(&impulse) * *w;
-            }
-        }
+        known
     }
 }
 
@@ -58,9 +134,9 @@ struct Push {
 }
 
 impl Push {
-    fn new(surface: &ContactSurface, crossing: &Crossing, x: &[Vec3]) -> Option<Self> {
+    fn new(known: &Known, crossing: &Crossing) -> Option<Self> {
         let Crossing { edge: [p, q], triangle: [a, b, c] } = *crossing;
-        let at = |node: u32| x[node as usize];
+        let at = |number: u32| known.points[&number].x;
         let across = (at(b) - at(a)).cross(&(at(c) - at(a)));
         let normal = across.try_normalize(0.0)?;
         let along = at(q) - at(p);
@@ -75,9 +151,8 @@ impl Push {
         let wb = (point - at(a)).cross(&(at(c) - at(a))).dot(&across) / area;
         let wc = (at(b) - at(a)).cross(&(point - at(a))).dot(&across) / area;
         let mut gradient = Vec3::zeros();
-        for triangle in surface.triangles_of_edge([p, q]) {
-            let Some(opposite) = triangle.iter().find(|&&node| node != p && node != q) else { continue };
-            let inwards = at(*opposite) - point;
+        for corner in &known.edges[&crossing.edge].corners {
+            let inwards = corner - point;
             let own_normal = along.cross(&inwards);
             let Some(line) = own_normal.cross(&normal).try_normalize(0.0) else { continue };
             // From the edge into the triangle that has it.
@@ -87,5 +162,65 @@ impl Push {
         }
         let direction = gradient.try_normalize(ALONG_TRIANGLE)?;
         Some(Self { nodes: [p, q, a, b, c], weights: [1.0 - share, share, wb + wc - 1.0, -wb, -wc], direction })
+    }
+
+    /// Makes the two part with this speed [m/s], unless they do so faster.
+    fn apply(&self, known: &mut Known, wanted: f64) {
+        let nodes = self.nodes.iter().zip(self.weights);
+        let squares = self.direction.component_mul(&self.direction);
+        let (mut speed, mut response) = (0.0, 0.0);
+        for (number, w) in nodes.clone() {
+            let point = &known.points[number];
+            speed += point.v.dot(&self.direction) * w;
+            response += w * w * point.mobility.dot(&squares);
+        }
+        if speed >= wanted || response <= 0.0 {
+            return;
+        }
+        let impulse = self.direction * ((wanted - speed) / response);
+        for (number, w) in nodes {
+            if let Some(point) = known.points.get_mut(number) {
+                point.v += point.mobility.component_mul(&impulse) * w;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::contact::exact_check;
+    use crate::contact::neighbours::tests::ranks::Heap;
+    use crate::contact::search::PairSearch;
+    use crate::contact::testing::on_ranks;
+    use crate::geometry::aabb::Aabb;
+    use crate::geometry::testing::Random;
+    use crate::parallel::ranks::Ranks;
+
+    /// Velocities of own vertices after the crossings of a heap were pushed apart, as bits; and how many there were.
+    fn pushed(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> (Vec<[u64; 3]>, usize) {
+        let surface = heap.surface(ranks, starts);
+        let x = heap.at(&surface, 2);
+        let mut search = PairSearch::new();
+        search.fit(&surface, |i| Aabb::of_point(&x[i]));
+        let crossings = exact_check::crossings(&surface, &search, &x, None);
+        let mut v: Vec<Vec3> = surface.nodes().own().map(|node| x[node] * 0.1).collect();
+        push_apart(&surface, &crossings, &x, |node| x[node as usize] * 0.2, &mut v);
+        (v.iter().map(|v| [v.x, v.y, v.z].map(f64::to_bits)).collect(), crossings.len())
+    }
+
+    #[test]
+    fn any_number_of_ranks_pushes_alike() {
+        let mut random = Random(41);
+        let heap = Arc::new(Heap::random(&mut random, true));
+        let (alone, crossings) = pushed(&heap, &Ranks::default(), &heap.cut(&mut random, 1));
+        assert!(crossings > 20);
+        for count in [2, 3, 5] {
+            let (heap, starts) = (heap.clone(), heap.cut(&mut random, count));
+            let found = on_ranks(count, move |ranks| pushed(&heap, &ranks, &starts).0).concat();
+            assert!(found == alone, "{count} ranks");
+        }
     }
 }

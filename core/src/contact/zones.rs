@@ -1,213 +1,274 @@
-//! Impact zones as they grow during one loop of collisions: which nodes belong together, and what holds between them.
+//! Impact zones as they grow during one loop of collisions: which pairs belong together, and what each zone does.
+//!
+//! A zone is all pairs that hang together by nodes that can move: what is prescribed is in many zones and joins none. Zones
+//! only grow, each is solved by itself, and all numbers of nodes are those of the scene, so that it does not matter which
+//! rank keeps it.
+
+use std::collections::BTreeMap;
 
 use crate::Vec3;
-use crate::contact::impact_zone;
-use crate::contact::impulse::{Constraint, normal_velocity};
+use crate::contact::components::Sets;
+use crate::contact::impact_zone::{self, ZoneNode};
+use crate::contact::impulse::Constraint;
+use crate::contact::pair::Pair;
 use crate::metrics::Metrics;
 
 /// Sizes of zones that are counted apart, in nodes.
 const LARGE_ZONE: usize = 100;
 
-/// How many times farther than any did before, the nodes of a zone may move after contacts that contradict each other: no
-/// farther, or a zone that contradicts itself in every collision step would throw them ever faster.
-const THROWN: f64 = 1.0;
+/// A pair that meets on the way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// The pair, by the scene's numbers of its nodes.
+    pub pair: Pair,
+    /// Which of its nodes can move.
+    pub moves: [bool; 4],
+    /// Weights of the nodes in the relative displacement.
+    pub weights: [f64; 4],
+    /// Direction in which it separates.
+    pub normal: Vec3,
+    /// Relative displacement along the normal that it needs [m].
+    pub target: f64,
+}
 
-/// All zones of a loop. They only grow.
-#[derive(Debug)]
+impl Hit {
+    /// Its nodes that can move.
+    pub fn moving(&self) -> impl Iterator<Item = u32> {
+        self.pair.nodes.into_iter().zip(self.moves).filter(|(_, moves)| *moves).map(|(node, _)| node)
+    }
+
+    /// Whether one of its nodes is prescribed.
+    pub fn has_prescribed(&self) -> bool {
+        self.moves.contains(&false)
+    }
+
+    /// What holds between the nodes, given by other numbers.
+    pub fn constraint(&self, nodes: [u32; 4]) -> Constraint {
+        Constraint { nodes, weights: self.weights, normal: self.normal }
+    }
+}
+
+/// How a node moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Position at the collision-free state [m].
+    pub start: Vec3,
+    /// Displacement since then [m].
+    pub displacement: Vec3,
+    /// Inverse mass per axis [1/kg]; zero for what is prescribed.
+    pub mobility: Vec3,
+}
+
+/// What a zone does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// Everything may slide, but nothing approach.
+    Inelastic,
+    /// It moves as one body.
+    Rigid,
+    /// It stays where it was.
+    Stop,
+}
+
+/// What came out of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solved {
+    /// Displacement of each member [m].
+    pub displacements: Vec<Vec3>,
+    /// Passes over the pairs.
+    pub passes: u64,
+    /// Whether the pairs contradict each other, as between bodies that close: impulses then grow without end. Such a zone
+    /// stays as it was and lets go of what is prescribed, or needs to be made rigid if nothing is.
+    pub contradicts: bool,
+}
+
+/// Pairs that hang together.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Zone {
+    /// Nodes that can move of all pairs it ever had, ascending; the first stands for it.
+    pub nodes: Vec<u32>,
+    /// Its pairs, each with the attempt in which it met; ascending by attempt and pair.
+    pub hits: Vec<(u32, Hit)>,
+    /// The nodes that last moved as one body, ascending; none if they did not.
+    pub rigid: Vec<u32>,
+    /// Whether it has let go of what is prescribed, because its pairs contradicted each other.
+    pub has_let_go: bool,
+    /// Whether its pairs contradict each other though nothing in them is prescribed.
+    pub contradicts: bool,
+}
+
+impl Zone {
+    /// Nodes of its pairs, ascending.
+    pub fn members(&self) -> Vec<u32> {
+        let mut members: Vec<u32> = self.hits.iter().flat_map(|(_, hit)| hit.pair.nodes).collect();
+        members.sort_unstable();
+        members.dedup();
+        members
+    }
+
+    /// What the action does to the members, which move like this.
+    pub fn solve(&self, action: Action, members: &[u32], motions: &[Motion]) -> Solved {
+        let mut displacements: Vec<Vec3> = motions.iter().map(|motion| motion.displacement).collect();
+        let (mut passes, mut contradicts) = (0, false);
+        match action {
+            Action::Inelastic => {
+                let place = |node: u32| members.partition_point(|member| *member < node) as u32;
+                let constraints: Vec<_> =
+                    self.hits.iter().map(|(_, hit)| hit.constraint(hit.pair.nodes.map(place))).collect();
+                let targets: Vec<f64> = self.hits.iter().map(|(_, hit)| hit.target).collect();
+                let mobility: Vec<Vec3> = motions.iter().map(|motion| motion.mobility).collect();
+                let outcome = impact_zone::inelastic(&constraints, &targets, &mobility, &mut displacements);
+                passes = outcome.iterations as u64;
+                if !outcome.converged {
+                    contradicts = true;
+                    displacements = motions.iter().map(|motion| motion.displacement).collect();
+                }
+            }
+            Action::Rigid => {
+                let node = |&Motion { start, displacement, mobility }: &Motion| ZoneNode {
+                    start,
+                    end: start + displacement,
+                    mobility,
+                };
+                let mut nodes: Vec<ZoneNode> = motions.iter().map(node).collect();
+                impact_zone::rigid(&mut nodes, 1.0);
+                displacements = nodes.iter().map(|node| node.end - node.start).collect();
+            }
+            Action::Stop => {
+                for (displacement, motion) in displacements.iter_mut().zip(motions) {
+                    displacement.component_mul_assign(&motion.mobility.map(|w| f64::from(w == 0.0)));
+                }
+            }
+        }
+        Solved { displacements, passes, contradicts }
+    }
+
+    /// Notes what came out of an action.
+    pub fn note(&mut self, action: Action, contradicts: bool) {
+        self.rigid = if action == Action::Rigid { self.members() } else { Vec::new() };
+        if contradicts {
+            let before = self.hits.len();
+            self.hits.retain(|(_, hit)| !hit.has_prescribed());
+            let lets_go = self.hits.len() < before;
+            self.has_let_go |= lets_go;
+            self.contradicts |= !lets_go;
+        }
+    }
+
+    fn join(&mut self, other: Self) {
+        if self.nodes.is_empty() {
+            *self = other;
+            return;
+        }
+        self.nodes.extend(other.nodes);
+        self.hits.extend(other.hits);
+        self.rigid.clear();
+        self.has_let_go |= other.has_let_go;
+        self.contradicts |= other.contradicts;
+    }
+}
+
+/// Zones that share no node that can move.
+#[derive(Debug, Default)]
 pub struct Zones {
-    constraints: Vec<Constraint>,
-    targets: Vec<f64>,
-    /// Union-find over nodes; the smallest node of a zone stands for it.
-    parent: Vec<u32>,
-    /// Nodes of all constraints, ascending.
-    members: Vec<u32>,
-    /// Smallest nodes of the zones that were made rigid.
-    rigid_roots: Vec<u32>,
-    /// A node of each zone that has let go of what is prescribed, because its contacts contradicted each other.
-    released: Vec<u32>,
-    /// A node of each zone whose contacts contradict each other though nothing in them is prescribed.
-    contradicting: Vec<u32>,
-    rigid: u64,
-    stopped: u64,
+    /// In the order of their first nodes.
+    zones: Vec<Zone>,
+    /// Nodes that can move, ascending, each with the place of its zone.
+    places: Vec<(u32, u32)>,
 }
 
 impl Zones {
-    /// No zones among so many nodes.
-    pub fn new(nodes: usize) -> Self {
-        let parent = (0..nodes as u32).collect();
-        let (constraints, targets, members) = Default::default();
-        let (rigid_roots, released, contradicting) = Default::default();
-        Self { constraints, targets, parent, members, rigid_roots, released, contradicting, rigid: 0, stopped: 0 }
+    /// The zones, in the order of their first nodes.
+    pub fn zones(&self) -> &[Zone] {
+        &self.zones
     }
 
-    /// Adds constraints with the relative displacement along their normals that they need [m].
-    pub fn add(&mut self, constraints: impl Iterator<Item = (Constraint, f64)>) {
-        for (constraint, target) in constraints {
-            constraint.nodes.iter().for_each(|&node| self.join(constraint.nodes[0], node));
-            self.members.extend(constraint.nodes);
-            self.constraints.push(constraint);
-            self.targets.push(target);
+    /// One of them.
+    pub fn zone_mut(&mut self, place: usize) -> &mut Zone {
+        &mut self.zones[place]
+    }
+
+    /// The zone that a node which can move belongs to.
+    pub fn of(&self, node: u32) -> Option<&Zone> {
+        let found = self.places.binary_search_by_key(&node, |(node, _)| *node).ok()?;
+        Some(&self.zones[self.places[found].1 as usize])
+    }
+
+    /// Whether a zone that the hit touches has let go of what is prescribed.
+    pub fn have_let_go(&self, hit: &Hit) -> bool {
+        hit.moving().any(|node| self.of(node).is_some_and(|zone| zone.has_let_go))
+    }
+
+    /// Whether the nodes of a hit have moved as one body: they are as far apart at the end as at the start.
+    pub fn are_rigid(&self, hit: &Hit) -> bool {
+        let zone = hit.moving().next().and_then(|node| self.of(node));
+        zone.is_some_and(|zone| hit.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))
+    }
+
+    /// Adds zones, and pairs that have met in an attempt; what hangs together becomes one. Returns the places of the zones
+    /// that have got one of these pairs.
+    pub fn add(&mut self, others: Vec<Zone>, attempt: u32, hits: &[Hit]) -> Vec<usize> {
+        if others.is_empty() && hits.is_empty() {
+            return Vec::new();
         }
-        self.members.sort_unstable();
-        self.members.dedup();
-    }
-
-    /// Lets everything in the zones that one of `nodes` belongs to slide, but nothing approach. Returns the nodes that may
-    /// have changed. Where contacts contradict each other, as between bodies that close, impulses grow without end: such a
-    /// zone stays as it was and lets go of what is prescribed, or needs to be made rigid if nothing is.
-    pub fn make_inelastic(
-        &mut self,
-        nodes: &[u32],
-        mobility: &[Vec3],
-        displacements: &mut [Vec3],
-        metrics: &mut Metrics,
-    ) -> Vec<u32> {
-        let mut roots: Vec<u32> = nodes.iter().map(|&node| self.root(node)).collect();
-        roots.sort_unstable();
-        roots.dedup();
-        let (mut constraints, mut targets) = (Vec::new(), Vec::new());
-        for i in 0..self.constraints.len() {
-            if roots.binary_search(&self.root(self.constraints[i].nodes[0])).is_ok() {
-                constraints.push(self.constraints[i]);
-                targets.push(self.targets[i]);
-            }
+        let before: Vec<Zone> = std::mem::take(&mut self.zones).into_iter().chain(others).collect();
+        let mut sets = Sets::default();
+        before.iter().for_each(|zone| sets.push(zone.nodes.iter().copied()));
+        hits.iter().for_each(|hit| sets.push(hit.moving()));
+        let smallest = sets.smallest();
+        let (of_zones, of_hits) = smallest.split_at(before.len());
+        let mut joined: BTreeMap<u32, (Zone, bool)> = BTreeMap::new();
+        for (zone, first) in before.into_iter().zip(of_zones) {
+            joined.entry(*first).or_default().0.join(zone);
         }
-        let mut touched: Vec<u32> = constraints.iter().flat_map(|c| c.nodes).collect();
-        touched.sort_unstable();
-        touched.dedup();
-        let before: Vec<Vec3> = touched.iter().map(|&node| displacements[node as usize]).collect();
-        let outcome = impact_zone::inelastic(&constraints, &targets, mobility, displacements);
-        metrics.count("zone_sweeps", outcome.iterations as u64);
-        if !outcome.converged {
-            let worst = |(c, target): &(&Constraint, &f64)| {
-                let shortfall = *target - normal_velocity(c, displacements);
-                shortfall >= 0.5 * outcome.residual
-            };
-            let worst = constraints.iter().zip(&targets).filter(worst).map(|(c, _)| c.nodes[0]);
-            let mut bad: Vec<u32> = worst.collect::<Vec<_>>().into_iter().map(|node| self.root(node)).collect();
-            let farthest = |d: &mut dyn Iterator<Item = Vec3>| d.map(|d| d.norm()).fold(0.0, f64::max);
-            let now = farthest(&mut touched.iter().map(|&node| displacements[node as usize]));
-            if now > THROWN * farthest(&mut before.iter().copied()) {
-                bad = roots;
-            }
-            bad.sort_unstable();
-            bad.dedup();
-            for (&node, before) in touched.iter().zip(before) {
-                if bad.binary_search(&self.root(node)).is_ok() {
-                    displacements[node as usize] = before;
-                }
-            }
-            self.let_go(&bad, mobility);
+        for (hit, first) in hits.iter().zip(of_hits) {
+            let (zone, is_hit) = joined.entry(*first).or_default();
+            zone.nodes.extend(hit.moving());
+            zone.hits.push((attempt, *hit));
+            *is_hit = true;
         }
-        touched
-    }
-
-    /// Removes the contacts with something prescribed from these zones.
-    fn let_go(&mut self, roots: &[u32], mobility: &[Vec3]) {
-        let prescribed = |c: &Constraint| c.nodes.iter().any(|&node| mobility[node as usize] == Vec3::zeros());
-        let mut releasing = vec![false; roots.len()];
-        let all: Vec<_> = self.constraints.drain(..).zip(self.targets.drain(..)).collect();
-        for (constraint, target) in all {
-            match roots.binary_search(&self.root(constraint.nodes[0])) {
-                Ok(zone) if prescribed(&constraint) => releasing[zone] = true,
-                _ => {
-                    self.constraints.push(constraint);
-                    self.targets.push(target);
-                }
-            }
+        let mut active = Vec::new();
+        for (place, (mut zone, is_hit)) in joined.into_values().enumerate() {
+            zone.nodes.sort_unstable();
+            zone.nodes.dedup();
+            zone.hits.sort_unstable_by_key(|(attempt, hit)| (*attempt, hit.pair));
+            self.zones.push(zone);
+            active.extend(is_hit.then_some(place));
         }
-        self.members = self.constraints.iter().flat_map(|c| c.nodes).collect();
-        self.members.sort_unstable();
-        self.members.dedup();
-        for (&root, releases) in roots.iter().zip(releasing) {
-            if releases { &mut self.released } else { &mut self.contradicting }.push(root);
+        self.note_places();
+        active
+    }
+
+    /// Takes out zones, by their places, which ascend.
+    pub fn take(&mut self, places: &[usize]) -> Vec<Zone> {
+        if places.is_empty() {
+            return Vec::new();
         }
+        let all = std::mem::take(&mut self.zones).into_iter().enumerate();
+        let (taken, kept): (Vec<_>, Vec<_>) = all.partition(|(place, _)| places.binary_search(place).is_ok());
+        self.zones = kept.into_iter().map(|(_, zone)| zone).collect();
+        self.note_places();
+        taken.into_iter().map(|(_, zone)| zone).collect()
     }
 
-    /// Whether the zone of a node has let go of what is prescribed.
-    pub fn has_let_go(&mut self, node: u32) -> bool {
-        let root = self.root(node);
-        (0..self.released.len()).any(|i| self.root(self.released[i]) == root)
-    }
-
-    /// Whether the contacts in the zone of a node contradict each other.
-    pub fn contradicts(&mut self, node: u32) -> bool {
-        let root = self.root(node);
-        (0..self.contradicting.len()).any(|i| self.root(self.contradicting[i]) == root)
-    }
-
-    /// Calls `make_rigid` for the members of each zone that one of `nodes` belongs to; returns the nodes that may have
-    /// changed.
-    pub fn make_rigid(&mut self, nodes: &[u32], mut make_rigid: impl FnMut(&[u32])) -> Vec<u32> {
-        let zones = self.zones_of(nodes);
-        self.rigid += zones.len() as u64;
-        zones.iter().for_each(|zone| make_rigid(zone));
-        for node in nodes {
-            let root = self.root(*node);
-            self.rigid_roots.push(root);
+    fn note_places(&mut self) {
+        self.places.clear();
+        for (zone, place) in self.zones.iter().zip(0..) {
+            self.places.extend(zone.nodes.iter().map(|node| (*node, place)));
         }
-        zones.concat()
-    }
-
-    /// Whether these nodes are in one zone that was made rigid.
-    pub fn are_rigid(&mut self, nodes: &[u32; 4]) -> bool {
-        if self.rigid_roots.is_empty() {
-            return false;
-        }
-        let roots = nodes.map(|node| self.root(node));
-        roots.iter().all(|root| *root == roots[0]) && self.rigid_roots.contains(&roots[0])
-    }
-
-    /// Calls `stop` for each member of each zone that one of `nodes` belongs to; returns those members.
-    pub fn stop(&mut self, nodes: &[u32], stop: impl FnMut(u32)) -> Vec<u32> {
-        let stopped = self.zones_of(nodes).concat();
-        self.stopped += 1;
-        stopped.iter().copied().for_each(stop);
-        stopped
+        self.places.sort_unstable();
     }
 
     /// Nodes of all zones.
-    pub fn node_count(&self) -> usize {
-        self.members.len()
+    pub fn node_count(&self) -> u64 {
+        self.zones.iter().map(|zone| zone.members().len() as u64).sum()
     }
 
     /// Counts what there was.
-    pub fn report(&mut self, metrics: &mut Metrics) {
-        let all = self.members.clone();
-        let zones = self.zones_of(&all);
-        metrics.count("zones", zones.len() as u64);
-        metrics.count("zones_large", zones.iter().filter(|zone| zone.len() > LARGE_ZONE).count() as u64);
-        metrics.count("zone_nodes", self.members.len() as u64);
-        metrics.count("zones_rigid", self.rigid);
-        metrics.count("zone_fallbacks", self.stopped);
-    }
-
-    /// Members of each zone that one of `nodes` belongs to, ascending; zones in the order of their first member.
-    fn zones_of(&mut self, nodes: &[u32]) -> Vec<Vec<u32>> {
-        let mut roots: Vec<u32> = nodes.iter().map(|&node| self.root(node)).collect();
-        roots.sort_unstable();
-        roots.dedup();
-        let mut zones = vec![Vec::new(); roots.len()];
-        for i in 0..self.members.len() {
-            let node = self.members[i];
-            if let Ok(zone) = roots.binary_search(&self.root(node)) {
-                zones[zone].push(node);
-            }
-        }
-        zones
-    }
-
-    fn root(&mut self, mut node: u32) -> u32 {
-        while self.parent[node as usize] != node {
-            let above = self.parent[self.parent[node as usize] as usize];
-            self.parent[node as usize] = above;
-            node = above;
-        }
-        node
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parent[a.max(b) as usize] = a.min(b);
+    pub fn report(&self, metrics: &mut Metrics) {
+        let sizes: Vec<usize> = self.zones.iter().map(|zone| zone.members().len()).filter(|size| *size > 0).collect();
+        metrics.count("zones", sizes.len() as u64);
+        metrics.count("zones_large", sizes.iter().filter(|size| **size > LARGE_ZONE).count() as u64);
+        metrics.count("zone_nodes", sizes.iter().map(|size| *size as u64).sum());
     }
 }

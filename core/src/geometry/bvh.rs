@@ -198,6 +198,22 @@ impl Bvh {
         }
     }
 
+    /// Boxes of at most `wanted` nodes that together hold all primitives: of the largest box its children are taken
+    /// instead, again and again.
+    pub fn cover(&self, wanted: usize) -> Vec<Aabb> {
+        let mut nodes = self.pairs[0].0.to_vec();
+        while nodes.len() < wanted {
+            let inner = (0..nodes.len()).filter(|&n| nodes[n].count == INNER);
+            let area = |n: usize| nodes[n].bounds.half_area();
+            let Some(largest) = inner.max_by(|&a, &b| area(a).total_cmp(&area(b))) else { break };
+            let [a, b] = self.pairs[nodes[largest].first as usize].0;
+            nodes[largest] = a;
+            nodes.push(b);
+        }
+        nodes.retain(|node| node.bounds.min[0] <= node.bounds.max[0]);
+        nodes.into_iter().map(|node| node.bounds).collect()
+    }
+
     fn run(&self, leaf: &Node) -> &[u32] {
         &self.primitives[leaf.first as usize..(leaf.first + leaf.count) as usize]
     }

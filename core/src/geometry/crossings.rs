@@ -37,9 +37,12 @@ pub struct Crossing {
 /// Which triangle speaks for which edge, so that an edge of several triangles is looked at once.
 #[derive(Clone, Debug, Default)]
 pub struct EdgeOwners {
-    /// For each triangle a bit for each of its edges [0, 1], [1, 2], [2, 0].
+    /// For each triangle a bit for each of its edges [0, 1], [1, 2], [2, 0], and [`FACE`].
     owned: Vec<u8>,
 }
+
+/// Bit of a triangle that edges are tested against; others are there for their edges alone.
+pub const FACE: u8 = 1 << 3;
 
 impl EdgeOwners {
     /// Every edge goes to the first triangle that has it.
@@ -50,11 +53,22 @@ impl EdgeOwners {
         }
         edges.sort_unstable();
         edges.dedup_by_key(|(edge, ..)| *edge);
-        let mut owned = vec![0; triangles.len()];
+        let mut owned = vec![FACE; triangles.len()];
         for (_, t, k) in edges {
             owned[t as usize] |= 1 << k;
         }
         Self { owned }
+    }
+
+    /// Owners by their bits: 0 to 2 for the edges [0, 1], [1, 2], [2, 0] of each triangle, and [`FACE`].
+    pub fn of_bits(owned: Vec<u8>) -> Self {
+        Self { owned }
+    }
+
+    /// The bits of a triangle.
+    #[inline]
+    pub fn bits(&self, triangle: u32) -> u8 {
+        self.owned[triangle as usize]
     }
 }
 
@@ -123,6 +137,15 @@ pub fn find_moved(surface: &Surface<'_>, is_moved: impl Fn(u32) -> bool + Sync) 
 ///
 /// The surfaces meet where this finds something one way or the other way round.
 pub fn find_between(edges_of: &Surface<'_>, triangles_of: &Surface<'_>) -> Vec<Crossing> {
+    find_between_where(edges_of, triangles_of, |_, _| true)
+}
+
+/// The same, of those pairs of an edge and a triangle for which `is_asked` holds.
+pub fn find_between_where(
+    edges_of: &Surface<'_>,
+    triangles_of: &Surface<'_>,
+    is_asked: impl Fn(&[u32; 2], &[u32; 3]) -> bool + Sync,
+) -> Vec<Crossing> {
     let ours = boxes(edges_of.triangles, edges_of.positions);
     let theirs = boxes(triangles_of.triangles, triangles_of.positions);
     let tasks = edges_of.tree.tasks_with(triangles_of.tree, TASKS);
@@ -132,7 +155,7 @@ pub fn find_between(edges_of: &Surface<'_>, triangles_of: &Surface<'_>) -> Vec<C
             let (s, t) = (s as usize, t as usize);
             if ours[s].overlaps(&theirs[t]) {
                 let other = triangles_of.placed(t, theirs[t]);
-                edges_of.placed(s, ours[s]).judge_edges_against(&other, |_, _| true, &mut found);
+                edges_of.placed(s, ours[s]).judge_edges_against(&other, &is_asked, &mut found);
             }
         });
         found
@@ -191,6 +214,9 @@ impl Placed<'_> {
         is_asked: impl Fn(&[u32; 2], &[u32; 3]) -> bool,
         found: &mut Vec<Crossing>,
     ) {
+        if other.owned & FACE == 0 {
+            return;
+        }
         for k in (0..3).filter(|k| self.owned >> k & 1 == 1) {
             let (edge, triangle) = (edge(&self.vertices, k), other.vertices);
             if !is_asked(&edge, &triangle) {

@@ -226,6 +226,11 @@ impl Parts {
         self.block_starts[self.block_starts.len() - 1]
     }
 
+    /// First block of sums of every rank, and the number of all at the end.
+    pub fn rank_block_starts(&self) -> Vec<usize> {
+        self.blocks.starts().to_vec()
+    }
+
     /// Joins one value for each block, of all ranks, in an order that depends on the scene alone.
     pub fn join(&self, blocks: &[f64]) -> f64 {
         self.blocks.join(&self.ranks, blocks)

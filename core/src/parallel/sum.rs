@@ -47,6 +47,11 @@ impl Shares {
         Self { starts, own, counts }
     }
 
+    /// First block of every rank, and the number of all at the end.
+    pub fn starts(&self) -> &[usize] {
+        &self.starts
+    }
+
     /// The sum of the blocks of all ranks, of which `blocks` are this rank's; the same as [`join`] of all together.
     pub fn join(&self, ranks: &Ranks, blocks: &[f64]) -> f64 {
         if ranks.is_alone() {

@@ -5,6 +5,8 @@ use crate::geometry::testing::Random;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
 
+pub(crate) mod ranks;
+
 const N: usize = 7;
 
 /// Two small sheets, crumpled into each other.
@@ -28,12 +30,12 @@ fn crumpled(random: &mut Random) -> (Scene, Vec<Vec3>) {
 /// Every pair of a point and a triangle, and of two edges, without a common node.
 fn all_pairs(surface: &ContactSurface) -> Vec<Pair> {
     let mut pairs = Vec::new();
-    for &[a, b, c] in surface.triangles() {
-        let points = (0..surface.nodes() as u32).filter(|p| ![a, b, c].contains(p));
+    for &[a, b, c] in surface.cloth().triangles() {
+        let points = (0..surface.node_count() as u32).filter(|p| ![a, b, c].contains(p));
         pairs.extend(points.map(|p| Pair { kind: PairKind::PointTriangle, nodes: [p, a, b, c] }));
     }
-    for e in surface.edges() {
-        for f in surface.edges() {
+    for e in surface.cloth().edges() {
+        for f in surface.cloth().edges() {
             if e < f && !e.iter().any(|node| f.contains(node)) {
                 pairs.push(Pair { kind: PairKind::EdgeEdge, nodes: [e[0], e[1], f[0], f[1]] });
             }
@@ -47,11 +49,11 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
     let mut random = Random(91);
     for reach in [0.05, 0.3] {
         let (scene, x) = crumpled(&mut random);
-        let surface = ContactSurface::new(&scene, 0.4);
-        let mut search = PairSearch::new(&surface);
+        let mut surface = ContactSurface::new(&scene, 0.4);
+        let mut search = PairSearch::new();
         let mut neighbours = Neighbours::new(&surface, true);
-        assert!(neighbours.note_ways(&x, &x).is_infinite(), "there is no list yet");
-        neighbours.rebuild(&surface, &mut search, &x, reach, 0.0);
+        assert!(neighbours.note_ways(&surface, &x, &x).is_infinite(), "there is no list yet");
+        neighbours.rebuild(&mut surface, &mut search, &mut x.clone(), reach, 0.0);
         let all = all_pairs(&surface);
         for round in 0..5 {
             // Everything turns and falls together, and a little apart, up to the reach.
@@ -63,7 +65,7 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
                 x.iter().enumerate().map(|(i, x)| turn * x + shift + own(i, random)).collect()
             };
             let (start, end) = (moved(&mut random), moved(&mut random));
-            let way = neighbours.note_ways(&start, &end);
+            let way = neighbours.note_ways(&surface, &start, &end);
             assert!(way <= neighbours.reach(), "{way} in {}", neighbours.reach());
             let mut found: Vec<Pair> = KINDS.iter().flat_map(|k| neighbours.list(*k)).map(|n| n.pair).collect();
             found.sort_unstable();
@@ -96,7 +98,7 @@ fn a_search_along_paths_meets_all_that_collides() {
     let (scene, start) = crumpled(&mut random);
     let surface = ContactSurface::new(&scene, 0.4);
     let end: Vec<Vec3> = start.iter().map(|x| x + random.vector() * 0.02).collect();
-    let mut search = PairSearch::new(&surface);
+    let mut search = PairSearch::new();
     let mut found = Vec::new();
     search.fit(&surface, |i| Aabb::of_segment(&start[i], &end[i]));
     search.pairs(&surface, |pair, out| out.push(pair), &mut found);

@@ -5,6 +5,8 @@ use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
 use crate::state::State;
 
+mod ranks;
+
 const LAWS: Laws = Laws { stiffness: 30.0, limit: 0.1, friction: 0.4, edge_attraction: -0.3, attraction: true };
 
 /// Pairs that approach until the next collision-free state, for tests in which nothing else is near.
@@ -32,6 +34,7 @@ fn scenes() -> [Scene; 2] {
 }
 
 struct Pushed {
+    nodes: ContactNodes,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
     mobility: Vec<f64>,
@@ -41,27 +44,34 @@ struct Pushed {
 impl Pushed {
     /// The scene with its sides taken.
     fn new(scene: &Scene, laws: Laws) -> Self {
-        let surface = ContactSurface::new(scene, 1.0);
-        let state = State::at_start(scene);
+        let mut surface = ContactSurface::new(scene, 1.0);
+        let mut state = State::at_start(scene);
         let mut neighbours = Neighbours::new(&surface, true);
-        neighbours.rebuild(&surface, &mut PairSearch::new(&surface), &state.x, SLACK, 0.0);
-        neighbours.note_ways(&state.x, &state.x);
-        let mut repulsions = Repulsions::new(laws, state.x.len());
-        repulsions.take_sides(&neighbours, &state.x, SLACK, &|_| false);
+        neighbours.rebuild(&mut surface, &mut PairSearch::new(), &mut state.x, SLACK, 0.0);
+        neighbours.note_ways(&surface, &state.x, &state.x);
+        let mut repulsions = Repulsions::new(laws);
+        let nodes = surface.nodes().clone();
+        repulsions.take_sides(&nodes, &neighbours, &state.x, SLACK, &|_| false);
         let mobility = scene.masses().iter().map(|m| 1.0 / m).collect();
-        Self { x: state.x, v: state.v, mobility, repulsions }
+        Self { nodes, x: state.x, v: state.v, mobility, repulsions }
+    }
+
+    fn apply(&mut self, passes: Passes, dt: f64) -> Metrics {
+        let mut metrics = Metrics::default();
+        let at = Moment { nodes: &self.nodes, dt, x: &self.x, mobility: &self.mobility };
+        self.repulsions.apply(passes, &at, &mut self.v, &mut metrics);
+        metrics
     }
 
     fn step(&mut self, dt: f64) {
-        let mut metrics = Metrics::default();
         self.repulsions.positions_changed();
-        self.repulsions.apply(Passes::Full, dt, &self.x, &self.mobility, &mut self.v, &mut metrics);
+        self.apply(Passes::Full, dt);
         self.x.iter_mut().zip(&self.v).for_each(|(x, v)| *x += v * dt);
     }
 
     /// The signed distance of the only pair that is active.
     fn distance(&mut self) -> Option<f64> {
-        self.repulsions.refresh(&self.x, &self.mobility);
+        self.repulsions.refresh(&Moment { nodes: &self.nodes, dt: 1.0, x: &self.x, mobility: &self.mobility });
         let kinds = &self.repulsions.kinds;
         kinds.iter().flat_map(|k| &k.touching).flatten().map(|t| t.distance).min_by(f64::total_cmp)
     }
@@ -105,15 +115,7 @@ fn repulsions_keep_momentum_and_never_add_more_energy_than_their_limit() {
             (each().map(|(p, _)| p).sum(), each().map(|(p, x)| x.cross(&p)).sum())
         };
         let before = momentum(&pushed);
-        let mut metrics = Metrics::default();
-        pushed.repulsions.apply(
-            Passes::Full,
-            1e-3,
-            &pushed.x.clone(),
-            &pushed.mobility.clone(),
-            &mut pushed.v,
-            &mut metrics,
-        );
+        let metrics = pushed.apply(Passes::Full, 1e-3);
         let after = momentum(&pushed);
         assert!(metrics.counted("repulsions") > 0);
         assert!((before.0 - after.0).norm() <= 1e-12 * before.0.norm(), "linear");
@@ -129,9 +131,7 @@ fn friction_stops_sliding_within_its_cone_and_only_there() {
     for (friction, slides) in [(0.0, true), (0.05, true), (10.0, false)] {
         let mut pushed = Pushed::new(scene, Laws { friction, stiffness: 0.0, ..LAWS });
         pushed.v[3..].fill(Vec3::new(1.0, -1.0, 0.0));
-        let mut metrics = Metrics::default();
-        let (x, mobility) = (pushed.x.clone(), pushed.mobility.clone());
-        pushed.repulsions.apply(Passes::WithoutSprings, 1e-3, &x, &mobility, &mut pushed.v, &mut metrics);
+        pushed.apply(Passes::WithoutSprings, 1e-3);
         let active = pushed.repulsions.kinds[0].touching.iter().flatten().next().expect("a corner over a triangle");
         let v: Vec<Vec3> = active.nodes.iter().map(|n| pushed.v[*n as usize]).collect();
         let relative: Vec3 = v.iter().zip(active.weights).map(|(v, w)| v * w).sum();

@@ -1,0 +1,206 @@
+//! Colours of pairs, alike on any number of ranks: greedily in an order that looks random, so that what waits for what does
+//! not reach far, and that follows from the scene's numbers of the nodes alone.
+//!
+//! A pair takes the first colour that none before it has taken at one of its nodes. 128 colours are a *page*; pairs that
+//! find none of them free wait for the next page, where all are free again.
+//!
+//! Each rank colours all pairs it *holds*, those with a node of its own. It knows all pairs of its own nodes, so a pair of
+//! these alone can be decided when all before it are. For the others ranks tell each other in rounds, for every node that
+//! somebody else has a copy of, the first pair there that is undecided and the colours taken (M. Jones, P. Plassmann, "A
+//! parallel graph coloring heuristic", SIAM Journal on Scientific Computing 14, 1993): a pair that is the first at all its
+//! nodes is decided by all its holders in the same round, with the same result.
+
+use crate::contact::nodes::ContactNodes;
+
+/// The colour of pairs that have none.
+pub(crate) const NO_COLOUR: u32 = u32::MAX;
+
+/// Colours of a page: bits of a mask.
+const PAGE: u32 = u128::BITS;
+
+/// Classes of the order: pairs go class by class, those of a class by their nodes. So many that few pairs of one node are in
+/// one class, and so few that neighbours in memory are still met one soon after the other.
+const CLASSES: usize = 256;
+
+/// Stands where there is no pair.
+const NONE: u32 = u32::MAX;
+
+/// A pair by the scene's numbers of its nodes; [`NOBODY`] for none.
+type Key = [u32; 4];
+
+const NOBODY: Key = [NONE; 4];
+
+/// The colour of each of `count` pairs, ascending by their nodes, and the number of colours, the same on all ranks. Pairs with
+/// a point of a body have [`NO_COLOUR`]: nothing acts on them in the order of colours. All ranks call it together.
+pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
+    let alone = nodes.halo().is_empty();
+    let order = order(count, nodes, &nodes_of);
+    let mut colouring = Colouring {
+        nodes,
+        nodes_of,
+        colours: vec![NO_COLOUR; count],
+        used: vec![0; nodes.cloth()],
+        first: vec![NONE; nodes.cloth()],
+        told: vec![NOBODY; if alone { 0 } else { nodes.cloth() }],
+        order,
+    };
+    let mut waiting: Vec<u32> = (0..colouring.order.len() as u32).collect();
+    let mut page = 0;
+    while nodes.ranks().any(!waiting.is_empty()) {
+        waiting = colouring.page(page, waiting);
+        page += 1;
+    }
+    let highest = colouring.colours.iter().filter(|colour| **colour != NO_COLOUR).max();
+    let number = nodes.ranks().max(highest.map_or(0.0, |colour| f64::from(*colour) + 1.0));
+    (colouring.colours, number as usize)
+}
+
+/// The pairs without bodies in the order in which they choose.
+fn order(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> Vec<u32> {
+    let class = |pair: usize| {
+        let of = nodes_of(pair);
+        (!of.iter().any(|node| nodes.is_body(*node))).then(|| class(&of.map(|node| nodes.number(node))))
+    };
+    let mut starts = [0usize; CLASSES + 1];
+    let classes: Vec<Option<u8>> = (0..count).map(class).collect();
+    classes.iter().flatten().for_each(|class| starts[usize::from(*class) + 1] += 1);
+    (0..CLASSES).for_each(|class| starts[class + 1] += starts[class]);
+    let mut order = vec![0; starts[CLASSES]];
+    for (pair, class) in classes.iter().enumerate() {
+        if let Some(class) = class {
+            let place = &mut starts[usize::from(*class)];
+            order[*place] = pair as u32;
+            *place += 1;
+        }
+    }
+    order
+}
+
+/// A number that looks random, from those of the nodes.
+fn class(key: &Key) -> u8 {
+    // The odd number nearest to 2⁶⁴ over the golden ratio (D. Knuth, The Art of Computer Programming 3, 6.4).
+    let mix = |mixed: u64, node: &u32| {
+        let mixed = (mixed ^ u64::from(*node)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        mixed ^ (mixed >> 32)
+    };
+    let [.., class] = key.iter().fold(0, mix).wrapping_mul(0x9E37_79B9_7F4A_7C15).to_le_bytes();
+    class
+}
+
+/// What is known while a page is filled.
+struct Colouring<'a, F> {
+    nodes: &'a ContactNodes,
+    nodes_of: F,
+    /// Pairs in the order in which they choose.
+    order: Vec<u32>,
+    colours: Vec<u32>,
+    /// Colours of the page that are taken at each node.
+    used: Vec<u128>,
+    /// The first pair at each node that this pass has met and left undecided.
+    first: Vec<u32>,
+    /// The first undecided pair at each node as of the last round, until it is decided.
+    told: Vec<Key>,
+}
+
+impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
+    /// Gives out the colours of a page to the pairs at these places of the order, ascending; returns those that found none
+    /// free.
+    fn page(&mut self, page: u32, mut undecided: Vec<u32>) -> Vec<u32> {
+        self.used.fill(0);
+        self.told.fill(NOBODY);
+        let mut full = Vec::new();
+        loop {
+            undecided = self.pass(page, undecided, &mut full);
+            if !self.nodes.ranks().any(!undecided.is_empty()) {
+                full.sort_unstable();
+                return full;
+            }
+            self.tell();
+        }
+    }
+
+    /// Decides what can be; returns what cannot yet.
+    fn pass(&mut self, page: u32, undecided: Vec<u32>, full: &mut Vec<u32>) -> Vec<u32> {
+        for place in &undecided {
+            let of = (self.nodes_of)(self.order[*place as usize] as usize);
+            of.iter().for_each(|node| self.first[*node as usize] = NONE);
+        }
+        let mut left = Vec::new();
+        for place in undecided {
+            let pair = self.order[place as usize];
+            let of = (self.nodes_of)(pair as usize);
+            if !self.is_next(&of) {
+                for node in of {
+                    let first = &mut self.first[node as usize];
+                    *first = (*first).min(place);
+                }
+                left.push(place);
+                continue;
+            }
+            let taken = of.iter().fold(0, |taken, node| taken | self.used[*node as usize]);
+            let colour = (!taken).trailing_zeros();
+            if colour < PAGE {
+                of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
+                self.colours[pair as usize] = page * PAGE + colour;
+            } else {
+                full.push(place);
+            }
+        }
+        left
+    }
+
+    /// Whether all pairs before this one at its nodes are decided, and all its holders know it.
+    fn is_next(&mut self, of: &[u32; 4]) -> bool {
+        if of.iter().any(|node| self.first[*node as usize] != NONE) {
+            return false;
+        }
+        if of.iter().all(|node| self.nodes.is_own(*node)) {
+            return true;
+        }
+        let key = of.map(|node| self.nodes.number(node));
+        let is_told = of.iter().all(|node| self.told[*node as usize] == key);
+        if is_told {
+            // What comes next at these nodes is not known to everybody yet.
+            of.iter().for_each(|node| self.told[*node as usize] = NOBODY);
+        }
+        is_told
+    }
+
+    /// Tells the copies of own nodes what is first there, and what is taken.
+    fn tell(&mut self) {
+        if self.nodes.halo().is_empty() {
+            return;
+        }
+        let (nodes, order, nodes_of) = (self.nodes, &self.order, &self.nodes_of);
+        let key = |place: u32| match place {
+            NONE => NOBODY,
+            _ => nodes_of(order[place as usize] as usize).map(|node| nodes.number(node)),
+        };
+        let own = nodes.own();
+        let mut words: Vec<[u64; 4]> = vec![[0; 4]; nodes.cloth()];
+        for node in own.clone() {
+            self.told[node] = key(self.first[node]);
+            words[node] = pack(&self.told[node], self.used[node]);
+        }
+        nodes.refresh(&mut words);
+        for node in (0..own.start).chain(own.end..nodes.cloth()) {
+            (self.told[node], self.used[node]) = unpack(&words[node]);
+        }
+    }
+}
+
+/// A key and a mask as they travel.
+fn pack(&[a, b, c, d]: &Key, used: u128) -> [u64; 4] {
+    let two = |low: u32, high: u32| u64::from(low) | u64::from(high) << u32::BITS;
+    [two(a, b), two(c, d), used as u64, (used >> u64::BITS) as u64]
+}
+
+/// See [`pack`].
+fn unpack(&[ab, cd, low, high]: &[u64; 4]) -> (Key, u128) {
+    let two = |both: u64| [both as u32, (both >> u32::BITS) as u32];
+    let ([a, b], [c, d]) = (two(ab), two(cd));
+    ([a, b, c, d], u128::from(low) | u128::from(high) << u64::BITS)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,112 @@
+use super::*;
+use crate::contact::testing::{below, held, on_ranks, random_starts};
+use crate::geometry::testing::Random;
+
+/// Random pairs of nodes that lie near each other in number, one in ten with any; ascending.
+fn random_pairs(random: &mut Random, count: usize, nodes: usize, bodies: usize) -> Vec<[u32; 4]> {
+    let mut pairs: Vec<[u32; 4]> = Vec::new();
+    for _ in 0..count {
+        let first = below(random, nodes);
+        let mut pair = [first as u32; 4];
+        for i in 1..4 {
+            while pair[..i].contains(&pair[i]) {
+                let far = below(random, 10) == 0;
+                let next = if far { below(random, nodes) } else { (first + below(random, 20)) % nodes };
+                pair[i] = next as u32;
+            }
+        }
+        if bodies > 0 && below(random, 20) == 0 {
+            pair[3] = (nodes + below(random, bodies)) as u32;
+        }
+        pairs.push(pair);
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// The definition: one after the other.
+fn greedy(pairs: &[[u32; 4]], nodes: u32) -> Vec<u32> {
+    let mut order: Vec<usize> = (0..pairs.len()).filter(|i| pairs[*i].iter().all(|node| *node < nodes)).collect();
+    order.sort_by_key(|i| (class(&pairs[*i]), pairs[*i]));
+    let mut colours = vec![NO_COLOUR; pairs.len()];
+    let mut page = 0;
+    while !order.is_empty() {
+        let mut taken = vec![[false; PAGE as usize]; nodes as usize];
+        order.retain(|i| {
+            let free = (0..PAGE as usize).find(|c| pairs[*i].iter().all(|node| !taken[*node as usize][*c]));
+            let Some(free) = free else { return true };
+            pairs[*i].iter().for_each(|node| taken[*node as usize][free] = true);
+            colours[*i] = page * PAGE + free as u32;
+            false
+        });
+        page += 1;
+    }
+    colours
+}
+
+/// Checks that any number of ranks finds the colours of the definition; returns how many there are.
+fn check(random: &mut Random, pairs: Vec<[u32; 4]>, nodes: usize, bodies: usize) -> usize {
+    let expected = greedy(&pairs, nodes as u32);
+    let most = expected.iter().filter(|c| **c != NO_COLOUR).max().map_or(0, |c| *c as usize + 1);
+    for ranks in [1, 2, 3, 5] {
+        let starts = random_starts(random, ranks, nodes);
+        let (expected, pairs) = (expected.clone(), pairs.clone());
+        let numbers = on_ranks(ranks, move |ranks| {
+            let (nodes, held) = held(&ranks, &starts, bodies, &pairs);
+            let (found, number) = colours(held.len(), &nodes, |i| held[i].1);
+            for ((place, _), colour) in held.iter().zip(&found) {
+                assert_eq!(*colour, expected[*place], "{ranks:?} of {starts:?}, pair {:?}", pairs[*place]);
+            }
+            number
+        });
+        assert_eq!(numbers, vec![most; ranks]);
+    }
+    most
+}
+
+#[test]
+fn any_number_of_ranks_finds_the_colours_of_one_after_the_other() {
+    let mut random = Random(71);
+    for (count, nodes, bodies) in [(0, 4, 0), (1, 4, 0), (500, 300, 0), (4000, 700, 30), (3000, 100, 5)] {
+        let pairs = random_pairs(&mut random, count, nodes, bodies);
+        check(&mut random, pairs, nodes, bodies);
+    }
+}
+
+#[test]
+fn pairs_that_find_no_colour_free_wait_for_the_next_page() {
+    let mut random = Random(72);
+    let pairs = random_pairs(&mut random, 2500, 30, 0);
+    let most = check(&mut random, pairs, 30, 0);
+    assert!(most > PAGE as usize, "so many pairs of so few nodes need a second page, not {most} colours");
+}
+
+#[test]
+fn no_two_pairs_of_a_colour_share_a_node() {
+    let mut random = Random(73);
+    let pairs = random_pairs(&mut random, 3000, 200, 0);
+    let (nodes, held) = held(&crate::parallel::ranks::Ranks::default(), &[0, 200], 0, &pairs);
+    let (found, number) = colours(held.len(), &nodes, |i| held[i].1);
+    let mut seen = vec![false; 200 * number];
+    for (pair, colour) in pairs.iter().zip(found) {
+        for node in pair {
+            let place = &mut seen[200 * colour as usize + *node as usize];
+            assert!(!std::mem::replace(place, true), "{pair:?}");
+        }
+    }
+}
+
+#[test]
+fn a_pair_that_is_there_twice_has_two_colours_alike_on_all_ranks() {
+    let pairs = vec![[0, 1, 4, 5], [0, 1, 4, 5], [0, 1, 4, 5], [2, 3, 6, 7]];
+    let expected = [0, 1, 2, 0];
+    for starts in [vec![0, 8], vec![0, 4, 8], vec![0, 1, 5, 8]] {
+        let pairs = pairs.clone();
+        on_ranks(starts.len() - 1, move |ranks| {
+            let (nodes, held) = held(&ranks, &starts, 0, &pairs);
+            let (found, _) = colours(held.len(), &nodes, |i| held[i].1);
+            assert!(held.iter().zip(found).all(|((place, _), colour)| expected[*place] == colour));
+        });
+    }
+}

@@ -1,0 +1,100 @@
+use super::*;
+use crate::contact::testing::{below, held, on_ranks, random_starts};
+use crate::geometry::testing::Random;
+use crate::parallel::ranks::Ranks;
+
+const NODES: usize = 400;
+
+/// Random pairs of both kinds, thick enough for many to be active.
+#[derive(Clone)]
+struct Heap {
+    /// Nodes of the pairs of each kind, ascending.
+    pairs: [Vec<[u32; 4]>; 2],
+    sides: Vec<Vec3>,
+    /// Positions in three steps.
+    x: [Vec<Vec3>; 3],
+    v: Vec<Vec3>,
+    mobility: Vec<f64>,
+}
+
+impl Heap {
+    fn random(random: &mut Random) -> Self {
+        let mut node = |first: usize| (first + below(random, 30)) % NODES;
+        let pairs = [0, 1].map(|_| {
+            let mut pairs: Vec<[u32; 4]> = (0..3 * NODES)
+                .map(|i| [0; 4].map(|_| node(i / 3) as u32))
+                .filter(|[a, b, c, d]| a != b && a != c && a != d && b != c && b != d && c != d)
+                .collect();
+            pairs.sort_unstable();
+            pairs.dedup();
+            pairs
+        });
+        let vectors = |random: &mut Random| (0..NODES).map(|_| random.vector()).collect();
+        Self {
+            pairs,
+            sides: (0..3 * NODES).map(|_| random.vector().normalize()).collect(),
+            x: std::array::from_fn(|_| vectors(random)),
+            v: vectors(random),
+            mobility: (0..NODES).map(|i| if i % 9 == 0 { 0.0 } else { 2.0 + random.number() }).collect(),
+        }
+    }
+
+    /// The pairs that a rank holds, with their sides, as `take_sides` leaves them.
+    fn repulsions(&self, ranks: &Ranks, starts: &[u32]) -> (ContactNodes, Repulsions) {
+        let mut repulsions = Repulsions::new(LAWS);
+        let all: Vec<[u32; 4]> = self.pairs.iter().flatten().copied().collect();
+        let (nodes, _) = held(ranks, starts, 0, &all);
+        let local = |node: u32| nodes.local(node).expect("a node of a pair that is held is here");
+        for kind in KINDS {
+            let of_kind = &mut repulsions.kinds[kind as usize];
+            let own = starts[ranks.rank()]..starts[ranks.rank() + 1];
+            for (pair, side) in self.pairs[kind as usize].iter().zip(&self.sides) {
+                if pair.iter().any(|node| own.contains(node)) {
+                    let side = if kind == PairKind::EdgeEdge { *side } else { Vec3::x() * side.x.signum() };
+                    of_kind.sided.push(Sided { pair: Pair { kind, nodes: pair.map(local) }, thickness: 0.5, side });
+                }
+            }
+            of_kind.order = Order::of(&mut of_kind.sided, &nodes, |s| s.pair.nodes);
+            of_kind.touching.resize(of_kind.sided.len(), None);
+        }
+        (nodes, repulsions)
+    }
+
+    /// Velocities of this rank's own nodes after three steps, and the counts.
+    fn steps(&self, ranks: &Ranks, starts: &[u32]) -> (Vec<Vec3>, [u64; 2]) {
+        let (nodes, mut repulsions) = self.repulsions(ranks, starts);
+        let numbers: Vec<usize> = (0..nodes.cloth() as u32).map(|node| nodes.number(node) as usize).collect();
+        let mobility: Vec<f64> = numbers.iter().map(|n| self.mobility[*n]).collect();
+        let mut v: Vec<Vec3> = numbers.iter().map(|n| self.v[*n]).collect();
+        let mut metrics = Metrics::default();
+        for (x, passes) in self.x.iter().zip([Passes::Full, Passes::WithoutSprings, Passes::Full]) {
+            let x: Vec<Vec3> = numbers.iter().map(|n| x[*n]).collect();
+            // What ghosts had before must not matter.
+            (0..nodes.cloth()).filter(|i| !nodes.is_own(*i as u32)).for_each(|i| v[i] = Vec3::repeat(f64::NAN));
+            let at = Moment { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility };
+            repulsions.positions_changed();
+            repulsions.apply(passes, &at, &mut v, &mut metrics);
+        }
+        let counts = ["repulsions", "attractions"].map(|name| metrics.counted(name));
+        (v[nodes.own()].to_vec(), ranks.sum_of(counts))
+    }
+}
+
+#[test]
+fn any_number_of_ranks_gives_the_same_bits() {
+    let mut random = Random(31);
+    let heap = Heap::random(&mut random);
+    let (expected, counts) = heap.steps(&Ranks::default(), &[0, NODES as u32]);
+    assert!(expected.iter().zip(&heap.v).filter(|(a, b)| a != b).count() > NODES / 2, "most nodes are pushed");
+    assert!(counts[0] > 200 && counts[1] > 200, "{counts:?}");
+    for ranks in [2, 3, 5, 8] {
+        let starts = random_starts(&mut random, ranks, NODES);
+        let heap = heap.clone();
+        let (found, counted): (Vec<_>, Vec<_>) =
+            on_ranks(ranks, move |ranks| heap.steps(&ranks, &starts)).into_iter().unzip();
+        let found = found.concat();
+        let bits = |v: &[Vec3]| -> Vec<[u64; 3]> { v.iter().map(|v| [v.x, v.y, v.z].map(f64::to_bits)).collect() };
+        assert!(bits(&expected) == bits(&found), "{ranks} ranks");
+        assert_eq!(counted, vec![counts; ranks]);
+    }
+}
