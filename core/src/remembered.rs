@@ -35,8 +35,8 @@ pub(crate) enum Field {
     Count(u64),
     /// So many numbers for each own vertex, ascending.
     Vertices(usize, Vec<f64>),
-    /// A vector for each own vertex, ascending, and for each point of a body, which all ranks know; or none at all.
-    Nodes(Option<(Vec<Vec3>, Vec<Vec3>)>),
+    /// A vector for each own vertex, ascending, and for each of so many points of bodies, which all ranks know; or none at all.
+    Nodes(usize, Option<(Vec<Vec3>, Vec<Vec3>)>),
     /// Values for each own pin target, so many a row.
     Targets(usize, Values),
     /// Rows of so many nodes by their numbers in the scene, which all ranks know.
@@ -223,8 +223,8 @@ impl Remembered {
                 Field::Count(_) => begin(&[1], ValueKind::U64),
                 Field::Vertices(1, _) => begin(&[parts.partition().vertex_count()], ValueKind::F64),
                 Field::Vertices(width, _) => begin(&[parts.partition().vertex_count(), *width], ValueKind::F64),
-                Field::Nodes(None) => begin(&[0, 3], ValueKind::F64),
-                Field::Nodes(Some((_, bodies))) => {
+                Field::Nodes(_, None) => begin(&[0, 3], ValueKind::F64),
+                Field::Nodes(_, Some((_, bodies))) => {
                     begin(&[parts.partition().vertex_count() + bodies.len(), 3], ValueKind::F64);
                 }
                 Field::Targets(1, values) => begin(&[targets.1], values.kind()),
@@ -243,8 +243,8 @@ impl Remembered {
                 Field::Vertices(width, own) => {
                     Rows::of_vertices(parts).give(ranks, *width, own, |values| rows(Values::F64(values)));
                 }
-                Field::Nodes(None) => {}
-                Field::Nodes(Some((own, bodies))) => {
+                Field::Nodes(_, None) => {}
+                Field::Nodes(_, Some((own, bodies))) => {
                     let flat: &[f64] = bytemuck::cast_slice(own);
                     Rows::of_vertices(parts).give(ranks, 3, flat, |values| rows(Values::F64(values)));
                     rows(Values::F64(bytemuck::cast_slice(bodies).to_vec()));
@@ -321,13 +321,12 @@ impl Remembered {
                     fits(cloth)?;
                     *own = read!(F64, Rows::of_vertices(parts), *width);
                 }
-                Field::Nodes(nodes) => {
+                Field::Nodes(bodies, nodes) => {
                     if rows == 0 {
                         *nodes = None;
                         continue;
                     }
-                    let bodies = nodes.as_ref().map_or(0, |(_, bodies)| bodies.len());
-                    fits(cloth + bodies)?;
+                    fits(cloth + *bodies)?;
                     let own: Vec<f64> = read!(F64, Rows::of_vertices(parts), 3);
                     let of_bodies = share(ranks, || match values(cloth..rows)? {
                         Values::F64(values) => Ok(values),
@@ -369,14 +368,18 @@ impl Remembered {
                     let rows = |rank| values[run(rank).start * *width..run(rank).end * *width].to_vec();
                     *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
                 }
-                Field::Nodes(Some((values, _))) => {
+                Field::Nodes(_, Some((values, _))) => {
                     let rows = |rank| values[run(rank)].to_vec();
                     *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
                 }
                 Field::Targets(width, Values::F64(values)) => *values = moved_targets(new, pinned, *width, values),
                 Field::Targets(width, Values::U32(values)) => *values = moved_targets(new, pinned, *width, values),
                 Field::Targets(width, Values::U8(values)) => *values = moved_targets(new, pinned, *width, values),
-                Field::Targets(..) | Field::Number(_) | Field::Count(_) | Field::Nodes(None) | Field::Numbers(..) => {}
+                Field::Targets(..)
+                | Field::Number(_)
+                | Field::Count(_)
+                | Field::Nodes(_, None)
+                | Field::Numbers(..) => {}
             }
         }
     }
@@ -424,7 +427,7 @@ impl Remembered {
     /// The positions of nodes in the field of this name.
     pub(crate) fn nodes(&self, name: &str) -> Option<&(Vec<Vec3>, Vec<Vec3>)> {
         match self.field(name) {
-            Some(Field::Nodes(nodes)) => nodes.as_ref(),
+            Some(Field::Nodes(_, nodes)) => nodes.as_ref(),
             _ => None,
         }
     }

@@ -3,7 +3,6 @@
 
 use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;
-use crate::geometry::crossings::{CrossingSearch, find};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::{Wire, wire};
 use crate::scene::Scene;
@@ -81,28 +80,12 @@ impl Simulation {
         *out = self.in_own_order(garment, Field::Velocities, Vec3::zeros(), &|v| *v).unwrap_or_default();
     }
 
-    /// Number of crossings of cloth with cloth when every vertex is where `place` puts it; the same on all ranks. All ranks
-    /// call it together.
+    /// Number of crossings of cloth with cloth when every vertex is where `place` puts it; the same on all ranks. Zero without
+    /// self-contact. All ranks call it together.
     pub fn crossings_when(&mut self, place: &(dyn Fn(&Vec3) -> Vec3 + Sync)) -> u32 {
-        let (scene, ranks) = (self.shared_scene(), self.ranks().clone());
-        let parts = scene.parts();
-        let (mut triangles, mut all) = (Vec::new(), Vec::new());
-        for (garment, mesh) in scene.meshes().iter().enumerate() {
-            let local = parts.garment(garment).start;
-            let is_own = |t: &&[u32; 3]| {
-                let first = t.iter().map(|v| local + *v as usize).min_by_key(|v| parts.number(*v));
-                first.is_some_and(|first| parts.own().contains(&first))
-            };
-            let own = |v: u32| parts.own_vertex(local + v as usize).1;
-            let here: Vec<u32> = mesh.triangles().iter().filter(is_own).flat_map(|t| t.map(own)).collect();
-            let first = all.len() as u32;
-            for corners in ranks.gather(&here).iter().flat_map(|rank| rank.as_chunks().0) {
-                triangles.push(corners.map(|v: u32| v + first));
-            }
-            all.extend(self.in_own_order(garment, Field::Positions, Vec3::zeros(), place).unwrap_or_default());
-        }
-        let count = if triangles.is_empty() { 0 } else { find(&CrossingSearch::new(triangles, all).surface()).len() };
-        ranks.max(count as f64) as u32
+        let Self { self_contact, state, bodies, .. } = self;
+        let found = self_contact.as_mut().map_or(0, |contact| contact.crossings_when(&state.x, bodies, place));
+        u32::try_from(found).unwrap_or(u32::MAX)
     }
 
     fn in_own_order<T: bytemuck::Pod>(
