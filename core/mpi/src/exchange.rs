@@ -1,7 +1,7 @@
 //! Messages to and from single ranks, on their way while the rank works.
 //!
 //! Buffers and requests have to live together and outlive the function that starts them, which the scopes of the `mpi`
-//! crate do not allow: these three calls are made directly.
+//! crate do not allow: these calls are made directly.
 #![allow(unsafe_code)]
 
 use std::mem::MaybeUninit;
