@@ -278,9 +278,9 @@ impl Repulsions {
             let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
             let Some(change) = change(t, &relative) else { return };
             let impulse = change / t.response;
-            for q in 0..4 {
-                let share = t.weights[q] * at.mobility[t.nodes[q] as usize];
-                self.velocities.set(t.nodes[q], &(v[q] + impulse * share));
+            for ((node, weight), v) in t.nodes.into_iter().zip(t.weights).zip(v) {
+                let share = weight * at.mobility[node as usize];
+                self.velocities.set(node, &(v + impulse * share));
             }
         };
         for (number, colour) in of_kind.live_order.colours().iter().enumerate() {

@@ -45,8 +45,8 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], way: f64, may_give_back
     surface.change_mobility(|mobility| {
         for node in nodes.own() {
             match nodes.number(node as u32) {
-                number if number % 31 == 0 => mobility[node] = Vec3::zeros(),
-                number if number % 23 == 0 => mobility[node].y = 0.0,
+                number if number.is_multiple_of(31) => mobility[node] = Vec3::zeros(),
+                number if number.is_multiple_of(23) => mobility[node].y = 0.0,
                 _ => {}
             }
         }
@@ -57,7 +57,7 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], way: f64, may_give_back
     let end = start.iter().zip(heap.at(&surface, 1)).map(|(a, b)| a + (b - a) * way).collect();
     let mut paths = NodePaths { start, end };
     let used = neighbours.note_ways(&surface, &paths.start, &paths.end);
-    let ignored = |pair: &Pair| pair.nodes[0] % 97 == 0;
+    let ignored = |pair: &Pair| pair.nodes[0].is_multiple_of(97);
     let mut collisions =
         Collisions { surface: &mut surface, gap: 1e-6, duration: 0.1, ignored: &ignored, may_give_back };
     let mut metrics = Metrics::default();
