@@ -94,24 +94,20 @@ impl Surroundings {
         Ok(Self { variable, site_path, site })
     }
 
-    /// Number of threads: flag, environment, site file, cores of the machine.
-    pub(crate) fn threads(&self, flag: Option<u16>) -> Chosen<usize> {
+    /// Number of threads that somebody asks for: flag, environment, site file.
+    pub(crate) fn threads(&self, flag: Option<u16>) -> Option<Chosen<usize>> {
         if let Some(count) = flag {
-            return Chosen::new(count.into(), "--threads");
+            return Some(Chosen::new(count.into(), "--threads"));
         }
         for name in THREADS {
             let Some(text) = (self.variable)(name) else { continue };
             // OMP_NUM_THREADS may be a list, one number a nesting level.
             match text.split(',').next().unwrap_or_default().trim().parse() {
-                Ok(count) if count > 0 => return Chosen::new(count, name),
+                Ok(count) if count > 0 => return Some(Chosen::new(count, name)),
                 _ => tracing::warn!("{name}={text} is not a number of threads and is passed over"),
             }
         }
-        let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        self.site.threads.map_or_else(
-            || Chosen::new(cores(), "cores of this machine"),
-            |count| Chosen::new(usize::from(count.get()), SITE_FILE),
-        )
+        self.site.threads.map(|count| Chosen::new(usize::from(count.get()), SITE_FILE))
     }
 
     /// Where files are found; the source is that of the folders of materials.
@@ -252,8 +248,8 @@ mod tests {
             _ => None,
         };
         let (all, _kept) = around("threads = 9\nprogress = \"alf\"\nkeep = 7", set);
-        assert_eq!(all.threads(Some(5)), Chosen::new(5, "--threads"));
-        assert_eq!(all.threads(None), Chosen::new(3, "OMP_NUM_THREADS"));
+        assert_eq!(all.threads(Some(5)), Some(Chosen::new(5, "--threads")));
+        assert_eq!(all.threads(None), Some(Chosen::new(3, "OMP_NUM_THREADS")));
         let flags = RunSettingsArgs { progress: Some(ProgressStyle::Json), keep: Some(2), ..Default::default() };
         let chosen = RunSettings::choose(&flags, &all).unwrap();
         assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Json, "--progress"));
@@ -263,11 +259,11 @@ mod tests {
         assert_eq!(chosen.keep, Chosen::new(7, SITE_FILE));
         assert_eq!(chosen.resumable_exit_code, Chosen::new(75, DEFAULT));
         let (site, _kept) = around("threads = 9\nprogress = \"alf\"", nothing);
-        assert_eq!(site.threads(None), Chosen::new(9, SITE_FILE));
+        assert_eq!(site.threads(None), Some(Chosen::new(9, SITE_FILE)));
         let chosen = RunSettings::choose(&RunSettingsArgs::default(), &site).unwrap();
         assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Alf, SITE_FILE));
         let broken = |name: &str| (name == "DRAPERY_THREADS").then(|| "many".to_owned());
-        assert_eq!(around("", broken).0.threads(None).source, "cores of this machine");
+        assert_eq!(around("", broken).0.threads(None), None);
     }
 
     #[test]

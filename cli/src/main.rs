@@ -8,42 +8,77 @@ mod failure;
 mod log;
 mod plan;
 mod progress;
+mod ranks;
 mod say;
 mod signals;
 
 use clap::Parser;
+use drapery_core::parallel::ranks::Ranks;
+use drapery_io::shot::crew;
 
 use crate::args::{Cli, Command};
 use crate::config::Surroundings;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 
-fn main() -> std::process::ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(message) => {
-            // Help and version come here too, and go to standard output.
-            let _ = message.print();
-            return if message.use_stderr() { ExitCode::Usage } else { ExitCode::Done }.into();
-        }
-    };
-    // A panic is a fault of the program; the farm is to see an exit code that says so.
-    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| dispatch(&cli)));
-    match outcome.unwrap_or_else(|_| Err(Failure::internal())) {
-        Ok(code) => code,
-        Err(failure) => {
-            failure.report();
-            failure.code.into()
-        }
+/// How the program ends.
+struct Ended {
+    code: u8,
+    /// By SIGTERM, once everything is done.
+    by_term: bool,
+}
+
+impl From<ExitCode> for Ended {
+    fn from(code: ExitCode) -> Self {
+        Self { code: code as u8, by_term: false }
     }
 }
 
-fn dispatch(cli: &Cli) -> Result<std::process::ExitCode, Failure> {
+fn main() -> std::process::ExitCode {
+    let parsed = Cli::try_parse();
+    let ranks = match ranks::join(parsed.as_ref().ok().map(|cli| &cli.command)) {
+        Ok(ranks) => ranks,
+        Err(failure) => {
+            if ranks::is_spokesman() {
+                failure.report();
+            }
+            return failure.code.into();
+        }
+    };
+    let cli = match parsed {
+        Ok(cli) => cli,
+        Err(message) => {
+            if ranks.is_first() {
+                // Help and version come here too, and go to standard output.
+                let _ = message.print();
+            }
+            return if message.use_stderr() { ExitCode::Usage } else { ExitCode::Done }.into();
+        }
+    };
+    if !ranks.is_first() {
+        return ranks::follow(&cli.command, &ranks).into();
+    }
+    // A panic is a fault of the program; the farm is to see an exit code that says so. One of several ranks ends them all.
+    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| dispatch(&cli, &ranks)));
+    let ended = outcome.unwrap_or_else(|_| Err(Failure::internal())).unwrap_or_else(|failure| {
+        failure.report();
+        failure.code.into()
+    });
+    crew::dismiss(&ranks, ended.code);
+    // Waits for the others.
+    drop(ranks);
+    if ended.by_term {
+        signals::end_by_term();
+    }
+    ended.code.into()
+}
+
+fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
     let logs = log::start(&cli.log)?;
     // Read only where it matters: a broken site file is no reason not to see how a run is.
     let around = || Surroundings::find(cli.config.as_deref());
     let code = match &cli.command {
-        Command::Run(args) => return commands::run::run(args, around(), cli.log.quiet, &logs),
+        Command::Run(args) => return commands::run::run(args, ranks, around(), cli.log.quiet, &logs),
         Command::Check(args) => commands::check::check(args, &around()?),
         Command::Plan(args) => commands::plan::plan(args, &around()?),
         Command::Info(args) => commands::info::info(&args.file),

@@ -2,32 +2,29 @@
 
 use std::path::PathBuf;
 
+use drapery_core::parallel::ranks::Ranks;
 use drapery_io::scene_file;
 use drapery_io::shot::Shot;
 
 use crate::args::{FrameRange, SceneArgs};
 use crate::config::{Chosen, Surroundings};
-use crate::exit_code::ExitCode;
 use crate::failure::Failure;
+use crate::ranks;
 
-/// The shot that the arguments name, checked, and the threads it will use.
-pub(crate) fn prepare(args: &SceneArgs, around: &Surroundings) -> Result<(Shot, Chosen<usize>), Failure> {
-    let threads = around.threads(args.threads);
-    start_pool(threads.value)?;
+/// Numbers of threads: of rank 0, and who said so; of every rank.
+pub(crate) type Threads = (Chosen<usize>, Vec<usize>);
+
+/// The shot that the arguments name, checked, on these ranks, and the threads it will use.
+pub(crate) fn prepare(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) -> Result<(Shot, Threads), Failure> {
+    let threads = ranks::start_threads(ranks, around.threads(args.threads))?;
     let search = around.search(&args.materials).value;
     let description = scene_file::load_with(&args.scene, &args.settings, &search)?.resolve()?;
     let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
-    let shot = Shot::prepare(description, frames)?;
+    let shot = Shot::prepare_on(ranks, description, frames)?;
     for warning in shot.warnings() {
         tracing::warn!("{warning}");
     }
     Ok((shot, threads))
-}
-
-/// Makes the pool that all parallel work uses.
-fn start_pool(threads: usize) -> Result<(), Failure> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-    pool.map_err(|e| Failure::new(ExitCode::Internal, format!("{threads} threads could not be started: {e}")))
 }
 
 /// Where a run of this shot goes when nobody says.

@@ -40,10 +40,9 @@ pub(crate) fn listen(requests: &StopRequests) -> Result<(), Failure> {
 /// Exit code that a shell shows for a program that SIGTERM has ended.
 pub(crate) const ENDED_BY_TERM: u8 = 128 + SIGTERM as u8;
 
-/// Ends the program by SIGTERM. Returns only if that fails.
-pub(crate) fn end_by_term() -> Result<(), Failure> {
-    let failure = |error| Failure::new(ExitCode::Internal, format!("the program cannot end by a signal: {error}"));
-    signal_hook::low_level::emulate_default_handler(SIGTERM).map_err(failure)
+/// Ends the program by SIGTERM. If the system refuses, it is left to end with the exit code that shells show for this.
+pub(crate) fn end_by_term() {
+    let _ = signal_hook::low_level::emulate_default_handler(SIGTERM);
 }
 
 #[cfg(test)]

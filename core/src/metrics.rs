@@ -6,6 +6,27 @@ use std::time::Instant;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
 
+/// A clock that was started.
+#[derive(Debug, Clone, Copy)]
+pub struct Watch(Instant);
+
+impl Watch {
+    /// Starts a clock.
+    pub fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    /// Nanoseconds since it was started.
+    pub fn nanoseconds(self) -> u64 {
+        u64::try_from(self.0.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    }
+
+    /// Seconds since it was started.
+    pub fn seconds(self) -> f64 {
+        self.0.elapsed().as_secs_f64()
+    }
+}
+
 /// Seconds and calls of one stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stage {
@@ -24,6 +45,8 @@ pub struct Stage {
 pub struct Metrics {
     stages: Vec<Stage>,
     counts: Vec<(Cow<'static, str>, u64)>,
+    /// Seconds of all stages when the record was taken out last.
+    last_seconds: f64,
 }
 
 /// Stages and counts as ranks send them.
@@ -32,9 +55,9 @@ type Record = (Vec<(String, (f64, u64))>, Vec<(String, u64)>);
 impl Metrics {
     /// Runs `work` as the stage `name`.
     pub fn stage<T>(&mut self, name: &'static str, work: impl FnOnce(&mut Self) -> T) -> T {
-        let start = Instant::now();
+        let watch = Watch::start();
         let result = work(self);
-        self.add_time(Cow::Borrowed(name), start.elapsed().as_secs_f64(), 1);
+        self.add_time(Cow::Borrowed(name), watch.seconds(), 1);
         result
     }
 
@@ -66,6 +89,11 @@ impl Metrics {
         &self.counts
     }
 
+    /// Seconds of all stages when the record was taken out last.
+    pub fn last_seconds(&self) -> f64 {
+        self.last_seconds
+    }
+
     /// One count; zero if it was never used.
     pub fn counted(&self, name: &str) -> u64 {
         self.counts.iter().find(|(n, _)| *n == name).map_or(0, |(_, total)| *total)
@@ -87,6 +115,7 @@ impl Metrics {
     /// Takes the record out and leaves an empty one that keeps the names, so that later use allocates nothing.
     pub fn take(&mut self) -> Self {
         let taken = self.clone();
+        self.last_seconds = self.stages.iter().map(|stage| stage.seconds).sum();
         for stage in &mut self.stages {
             (stage.seconds, stage.calls, stage.spread) = (0.0, 0, None);
         }

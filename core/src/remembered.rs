@@ -35,8 +35,8 @@ pub(crate) enum Field {
     Count(u64),
     /// So many numbers for each own vertex, ascending.
     Vertices(usize, Vec<f64>),
-    /// A vector for each own vertex, ascending, and for each point of a body, which all ranks know; or none at all.
-    Nodes(Option<(Vec<Vec3>, Vec<Vec3>)>),
+    /// A vector for each own vertex, ascending, and for each of so many points of bodies, which all ranks know; or none at all.
+    Nodes(usize, Option<(Vec<Vec3>, Vec<Vec3>)>),
     /// Values for each own pin target, so many a row.
     Targets(usize, Values),
     /// Rows of so many nodes by their numbers in the scene, which all ranks know.
@@ -179,6 +179,21 @@ fn translated(parts: &Parts, numbers: &[u32], known: impl Fn(u32) -> Option<u32>
     parts.ranks().max_each(here).into_iter().map(|number| number.max(0.0) as u32).collect()
 }
 
+/// The rows of those targets that are this rank's in `new`.
+fn moved_targets<T: Pod>(new: &Parts, pinned: &[[u32; 2]], width: usize, values: &[T]) -> Vec<T> {
+    let ranks = new.ranks();
+    let to = |rank: usize| {
+        pinned.iter().zip(values.chunks_exact(width)).filter(move |([_, vertex], _)| new.owner(*vertex) == rank)
+    };
+    let numbers = ranks.send_lists((0..ranks.count()).map(|rank| to(rank).map(|(p, _)| p[0]).collect()).collect());
+    let rows =
+        ranks.send_lists((0..ranks.count()).map(|rank| to(rank).flat_map(|(_, row)| row).copied().collect()).collect());
+    let (numbers, rows) = (numbers.concat(), rows.concat());
+    let mut order: Vec<usize> = (0..numbers.len()).collect();
+    order.sort_unstable_by_key(|i| numbers[*i]);
+    order.into_iter().flat_map(|i| rows[i * width..(i + 1) * width].iter().copied()).collect()
+}
+
 impl Remembered {
     /// Nothing yet.
     pub(crate) fn new(name: &'static str, version: u32) -> Self {
@@ -208,8 +223,8 @@ impl Remembered {
                 Field::Count(_) => begin(&[1], ValueKind::U64),
                 Field::Vertices(1, _) => begin(&[parts.partition().vertex_count()], ValueKind::F64),
                 Field::Vertices(width, _) => begin(&[parts.partition().vertex_count(), *width], ValueKind::F64),
-                Field::Nodes(None) => begin(&[0, 3], ValueKind::F64),
-                Field::Nodes(Some((_, bodies))) => {
+                Field::Nodes(_, None) => begin(&[0, 3], ValueKind::F64),
+                Field::Nodes(_, Some((_, bodies))) => {
                     begin(&[parts.partition().vertex_count() + bodies.len(), 3], ValueKind::F64);
                 }
                 Field::Targets(1, values) => begin(&[targets.1], values.kind()),
@@ -228,8 +243,8 @@ impl Remembered {
                 Field::Vertices(width, own) => {
                     Rows::of_vertices(parts).give(ranks, *width, own, |values| rows(Values::F64(values)));
                 }
-                Field::Nodes(None) => {}
-                Field::Nodes(Some((own, bodies))) => {
+                Field::Nodes(_, None) => {}
+                Field::Nodes(_, Some((own, bodies))) => {
                     let flat: &[f64] = bytemuck::cast_slice(own);
                     Rows::of_vertices(parts).give(ranks, 3, flat, |values| rows(Values::F64(values)));
                     rows(Values::F64(bytemuck::cast_slice(bodies).to_vec()));
@@ -306,13 +321,12 @@ impl Remembered {
                     fits(cloth)?;
                     *own = read!(F64, Rows::of_vertices(parts), *width);
                 }
-                Field::Nodes(nodes) => {
+                Field::Nodes(bodies, nodes) => {
                     if rows == 0 {
                         *nodes = None;
                         continue;
                     }
-                    let bodies = nodes.as_ref().map_or(0, |(_, bodies)| bodies.len());
-                    fits(cloth + bodies)?;
+                    fits(cloth + *bodies)?;
                     let own: Vec<f64> = read!(F64, Rows::of_vertices(parts), 3);
                     let of_bodies = share(ranks, || match values(cloth..rows)? {
                         Values::F64(values) => Ok(values),
@@ -336,6 +350,38 @@ impl Remembered {
             }
         }
         Ok(())
+    }
+
+    /// Hands the rows of own vertices and targets to the ranks that own them in `new`; `pinned` are the own targets, each with its
+    /// number and that of its vertex in the scene. All ranks call it together.
+    pub(crate) fn move_to(&mut self, old: &Parts, new: &Parts, pinned: &[[u32; 2]]) {
+        let ranks = old.ranks();
+        let first = old.rank_starts()[ranks.rank()];
+        let own = first..old.rank_starts()[ranks.rank() + 1];
+        let run = |rank: usize| {
+            let (start, end) = (new.rank_starts()[rank].max(own.start), new.rank_starts()[rank + 1].min(own.end));
+            (start.min(end) - first.min(end)) as usize..(end - first.min(end)) as usize
+        };
+        for (_, field) in &mut self.fields {
+            match field {
+                Field::Vertices(width, values) => {
+                    let rows = |rank| values[run(rank).start * *width..run(rank).end * *width].to_vec();
+                    *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
+                }
+                Field::Nodes(_, Some((values, _))) => {
+                    let rows = |rank| values[run(rank)].to_vec();
+                    *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
+                }
+                Field::Targets(width, Values::F64(values)) => *values = moved_targets(new, pinned, *width, values),
+                Field::Targets(width, Values::U32(values)) => *values = moved_targets(new, pinned, *width, values),
+                Field::Targets(width, Values::U8(values)) => *values = moved_targets(new, pinned, *width, values),
+                Field::Targets(..)
+                | Field::Number(_)
+                | Field::Count(_)
+                | Field::Nodes(_, None)
+                | Field::Numbers(..) => {}
+            }
+        }
     }
 
     /// A number of this name.
@@ -381,7 +427,7 @@ impl Remembered {
     /// The positions of nodes in the field of this name.
     pub(crate) fn nodes(&self, name: &str) -> Option<&(Vec<Vec3>, Vec<Vec3>)> {
         match self.field(name) {
-            Some(Field::Nodes(nodes)) => nodes.as_ref(),
+            Some(Field::Nodes(_, nodes)) => nodes.as_ref(),
             _ => None,
         }
     }

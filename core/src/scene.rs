@@ -381,7 +381,7 @@ pub struct Scene {
 }
 
 /// A vertex that a pin holds.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pinned {
     /// Number of the target among all of the scene.
     pub(crate) number: u32,

@@ -21,11 +21,13 @@ use crate::step::{Scratch, StepContext, advance};
 use crate::time_step::StepLimit;
 use crate::tolerances::CG_GRAVITY_FRACTION;
 
+mod balance;
 pub mod outside;
 mod saved;
 mod start;
 
 pub use crate::bodies::Sample;
+use balance::Balance;
 pub use saved::RestoreError;
 use start::{first_tracks, start_outside};
 
@@ -152,6 +154,7 @@ pub struct Simulation {
     crossings: Vec<Crossing>,
     /// What this rank had sent at the last frame.
     sent: Sent,
+    balance: Balance,
 }
 
 impl Simulation {
@@ -177,6 +180,11 @@ impl Simulation {
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
+        Self::with(scene, state, bodies, tracks)
+    }
+
+    /// The simulation of a scene with these bodies and tracks.
+    fn with(scene: Arc<Scene>, state: State, bodies: Bodies, tracks: Vec<Samples>) -> Result<Self, Problems> {
         let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time);
         let parts = scene.parts();
         agree(parts.ranks(), targets.as_ref().err().cloned().into_iter().collect())?;
@@ -232,6 +240,7 @@ impl Simulation {
             plan,
             crossings: Vec::new(),
             sent: Sent::default(),
+            balance: Balance::default(),
         })
     }
 
@@ -349,12 +358,13 @@ impl Simulation {
             self.bodies.set_step(self.state.time, self.state.time);
             let mut pause = |time| time < to && pause(time);
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
-                summary.metrics = self.metrics.take();
+                summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 return Ok(Advance::Paused(summary));
             }
         }
         self.frame = input.frame;
         self.measure(&mut summary)?;
+        self.rebalance();
         Ok(Advance::Done(summary))
     }
 

@@ -244,6 +244,11 @@ impl DatasetOutline {
     pub fn width(&self) -> usize {
         self.shape.iter().skip(1).product()
     }
+
+    /// Bytes that all values take.
+    pub fn bytes(&self) -> u64 {
+        (self.shape.iter().product::<usize>() * self.kind.size()) as u64
+    }
 }
 
 impl ValueKind {

@@ -1,8 +1,8 @@
 //! What mesh files and caches are to the rest of the program: a mesh with its attributes, a reader that can be asked
 //! for any time, and a writer that takes one frame after the other.
 //!
-//! Readers and writers speak the file's own units and axes on the file's side; [`crate::mesh_source::MeshSource`] and
-//! the writers convert at the door. Faces are counter-clockwise seen from outside everywhere in the program; formats
+//! Readers and writers speak the file's own units and axes; [`crate::mesh_source::MeshSource`] and the frame loop convert at
+//! the door. Faces are counter-clockwise seen from outside everywhere in the program; formats
 //! that store them the other way round are reversed on reading and again on writing.
 
 use std::path::Path;
@@ -165,15 +165,15 @@ impl CachePlan<'_> {
 /// The program and version that caches name as their origin.
 pub const APPLICATION: &str = concat!("Drapery ", env!("CARGO_PKG_VERSION"));
 
-/// One frame of a garment, in SI units with Y up.
+/// One frame of a garment, as it is stored: in the units and axes of the file ([`Units::stored`]).
 #[derive(Debug, Clone, Copy)]
 pub struct CacheFrame<'a> {
     /// Frame number.
     pub frame: i64,
-    /// Positions [m].
-    pub positions: &'a [Vec3],
-    /// Velocities [m/s].
-    pub velocities: &'a [Vec3],
+    /// Positions.
+    pub positions: &'a [[f32; 3]],
+    /// Velocities per second; empty when none are stored.
+    pub velocities: &'a [[f32; 3]],
     /// How many edges of cloth pass through triangles of cloth in the positions as they are stored, in all garments of
     /// the shot; given with every frame or never, as planned.
     pub crossings: Option<u32>,

@@ -62,7 +62,7 @@ pub struct Manifest {
     pub up_axis: String,
     /// Caches.
     pub garments: Vec<ManifestGarment>,
-    /// Number of threads.
+    /// Number of threads of each rank.
     pub threads: usize,
     /// The command line that continues the run.
     pub command: Option<String>,
@@ -95,8 +95,10 @@ pub struct AttemptRecord {
     pub host: String,
     /// Process.
     pub pid: u32,
-    /// Number of threads.
+    /// Number of threads of each rank.
     pub threads: usize,
+    /// Number of ranks; 0 in the records of older programs, which had one.
+    pub ranks: usize,
     /// First frame that it simulated, or would have.
     pub first_frame: i64,
     /// Last frame that it finished.
@@ -253,9 +255,16 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
     })
 }
 
-/// Stages with seconds and calls, in the order of their first call.
+/// Stages with seconds and calls, in the order of their first call; over ranks the seconds are their mean, with the least and
+/// the most of a rank beside it.
 pub fn stages(metrics: &Metrics) -> Vec<Value> {
-    let stage = |s: &drapery_core::metrics::Stage| json!({"stage": s.name, "seconds": s.seconds, "calls": s.calls});
+    let stage = |s: &drapery_core::metrics::Stage| {
+        let mut stage = json!({"stage": s.name, "seconds": s.seconds, "calls": s.calls});
+        if let Some([min, max]) = s.spread {
+            stage["over_ranks"] = json!({"min": min, "mean": s.seconds, "max": max});
+        }
+        stage
+    };
     metrics.stages().iter().map(stage).collect()
 }
 

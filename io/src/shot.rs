@@ -3,8 +3,11 @@
 //!
 //! Everything is checked before anything is written ([`Shot::prepare`]). The simulation always starts at the scene's
 //! first frame minus its pre-roll, because cloth has a history; only the end of the range can be chosen.
+//!
+//! On many ranks all this happens on rank 0; the others [`follow`](crew::follow).
 
 pub(crate) mod check;
+pub mod crew;
 mod folder;
 mod inputs;
 pub mod motion;
@@ -14,16 +17,17 @@ mod resume;
 mod rewritten;
 pub mod run;
 mod totals;
-mod written;
 
 use std::path::PathBuf;
 
 use drapery_core::error::{Problems, StepError};
-use drapery_core::scene::{Scene, SceneDescription, Timeline};
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::{SceneDescription, Timeline};
 use drapery_core::simulation::Simulation;
 
 use crate::cache::MeshData;
 use crate::error::IoError;
+use crate::shot::crew::Crew;
 use crate::shot::inputs::Inputs;
 use crate::shot::motion::{InputMotion, Preroll};
 use crate::units::Units;
@@ -103,8 +107,9 @@ pub enum ShotError {
 
 /// A shot that was checked and can run.
 pub struct Shot {
-    simulation: Simulation,
+    crew: Crew,
     inputs: Inputs,
+    /// Until the caches are open.
     garments: Vec<MeshData>,
     about: About,
     warnings: Vec<String>,
@@ -118,38 +123,66 @@ struct About {
     input_files: Vec<PathBuf>,
     timeline: Timeline,
     last_frame: i64,
+    /// Names of the garments.
+    garments: Vec<String>,
+    /// Whether the scene promises cloth without crossings.
+    keeps_free: bool,
     output: OutputDescription,
     resolved: String,
 }
 
+/// Effect that promises cloth without crossings; without it they are not counted.
+const FREE: &str = "self_collision";
+
 impl Shot {
+    /// [`Shot::prepare_on`] one rank.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn prepare(description: ShotDescription, frames: Option<[i64; 2]>) -> Result<Self, ShotError> {
+        Self::prepare_on(&Ranks::default(), description, frames)
+    }
+
     /// Checks the scene and every frame of its inputs, and builds the simulation at its start. Writes nothing.
     ///
-    /// `frames` are the first and last frame asked for; the whole range of the scene when `None`.
+    /// `frames` are the first and last frame asked for; the whole range of the scene when `None`. This is rank 0 of `ranks`;
+    /// the others follow until they are dismissed, also when there is an error.
     ///
     /// # Errors
     /// All problems at once; a file that cannot be read; frames that cannot be simulated.
-    pub fn prepare(description: ShotDescription, frames: Option<[i64; 2]>) -> Result<Self, ShotError> {
+    pub fn prepare_on(
+        ranks: &Ranks,
+        description: ShotDescription,
+        frames: Option<[i64; 2]>,
+    ) -> Result<Self, ShotError> {
         let ShotDescription { scene, bodies, tracks, garments, preroll, output, .. } = description;
         let mut warnings = description.warnings;
         let last_frame = last_frame(description.frames, frames, &mut warnings)?;
         let timeline = scene.timeline;
         let inputs = Inputs { timeline, preroll, bodies, tracks };
         let mut problems = inputs.check(&scene, last_frame, &mut warnings);
-        let simulation = match Scene::validate(scene) {
+        let about = About {
+            name: description.name,
+            scene_path: description.scene_path,
+            input_files: description.input_files,
+            timeline,
+            last_frame,
+            garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
+            keeps_free: scene.effects.iter().any(|request| request.effect == FREE),
+            output,
+            resolved: description.resolved,
+        };
+        let crew = match Crew::distribute(ranks, scene) {
             Err(Problems(found)) => {
                 problems.extend(found);
                 None
             }
-            Ok(scene) => inputs.start(scene, &mut problems)?,
+            Ok(scene) => inputs.start(ranks, scene, &mut problems)?,
         };
-        let Some(simulation) = simulation.filter(|_| problems.is_empty()) else {
+        let Some(crew) = crew.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };
-        let (name, resolved) = (description.name, description.resolved);
-        let (scene_path, input_files) = (description.scene_path, description.input_files);
-        let about = About { name, scene_path, input_files, timeline, last_frame, output, resolved };
-        Ok(Self { simulation, inputs, garments, about, warnings })
+        Ok(Self { crew, inputs, garments, about, warnings })
     }
 
     /// What is suspicious but was accepted.
@@ -159,7 +192,7 @@ impl Shot {
 
     /// The simulation at its start: what will run, and why.
     pub fn simulation(&self) -> &Simulation {
-        &self.simulation
+        self.crew.simulation()
     }
 
     /// Name of the shot.

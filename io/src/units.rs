@@ -77,7 +77,7 @@ pub enum UpAxis {
 }
 
 /// Unit of length and up axis of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Units {
     /// Unit of length.
     pub length: LengthUnit,
@@ -112,6 +112,11 @@ impl Units {
     pub fn stored(self, vector: Vec3) -> [f32; 3] {
         let v = self.from_si(vector);
         [v.x as f32, v.y as f32, v.z as f32]
+    }
+
+    /// The same for many.
+    pub fn stored_all(self, vectors: &[Vec3]) -> Vec<[f32; 3]> {
+        vectors.iter().map(|v| self.stored(*v)).collect()
     }
 }
 

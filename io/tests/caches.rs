@@ -51,6 +51,7 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
         let positions: Vec<Vec3> = data.mesh.points.iter().map(|p| p + Vec3::z() * (frame - 1000) as f64).collect();
         let velocities = vec![Vec3::new(0.0, 0.0, 0.5); positions.len()];
         let crossings = Some(if frame == 1002 { 5 } else { 0 });
+        let [positions, velocities] = [positions, velocities].map(|vectors| plan.units.stored_all(&vectors));
         writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings }).unwrap();
         // Valid after every frame.
         let mesh = PolyMesh::open(&Archive::open(&path).unwrap(), "/garments/skirt/skirtShape").unwrap();

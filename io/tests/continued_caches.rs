@@ -99,6 +99,8 @@ impl Garment {
         let positions: Vec<Vec3> = self.mesh.mesh.points.iter().map(|p| p + Vec3::z() * height).collect();
         let velocities = vec![Vec3::new(0.0, 0.5, height - 2.0); positions.len()];
         let crossings = Some(if frame == 1002 { 5 } else { take as u32 });
+        let units = self.plan().units;
+        let [positions, velocities] = [positions, velocities].map(|vectors| units.stored_all(&vectors));
         writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings }).unwrap();
     }
 

@@ -27,8 +27,11 @@ fn counted() -> Vec<String> {
         // Of texts only what stands between the quotes matters, so comments may stay.
         let text = without_tests(&file.text);
         let calls = text.split(".count(\"").skip(1).map(|call| call.split('"').next().unwrap_or_default());
+        let once = text.split(".count_once(").skip(1).filter_map(|call| call.split('"').nth(1));
         let tables = text.split("_COUNTS: [&str").skip(1).map(|rest| rest.split_once("];").unwrap_or_default().0);
-        names.extend(calls.chain(tables.flat_map(|table| table.split('"').skip(1).step_by(2))).map(str::to_owned));
+        names.extend(
+            calls.chain(once).chain(tables.flat_map(|table| table.split('"').skip(1).step_by(2))).map(str::to_owned),
+        );
     }
     names.sort_unstable();
     names.dedup();

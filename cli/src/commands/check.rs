@@ -1,5 +1,7 @@
 //! `drapery check`: every problem at once, nothing simulated.
 
+use drapery_core::parallel::ranks::Ranks;
+
 use crate::args::CheckArgs;
 use crate::config::Surroundings;
 use crate::exit_code::ExitCode;
@@ -9,7 +11,7 @@ use crate::say;
 
 /// Checks the scene and every frame of its inputs.
 pub(crate) fn check(args: &CheckArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
-    let (shot, _) = plan::prepare(&args.scene, around)?;
+    let (shot, _) = plan::prepare(&args.scene, around, &Ranks::default())?;
     let [first, last] = shot.frames();
     say::line(format_args!("{}: frames {first}-{last} can be simulated", shot.name()));
     Ok(ExitCode::Done)

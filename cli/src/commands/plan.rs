@@ -1,6 +1,7 @@
 //! `drapery plan`: what will run and why.
 
 use drapery_core::effects::{Need, PlannedEffect};
+use drapery_core::parallel::ranks::Ranks;
 use drapery_core::settings::{Origin, SettingValue};
 use drapery_io::formats;
 use drapery_io::shot::Shot;
@@ -19,7 +20,7 @@ mod sources;
 /// Prints the plan.
 pub(crate) fn plan(args: &PlanArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
     let settings = RunSettings::choose(&args.settings, around)?;
-    let (shot, threads) = plan::prepare(&args.scene, around)?;
+    let (shot, (threads, _)) = plan::prepare(&args.scene, around, &Ranks::default())?;
     let said = sources::all(args, around, &settings, (&shot, &threads));
     if args.json {
         say::line(format_args!("{:#}", as_json(&shot, &threads, &said)));

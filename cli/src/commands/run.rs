@@ -4,6 +4,7 @@ use std::fs::File;
 use std::time::SystemTime;
 
 use drapery_core::metrics::Metrics;
+use drapery_core::parallel::ranks::Ranks;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
 use drapery_io::shot::quality::{Exceeded, LIMITS};
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
@@ -14,23 +15,26 @@ use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::log::FolderLogs;
 use crate::progress::{Progress, duration};
-use crate::{plan, say, signals};
+use crate::ranks::launcher;
+use crate::{Ended, plan, say, signals};
 
 /// Runs the shot.
 pub(crate) fn run(
     args: &RunArgs,
+    ranks: &Ranks,
     around: Result<Surroundings, Failure>,
     quiet: bool,
     logs: &FolderLogs,
-) -> Result<std::process::ExitCode, Failure> {
+) -> Result<Ended, Failure> {
     let chosen = around.and_then(|around| Ok((RunSettings::choose(&args.settings, &around)?, around)));
     let (settings, around) = chosen.inspect_err(|failure| {
         let style = args.settings.progress.unwrap_or(ProgressStyle::Auto);
         Progress::new(style, quiet, 0).end(failure.code as u8, false);
     })?;
     let (style, requests) = (settings.progress.value, settings.requests());
-    let mut watcher = Watcher { progress: None, logs, args, style, requests: &requests, told: false, quiet, notes: 0 };
-    let outcome = run_shot(args, &settings, &around, &mut watcher);
+    let (progress, told, notes) = (None, false, 0);
+    let mut watcher = Watcher { progress, logs, args, style, requests: &requests, told, quiet, notes };
+    let outcome = run_shot(args, ranks, (&settings, &around), &mut watcher);
     let Watcher { progress, notes, .. } = watcher;
     let mut progress = progress.unwrap_or_else(|| Progress::new(style, quiet, 0));
     match outcome {
@@ -45,7 +49,7 @@ pub(crate) fn run(
                 (Ok(()), true) => settings.resumable_exit_code.value,
                 (Ok(()), false) => ExitCode::Done as u8,
             };
-            let last = last_line(&report, notes);
+            let last = last_line(&report, notes, ranks.count());
             tracing::info!(exit_code = code, "{last}");
             if !quiet && !matches!(style, ProgressStyle::Json | ProgressStyle::None) {
                 progress.clear();
@@ -55,14 +59,15 @@ pub(crate) fn run(
                 say::line(last);
             }
             progress.end(code, !stopped);
-            if by_term {
-                signals::end_by_term()?;
-            }
-            verdict.map(|()| code.into())
+            verdict.map(|()| Ended { code, by_term })
         }
         Err(failure) => {
             progress.end(failure.code as u8, false);
-            tracing::info!(exit_code = failure.code as u8, "failed; when that is mended, continue with: {}", command());
+            tracing::info!(
+                exit_code = failure.code as u8,
+                "failed; when that is mended, continue with: {}",
+                command(ranks.count())
+            );
             Err(failure)
         }
     }
@@ -70,13 +75,13 @@ pub(crate) fn run(
 
 fn run_shot(
     args: &RunArgs,
-    settings: &RunSettings,
-    around: &Surroundings,
+    ranks: &Ranks,
+    (settings, around): (&RunSettings, &Surroundings),
     watcher: &mut Watcher<'_>,
 ) -> Result<RunReport, Failure> {
     // Before anything that takes long: a signal during the checks is a request, too.
     signals::listen(watcher.requests)?;
-    let (shot, threads) = plan::prepare(&args.scene, around)?;
+    let (shot, (threads, of_ranks)) = plan::prepare(&args.scene, around, ranks)?;
     watcher.notes += shot.warnings().len();
     let out = args.settings.out.clone().unwrap_or_else(|| plan::default_folder(&shot));
     let [first, last] = shot.frames();
@@ -86,6 +91,8 @@ fn run_shot(
         last,
         threads = threads.value,
         threads_from = threads.source,
+        ranks = ranks.count(),
+        threads_of_ranks = (!ranks.is_alone()).then(|| tracing::field::debug(of_ranks)),
         out = %out.display(),
         site_file = around.site_path.as_ref().map(|path| tracing::field::display(path.value.display())),
         "run"
@@ -101,16 +108,16 @@ fn run_shot(
         keep: settings.keep.value.into(),
         pinned: args.pin_checkpoint.clone(),
         requests: watcher.requests.clone(),
-        command: command(),
+        command: command(ranks.count()),
     };
     watcher.progress = Some(Progress::new(watcher.style, watcher.quiet, shot.frame_count()));
     Ok(shot.run(&options, watcher)?)
 }
 
 /// The command line that continues this run: without what would start it anew, or was meant for this once.
-fn command() -> String {
+fn command(ranks: usize) -> String {
     let mut arguments = std::env::args().skip(1);
-    let mut words = vec!["drapery".to_owned()];
+    let mut words = vec![launcher(ranks) + "drapery"];
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--overwrite" | "--steal-lock" | "--resume-with-changes" => {}
@@ -129,7 +136,7 @@ fn quoted(word: String) -> String {
 }
 
 /// Frame, time, warnings and what to do next.
-fn last_line(report: &RunReport, notes: usize) -> String {
+fn last_line(report: &RunReport, notes: usize, ranks: usize) -> String {
     let warnings = match notes + report.exceeded.len() {
         0 => "no warnings".to_owned(),
         1 => "1 warning".to_owned(),
@@ -140,7 +147,7 @@ fn last_line(report: &RunReport, notes: usize) -> String {
         Outcome::Done => format!("done: frame {frame}, {time}, {warnings}"),
         Outcome::NothingToDo => format!("all frames up to {frame} are there already; nothing was done"),
         Outcome::Stopped(reason) => {
-            format!("stopped ({reason}): frame {frame}, {time}, {warnings}; continue with: {}", command())
+            format!("stopped ({reason}): frame {frame}, {time}, {warnings}; continue with: {}", command(ranks))
         }
     }
 }
@@ -229,15 +236,24 @@ fn limits_kept(report: &RunReport) -> Result<(), Failure> {
     Err(Failure::new(ExitCode::QualityLimits, text))
 }
 
-/// Where the time went, what was counted, and where the caches are.
+/// Where the time went (over ranks the mean, and the least and the most of one), what was counted, and where the caches are.
 fn end_table(report: &RunReport) -> String {
-    let mut text = format!("{:<28} {:>10} {:>7} {:>9}\n", "stage", "seconds", "share", "calls");
+    let mut text = format!("{:<28} {:>10} {:>7} {:>9}", "stage", "seconds", "share", "calls");
+    if report.ranks > 1 {
+        text += &format!(" {:>10} {:>10}", "least", "most");
+    }
+    text += "\n";
     for stage in report.metrics.stages() {
         let share = 100.0 * stage.seconds / report.seconds.max(f64::MIN_POSITIVE);
-        text += &format!("{:<28} {:>10.3} {share:>6.1}% {:>9}\n", stage.name, stage.seconds, stage.calls);
+        text += &format!("{:<28} {:>10.3} {share:>6.1}% {:>9}", stage.name, stage.seconds, stage.calls);
+        if let Some([least, most]) = stage.spread {
+            text += &format!(" {least:>10.3} {most:>10.3}");
+        }
+        text += "\n";
     }
     text += &counts(&report.metrics);
-    text += &format!("{} frames in {}\n", report.frames, duration(report.seconds));
+    let on = if report.ranks > 1 { format!(" on {} ranks", report.ranks) } else { String::new() };
+    text += &format!("{} frames in {}{on}\n", report.frames, duration(report.seconds));
     let files: Vec<String> = report.files.iter().map(|file| format!("wrote {}", file.display())).collect();
     text + &files.join("\n")
 }

@@ -41,7 +41,8 @@ fn text(status: &Status) -> String {
         line("checkpoint", format!("frame {}{steps}, {}", checkpoint.frame, checkpoint.file));
     }
     if let Some(process) = &status.process {
-        line("process", process_text(process));
+        let ranks = if status.ranks > 1 { format!(", rank 0 of {}", status.ranks) } else { String::new() };
+        line("process", process_text(process) + &ranks);
     }
     let total: u64 = status.degradations.iter().map(|found| found.total).sum();
     line("degradations", if total == 0 { "none".to_owned() } else { total.to_string() });

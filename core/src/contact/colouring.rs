@@ -1,14 +1,14 @@
-//! Colours of pairs, alike on any number of ranks: greedily in an order that looks random, so that what waits for what does
-//! not reach far, and that follows from the scene's numbers of the nodes alone.
+//! Colours of pairs, alike on any number of ranks: greedily in an order that looks random, so that what waits for what
+//! does not reach far, and that follows from the scene's numbers of the nodes alone.
 //!
-//! A pair takes the first colour that none before it has taken at one of its nodes. 128 colours are a *page*; pairs that
-//! find none of them free wait for the next page, where all are free again.
+//! A pair takes the first colour that none before it has taken at one of its nodes. 128 colours are a *page*; pairs
+//! that find none of them free wait for the next page, where all are free again.
 //!
-//! Each rank colours all pairs it *holds*, those with a node of its own. It knows all pairs of its own nodes, so a pair of
-//! these alone can be decided when all before it are. For the others ranks tell each other in rounds, for every node that
-//! somebody else has a copy of, the first pair there that is undecided and the colours taken (M. Jones, P. Plassmann, "A
-//! parallel graph coloring heuristic", SIAM Journal on Scientific Computing 14, 1993): a pair that is the first at all its
-//! nodes is decided by all its holders in the same round, with the same result.
+//! Each rank colours all pairs it *holds*, those with a node of its own. It knows all pairs of its own nodes, so a pair
+//! of these alone can be decided when all before it are. For the others ranks tell each other in rounds, for every node
+//! that somebody else has a copy of, the first pair there that is undecided and the colours taken (M. Jones, P.
+//! Plassmann, "A parallel graph coloring heuristic", SIAM Journal on Scientific Computing 14, 1993): a pair that is the
+//! first at all its nodes is decided by all its holders in the same round, with the same result.
 
 use crate::contact::nodes::ContactNodes;
 
@@ -18,8 +18,8 @@ pub(crate) const NO_COLOUR: u32 = u32::MAX;
 /// Colours of a page: bits of a mask.
 const PAGE: u32 = u128::BITS;
 
-/// Classes of the order: pairs go class by class, those of a class by their nodes. So many that few pairs of one node are in
-/// one class, and so few that neighbours in memory are still met one soon after the other.
+/// Classes of the order: pairs go class by class, those of a class by their nodes. So many that few pairs of one node
+/// are in one class, and so few that neighbours in memory are still met one soon after the other.
 const CLASSES: usize = 256;
 
 /// Stands where there is no pair.
@@ -30,8 +30,9 @@ type Key = [u32; 4];
 
 const NOBODY: Key = [NONE; 4];
 
-/// The colour of each of `count` pairs, ascending by their nodes, and the number of colours, the same on all ranks. Pairs with
-/// a point of a body have [`NO_COLOUR`]: nothing acts on them in the order of colours. All ranks call it together.
+/// The colour of each of `count` pairs, ascending by their nodes, and the number of colours, the same on all ranks.
+/// Pairs with a point of a body have [`NO_COLOUR`]: nothing acts on them in the order of colours. All ranks call it
+/// together.
 pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
     let alone = nodes.halo().is_empty();
     let order = order(count, nodes, &nodes_of);
@@ -103,8 +104,8 @@ struct Colouring<'a, F> {
 }
 
 impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
-    /// Gives out the colours of a page to the pairs at these places of the order, ascending; returns those that found none
-    /// free.
+    /// Gives out the colours of a page to the pairs at these places of the order, ascending; returns those that found
+    /// none free.
     fn page(&mut self, page: u32, mut undecided: Vec<u32>) -> Vec<u32> {
         self.used.fill(0);
         self.told.fill(NOBODY);

@@ -18,7 +18,8 @@ impl Sets {
         self.ends.push(self.nodes.len());
     }
 
-    /// The smallest node of all that each set hangs together with, by way of common nodes; [`NO_NODE`] for an empty set.
+    /// The smallest node of all that each set hangs together with, by way of common nodes; [`NO_NODE`] for an empty
+    /// set.
     pub(crate) fn smallest(&self) -> Vec<u32> {
         let mut all = self.nodes.clone();
         all.sort_unstable();

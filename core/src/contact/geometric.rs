@@ -1,12 +1,13 @@
 //! Geometric collisions: what is left to pass through something between two states is stopped (method section 4).
 //!
-//! All nodes move straight from a collision-free state to where the time steps have put them. A pair *meets* when it comes
-//! closer than a small gap on the way (`ccd`); it then gets an impulse. When impulses alone do not end it, the pairs that
-//! still meet form impact zones: first inelastic ones, where everything may slide but nothing approach, then rigid ones, and
-//! at last the nodes stay where they were. The loop always ends, since the state it started from is free of collisions.
+//! All nodes move straight from a collision-free state to where the time steps have put them. A pair *meets* when it
+//! comes closer than a small gap on the way (`ccd`); it then gets an impulse. When impulses alone do not end it, the
+//! pairs that still meet form impact zones: first inelastic ones, where everything may slide but nothing approach, then
+//! rigid ones, and at last the nodes stay where they were. The loop always ends, since the state it started from is
+//! free of collisions.
 //!
-//! Pairs are judged at home, by the rank of their smallest node (`response` says who answers). What is decided for all is
-//! decided by all ranks alike.
+//! Pairs are judged at home, by the rank of their smallest node (`response` says who answers). What is decided for all
+//! is decided by all ranks alike.
 //!
 //! The gap is wider than the rounding of a position to single precision, so that what a cache stores is as free of
 //! crossings as what is computed.
@@ -29,18 +30,19 @@ use crate::parallel::communicator::{Expected, Message};
 mod packing;
 mod response;
 
-/// Attempts with impulses alone. The authors make three, and ten or twenty in older scenes (method 4.6): most of what three
-/// leave are a handful of pairs that a few more end.
+/// Attempts with impulses alone. The authors make three, and ten or twenty in older scenes (method 4.6): most of what
+/// three leave are a handful of pairs that a few more end.
 const IMPULSE_ATTEMPTS: u32 = 6;
 
-/// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than the
-/// shorter steps that avoid them (`docs/decisions/0007-self-contact.md`).
+/// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than
+/// the shorter steps that avoid them (`docs/decisions/0007-self-contact.md`).
 const HARD_SHARE: u64 = 5;
 
 /// Edge lengths per second at which pairs closer than the gap are opened [1/s].
 const OPENING_RATE: f64 = 1.0;
 
-/// How much farther than on its path a node may come until pairs are looked for again, as a share of the edges around it.
+/// How much farther than on its path a node may come until pairs are looked for again, as a share of the edges around
+/// it.
 const MARGIN: f64 = 0.02;
 
 /// Pairs that one task looks at.
@@ -86,8 +88,8 @@ pub struct CollisionLoop {
 }
 
 impl CollisionLoop {
-    /// Changes the ends of `paths` until nothing meets. `used` is the longest way of a node ([`Neighbours::note_ways`] for
-    /// these paths). All ranks call it together.
+    /// Changes the ends of `paths` until nothing meets. `used` is the longest way of a node ([`Neighbours::note_ways`]
+    /// for these paths). All ranks call it together.
     pub fn resolve(
         &mut self,
         collisions: &mut Collisions<'_>,
@@ -175,8 +177,8 @@ impl CollisionLoop {
         }
     }
 
-    /// The candidates that meet, sorted; of these, once nodes have been changed, only those with such a node, which have not
-    /// moved as one body: they are as far apart at the end as at the start.
+    /// The candidates that meet, sorted; of these, once nodes have been changed, only those with such a node, which
+    /// have not moved as one body: they are as far apart at the end as at the start.
     fn detect(&self, collisions: &Collisions<'_>, paths: &NodePaths, response: &Response) -> Vec<Hit> {
         let concerns =
             |pair: &Pair| self.recent.is_empty() || pair.nodes.iter().any(|&node| self.recent[node as usize] != 0);
@@ -194,8 +196,8 @@ impl CollisionLoop {
         hits
     }
 
-    /// Brings the ends of own nodes, and of the copies of such nodes, to their new displacements. Returns whether the pairs
-    /// that were looked for with `covers` still hold.
+    /// Brings the ends of own nodes, and of the copies of such nodes, to their new displacements. Returns whether the
+    /// pairs that were looked for with `covers` still hold.
     fn note_touched(
         &mut self,
         nodes: &ContactNodes,
@@ -275,8 +277,8 @@ impl Collisions<'_> {
     }
 }
 
-/// Where a pair comes closer than `gap` on its way, and how far it is apart at the start [m]. One that is that close already
-/// must come closer still.
+/// Where a pair comes closer than `gap` on its way, and how far it is apart at the start [m]. One that is that close
+/// already must come closer still.
 fn meet(kind: PairKind, start: &[Vec3; 4], end: &[Vec3; 4], gap: f64) -> Option<(Contact, f64)> {
     let test = |gap: f64| match kind {
         PairKind::PointTriangle => ccd::point_triangle(start, end, gap),

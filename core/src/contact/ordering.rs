@@ -1,8 +1,8 @@
 //! The order in which pairs are treated: colours, no two pairs of a colour sharing a node of cloth.
 //!
-//! Gauss-Seidel passes go through the colours one after the other and through the pairs of a colour in any order, hence in
-//! parallel. The colours depend on the pairs and on the scene's numbers of their nodes alone (`colouring`), so the result
-//! has the same bits whoever does the work.
+//! Gauss-Seidel passes go through the colours one after the other and through the pairs of a colour in any order, hence
+//! in parallel. The colours depend on the pairs and on the scene's numbers of their nodes alone (`colouring`), so the
+//! result has the same bits whoever does the work.
 
 use std::ops::Range;
 
@@ -17,9 +17,9 @@ pub struct Order {
 }
 
 impl Order {
-    /// Reorders `pairs`, which are all that this rank holds, ascending by their nodes, by colour; `nodes_of` tells their
-    /// nodes. Pairs of a colour keep their order. Pairs with a point of a body have no colour, and stand behind the others.
-    /// All ranks call it together.
+    /// Reorders `pairs`, which are all that this rank holds, ascending by their nodes, by colour; `nodes_of` tells
+    /// their nodes. Pairs of a colour keep their order. Pairs with a point of a body have no colour, and stand behind
+    /// the others. All ranks call it together.
     pub fn of<T: Clone>(pairs: &mut Vec<T>, nodes: &ContactNodes, nodes_of: impl Fn(&T) -> [u32; 4]) -> Self {
         let (colours, count) = colouring::colours(pairs.len(), nodes, |pair| nodes_of(&pairs[pair]));
         let place_of = |colour: u32| if colour == NO_COLOUR { count } else { colour as usize };

@@ -1,11 +1,11 @@
 //! History-based repulsion: impulses between pairs that are close, in every time step (method section 3).
 //!
-//! At a collision-free state every pair gets its *side*: which way it has to be apart. Until the next such state the signed
-//! distance is measured against it. A pair that has passed through has a negative distance, and the same laws that push
-//! others apart then pull it back: attraction.
+//! At a collision-free state every pair gets its *side*: which way it has to be apart. Until the next such state the
+//! signed distance is measured against it. A pair that has passed through has a negative distance, and the same laws
+//! that push others apart then pull it back: attraction.
 //!
-//! Every rank treats all pairs that it holds, and so its ghosts too, with the same operands and results as their owners. What
-//! the pairs of a colour that it does not hold do to its ghosts it is told after that colour (`borders`).
+//! Every rank treats all pairs that it holds, and so its ghosts too, with the same operands and results as their
+//! owners. What the pairs of a colour that it does not hold do to its ghosts it is told after that colour (`borders`).
 
 use rayon::prelude::*;
 
@@ -40,8 +40,8 @@ pub struct Laws {
     pub limit: f64,
     /// Coulomb friction between cloth and cloth.
     pub friction: f64,
-    /// Cosine between the direction of two edges now and at the collision-free state below which they have passed through
-    /// each other; below -1 edges never attract.
+    /// Cosine between the direction of two edges now and at the collision-free state below which they have passed
+    /// through each other; below -1 edges never attract.
     pub edge_attraction: f64,
     /// Whether points that have passed through a triangle are attracted; without, the side is that of the moment.
     pub attraction: bool,
@@ -74,8 +74,8 @@ pub struct Moment<'a> {
 struct Sided {
     pair: Pair,
     thickness: f64,
-    /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction from the
-    /// second to the first.
+    /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction
+    /// from the second to the first.
     side: Vec3,
 }
 
@@ -123,6 +123,9 @@ pub struct Repulsions {
     seen: Vec<bool>,
     /// What ranks tell each other during a pass.
     borders: Borders,
+    /// Active pairs at home here, and those of them that have passed through each other.
+    active: u64,
+    inverted: u64,
     /// Whether the active pairs are those of the positions that come next.
     fresh: bool,
 }
@@ -132,7 +135,7 @@ impl Repulsions {
     pub fn new(laws: Laws) -> Self {
         let (kinds, velocities) = (Default::default(), SharedVectors::new(0));
         let (nodes, seen, borders) = Default::default();
-        Self { laws, kinds, velocities, nodes, seen, borders, fresh: false }
+        Self { laws, kinds, velocities, nodes, seen, borders, active: 0, inverted: 0, fresh: false }
     }
 
     /// Memory held [bytes].
@@ -195,8 +198,8 @@ impl Repulsions {
         self.fresh = false;
     }
 
-    /// B.2 or B.8: changes the velocities `v` [m/s], over this rank's nodes of cloth, of the nodes of all active pairs. Those
-    /// of ghosts may be anything before, and are of no use after. All ranks call it together.
+    /// B.2 or B.8: changes the velocities `v` [m/s], over this rank's nodes of cloth, of the nodes of all active pairs.
+    /// Those of ghosts may be anything before, and are of no use after. All ranks call it together.
     pub fn apply(&mut self, passes: Passes, at: &Moment<'_>, v: &mut [Vec3], metrics: &mut Metrics) {
         if !self.fresh {
             self.refresh(at);
@@ -223,19 +226,13 @@ impl Repulsions {
             (0..2).for_each(|kind| law(kind, &|t, rel| laws.elastic_change(t, rel, dt)));
         }
         self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
-        let attracted = self.inverted(at.nodes);
-        metrics.count("repulsions", self.at_home(at.nodes).count() as u64 - attracted);
-        metrics.count("attractions", attracted);
+        metrics.count("repulsions", self.active - self.inverted);
+        metrics.count("attractions", self.inverted);
     }
 
     /// Number of active pairs at home here that had passed through each other at the positions of the last pass.
-    pub fn inverted(&self, nodes: &ContactNodes) -> u64 {
-        self.at_home(nodes).filter(|t| t.distance < 0.0).count() as u64
-    }
-
-    fn at_home(&self, nodes: &ContactNodes) -> impl Iterator<Item = &Touching> {
-        let active = self.kinds.iter().flat_map(PairsOfKind::active);
-        active.filter(|t| nodes.is_home(&t.nodes))
+    pub fn inverted(&self) -> u64 {
+        self.inverted
     }
 
     /// Finds the active pairs and their geometry.
@@ -256,7 +253,11 @@ impl Repulsions {
             self.seen = vec![false; at.nodes.cloth()];
             self.velocities = SharedVectors::new(at.nodes.cloth());
         }
+        (self.active, self.inverted) = (0, 0);
         for touching in self.kinds.iter().flat_map(PairsOfKind::active) {
+            let is_home = at.nodes.is_home(&touching.nodes);
+            self.active += u64::from(is_home);
+            self.inverted += u64::from(is_home && touching.distance < 0.0);
             for node in touching.nodes {
                 if !std::mem::replace(&mut self.seen[node as usize], true) {
                     self.nodes.push(node);
@@ -266,7 +267,8 @@ impl Repulsions {
         self.borders = Borders::of(at.nodes, &self.kinds, &self.seen);
     }
 
-    /// One Gauss-Seidel pass in the order of the colours. `change` is the change of relative velocity that the law wants.
+    /// One Gauss-Seidel pass in the order of the colours. `change` is the change of relative velocity that the law
+    /// wants.
     fn sweep(&self, kind: usize, at: &Moment<'_>, change: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)) {
         let of_kind = &self.kinds[kind];
         let one = |&i: &u32| {
@@ -276,9 +278,9 @@ impl Repulsions {
             let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
             let Some(change) = change(t, &relative) else { return };
             let impulse = change / t.response;
-            for q in 0..4 {
-                let share = t.weights[q] * at.mobility[t.nodes[q] as usize];
-                self.velocities.set(t.nodes[q], &(v[q] + impulse * share));
+            for ((node, weight), v) in t.nodes.into_iter().zip(t.weights).zip(v) {
+                let share = weight * at.mobility[node as usize];
+                self.velocities.set(node, &(v + impulse * share));
             }
         };
         for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
@@ -293,8 +295,8 @@ impl Repulsions {
     }
 }
 
-/// The side of a pair at a collision-free state, unless it is farther apart than `limit` or next to each other rather than
-/// in front of each other, where no side can be trusted.
+/// The side of a pair at a collision-free state, unless it is farther apart than `limit` or next to each other rather
+/// than in front of each other, where no side can be trusted.
 fn sided(neighbour: &Neighbour, x: &[Vec3], limit: f64) -> Option<Sided> {
     let pair = neighbour.pair;
     let at = pair.positions(x);
@@ -329,7 +331,8 @@ impl Sided {
             PairKind::EdgeEdge => self.edges(laws, &at, reach)?,
         };
         let nodes = self.pair.nodes;
-        // A held node takes its share of the impulse and stays: the others would be thrown where their weights are small.
+        // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
+        // small.
         let [a, b, c, d] = nodes.map(|node| mobility[node as usize]);
         let free = a.max(b).max(c).max(d);
         let (mut response, sum) = (0.0, a + b + c + d);

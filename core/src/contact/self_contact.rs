@@ -4,6 +4,8 @@
 //! are close, K time steps follow with repulsions in B.2 and B.8, and C stops what would pass through something on the way.
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
+use rayon::prelude::*;
+
 use crate::Vec3;
 use crate::bodies::Bodies;
 use crate::contact::exact_check::{crossings, ignored_pairs, pinched_vertices};
@@ -322,7 +324,7 @@ impl SelfContact {
         mut moved: impl FnMut(usize, f64),
     ) -> Ending {
         if let Some(repulsions) = &mut self.repulsions {
-            metrics.count("inverted_pairs", repulsions.inverted(self.surface.nodes()));
+            metrics.count("inverted_pairs", repulsions.inverted());
             repulsions.positions_changed();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
@@ -400,7 +402,7 @@ impl SelfContact {
         let memory = Remembered::new(SECTION, VERSION)
             .with("wear", Field::Number(self.wear))
             .with("list_reach", Field::Number(self.neighbours.full_reach()))
-            .with("list_positions", Field::Nodes(list));
+            .with("list_positions", Field::Nodes(nodes.count() - nodes.cloth(), list));
         let Some(geometric) = &self.geometric else { return memory };
         let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
         memory
@@ -517,6 +519,18 @@ impl SelfContact {
             }
             None => &[],
         }
+    }
+
+    /// Number of crossings of cloth with cloth when every vertex of the state `x` [m] is where `place` puts it; the same on all
+    /// ranks.
+    pub fn crossings_when(&mut self, x: &[Vec3], bodies: &Bodies, place: &(dyn Fn(&Vec3) -> Vec3 + Sync)) -> usize {
+        self.surface.gather(x, bodies, &mut self.paths.end);
+        let cloth = self.surface.nodes().cloth();
+        self.paths.end[..cloth].par_iter_mut().for_each(|x| *x = place(x));
+        let end = &self.paths.end;
+        self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
+        let found = crossings(&self.surface, &self.search, end, None);
+        found.iter().filter(|crossing| self.surface.is_cloth(crossing)).count()
     }
 
     /// Whether geometric collisions keep the state free of crossings.

@@ -32,8 +32,8 @@ pub(crate) fn random_starts(random: &mut Random, ranks: usize, nodes: usize) -> 
     starts
 }
 
-/// The nodes of a rank that holds those of `all`, four nodes each by their numbers in the scene, that have a node of its
-/// own; and these, by local nodes, each with its place in `all`.
+/// The nodes of a rank that holds those of `all`, four nodes each by their numbers in the scene, that have a node of
+/// its own; and these, by local nodes, each with its place in `all`.
 pub(crate) fn held(
     ranks: &Ranks,
     starts: &[u32],

@@ -1,11 +1,11 @@
 //! Getting out of crossings that were there at the start, or that a body has pinched into the cloth: the edge and the
 //! triangle that cross are pushed, gently, the way that shortens the line along which the surfaces meet.
 //!
-//! Which side cloth belongs on cannot be told where it crosses; which way the line of intersection gets shorter can
-//! (P. Volino, N. Magnenat-Thalmann, "Resolving surface collisions through intersection contour minimization", SIGGRAPH
-//! 2006). With e the direction of the edge, N the normal of the triangle, and R_i the unit directions of the line of intersection
-//! from the edge into the triangles that have it, a shift d of the edge moves the point where it crosses by
-//! d − (d·N)/(e·N) e, so the line gets shorter by d · Σ_i (R_i − (R_i·e)/(e·N) N).
+//! Which side cloth belongs on cannot be told where it crosses; which way the line of intersection gets shorter can (P.
+//! Volino, N. Magnenat-Thalmann, "Resolving surface collisions through intersection contour minimization", SIGGRAPH
+//! 2006). With e the direction of the edge, N the normal of the triangle, and R_i the unit directions of the line of
+//! intersection from the edge into the triangles that have it, a shift d of the edge moves the point where it crosses
+//! by d − (d·N)/(e·N) e, so the line gets shorter by d · Σ_i (R_i − (R_i·e)/(e·N) N).
 
 use std::collections::BTreeMap;
 
@@ -21,10 +21,11 @@ const PUSH_RATE: f64 = 10.0;
 /// The same for cloth that crosses a body: it was pinched, and has to be out soon after the body lets go [1/s].
 const RELEASE_RATE: f64 = 60.0;
 
-/// Gives every crossing a relative velocity out of itself, at least [m/s]; positions `x` [m] of all nodes, `velocity` of the
-/// bodies' nodes [m/s], velocities `v` of own vertices in the order of the scene [m/s].
+/// Gives every crossing a relative velocity out of itself, at least [m/s]; positions `x` [m] of all nodes, `velocity`
+/// of the bodies' nodes [m/s], velocities `v` of own vertices in the order of the scene [m/s].
 ///
-/// The crossings are those of all ranks, which call it together: each tells what it knows of their nodes, and all push alike.
+/// The crossings are those of all ranks, which call it together: each tells what it knows of their nodes, and all push
+/// alike.
 pub fn push_apart(
     surface: &ContactSurface,
     crossings: &[Crossing],

@@ -1,8 +1,8 @@
 //! Impact zones as they grow during one loop of collisions: which pairs belong together, and what each zone does.
 //!
-//! A zone is all pairs that hang together by nodes that can move: what is prescribed is in many zones and joins none. Zones
-//! only grow, each is solved by itself, and all numbers of nodes are those of the scene, so that it does not matter which
-//! rank keeps it.
+//! A zone is all pairs that hang together by nodes that can move: what is prescribed is in many zones and joins none.
+//! Zones only grow, each is solved by itself, and all numbers of nodes are those of the scene, so that it does not
+//! matter which rank keeps it.
 
 use std::collections::BTreeMap;
 
@@ -77,8 +77,8 @@ pub struct Solved {
     pub displacements: Vec<Vec3>,
     /// Passes over the pairs.
     pub passes: u64,
-    /// Whether the pairs contradict each other, as between bodies that close: impulses then grow without end. Such a zone
-    /// stays as it was and lets go of what is prescribed, or needs to be made rigid if nothing is.
+    /// Whether the pairs contradict each other, as between bodies that close: impulses then grow without end. Such a
+    /// zone stays as it was and lets go of what is prescribed, or needs to be made rigid if nothing is.
     pub contradicts: bool,
 }
 
@@ -205,8 +205,8 @@ impl Zones {
         zone.is_some_and(|zone| hit.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))
     }
 
-    /// Adds zones, and pairs that have met in an attempt; what hangs together becomes one. Returns the places of the zones
-    /// that have got one of these pairs.
+    /// Adds zones, and pairs that have met in an attempt; what hangs together becomes one. Returns the places of the
+    /// zones that have got one of these pairs.
     pub fn add(&mut self, others: Vec<Zone>, attempt: u32, hits: &[Hit]) -> Vec<usize> {
         if others.is_empty() && hits.is_empty() {
             return Vec::new();

@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
 
 use bytemuck::Pod;
 
+use crate::metrics::Watch;
 use crate::parallel::communicator::{Communicator, Exchange, Expected, Message};
 use crate::parallel::serial::Serial;
 
@@ -21,6 +23,8 @@ struct Traffic {
     messages: AtomicU64,
     bytes: AtomicU64,
     collectives: AtomicU64,
+    /// Nanoseconds spent in waiting for others.
+    waited: AtomicU64,
 }
 
 /// What a rank has sent so far.
@@ -32,6 +36,27 @@ pub struct Sent {
     pub bytes: u64,
     /// Collective operations, in which all ranks take part.
     pub collectives: u64,
+}
+
+impl Traffic {
+    fn waiting<T>(&self, operation: impl FnOnce() -> T) -> T {
+        let watch = Watch::start();
+        let result = operation();
+        self.waited.fetch_add(watch.nanoseconds(), Relaxed);
+        result
+    }
+}
+
+/// Messages on their way, for which the time of the wait is noted.
+struct Waited<'a> {
+    exchange: Box<dyn Exchange + 'a>,
+    traffic: &'a Traffic,
+}
+
+impl Exchange for Waited<'_> {
+    fn finish(self: Box<Self>) -> Vec<Vec<u8>> {
+        self.traffic.waiting(|| self.exchange.finish())
+    }
 }
 
 impl std::fmt::Debug for Ranks {
@@ -75,19 +100,25 @@ impl Ranks {
 
     /// What this rank has sent so far.
     pub fn sent(&self) -> Sent {
-        let Traffic { messages, bytes, collectives } = &*self.traffic;
+        let Traffic { messages, bytes, collectives, .. } = &*self.traffic;
         Sent { messages: messages.load(Relaxed), bytes: bytes.load(Relaxed), collectives: collectives.load(Relaxed) }
     }
 
-    fn note_collective(&self, bytes: usize) {
+    /// Seconds that this rank has waited for others so far, the way of the messages included.
+    pub fn waited(&self) -> f64 {
+        Duration::from_nanos(self.traffic.waited.load(Relaxed)).as_secs_f64()
+    }
+
+    /// Takes part in a collective operation and gives so many bytes.
+    fn together<T>(&self, bytes: usize, operation: impl FnOnce(&dyn Communicator) -> T) -> T {
         self.traffic.collectives.fetch_add(1, Relaxed);
         self.traffic.bytes.fetch_add(bytes as u64, Relaxed);
+        self.traffic.waiting(|| operation(&*self.communicator))
     }
 
     /// Waits for all ranks.
     pub fn barrier(&self) {
-        self.note_collective(0);
-        self.communicator.barrier();
+        self.together(0, |communicator| communicator.barrier());
     }
 
     /// The largest value of all ranks. Not NaN.
@@ -99,8 +130,7 @@ impl Ranks {
     /// The largest of all ranks, value by value. None is NaN.
     pub fn max_of<const N: usize>(&self, mut values: [f64; N]) -> [f64; N] {
         if !self.is_alone() {
-            self.note_collective(N * size_of::<f64>());
-            self.communicator.max(&mut values);
+            self.together(N * size_of::<f64>(), |communicator| communicator.max(&mut values));
         }
         values
     }
@@ -108,8 +138,7 @@ impl Ranks {
     /// The largest of all ranks, value by value; all have as many.
     pub fn max_each(&self, mut values: Vec<f64>) -> Vec<f64> {
         if !self.is_alone() && !values.is_empty() {
-            self.note_collective(size_of_val(values.as_slice()));
-            self.communicator.max(&mut values);
+            self.together(size_of_val(values.as_slice()), |communicator| communicator.max(&mut values));
         }
         values
     }
@@ -133,9 +162,9 @@ impl Ranks {
         if self.is_alone() {
             return own.to_vec();
         }
-        self.note_collective(size_of_val(own));
         let lengths: Vec<usize> = counts.iter().map(|count| count * size_of::<T>()).collect();
-        bytemuck::pod_collect_to_vec(&self.communicator.all_gather(bytemuck::cast_slice(own), &lengths))
+        let gather = |c: &dyn Communicator| c.all_gather(bytemuck::cast_slice(own), &lengths);
+        bytemuck::pod_collect_to_vec(&self.together(size_of_val(own), gather))
     }
 
     /// The values of all ranks, each by itself, where nobody knows how many others give.
@@ -161,16 +190,15 @@ impl Ranks {
         if self.is_alone() {
             return vec![own.to_vec()];
         }
-        self.note_collective(size_of_val(own));
-        let all = self.communicator.gather(bytemuck::cast_slice(own).to_vec());
+        let all = self.together(size_of_val(own), |c| c.gather(bytemuck::cast_slice(own).to_vec()));
         all.iter().map(|bytes| bytemuck::pod_collect_to_vec(bytes)).collect()
     }
 
     /// The bytes of rank 0, on every rank.
     pub fn broadcast(&self, bytes: &mut Vec<u8>) {
         if !self.is_alone() {
-            self.note_collective(if self.is_first() { bytes.len() } else { 0 });
-            self.communicator.broadcast(bytes);
+            let given = if self.is_first() { bytes.len() } else { 0 };
+            self.together(given, |communicator| communicator.broadcast(bytes));
         }
     }
 
@@ -178,7 +206,7 @@ impl Ranks {
     pub fn start<'a>(&'a self, messages: Vec<Message>, from: &[Expected]) -> Box<dyn Exchange + 'a> {
         self.traffic.messages.fetch_add(messages.len() as u64, Relaxed);
         self.traffic.bytes.fetch_add(messages.iter().map(|m| m.bytes.len() as u64).sum(), Relaxed);
-        self.communicator.start(messages, from)
+        Box::new(Waited { exchange: self.communicator.start(messages, from), traffic: &self.traffic })
     }
 
     /// Sends the values of one rank to rank 0, which gets them; nothing elsewhere. Only these two ranks need to call it.

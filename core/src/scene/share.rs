@@ -12,7 +12,7 @@ use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
-use crate::scene::{GarmentDescription, PinTarget, Pinned, SceneDescription};
+use crate::scene::{GarmentDescription, PinTarget, Pinned, Scene, SceneDescription};
 
 /// What a rank needs of a garment, vertices ascending by their numbers in the scene.
 #[derive(Debug, Default)]
@@ -24,8 +24,8 @@ pub(super) struct Piece {
     start: Vec<Vec3>,
     /// Velocities of own vertices at the start, where they differ among each other [m/s].
     velocities: Vec<Vec3>,
-    /// Corners (numbers in the scene), number in the garment, and polygon.
-    triangles: Vec<[u32; 5]>,
+    /// Polygon and corners (numbers in the scene), ascending: the order in which triangles stand on every rank.
+    triangles: Vec<[u32; 4]>,
 }
 
 /// A garment on rank 0 while it is handed out.
@@ -97,9 +97,10 @@ impl<'a> Handout<'a> {
         };
         let triangle = |&t: &u32| {
             let [a, b, c] = self.triangles[t as usize].map(|v| number(&v));
-            [a, b, c, t, self.polygons[t as usize]]
+            [self.polygons[t as usize], a, b, c]
         };
-        let triangles = near.iter().map(triangle).collect();
+        let mut triangles: Vec<[u32; 4]> = near.iter().map(triangle).collect();
+        triangles.sort_unstable();
         let (start, velocities) = (of_own(&self.garment.start), of_own(&self.garment.start_velocities));
         Piece { vertices, rest, start, velocities, triangles }
     }
@@ -127,11 +128,56 @@ impl Piece {
         })
     }
 
+    /// The piece around the vertices `own` of the scene, all of them this rank's own, of what it has of a garment.
+    fn of_local(scene: &Scene, garment: usize, own: &Range<u32>) -> Self {
+        let (parts, mesh) = (&scene.parts, &scene.meshes[garment]);
+        let first = parts.garment(garment).start;
+        let number = |v: u32| parts.number(first + v as usize);
+        let near: Vec<bool> =
+            mesh.triangles().iter().map(|corners| corners.iter().any(|v| own.contains(&number(*v)))).collect();
+        let mut here = near.clone();
+        for hinge in mesh.hinges() {
+            let [a, b] = hinge.triangles.map(|t| t as usize);
+            (here[a], here[b]) = (here[a] || near[b], here[b] || near[a]);
+        }
+        let chosen = || mesh.triangles().iter().zip(mesh.polygons()).zip(&here).filter(|(_, here)| **here);
+        let mut vertices: Vec<u32> = chosen().flat_map(|((corners, _), _)| *corners).collect();
+        vertices.extend((0..mesh.rest_positions().len() as u32).filter(|v| own.contains(&number(*v))));
+        vertices.sort_unstable();
+        vertices.dedup();
+        let mut triangles: Vec<[u32; 4]> = chosen()
+            .map(|((corners, polygon), _)| {
+                let [a, b, c] = corners.map(number);
+                [*polygon, a, b, c]
+            })
+            .collect();
+        triangles.sort_unstable();
+        Self {
+            rest: vertices.iter().map(|v| mesh.rest_positions()[*v as usize]).collect(),
+            vertices: vertices.iter().map(|v| [number(*v), parts.own_numbers()[first + *v as usize]]).collect(),
+            triangles,
+            ..Self::default()
+        }
+    }
+
+    /// Joins the pieces of neighbouring runs of vertices.
+    fn joined(pieces: Vec<Self>) -> Self {
+        let mut vertices: Vec<([u32; 2], Vec3)> =
+            pieces.iter().flat_map(|piece| piece.vertices.iter().copied().zip(piece.rest.iter().copied())).collect();
+        vertices.sort_unstable_by_key(|(numbers, _)| *numbers);
+        vertices.dedup_by_key(|(numbers, _)| *numbers);
+        let mut triangles: Vec<[u32; 4]> = pieces.into_iter().flat_map(|piece| piece.triangles).collect();
+        triangles.sort_unstable();
+        triangles.dedup();
+        let (vertices, rest) = vertices.into_iter().unzip();
+        Self { vertices, rest, triangles, ..Self::default() }
+    }
+
     /// The mesh of this piece.
     fn mesh(self) -> TriangleMesh {
         let local = |number: u32| self.vertices.partition_point(|[other, _]| *other < number) as u32;
-        let corners = self.triangles.iter().map(|[a, b, c, ..]| [*a, *b, *c].map(local)).collect();
-        let polygons = self.triangles.iter().map(|triangle| triangle[4]).collect();
+        let corners = self.triangles.iter().map(|[_, a, b, c]| [*a, *b, *c].map(local)).collect();
+        let polygons = self.triangles.iter().map(|triangle| triangle[0]).collect();
         TriangleMesh::of_triangles(self.rest, corners, polygons)
     }
 }
@@ -248,6 +294,38 @@ fn settle(
     });
     let meshes = pieces.into_iter().map(Piece::mesh).collect();
     Received { description, parts, meshes, start, velocities, pinned, pin_targets }
+}
+
+/// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
+/// of the start any more.
+pub(super) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
+    let (parts, ranks) = (&scene.parts, scene.parts.ranks());
+    let partition = parts.partition().clone();
+    let now = |rank: usize| parts.rank_starts()[rank]..parts.rank_starts()[rank + 1];
+    let (mine, starts) = (now(ranks.rank()), partition.starts());
+    let then = |rank: usize| starts[assignment[rank]] as u32..starts[assignment[rank + 1]] as u32;
+    // From own vertices to those that the other rank will have.
+    let moves = |rank: usize| mine.start.max(then(rank).start)..mine.end.min(then(rank).end);
+    let mut pieces = Vec::new();
+    for garment in 0..scene.meshes.len() {
+        let piece = |rank: usize| match moves(rank) {
+            none if none.is_empty() => Vec::new(),
+            own => Piece::of_local(scene, garment, &own).to_bytes(),
+        };
+        let received = ranks.send_lists((0..ranks.count()).map(piece).collect());
+        pieces.push(Piece::joined(received.iter().filter_map(|bytes| Piece::from_bytes(bytes)).collect()));
+    }
+    let numbered = scene.pinned.iter().map(|pinned| Pinned { vertex: parts.number(pinned.vertex as usize), ..*pinned });
+    let numbered: Vec<Pinned> = numbered.collect();
+    let pins = |rank: usize| match then(rank) {
+        own if own.is_empty() || numbered.is_empty() => Vec::new(),
+        own => pins_of(&numbered, &(own.start as usize..own.end as usize)).to_bytes(),
+    };
+    let received = ranks.send_lists((0..ranks.count()).map(pins).collect());
+    let mut pinned: Vec<Pinned> =
+        received.iter().flat_map(|bytes| Vec::take(&mut bytes.as_slice()).unwrap_or_default()).collect();
+    pinned.sort_unstable_by_key(|pinned| pinned.number);
+    settle(ranks, scene.description.clone(), (partition, assignment), pieces, (pinned, scene.pin_targets))
 }
 
 /// The pinned vertices among `own`, which are numbers of the scene.

@@ -40,12 +40,24 @@ impl Scene {
         };
         let broken = || Problem::scene("scene", "its pieces did not arrive as they were sent", "report this");
         let Some(received) = received else { return Err(Problems(vec![broken()])) };
-        let Received { description, parts, meshes, start, velocities, pinned, pin_targets } = received;
-        let elements = meshes.iter().enumerate().flat_map(|(g, mesh)| check_elements(&description, &parts, g, mesh));
+        let Received { description, parts, meshes, .. } = &received;
+        let elements = meshes.iter().enumerate().flat_map(|(g, mesh)| check_elements(description, parts, g, mesh));
         agree(ranks, elements.collect())?;
+        Ok(Self::derive(received))
+    }
+
+    /// The scene with another assignment of the parts to the ranks (first part of every rank, and the number of all). All ranks
+    /// call it together.
+    pub(crate) fn reassigned(&self, assignment: Vec<usize>) -> Self {
+        Self::derive(share::hand_over(self, assignment))
+    }
+
+    /// What follows from a rank's pieces.
+    fn derive(received: Received) -> Self {
+        let Received { description, parts, meshes, start, velocities, pinned, pin_targets } = received;
         let masses = masses(&description, &parts, &meshes);
         let mean_edge = mean_edge(&parts, &meshes);
-        Ok(Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets })
+        Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets }
     }
 }
 

@@ -80,6 +80,14 @@ impl Simulation {
         *out = self.in_own_order(garment, Field::Velocities, Vec3::zeros(), &|v| *v).unwrap_or_default();
     }
 
+    /// Number of crossings of cloth with cloth when every vertex is where `place` puts it; the same on all ranks. Zero without
+    /// self-contact. All ranks call it together.
+    pub fn crossings_when(&mut self, place: &(dyn Fn(&Vec3) -> Vec3 + Sync)) -> u32 {
+        let Self { self_contact, state, bodies, .. } = self;
+        let found = self_contact.as_mut().map_or(0, |contact| contact.crossings_when(&state.x, bodies, place));
+        u32::try_from(found).unwrap_or(u32::MAX)
+    }
+
     fn in_own_order<T: bytemuck::Pod>(
         &self,
         garment: usize,

@@ -1,6 +1,6 @@
 //! Checkpoints: the exact state of a run in a file, from which it goes on as if it had never stopped.
 //!
-//! A checkpoint holds a [`Snapshot`](drapery_core::snapshot::Snapshot) of the solver and a [`Head`] that says of which
+//! A checkpoint holds a [snapshot](drapery_core::snapshot) of the solver and a [`Head`] that says of which
 //! shot, when, and with which inputs. Equal states give files with equal bytes: whatever depends on the machine or the
 //! day stands in a small file beside it ([`Account`]). The layout is described in `docs/reference/checkpoint.md`, the
 //! reasons for it in `docs/decisions/0008-checkpoint-files.md`.
@@ -17,5 +17,5 @@ mod bytes;
 mod seal;
 
 pub use cadence::{Cadence, Every};
-pub use file::{Checkpoint, FORMAT_VERSION, Head};
+pub use file::{Checkpoint, CheckpointReader, CheckpointWriter, FORMAT_VERSION, Head};
 pub use store::{Account, Entry, Loaded, Saved, Search, Store};

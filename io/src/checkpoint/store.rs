@@ -10,19 +10,17 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use drapery_core::snapshot::SnapshotSink;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::file::Checkpoint;
-use super::seal::{LENGTH, damaged};
+use super::file::{CheckpointReader, CheckpointWriter, Head};
+use super::seal::damaged;
 use crate::atomic_file;
 use crate::error::IoError;
 
 /// Folder of the checkpoints inside that of a run.
 pub const FOLDER: &str = "checkpoints";
-
-/// Space that a checkpoint takes beside its arrays and its head, at most [bytes].
-const STRUCTURE: u64 = 1 << 20;
 
 /// What a run had taken when a checkpoint was written: it depends on the machine, so it stands beside the checkpoint.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -67,11 +65,11 @@ pub struct Saved {
     pub content_hash: String,
 }
 
-/// A checkpoint that was read.
-#[derive(Debug, Clone, PartialEq)]
+/// A checkpoint that was opened.
+#[derive(Debug)]
 pub struct Loaded {
     /// Its content.
-    pub checkpoint: Checkpoint,
+    pub checkpoint: CheckpointReader,
     /// What the run had taken; `None` when the file beside it is missing or belongs to another checkpoint.
     pub account: Option<Account>,
     /// The file.
@@ -120,20 +118,29 @@ impl Store {
         self.pinned.contains(&frame)
     }
 
-    /// Writes a checkpoint, and then removes those that are no longer kept. One of the same frame and step is replaced.
+    /// Writes a checkpoint of what `give` gives, and then removes those that are no longer kept. One of the same frame and
+    /// step is replaced.
     ///
     /// # Errors
     /// There is not enough room, or the disk refuses; all earlier checkpoints are then still there.
     ///
     /// # Panics
-    /// As [`Checkpoint::write`].
-    pub fn save(&self, checkpoint: &Checkpoint, account: &Account) -> Result<Saved, IoError> {
+    /// As the sink of [`CheckpointWriter`].
+    pub fn save(
+        &self,
+        head: &Head,
+        account: &Account,
+        give: impl FnOnce(&mut dyn SnapshotSink),
+    ) -> Result<Saved, IoError> {
         let start = Instant::now();
-        let head = &checkpoint.head;
         let path = self.folder.join(file_name(head.frame, head.sub_step));
-        self.check_room(&path, checkpoint)?;
         let part = part_path(&path);
-        let written = checkpoint.write(&part).and_then(|(bytes, content_hash)| {
+        let write = |mut writer: CheckpointWriter| {
+            writer.look_for_room(&path);
+            give(&mut writer);
+            writer.finish()
+        };
+        let written = CheckpointWriter::create(&part, head).and_then(write).and_then(|(bytes, content_hash)| {
             let stored = StoredAccount { content_hash, account: account.clone() };
             // A struct of texts and numbers always has a JSON form.
             let text = serde_json::to_string_pretty(&stored).unwrap_or_default() + "\n";
@@ -212,14 +219,6 @@ impl Store {
         self.list()?.iter().try_for_each(|entry| remove(&entry.path))
     }
 
-    fn check_room(&self, path: &Path, checkpoint: &Checkpoint) -> Result<(), IoError> {
-        let needed = LENGTH as u64 + checkpoint.array_bytes() + STRUCTURE;
-        match free_bytes(&self.folder) {
-            Some(free) if free < needed => Err(IoError::NoRoom { path: path.to_owned(), needed, free }),
-            _ => Ok(()),
-        }
-    }
-
     /// Removes all but the last few, the pinned ones and `saved`.
     fn prune(&self, saved: &Path) -> Result<(), IoError> {
         let mut unpinned = self.list()?;
@@ -252,18 +251,18 @@ pub fn list(out: &Path) -> Result<Vec<Entry>, IoError> {
     if folder.is_dir() { entries(&folder) } else { Ok(Vec::new()) }
 }
 
-/// Reads a checkpoint and what belongs to it.
+/// Opens a checkpoint and what belongs to it.
 ///
 /// # Errors
-/// As [`Checkpoint::read`]; also when the file has the name of another frame or step.
+/// As [`CheckpointReader::open`]; also when the file has the name of another frame or step.
 pub fn load(entry: &Entry) -> Result<Loaded, IoError> {
-    let (checkpoint, hash) = Checkpoint::read_with_hash(&entry.path)?;
+    let checkpoint = CheckpointReader::open(&entry.path)?;
     let head = &checkpoint.head;
     if (head.frame, head.sub_step) != (entry.frame, entry.sub_step) {
         let name = file_name(head.frame, head.sub_step);
         return Err(damaged(&entry.path, "name", format!("it holds what belongs into {name}")));
     }
-    let account = read_account(&entry.path, &hash);
+    let account = read_account(&entry.path, checkpoint.content_hash());
     Ok(Loaded { checkpoint, account, path: entry.path.clone() })
 }
 
@@ -323,12 +322,6 @@ fn free_path(folder: &Path, entry: &Entry) -> PathBuf {
 /// Brings the names in a folder to the disk.
 fn sync_folder(folder: &Path) -> Result<(), IoError> {
     File::open(folder).and_then(|folder| folder.sync_all()).map_err(|e| IoError::writing(folder, e))
-}
-
-/// Bytes that may be written to the disk of `folder`; `None` where the system cannot tell.
-fn free_bytes(folder: &Path) -> Option<u64> {
-    let disk = rustix::fs::statvfs(folder).ok()?;
-    (disk.f_blocks > 0).then(|| disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
 #[cfg(test)]

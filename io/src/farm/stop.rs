@@ -91,6 +91,19 @@ impl Reason {
     }
 }
 
+/// All reasons; of several at once, the last in this list is the one that is told.
+const REASONS: [Reason; 9] = [
+    Reason::ControlFile,
+    Reason::JobEnd,
+    Reason::StopAt,
+    Reason::MaxWall,
+    Reason::Signal(Signal::CpuLimit),
+    Reason::Signal(Signal::User2),
+    Reason::Signal(Signal::User1),
+    Reason::Signal(Signal::Interrupt),
+    Reason::Signal(Signal::Terminate),
+];
+
 impl std::fmt::Display for Reason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.word())
@@ -106,6 +119,33 @@ pub enum Request {
     Stop(Reason),
     /// End without another checkpoint; the last one is where the run continues.
     StopAtOnce(Reason),
+}
+
+impl Request {
+    /// A number that is the larger, the more urgent a request is; 0 for none. Ranks agree on what to do by the largest.
+    pub fn urgency(request: Option<Self>) -> f64 {
+        let place = |reason| REASONS.iter().position(|known| *known == reason).unwrap_or(0);
+        let urgency = match request {
+            None => 0,
+            Some(Self::Checkpoint) => 1,
+            Some(Self::Stop(reason)) => 2 + place(reason),
+            Some(Self::StopAtOnce(reason)) => 2 + REASONS.len() + place(reason),
+        };
+        urgency as f64
+    }
+
+    /// The request of an urgency.
+    pub fn of_urgency(urgency: f64) -> Option<Self> {
+        let reason = |place: usize| REASONS.get(place).copied();
+        match urgency as usize {
+            0 => None,
+            1 => Some(Self::Checkpoint),
+            stop => match reason(stop - 2) {
+                Some(reason) => Some(Self::Stop(reason)),
+                None => reason(stop - 2 - REASONS.len()).map(Self::StopAtOnce),
+            },
+        }
+    }
 }
 
 /// How much time a run needs for ending before its earliest deadline, and how much there is.

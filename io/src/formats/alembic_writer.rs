@@ -18,7 +18,6 @@ use drapery_alembic::{
     GeomParamSpec, GeomParamWriter, Indexed, MetaData, PodType, PolyMesh, PolyMeshSample, PolyMeshWriter, PropertyId,
     Scope, TimeSampling, Topology, XformWriter, write_face_set,
 };
-use drapery_core::Vec3;
 
 use super::continuing::{beside, cannot_continue, digest_of, hexadecimal, marked_frames, remove, sync_name, too_short};
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, MeshData};
@@ -46,12 +45,17 @@ pub struct AlembicWriter {
     first_frame: i64,
     velocities: bool,
     crossings: bool,
-    mesh: MeshData,
-    triangles: Vec<[u32; 3]>,
+    /// What is written with the first frame; let go of after that.
+    still: Option<Box<Still>>,
     stage: Stage,
     mark: CacheMark,
-    positions: Vec<[f32; 3]>,
-    rates: Vec<[f32; 3]>,
+}
+
+/// What does not change from frame to frame.
+#[derive(Debug)]
+struct Still {
+    mesh: MeshData,
+    triangles: Vec<[u32; 3]>,
 }
 
 /// How far the file is.
@@ -113,12 +117,9 @@ impl AlembicWriter {
             first_frame: plan.first_frame,
             velocities: plan.velocities,
             crossings: plan.crossings,
-            mesh: plan.mesh.clone(),
-            triangles: plan.triangles.to_vec(),
+            still: Some(Box::new(Still { mesh: plan.mesh.clone(), triangles: plan.triangles.to_vec() })),
             stage: Stage::Empty,
             mark: CacheMark::none(path),
-            positions: Vec::new(),
-            rates: Vec::new(),
         })
     }
 
@@ -140,11 +141,11 @@ impl AlembicWriter {
         if let Some(held) = writer.frames_held().filter(|held| *held > plan.frame_count()) {
             return Err(too_short(path, plan, plan.first_frame + held as i64 - 1));
         }
-        let still = vec![[0.0; 3]; plan.mesh.mesh.points.len()];
-        (writer.positions, writer.rates) = (still.clone(), still);
         let at = archive_mark(mark).ok_or_else(|| cannot_continue(path, "mark", "the mark is incomplete"))?;
-        let resumed = ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, kept));
+        let resumed =
+            ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, plan, kept));
         let (archive, declared) = resumed.map_err(|e| not_continued(path, mark, e))?;
+        writer.still = None;
         writer.stage = Stage::Open(Box::new(Open { archive, declared }));
         writer.mark = mark.clone();
         Ok(writer)
@@ -170,11 +171,19 @@ impl AlembicWriter {
     }
 
     /// Declares everything that a file of this plan with so many frames has.
-    fn declare_again(&self, archive: &mut ArchiveWriter, frames: usize) -> Result<Declared, AlembicError> {
+    fn declare_again(
+        &self,
+        archive: &mut ArchiveWriter,
+        plan: &CachePlan<'_>,
+        frames: usize,
+    ) -> Result<Declared, AlembicError> {
         let mut declared = self.declare_mesh(archive)?;
-        self.with_first_sample(|sample| declared.mesh.check_continued(archive, sample))?;
+        // Only what the sample has counts, not where its points are.
+        let points = vec![[0.0; 3]; plan.mesh.mesh.points.len()];
+        let frame = CacheFrame { frame: plan.first_frame, positions: &points, velocities: &points, crossings: None };
+        with_first_sample(plan.mesh, self.sample(&frame), |sample| declared.mesh.check_continued(archive, sample))?;
         archive.add_archive_bounds(declared.sampling)?;
-        self.write_attributes(archive, &mut declared, None)?;
+        self.write_attributes(archive, &mut declared, (plan.mesh, plan.triangles), None)?;
         let held = declared.mesh.sample_count(archive);
         let counted = declared.crossings.map_or(held, |property| archive.sample_count(property));
         if held != frames || counted != frames {
@@ -188,32 +197,15 @@ impl AlembicWriter {
     }
 
     /// Creates the file with its first frame and everything that does not change; it gets its name when it is valid.
-    fn write_first(&self, crossings: Option<u32>) -> Result<Open, IoError> {
+    fn write_first(&self, still: &Still, frame: &CacheFrame<'_>) -> Result<Open, IoError> {
         let mut archive = ArchiveWriter::create(beside(&self.path), &self.options)?;
         let mut declared = self.declare_mesh(&mut archive)?;
-        self.with_first_sample(|sample| declared.write(&mut archive, sample))?;
-        self.write_attributes(&mut archive, &mut declared, Some(APPLICATION))?;
-        declared.write_crossings(&mut archive, crossings)?;
+        with_first_sample(&still.mesh, self.sample(frame), |sample| declared.write(&mut archive, sample))?;
+        self.write_attributes(&mut archive, &mut declared, (&still.mesh, &still.triangles), Some(APPLICATION))?;
+        declared.write_crossings(&mut archive, frame.crossings)?;
         archive.commit(Durability::Flushed)?;
         archive.rename(&self.path)?;
         Ok(Open { archive, declared })
-    }
-
-    /// The frame in hand with everything that is written with the first frame only.
-    fn with_first_sample<T>(&self, write: impl FnOnce(&PolyMeshSample<'_>) -> T) -> T {
-        let polygons = &self.mesh.mesh;
-        let counts: Vec<i32> = polygons.face_counts.iter().map(|&n| n as i32).collect();
-        let indices: Vec<i32> = reversed(&polygons.face_counts, &polygons.face_indices).map(|i| i as i32).collect();
-        let uv_indices: Option<Vec<u32>> =
-            self.mesh.uvs.as_ref().map(|uvs| reversed(&polygons.face_counts, &uvs.indices).collect());
-        let uv = self.mesh.uvs.as_ref().map(|uvs| Indexed {
-            values: &uvs.values,
-            indices: uv_indices.as_deref(),
-            scope: Scope::FaceVarying,
-            source_name: Some(uvs.name.as_str()).filter(|name| !name.is_empty()),
-        });
-        let topology = Some(Topology { face_counts: &counts, face_indices: &indices });
-        write(&PolyMeshSample { topology, uv, ..self.sample() })
     }
 
     /// Attributes of the source, face sets, and how the file was made. Who made it is said once: another version of the
@@ -222,6 +214,7 @@ impl AlembicWriter {
         &self,
         archive: &mut ArchiveWriter,
         declared: &mut Declared,
+        (mesh, triangles): (&MeshData, &[[u32; 3]]),
         application: Option<&str>,
     ) -> Result<(), AlembicError> {
         let properties = declared.mesh.user_properties(archive)?;
@@ -236,10 +229,10 @@ impl AlembicWriter {
             archive.write_static_string(properties, name, text)?;
         }
         archive.write_static_scalar(properties, "metres_per_unit", &[self.units.length.metres()])?;
-        if self.mesh.mesh.face_counts.iter().any(|&count| count != 3) {
+        if mesh.mesh.face_counts.iter().any(|&count| count != 3) {
             let (kind, none) = (DataType::new(PodType::I32, 3), MetaData::new());
             let property = archive.add_array_property(properties, TRIANGLES, &none, kind, 0)?;
-            let bytes: Vec<u8> = self.triangles.iter().flatten().flat_map(|&v| (v as i32).to_le_bytes()).collect();
+            let bytes: Vec<u8> = triangles.iter().flatten().flat_map(|&v| (v as i32).to_le_bytes()).collect();
             archive.write_static_raw(property, &bytes)?;
         }
         if self.crossings {
@@ -247,9 +240,9 @@ impl AlembicWriter {
             let property = archive.add_scalar_property(properties, CROSSINGS, &none, kind, declared.sampling)?;
             declared.crossings = Some(property);
         }
-        if !self.mesh.params.is_empty() {
+        if !mesh.params.is_empty() {
             let attributes = declared.mesh.attributes(archive)?;
-            for param in &self.mesh.params {
+            for param in &mesh.params {
                 let spec = GeomParamSpec {
                     name: &param.name,
                     scope: param.scope,
@@ -263,19 +256,19 @@ impl AlembicWriter {
                 writer.write_static(archive, &param.values, param.indices.as_deref())?;
             }
         }
-        for set in &self.mesh.face_sets {
+        for set in &mesh.face_sets {
             let faces: Vec<i32> = set.faces.iter().map(|&face| face as i32).collect();
             write_face_set(archive, declared.mesh.object(), &set.name, &faces, true)?;
         }
         Ok(())
     }
 
-    /// Positions, velocities and bounds of the frame in hand.
-    fn sample(&self) -> PolyMeshSample<'_> {
+    /// Positions, velocities and bounds of a frame.
+    fn sample<'a>(&self, frame: &CacheFrame<'a>) -> PolyMeshSample<'a> {
         PolyMeshSample {
-            velocities: self.velocities.then_some(self.rates.as_slice()),
-            bounds: Some(bounds_of(&self.positions)),
-            ..PolyMeshSample::of(&self.positions)
+            velocities: self.velocities.then_some(frame.velocities),
+            bounds: Some(bounds_of(frame.positions)),
+            ..PolyMeshSample::of(frame.positions)
         }
     }
 }
@@ -311,13 +304,14 @@ impl CacheWriter for AlembicWriter {
     fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError> {
         let expected = self.mark.last_frame.map_or(self.first_frame, |last| last + 1);
         assert_eq!(frame.frame, expected, "frames come in order, as the samples of the archive do");
-        convert(self.units, frame.positions, &mut self.positions);
-        convert(self.units, frame.velocities, &mut self.rates);
         // Closed until the frame is complete: after an error nothing may follow.
         let open = match std::mem::replace(&mut self.stage, Stage::Closed) {
-            Stage::Empty => Box::new(self.write_first(frame.crossings)?),
+            Stage::Empty => {
+                let still = self.still.take().expect("what the first frame needs is kept until then");
+                Box::new(self.write_first(&still, frame)?)
+            }
             Stage::Open(mut open) => {
-                open.write(&self.sample(), frame.crossings)?;
+                open.write(&self.sample(frame), frame.crossings)?;
                 open
             }
             Stage::Closed => panic!("no frame is written after an error or after the end"),
@@ -348,6 +342,27 @@ impl CacheWriter for AlembicWriter {
         }
         Ok(())
     }
+}
+
+/// A frame with everything that is written with the first one only.
+fn with_first_sample<T>(
+    data: &MeshData,
+    sample: PolyMeshSample<'_>,
+    write: impl FnOnce(&PolyMeshSample<'_>) -> T,
+) -> T {
+    let polygons = &data.mesh;
+    let counts: Vec<i32> = polygons.face_counts.iter().map(|&n| n as i32).collect();
+    let indices: Vec<i32> = reversed(&polygons.face_counts, &polygons.face_indices).map(|i| i as i32).collect();
+    let uv_indices: Option<Vec<u32>> =
+        data.uvs.as_ref().map(|uvs| reversed(&polygons.face_counts, &uvs.indices).collect());
+    let uv = data.uvs.as_ref().map(|uvs| Indexed {
+        values: &uvs.values,
+        indices: uv_indices.as_deref(),
+        scope: Scope::FaceVarying,
+        source_name: Some(uvs.name.as_str()).filter(|name| !name.is_empty()),
+    });
+    let topology = Some(Topology { face_counts: &counts, face_indices: &indices });
+    write(&PolyMeshSample { topology, uv, ..sample })
 }
 
 fn cache_mark(path: &Path, frame: i64, mark: &ArchiveMark) -> CacheMark {
@@ -381,11 +396,6 @@ fn not_continued(path: &Path, mark: &CacheMark, error: AlembicError) -> IoError 
         AlembicError::NotOgawa { reason, .. } => cannot_continue(path, frame, reason),
         _ => cannot_continue(path, frame, "it is no longer the archive that was written"),
     }
-}
-
-fn convert(units: Units, vectors: &[Vec3], converted: &mut Vec<[f32; 3]>) {
-    converted.clear();
-    converted.extend(vectors.iter().map(|v| units.stored(*v)));
 }
 
 fn bounds_of(positions: &[[f32; 3]]) -> Bounds {

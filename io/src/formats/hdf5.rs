@@ -35,17 +35,14 @@ use super::continuing::{beside, cannot_continue, hexadecimal, marked_frames, rem
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::inspect::{FileSummary, MeshSummary, face_kinds};
-use crate::units::Units;
 
 /// An HDF5 cache being written.
 #[derive(Debug)]
 pub struct Hdf5Writer {
     path: PathBuf,
-    units: Units,
     first_frame: i64,
     stored: Stored,
     mark: CacheMark,
-    bytes: Vec<u8>,
 }
 
 /// The file: where its frames lie, read and written without the library.
@@ -114,26 +111,22 @@ impl Hdf5Writer {
     }
 
     fn new(path: &Path, plan: &CachePlan<'_>, stored: Stored, mark: CacheMark) -> Self {
-        let (units, first_frame) = (plan.units, plan.first_frame);
-        Self { path: path.to_owned(), units, first_frame, stored, mark, bytes: Vec::new() }
+        Self { path: path.to_owned(), first_frame: plan.first_frame, stored, mark }
     }
 
     /// The frame's bytes one dataset after another, as [`Stored::read_frame`] finds them.
-    fn pack(&mut self, frame: &CacheFrame<'_>) {
-        self.bytes.clear();
+    fn pack(&self, frame: &CacheFrame<'_>) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(2 * self.stored.vectors + size_of::<u32>());
         let velocities = self.stored.offsets.velocities.map(|_| frame.velocities);
         for vectors in [Some(frame.positions), velocities].into_iter().flatten() {
-            let start = self.bytes.len();
-            for v in vectors {
-                for x in self.units.stored(*v) {
-                    self.bytes.extend_from_slice(&x.to_ne_bytes());
-                }
-            }
-            assert_eq!(self.bytes.len() - start, self.stored.vectors, "a garment keeps its number of points");
+            let start = bytes.len();
+            vectors.as_flattened().iter().for_each(|x| bytes.extend_from_slice(&x.to_ne_bytes()));
+            assert_eq!(bytes.len() - start, self.stored.vectors, "a garment keeps its number of points");
         }
         if self.stored.offsets.crossings.is_some() {
-            self.bytes.extend_from_slice(&frame.crossings.unwrap_or(0).to_ne_bytes());
+            bytes.extend_from_slice(&frame.crossings.unwrap_or(0).to_ne_bytes());
         }
+        bytes
     }
 }
 
@@ -241,13 +234,14 @@ impl CacheWriter for Hdf5Writer {
         assert_eq!(frame.frame, expected, "frames come in order");
         let index = usize::try_from(frame.frame - self.first_frame).unwrap_or(usize::MAX);
         assert!(index < self.stored.frames, "frames come from the planned range");
-        self.pack(frame);
+        // Not kept between frames: other garments' frames will need the room.
+        let bytes = self.pack(frame);
         let failed = |e| IoError::writing(&self.path, e);
-        self.stored.write_frame(index, &self.bytes).map_err(failed)?;
+        self.stored.write_frame(index, &bytes).map_err(failed)?;
         self.mark = CacheMark {
             last_frame: Some(frame.frame),
             bytes: self.stored.file.metadata().map_err(failed)?.len(),
-            digest: hexadecimal(murmur3_x64_128(&self.bytes)),
+            digest: hexadecimal(murmur3_x64_128(&bytes)),
             ..CacheMark::none(&self.path)
         };
         Ok(())
@@ -313,7 +307,7 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
 mod tests {
     use super::*;
     use crate::cache::{MeshData, Uvs};
-    use crate::units::{LengthUnit, UpAxis};
+    use crate::units::{LengthUnit, Units, UpAxis};
     use drapery_core::Vec3;
     use drapery_core::mesh::PolygonMesh;
     use drapery_core::scene::Timeline;
@@ -347,6 +341,7 @@ mod tests {
             let positions = [Vec3::new(0.01, 0.02, 0.03), Vec3::x(), Vec3::new(0.0, frame as f64, 0.0)];
             let velocities = [Vec3::zeros(), Vec3::zeros(), Vec3::new(0.0, 24.0, 0.0)];
             let crossings = Some((frame - 1000) as u32);
+            let [positions, velocities] = [positions, velocities].map(|vectors| plan(&mesh).units.stored_all(&vectors));
             writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings }).unwrap();
         }
         // Dropped without `finish`, as a killed process would leave it.

@@ -47,8 +47,10 @@ pub struct Status {
     pub checkpoint: Option<ManifestCheckpoint>,
     /// Counts that should be zero and are not.
     pub degradations: Vec<Degradation>,
-    /// The process that works on it.
+    /// The process that works on it; rank 0 of several.
     pub process: Option<Process>,
+    /// Number of ranks of the last attempt.
+    pub ranks: usize,
     /// Command line that goes on with the run.
     pub command: Option<String>,
 }
@@ -115,6 +117,8 @@ impl Status {
             checkpoint: manifest.checkpoint,
             degradations,
             process,
+            // Older programs had one.
+            ranks: manifest.attempts.last().map_or(1, |attempt| attempt.ranks.max(1)),
             command: manifest.command,
         })
     }

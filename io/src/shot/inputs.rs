@@ -2,12 +2,14 @@
 
 use drapery_core::Vec3;
 use drapery_core::error::{Problem, Problems};
+use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{BodyShape, Scene, SceneDescription, Timeline};
-use drapery_core::simulation::{FrameInput, Simulation};
+use drapery_core::simulation::FrameInput;
 
 use crate::error::IoError;
 use crate::shot::ShotError;
 use crate::shot::check::{Span, check_faces, check_motion, check_size};
+use crate::shot::crew::Crew;
 use crate::shot::motion::{InputMotion, Preroll};
 
 /// Everything that moves by files.
@@ -47,7 +49,12 @@ impl Inputs {
     }
 
     /// The simulation at its start, or more problems.
-    pub(super) fn start(&self, scene: Scene, problems: &mut Vec<Problem>) -> Result<Option<Simulation>, ShotError> {
+    pub(super) fn start(
+        &self,
+        ranks: &Ranks,
+        scene: Scene,
+        problems: &mut Vec<Problem>,
+    ) -> Result<Option<Crew>, ShotError> {
         let input = self.at(self.timeline.start)?;
         let finite = |p: &Vec3| p.iter().all(|x| x.is_finite());
         let samples = input.bodies.iter().chain(&input.tracks).flatten();
@@ -55,8 +62,8 @@ impl Inputs {
             // The check of the samples has said so already.
             return Ok(None);
         }
-        match Simulation::new(scene, &input) {
-            Ok(simulation) => Ok(Some(simulation)),
+        match Crew::start(ranks, scene, input) {
+            Ok(crew) => Ok(Some(crew)),
             Err(Problems(found)) => {
                 problems.extend(found);
                 Ok(None)

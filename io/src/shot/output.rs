@@ -3,13 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use drapery_core::Vec3;
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::Simulation;
+use drapery_core::simulation::outside::Field;
 use serde_json::{Value, json};
 
 use crate::atomic_file;
-use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
+use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, MeshData};
 use crate::checkpoint::{self, Account, Head, Saved};
 use crate::error::IoError;
 use crate::farm::digest::Fingerprint;
@@ -18,13 +17,14 @@ use crate::formats::{self, CreateCache, ResumeCache};
 use crate::run_record::{
     self, AttemptRecord, MANIFEST, Manifest, ManifestCheckpoint, ManifestGarment, RESOLVED, RunRecord,
 };
+use crate::shot::crew::Crew;
 use crate::shot::folder::{files_of_run, write_fingerprint};
 use crate::shot::quality::CROSSINGS_WRITTEN;
 use crate::shot::rewritten::NewForm;
 use crate::shot::run::RunOptions;
 use crate::shot::totals::Totals;
-use crate::shot::written::WrittenCrossings;
 use crate::shot::{Shot, ShotError};
+use crate::units::Units;
 
 /// What is being written.
 pub(super) struct Output {
@@ -33,10 +33,10 @@ pub(super) struct Output {
     record: RunRecord,
     /// The caches of each garment.
     writers: Vec<Vec<Box<dyn CacheWriter>>>,
-    /// Looks at what is written, in scenes that promise cloth without crossings.
-    written: Option<WrittenCrossings>,
-    positions: Vec<Vec3>,
-    velocities: Vec<Vec3>,
+    units: Units,
+    velocities: bool,
+    /// Whether crossings of what is written are counted: in scenes that promise cloth without them.
+    crossings: bool,
 }
 
 /// A cache to be: garment, file, and how it is made.
@@ -85,21 +85,18 @@ impl Output {
         describe(shot, start.fingerprint, &folder)?;
         let mut record = RunRecord::create(&folder)?;
         record.line(&shot.header(start.options.threads))?;
-        let written = WrittenCrossings::new(&shot.simulation, shot.about.output.units);
-        let create = |cache: &Planned| (cache.create)(&cache.path, &cache_plan(shot, cache, written.is_some()));
+        let create = |cache: &Planned, plan: CachePlan<'_>| (cache.create)(&cache.path, &plan);
         let writers = of_garments(shot, &planned, create)?;
-        Ok(Self::new(folder, manifest, record, writers, written))
+        Ok(Self::new(shot, folder, manifest, record, writers))
     }
 
     /// Goes on in the folder of a run that stopped: cuts caches and record back to a checkpoint.
     pub(super) fn resume(shot: &Shot, start: Start<'_>, from: From<'_>) -> Result<Self, IoError> {
         let folder = start.options.out.clone();
         let planned = planned(shot, &folder);
-        let written = WrittenCrossings::new(&shot.simulation, shot.about.output.units);
         let marks: Vec<CacheMark> =
             from.head.caches.iter().filter_map(|mark| serde_json::from_value(mark.clone()).ok()).collect();
-        let resume = |cache: &Planned| {
-            let plan = cache_plan(shot, cache, written.is_some());
+        let resume = |cache: &Planned, plan: CachePlan<'_>| {
             let mark = marks.iter().find(|mark| mark.file == file_name(&cache.path));
             match (mark, from.head.delivered) {
                 (_, None) => (cache.create)(&cache.path, &plan),
@@ -131,17 +128,19 @@ impl Output {
         manifest.last_complete_frame = from.head.delivered;
         manifest.checkpoint = Some(from.checkpoint);
         manifest.write(&folder)?;
-        Ok(Self::new(folder, manifest, record, writers, written))
+        Ok(Self::new(shot, folder, manifest, record, writers))
     }
 
     fn new(
+        shot: &Shot,
         folder: PathBuf,
         manifest: Manifest,
         record: RunRecord,
         writers: Vec<Vec<Box<dyn CacheWriter>>>,
-        written: Option<WrittenCrossings>,
     ) -> Self {
-        Self { folder, manifest, record, writers, written, positions: Vec::new(), velocities: Vec::new() }
+        let about = &shot.about;
+        let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
+        Self { folder, manifest, record, writers, units, velocities, crossings }
     }
 
     /// The cache files.
@@ -150,18 +149,13 @@ impl Output {
     }
 
     /// Writes the state of the simulation as a frame of every cache, then tells the manifest.
-    pub(super) fn write_frame(
-        &mut self,
-        frame: i64,
-        simulation: &Simulation,
-        spent: &mut Metrics,
-    ) -> Result<(), IoError> {
-        let written = self.written.as_mut();
-        let crossings = written.map(|check| spent.stage("check caches", |_| check.crossings_of_written(simulation)));
+    pub(super) fn write_frame(&mut self, frame: i64, crew: &mut Crew, spent: &mut Metrics) -> Result<(), IoError> {
+        let units = self.units;
+        let crossings = self.crossings.then(|| spent.stage("check caches", |_| crew.crossings_of_stored(units)));
         if let Some(count) = crossings {
             spent.count(CROSSINGS_WRITTEN, u64::from(count));
         }
-        spent.stage("write caches", |_| self.write_caches(frame, simulation, crossings))?;
+        spent.stage("write caches", |_| self.write_caches(frame, crew, crossings))?;
         self.manifest.last_complete_frame = Some(frame);
         Ok(())
     }
@@ -202,11 +196,14 @@ impl Output {
         self.manifest.write(&self.folder)
     }
 
-    fn write_caches(&mut self, frame: i64, simulation: &Simulation, crossings: Option<u32>) -> Result<(), IoError> {
-        for (garment, writers) in self.writers.iter_mut().enumerate() {
-            simulation.garment_positions(garment, &mut self.positions);
-            simulation.garment_velocities(garment, &mut self.velocities);
-            let (positions, velocities) = (self.positions.as_slice(), self.velocities.as_slice());
+    /// One garment after the other: no more than one is in memory as a whole.
+    fn write_caches(&mut self, frame: i64, crew: &Crew, crossings: Option<u32>) -> Result<(), IoError> {
+        let (units, with_velocities) = (self.units, self.velocities);
+        for (garment, writers) in self.writers.iter_mut().enumerate().filter(|(_, writers)| !writers.is_empty()) {
+            let positions = crew.stored(garment, Field::Positions, units);
+            let velocities =
+                with_velocities.then(|| crew.stored(garment, Field::Velocities, units)).unwrap_or_default();
+            let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
             for writer in writers {
                 writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
             }
@@ -273,13 +270,15 @@ fn describe(shot: &Shot, fingerprint: &Fingerprint, folder: &Path) -> Result<(),
 fn of_garments(
     shot: &Shot,
     planned: &[Planned],
-    open: impl Fn(&Planned) -> Result<Box<dyn CacheWriter>, IoError>,
+    open: impl Fn(&Planned, CachePlan<'_>) -> Result<Box<dyn CacheWriter>, IoError>,
 ) -> Result<Vec<Vec<Box<dyn CacheWriter>>>, IoError> {
-    let mut writers: Vec<Vec<_>> = shot.garments.iter().map(|_| Vec::new()).collect();
-    for cache in planned {
-        writers[cache.garment].push(open(cache)?);
-    }
-    Ok(writers)
+    let of_garment = |(garment, data): (usize, &MeshData)| {
+        // As the scene has cut the faces; it may hold only a share of them here.
+        let (triangles, _) = data.mesh.triangulate();
+        let caches = planned.iter().filter(|cache| cache.garment == garment);
+        caches.map(|cache| open(cache, cache_plan(shot, garment, &triangles))).collect()
+    };
+    shot.garments.iter().enumerate().map(of_garment).collect()
 }
 
 /// The caches that a shot writes into a folder.
@@ -296,7 +295,7 @@ fn file_name(path: &Path) -> String {
 }
 
 fn garment_names(shot: &Shot) -> impl Iterator<Item = &str> {
-    shot.simulation.scene().description().garments.iter().map(|garment| garment.name.as_str())
+    shot.about.garments.iter().map(String::as_str)
 }
 
 fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
@@ -325,18 +324,18 @@ pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoEr
     }
 }
 
-fn cache_plan<'a>(shot: &'a Shot, cache: &Planned, crossings: bool) -> CachePlan<'a> {
-    let (about, scene) = (&shot.about, shot.simulation.scene());
+fn cache_plan<'a>(shot: &'a Shot, garment: usize, triangles: &'a [[u32; 3]]) -> CachePlan<'a> {
+    let about = &shot.about;
     CachePlan {
-        garment: &scene.description().garments[cache.garment].name,
-        mesh: &shot.garments[cache.garment],
-        triangles: scene.meshes()[cache.garment].triangles(),
+        garment: &about.garments[garment],
+        mesh: &shot.garments[garment],
+        triangles,
         units: about.output.units,
         timeline: about.timeline,
         first_frame: about.timeline.origin,
         last_frame: about.last_frame,
         velocities: about.output.velocities,
-        crossings,
+        crossings: about.keeps_free,
     }
 }
 

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use drapery_core::simulation::{RestoreError, Simulation};
+use drapery_core::simulation::{FrameInput, RestoreError};
 
 use crate::cache::APPLICATION;
 use crate::checkpoint::{FORMAT_VERSION, Loaded, Store};
 use crate::error::IoError;
 use crate::farm::digest::{self, Fingerprint, Versions};
+use crate::shot::crew::Crew;
 use crate::shot::folder::{Earlier, files_of_run, set_aside, stale};
 use crate::shot::output::planned_files;
 use crate::shot::run::{Resume, RunOptions};
@@ -113,11 +114,9 @@ fn no_checkpoint_at(frame: i64, store: &Store) -> ShotError {
     ))
 }
 
-/// The simulation at a checkpoint.
-pub(super) fn restore(shot: &Shot, found: &Loaded) -> Result<Simulation, ShotError> {
-    let input = shot.inputs.at(found.checkpoint.head.frame)?;
-    Simulation::restore(shot.simulation.shared_scene(), &input, &found.checkpoint.snapshot).map_err(|error| match error
-    {
+/// The simulation at a checkpoint; `input` is that of its frame.
+pub(super) fn restored(crew: Crew, input: FrameInput, found: &mut Loaded) -> Result<Crew, ShotError> {
+    crew.restored(input, &mut found.checkpoint).map_err(|error| match error {
         RestoreError::Problems(problems) => ShotError::Problems(problems),
         RestoreError::Snapshot(error) => ShotError::Resume(format!("{}: {error}", found.path.display())),
     })

@@ -58,6 +58,7 @@ impl NewForm<'_> {
                 None => Vec::new(),
             };
             let crossings = self.plan.crossings.then(|| crossings.get(&frame).copied().unwrap_or(0));
+            let [positions, velocities] = [positions, velocities].map(|vectors| self.plan.units.stored_all(&vectors));
             let (positions, velocities) = (&positions[..], &velocities[..]);
             writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
         }

@@ -11,7 +11,7 @@ use drapery_core::metrics::Metrics;
 use drapery_core::simulation::{Advance, FrameSummary};
 use serde_json::json;
 
-use crate::checkpoint::{Account, Cadence, Checkpoint, Every, FORMAT_VERSION, Head, Store};
+use crate::checkpoint::{Account, Cadence, Every, FORMAT_VERSION, Head, Store};
 use crate::error::IoError;
 use crate::farm::attempts::Attempt;
 use crate::farm::digest::Fingerprint;
@@ -50,7 +50,7 @@ pub struct RunOptions {
     pub with_changes: bool,
     /// Whether the folder is taken from a run that may be in progress.
     pub steal_lock: bool,
-    /// Number of threads, for the record; the caller has set up the pool.
+    /// Number of threads of each rank, for the record; the caller has set up the pool.
     pub threads: usize,
     /// How often checkpoints are written.
     pub checkpoint_every: Every,
@@ -133,6 +133,8 @@ pub struct RunReport {
     pub files: Vec<PathBuf>,
     /// Counts that should have stayed zero, in the order in which they rose.
     pub exceeded: Vec<Exceeded>,
+    /// Number of ranks of this attempt.
+    pub ranks: usize,
 }
 
 /// Who hears of a run while it goes on.
@@ -222,6 +224,7 @@ impl Shot {
             frames: self.delivered_frames(),
             files: planned_files(self, &options.out),
             exceeded: Vec::new(),
+            ranks: self.crew.ranks().count(),
         }
     }
 
@@ -246,7 +249,8 @@ impl Shot {
             "first_frame": timeline.origin,
             "last_frame": self.about.last_frame,
             "threads": threads,
-            "effects": self.simulation.plan().iter().map(effect).collect::<Vec<_>>(),
+            "ranks": self.crew.ranks().count(),
+            "effects": self.simulation().plan().iter().map(effect).collect::<Vec<_>>(),
         })
     }
 }
@@ -280,9 +284,10 @@ impl<'a> Run<'a> {
         // Read again under the lock: another run may have gone on in the meantime.
         let earlier = Earlier::read(out).filter(|_| !options.overwrite);
         let note = &mut |text| observer.note(text);
-        let found = resume::decide(&shot, options, (earlier.as_ref(), &fingerprint), &store, note)?;
-        if let Some(found) = &found {
-            shot.simulation = resume::restore(&shot, found)?;
+        let mut found = resume::decide(&shot, options, (earlier.as_ref(), &fingerprint), &store, note)?;
+        if let Some(found) = &mut found {
+            let input = shot.inputs.at(found.checkpoint.head.frame)?;
+            shot.crew = resume::restored(shot.crew, input, found)?;
         }
         if let Some(earlier) = &earlier
             && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
@@ -296,6 +301,7 @@ impl<'a> Run<'a> {
             host: owner.host.clone(),
             pid: owner.pid,
             threads: options.threads,
+            ranks: shot.crew.ranks().count(),
             first_frame: found.as_ref().map_or(shot.about.timeline.start, |found| found.checkpoint.head.frame + 1),
             changes,
             ..AttemptRecord::default()
@@ -320,6 +326,8 @@ impl<'a> Run<'a> {
                 (output, totals, saved)
             }
         };
+        // The caches have what they need of them.
+        shot.garments = Vec::new();
         let (attempt, cadence) = (attempt.number, Cadence::new(options.checkpoint_every, 0.0));
         let (clock, is_new) = (Instant::now(), found.is_none());
         Ok(Self { shot, options, fingerprint, output, store, lock, cadence, clock, attempt, totals, is_new, saved })
@@ -337,7 +345,7 @@ impl<'a> Run<'a> {
         } else if self.saved.is_none() {
             self.checkpoint()?;
         }
-        while self.shot.simulation.frame() < self.shot.about.last_frame {
+        while self.shot.simulation().frame() < self.shot.about.last_frame {
             if let Some(reason) = self.next_frame(observer)? {
                 return Ok(Outcome::Stopped(reason));
             }
@@ -347,22 +355,19 @@ impl<'a> Run<'a> {
 
     /// Goes on to the next frame; returns why, if it is to stop.
     fn next_frame(&mut self, observer: &mut dyn Observer) -> Result<Option<Reason>, ShotError> {
-        let frame = self.shot.simulation.frame() + 1;
-        let input = self.totals.partial.spent.stage("read inputs", |_| self.shot.inputs.at(frame))?;
+        let frame = self.shot.simulation().frame() + 1;
+        let (shot, spent) = (&self.shot, &mut self.totals.partial.spent);
+        let input = spent.stage("read inputs", |_| shot.inputs.at(frame).map(|input| shot.crew.share(input)))?;
         loop {
-            let mut request = None;
             let Partial { spent, sub_step, summary: before } = &mut self.totals.partial;
             let (requests, cadence, clock) = (&self.options.requests, &self.cadence, &self.clock);
-            let mut pause = |_| {
+            let mut ask = || {
                 *sub_step += 1;
-                request = requests.poll(SystemTime::now());
-                if request.is_none() && cadence.due(clock.elapsed().as_secs_f64(), false) {
-                    request = Some(Request::Checkpoint);
-                }
-                request.is_some()
+                let due = || cadence.due(clock.elapsed().as_secs_f64(), false).then_some(Request::Checkpoint);
+                requests.poll(SystemTime::now()).or_else(due)
             };
-            let simulation = &mut self.shot.simulation;
-            let advance = spent.stage(run_record::SIMULATE, |_| simulation.advance_or_pause(&input, &mut pause))?;
+            let crew = &mut self.shot.crew;
+            let (advance, request) = spent.stage(run_record::SIMULATE, |_| crew.advance(&input, &mut ask))?;
             let (Advance::Done(last) | Advance::Paused(last)) = &advance;
             let summary = before.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
             if let Advance::Done(_) = advance {
@@ -390,10 +395,10 @@ impl<'a> Run<'a> {
     ) -> Result<(), ShotError> {
         self.lock.check()?;
         let mut spent = std::mem::take(&mut self.totals.partial).spent;
-        let about = &self.shot.about;
+        let Shot { about, crew, .. } = &mut self.shot;
         let is_preroll = frame < about.timeline.origin;
         if !is_preroll {
-            self.output.write_frame(frame, &self.shot.simulation, &mut spent)?;
+            self.output.write_frame(frame, crew, &mut spent)?;
         }
         let taken = spent.stages().iter().fold(0.0, |sum, stage| sum + stage.seconds);
         let totals = &mut self.totals;
@@ -411,6 +416,7 @@ impl<'a> Run<'a> {
         self.output.frame_done(frame, taken)?;
         self.options.requests.note_frame(taken);
         self.cadence.frame_done();
+        let about = &self.shot.about;
         observer.frame(&FrameReport {
             frame,
             last_frame: about.last_frame,
@@ -425,9 +431,10 @@ impl<'a> Run<'a> {
 
     /// At a frame: looks for requests, and writes a checkpoint if one is due. Returns why, if the run is to stop.
     fn between_frames(&mut self) -> Result<Option<Reason>, ShotError> {
-        let frame = self.shot.simulation.frame();
+        let frame = self.shot.simulation().frame();
         let is_last = frame == self.shot.about.last_frame;
-        let stop = match self.options.requests.poll(SystemTime::now()) {
+        let own = self.options.requests.poll(SystemTime::now());
+        let stop = match self.shot.crew.agree(own) {
             Some(Request::StopAtOnce(reason)) if !is_last => return Ok(Some(reason)),
             Some(Request::Stop(reason)) if !is_last => Some(reason),
             Some(Request::Checkpoint) => {
@@ -445,7 +452,7 @@ impl<'a> Run<'a> {
 
     /// Writes a checkpoint of the present state, unless there is one.
     fn checkpoint(&mut self) -> Result<(), ShotError> {
-        let simulation = &self.shot.simulation;
+        let simulation = self.shot.simulation();
         let (frame, sub_step) = (simulation.frame(), self.totals.partial.sub_step);
         if self.saved == Some((frame, sub_step)) {
             return Ok(());
@@ -468,7 +475,7 @@ impl<'a> Run<'a> {
             caches,
         };
         let account = Account { attempt: self.attempt, record_bytes, totals: self.totals.to_json() };
-        let saved = self.store.save(&Checkpoint { head, snapshot: simulation.snapshot() }, &account)?;
+        let saved = self.store.save(&head, &account, |sink| self.shot.crew.save(sink))?;
         self.saved = Some((frame, sub_step));
         self.cadence.saved(self.clock.elapsed().as_secs_f64(), saved.seconds);
         self.options.requests.note_checkpoint(saved.seconds);
@@ -478,7 +485,7 @@ impl<'a> Run<'a> {
 
     /// Brings everything to the disk and gives the folder back.
     fn end(mut self, outcome: Outcome) -> Result<RunReport, ShotError> {
-        let frame = self.shot.simulation.frame();
+        let frame = self.shot.simulation().frame();
         let frames = u64::try_from(frame - self.shot.about.timeline.origin + 1).unwrap_or(0);
         match self.lock.check().and_then(|()| match outcome {
             Outcome::Stopped(reason) => self.output.stop(reason, frame),
@@ -501,6 +508,7 @@ impl<'a> Run<'a> {
             frames,
             files: self.output.files(),
             exceeded: self.totals.exceeded,
+            ranks: self.shot.crew.ranks().count(),
         })
     }
 }

@@ -81,7 +81,10 @@ impl Totals {
 
 /// Lists: an object would not keep the order in which the table at the end shows them.
 fn metrics_json(metrics: &Metrics) -> Value {
-    let stages = metrics.stages().iter().map(|stage| json!([stage.name, stage.seconds, stage.calls]));
+    let stages = metrics.stages().iter().map(|stage| match stage.spread {
+        None => json!([stage.name, stage.seconds, stage.calls]),
+        Some([least, most]) => json!([stage.name, stage.seconds, stage.calls, least, most]),
+    });
     let counts = metrics.counts().iter().map(|(name, amount)| json!([name, amount]));
     json!({"stages": stages.collect::<Vec<_>>(), "counts": counts.collect::<Vec<_>>()})
 }
@@ -92,6 +95,9 @@ fn metrics_from(value: &Value) -> Metrics {
     for stage in value["stages"].as_array().into_iter().flatten() {
         if let (Some(name), Some(seconds), Some(calls)) = (stage[0].as_str(), stage[1].as_f64(), stage[2].as_u64()) {
             metrics.add_time(name.to_owned().into(), seconds, calls);
+            if let (Some(least), Some(most)) = (stage[3].as_f64(), stage[4].as_f64()) {
+                metrics.add_spread(name, [least, most]);
+            }
         }
     }
     for count in value["counts"].as_array().into_iter().flatten() {
@@ -112,6 +118,8 @@ mod tests {
         totals.metrics.count("crossings", 3);
         totals.metrics.count("body_contacts", 7);
         totals.metrics.add_time("simulate".into(), 1.5, 4);
+        totals.metrics.add_time("A neighbours".into(), 1.0, 4);
+        totals.metrics.add_spread("A neighbours", [0.5, 1.25]);
         let (name, meaning) = LIMITS[0];
         totals.exceeded.push(Exceeded { name, meaning, total: 3, first_frame: 17 });
         let mut summary =

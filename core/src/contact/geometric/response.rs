@@ -1,8 +1,8 @@
 //! Who answers the pairs that meet, and how: with impulses first, then in impact zones.
 //!
-//! Pairs that hang together by nodes that can move are answered together, in the order of their nodes; others do not concern
-//! them. Where all of that belongs to one rank it is *closed* and stays there. The rest is *open*: all ranks are told of it,
-//! the rank of its smallest node answers, and tells the others. An open zone stays open.
+//! Pairs that hang together by nodes that can move are answered together, in the order of their nodes; others do not
+//! concern them. Where all of that belongs to one rank it is *closed* and stays there. The rest is *open*: all ranks
+//! are told of it, the rank of its smallest node answers, and tells the others. An open zone stays open.
 
 use std::collections::BTreeMap;
 
@@ -28,8 +28,8 @@ const RIGID_FROM: u32 = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
 /// Attempts with rigid zones, before their nodes stay where they were (method 4.8).
 const RIGID_ATTEMPTS: u32 = 8;
 
-/// Attempts after which what still meets is left alone: the loop ends also where a vertex that is held in some directions
-/// is driven through something.
+/// Attempts after which what still meets is left alone: the loop ends also where a vertex that is held in some
+/// directions is driven through something.
 const LAST_ATTEMPT: u32 = RIGID_FROM + 2 * RIGID_ATTEMPTS + 50;
 
 /// Where the nodes of this rank are, and how they can move.
@@ -78,8 +78,8 @@ impl Response {
         self.given_up.binary_search(&hit.pair).is_ok() || self.closed.are_rigid(hit) || self.open.are_rigid(hit)
     }
 
-    /// Changes the displacements of own nodes so that the hits, sorted, go away, more firmly with every attempt; returns the
-    /// nodes that may have changed, ascending. All ranks call it together.
+    /// Changes the displacements of own nodes so that the hits, sorted, go away, more firmly with every attempt;
+    /// returns the nodes that may have changed, ascending. All ranks call it together.
     pub(super) fn respond(
         &mut self,
         field: &Field<'_>,
@@ -125,8 +125,8 @@ impl Response {
         (zone_nodes, given_up)
     }
 
-    /// Gives up what cannot be helped: pairs that no impulse can change, and, when zones have failed, pairs with a prescribed
-    /// node.
+    /// Gives up what cannot be helped: pairs that no impulse can change, and, when zones have failed, pairs with a
+    /// prescribed node.
     fn without_hopeless(&mut self, field: &Field<'_>, attempt: u32, hits: Vec<Hit>) -> Vec<Hit> {
         let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
         let is_hopeless = |hit: &Hit| {
@@ -158,8 +158,8 @@ impl Response {
         }
     }
 
-    /// Tells all ranks of open hits and of zones that they open. Returns the hits that stay here, those of all ranks that are
-    /// open, in order, and the zones that are open now.
+    /// Tells all ranks of open hits and of zones that they open. Returns the hits that stay here, those of all ranks
+    /// that are open, in order, and the zones that are open now.
     fn share(&mut self, field: &Field<'_>, hits: Vec<Hit>, displacements: &[Vec3]) -> (Vec<Hit>, Vec<Hit>, Vec<Zone>) {
         let nodes = field.nodes;
         if nodes.ranks().is_alone() {
@@ -183,8 +183,8 @@ impl Response {
         (own, shared, zones)
     }
 
-    /// Splits the hits into those that concern nobody else and the others, and takes out the zones of this rank that others
-    /// are concerned with from now on.
+    /// Splits the hits into those that concern nobody else and the others, and takes out the zones of this rank that
+    /// others are concerned with from now on.
     fn split(&mut self, nodes: &ContactNodes, hits: Vec<Hit>) -> (Vec<Hit>, Vec<Hit>, Vec<Zone>) {
         let named = named_by_others(nodes, &hits);
         let is_open = |number: &u32| {
@@ -363,8 +363,9 @@ impl Answer {
     }
 }
 
-/// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it does. What
-/// meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the arrays.
+/// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it
+/// does. What meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the
+/// arrays.
 fn impulse(hit: &Hit, places: [u32; 4], gap: f64, [start, mobility]: [&[Vec3]; 2], displacements: &mut [Vec3]) -> bool {
     let start = places.map(|place| start[place as usize]);
     let end = [0, 1, 2, 3].map(|q| start[q] + displacements[places[q] as usize]);

@@ -1,8 +1,8 @@
-//! What ranks tell each other during the sweeps: after each colour, the velocities of nodes that somebody has a copy of, in a
-//! pair that he does not hold.
+//! What ranks tell each other during the sweeps: after each colour, the velocities of nodes that somebody has a copy
+//! of, in a pair that he does not hold.
 //!
-//! Both sides know beforehand what is told after which colour, for the pairs that are active: a colour that changes nothing
-//! of this kind takes no message.
+//! Both sides know beforehand what is told after which colour, for the pairs that are active: a colour that changes
+//! nothing of this kind takes no message.
 
 use crate::Vec3;
 use crate::contact::nodes::ContactNodes;
@@ -93,8 +93,8 @@ impl Round {
     }
 }
 
-/// Which of the nodes that it has copies of each rank has in active pairs: their places in the list of what is sent to it,
-/// rank by rank as in the halo; and the round that gives all of them.
+/// Which of the nodes that it has copies of each rank has in active pairs: their places in the list of what is sent to
+/// it, rank by rank as in the halo; and the round that gives all of them.
 fn wanted(nodes: &ContactNodes, marked: &[bool]) -> (Vec<Vec<u32>>, Round) {
     let halo = nodes.halo();
     let is_wanted = |range: &std::ops::Range<usize>| marked[range.clone()].iter().map(|m| u8::from(*m)).collect();
@@ -135,8 +135,8 @@ fn near(nodes: &ContactNodes, kinds: &[PairsOfKind; 2], wanted: &[Vec<u32>]) -> 
     near
 }
 
-/// What the rank `to` is told, which has copies of the nodes in `list`, as [`Entries`]: those that it wants, in pairs that it
-/// does not hold.
+/// What the rank `to` is told, which has copies of the nodes in `list`, as [`Entries`]: those that it wants, in pairs
+/// that it does not hold.
 fn told(nodes: &ContactNodes, near: &[([u32; 2], [u32; 4])], (to, list): (usize, &[u32]), wanted: &[u32]) -> Vec<u32> {
     let received = nodes.halo().receives().iter().find(|(from, _)| *from == to);
     let theirs = received.map_or(0..0, |(_, range)| range.clone());

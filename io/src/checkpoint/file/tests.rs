@@ -1,4 +1,11 @@
+use std::collections::BTreeSet;
+use std::fs::File;
+
+use drapery_core::snapshot::{Dataset, Section, SnapshotSink, SnapshotSource, ValueKind, Values};
+use hdf5::types::VarLenUnicode;
+
 use super::*;
+use crate::checkpoint::seal;
 use crate::error::IoErrorKind;
 
 pub(crate) fn sample() -> Checkpoint {
@@ -187,4 +194,30 @@ fn what_is_no_checkpoint_is_refused() {
         assert!(Checkpoint::read(&path).unwrap_err().to_string().contains("no checkpoint"));
     }
     assert_eq!(Checkpoint::read(folder.path()).unwrap_err().kind(), IoErrorKind::MissingInput);
+}
+
+#[test]
+fn pieces_give_the_file_of_the_whole_and_are_read_as_pieces() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: Vec<f64> = (0..3 * 100_000).map(|k| f64::from(k).sqrt()).collect();
+    let whole = |name: &str| Dataset { name: name.into(), shape: vec![100_000, 3], values: Values::F64(rows.clone()) };
+    let section = Section { name: "state".into(), version: 1, datasets: vec![whole("positions"), whole("velocities")] };
+    let checkpoint = Checkpoint { head: sample().head, snapshot: Snapshot { sections: vec![section] } };
+    let first = std::fs::read(written(folder.path(), "whole.h5", &checkpoint)).unwrap();
+    let path = folder.path().join("pieces.h5");
+    let mut writer = CheckpointWriter::create(&path, &checkpoint.head).unwrap();
+    writer.section("state", 1);
+    for name in ["positions", "velocities"] {
+        writer.dataset(name, &[100_000, 3], ValueKind::F64);
+        rows.chunks(3 * 7_001).for_each(|piece| writer.rows(Values::F64(piece.to_vec())));
+    }
+    let (_, hash) = writer.finish().unwrap();
+    assert_eq!(hash, checkpoint.content_hash());
+    assert!(std::fs::read(&path).unwrap() == first);
+    let mut reader = CheckpointReader::open(&path).unwrap();
+    assert_eq!((reader.version("state"), reader.rows_of("state", "velocities").unwrap()), (Some(1), 100_000));
+    let piece = reader.values("state", "velocities", 99_998..100_000).unwrap();
+    assert_eq!(piece, Values::F64(rows[3 * 99_998..].to_vec()));
+    assert!(reader.values("state", "velocities", 99_998..100_001).is_err());
+    assert!(reader.values("state", "masses", 0..1).is_err());
 }

@@ -3,7 +3,7 @@ use std::process::Command;
 use drapery_core::snapshot::{Dataset, Section, Snapshot, Values};
 
 use super::*;
-use crate::checkpoint::{FORMAT_VERSION, Head};
+use crate::checkpoint::{Checkpoint, FORMAT_VERSION, Head};
 use crate::error::IoErrorKind;
 
 /// Names the folder for tests that others start in a process of its own.
@@ -28,8 +28,13 @@ fn checkpoint(frame: i64, sub_step: u64, vertices: usize) -> Checkpoint {
     Checkpoint { head, snapshot: Snapshot { sections: vec![section] } }
 }
 
+/// Saves a checkpoint that is in memory.
+fn save_as(store: &Store, checkpoint: &Checkpoint, account: &Account) -> Result<Saved, IoError> {
+    store.save(&checkpoint.head, account, |sink| checkpoint.snapshot.give(sink))
+}
+
 fn save(store: &Store, frame: i64, sub_step: u64) -> PathBuf {
-    store.save(&checkpoint(frame, sub_step, 4), &Account::default()).unwrap().path
+    save_as(store, &checkpoint(frame, sub_step, 4), &Account::default()).unwrap().path
 }
 
 fn places(store: &Store) -> Vec<(i64, u64)> {
@@ -49,13 +54,15 @@ fn a_saved_checkpoint_is_found_with_its_account() {
     let store = Store::open(out.path(), 3, &[]).unwrap();
     let account = Account { attempt: 2, record_bytes: 1234, totals: serde_json::json!({"seconds": 0.25}) };
     let written = checkpoint(1043, 12, 4);
-    let saved = store.save(&written, &account).unwrap();
+    let saved = save_as(&store, &written, &account).unwrap();
     assert_eq!(saved.path, out.path().join("checkpoints/frame_01043.step_000012.h5"));
     assert_eq!(saved.bytes, fs::metadata(&saved.path).unwrap().len());
     assert_eq!(saved.content_hash, written.content_hash());
     let search = store.newest_valid(None).unwrap();
     assert!(search.refused.is_empty());
-    assert_eq!(search.found, Some(Loaded { checkpoint: written, account: Some(account), path: saved.path }));
+    let found = search.found.unwrap();
+    assert_eq!((found.path, found.account), (saved.path, Some(account)));
+    assert_eq!(found.checkpoint.whole().unwrap(), written);
 }
 
 #[test]
@@ -64,7 +71,7 @@ fn the_machine_and_the_attempt_leave_no_trace_in_a_checkpoint() {
     let store = Store::open(out.path(), 3, &[]).unwrap();
     let first = fs::read(save(&store, 1, 0)).unwrap();
     let account = Account { attempt: 7, record_bytes: 99, totals: Value::Null };
-    let again = store.save(&checkpoint(1, 0, 4), &account).unwrap();
+    let again = save_as(&store, &checkpoint(1, 0, 4), &account).unwrap();
     assert!(fs::read(again.path).unwrap() == first);
 }
 
@@ -223,7 +230,7 @@ fn child_cannot_write_a_large_checkpoint() {
     let store = Store::open(Path::new(&out), 1, &[]).unwrap();
     let small = save(&store, 1, 0);
     for _ in 0..3 {
-        let error = store.save(&checkpoint(2, 0, 1_000_000), &Account::default()).unwrap_err();
+        let error = save_as(&store, &checkpoint(2, 0, 1_000_000), &Account::default()).unwrap_err();
         assert_eq!(error.kind(), IoErrorKind::Io, "{error}");
     }
     assert_eq!(names(&small.with_file_name("")), ["frame_00001.h5", "frame_00001.json"]);
@@ -246,7 +253,7 @@ fn child_fills_a_disk() {
     let Some(out) = std::env::var_os(CHILD) else { return };
     let store = Store::open(Path::new(&out), 1, &[]).unwrap();
     let small = save(&store, 1, 0);
-    let error = store.save(&checkpoint(2, 0, 1_000_000), &Account::default()).unwrap_err();
+    let error = save_as(&store, &checkpoint(2, 0, 1_000_000), &Account::default()).unwrap_err();
     assert!(matches!(error, IoError::NoRoom { needed, free, .. } if needed > 24_000_000 && free < 8 << 20), "{error}");
     // Somebody else took the room after it was counted.
     let part = part_path(&small);
@@ -306,7 +313,7 @@ fn a_million_vertices_are_saved_within_a_second() {
     let mut fastest = f64::INFINITY;
     for frame in 1..=5 {
         large.head.frame = frame;
-        let saved = store.save(&large, &Account::default()).unwrap();
+        let saved = save_as(&store, &large, &Account::default()).unwrap();
         let start = Instant::now();
         assert!(store.newest_valid(None).unwrap().found.is_some());
         let read = start.elapsed().as_secs_f64();

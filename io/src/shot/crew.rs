@@ -1,0 +1,273 @@
+//! A simulation on many ranks. Rank 0 leads: it reads, writes and decides, and says before every operation of all ranks what
+//! comes next. The others [`follow`]: they do the same operation with their share of the cloth, and touch no file.
+
+use std::time::SystemTime;
+
+use drapery_core::Vec3;
+use drapery_core::error::{Problems, StepError};
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::simulation::outside::Field;
+use drapery_core::simulation::{Advance, FrameInput, RestoreError, Simulation};
+use drapery_core::snapshot::{SnapshotSink, SnapshotSource};
+use serde::{Deserialize, Serialize};
+
+use crate::farm::stop::{Request, StopRequests};
+use crate::units::Units;
+
+/// What all ranks do next.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+enum Order {
+    /// Start threads: so many, or as each rank finds right.
+    Threads { count: Option<usize> },
+    /// Take a share of the scene.
+    Scene,
+    /// Take the input of a frame.
+    Input,
+    /// Build the simulation at its start, from that input.
+    Start,
+    /// Build it at a checkpoint, from that input.
+    Restore,
+    /// Go on towards the frame of that input.
+    Advance,
+    /// Say what is asked for here.
+    Agree,
+    /// Give a field of a garment.
+    Stored { garment: usize, velocities: bool, units: Units },
+    /// Look for crossings of what caches store.
+    Crossings { units: Units },
+    /// Give everything that time has changed.
+    Save,
+    /// End with this exit code.
+    End { code: u8 },
+}
+
+fn give(ranks: &Ranks, order: Order) {
+    if !ranks.is_alone() {
+        ranks.broadcast(&mut to_bytes(&order));
+    }
+}
+
+fn receive(ranks: &Ranks) -> Order {
+    let mut bytes = Vec::new();
+    ranks.broadcast(&mut bytes);
+    serde_json::from_slice(&bytes).expect("all ranks run the same program, so that rank 0 gives known orders")
+}
+
+/// A simulation on all ranks, as rank 0 has it.
+pub(super) struct Crew {
+    ranks: Ranks,
+    simulation: Simulation,
+}
+
+impl Crew {
+    /// The checked scene, on all ranks.
+    pub(super) fn distribute(ranks: &Ranks, description: SceneDescription) -> Result<Scene, Problems> {
+        give(ranks, Order::Scene);
+        Scene::distribute(ranks, Some(description))
+    }
+
+    /// The simulation at its start.
+    pub(super) fn start(ranks: &Ranks, scene: Scene, input: FrameInput) -> Result<Self, Problems> {
+        let input = share(ranks, &scene, input);
+        give(ranks, Order::Start);
+        let simulation = Simulation::new(scene, &input)?;
+        Ok(Self { ranks: ranks.clone(), simulation })
+    }
+
+    /// The simulation at a checkpoint of the frame of `input`.
+    pub(super) fn restored(self, input: FrameInput, source: &mut dyn SnapshotSource) -> Result<Self, RestoreError> {
+        let Self { ranks, simulation } = self;
+        let scene = simulation.shared_scene();
+        // Its room is needed for the one to come.
+        drop(simulation);
+        let input = share(&ranks, &scene, input);
+        give(&ranks, Order::Restore);
+        let simulation = Simulation::restore_from(scene, &input, Some(source))?;
+        Ok(Self { ranks, simulation })
+    }
+
+    /// The ranks.
+    pub(super) fn ranks(&self) -> &Ranks {
+        &self.ranks
+    }
+
+    /// This rank's part of the simulation.
+    pub(super) fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    /// Gives every rank what it needs of the input of a frame; returns what this one needs.
+    pub(super) fn share(&self, input: FrameInput) -> FrameInput {
+        share(&self.ranks, self.simulation.scene(), input)
+    }
+
+    /// Goes on towards the frame that was shared last. At states free of collisions `ask` says what is asked for here; what all
+    /// ranks agree on is returned with the advance.
+    pub(super) fn advance(
+        &mut self,
+        input: &FrameInput,
+        ask: &mut (dyn FnMut() -> Option<Request> + Send),
+    ) -> Result<(Advance, Option<Request>), StepError> {
+        give(&self.ranks, Order::Advance);
+        advance(&self.ranks, &mut self.simulation, input, ask)
+    }
+
+    /// What all ranks agree on when this is asked for here.
+    pub(super) fn agree(&self, own: Option<Request>) -> Option<Request> {
+        give(&self.ranks, Order::Agree);
+        agree(&self.ranks, own)
+    }
+
+    /// A field of a garment in its own order, as caches in `units` store it.
+    pub(super) fn stored(&self, garment: usize, field: Field, units: Units) -> Vec<[f32; 3]> {
+        let velocities = field == Field::Velocities;
+        give(&self.ranks, Order::Stored { garment, velocities, units });
+        self.simulation.stored(garment, field, &|v| units.stored(*v)).expect("rank 0 gets what is stored")
+    }
+
+    /// Number of pairs of an edge and a triangle of cloth that meet in what caches in `units` store: rounded to single
+    /// precision in the file's unit, cloth that is free of crossings in the solver's doubles might touch.
+    pub(super) fn crossings_of_stored(&mut self, units: Units) -> u32 {
+        give(&self.ranks, Order::Crossings { units });
+        self.simulation.crossings_when(&as_stored(units))
+    }
+
+    /// Everything that time has changed.
+    pub(super) fn save(&self, sink: &mut dyn SnapshotSink) {
+        give(&self.ranks, Order::Save);
+        self.simulation.save(Some(sink));
+    }
+}
+
+/// Starts the threads of all ranks, so many each or as each finds right: with `start`, which all call together and which
+/// returns their number. To be called by rank 0, once; returns the number of threads of every rank.
+///
+/// # Errors
+/// What went wrong on the first rank on which something did.
+pub fn start_threads(
+    ranks: &Ranks,
+    count: Option<usize>,
+    start: &dyn Fn(Option<usize>) -> Result<usize, String>,
+) -> Result<Vec<usize>, String> {
+    give(ranks, Order::Threads { count });
+    let all = ranks.gather(&to_bytes(&start(count)));
+    let of_rank = |(rank, bytes): (usize, &Vec<u8>)| {
+        let told: Result<usize, String> = serde_json::from_slice(bytes).unwrap_or_else(|e| Err(e.to_string()));
+        told.map_err(|error| if rank == 0 { error } else { format!("rank {rank}: {error}") })
+    };
+    all.iter().enumerate().map(of_rank).collect()
+}
+
+/// Numbers and texts always have a JSON form.
+fn to_bytes(value: &impl Serialize) -> Vec<u8> {
+    serde_json::to_vec(value).unwrap_or_default()
+}
+
+/// Ends all other ranks, each with the exit code of rank 0. They do nothing more after that.
+pub fn dismiss(ranks: &Ranks, code: u8) {
+    give(ranks, Order::End { code });
+}
+
+/// What a rank other than 0 does: whatever rank 0 orders, until the end. `requests` are those that come to this rank, such as
+/// signals; `start_threads` is what [`start_threads`] calls here. Returns the exit code.
+///
+/// # Panics
+/// Rank 0 gives orders in an impossible sequence, which is a fault of the program.
+pub fn follow(
+    ranks: &Ranks,
+    requests: &StopRequests,
+    start_threads: &dyn Fn(Option<usize>) -> Result<usize, String>,
+) -> u8 {
+    let mut follower = Follower::default();
+    loop {
+        match receive(ranks) {
+            Order::End { code } => return code,
+            Order::Threads { count } => drop(ranks.gather(&to_bytes(&start_threads(count)))),
+            order => follower.obey(ranks, order, requests),
+        }
+    }
+}
+
+/// What a rank other than 0 has.
+#[derive(Default)]
+struct Follower {
+    scene: Option<Scene>,
+    simulation: Option<Simulation>,
+    input: Option<FrameInput>,
+}
+
+impl Follower {
+    /// Does what rank 0 does. Errors are the same there, and rank 0 reports them.
+    fn obey(&mut self, ranks: &Ranks, order: Order, requests: &StopRequests) {
+        let poll = || requests.poll(SystemTime::now());
+        match order {
+            Order::Scene => self.scene = Scene::distribute(ranks, None).ok(),
+            Order::Input => {
+                let scene = self.simulation.as_ref().map(Simulation::scene).or(self.scene.as_ref());
+                self.input = scene.map(|scene| scene.share_input(None));
+            }
+            Order::Start => {
+                let scene = self.scene.take().expect("a scene comes before its simulation");
+                self.simulation = Simulation::new(scene, self.input()).ok();
+            }
+            Order::Restore => {
+                let scene = self.simulation.take().expect("a simulation is started before it goes back").shared_scene();
+                self.simulation = Simulation::restore_from(scene, self.input(), None).ok();
+            }
+            Order::Advance => {
+                let input = self.input.take().expect("an input comes before its frame");
+                let simulation = self.simulation.as_mut().expect("a simulation is started before it advances");
+                drop(advance(ranks, simulation, &input, &mut || poll()));
+                self.input = Some(input);
+            }
+            Order::Agree => drop(agree(ranks, poll())),
+            Order::Stored { garment, velocities, units } => {
+                let field = if velocities { Field::Velocities } else { Field::Positions };
+                self.started().stored(garment, field, &|v| units.stored(*v));
+            }
+            Order::Crossings { units } => drop(self.started().crossings_when(&as_stored(units))),
+            Order::Save => self.started().save(None),
+            // Not the simulation's business.
+            Order::Threads { .. } | Order::End { .. } => {}
+        }
+    }
+
+    fn input(&self) -> &FrameInput {
+        self.input.as_ref().expect("an input comes before what needs it")
+    }
+
+    fn started(&mut self) -> &mut Simulation {
+        self.simulation.as_mut().expect("a simulation is started before anything is asked of it")
+    }
+}
+
+fn share(ranks: &Ranks, scene: &Scene, input: FrameInput) -> FrameInput {
+    give(ranks, Order::Input);
+    scene.share_input(Some(input))
+}
+
+fn advance(
+    ranks: &Ranks,
+    simulation: &mut Simulation,
+    input: &FrameInput,
+    ask: &mut (dyn FnMut() -> Option<Request> + Send),
+) -> Result<(Advance, Option<Request>), StepError> {
+    let mut agreed = None;
+    let mut pause = |_| {
+        agreed = agree(ranks, ask());
+        agreed.is_some()
+    };
+    let advance = simulation.advance_or_pause(input, &mut pause)?;
+    Ok((advance, agreed))
+}
+
+/// The most urgent of what the ranks are asked for.
+fn agree(ranks: &Ranks, own: Option<Request>) -> Option<Request> {
+    if ranks.is_alone() { own } else { Request::of_urgency(ranks.max(Request::urgency(own))) }
+}
+
+/// Where a vertex is in a cache [m].
+fn as_stored(units: Units) -> impl Fn(&Vec3) -> Vec3 + Sync {
+    move |position| Vec3::from(units.stored(*position).map(f64::from))
+}
