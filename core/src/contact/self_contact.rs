@@ -210,7 +210,7 @@ impl SelfContact {
         let place = surface.place();
         let shift = surface.nodes().own().start;
         let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + shift);
-        surface.change_mobility(|_, all| {
+        surface.change_mobility(|all| {
             for (vertex, node) in pins.axes().filter_map(|(vertex, ..)| Some((vertex, own(vertex)?))) {
                 all[node] = Vec3::repeat(1.0 / masses[vertex]);
             }

@@ -216,8 +216,8 @@ impl ContactSurface {
     }
 
     /// Changes the inverse masses of own nodes. All ranks call it together.
-    pub fn change_mobility(&mut self, change: impl FnOnce(&ContactNodes, &mut [Vec3])) {
-        change(&self.nodes, &mut self.mobility);
+    pub fn change_mobility(&mut self, change: impl FnOnce(&mut [Vec3])) {
+        change(&mut self.mobility);
         self.nodes.refresh(&mut self.mobility);
     }
 
