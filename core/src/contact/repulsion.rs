@@ -265,6 +265,7 @@ impl Repulsions {
             }
         }
         self.borders = Borders::of(at.nodes, &self.kinds, &self.seen);
+        self.borders.put_first(&mut self.kinds);
     }
 
     /// One Gauss-Seidel pass in the order of the colours. `change` is the change of relative velocity that the law
@@ -283,14 +284,16 @@ impl Repulsions {
                 self.velocities.set(node, &(v + impulse * share));
             }
         };
-        for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
-            let live = &of_kind.live[colour.clone()];
+        let treat = |live: &[u32]| {
             if live.len() >= PARALLEL {
                 live.par_iter().with_min_len(PARALLEL / 4).for_each(one);
             } else {
                 live.iter().for_each(one);
             }
-            self.borders.after_colour(at.nodes.ranks(), [kind, number], &self.velocities);
+        };
+        for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
+            let live = &of_kind.live[colour.clone()];
+            self.borders.with_colour(at.nodes.ranks(), [kind, number], live, &self.velocities, treat);
         }
     }
 }

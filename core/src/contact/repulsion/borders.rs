@@ -2,13 +2,14 @@
 //! of, in a pair that he does not hold.
 //!
 //! Both sides know beforehand what is told after which colour, for the pairs that are active: a colour that changes
-//! nothing of this kind takes no message.
+//! nothing of this kind takes no message. The
+//! pairs that change what is told go first, and the others while it is on its way.
 
 use crate::Vec3;
 use crate::contact::nodes::ContactNodes;
-use crate::contact::repulsion::PairsOfKind;
+use crate::contact::repulsion::{PairsOfKind, Touching};
 use crate::contact::shared::SharedVectors;
-use crate::parallel::communicator::{Expected, Message};
+use crate::parallel::communicator::{Exchange, Expected, Message};
 use crate::parallel::ranks::Ranks;
 
 /// What is told when.
@@ -23,6 +24,8 @@ pub(super) struct Borders {
 /// Velocities told at one time; local nodes.
 #[derive(Debug, Clone, Default)]
 struct Round {
+    /// How many active pairs of the colour change what is told; they stand first.
+    ahead: usize,
     sends: Vec<(usize, Vec<u32>)>,
     receives: Vec<(usize, Vec<u32>)>,
 }
@@ -59,23 +62,56 @@ impl Borders {
         Self { first, rounds }
     }
 
-    /// Gives the ghosts of active pairs their velocities.
-    pub(super) fn before_sweeps(&self, ranks: &Ranks, velocities: &SharedVectors) {
-        self.first.exchange(ranks, velocities);
+    /// Puts the active pairs that change what is told before the others of their colour.
+    pub(super) fn put_first(&mut self, kinds: &mut [PairsOfKind; 2]) {
+        for (rounds, of_kind) in self.rounds.iter_mut().zip(kinds) {
+            let PairsOfKind { live, live_order, touching, .. } = of_kind;
+            for (round, range) in rounds.iter_mut().zip(live_order.colours()).filter(|(r, _)| !r.sends.is_empty()) {
+                let mut told: Vec<u32> = round.sends.iter().flat_map(|(_, list)| list).copied().collect();
+                told.sort_unstable();
+                let is_told = |touching: &Touching| touching.nodes.iter().any(|node| told.binary_search(node).is_ok());
+                let live = &mut live[range.clone()];
+                let (ahead, rest): (Vec<u32>, Vec<u32>) =
+                    live.iter().partition(|pair| touching[**pair as usize].as_ref().is_some_and(is_told));
+                round.ahead = ahead.len();
+                live[..ahead.len()].copy_from_slice(&ahead);
+                live[ahead.len()..].copy_from_slice(&rest);
+            }
+        }
     }
 
-    /// Gives ghosts the velocities that a colour of a kind has changed elsewhere.
-    pub(super) fn after_colour(&self, ranks: &Ranks, [kind, colour]: [usize; 2], velocities: &SharedVectors) {
-        if let Some(round) = self.rounds[kind].get(colour) {
-            round.exchange(ranks, velocities);
+    /// Gives the ghosts of active pairs their velocities.
+    pub(super) fn before_sweeps(&self, ranks: &Ranks, velocities: &SharedVectors) {
+        if let Some(exchange) = self.first.start(ranks, velocities) {
+            self.first.finish(exchange, velocities);
+        }
+    }
+
+    /// Treats the pairs of a colour, and gives ghosts the velocities that it has changed elsewhere.
+    pub(super) fn with_colour(
+        &self,
+        ranks: &Ranks,
+        [kind, colour]: [usize; 2],
+        live: &[u32],
+        velocities: &SharedVectors,
+        treat: impl Fn(&[u32]),
+    ) {
+        let Some(round) = self.rounds[kind].get(colour) else { return treat(live) };
+        let (ahead, rest) = live.split_at(round.ahead);
+        treat(ahead);
+        let exchange = round.start(ranks, velocities);
+        treat(rest);
+        if let Some(exchange) = exchange {
+            round.finish(exchange, velocities);
         }
     }
 }
 
 impl Round {
-    fn exchange(&self, ranks: &Ranks, velocities: &SharedVectors) {
+    /// Sends the velocities as they are now.
+    fn start<'a>(&self, ranks: &'a Ranks, velocities: &SharedVectors) -> Option<Box<dyn Exchange + 'a>> {
         if self.sends.is_empty() && self.receives.is_empty() {
-            return;
+            return None;
         }
         let message = |(to, list): &(usize, Vec<u32>)| {
             let values: Vec<Vec3> = list.iter().map(|node| velocities.get(*node)).collect();
@@ -85,8 +121,12 @@ impl Round {
         let expected = |(from, list): &(usize, Vec<u32>)| Expected { from: *from, length: Some(length(list)) };
         let messages = self.sends.iter().map(message).collect();
         let expected: Vec<Expected> = self.receives.iter().map(expected).collect();
-        let answers = ranks.start(messages, &expected).finish();
-        for ((_, list), bytes) in self.receives.iter().zip(answers) {
+        Some(ranks.start(messages, &expected))
+    }
+
+    /// Waits for those of others.
+    fn finish(&self, exchange: Box<dyn Exchange + '_>, velocities: &SharedVectors) {
+        for ((_, list), bytes) in self.receives.iter().zip(exchange.finish()) {
             let values: Vec<Vec3> = bytemuck::pod_collect_to_vec(&bytes);
             list.iter().zip(&values).for_each(|(node, value)| velocities.set(*node, value));
         }
