@@ -183,7 +183,7 @@ impl StepContext<'_> {
 
     /// C between B.4 and B.5: the positions are corrected before the second solve sees them.
     fn collide_after_position(&mut self, dt: f64) {
-        let Self { self_contact, collision, scratch, bodies, metrics, .. } = self;
+        let Self { parts, self_contact, collision, scratch, bodies, metrics, .. } = self;
         let Some(contact) = self_contact.as_mut().filter(|contact| contact.collides_after_position()) else { return };
         let Scratch { v_star, x_new, .. } = &mut **scratch;
         metrics.stage("C collisions", |m| {
@@ -193,6 +193,8 @@ impl StepContext<'_> {
                     collision.moved(vertex, way);
                 }
             });
+            parts.halo().refresh(parts.ranks(), x_new);
+            parts.halo().refresh(parts.ranks(), v_star);
         });
     }
 

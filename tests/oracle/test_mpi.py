@@ -27,7 +27,7 @@ MORE_THAN_CORES = {"OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_hwloc_bas
 def conformance():
     """Starts the program on a number of ranks."""
     path = os.environ.get("DRAPERY_CONFORMANCE", str(ROOT / "target/release/examples/conformance"))
-    assert os.path.isfile(path), f"{path} does not exist; build it with `cargo build --release -p drapery-mpi --examples`"
+    assert os.path.isfile(path), f"{path} does not exist; build it: cargo build --release -p drapery-mpi --examples"
     started = []
 
     def start(ranks, *arguments):

@@ -1,7 +1,7 @@
 //! Messages to and from single ranks, on their way while the rank works.
 //!
-//! Buffers and requests have to live together and outlive the function that starts them, which the scopes of the `mpi` crate
-//! do not allow: these three calls are made directly.
+//! Buffers and requests have to live together and outlive the function that starts them, which the scopes of the `mpi`
+//! crate do not allow: these calls are made directly.
 #![allow(unsafe_code)]
 
 use std::mem::MaybeUninit;
@@ -20,12 +20,12 @@ pub(crate) const EXCHANGE: i32 = 1;
 /// Tag of what rank 0 collects, perhaps while an exchange is underway.
 pub(crate) const GATHER: i32 = 2;
 
-/// Longest piece in which a message is sent. MPI counts bytes in 31 bits, so long messages have to be cut; pieces as short
-/// as this cost nothing either and are met often enough to be tested.
+/// Longest piece in which a message is sent. MPI counts bytes in 31 bits, so long messages have to be cut; pieces as
+/// short as this cost nothing either and are met often enough to be tested.
 pub(crate) const PIECE: usize = 1 << 24;
 
-/// Pieces of a message. All but the last are full and the last is not, even if it has to be empty: so a receiver knows the
-/// end of a message whose length it does not know.
+/// Pieces of a message. All but the last are full and the last is not, even if it has to be empty: so a receiver knows
+/// the end of a message whose length it does not know.
 pub(crate) fn pieces(length: usize) -> impl Iterator<Item = Range<usize>> {
     (0..=length / PIECE).map(move |k| k * PIECE..length.min((k + 1) * PIECE))
 }
@@ -34,7 +34,8 @@ pub(crate) fn pieces(length: usize) -> impl Iterator<Item = Range<usize>> {
 pub(crate) struct Underway<'a> {
     world: &'a World,
     tag: i32,
-    /// Of the sends, and of the receives of known length: MPI works on `messages` and `received` until they are waited for.
+    /// Of the sends, and of the receives of known length: MPI works on `messages` and `received` until they are waited
+    /// for.
     requests: Vec<MPI_Request>,
     /// Rank and number of bytes of each request that receives; these come first.
     promised: Vec<(usize, usize)>,
@@ -66,8 +67,8 @@ impl<'a> Underway<'a> {
             for piece in pieces(length) {
                 self.promised.push((expected.from, piece.len()));
                 let buffer = &mut buffer[piece];
-                // SAFETY: the memory belongs to `received`, which is neither changed nor freed before the request has been
-                // waited for: by `wait`, or else by `drop`. If the exchange is leaked, so is the memory.
+                // SAFETY: the memory belongs to `received`, which is neither changed nor freed before the request has
+                // been waited for: by `wait`, or else by `drop`. If the exchange is leaked, so is the memory.
                 self.requests.push(request(|request| unsafe {
                     let (source, world) = (expected.from as i32, mpi.as_raw());
                     let (to, bytes) = (buffer.as_mut_ptr().cast(), count(buffer.len()));

@@ -33,7 +33,8 @@ use crate::exchange::{EXCHANGE, GATHER, PIECE, Underway};
 /// Exit code of a job in which a rank panicked: an internal error.
 const INTERNAL_ERROR: i32 = 70;
 
-/// Variables by which launchers say how many processes they have started: Open MPI's, and those of MPICH, Intel and Slurm.
+/// Variables by which launchers say how many processes they have started: Open MPI's, and those of MPICH, Intel and
+/// Slurm.
 const SIZES: [&str; 2] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"];
 
 /// Variables of launchers that say only that they are there.
@@ -44,8 +45,8 @@ const PRESENT: [&str; 2] = ["PMIX_RANK", "PMI_RANK"];
 pub enum StartError {
     /// The launcher and the library belong to different MPIs.
     #[error(
-        "started as one of {started} processes, but the MPI library sees {seen}: program and launcher belong to different \
-         MPIs ({library})\n  help: start it with the mpirun of that library, or build it with the MPI of this mpirun \
+        "started as one of {started} processes, but the MPI library sees {seen}: program and launcher belong to \
+         different MPIs ({library})\n  help: start it with the mpirun of that library, or build it with the MPI of this mpirun \
          (MPICC=...)"
     )]
     OtherLauncher {
@@ -70,8 +71,11 @@ pub enum StartError {
     Again,
 }
 
-/// All ranks of the job. MPI ends with it, which waits for all ranks to come to their end: a rank that has to end without
-/// the others calls [`abort`].
+/// All ranks of the job. MPI ends with it, which waits for all ranks to come to their end: a rank that has to end
+/// without the others calls [`abort`].
+///
+/// Open MPI's `mpirun` ends whoever is left as soon as one process returns another exit code than zero, even after MPI
+/// has ended. So rank 0, the last to have work, returns the code of the job, and the others return zero.
 pub struct World {
     rank: usize,
     ranks: usize,
@@ -94,14 +98,12 @@ impl World {
             return Ok(None);
         }
         let (universe, threading) = mpi::initialize_with_threading(Threading::Serialized).ok_or(StartError::Again)?;
-        let library =
-            || mpi::environment::library_version().unwrap_or_default().trim_end_matches(['\0', '\n']).to_owned();
         if threading < Threading::Serialized {
-            return Err(StartError::Threads { library: library() });
+            return Err(StartError::Threads { library: library_name() });
         }
         let (rank, ranks) = (universe.world().rank() as usize, universe.world().size() as usize);
         if let Some(started) = started.filter(|started| *started != ranks) {
-            return Err(StartError::OtherLauncher { started, seen: ranks, library: library() });
+            return Err(StartError::OtherLauncher { started, seen: ranks, library: library_name() });
         }
         end_the_job_on_panic(rank, ranks);
         let (turn, exchanging) = (Mutex::new(()), AtomicBool::new(false));
@@ -153,6 +155,12 @@ fn end_the_job_on_panic(rank: usize, ranks: usize) {
         let _ = std::io::stderr().write_all(message.as_bytes());
         abort(INTERNAL_ERROR)
     }));
+}
+
+/// Name and version of the MPI library, without how it was built.
+fn library_name() -> String {
+    let all = mpi::environment::library_version().unwrap_or_default();
+    all.split([',', '\n', '\0']).next().unwrap_or_default().replace('\t', " ")
 }
 
 /// A number of bytes as MPI counts them.

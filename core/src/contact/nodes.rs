@@ -156,6 +156,11 @@ impl ContactNodes {
         self.rank_starts[self.rank_starts.len() - 1]
     }
 
+    /// Whether ghosts, and what other ranks know of this one, are the same.
+    pub fn is_laid_out_as(&self, other: &Self) -> bool {
+        self.ghosts == other.ghosts && self.halo == other.halo
+    }
+
     /// Brings the ghosts' values, in an array over local nodes, to those of their owners.
     pub fn refresh<T: Pod>(&self, values: &mut [T]) {
         self.halo.refresh(&self.ranks, values);

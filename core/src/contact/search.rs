@@ -167,7 +167,8 @@ impl PairSearch {
         self.fit(surface, |i| swept(paths, surface.edge_length(), i));
         let renumber = self.invite(surface);
         if let Some(renumber) = &renumber {
-            paths.renumber(renumber, surface.nodes());
+            paths.renumber(renumber);
+            paths.refresh(surface.nodes());
             neighbours.renumber(renumber, surface);
         }
         self.fit_visitors(surface, |i| swept(paths, surface.edge_length(), i));

@@ -384,10 +384,11 @@ impl SelfContact {
         };
         let kept = collisions.surface.nodes().clone();
         let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
-        if kept.ghosts() != surface.nodes().ghosts() {
+        // Where another rank alone has new ghosts, this one sends more.
+        if !surface.nodes().is_laid_out_as(&kept) {
             let renumber = surface.set_nodes(kept);
             neighbours.renumber(&renumber, surface);
-            paths.renumber(&renumber, surface.nodes());
+            paths.renumber(&renumber);
             renumber.renumber(outcome.moved.iter_mut());
         }
         outcome

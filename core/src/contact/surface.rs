@@ -139,7 +139,8 @@ impl ContactSurface {
         Some(renumber)
     }
 
-    /// Goes over to other nodes, among them the corners of all triangles.
+    /// Goes over to other nodes, among them the corners of all triangles. What is known of those that are new is yet to be
+    /// fetched; where none is, this is no matter of other ranks.
     pub fn set_nodes(&mut self, nodes: ContactNodes) -> Renumber {
         let renumber = Renumber::between(&self.nodes, &nodes);
         [&mut self.cloth, &mut self.bodies].into_iter().for_each(|faces| faces.renumber(&renumber));
@@ -315,11 +316,15 @@ pub struct NodePaths {
 }
 
 impl NodePaths {
-    /// Lays the paths out for other ghosts, and fetches those.
-    pub fn renumber(&mut self, renumber: &Renumber, nodes: &ContactNodes) {
-        for x in [&mut self.start, &mut self.end] {
-            renumber.apply(x, Vec3::zeros());
-            nodes.refresh(x);
-        }
+    /// Lays the paths out for other ghosts. Those that are new have none yet.
+    pub fn renumber(&mut self, renumber: &Renumber) {
+        renumber.apply(&mut self.start, Vec3::zeros());
+        renumber.apply(&mut self.end, Vec3::zeros());
+    }
+
+    /// Brings the ghosts' paths to those of their owners. All ranks call it together.
+    pub fn refresh(&mut self, nodes: &ContactNodes) {
+        nodes.refresh(&mut self.start);
+        nodes.refresh(&mut self.end);
     }
 }

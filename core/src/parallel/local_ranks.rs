@@ -1,7 +1,7 @@
 //! Ranks as threads of one process, with channels between them: the whole distributed path without any MPI.
 //!
-//! A rank that panics, or that ends while another still wants a message of it, closes its channels. Whoever waits for it
-//! then unwinds as well, silently, and closes its own: so all ranks end, and the caller learns who was the first.
+//! A rank that panics, or that ends while another still wants a message of it, closes its channels. Whoever waits for
+//! it then unwinds as well, silently, and closes its own: so all ranks end, and the caller learns who was the first.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -29,8 +29,8 @@ impl LocalRanks {
     /// Calls `work` once on each of `ranks` ranks, all at the same time, and returns the results in the order of ranks.
     ///
     /// Each rank works inside its own pool of `threads` threads (zero: as many as the machine has). An error names the
-    /// first rank that panicked, after all of them have ended; if none did, one that missed a message of a rank that had
-    /// already returned.
+    /// first rank that panicked, after all of them have ended; if none did, one that missed a message of a rank that
+    /// had already returned.
     pub fn run<T: Send>(
         ranks: usize,
         threads: usize,

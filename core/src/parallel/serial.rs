@@ -2,7 +2,8 @@
 
 use crate::parallel::communicator::{Communicator, Exchange, Expected, Message};
 
-/// The only rank there is. It has nobody to speak with, so nothing here waits, copies or allocates but what is asked for.
+/// The only rank there is. It has nobody to speak with, so nothing here waits, copies or allocates but what is asked
+/// for.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Serial;
 

@@ -35,7 +35,8 @@ struct Outcome {
 /// Resolves the collisions of a heap between two of its times.
 fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], [from, to]: [usize; 2], may_give_back: bool) -> Outcome {
     let mut surface = heap.surface(ranks, starts);
-    surface.change_mobility(|nodes, mobility| {
+    let nodes = surface.nodes().clone();
+    surface.change_mobility(|mobility| {
         for node in nodes.own() {
             match nodes.number(node as u32) {
                 number if number % 31 == 0 => mobility[node] = Vec3::zeros(),

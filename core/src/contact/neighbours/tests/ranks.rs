@@ -191,7 +191,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     assert!(heap.agrees(&surface));
     let wide = surface.set_nodes(nodes);
     neighbours.renumber(&wide, &surface);
-    paths.renumber(&wide, surface.nodes());
+    paths.renumber(&wide);
     assert_eq!(paths.start, heap.at(&surface, 2), "ghosts that visitors brought are gone again");
     let after: Vec<Entry> = {
         let entry = |n: &Neighbour| {
