@@ -197,6 +197,24 @@ def test_a_second_signal_stops_all_at_once(tmp_path):
     wait(job, out, STOPPED)
 
 
+def test_a_launcher_that_is_terminated_leaves_a_run_that_goes_on(whole, tmp_path):
+    """Open MPI's mpirun does not hand SIGTERM on as it came, and its exit code says so; the ranks stop in order."""
+    out = tmp_path / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(ENVIRONMENT, "OMPI_MCA_odls_base_sigkill_timeout", "60")
+        job = Ranks(LONG, 3).start(out)
+    await_frame(job, out, 2)
+    found = processes(out)
+    job.send_signal(signal.SIGTERM)
+    job.wait(timeout=PATIENCE)
+    assert job.returncode != DONE
+    assert not any(map(running, found.values()))
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert (manifest["state"], manifest["attempts"][-1]["end"]) == ("stopped", "signal TERM")
+    Ranks(LONG, 2).run(out)
+    assert_same(whole, results(out), "a launcher that was terminated")
+
+
 @pytest.mark.parametrize("lost", [0, 2])
 def test_a_killed_rank_ends_the_job_within_a_minute_and_it_goes_on(whole, tmp_path, report_figure, lost):
     out = tmp_path / "out"

@@ -16,6 +16,7 @@
 
 mod exchange;
 
+use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -150,7 +151,8 @@ fn end_the_job_on_panic(rank: usize, ranks: usize) {
             _ => String::new(),
         };
         // In one piece: all ranks write to the same terminal.
-        eprintln!("rank {rank} of {ranks}: {panic}{backtrace}");
+        let message = format!("rank {rank} of {ranks}: {panic}{backtrace}\n");
+        let _ = std::io::stderr().write_all(message.as_bytes());
         abort(INTERNAL_ERROR)
     }));
 }

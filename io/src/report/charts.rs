@@ -330,8 +330,12 @@ mod tests {
     use crate::report::record::StageRow;
 
     fn row(frame: i64, stages: &[(&str, f64)]) -> FrameRow {
-        let stages =
-            stages.iter().map(|(name, seconds)| StageRow { stage: (*name).to_owned(), seconds: *seconds, calls: 1 });
+        let stages = stages.iter().map(|(name, seconds)| StageRow {
+            stage: (*name).to_owned(),
+            seconds: *seconds,
+            calls: 1,
+            over_ranks: None,
+        });
         FrameRow { frame, seconds: 1.0, steps: 2, stages: stages.collect(), ..FrameRow::default() }
     }
 

@@ -104,6 +104,18 @@ pub struct StageRow {
     pub seconds: f64,
     /// How often it ran.
     pub calls: u64,
+    /// What the ranks spent in it, where there were several; `seconds` is then the mean.
+    pub over_ranks: Option<OverRanks>,
+}
+
+/// Seconds of a stage on the ranks.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct OverRanks {
+    /// On the rank that spent the least.
+    pub min: f64,
+    /// On the one that spent the most.
+    pub max: f64,
 }
 
 /// Something that happened between two frames.

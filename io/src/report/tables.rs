@@ -1,7 +1,7 @@
 //! The tables of the page.
 
 use super::folder::RunFolder;
-use super::record::{EventKind, FrameRow};
+use super::record::{EventKind, FrameRow, OverRanks, StageRow};
 use super::status::Degradation;
 use super::text::{self, escape};
 use crate::run_record::RESOLVED;
@@ -71,24 +71,39 @@ pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {
     section("Degradations", "", &heads, &found.iter().map(row).collect::<Vec<_>>())
 }
 
-/// Where the time went.
+/// Where the time went: in a run on several ranks the mean, and the least and the most of one.
 pub(super) fn stages(rows: &[FrameRow]) -> String {
-    let mut totals: Vec<(&str, f64, u64)> = Vec::new();
+    let mut totals: Vec<StageRow> = Vec::new();
     for stage in rows.iter().flat_map(|row| &row.stages) {
-        match totals.iter_mut().find(|(name, ..)| *name == stage.stage) {
-            Some((_, seconds, calls)) => (*seconds, *calls) = (*seconds + stage.seconds, *calls + stage.calls),
-            None => totals.push((&stage.stage, stage.seconds, stage.calls)),
+        match totals.iter_mut().find(|total| total.stage == stage.stage) {
+            Some(total) => {
+                total.seconds += stage.seconds;
+                total.calls += stage.calls;
+                if let Some(OverRanks { min, max }) = stage.over_ranks {
+                    let total = total.over_ranks.get_or_insert_default();
+                    (total.min, total.max) = (total.min + min, total.max + max);
+                }
+            }
+            None => totals.push(stage.clone()),
         }
     }
     let whole: f64 = rows.iter().map(|row| row.seconds).sum();
-    let staged: f64 = totals.iter().map(|(_, seconds, _)| seconds).sum();
+    let staged: f64 = totals.iter().map(|stage| stage.seconds).sum();
     let mut lines: Vec<Vec<Cell>> =
-        totals.iter().map(|(name, seconds, calls)| stage_row(name, *seconds, whole, text::count(*calls))).collect();
+        totals.iter().map(|stage| stage_row(&stage.stage, stage.seconds, whole, text::count(stage.calls))).collect();
     if !lines.is_empty() {
         let rest = (whole - staged).max(0.0);
         lines.push(stage_row("everything else: reading, checking, writing", rest, whole, String::new()));
     }
-    let heads = [words("stage"), number("time"), number("share"), words(""), number("calls")];
+    let mut heads = vec![words("stage"), number("time"), number("share"), words(""), number("calls")];
+    if totals.iter().any(|stage| stage.over_ranks.is_some()) {
+        heads.extend([number("least of a rank"), number("most of a rank")]);
+        let spreads = totals.iter().map(|stage| stage.over_ranks).chain([None]);
+        for (line, spread) in lines.iter_mut().zip(spreads) {
+            let seconds = |of: fn(&OverRanks) -> f64| spread.as_ref().map_or(String::new(), |s| text::seconds(of(s)));
+            line.extend([number(seconds(|s| s.min)), number(seconds(|s| s.max))]);
+        }
+    }
     let page = section("Time by stage", "", &heads, &lines);
     // The bar is drawn in its own kind of cell.
     page.replace("<td><i style", "<td class=\"bar\"><i style")
@@ -116,6 +131,7 @@ pub(super) fn attempts(run: &RunFolder) -> String {
             vec![
                 number(attempt.attempt.to_string()),
                 words(format!("{}:{}", attempt.host, attempt.pid)),
+                number(attempt.ranks.max(1).to_string()),
                 number(attempt.threads.to_string()),
                 frame(Some(attempt.first_frame)),
                 frame(attempt.last_frame),
@@ -127,7 +143,8 @@ pub(super) fn attempts(run: &RunFolder) -> String {
     let heads = [
         number("attempt"),
         words("process"),
-        number("threads"),
+        number("ranks"),
+        number("threads of each"),
         number("first frame"),
         number("last frame"),
         number("time"),
@@ -221,4 +238,22 @@ pub(super) fn provenance(run: &RunFolder) -> String {
         );
     }
     page + &format!("<section><h2>Details</h2>{folded}</section>\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_of_several_ranks_show_the_least_and_the_most_of_one() {
+        let row = |over_ranks| FrameRow {
+            seconds: 2.0,
+            stages: vec![StageRow { stage: "dt".into(), seconds: 1.5, calls: 1, over_ranks }],
+            ..FrameRow::default()
+        };
+        assert!(!stages(&[row(None)]).contains("of a rank"));
+        let page = stages(&[row(Some(OverRanks { min: 1.0, max: 2.0 })), row(Some(OverRanks { min: 0.5, max: 3.0 }))]);
+        let [least, most] = [1.5, 5.0].map(|seconds| format!(">{}</td>", text::seconds(seconds)));
+        assert!(page.contains("most of a rank") && page.contains(&(least + "<td class=\"n\"" + &most)), "{page}");
+    }
 }
