@@ -35,6 +35,8 @@ pub(crate) enum Field {
     Count(u64),
     /// So many numbers for each own vertex, ascending.
     Vertices(usize, Vec<f64>),
+    /// A finite vector for each own vertex, ascending.
+    Vectors(Vec<Vec3>),
     /// A vector for each own vertex, ascending, and for each of so many points of bodies, which all ranks know; or none at all.
     Nodes(usize, Option<(Vec<Vec3>, Vec<Vec3>)>),
     /// Values for each own pin target, so many a row.
@@ -47,8 +49,8 @@ pub(crate) enum Field {
 struct Rows {
     keys: Vec<u32>,
     places: Vec<u32>,
-    /// Number of rows of all ranks.
-    all: usize,
+    /// Rows of all ranks.
+    all: Range<usize>,
 }
 
 impl Rows {
@@ -61,12 +63,18 @@ impl Rows {
         let mut rows: Vec<(u32, u32)> = parts.own().map(index).zip(0..).collect();
         rows.sort_unstable();
         let (keys, places) = rows.into_iter().unzip();
-        Self { keys, places, all: parts.partition().vertex_count() }
+        Self { keys, places, all: 0..parts.partition().vertex_count() }
     }
 
     /// Own pin targets, given by their numbers, ascending.
     fn of_targets(numbers: &[u32], all: usize) -> Self {
-        Self { keys: numbers.to_vec(), places: (0..numbers.len() as u32).collect(), all }
+        Self { keys: numbers.to_vec(), places: (0..numbers.len() as u32).collect(), all: 0..all }
+    }
+
+    /// Rows that all ranks have.
+    fn alike(rows: Range<usize>) -> Self {
+        let places = (0..rows.len() as u32).collect();
+        Self { keys: rows.clone().map(|row| row as u32).collect(), places, all: rows }
     }
 
     /// Places of the rows of a chunk among those of this rank.
@@ -76,8 +84,8 @@ impl Rows {
     }
 
     fn chunks(&self) -> impl Iterator<Item = Range<usize>> {
-        let all = self.all;
-        (0..all).step_by(CHUNK).map(move |start| start..(start + CHUNK).min(all))
+        let all = self.all.clone();
+        all.clone().step_by(CHUNK).map(move |start| start..(start + CHUNK).min(all.end))
     }
 
     /// Brings the rows of all ranks to rank 0, chunk by chunk.
@@ -156,27 +164,29 @@ fn share<T: Pod>(ranks: &Ranks, read: impl FnOnce() -> Result<Vec<T>, SnapshotEr
 /// Numbers of nodes in the scene as numbers that no partition enters: garments' own, points of bodies after them. The same on
 /// all ranks.
 pub(crate) fn own_order(parts: &Parts, numbers: &[u32]) -> Vec<u32> {
-    translated(parts, numbers, |number| {
+    let found = translated(parts, numbers, |number| {
         let local = parts.local(number).filter(|local| parts.own().contains(local))?;
         let (garment, own) = parts.own_vertex(local);
         Some(parts.partition().garments()[garment].start as u32 + own)
-    })
+    });
+    found.into_iter().map(|number| number.max(0.0) as u32).collect()
 }
 
-/// The inverse of [`own_order`].
-fn scene_order(parts: &Parts, rows: &Rows, own: &[u32]) -> Vec<u32> {
+/// The inverse of [`own_order`]; `None` if a number is not that of a vertex.
+fn scene_order(parts: &Parts, rows: &Rows, own: &[u32]) -> Option<Vec<u32>> {
     let first = parts.own().start;
-    translated(parts, own, |own| {
+    let found = translated(parts, own, |own| {
         let place = rows.keys.binary_search(&own).ok()?;
         Some(parts.number(first + rows.places[place] as usize))
-    })
+    });
+    found.into_iter().map(|number| (number >= 0.0).then_some(number as u32)).collect()
 }
 
-fn translated(parts: &Parts, numbers: &[u32], known: impl Fn(u32) -> Option<u32>) -> Vec<u32> {
+/// Numbers of cloth by what their owners know, points of bodies as they are; -1 where nobody knows one.
+fn translated(parts: &Parts, numbers: &[u32], known: impl Fn(u32) -> Option<u32>) -> Vec<f64> {
     let cloth = parts.partition().vertex_count() as u32;
     let one = |number: &u32| if *number >= cloth { Some(*number) } else { known(*number) };
-    let here: Vec<f64> = numbers.iter().map(|number| one(number).map_or(-1.0, f64::from)).collect();
-    parts.ranks().max_each(here).into_iter().map(|number| number.max(0.0) as u32).collect()
+    parts.ranks().max_each(numbers.iter().map(|number| one(number).map_or(-1.0, f64::from)).collect())
 }
 
 /// The rows of those targets that are this rank's in `new`.
@@ -192,6 +202,126 @@ fn moved_targets<T: Pod>(new: &Parts, pinned: &[[u32; 2]], width: usize, values:
     let mut order: Vec<usize> = (0..numbers.len()).collect();
     order.sort_unstable_by_key(|i| numbers[*i]);
     order.into_iter().flat_map(|i| rows[i * width..(i + 1) * width].iter().copied()).collect()
+}
+
+/// Reads one field.
+struct Reader<'a, 's> {
+    parts: &'a Parts,
+    section: &'static str,
+    name: &'static str,
+    /// On rank 0.
+    source: Option<&'a mut (dyn SnapshotSource + 's)>,
+    /// Rows that the array has.
+    rows: usize,
+}
+
+impl Reader<'_, '_> {
+    fn error(&self, what: String) -> SnapshotError {
+        SnapshotError { section: self.section.to_owned(), what }
+    }
+
+    fn count_rows(&mut self) -> Result<(), SnapshotError> {
+        let rows = share(self.parts.ranks(), || {
+            let source = self.source.as_deref().ok_or_else(|| self.error("nobody gives it".into()))?;
+            Ok(vec![source.rows_of(self.section, self.name)? as u64])
+        })?;
+        self.rows = rows.first().map_or(0, |rows| *rows as usize);
+        Ok(())
+    }
+
+    /// Makes sure of the number of rows.
+    fn expect(&self, rows: usize) -> Result<(), SnapshotError> {
+        if self.rows == rows {
+            return Ok(());
+        }
+        Err(self.error(format!("`{}` has {} rows, not {rows}", self.name, self.rows)))
+    }
+
+    /// The rows of this rank, of values that `of_kind` takes out.
+    fn own<T: Pod>(
+        &mut self,
+        rows: &Rows,
+        width: usize,
+        of_kind: impl Fn(Values) -> Option<Vec<T>>,
+    ) -> Result<Vec<T>, SnapshotError> {
+        let (section, name, ranks) = (self.section, self.name, self.parts.ranks());
+        let other =
+            SnapshotError { section: section.to_owned(), what: format!("`{name}` is of another type or width") };
+        rows.take(ranks, width, |range| {
+            let source = self.source.as_deref_mut().ok_or_else(|| other.clone())?;
+            let count = range.len() * width;
+            let values = of_kind(source.values(section, name, range)?);
+            values.filter(|values| values.len() == count).ok_or_else(|| other.clone())
+        })
+    }
+
+    /// Finite vectors of this rank's rows.
+    fn vectors(&mut self, rows: &Rows) -> Result<Vec<Vec3>, SnapshotError> {
+        let own = self.own(rows, 3, reals)?;
+        let vectors: Vec<Vec3> = own.as_chunks::<3>().0.iter().map(|x| Vec3::from(*x)).collect();
+        let broken = |i: &usize| !vectors[rows.places[*i] as usize].iter().all(|x| x.is_finite());
+        let first = (0..rows.keys.len()).find(broken).map_or(f64::INFINITY, |i| f64::from(rows.keys[i]));
+        let first = -self.parts.ranks().max(-first);
+        match first.is_finite() {
+            true => Err(self.error(format!("row {first} of `{}` is not finite", self.name))),
+            false => Ok(vectors),
+        }
+    }
+
+    fn read(&mut self, field: &mut Field, targets: &Rows) -> Result<(), SnapshotError> {
+        let (parts, cloth) = (self.parts, self.parts.partition().vertex_count());
+        match field {
+            Field::Number(value) => {
+                self.expect(1)?;
+                *value = self.own(&Rows::alike(0..1), 1, reals)?[0];
+            }
+            Field::Count(value) => {
+                self.expect(1)?;
+                let count = |values| if let Values::U64(values) = values { Some(values) } else { None };
+                *value = self.own(&Rows::alike(0..1), 1, count)?[0];
+            }
+            Field::Vertices(width, own) => {
+                self.expect(cloth)?;
+                *own = self.own(&Rows::of_vertices(parts), *width, reals)?;
+            }
+            Field::Vectors(own) => {
+                self.expect(cloth)?;
+                *own = self.vectors(&Rows::of_vertices(parts))?;
+            }
+            Field::Nodes(_, nodes) if self.rows == 0 => *nodes = None,
+            Field::Nodes(bodies, nodes) => {
+                self.expect(cloth + *bodies)?;
+                let own = self.vectors(&Rows::of_vertices(parts))?;
+                *nodes = Some((own, self.vectors(&Rows::alike(cloth..cloth + *bodies))?));
+            }
+            Field::Targets(width, own) => {
+                self.expect(targets.all.len())?;
+                *own = match own.kind() {
+                    ValueKind::U32 => Values::U32(self.own(targets, *width, indices)?),
+                    ValueKind::U8 => {
+                        let marks = |values| if let Values::U8(values) = values { Some(values) } else { None };
+                        Values::U8(self.own(targets, *width, marks)?)
+                    }
+                    ValueKind::F64 | ValueKind::U64 | ValueKind::I64 => Values::F64(self.own(targets, *width, reals)?),
+                };
+            }
+            Field::Numbers(width, numbers) => {
+                let own: Vec<u32> = self.own(&Rows::alike(0..self.rows), *width, indices)?;
+                let found = scene_order(parts, &Rows::of_vertices(parts), &own);
+                *numbers =
+                    found.ok_or_else(|| self.error(format!("`{}` names a vertex that does not exist", self.name)))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn reals(values: Values) -> Option<Vec<f64>> {
+    if let Values::F64(values) = values { Some(values) } else { None }
+}
+
+fn indices(values: Values) -> Option<Vec<u32>> {
+    if let Values::U32(values) = values { Some(values) } else { None }
 }
 
 impl Remembered {
@@ -221,6 +351,7 @@ impl Remembered {
             match field {
                 Field::Number(_) => begin(&[1], ValueKind::F64),
                 Field::Count(_) => begin(&[1], ValueKind::U64),
+                Field::Vectors(_) => begin(&[parts.partition().vertex_count(), 3], ValueKind::F64),
                 Field::Vertices(1, _) => begin(&[parts.partition().vertex_count()], ValueKind::F64),
                 Field::Vertices(width, _) => begin(&[parts.partition().vertex_count(), *width], ValueKind::F64),
                 Field::Nodes(_, None) => begin(&[0, 3], ValueKind::F64),
@@ -242,6 +373,10 @@ impl Remembered {
                 Field::Count(value) => rows(Values::U64(vec![*value])),
                 Field::Vertices(width, own) => {
                     Rows::of_vertices(parts).give(ranks, *width, own, |values| rows(Values::F64(values)));
+                }
+                Field::Vectors(own) => {
+                    let flat: &[f64] = bytemuck::cast_slice(own);
+                    Rows::of_vertices(parts).give(ranks, 3, flat, |values| rows(Values::F64(values)));
                 }
                 Field::Nodes(_, None) => {}
                 Field::Nodes(_, Some((own, bodies))) => {
@@ -272,82 +407,24 @@ impl Remembered {
     pub(crate) fn take(
         &mut self,
         parts: &Parts,
-        (numbers, all_targets): (&[u32], usize),
+        (numbers, targets): (&[u32], usize),
         mut source: Option<&mut (dyn SnapshotSource + '_)>,
     ) -> Result<(), SnapshotError> {
         let (ranks, section) = (parts.ranks(), self.name);
         let error = |what: String| SnapshotError { section: section.to_owned(), what };
-        let lost = || error("rank 0 has no source for it".into());
         let version = share(ranks, || {
-            let source = source.as_deref().ok_or_else(lost)?;
-            Ok(vec![u64::from(source.version(section).ok_or_else(|| error("it is missing".into()))?)])
+            let version = source.as_deref().and_then(|source| source.version(section));
+            Ok(vec![u64::from(version.ok_or_else(|| error("it is missing".into()))?)])
         })?;
         if version != [u64::from(self.version)] {
             let (found, known) = (version.first().copied().unwrap_or(0), self.version);
             return Err(error(format!("it has version {found}, this program reads {known}")));
         }
         for (name, field) in &mut self.fields {
-            let rows = share(ranks, || {
-                let source = source.as_deref().ok_or_else(lost)?;
-                source.rows_of(section, name).map(|rows| vec![rows as u64])
-            })?;
-            let rows = rows.first().map_or(0, |rows| *rows as usize);
-            let fits = |expected: usize| match rows == expected {
-                true => Ok(()),
-                false => Err(error(format!("`{name}` has {rows} rows instead of {expected}"))),
-            };
-            let mut values = |range: Range<usize>| source.as_deref_mut().ok_or_else(lost)?.values(section, name, range);
-            let other = || error(format!("`{name}` holds values of another type"));
-            macro_rules! read {
-                ($kind:ident, $rows:expr, $width:expr) => {
-                    $rows.take(ranks, $width, |range| match values(range.clone())? {
-                        Values::$kind(values) if values.len() == range.len() * $width => Ok(values),
-                        _ => Err(other()),
-                    })?
-                };
-            }
-            // Known to all: one rank has every row.
-            let alike = |count: usize| Rows {
-                keys: (0..count as u32).collect(),
-                places: (0..count as u32).collect(),
-                all: count,
-            };
-            let of_targets = || Rows::of_targets(numbers, all_targets);
-            let cloth = parts.partition().vertex_count();
-            match field {
-                Field::Number(value) => *value = read!(F64, alike(1), 1).first().copied().ok_or_else(other)?,
-                Field::Count(value) => *value = read!(U64, alike(1), 1).first().copied().ok_or_else(other)?,
-                Field::Vertices(width, own) => {
-                    fits(cloth)?;
-                    *own = read!(F64, Rows::of_vertices(parts), *width);
-                }
-                Field::Nodes(bodies, nodes) => {
-                    if rows == 0 {
-                        *nodes = None;
-                        continue;
-                    }
-                    fits(cloth + *bodies)?;
-                    let own: Vec<f64> = read!(F64, Rows::of_vertices(parts), 3);
-                    let of_bodies = share(ranks, || match values(cloth..rows)? {
-                        Values::F64(values) => Ok(values),
-                        _ => Err(other()),
-                    })?;
-                    *nodes = Some((bytemuck::pod_collect_to_vec(&own), bytemuck::pod_collect_to_vec(&of_bodies)));
-                }
-                Field::Targets(width, of_rank) => {
-                    fits(all_targets)?;
-                    *of_rank = match of_rank.kind() {
-                        ValueKind::F64 => Values::F64(read!(F64, of_targets(), *width)),
-                        ValueKind::U32 => Values::U32(read!(U32, of_targets(), *width)),
-                        ValueKind::U8 => Values::U8(read!(U8, of_targets(), *width)),
-                        ValueKind::U64 | ValueKind::I64 => return Err(other()),
-                    };
-                }
-                Field::Numbers(width, numbers) => {
-                    let own: Vec<u32> = read!(U32, alike(rows), *width);
-                    *numbers = scene_order(parts, &Rows::of_vertices(parts), &own);
-                }
-            }
+            let source = source.as_deref_mut();
+            let mut reader = Reader { parts, section, name, source, rows: 0 };
+            reader.count_rows()?;
+            reader.read(field, &Rows::of_targets(numbers, targets))?;
         }
         Ok(())
     }
@@ -364,6 +441,10 @@ impl Remembered {
         };
         for (_, field) in &mut self.fields {
             match field {
+                Field::Vectors(values) => {
+                    let rows = |rank| values[run(rank)].to_vec();
+                    *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
+                }
                 Field::Vertices(width, values) => {
                     let rows = |rank| values[run(rank).start * *width..run(rank).end * *width].to_vec();
                     *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
@@ -404,6 +485,14 @@ impl Remembered {
     pub(crate) fn vertices(&self, name: &str) -> &[f64] {
         match self.field(name) {
             Some(Field::Vertices(_, values)) => values,
+            _ => &[],
+        }
+    }
+
+    /// The vectors of own vertices in the field of this name.
+    pub(crate) fn vectors(&self, name: &str) -> &[Vec3] {
+        match self.field(name) {
+            Some(Field::Vectors(values)) => values,
             _ => &[],
         }
     }

@@ -247,7 +247,7 @@ fn the_snapshot_of_another_scene_is_refused() {
         Err(other) => panic!("{other}"),
         Ok(_) => panic!("accepted"),
     };
-    assert!(refused(&shots[0], 0, &snapshot).contains("`positions` has 1350 values, not 507"));
+    assert!(refused(&shots[0], 0, &snapshot).contains("`positions` has 450 rows, not 169"));
     assert!(refused(&shots[3], 1, &snapshot).contains("does not follow frame 1"));
     let mut broken = snapshot.clone();
     broken.sections[0].version += 1;

@@ -48,12 +48,12 @@ impl Simulation {
     /// What time has changed, on this rank.
     pub(super) fn remember(&self) -> Vec<Remembered> {
         let own = self.scene.parts().own();
-        let flat = |vectors: &[Vec3]| Field::Vertices(3, bytemuck::cast_slice(&vectors[own.clone()]).to_vec());
+        let of_own = |vectors: &[Vec3]| Field::Vectors(vectors[own.clone()].to_vec());
         let state = Remembered::new(STATE, VERSION)
             .with("time", Field::Number(self.state.time))
             .with("last_step", Field::Number(self.limit.last()))
-            .with("positions", flat(&self.state.x))
-            .with("velocities", flat(&self.state.v));
+            .with("positions", of_own(&self.state.x))
+            .with("velocities", of_own(&self.state.v));
         let pins = (self.scene.pin_targets() > 0).then(|| self.targets.remember());
         let collision = self.collision.as_ref().and_then(|collision| collision.remember());
         let contact = self.self_contact.as_ref().map(|contact| contact.remember());
@@ -109,7 +109,7 @@ impl Simulation {
             }
             limit.set_last(section.number("last_step"));
             for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
-                vectors[parts.own()].copy_from_slice(bytemuck::cast_slice(section.vertices(name)));
+                vectors[parts.own()].copy_from_slice(section.vectors(name));
                 parts.halo().refresh(parts.ranks(), vectors);
             }
         }
@@ -131,9 +131,11 @@ impl Simulation {
             self.crossings = contact.known_crossings().to_vec();
         }
         self.frame = frame;
-        match problem {
-            Some(problem) => Err(problem),
-            None => Ok(()),
+        let elsewhere =
+            || SnapshotError { section: STATE.to_owned(), what: "another rank cannot go on from it".into() };
+        match (scene.parts().ranks().any(problem.is_some()), problem) {
+            (false, _) => Ok(()),
+            (true, problem) => Err(problem.unwrap_or_else(elsewhere)),
         }
     }
 }
