@@ -58,7 +58,8 @@ impl Samples {
     /// The rigid motions that bring `from`, with its centre, closest to `to` in the mean square.
     pub fn fits(&self, nodes: &ContactNodes, from: &[Vec3], centre: (f64, Vec3), to: [&[Vec3]; 2]) -> [RigidFit; 2] {
         let terms = |node: usize, to: &[Vec3]| terms(&(from[node] - centre.1), &(to[node] - centre.1));
-        if std::ptr::eq(to[0], to[1]) {
+        // A shortcut for one rank: on several all have to take the same way, and all slices of a rank without cloth are equal.
+        if nodes.ranks().is_alone() && std::ptr::eq(to[0], to[1]) {
             return [RigidFit::of(&self.sum(nodes, |node| terms(node, to[0])), centre); 2];
         }
         let both: [f64; 2 * TERMS] = self.sum(nodes, |node| {
