@@ -201,8 +201,7 @@ impl Output {
         let (units, with_velocities) = (self.units, self.velocities);
         for (garment, writers) in self.writers.iter_mut().enumerate().filter(|(_, writers)| !writers.is_empty()) {
             let positions = crew.stored(garment, Field::Positions, units);
-            let velocities =
-                with_velocities.then(|| crew.stored(garment, Field::Velocities, units)).unwrap_or_default();
+            let velocities = if with_velocities { crew.stored(garment, Field::Velocities, units) } else { Vec::new() };
             let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
             for writer in writers {
                 writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
