@@ -43,6 +43,10 @@ bench: setup ## benches of the solver's parts
 measure: build ## what self-contact costs, on the spinning ball and the twister; writes docs/self-contact.md
 	@.ci/measure-self-contact $(MEASURE)
 
+.PHONY: measure-ranks
+measure-ranks: build ## what many ranks cost and bring, on the spinning ball; writes docs/ranks.md
+	@.ci/measure-ranks $(MEASURE)
+
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check
