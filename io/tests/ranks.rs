@@ -16,6 +16,7 @@ use drapery_core::scene::{
 use drapery_io::cache::MeshData;
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
+use drapery_io::scene_file::load;
 use drapery_io::shot::crew::{dismiss, follow};
 use drapery_io::shot::motion::Preroll;
 use drapery_io::shot::run::{FrameReport, Outcome, RunOptions, RunReport};
@@ -83,7 +84,13 @@ fn shot() -> ShotDescription {
 type Ended = (Result<RunReport, ShotError>, Vec<u8>);
 
 /// Runs a shot on so many ranks. `signalled` gets a signal to stop before it starts.
-fn run(ranks: usize, threads: usize, out: &Path, signalled: Option<usize>, shot: fn() -> ShotDescription) -> Ended {
+fn run(
+    ranks: usize,
+    threads: usize,
+    out: &Path,
+    signalled: Option<usize>,
+    shot: impl Fn() -> ShotDescription + Sync,
+) -> Ended {
     let work = |communicator| {
         let ranks = Ranks::new(communicator);
         let requests = StopRequests::default();
@@ -125,6 +132,52 @@ fn assert_same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>, pla
     for (name, bytes) in a {
         assert!(bytes == &b[name], "{place}: {name} is another");
     }
+}
+
+/// A scene file of the project, coarse and short.
+fn scene(path: &str, parameters: &[(&str, &str)], frames: i64) -> ShotDescription {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
+    let parameters: Vec<_> = parameters.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect();
+    let mut shot = load(&path, &parameters).expect("a scene file").resolve().expect("its files");
+    shot.frames[1] = shot.frames[0] + frames;
+    shot
+}
+
+/// The scenes by which the promise is measured: any number of ranks and threads leaves the same bytes of each.
+fn has_the_same_bytes_everywhere(shot: impl Fn() -> ShotDescription + Sync) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut of_one = None;
+    for (ranks, threads) in [(1, 1), (2, 2), (3, 1), (4, 1), (7, 1), (8, 1)] {
+        let out = folder.path().join(format!("{ranks}"));
+        let (report, _) = run(ranks, threads, &out, None, &shot);
+        assert_eq!(report.unwrap().outcome, Outcome::Done);
+        let results = results(&out);
+        assert_same(of_one.get_or_insert_with(|| results.clone()), &results, &format!("{ranks} ranks"));
+    }
+}
+
+#[test]
+fn the_twister_has_the_same_bytes_on_any_number_of_ranks() {
+    has_the_same_bytes_everywhere(|| scene("sample_assets/scenes/twister.toml", &[("resolution", "30")], 1));
+}
+
+#[test]
+fn the_spinning_ball_has_the_same_bytes_on_any_number_of_ranks() {
+    has_the_same_bytes_everywhere(|| scene("sample_assets/scenes/spinning_ball.toml", &[("resolution", "60")], 1));
+}
+
+#[test]
+fn the_leaves_have_the_same_bytes_on_any_number_of_ranks() {
+    has_the_same_bytes_everywhere(|| scene("sample_assets/scenes/leaves.toml", &[("rows", "1")], 1));
+}
+
+#[test]
+fn the_dressed_woman_has_the_same_bytes_on_any_number_of_ranks() {
+    if !Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").is_dir() {
+        println!("skipped: no shared data");
+        return;
+    }
+    has_the_same_bytes_everywhere(|| scene("tests/scenes/dressed_woman.toml", &[], 1));
 }
 
 #[test]
