@@ -19,7 +19,7 @@ setup: ## install what is missing: Debian packages and the Python environment .v
 
 .PHONY: build
 build: setup ## release build of the commands
-	cargo build --release --workspace
+	cargo build --release --workspace --features drapery/mpi
 
 .PHONY: demo
 demo: build ## simulate a dressed character and render six frames of it; QUALITY=full for the fine garments
@@ -27,7 +27,7 @@ demo: build ## simulate a dressed character and render six frames of it; QUALITY
 
 .PHONY: test
 test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
-	cargo test --release --workspace
+	cargo test --release --workspace --features drapery/mpi
 	cargo run --release --quiet --package drapery-alembic --example write_demo -- $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle
 
@@ -43,7 +43,11 @@ bench: setup ## benches of the solver's parts
 measure: build ## what self-contact costs, on the spinning ball and the twister; writes docs/self-contact.md
 	@.ci/measure-self-contact $(MEASURE)
 
+.PHONY: measure-ranks
+measure-ranks: build ## what many ranks cost and bring, on the spinning ball; writes docs/ranks.md
+	@.ci/measure-ranks $(MEASURE)
+
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets -- -D warnings
+	cargo clippy --workspace --all-targets --features drapery/mpi -- -D warnings

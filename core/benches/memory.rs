@@ -203,7 +203,7 @@ fn waves(x: &[Vec3]) -> Vec<Vec3> {
 fn springs(bench: &mut Bench, n: usize) {
     let scene = checked(description(n));
     let (parts, masses) = (scene.parts(), scene.masses());
-    let count = parts.vertex_count();
+    let count = parts.local_count();
     let (vertices, springs) = (count as f64, spring_count(&scene));
     let x = drapery_core::state::State::at_start(&scene).x;
     let targets = PinTargets::default();
@@ -245,6 +245,7 @@ fn springs(bench: &mut Bench, n: usize) {
         half_step: 1e-3,
         x: &x,
         fraction: 0.0,
+        reaches_ghosts: &vec![false; parts.count()],
         stop,
     };
     let system = DampingSystem::new(&problem, &forces);

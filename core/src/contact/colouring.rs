@@ -34,7 +34,7 @@ const NOBODY: Key = [NONE; 4];
 /// Pairs with a point of a body have [`NO_COLOUR`]: nothing acts on them in the order of colours. All ranks call it
 /// together.
 pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
-    let alone = nodes.halo().is_empty();
+    let alone = nodes.halo().is_empty() || cfg!(feature = "rank-order");
     let order = order(count, nodes, &nodes_of);
     let mut colouring = Colouring {
         nodes,
@@ -79,6 +79,9 @@ fn order(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4
 
 /// A number that looks random, from those of the nodes.
 fn class(key: &Key) -> u8 {
+    if cfg!(feature = "rank-order") {
+        return 0;
+    }
     // The odd number nearest to 2⁶⁴ over the golden ratio (D. Knuth, The Art of Computer Programming 3, 6.4).
     let mix = |mixed: u64, node: &u32| {
         let mixed = (mixed ^ u64::from(*node)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -155,7 +158,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         if of.iter().any(|node| self.first[*node as usize] != NONE) {
             return false;
         }
-        if of.iter().all(|node| self.nodes.is_own(*node)) {
+        if of.iter().all(|node| self.nodes.is_own(*node)) || cfg!(feature = "rank-order") {
             return true;
         }
         let key = of.map(|node| self.nodes.number(node));

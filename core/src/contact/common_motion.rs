@@ -140,7 +140,7 @@ mod tests {
     fn fit(from: &[Vec3], to: &[Vec3]) -> RigidFit {
         let ranks = Ranks::default();
         let nodes = ContactNodes::new(&ranks, &[0, from.len() as u32], Vec::new(), 0);
-        let samples = Samples::new(&ranks, vec![0..from.len()], vec![0, 1]);
+        let samples = Samples::new(&ranks, std::iter::once(0..from.len()).collect(), vec![0, 1]);
         let [fit, _] = samples.fits(&nodes, from, samples.centre(&nodes, from), [to, to]);
         fit
     }

@@ -295,6 +295,9 @@ impl Repulsions {
             let live = &of_kind.live[colour.clone()];
             self.borders.with_colour(at.nodes.ranks(), [kind, number], live, &self.velocities, treat);
         }
+        if cfg!(feature = "rank-order") {
+            self.borders.before_sweeps(at.nodes.ranks(), &self.velocities);
+        }
     }
 }
 

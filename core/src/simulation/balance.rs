@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn parts_of_a_slow_rank_go_to_the_others() {
-        let partition = Partition::new((0..=8).map(|part| 100 * part).collect(), vec![0..800]);
+        let partition = Partition::new((0..=8).map(|part| 100 * part).collect(), std::iter::once(0..800).collect());
         let costs = costs(partition.sizes(), &[0, 4, 8], &[3.0, 1.0]);
         assert_eq!(costs, [0.75, 0.75, 0.75, 0.75, 0.25, 0.25, 0.25, 0.25]);
         assert_eq!(partition.share_out(&costs, 2), [0, 3, 8]);

@@ -8,6 +8,9 @@ use crate::contact::testing::{below, on_ranks};
 use crate::geometry::crossings::Crossing;
 use crate::parallel::ranks::Ranks;
 
+/// Distance that collisions keep [m].
+const GAP: f64 = 10.0 * f32::EPSILON as f64;
+
 /// Vertices along each side of a sheet, and sheets.
 const SIDE: usize = 16;
 const SHEETS: usize = 3;
@@ -52,7 +55,7 @@ impl Heap {
             rest[flat] = Vec3::new(i, 0.0, j) * 0.01;
             // Folded three times along one side.
             let (row, along) = ((i / 5.0).floor(), i % 5.0);
-            let across = if row as usize % 2 == 0 { along } else { 5.0 - along };
+            let across = if (row as usize).is_multiple_of(2) { along } else { 5.0 - along };
             x[flat] = Vec3::new(across, 2.4 * row + 0.8 * s as f64, j) * 0.01;
         }
         // A body under the sheets.
@@ -162,7 +165,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let (mut held, mut used) = ([Vec::new(), Vec::new()], Vec::new());
     for time in [0, 1] {
         let mut x = heap.at(&surface, time);
-        neighbours.rebuild(&mut surface, &mut search, &mut x, [0.3, 0.1][time], 1e-6);
+        neighbours.rebuild(&mut surface, &mut search, &mut x, [0.3, 0.1][time], GAP);
         assert_eq!(x, heap.at(&surface, time), "positions follow the ghosts");
         assert!(heap.agrees(&surface));
         let end = heap.at(&surface, 2);
@@ -182,10 +185,10 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
         pairs
     };
     let mut pairs = Vec::new();
-    neighbours.close_pairs(1e-6, 0.02, &mut pairs);
+    neighbours.close_pairs(GAP, 0.02, &mut pairs);
     let close = numbered(&pairs, &surface);
     let mut paths = NodePaths { start: heap.at(&surface, 2), end: heap.at(&surface, 3) };
-    search.swept_pairs(&mut surface, &mut neighbours, &mut paths, [1e-6, 0.02], &mut pairs);
+    search.swept_pairs(&mut surface, &mut neighbours, &mut paths, [GAP, 0.02], &mut pairs);
     let swept = numbered(&pairs, &surface);
     assert_eq!(paths.end, heap.at(&surface, 3));
     assert!(heap.agrees(&surface));

@@ -1,0 +1,106 @@
+//! What is measured at the end of a frame, over all ranks.
+
+use std::sync::Arc;
+
+use super::{FrameSummary, Simulation, StrainRecord};
+use crate::Vec3;
+use crate::contact::self_contact::SelfContact;
+use crate::effects::PartView;
+use crate::error::StepError;
+use crate::parallel::sum::weighted_dot;
+
+impl Simulation {
+    /// Fills in what is measured at the end of a frame, and makes sure that everything is finite.
+    pub(super) fn measure(&mut self, summary: &mut FrameSummary) -> Result<(), StepError> {
+        let (scene, ranks) = (Arc::clone(&self.scene), self.ranks().clone());
+        let parts = scene.parts();
+        if ranks.any(!parts.own().all(|i| is_finite(&self.state.x[i]) && is_finite(&self.state.v[i]))) {
+            return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
+        }
+        let masses = scene.masses();
+        let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
+        for (range, forces) in parts.ranges().iter().zip(&self.forces) {
+            let (own, v) = (&masses[range.clone()], &self.state.v[range.clone()]);
+            kinetic.push(0.5 * weighted_dot(own, v, v));
+            let view =
+                PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, targets: &self.targets };
+            potential.push(forces.iter().map(|f| f.energy(&view)).sum());
+        }
+        [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);
+        summary.max_strain = self.largest_strain();
+        self.crossings = self.find_crossings();
+        if self.self_contact.as_ref().is_some_and(SelfContact::keeps_free) {
+            self.metrics.count_once(&ranks, "crossings", self.crossings.len() as u64);
+        }
+        summary.body_self_crossings = self.bodies.self_crossings() as u64;
+        self.count_traffic();
+        summary.metrics = self.metrics.take().over_ranks(&ranks);
+        Ok(())
+    }
+
+    /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
+    fn largest_strain(&self) -> Option<StrainRecord> {
+        let (parts, ranks) = (self.scene.parts(), self.ranks());
+        let all = self.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.state.x));
+        let numbered = all.map(|(strain, ends)| {
+            let mut numbers = ends.map(|local| parts.number(local));
+            numbers.sort_unstable();
+            (strain, numbers, ends)
+        });
+        let larger =
+            |a: &(f64, [u32; 2], [usize; 2]), b: &(f64, [u32; 2], [usize; 2])| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1));
+        let here = numbered.max_by(larger).map(|(strain, numbers, ends)| {
+            let (garment, a) = parts.own_vertex(ends[0]);
+            let (_, b) = parts.own_vertex(ends[1]);
+            // Bits of the strain, and what orders and names it.
+            [strain.to_bits(), numbers[0].into(), numbers[1].into(), garment as u64, a.min(b).into(), a.max(b).into()]
+        });
+        let all = ranks.all_gather_each(here.as_slice()).concat();
+        let strain = |found: &[u64; 6]| f64::from_bits(found[0]);
+        let order = |a: &[u64; 6], b: &[u64; 6]| strain(a).total_cmp(&strain(b)).then(b[1..3].cmp(&a[1..3]));
+        let found = all.into_iter().max_by(order)?;
+        let garment = &self.scene.description().garments[found[3] as usize];
+        let vertices = [found[4] as usize, found[5] as usize].map(|v| v as u32);
+        Some(StrainRecord { garment: garment.name.clone(), vertices, strain: strain(&found) })
+    }
+
+    /// Counts what this rank has sent since the last frame.
+    fn count_traffic(&mut self) {
+        let sent = self.ranks().sent();
+        let before = std::mem::replace(&mut self.sent, sent);
+        if !self.ranks().is_alone() {
+            self.metrics.count("messages", sent.messages - before.messages);
+            self.metrics.count("bytes_sent", sent.bytes - before.bytes);
+            self.metrics.count_once(
+                &self.scene.parts().ranks().clone(),
+                "collectives",
+                sent.collectives - before.collectives,
+            );
+        }
+    }
+
+    /// The first vertex of all ranks whose numbers are no longer finite. All ranks call it together.
+    pub(super) fn not_finite(&self, stage: &'static str, frame: i64, dt: f64) -> StepError {
+        let parts = self.scene.parts();
+        let broken = parts.own().find(|&i| !is_finite(&self.state.x[i]) || !is_finite(&self.state.v[i]));
+        let here = broken.map(|i| {
+            let (garment, vertex) = parts.own_vertex(i);
+            [u64::from(parts.number(i)), garment as u64, vertex.into()]
+        });
+        let all = self.ranks().all_gather_each(here.as_slice()).concat();
+        let [_, garment, vertex] = all.into_iter().min().unwrap_or_default();
+        StepError::NotFinite {
+            garment: self.scene.description().garments[garment as usize].name.clone(),
+            vertex: vertex as usize,
+            frame,
+            time: self.state.time,
+            stage,
+            dt,
+        }
+    }
+}
+
+/// Whether no component is infinite or not a number.
+fn is_finite(v: &Vec3) -> bool {
+    v.iter().all(|c| c.is_finite())
+}
