@@ -227,3 +227,29 @@ fn schema_and_materials_are_printed() {
     assert!(schema["properties"]["garment"].is_object());
     assert!(drapery(folder.path(), &["materials"]).stdout.contains("cotton_shirting"));
 }
+
+#[cfg(not(feature = "mpi"))]
+#[test]
+fn without_mpi_one_of_many_processes_is_refused_and_only_the_first_says_so() {
+    let folder = folder_with(SHEET);
+    for (launcher, rank) in [("OMPI_COMM_WORLD", "0"), ("OMPI_COMM_WORLD", "2"), ("PMI", "0"), ("PMI", "1")] {
+        let [size, number] = ["SIZE", "RANK"].map(|name| format!("{launcher}_{name}"));
+        let process = |count: &str| -> crate::Outcome {
+            let mut command = command(folder.path(), &["run", "scene.toml", "--frames", "1001-1001", "-q"]);
+            command.env(&size, count).env(&number, rank).output().unwrap().into()
+        };
+        let refused = process("3");
+        assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+        assert_eq!(
+            refused.stderr.contains("one of 3 processes") && refused.stderr.contains("--features mpi"),
+            rank == "0"
+        );
+        assert_eq!(refused.stderr.is_empty(), rank != "0", "{}", refused.stderr);
+        assert!(!folder.path().join("out").exists());
+        // One process that mpirun has started is like any other.
+        if rank == "0" {
+            assert_eq!(process("1").code, Some(0));
+            std::fs::remove_dir_all(folder.path().join("out")).unwrap();
+        }
+    }
+}
