@@ -64,8 +64,8 @@ fn scene_text(shot: &Shot) -> String {
         text += &format!(
             "garment {}: {} points, {} faces, {} triangles, {} edges\n",
             garment.name,
-            garment.mesh.points.len(),
-            garment.mesh.face_counts.len(),
+            mesh.rest_positions().len(),
+            mesh.polygons().last().map_or(0, |polygon| polygon + 1),
             mesh.triangles().len(),
             mesh.edges().len()
         );
@@ -169,7 +169,7 @@ fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> Value {
         .iter()
         .zip(scene.meshes())
         .map(|(garment, mesh)| {
-            json!({"name": garment.name, "points": garment.mesh.points.len(), "triangles": mesh.triangles().len()})
+            json!({"name": garment.name, "points": mesh.rest_positions().len(), "triangles": mesh.triangles().len()})
         })
         .collect();
     let (state, effects) = bytes(shot);
