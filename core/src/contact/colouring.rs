@@ -1,8 +1,9 @@
 //! Colours of pairs, alike on any number of ranks: greedily in an order that looks random, so that what waits for what
 //! does not reach far, and that follows from the scene's numbers of the nodes alone.
 //!
-//! A pair takes the first colour that none before it has taken at one of its nodes. 128 colours are a *page*; pairs
-//! that find none of them free wait for the next page, where all are free again.
+//! A pair takes the first colour that none before it has taken at one of its nodes. Pairs with nodes in several logical
+//! parts come before those within one, which no other rank has to wait for. 128 colours are a *page*; pairs that find none
+//! of them free wait for the next page, where all are free again.
 //!
 //! Each rank colours all pairs it *holds*, those with a node of its own. It knows all pairs of its own nodes, so a pair
 //! of these alone can be decided when all before it are. For the others ranks tell each other in rounds, for every node
@@ -19,8 +20,12 @@ pub(crate) const NO_COLOUR: u32 = u32::MAX;
 const PAGE: u32 = u128::BITS;
 
 /// Classes of the order: pairs go class by class, those of a class by their nodes. So many that few pairs of one node
-/// are in one class, and so few that neighbours in memory are still met one soon after the other.
-const CLASSES: usize = 256;
+/// are in one class, and so few that neighbours in memory are still met one soon after the other. First those of pairs
+/// between parts, then those of pairs within a part.
+const CLASSES: usize = 2 * WITHIN;
+
+/// Number of the first class of pairs within a part.
+const WITHIN: usize = 256;
 
 /// Stands where there is no pair.
 const NONE: u32 = u32::MAX;
@@ -35,7 +40,7 @@ const NOBODY: Key = [NONE; 4];
 /// together.
 pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
     let alone = nodes.halo().is_empty() || cfg!(feature = "rank-order");
-    let order = order(count, nodes, &nodes_of);
+    let (order, between) = order(count, nodes, &nodes_of);
     let mut colouring = Colouring {
         nodes,
         nodes_of,
@@ -44,6 +49,7 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
         first: vec![NONE; nodes.cloth()],
         told: vec![NOBODY; if alone { 0 } else { nodes.cloth() }],
         order,
+        between,
     };
     let mut waiting: Vec<u32> = (0..colouring.order.len() as u32).collect();
     let mut page = 0;
@@ -56,25 +62,29 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
     (colouring.colours, number as usize)
 }
 
-/// The pairs without bodies in the order in which they choose.
-fn order(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> Vec<u32> {
+/// The pairs without bodies in the order in which they choose, and how many of them are between parts.
+fn order(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
     let class = |pair: usize| {
         let of = nodes_of(pair);
-        (!of.iter().any(|node| nodes.is_body(*node))).then(|| class(&of.map(|node| nodes.number(node))))
+        (!of.iter().any(|node| nodes.is_body(*node))).then(|| {
+            let key = of.map(|node| nodes.number(node));
+            usize::from(class(&key)) + if nodes.is_in_one_part(&key) { WITHIN } else { 0 }
+        })
     };
     let mut starts = [0usize; CLASSES + 1];
-    let classes: Vec<Option<u8>> = (0..count).map(class).collect();
-    classes.iter().flatten().for_each(|class| starts[usize::from(*class) + 1] += 1);
+    let classes: Vec<Option<usize>> = (0..count).map(class).collect();
+    classes.iter().flatten().for_each(|class| starts[class + 1] += 1);
     (0..CLASSES).for_each(|class| starts[class + 1] += starts[class]);
+    let between = starts[WITHIN];
     let mut order = vec![0; starts[CLASSES]];
     for (pair, class) in classes.iter().enumerate() {
         if let Some(class) = class {
-            let place = &mut starts[usize::from(*class)];
+            let place = &mut starts[*class];
             order[*place] = pair as u32;
             *place += 1;
         }
     }
-    order
+    (order, between)
 }
 
 /// A number that looks random, from those of the nodes.
@@ -97,6 +107,8 @@ struct Colouring<'a, F> {
     nodes_of: F,
     /// Pairs in the order in which they choose.
     order: Vec<u32>,
+    /// How many of them, the first ones, are between parts.
+    between: usize,
     colours: Vec<u32>,
     /// Colours of the page that are taken at each node.
     used: Vec<u128>,
@@ -113,14 +125,18 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         self.used.fill(0);
         self.told.fill(NOBODY);
         let mut full = Vec::new();
+        let within = undecided.split_off(undecided.partition_point(|place| (*place as usize) < self.between));
         loop {
             undecided = self.pass(page, undecided, &mut full);
             if !self.nodes.ranks().any(!undecided.is_empty()) {
-                full.sort_unstable();
-                return full;
+                break;
             }
             self.tell();
         }
+        // What is within a part is of one rank, and all before it is decided.
+        self.pass(page, within, &mut full);
+        full.sort_unstable();
+        full
     }
 
     /// Decides what can be; returns what cannot yet.

@@ -6,6 +6,7 @@
 //! that own one of its nodes.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use bytemuck::Pod;
 
@@ -19,6 +20,9 @@ pub struct ContactNodes {
     ranks: Ranks,
     /// First vertex of every rank in the scene's numbering, and the number of all cloth vertices at the end.
     rank_starts: Vec<u32>,
+    /// First vertex of every logical part in the scene's numbering, and the number of all at the end; empty where each vertex
+    /// counts as a part.
+    part_starts: Arc<[u32]>,
     /// Numbers of the ghosts in the scene, ascending.
     ghosts: Vec<u32>,
     own: Range<usize>,
@@ -34,12 +38,27 @@ impl ContactNodes {
         let low = ghosts.partition_point(|ghost| *ghost < first);
         let halo = Halo::new(ranks, &ghosts, rank_starts);
         let own = low..low + (end - first) as usize;
-        Self { ranks: ranks.clone(), rank_starts: rank_starts.to_vec(), ghosts, own, body_nodes, halo }
+        let (ranks, rank_starts, part_starts) = (ranks.clone(), rank_starts.to_vec(), Arc::default());
+        Self { ranks, rank_starts, part_starts, ghosts, own, body_nodes, halo }
+    }
+
+    /// The same nodes, with the first vertices of the logical parts, and the number of all at the end.
+    pub fn with_parts(self, starts: impl Iterator<Item = u32>) -> Self {
+        Self { part_starts: starts.collect(), ..self }
+    }
+
+    /// Whether nodes, by their numbers in the scene, are all of one logical part.
+    pub fn is_in_one_part(&self, numbers: &[u32; 4]) -> bool {
+        let next = self.part_starts.partition_point(|start| *start <= numbers[0]);
+        let Some(end) = self.part_starts.get(next) else { return false };
+        let part = self.part_starts[next - 1]..*end;
+        numbers.iter().all(|number| part.contains(number))
     }
 
     /// The nodes of this rank with other ghosts. All ranks call it together.
     pub fn with_ghosts(&self, ghosts: Vec<u32>) -> Self {
-        Self::new(&self.ranks, &self.rank_starts, ghosts, self.body_nodes)
+        let new = Self::new(&self.ranks, &self.rank_starts, ghosts, self.body_nodes);
+        Self { part_starts: Arc::clone(&self.part_starts), ..new }
     }
 
     /// This rank and the others.

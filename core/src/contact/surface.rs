@@ -67,7 +67,9 @@ impl ContactSurface {
         };
         let shapes = scene.description().bodies.iter().map(|body| &body.shape).enumerate();
         let bodies: Vec<BodyFaces<'_>> = shapes.filter_map(of_body).collect();
-        Self::of_share(ClothShare::of(scene, clamp), &bodies)
+        let surface = Self::of_share(ClothShare::of(scene, clamp), &bodies);
+        let starts = scene.parts().partition().starts().iter().map(|start| *start as u32);
+        Self { nodes: surface.nodes.with_parts(starts), ..surface }
     }
 
     /// The surfaces that a rank has. All ranks call it together.
