@@ -57,6 +57,7 @@ impl Simulation {
             // A failure would be one of handing over what was whole before: there is nothing to fall back on.
             self.assign(assignment).unwrap_or_else(|error| panic!("parts could not change their rank: {error}"));
             self.balance.cost = watch.seconds();
+            self.metrics.count_once(&ranks, "parts_reassigned", 1);
         }
     }
 
