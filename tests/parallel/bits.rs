@@ -169,6 +169,17 @@ fn two_garments_that_fall_on_a_spinning_ball_and_on_a_floor() {
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }
 
+/// The swelling ball as a body.
+fn ball() -> BodyDescription {
+    let (triangles, points) = swelling_ball(0.0);
+    let shape = BodyShape::Surface { triangles, point_count: points.len() };
+    BodyDescription {
+        friction: 0.3,
+        thickness: 0.001,
+        ..BodyDescription::new("ball", shape, RigidMotion::at(Vec3::zeros()))
+    }
+}
+
 /// The swelling ball, and three points that a pin follows.
 fn ball_and_track(frame: i64) -> FrameInput {
     let time = frame as f64 / 120.0;
@@ -181,14 +192,7 @@ fn ball_and_track(frame: i64) -> FrameInput {
 #[test]
 fn a_sheet_on_a_deforming_ball_that_follows_a_track() {
     let mut description = cloth(0.26);
-    let (triangles, points) = swelling_ball(0.0);
-    let shape = BodyShape::Surface { triangles, point_count: points.len() };
-    let body = BodyDescription {
-        friction: 0.3,
-        thickness: 0.001,
-        ..BodyDescription::new("ball", shape, RigidMotion::at(Vec3::zeros()))
-    };
-    description.bodies.push(body);
+    description.bodies.push(ball());
     description.effects.push(EffectRequest::of_scene("body_collision"));
     let pin = |target| PinDescription {
         garment: 0,
@@ -212,14 +216,7 @@ fn two_sheets_on_a_ball() -> SceneDescription {
     upper.velocity = Vec3::new(0.0, -2.0, 0.3);
     description.garments.push(upper);
     description.effects.push(EffectRequest::of_garment("stretch", 1).with("stiffness", 100.0));
-    let (triangles, points) = swelling_ball(0.0);
-    let shape = BodyShape::Surface { triangles, point_count: points.len() };
-    let body = BodyDescription {
-        friction: 0.3,
-        thickness: 0.001,
-        ..BodyDescription::new("ball", shape, RigidMotion::at(Vec3::zeros()))
-    };
-    description.bodies.push(body);
+    description.bodies.push(ball());
     for effect in ["body_collision", "self_repulsion", "self_collision"] {
         description.effects.push(EffectRequest::of_scene(effect));
     }

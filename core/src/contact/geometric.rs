@@ -18,7 +18,7 @@ use crate::Vec3;
 use crate::contact::ccd::{self, Contact};
 use crate::contact::geometric::response::{Field, Response};
 use crate::contact::neighbours::Neighbours;
-use crate::contact::nodes::{ContactNodes, once};
+use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::{Pair, PairKind};
 use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
@@ -141,8 +141,8 @@ impl CollisionLoop {
             hits = self.detect(collisions, paths, &response);
             [everywhere] = ranks.sum_of([hits.len() as u64]);
         }
-        metrics.count("collision_attempts", once(&ranks, attempts.into()));
-        metrics.count("collision_loops", once(&ranks, 1));
+        metrics.count_once(&ranks, "collision_attempts", attempts.into());
+        metrics.count_once(&ranks, "collision_loops", 1);
         let nodes = collisions.surface.nodes();
         let (zone_nodes, given_up) = response.report(nodes, metrics);
         let moved = nodes.own().filter(|&node| self.moved[node] != 0).map(|node| node as u32).collect();
@@ -163,7 +163,7 @@ impl CollisionLoop {
         if source == Source::Neighbours {
             return neighbours.close_pairs(collisions.gap, MARGIN, &mut self.candidates);
         }
-        metrics.count("swept_searches", once(collisions.surface.ranks(), 1));
+        metrics.count_once(collisions.surface.ranks(), "swept_searches", 1);
         let found = &mut self.candidates;
         let renumber = search.swept_pairs(collisions.surface, neighbours, paths, reach, found);
         if let Some(renumber) = renumber.filter(|_| !self.displacements.is_empty()) {

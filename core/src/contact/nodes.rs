@@ -234,8 +234,3 @@ impl Renumber {
         nodes.for_each(|node| *node = self.node(*node));
     }
 }
-
-/// A count of what all ranks know alike: counted on one of them.
-pub fn once(ranks: &Ranks, count: u64) -> u64 {
-    if ranks.is_first() { count } else { 0 }
-}

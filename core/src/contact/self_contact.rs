@@ -11,7 +11,7 @@ use crate::bodies::Bodies;
 use crate::contact::exact_check::{crossings, ignored_pairs, pinched_vertices};
 use crate::contact::geometric::{CollisionLoop, Collisions, Resolution};
 use crate::contact::neighbours::Neighbours;
-use crate::contact::nodes::{ContactNodes, once};
+use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
 use crate::contact::repulsion::{Laws, Moment, Passes, Repulsions};
 use crate::contact::search::PairSearch;
@@ -248,7 +248,7 @@ impl SelfContact {
         self.gap = gap(self.surface.ranks(), &self.paths.start);
         self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
         if self.used + way > self.neighbours.reach() || self.used.is_nan() {
-            metrics.count("pair_searches", self.once(1));
+            metrics.count_once(self.surface.ranks(), "pair_searches", 1);
             // A list that lasts is worth being long; one that does not is for repulsions alone.
             let reach = if LASTING * way <= LONG_REACH { LONG_REACH } else { way.min(SHORT_REACH) };
             self.rebuild(reach);
@@ -260,15 +260,11 @@ impl SelfContact {
             let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
             repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
         }
-        metrics.count("collision_steps", self.once(1));
-        metrics.count(STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], self.once(1));
-        metrics.count("collision_steps_shortened", self.once(u64::from(self.step_share() < 1.0)));
+        let ranks = self.surface.ranks();
+        metrics.count_once(ranks, "collision_steps", 1);
+        metrics.count_once(ranks, STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], 1);
+        metrics.count_once(ranks, "collision_steps_shortened", u64::from(self.step_share() < 1.0));
         steps
-    }
-
-    /// A count of what all ranks know alike.
-    fn once(&self, count: u64) -> u64 {
-        once(self.surface.ranks(), count)
     }
 
     /// Makes the list of neighbours anew around the collision-free state.
@@ -338,7 +334,7 @@ impl SelfContact {
         let outcome = self.resolve(duration, may_rewind, used, metrics);
         let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
         if outcome.given_back {
-            metrics.count("rewinds", once(self.surface.ranks(), 1));
+            metrics.count_once(self.surface.ranks(), "rewinds", 1);
             geometric.control.failed();
             return Ending::Rewound;
         }
@@ -466,7 +462,7 @@ impl SelfContact {
     ) {
         let Some(geometric) = &mut self.geometric else { return };
         let (surface, nodes, paths) = (&self.surface, self.surface.nodes(), &mut self.paths);
-        metrics.count("crossing_checks", once(nodes.ranks(), 1));
+        metrics.count_once(nodes.ranks(), "crossing_checks", 1);
         let among_cloth = |all: &[Crossing]| all.iter().filter(|c| surface.is_cloth(c)).count();
         let (before, allowed) = (&geometric.crossings, among_cloth(&geometric.crossings));
         let only = before.is_empty().then(|| marks(nodes, moved));
@@ -479,7 +475,7 @@ impl SelfContact {
             if among_cloth(&found) <= allowed || round > REVERT_ROUNDS {
                 break found;
             }
-            metrics.count("crossings_reverted", once(nodes.ranks(), 1));
+            metrics.count_once(nodes.ranks(), "crossings_reverted", 1);
             let new = found.iter().filter(|c| surface.is_cloth(c) && before.binary_search(c).is_err());
             let numbers = new.flat_map(|c| c.edge.iter().chain(&c.triangle));
             numbers.filter_map(|number| nodes.local(*number)).for_each(|node| stopped[node as usize] = 1);

@@ -12,7 +12,7 @@ use crate::Vec3;
 use crate::contact::components::Sets;
 use crate::contact::geometric::{IMPULSE_ATTEMPTS, meet};
 use crate::contact::impulse::{change_normal_velocity, normal_velocity, response};
-use crate::contact::nodes::{ContactNodes, once};
+use crate::contact::nodes::ContactNodes;
 use crate::contact::packing::{Packed, Unpacked};
 use crate::contact::pair::Pair;
 use crate::contact::zones::{Action, Hit, Motion, Solved, Zone, Zones};
@@ -120,7 +120,7 @@ impl Response {
         metrics.count("zones_rigid", self.rigid);
         metrics.count("zone_fallbacks", self.stopped);
         metrics.count("pairs_pinched", self.given_up.len() as u64);
-        let zone_nodes = self.closed.node_count() + once(ranks, self.open.node_count());
+        let zone_nodes = self.closed.node_count() + if ranks.is_first() { self.open.node_count() } else { 0 };
         let [zone_nodes, given_up] = ranks.sum_of([zone_nodes, self.given_up.len() as u64]);
         (zone_nodes, given_up)
     }
