@@ -35,6 +35,8 @@ pub struct SceneDescription {
     pub bodies: Vec<BodyDescription>,
     /// Vertices whose motion is prescribed or that are held by springs.
     pub pins: Vec<PinDescription>,
+    /// Where the grid of the wind stands, if the caller pushes one ([`crate::simulation::FrameInput::wind`]).
+    pub wind: Option<WindGridShape>,
     /// Effects asked for. What is not here does not exist while the scene runs.
     pub effects: Vec<EffectRequest>,
 }
@@ -272,6 +274,17 @@ pub enum PinHold {
     },
 }
 
+/// A regular grid of velocities of the air; it does not move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WindGridShape {
+    /// Place of the first node [m].
+    pub origin: Vec3,
+    /// Distance between nodes along x, y and z [m].
+    pub spacing: Vec3,
+    /// Number of nodes along x, y and z.
+    pub counts: [usize; 3],
+}
+
 /// An effect that the scene asks for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectRequest {
@@ -313,6 +326,12 @@ impl EffectRequest {
         self
     }
 
+    /// The same with keys set (seconds, and vectors in the setting's SI unit).
+    pub fn with_keys(mut self, setting: &str, keys: Vec<(f64, [f64; 3])>) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Keys(keys));
+        self
+    }
+
     /// The same with a vector set (in the setting's SI unit).
     pub fn with_vector(mut self, setting: &str, value: [f64; 3]) -> Self {
         self.settings.insert(setting.into(), SettingValue::Vector(value));
@@ -330,6 +349,7 @@ impl SceneDescription {
             garments: Vec::new(),
             bodies: Vec::new(),
             pins: Vec::new(),
+            wind: None,
             effects: Vec::new(),
         }
     }

@@ -19,6 +19,7 @@ use crate::state::State;
 use crate::step::{Scratch, StepContext, advance};
 use crate::time_step::StepLimit;
 use crate::tolerances::CG_GRAVITY_FRACTION;
+use crate::wind_grid::{WindGrid, WindSample};
 
 mod balance;
 mod measure;
@@ -47,12 +48,14 @@ pub struct FrameInput {
     pub bodies: Vec<Vec<Sample>>,
     /// For each track of pinned positions, likewise.
     pub tracks: Vec<Vec<Sample>>,
+    /// The same for the grid of the wind; empty without one.
+    pub wind: Vec<WindSample>,
 }
 
 impl FrameInput {
     /// Input of a scene without animated meshes.
     pub fn to_frame(frame: i64) -> Self {
-        Self { frame, bodies: Vec::new(), tracks: Vec::new() }
+        Self { frame, ..Self::default() }
     }
 }
 
@@ -144,6 +147,7 @@ pub struct Simulation {
     collision: Option<BodyCollision>,
     self_contact: Option<SelfContact>,
     bodies: Bodies,
+    wind: WindGrid,
     limit: StepLimit,
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
@@ -180,18 +184,24 @@ impl Simulation {
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
-        Self::with(scene, state, bodies, tracks)
+        let wind = WindGrid::new(scene.description().wind, &start.wind).map_err(|problem| Problems(vec![problem]))?;
+        Self::with(scene, state, bodies, (tracks, wind))
     }
 
-    /// The simulation of a scene with these bodies and tracks.
-    fn with(scene: Arc<Scene>, state: State, bodies: Bodies, tracks: Vec<Samples>) -> Result<Self, Problems> {
+    /// The simulation of a scene with these bodies, tracks and wind.
+    fn with(
+        scene: Arc<Scene>,
+        state: State,
+        bodies: Bodies,
+        (tracks, wind): (Vec<Samples>, WindGrid),
+    ) -> Result<Self, Problems> {
         let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time);
         let parts = scene.parts();
         agree(parts.ranks(), targets.as_ref().err().cloned().into_iter().collect())?;
         let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
-        let (mut repulsion, mut self_collision) = (None, None);
+        let (mut repulsion, mut self_collision, mut sees_velocities) = (None, None, false);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
@@ -200,6 +210,7 @@ impl Simulation {
             collision = collision.or(effect.body_collision);
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
+            sees_velocities |= effect.sees_velocities;
             plan.push(planned);
         }
         let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
@@ -219,7 +230,7 @@ impl Simulation {
             effect.bytes = bytes as usize;
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
-        let scratch = Scratch::new(parts, collision.is_some() || after_position);
+        let scratch = Scratch::new(parts, collision.is_some() || after_position, sees_velocities);
         let frame = scene.description().timeline.start;
         let metrics = Metrics::default();
         Ok(Self {
@@ -233,6 +244,7 @@ impl Simulation {
             collision,
             self_contact,
             bodies,
+            wind,
             limit,
             reaches_ghosts,
             scratch,
@@ -340,6 +352,7 @@ impl Simulation {
         let timeline = self.scene.description().timeline;
         let (from, to) = (timeline.time(self.frame), timeline.time(input.frame));
         let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
+        stops.extend(input.wind.iter().map(|sample| sample.time));
         stops.extend(self.targets.window_times());
         stops.retain(|t| *t > from && *t < to);
         stops.push(to);
@@ -466,6 +479,7 @@ impl Simulation {
             targets: &mut self.targets,
             tracks: &self.tracks,
             collision: self.collision.as_mut(),
+            wind: &self.wind,
             self_contact: self.self_contact.as_mut(),
             bodies: &mut self.bodies,
             reaches_ghosts: &self.reaches_ghosts,
@@ -516,6 +530,14 @@ impl Simulation {
             }
             if sample.time > self.tracks[track].b.time.max(start) {
                 self.tracks[track].push(sample);
+            }
+        }
+        if self.wind.exists() {
+            let Some(sample) = input.wind.iter().find(|sample| sample.time >= stop).cloned() else {
+                return Err(self.input_error(input, "the wind has no sample at the frame's time".into()));
+            };
+            if sample.time > self.wind.sampled_until().max(start) {
+                self.wind.push(sample).map_err(|e| self.input_error(input, e))?;
             }
         }
         Ok(())

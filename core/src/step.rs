@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
+use crate::effects::Surroundings;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::metrics::Metrics;
@@ -28,6 +29,7 @@ use crate::parallel::split::PerVertex;
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop};
 use crate::solve::implicit_velocity::{PartForces, VelocityProblem};
 use crate::state::State;
+use crate::wind_grid::WindGrid;
 
 /// Vertices that one task of a plain vector update works on.
 const CHUNK: usize = 4096;
@@ -40,27 +42,32 @@ pub struct Scratch {
     x_new: Vec<Vec3>,
     x_middle: Vec<Vec3>,
     explicit: Vec<Vec3>,
+    /// Velocities that forces see in B.5; empty if none looks.
+    v_seen: Vec<Vec3>,
     cg: ConjugateGradient,
 }
 
 impl Scratch {
-    /// Arrays for the local vertices; `with_v_star` adds what only contact between B.3 and B.5 needs.
-    pub fn new(parts: &Parts, with_v_star: bool) -> Self {
+    /// Arrays for the local vertices; `with_v_star` adds what only contact between B.3 and B.5 needs, `with_v_seen` what forces
+    /// need that look at velocities.
+    pub fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool) -> Self {
         let vertices = vec![Vec3::zeros(); parts.local_count()];
-        let v_star = if with_v_star { vertices.clone() } else { Vec::new() };
+        let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };
+        let (v_star, v_seen) = (only_if(with_v_star), only_if(with_v_seen));
         Self {
             v_half: vertices.clone(),
             v_star,
             x_new: vertices.clone(),
             x_middle: vertices.clone(),
             explicit: vertices,
+            v_seen,
             cg: ConjugateGradient::new(parts),
         }
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        (4 * self.x_new.len() + self.v_star.len()) * size_of::<Vec3>() + self.cg.bytes()
+        (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>() + self.cg.bytes()
     }
 }
 
@@ -82,6 +89,8 @@ pub struct StepContext<'a> {
     pub tracks: &'a [Samples],
     /// Body collision, if the scene has bodies.
     pub collision: Option<&'a mut BodyCollision>,
+    /// The wind of a file.
+    pub wind: &'a WindGrid,
     /// Self-contact, if the scene asks for it.
     pub self_contact: Option<&'a mut SelfContact>,
     /// The bodies.
@@ -143,13 +152,14 @@ impl StepContext<'_> {
 
     /// B.1: v½ from x and v.
     fn first_half(&mut self, dt: f64, report: &mut StepReport) {
-        let Self { parts, masses, state, forces, pins, targets, reaches_ghosts, scratch, stop, metrics, .. } = self;
+        let Self { parts, masses, state, forces, pins, targets, wind, reaches_ghosts, scratch, stop, metrics, .. } =
+            self;
         let Scratch { v_half, explicit, cg, .. } = &mut **scratch;
         metrics.stage("B.1 velocity", |m| {
             let problem = VelocityProblem {
                 parts,
                 masses,
-                targets,
+                around: Surroundings { time: state.time, targets, v: &state.v, wind },
                 pins: *pins,
                 contacts: None,
                 half_step: 0.5 * dt,
@@ -231,9 +241,21 @@ impl StepContext<'_> {
     /// B.5 and B.6: the velocity at the end, from the forces at the middle.
     fn second_half(&mut self, dt: f64, report: &mut StepReport) {
         let Self {
-            parts, masses, state, forces, pins, targets, collision, reaches_ghosts, scratch, stop, metrics, ..
+            parts,
+            masses,
+            state,
+            forces,
+            pins,
+            targets,
+            wind,
+            collision,
+            reaches_ghosts,
+            scratch,
+            stop,
+            metrics,
+            ..
         } = self;
-        let Scratch { v_half, v_star, x_new, x_middle, explicit, cg } = &mut **scratch;
+        let Scratch { v_half, v_star, x_new, x_middle, explicit, v_seen, cg } = &mut **scratch;
         metrics.stage("B.5 velocity", |m| {
             let chunks = x_middle.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK)).zip(x_new.par_chunks(CHUNK));
             chunks.for_each(|((middle, x), x_new)| {
@@ -243,10 +265,14 @@ impl StepContext<'_> {
             });
             let contacts = collision.as_deref();
             let v_start: &[Vec3] = if v_star.is_empty() { &state.v } else { v_star };
+            if !v_seen.is_empty() {
+                foresee(v_seen, v_half, &state.v, v_star);
+                parts.halo().refresh(parts.ranks(), v_seen);
+            }
             let problem = VelocityProblem {
                 parts,
                 masses,
-                targets,
+                around: Surroundings { time: state.time + 0.5 * dt, targets, v: v_seen, wind },
                 pins: *pins,
                 contacts,
                 half_step: 0.5 * dt,
@@ -299,6 +325,12 @@ fn note(outcome: Outcome, stage: &'static str, parts: &Parts, metrics: &mut Metr
     if !outcome.finite {
         report.not_finite = report.not_finite.or(Some(stage));
     }
+}
+
+/// The velocity at the middle as B.1 to B.4 foresee it: v½, and what bodies changed at the start.
+fn foresee(v_seen: &mut [Vec3], v_half: &[Vec3], v: &[Vec3], v_star: &[Vec3]) {
+    v_seen.copy_from_slice(v_half);
+    v_seen.iter_mut().zip(v_star.iter().zip(v)).for_each(|(seen, (v_star, v))| *seen += v_star - v);
 }
 
 /// B.6: `v ← 2 v½ − v*`; v½ is what `v` holds if it is not given.

@@ -7,11 +7,13 @@ pub mod attachments;
 pub mod bending;
 pub mod body_collision;
 pub mod gravity;
+pub mod part_triangles;
 pub mod pins;
 pub mod self_collision;
 pub mod self_repulsion;
 pub mod springs;
 pub mod stretch;
+pub mod wind;
 
 use std::ops::Range;
 
@@ -23,12 +25,14 @@ use crate::parallel::lanes::{Lanes, PartLanes};
 use crate::parallel::parts::PART_SIZE;
 use crate::scene::Scene;
 use crate::settings::{Field, Settings};
+use crate::wind_grid::WindGrid;
 
 /// All effects, in the order of execution.
 pub static REGISTRY: &[&EffectSpec] = &[
     &gravity::SPEC,
     &stretch::SPEC,
     &bending::SPEC,
+    &wind::SPEC,
     &attachments::SPEC,
     &pins::SPEC,
     &body_collision::SPEC,
@@ -103,10 +107,26 @@ pub struct Effect {
     pub self_repulsion: Option<(Laws, f64)>,
     /// How geometric collisions are resolved.
     pub self_collision: Option<CollisionSettings>,
+    /// Whether its forces look at [`Surroundings::v`].
+    pub sees_velocities: bool,
     /// Memory held [bytes].
     pub bytes: usize,
     /// What the effect had to change to run well, for `drapery plan`.
     pub notes: Vec<String>,
+}
+
+/// What forces see beside the positions of the cloth.
+#[derive(Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// Solver time of the positions [s].
+    pub time: f64,
+    /// Where pinned vertices have to be during the step.
+    pub targets: &'a pins::PinTargets,
+    /// Velocities of all vertices that are known before the solve [m/s], for the factors of drag that are not linear: at the
+    /// start of the step in B.1, foreseen for its middle in B.5. Empty there if no effect asks for them.
+    pub v: &'a [Vec3],
+    /// The wind of a file.
+    pub wind: &'a WindGrid,
 }
 
 /// One part of the cloth as a force sees it.
@@ -120,8 +140,8 @@ pub struct PartView<'a> {
     pub x: &'a [Vec3],
     /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle.
     pub fraction: f64,
-    /// Where pinned vertices have to be during the step.
-    pub targets: &'a pins::PinTargets,
+    /// Everything else.
+    pub around: Surroundings<'a>,
 }
 
 impl PartView<'_> {

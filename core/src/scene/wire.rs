@@ -8,7 +8,7 @@ use crate::mesh::PolygonMesh;
 use crate::parallel::wire::{Wire, wire};
 use crate::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinAnchor, PinDescription, PinHold, PinTarget,
-    Pinned, RigidMotion, SceneDescription, SolverSettings, SurfaceAttachment, Timeline,
+    Pinned, RigidMotion, SceneDescription, SolverSettings, SurfaceAttachment, Timeline, WindGridShape,
 };
 use crate::settings::SettingValue;
 
@@ -37,9 +37,10 @@ wire!(enum PinTarget {
     3 => BodyNearest { body, vertices },
 });
 wire!(struct PinDescription { garment, target, axes, from, until, hold });
-wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value) });
+wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
 wire!(struct EffectRequest { effect, garment, settings, because });
-wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, effects });
+wire!(struct WindGridShape { origin, spacing, counts });
+wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, wind, effects });
 wire!(struct Pinned { number, pin, row, vertex, attachment });
 wire!(enum ProblemKind { 0 => Scene, 1 => Data });
 wire!(struct Problem { place, what, advice, kind });

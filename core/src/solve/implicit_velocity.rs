@@ -5,8 +5,8 @@
 
 use crate::Vec3;
 use crate::effects::body_collision::BodyCollision;
-use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, PartMotion, PartView};
+use crate::effects::pins::HardPins;
+use crate::effects::{Force, PartMotion, PartView, Surroundings};
 use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::split::{PerPart, PerVertex};
@@ -21,8 +21,8 @@ pub struct VelocityProblem<'a> {
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
-    /// Where pinned vertices have to be.
-    pub targets: &'a PinTargets,
+    /// What forces see beside the positions.
+    pub around: Surroundings<'a>,
     /// Hard pins, if there are any.
     pub pins: Option<&'a HardPins>,
     /// Contacts with bodies whose normals are constrained: in the second solve only.
@@ -76,7 +76,7 @@ impl System for DampingSystem<'_> {
             contacts.project(start, r);
         }
         if let Some(pins) = self.problem.pins {
-            pins.project(part, start, self.problem.targets, r);
+            pins.project(part, start, self.problem.around.targets, r);
         }
     }
 }
@@ -96,8 +96,8 @@ impl VelocityProblem<'_> {
         self.parts.for_each(slices, &|part, (explicit, out, forces)| {
             let range = self.parts.ranges()[part].clone();
             let masses = &self.masses[range.clone()];
-            let view =
-                PartView { start: range.start, masses, x: self.x, fraction: self.fraction, targets: self.targets };
+            let Self { x, fraction, around, .. } = *self;
+            let view = PartView { start: range.start, masses, x, fraction, around };
             let mut f = [Lanes::ZERO; PART_SIZE];
             let f = view.update(&mut forces.0[0], &mut f);
             let sums = f.iter().zip(masses).zip(&v[range.clone()]).zip(explicit.0.iter_mut().zip(&mut *out.0));
@@ -109,7 +109,7 @@ impl VelocityProblem<'_> {
                 contacts.set_velocities(range.start, out.0);
             }
             if let Some(pins) = self.pins {
-                pins.set_velocities(part, range.start, self.targets, out.0);
+                pins.set_velocities(part, range.start, self.around.targets, out.0);
             }
         });
         self.parts.halo().refresh(self.parts.ranks(), out);

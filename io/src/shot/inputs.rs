@@ -28,7 +28,7 @@ impl Inputs {
         let bodies =
             self.bodies.iter().map(|body| body.as_ref().map_or(Ok(Vec::new()), samples)).collect::<Result<_, _>>()?;
         let tracks = self.tracks.iter().map(samples).collect::<Result<_, _>>()?;
-        Ok(FrameInput { frame, bodies, tracks })
+        Ok(FrameInput { frame, bodies, tracks, wind: Vec::new() })
     }
 
     /// Problems of all frames of all inputs.
