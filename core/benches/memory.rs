@@ -32,6 +32,7 @@ use drapery_core::Vec3;
 use drapery_core::bodies::Bodies;
 use drapery_core::effects::body_collision::{BodyCollision, CollisionStep};
 use drapery_core::effects::pins::PinTargets;
+use drapery_core::effects::pressure::volumes::Volumes;
 use drapery_core::effects::{PartView, Surroundings, build_all};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
@@ -208,7 +209,7 @@ fn springs(bench: &mut Bench, n: usize) {
     let (vertices, springs) = (count as f64, spring_count(&scene));
     let x = drapery_core::state::State::at_start(&scene).x;
     let (targets, wind) = (PinTargets::default(), WindGrid::default());
-    let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind };
+    let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &Volumes::default() };
     let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
     for (_, effect) in build_all(&scene).unwrap_or_else(|problems| panic!("{problems}")) {
         effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));

@@ -4,11 +4,12 @@
 //! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
 //! that every index is in range, every number finite and every rest edge longer than zero.
 
+pub(crate) mod sewn;
 mod share;
 mod validate;
 mod wire;
 
-pub(crate) use validate::agree;
+pub(crate) use validate::{agree, listed};
 
 use std::collections::BTreeMap;
 
@@ -19,6 +20,7 @@ use crate::geometry::shapes::Shape;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
+use sewn::Sewn;
 
 /// A scene as plain data, in SI units. Nothing in it is checked.
 #[derive(Debug, Clone)]
@@ -35,6 +37,8 @@ pub struct SceneDescription {
     pub bodies: Vec<BodyDescription>,
     /// Vertices whose motion is prescribed or that are held by springs.
     pub pins: Vec<PinDescription>,
+    /// Vertices that are drawn together.
+    pub seams: Vec<SeamDescription>,
     /// Where the grid of the wind stands, if the caller pushes one ([`crate::simulation::FrameInput::wind`]).
     pub wind: Option<WindGridShape>,
     /// Effects asked for. What is not here does not exist while the scene runs.
@@ -274,6 +278,26 @@ pub enum PinHold {
     },
 }
 
+/// Vertices of garments that are sewn together, pair by pair. The gap of a pair closes evenly from what it is at the start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeamDescription {
+    /// Garment of either side.
+    pub garments: [usize; 2],
+    /// Pairs of vertices, each by its number in the garment of its side.
+    pub pairs: Vec<[u32; 2]>,
+    /// Solver time at which the gaps start to close [s].
+    pub from: f64,
+    /// Solver time from which they are closed [s]; not after `from` closes them at once.
+    pub until: f64,
+    /// What is left of the gaps then [m]; `None` takes the larger thickness of the two garments if cloth touches cloth in this
+    /// scene, and nothing otherwise.
+    pub rest_gap: Option<f64>,
+    /// Stiffness of each pair [N/m].
+    pub stiffness: f64,
+    /// Damping as a fraction of critical damping of the pair.
+    pub damping_ratio: f64,
+}
+
 /// A regular grid of velocities of the air; it does not move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WindGridShape {
@@ -349,6 +373,7 @@ impl SceneDescription {
             garments: Vec::new(),
             bodies: Vec::new(),
             pins: Vec::new(),
+            seams: Vec::new(),
             wind: None,
             effects: Vec::new(),
         }
@@ -398,6 +423,7 @@ pub struct Scene {
     velocities: Option<Vec<Vec3>>,
     pinned: Vec<Pinned>,
     pin_targets: usize,
+    sewn: Vec<Sewn>,
 }
 
 /// A vertex that a pin holds.
@@ -447,6 +473,11 @@ impl Scene {
         &self.pinned
     }
 
+    /// Pairs of sewn vertices with an own one, in the order of the seams.
+    pub(crate) fn sewn(&self) -> &[Sewn] {
+        &self.sewn
+    }
+
     /// Rows of a track that own vertices follow, ascending.
     pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
         let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
@@ -458,15 +489,19 @@ impl Scene {
         self.pin_targets
     }
 
+    /// Rest positions of the local vertices [m].
+    pub(crate) fn rest_positions(&self) -> Vec<Vec3> {
+        self.meshes.iter().flat_map(|mesh| mesh.rest_positions()).copied().collect()
+    }
+
     /// Positions [m] and velocities [m/s] of the local vertices at the start.
     pub(crate) fn start_state(&self) -> [Vec<Vec3>; 2] {
-        let rest = || self.meshes.iter().flat_map(|mesh| mesh.rest_positions()).copied().collect();
         let uniform = || {
             let of_garment = |(g, garment): (usize, &GarmentDescription)| {
                 std::iter::repeat_n(garment.velocity, self.parts.garment(g).len())
             };
             self.description.garments.iter().enumerate().flat_map(of_garment).collect()
         };
-        [self.start.clone().unwrap_or_else(rest), self.velocities.clone().unwrap_or_else(uniform)]
+        [self.start.clone().unwrap_or_else(|| self.rest_positions()), self.velocities.clone().unwrap_or_else(uniform)]
     }
 }

@@ -7,6 +7,7 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::pressure::volumes::Volumes;
 use crate::effects::{Force, Need, PlannedEffect, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
@@ -148,6 +149,7 @@ pub struct Simulation {
     self_contact: Option<SelfContact>,
     bodies: Bodies,
     wind: WindGrid,
+    volumes: Volumes,
     limit: StepLimit,
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
@@ -201,6 +203,7 @@ impl Simulation {
         let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
+        let mut volumes = Volumes::default();
         let (mut repulsion, mut self_collision, mut sees_velocities) = (None, None, false);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
@@ -211,6 +214,7 @@ impl Simulation {
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
             sees_velocities |= effect.sees_velocities;
+            volumes.0.extend(effect.volume);
             plan.push(planned);
         }
         let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
@@ -245,6 +249,7 @@ impl Simulation {
             self_contact,
             bodies,
             wind,
+            volumes,
             limit,
             reaches_ghosts,
             scratch,
@@ -480,6 +485,7 @@ impl Simulation {
             tracks: &self.tracks,
             collision: self.collision.as_mut(),
             wind: &self.wind,
+            volumes: &mut self.volumes,
             self_contact: self.self_contact.as_mut(),
             bodies: &mut self.bodies,
             reaches_ghosts: &self.reaches_ghosts,

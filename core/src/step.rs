@@ -23,6 +23,7 @@ use crate::contact::self_contact::SelfContact;
 use crate::effects::Surroundings;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
 use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::pressure::volumes::Volumes;
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerVertex;
@@ -91,6 +92,8 @@ pub struct StepContext<'a> {
     pub collision: Option<&'a mut BodyCollision>,
     /// The wind of a file.
     pub wind: &'a WindGrid,
+    /// Volumes that forces look at.
+    pub volumes: &'a mut Volumes,
     /// Self-contact, if the scene asks for it.
     pub self_contact: Option<&'a mut SelfContact>,
     /// The bodies.
@@ -152,14 +155,28 @@ impl StepContext<'_> {
 
     /// B.1: v½ from x and v.
     fn first_half(&mut self, dt: f64, report: &mut StepReport) {
-        let Self { parts, masses, state, forces, pins, targets, wind, reaches_ghosts, scratch, stop, metrics, .. } =
-            self;
+        let Self {
+            parts,
+            masses,
+            state,
+            forces,
+            pins,
+            targets,
+            wind,
+            volumes,
+            reaches_ghosts,
+            scratch,
+            stop,
+            metrics,
+            ..
+        } = self;
         let Scratch { v_half, explicit, cg, .. } = &mut **scratch;
         metrics.stage("B.1 velocity", |m| {
+            volumes.update(parts, &state.x);
             let problem = VelocityProblem {
                 parts,
                 masses,
-                around: Surroundings { time: state.time, targets, v: &state.v, wind },
+                around: Surroundings { time: state.time, targets, v: &state.v, wind, volumes },
                 pins: *pins,
                 contacts: None,
                 half_step: 0.5 * dt,
@@ -248,6 +265,7 @@ impl StepContext<'_> {
             pins,
             targets,
             wind,
+            volumes,
             collision,
             reaches_ghosts,
             scratch,
@@ -265,6 +283,7 @@ impl StepContext<'_> {
             });
             let contacts = collision.as_deref();
             let v_start: &[Vec3] = if v_star.is_empty() { &state.v } else { v_star };
+            volumes.update(parts, x_middle);
             if !v_seen.is_empty() {
                 foresee(v_seen, v_half, &state.v, v_star);
                 parts.halo().refresh(parts.ranks(), v_seen);
@@ -272,7 +291,7 @@ impl StepContext<'_> {
             let problem = VelocityProblem {
                 parts,
                 masses,
-                around: Surroundings { time: state.time + 0.5 * dt, targets, v: v_seen, wind },
+                around: Surroundings { time: state.time + 0.5 * dt, targets, v: v_seen, wind, volumes },
                 pins: *pins,
                 contacts,
                 half_step: 0.5 * dt,

@@ -21,3 +21,4 @@ pub mod shot;
 pub mod site_file;
 pub mod units;
 pub mod verify;
+pub mod wind_file;

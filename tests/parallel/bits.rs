@@ -4,15 +4,18 @@ use std::sync::Arc;
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
+use drapery_core::mesh::PolygonMesh;
 use drapery_core::parallel::communicator::Communicator;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
-    RigidMotion, Scene, SceneDescription,
+    RigidMotion, Scene, SceneDescription, WindGridShape,
 };
+use drapery_core::settings::SettingValue;
 use drapery_core::simulation::{FrameInput, FrameSummary, Sample, Simulation};
 use drapery_core::snapshot::Snapshot;
+use drapery_core::wind_grid::WindSample;
 use drapery_tests::*;
 
 /// Ranks, and threads of each.
@@ -232,4 +235,44 @@ fn two_sheets_that_meet_on_a_deforming_ball() {
     let counted = |name: &str| summaries.iter().map(|summary| summary.metrics.counted(name)).sum::<u64>();
     assert!(counted("repulsions") > 0 && counted("collision_hits") > 0, "the sheets meet");
     shot.has_the_same_bits_everywhere();
+}
+
+/// Gusts that turn and grow, on 4 by 4 by 4 nodes.
+fn gusts(frame: i64) -> FrameInput {
+    let time = frame as f64 / 120.0;
+    let node = |k: usize| {
+        let phase = 0.7 * k as f64 + 40.0 * time;
+        Vec3::new(8.0 * phase.sin(), 5.0 * phase.cos(), 3.0)
+    };
+    FrameInput { wind: vec![WindSample { time, velocities: (0..64).map(node).collect() }], ..no_input(frame) }
+}
+
+#[test]
+fn a_hanging_sheet_in_gusts_of_a_grid() {
+    let mut description = cloth(0.0);
+    add_pins(&mut description, vec![0, 80]);
+    let shape = WindGridShape { origin: Vec3::repeat(-0.6), spacing: Vec3::repeat(0.4), counts: [4; 3] };
+    description.wind = Some(shape);
+    let mut wind = EffectRequest::of_scene("wind").with("density", 1.0).with("tangential", 0.1).with("normal", 0.5);
+    wind = wind.with_keys("keys", vec![(0.0, [1.0, 0.0, 0.0]), (0.02, [0.0, 0.0, 2.0])]);
+    wind.settings.insert("file".into(), SettingValue::Text("gusts.h5".into()));
+    description.effects.push(wind);
+    Shot { description, input: gusts, frames: 4 }.has_the_same_bits_everywhere();
+}
+
+#[test]
+fn balloons_of_pressure_and_of_gas() {
+    let (triangles, points) = unit_ball(40, 60);
+    let mut description = scene_of(GarmentDescription::new("sheet", sheet(30, 30, 0.02), 0.2), 120);
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
+    for (g, gas) in [(1, false), (2, true)] {
+        let at = |p: &Vec3| p * 0.2 + Vec3::new(0.5 * g as f64, 0.5, 0.0);
+        let mesh = PolygonMesh::from_triangles(points.iter().map(at).collect(), &triangles);
+        description.garments.push(GarmentDescription::new(&format!("ball{g}"), mesh, 0.2));
+        description.effects.push(EffectRequest::of_garment("stretch", g).with("stiffness", 100.0));
+        let pressure = EffectRequest::of_garment("pressure", g).with("overpressure", 60.0);
+        description.effects.push(pressure.with_flag("gas", gas).with("ambient", 1e3));
+    }
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }

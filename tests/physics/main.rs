@@ -4,4 +4,6 @@ mod determinism;
 mod free_motion;
 mod friction;
 mod oscillators;
+mod pressure;
 mod statics;
+mod wind;

@@ -77,13 +77,15 @@ fn default(field: &Field) -> String {
         Default::Number(value) => format!("{value}"),
         Default::Vector(value) => format!("{value:?}"),
         Default::Flag(value) => format!("{value}"),
-        Default::Absent => "none".to_owned(),
+        Default::Absent | Default::Keys | Default::File => "none".to_owned(),
     }
 }
 
 fn range(field: &Field) -> String {
-    if let Default::Flag(_) = field.default {
-        return "true or false".to_owned();
+    match field.default {
+        Default::Flag(_) => return "true or false".to_owned(),
+        Default::File => return "a file name".to_owned(),
+        _ => {}
     }
     let (low, high) = field.range;
     format!("{low} to {high}")

@@ -9,6 +9,8 @@ pub mod body_collision;
 pub mod gravity;
 pub mod part_triangles;
 pub mod pins;
+pub mod pressure;
+pub mod seams;
 pub mod self_collision;
 pub mod self_repulsion;
 pub mod springs;
@@ -26,6 +28,7 @@ use crate::parallel::parts::PART_SIZE;
 use crate::scene::Scene;
 use crate::settings::{Field, Settings};
 use crate::wind_grid::WindGrid;
+use pressure::volumes::{Volume, Volumes};
 
 /// All effects, in the order of execution.
 pub static REGISTRY: &[&EffectSpec] = &[
@@ -33,6 +36,8 @@ pub static REGISTRY: &[&EffectSpec] = &[
     &stretch::SPEC,
     &bending::SPEC,
     &wind::SPEC,
+    &pressure::SPEC,
+    &seams::SPEC,
     &attachments::SPEC,
     &pins::SPEC,
     &body_collision::SPEC,
@@ -107,6 +112,8 @@ pub struct Effect {
     pub self_repulsion: Option<(Laws, f64)>,
     /// How geometric collisions are resolved.
     pub self_collision: Option<CollisionSettings>,
+    /// A volume that its forces look at in [`Surroundings::volumes`].
+    pub volume: Option<Volume>,
     /// Whether its forces look at [`Surroundings::v`].
     pub sees_velocities: bool,
     /// Memory held [bytes].
@@ -127,6 +134,8 @@ pub struct Surroundings<'a> {
     pub v: &'a [Vec3],
     /// The wind of a file.
     pub wind: &'a WindGrid,
+    /// Volumes that garments enclose in these positions.
+    pub volumes: &'a Volumes,
 }
 
 /// One part of the cloth as a force sees it.

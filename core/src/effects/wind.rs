@@ -237,6 +237,7 @@ mod tests {
     use super::*;
     use crate::effects::build_all;
     use crate::effects::pins::PinTargets;
+    use crate::effects::pressure::volumes::Volumes;
     use crate::mesh::PolygonMesh;
     use crate::parallel::parts::PART_SIZE;
     use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
@@ -256,7 +257,7 @@ mod tests {
     fn forces(scene: &Scene, v: &[Vec3]) -> (Vec<Vec3>, Vec<Vec3>) {
         let x = scene.start_state()[0].clone();
         let (targets, wind) = (PinTargets::default(), WindGrid::default());
-        let around = Surroundings { time: 0.0, targets: &targets, v, wind: &wind };
+        let around = Surroundings { time: 0.0, targets: &targets, v, wind: &wind, volumes: &Volumes::default() };
         let view = PartView { start: 0, masses: scene.masses(), x: &x, fraction: 0.0, around };
         let effects = build_all(scene).unwrap_or_else(|problems| panic!("{problems}"));
         let mut all: Vec<Box<dyn Force>> =

@@ -6,9 +6,10 @@ use crate::error::{Problem, ProblemKind};
 use crate::geometry::shapes::Shape;
 use crate::mesh::PolygonMesh;
 use crate::parallel::wire::{Wire, wire};
+use crate::scene::sewn::Sewn;
 use crate::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinAnchor, PinDescription, PinHold, PinTarget,
-    Pinned, RigidMotion, SceneDescription, SolverSettings, SurfaceAttachment, Timeline, WindGridShape,
+    Pinned, RigidMotion, SceneDescription, SeamDescription, SolverSettings, SurfaceAttachment, Timeline, WindGridShape,
 };
 use crate::settings::SettingValue;
 
@@ -39,9 +40,11 @@ wire!(enum PinTarget {
 wire!(struct PinDescription { garment, target, axes, from, until, hold });
 wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
 wire!(struct EffectRequest { effect, garment, settings, because });
+wire!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
 wire!(struct WindGridShape { origin, spacing, counts });
-wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, wind, effects });
+wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, seams, wind, effects });
 wire!(struct Pinned { number, pin, row, vertex, attachment });
+wire!(struct Sewn { number, seam, ends, gap });
 wire!(enum ProblemKind { 0 => Scene, 1 => Data });
 wire!(struct Problem { place, what, advice, kind });
 

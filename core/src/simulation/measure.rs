@@ -19,8 +19,9 @@ impl Simulation {
             return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
         }
         let masses = scene.masses();
-        let State { time, v, .. } = &self.state;
-        let around = Surroundings { time: *time, targets: &self.targets, v, wind: &self.wind };
+        let State { time, x, v } = &self.state;
+        self.volumes.update(parts, x);
+        let around = Surroundings { time: *time, targets: &self.targets, v, wind: &self.wind, volumes: &self.volumes };
         let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
         for (range, forces) in parts.ranges().iter().zip(&self.forces) {
             let (own, v) = (&masses[range.clone()], &self.state.v[range.clone()]);

@@ -7,7 +7,7 @@ use drapery_core::effects::REGISTRY;
 use drapery_core::scene::{
     EffectRequest, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings, Timeline,
 };
-use drapery_core::settings::Dimension;
+use drapery_core::settings::{Dimension, SettingValue};
 
 use crate::cache::MeshData;
 use crate::error::IoError;
@@ -15,6 +15,7 @@ use crate::mesh_source::MeshSource;
 use crate::shot::motion::{InputMotion, Preroll, file_time};
 use crate::shot::{OutputDescription, ShotDescription};
 use crate::units::Units;
+use crate::wind_file::WindFile;
 
 use super::SceneFile;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
@@ -40,6 +41,7 @@ pub(super) struct Resolver<'a> {
     /// For each body its file; `None` for ideal shapes and for bodies that could not be read.
     pub(super) bodies: Vec<Option<InputMotion>>,
     pub(super) tracks: Vec<InputMotion>,
+    pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
 }
 
@@ -55,6 +57,7 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         garments: Vec::new(),
         bodies: Vec::new(),
         tracks: Vec::new(),
+        wind: None,
         input_files: scene.material_files.clone(),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
@@ -85,6 +88,7 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         scene: resolver.description,
         bodies: resolver.bodies,
         tracks: resolver.tracks,
+        wind: resolver.wind,
         garments: resolver.garments,
         frames: [first, last],
         preroll: resolver.preroll,
@@ -262,9 +266,25 @@ impl Resolver<'_> {
             let because = format!("the scene has {bodies} bod{}", if bodies == 1 { "y" } else { "ies" });
             requests.push(EffectRequest { because, ..EffectRequest::of_scene("body_collision") });
         }
+        self.wind_file(&requests);
         // In the order of the registry, as they run, so that two ways of writing a scene give one description.
         requests.sort_by_key(|r| (REGISTRY.iter().position(|spec| spec.name == r.effect), r.garment));
         self.description.effects = requests;
+    }
+}
+
+impl Resolver<'_> {
+    /// Opens the grid of the wind, if the scene names a file.
+    fn wind_file(&mut self, requests: &[EffectRequest]) {
+        let wind = requests.iter().find(|request| request.effect == "wind");
+        let Some(SettingValue::Text(file)) = wind.and_then(|wind| wind.settings.get("file")) else { return };
+        let file = self.scene.folder.join(file);
+        let opened = WindFile::open(&file);
+        if !self.input_files.contains(&file) {
+            self.input_files.push(file);
+        }
+        self.wind = self.of_file(&Path::default().key("wind").key("file"), opened);
+        self.description.wind = self.wind.as_ref().map(WindFile::shape);
     }
 }
 
