@@ -10,7 +10,7 @@ use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
-    RigidMotion, Scene, SceneDescription, WindGridShape,
+    RigidMotion, Scene, SceneDescription, SeamDescription, WindGridShape,
 };
 use drapery_core::settings::SettingValue;
 use drapery_core::simulation::{FrameInput, FrameSummary, Sample, Simulation};
@@ -274,5 +274,27 @@ fn balloons_of_pressure_and_of_gas() {
         description.effects.push(pressure.with_flag("gas", gas).with("ambient", 1e3));
     }
     add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
+}
+
+#[test]
+fn a_seam_between_two_garments_and_one_across_a_garment() {
+    let mut description = cloth(0.0);
+    let mut small = GarmentDescription::new("small", sheet(40, 60, 0.0125), 0.3);
+    small.mesh.points.iter_mut().for_each(|p| *p += Vec3::new(0.8, 0.05, 0.0));
+    description.garments.push(small);
+    description.effects.push(EffectRequest::of_garment("stretch", 1).with("stiffness", 100.0));
+    let seam = |garments, pairs: Vec<[u32; 2]>| SeamDescription {
+        garments,
+        pairs,
+        from: 0.005,
+        until: 0.03,
+        rest_gap: Some(0.001),
+        stiffness: 50.0,
+        damping_ratio: 0.5,
+    };
+    description.seams.push(seam([0, 1], (0..=60).map(|k| [80 + 81 * (k + 10), 41 * k]).collect()));
+    description.seams.push(seam([0, 0], (0..=80).map(|k| [81 * k, 81 * k + 70]).collect()));
+    description.effects.push(EffectRequest::of_scene("seams"));
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }

@@ -5,5 +5,6 @@ mod free_motion;
 mod friction;
 mod oscillators;
 mod pressure;
+mod seams;
 mod statics;
 mod wind;

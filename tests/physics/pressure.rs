@@ -9,8 +9,41 @@ use drapery_tests::*;
 /// Radius of the ball at rest [m].
 const RADIUS: f64 = 0.2;
 
+/// An icosahedron whose faces are cut into four three times: nearly equilateral triangles, as membrane theory wants them.
+fn unit_icosphere() -> (Vec<[u32; 3]>, Vec<Vec3>) {
+    let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
+    let mut points: Vec<Vec3> = Vec::new();
+    for (s, t) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
+        points.extend([Vec3::new(0.0, s, t), Vec3::new(s, t, 0.0), Vec3::new(t, 0.0, s)].map(|p| p.normalize()));
+    }
+    let count = points.len() as u32;
+    let near = |a: u32, b: u32| (points[a as usize] - points[b as usize]).norm() < 1.1;
+    let mut triangles = Vec::new();
+    for (a, b, c) in (0..count).flat_map(|a| (a + 1..count).flat_map(move |b| (b + 1..count).map(move |c| (a, b, c)))) {
+        if near(a, b) && near(b, c) && near(c, a) {
+            let [p, q, r] = [a, b, c].map(|v| points[v as usize]);
+            triangles.push(if p.dot(&q.cross(&r)) > 0.0 { [a, b, c] } else { [a, c, b] });
+        }
+    }
+    for _ in 0..3 {
+        let mut middles = std::collections::BTreeMap::new();
+        let mut middle = |a: u32, b: u32| {
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                points.push((points[a as usize] + points[b as usize]).normalize());
+                points.len() as u32 - 1
+            })
+        };
+        let cut = |[a, b, c]: [u32; 3]| {
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
+        };
+        triangles = triangles.into_iter().flat_map(cut).collect();
+    }
+    (triangles, points)
+}
+
 fn ball() -> PolygonMesh {
-    let (triangles, points) = unit_ball(12, 24);
+    let (triangles, points) = unit_icosphere();
     PolygonMesh::from_triangles(points.iter().map(|p| p * RADIUS).collect(), &triangles)
 }
 
@@ -26,7 +59,7 @@ fn pressed() -> EffectRequest {
 
 /// Volume between the points and the origin [m³].
 fn volume(points: &[Vec3]) -> f64 {
-    let triangles = unit_ball(12, 24).0;
+    let triangles = unit_icosphere().0;
     triangles.iter().map(|t| t.map(|v| points[v as usize])).map(|[a, b, c]| a.dot(&b.cross(&c))).sum::<f64>() / 6.0
 }
 
@@ -60,8 +93,8 @@ fn a_balloon_swells_to_the_radius_of_membrane_theory_and_stays_where_it_is() {
         let (a, b) = (pressure * RADIUS, 3.0 * stiffness);
         (b - (b * b - 4.0 * a * b).sqrt()) / (2.0 * a)
     };
-    // A ball of 24 sectors whose slivers at the poles bend out is not quite a sphere.
-    assert!((scale - expected).abs() < 0.02 * (expected - 1.0), "{scale}, not {expected}");
+    // Triangles of an icosphere differ by a fifth.
+    assert!((scale - expected).abs() < 0.03 * (expected - 1.0), "{scale}, not {expected}");
     assert!(centre(&velocities(&simulation)).norm() < 1e-12, "inner forces move nothing");
 }
 
@@ -81,7 +114,7 @@ fn gas_lets_a_ball_breathe_at_the_frequency_of_the_gas_law() {
     let ambient = 5e3;
     let omega = (ambient / rest * driven).sqrt();
     let mut description = balloon(pressed().with_flag("gas", true).with("ambient", ambient));
-    let start_points = mesh.rest_positions().iter().zip(areas.iter().zip(&masses)).map(|(x, (g, m))| x + g / *m * 1e-5);
+    let start_points = mesh.rest_positions().iter().zip(areas.iter().zip(&masses)).map(|(x, (g, m))| x + g / *m * 1e-6);
     description.garments[0].start = Some(start_points.collect());
     description.solver.max_dt = Some(0.02 / omega);
     let mut simulation = start(description);
@@ -91,10 +124,8 @@ fn gas_lets_a_ball_breathe_at_the_frequency_of_the_gas_law() {
     let found = (volume(&positions(&simulation)) - rest) / swing;
     // Second order in the step, and first in the way of the swing.
     assert!((found - phase.cos()).abs() < 0.01, "{found}, not {} at {phase} rad", phase.cos());
-    assert!(
-        (summary.potential_energy + summary.kinetic_energy - 0.5 * ambient / rest * swing * swing).abs()
-            < 1e-3 * 0.5 * ambient / rest * swing * swing
-    );
+    let energy = 0.5 * ambient / rest * swing * swing;
+    assert!((summary.potential_energy + summary.kinetic_energy - energy).abs() < 1e-3 * energy);
 }
 
 #[test]
@@ -116,7 +147,7 @@ fn a_garment_with_holes_or_turned_faces_is_refused_by_name_unless_it_may_be_open
         let scene = Scene::validate(description).unwrap_or_else(|p| panic!("{p}"));
         Simulation::new(scene, &FrameInput::to_frame(0)).map(drop).map_err(|p| p.to_string())
     };
-    let mut triangles = unit_ball(12, 24).0;
+    let mut triangles = unit_icosphere().0;
     triangles[5].swap(0, 1);
     let turned = attempt(&triangles, false).unwrap_err();
     assert!(turned.contains("balloon") && turned.contains("edges"), "{turned}");
@@ -124,7 +155,7 @@ fn a_garment_with_holes_or_turned_faces_is_refused_by_name_unless_it_may_be_open
     assert!(attempt(&triangles, false).is_err());
     assert!(attempt(&triangles, true).is_ok());
     // All faces inwards is one way of looking at a ball.
-    let mut inwards = unit_ball(12, 24).0;
+    let mut inwards = unit_icosphere().0;
     inwards.iter_mut().for_each(|t| t.swap(0, 1));
     assert!(attempt(&inwards, false).is_ok());
 }

@@ -38,6 +38,8 @@ pub(super) struct Resolver<'a> {
     preroll: Preroll,
     pub(super) description: SceneDescription,
     pub(super) garments: Vec<MeshData>,
+    /// Points of each garment along both directions of its panel, if it is one.
+    pub(super) grids: Vec<Option<[u32; 2]>>,
     /// For each body its file; `None` for ideal shapes and for bodies that could not be read.
     pub(super) bodies: Vec<Option<InputMotion>>,
     pub(super) tracks: Vec<InputMotion>,
@@ -55,6 +57,7 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         preroll: Preroll { settle: document.shot.preroll.settle, blend: document.shot.preroll.blend },
         description: SceneDescription::new(&document.shot.name),
         garments: Vec::new(),
+        grids: Vec::new(),
         bodies: Vec::new(),
         tracks: Vec::new(),
         wind: None,
@@ -73,6 +76,9 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
     }
     if document.garment.is_empty() {
         resolver.error_with(&Path::default(), "the scene has no garment", "add a [[garment]]".to_owned());
+    }
+    for (index, seam) in document.seam.iter().enumerate() {
+        resolver.seam(seam, &Path::default().key("seam").index(index));
     }
     resolver.effects();
     if !resolver.errors.is_empty() {
@@ -260,6 +266,12 @@ impl Resolver<'_> {
             if !texts.is_empty() {
                 requests.push(EffectRequest { because: texts.join(", "), ..EffectRequest::of_scene(effect) });
             }
+        }
+        let seams = self.description.seams.len();
+        if seams > 0 {
+            let pairs: usize = self.description.seams.iter().map(|seam| seam.pairs.len()).sum();
+            let because = format!("{seams} seam{} of {pairs} pairs", if seams == 1 { "" } else { "s" });
+            requests.push(EffectRequest { because, ..EffectRequest::of_scene("seams") });
         }
         let bodies = self.description.bodies.len();
         if bodies > 0 {

@@ -5,6 +5,7 @@
 //! input files.
 
 mod garment;
+mod seam;
 mod values;
 
 use schemars::JsonSchema;
@@ -15,6 +16,7 @@ use crate::units::{LengthUnit, UpAxis};
 pub(in crate::scene_file) use garment::{
     Axis, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, Leaves, Panel, PanelShape, Pin, PinMode, Region, Tube,
 };
+pub(in crate::scene_file) use seam::{Pairing, Seam, SeamSide};
 pub(in crate::scene_file) use values::{BodyPath, Quantity, Rotation};
 
 /// A scene for Drapery.
@@ -37,6 +39,9 @@ pub(in crate::scene_file) struct Document {
     /// Garments, in the order of the output.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) garment: Vec<Garment>,
+    /// Vertices that are drawn together.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) seam: Vec<Seam>,
     /// What is written.
     #[serde(default)]
     pub(in crate::scene_file) output: Output,
