@@ -32,7 +32,6 @@ use drapery_core::Vec3;
 use drapery_core::bodies::Bodies;
 use drapery_core::effects::body_collision::{BodyCollision, CollisionStep};
 use drapery_core::effects::pins::PinTargets;
-use drapery_core::effects::pressure::volumes::Volumes;
 use drapery_core::effects::{PartView, Surroundings, build_all};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
@@ -47,6 +46,7 @@ use drapery_core::scene::{
 use drapery_core::simulation::{FrameInput, Sample, Simulation};
 use drapery_core::solve::conjugate_gradient::{ConjugateGradient, Stop, System};
 use drapery_core::solve::implicit_velocity::{DampingSystem, PartForces, VelocityProblem};
+use drapery_core::volumes::Volumes;
 use drapery_core::wind_grid::WindGrid;
 
 /// Doubles in each array of the triad: 128 MiB, far more than any cache.

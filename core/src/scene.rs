@@ -4,7 +4,7 @@
 //! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
 //! that every index is in range, every number finite and every rest edge longer than zero.
 
-pub(crate) mod sewn;
+pub mod sewn;
 mod share;
 mod validate;
 mod wire;
@@ -474,7 +474,7 @@ impl Scene {
     }
 
     /// Pairs of sewn vertices with an own one, in the order of the seams.
-    pub(crate) fn sewn(&self) -> &[Sewn] {
+    pub fn sewn(&self) -> &[Sewn] {
         &self.sewn
     }
 
@@ -490,7 +490,7 @@ impl Scene {
     }
 
     /// Rest positions of the local vertices [m].
-    pub(crate) fn rest_positions(&self) -> Vec<Vec3> {
+    pub fn rest_positions(&self) -> Vec<Vec3> {
         self.meshes.iter().flat_map(|mesh| mesh.rest_positions()).copied().collect()
     }
 

@@ -7,7 +7,6 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::pressure::volumes::Volumes;
 use crate::effects::{Force, Need, PlannedEffect, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
@@ -20,6 +19,7 @@ use crate::state::State;
 use crate::step::{Scratch, StepContext, advance};
 use crate::time_step::StepLimit;
 use crate::tolerances::CG_GRAVITY_FRACTION;
+use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
 
 mod balance;
@@ -230,8 +230,8 @@ impl Simulation {
             effect.bytes = contact.bytes();
         }
         for effect in &mut plan {
-            let [bytes] = parts.ranks().sum_of([effect.bytes as u64]);
-            effect.bytes = bytes as usize;
+            let [elements, bytes] = parts.ranks().sum_of([effect.elements as u64, effect.bytes as u64]);
+            (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
         let scratch = Scratch::new(parts, collision.is_some() || after_position, sees_velocities);
@@ -376,6 +376,7 @@ impl Simulation {
             self.bodies.set_step(self.state.time, self.state.time);
             let mut pause = |time| time < to && pause(time);
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
+                self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 return Ok(Advance::Paused(summary));
             }

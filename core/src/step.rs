@@ -23,13 +23,13 @@ use crate::contact::self_contact::SelfContact;
 use crate::effects::Surroundings;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::pressure::volumes::Volumes;
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerVertex;
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop};
 use crate::solve::implicit_velocity::{PartForces, VelocityProblem};
 use crate::state::State;
+use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
 /// Vertices that one task of a plain vector update works on.

@@ -60,6 +60,11 @@ impl PartTriangles {
         self.corners.len()
     }
 
+    /// Number of triangles that this part counts.
+    pub fn counted(&self) -> usize {
+        self.corners.iter().filter(|corners| self.counts(corners)).count()
+    }
+
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
         size_of_val(self.corners.as_slice()) + size_of_val(self.neighbours.as_slice())

@@ -20,16 +20,16 @@
 //! gas. Gas is stiff (the earth's air has 100 kPa): light cloth takes short steps. `open = true` lets the surface have edges,
 //! which then feel a net force, as a parachute does.
 
-pub mod volumes;
+#![cfg(feature = "effect-pressure")]
 
 use crate::Vec3;
 use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartView, Scope, Surroundings};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartView, Scope, Surroundings};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
 use crate::scene::{Scene, listed};
 use crate::settings::{Default, Dimension, Field, Settings};
-use volumes::{Volume, own_in_mesh, unpaired_edges, volume_of};
+use crate::volumes::{Volume, own_in_mesh, unpaired_edges, volume_of};
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -38,6 +38,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     fields: FIELDS,
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 20.0, iteration: 0.0 },
+    section: None,
+    counts: &[],
     build,
 };
 
@@ -138,6 +142,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let breathing = gas.map_or(0.0, |gas| breathing(scene, &of_parts, gas, overpressure, &x));
     for (part, triangles) in of_parts {
         let stiffness = stiffness(scene, part, &triangles, overpressure.abs(), breathing, &x);
+        effect.elements += triangles.counted();
         effect.bytes += triangles.bytes() + size_of_val(stiffness.as_slice());
         let force = PartPressure { garment, triangles, overpressure, side, gas, stiffness };
         effect.forces.push((part, Box::new(force)));

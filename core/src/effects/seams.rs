@@ -20,8 +20,10 @@
 //! `self_collision` closes its seams to the larger thickness of both garments, unless it says another `rest_gap`. A seam is not
 //! welded: strained strongly it opens by force over stiffness.
 
+#![cfg(feature = "effect-seams")]
+
 use crate::Vec3;
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
 use crate::scene::{Scene, SeamDescription};
@@ -34,6 +36,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "stitches", step: 40.0, iteration: 15.0 },
+    section: None,
+    counts: &[],
     build,
 };
 
@@ -117,6 +123,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
             stitches.iter().flat_map(|s| s.ends).filter(|end| !own.contains(end)).map(|end| end as u32).collect();
         neighbours.sort_unstable();
         neighbours.dedup();
+        effect.elements += stitches.iter().filter(|stitch| stitch.side > 0.0).count();
         effect.bytes += size_of_val(stitches.as_slice()) + size_of_val(neighbours.as_slice());
         effect.forces.push((part, Box::new(PartSeams { stitches, neighbours })));
     }

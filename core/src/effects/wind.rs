@@ -26,12 +26,14 @@
 //! Limits: the air does not feel the cloth. There is no lee behind a body or a layer, no lift of streamlines and no mass of
 //! air that is carried along.
 
+#![cfg(feature = "effect-wind")]
+
 use std::sync::Arc;
 
 use crate::Vec3;
 use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::effects::pins::along_path;
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope, Surroundings};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope, Surroundings};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -43,6 +45,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Scene,
     fields: FIELDS,
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 60.0, iteration: 15.0 },
+    section: None,
+    counts: &[],
     build,
 };
 
@@ -141,16 +147,17 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         ));
     }
     let air = Arc::new(Air { velocity, keys, tangential, density, normal });
-    let (scene, mut bytes) = (context.scene, 0);
-    let mut forces: Vec<(usize, Box<dyn Force>)> = Vec::new();
+    let scene = context.scene;
+    let mut effect = Effect { sees_velocities: density > 0.0, ..Effect::default() };
     for (part, triangles) in PartTriangles::of(scene, 0..scene.meshes().len()) {
         let by_area = tangential > 0.0 || density > 0.0;
         let drags = vec![(Vec3::zeros(), [0.0; 2]); if by_area { triangles.count() } else { 0 }];
         let normals = vec![Vec3::zeros(); if normal > 0.0 { scene.parts().ranges()[part].len() } else { 0 }];
-        bytes += triangles.bytes() + size_of_val(drags.as_slice()) + size_of_val(normals.as_slice());
-        forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, drags, normals })));
+        effect.elements += triangles.counted();
+        effect.bytes += triangles.bytes() + size_of_val(drags.as_slice()) + size_of_val(normals.as_slice());
+        effect.forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, drags, normals })));
     }
-    Ok(Effect { forces, sees_velocities: density > 0.0, bytes, ..Effect::default() })
+    Ok(effect)
 }
 
 /// Mean of what belongs to the corners.
@@ -237,10 +244,10 @@ mod tests {
     use super::*;
     use crate::effects::build_all;
     use crate::effects::pins::PinTargets;
-    use crate::effects::pressure::volumes::Volumes;
     use crate::mesh::PolygonMesh;
     use crate::parallel::parts::PART_SIZE;
     use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+    use crate::volumes::Volumes;
     use crate::wind_grid::WindGrid;
 
     /// A strip of two triangles, bent along their common edge.

@@ -7,15 +7,15 @@ use crate::scene::SceneDescription;
 
 /// A pair of sewn vertices, by their numbers in the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Sewn {
+pub struct Sewn {
     /// Number among the pairs of all seams.
-    pub(crate) number: u32,
+    pub number: u32,
     /// Number of the seam.
-    pub(crate) seam: usize,
+    pub seam: usize,
     /// The two vertices.
-    pub(crate) ends: [u32; 2],
+    pub ends: [u32; 2],
     /// How far apart they start [m].
-    pub(crate) gap: f64,
+    pub gap: f64,
 }
 
 /// Every sewn pair of a description; `orders` are the vertices of each garment in the order of the scene.
