@@ -1,7 +1,9 @@
 //! Physics against closed forms.
 
 mod determinism;
+mod fit;
 mod free_motion;
 mod friction;
+mod orders;
 mod oscillators;
 mod statics;
