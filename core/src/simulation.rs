@@ -25,6 +25,8 @@ use crate::wind_grid::{WindGrid, WindSample};
 mod balance;
 mod measure;
 pub mod outside;
+#[cfg(test)]
+mod planted;
 mod saved;
 mod start;
 
@@ -217,8 +219,8 @@ impl Simulation {
             volumes.0.extend(effect.volume);
             plan.push(planned);
         }
-        let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
-        let limit = StepLimit::new(parts, scene.masses(), &forces, cfl, frame);
+        let (solver, frame) = (&scene.description().solver, scene.description().timeline.frame_duration());
+        let limit = StepLimit::new(parts, scene.masses(), &forces, solver, frame);
         let is_ghost = |vertex: &u32| !parts.own().contains(&(*vertex as usize));
         let reaches = |forces: &Vec<Box<dyn Force>>| forces.iter().any(|f| f.neighbours().iter().any(is_ghost));
         let reaches_ghosts = forces.iter().map(reaches).collect();
@@ -427,15 +429,21 @@ impl Simulation {
         let Some(contact) = self_contact.as_mut().filter(|c| !c.collides_after_position()) else {
             return Ending::Resolved;
         };
+        let mut moved = |vertex, way| {
+            if let Some(collision) = collision {
+                collision.moved(vertex, way);
+            }
+        };
+        if contact.repels_per_collision_step() {
+            metrics.stage("C self-repulsion", |m| {
+                contact.repel_interval((&mut state.x[..], &mut state.v[..]), duration, m, &mut moved);
+            });
+        }
         // Repulsions alone only note how far the neighbours have come.
         let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
         metrics.stage(stage, |m| {
             let ends = (&mut state.x[..], &mut state.v[..]);
-            let ending = contact.end_interval(ends, bodies, duration, may_rewind, m, |vertex, way| {
-                if let Some(collision) = collision {
-                    collision.moved(vertex, way);
-                }
-            });
+            let ending = contact.end_interval(ends, bodies, duration, may_rewind, m, &mut moved);
             parts.halo().refresh(parts.ranks(), &mut state.x);
             parts.halo().refresh(parts.ranks(), &mut state.v);
             ending
@@ -492,6 +500,8 @@ impl Simulation {
             reaches_ghosts: &self.reaches_ghosts,
             scratch: &mut self.scratch,
             stop,
+            integrator: settings.integrator,
+            body_friction: settings.body_friction,
             metrics: &mut self.metrics,
         };
         let report = advance(&mut context, choice.dt);

@@ -26,6 +26,7 @@ use crate::effects::pins::{HardPins, PinTargets};
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerVertex;
+use crate::scene::{BodyFriction, Integrator};
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop};
 use crate::solve::implicit_velocity::{PartForces, VelocityProblem};
 use crate::state::State;
@@ -104,6 +105,10 @@ pub struct StepContext<'a> {
     pub scratch: &'a mut Scratch,
     /// When the damping solves stop.
     pub stop: Stop,
+    /// How elastic forces enter both solves.
+    pub integrator: Integrator,
+    /// Where in the step friction with bodies acts.
+    pub body_friction: BodyFriction,
     /// Seconds and counts.
     pub metrics: &'a mut Metrics,
 }
@@ -153,8 +158,17 @@ impl StepContext<'_> {
         });
     }
 
+    /// How far along the velocity both solves follow the elastic forces [s]; not at all in the paper's step.
+    fn implicit_over(&self, dt: f64) -> Option<f64> {
+        match self.integrator {
+            Integrator::SemiImplicit => None,
+            Integrator::Implicit => Some(dt),
+        }
+    }
+
     /// B.1: v½ from x and v.
     fn first_half(&mut self, dt: f64, report: &mut StepReport) {
+        let implicit_over = self.implicit_over(dt);
         let Self {
             parts,
             masses,
@@ -184,6 +198,7 @@ impl StepContext<'_> {
                 fraction: 0.0,
                 reaches_ghosts,
                 stop: *stop,
+                implicit_over,
             };
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
             note(outcome, "B.1", parts, m, report);
@@ -214,12 +229,15 @@ impl StepContext<'_> {
         let Some(contact) = self_contact.as_mut().filter(|contact| contact.collides_after_position()) else { return };
         let Scratch { v_star, x_new, .. } = &mut **scratch;
         metrics.stage("C collisions", |m| {
-            let ends = (&mut x_new[..], &mut v_star[..]);
-            contact.end_interval(ends, bodies, dt, false, m, |vertex, way| {
+            let mut moved = |vertex, way| {
                 if let Some(collision) = collision {
                     collision.moved(vertex, way);
                 }
-            });
+            };
+            if contact.repels_per_collision_step() {
+                contact.repel_interval((&mut x_new[..], &mut v_star[..]), dt, m, &mut moved);
+            }
+            contact.end_interval((&mut x_new[..], &mut v_star[..]), bodies, dt, false, m, &mut moved);
             parts.halo().refresh(parts.ranks(), x_new);
             parts.halo().refresh(parts.ranks(), v_star);
         });
@@ -257,6 +275,7 @@ impl StepContext<'_> {
 
     /// B.5 and B.6: the velocity at the end, from the forces at the middle.
     fn second_half(&mut self, dt: f64, report: &mut StepReport) {
+        let implicit_over = self.implicit_over(dt);
         let Self {
             parts,
             masses,
@@ -299,6 +318,7 @@ impl StepContext<'_> {
                 fraction: 0.5,
                 reaches_ghosts,
                 stop: *stop,
+                implicit_over,
             };
             let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
             note(outcome, "B.5", parts, m, report);
@@ -318,10 +338,11 @@ impl StepContext<'_> {
     fn final_velocities(&mut self, dt: f64) {
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
         impose(self.parts, self.pins, self.targets, &mut self.state.v);
-        let Self { state, collision, bodies, metrics, .. } = self;
+        let Self { state, collision, bodies, body_friction, metrics, .. } = self;
         if let Some(collision) = collision {
             let own = self.parts.own();
-            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, &mut state.v[own]));
+            let rubs = *body_friction == BodyFriction::WholeStep;
+            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, rubs, &mut state.v[own]));
             impose(self.parts, self.pins, self.targets, &mut self.state.v);
         }
     }

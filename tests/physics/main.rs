@@ -1,8 +1,10 @@
 //! Physics against closed forms.
 
 mod determinism;
+mod fit;
 mod free_motion;
 mod friction;
+mod orders;
 mod oscillators;
 mod pressure;
 mod seams;

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use drapery_core::Vec3;
 use drapery_core::effects::REGISTRY;
 use drapery_core::scene::{
-    EffectRequest, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings, Timeline,
+    BodyFriction, EffectRequest, Integrator, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings,
+    Timeline,
 };
 use drapery_core::settings::{Dimension, SettingValue};
 
@@ -247,6 +248,14 @@ impl Resolver<'_> {
             strain_per_step: solver.strain_per_step,
             cg_tolerance,
             cg_max_iterations: solver.cg_max_iterations,
+            integrator: match solver.integrator {
+                raw::Integrator::SemiImplicit => Integrator::SemiImplicit,
+                raw::Integrator::Implicit => Integrator::Implicit,
+            },
+            body_friction: match solver.body_friction {
+                raw::BodyFriction::WholeStep => BodyFriction::WholeStep,
+                raw::BodyFriction::PositionHalf => BodyFriction::PositionHalf,
+            },
         };
     }
 
