@@ -3,7 +3,7 @@
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
-const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
+const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &["criterion"]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["proptest", "serde_json", "tempfile"]),
@@ -35,6 +35,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
             "drapery-core",
             "drapery-io",
             "drapery-mpi",
+            "drapery-selftest",
             "clap",
             "miette",
             "thiserror",
@@ -48,6 +49,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
         &["tempfile"],
     ),
     ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["serde_json", "tempfile"]),
+    ("selftest", &["drapery-core", "drapery-alembic", "drapery-io", "nalgebra", "serde_json", "tempfile"], &[]),
     (
         "tests",
         &[
@@ -55,6 +57,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
             "drapery-io",
             "drapery-alembic",
             "drapery-assets",
+            "drapery-selftest",
             "nalgebra",
             "rayon",
             "serde_json",
