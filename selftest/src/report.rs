@@ -61,7 +61,7 @@ fn bound(bound: Bound) -> String {
 /// A number in as few digits as tell it.
 fn number(value: f64) -> String {
     let size = value.abs();
-    if value == 0.0 || (size >= 0.01 && size < 1e5 && value.fract() == 0.0) {
+    if value == 0.0 || ((0.01..1e5).contains(&size) && value.fract() == 0.0) {
         format!("{value}")
     } else if (0.01..1e5).contains(&size) {
         format!("{value:.3}")

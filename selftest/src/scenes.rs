@@ -167,7 +167,7 @@ impl Random {
     }
 
     /// The next number, from -1 to 1.
-    pub fn next(&mut self) -> f64 {
+    pub fn number(&mut self) -> f64 {
         2.0 * (self.bits() >> 11) as f64 / (1u64 << 53) as f64 - 1.0
     }
 
@@ -178,7 +178,7 @@ impl Random {
 
     /// A vector of three numbers from -1 to 1.
     pub fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.next(), self.next(), self.next())
+        Vec3::new(self.number(), self.number(), self.number())
     }
 
     fn bits(&mut self) -> u64 {
