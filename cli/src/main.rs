@@ -89,6 +89,7 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
         Command::Report(args) => commands::report::report(args),
         Command::Schema => commands::schema::schema(),
         Command::Materials(args) => commands::materials::materials(args, &around()?),
+        Command::Selftest(args) => commands::selftest::selftest(args),
     };
     code.map(Into::into)
 }
