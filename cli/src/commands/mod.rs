@@ -10,4 +10,5 @@ pub(crate) mod run;
 pub(crate) mod schema;
 pub(crate) mod status;
 pub(crate) mod stop;
+pub(crate) mod study;
 pub(crate) mod verify;
