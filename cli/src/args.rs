@@ -80,6 +80,9 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
+    /// Settings that `drapery study --write-preset` has written; --set goes over them
+    #[arg(long, value_name = "FILE")]
+    pub(crate) preset: Option<PathBuf>,
     /// Number of threads of each process [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK,
     /// the site file, or all cores, shared by the processes of mpirun on a machine]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]

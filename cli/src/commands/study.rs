@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use drapery_core::parallel::ranks::Ranks;
+use drapery_io::atomic_file;
 use drapery_io::study::record::{Asked, Study};
 use drapery_io::study::space::Wish;
-use drapery_io::study::{self, Observer, Options, analysis, table};
+use drapery_io::study::{self, Observer, Options, analysis, preset, table};
 
 use crate::args::StudyArgs;
 use crate::commands::run::quoted;
@@ -24,9 +25,18 @@ pub(crate) fn study(args: &StudyArgs, ranks: &Ranks, around: &Surroundings, quie
         (None, Some(scene)) => simulate(args, scene, (ranks, around), quiet)?,
         (None, None) => return Err(Failure::new(ExitCode::Usage, "give a scene file, or --from study.json")),
     };
-    let pages = study::write_pages(&folder)?;
+    let mut pages = study::write_pages(&folder)?;
     let analysis = analysis::analyse(&study);
     let budget = args.budget.map(|budget| budget.as_secs_f64()).or(study.budget);
+    if let Some(path) = &args.write_preset {
+        let text = preset::text(&study, &analysis, budget).ok_or_else(|| {
+            let what =
+                "nothing can be recommended, so no preset was written\n  help: give another --budget, or more time";
+            Failure::new(ExitCode::Usage, what)
+        })?;
+        atomic_file::replace(path, text.as_bytes())?;
+        pages.push(path.clone());
+    }
     if !quiet {
         say::line(table::table(&study, &analysis, budget).trim_end());
         pages.iter().for_each(|page| say::line(format_args!("wrote {}", page.display())));

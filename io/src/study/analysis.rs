@@ -309,7 +309,10 @@ fn ladders(study: &Study, rows: &mut [Row<'_>]) -> Vec<Ladder> {
 
 /// Marks the rows that no other one beats; returns the knee.
 fn mark_front(rows: &mut [Row<'_>]) -> Option<usize> {
-    let may = |row: &Row<'_>| matches!(row.sample.role, Role::Base | Role::Accuracy | Role::Mesh);
+    // How often bodies are shown is a matter of the study, not a setting of the scene.
+    let may = |row: &Row<'_>| {
+        matches!(row.sample.role, Role::Base | Role::Accuracy | Role::Mesh) && row.sample.setting.body_frames <= 1
+    };
     let candidates: Vec<(usize, (f64, f64))> = rows
         .iter()
         .enumerate()
@@ -345,5 +348,122 @@ impl Analysis<'_> {
     /// Frames of the window, and whether it is shorter than the compared frames.
     pub fn window_end(&self, study: &Study) -> Option<i64> {
         study.compared.get(self.window.checked_sub(1)?).copied()
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::study::record::{Cost, SceneFacts, Setting};
+
+    /// A run of 10 frames that takes `steps` steps and `seconds` a frame, and is off by `error` [m] at every frame.
+    fn sample(role: Role, cfl: &str, (steps, seconds): (u64, f64), error: f64) -> Sample {
+        let change = ("cfl".to_owned(), cfl.to_owned());
+        let setting = if role == Role::Base {
+            Setting { label: "as the scene".into(), ..Setting::default() }
+        } else {
+            let settings = vec![("solver.cfl".to_owned(), cfl.to_owned())];
+            Setting { label: format!("cfl {cfl}"), changes: vec![change], settings, ..Setting::default() }
+        };
+        let cost = Cost { frames: 10, seconds: 10.0 * seconds, steps, ..Cost::default() };
+        let distance = Distance { rms: error, p99: 2.0 * error, max: 3.0 * error, ..Distance::default() };
+        let from_base = if role == Role::Base { Vec::new() } else { vec![distance; 10] };
+        Sample { role, setting, cost, from_reference: vec![distance; 10], from_base, ..Sample::default() }
+    }
+
+    /// A study of a method of first order: error 1 mm at 40 steps, half of it for twice the steps and the time.
+    pub(crate) fn convergent() -> Study {
+        let scene = SceneFacts { frame_seconds: 0.04, thickness: 0.001, frames: [0, 100], ..SceneFacts::default() };
+        let samples = vec![
+            sample(Role::Base, "4", (40, 1.0), 1e-3),
+            sample(Role::Accuracy, "2", (80, 2.0), 5e-4),
+            sample(Role::Accuracy, "1", (160, 4.0), 2.5e-4),
+            sample(Role::Reference, "0.25", (640, 16.0), 6.25e-5),
+        ];
+        let compared: Vec<i64> = (1..=10).collect();
+        Study { scene, samples, compared, own_error: vec![1e-6; 10], ..Study::default() }
+    }
+
+    fn copy(rms: impl Fn(usize) -> f64) -> Sample {
+        let from_base = (0..10).map(|frame| Distance { rms: rms(frame), ..Distance::default() }).collect();
+        Sample { copy: 1, from_base, ..Sample::default() }
+    }
+
+    #[test]
+    fn the_order_of_a_first_order_method_is_found_and_told_by_row() {
+        let study = convergent();
+        let analysis = analyse(&study);
+        assert!((analysis.ladders[0].fit.order - 1.0).abs() < 1e-12, "{:?}", analysis.ladders);
+        let orders: Vec<Option<f64>> = analysis.rows.iter().map(|row| row.order).collect();
+        assert!(orders[0].is_none() && (orders[2].unwrap() - 1.0).abs() < 1e-12, "{orders:?}");
+        assert_eq!((analysis.window, analysis.has_horizon), (10, false));
+    }
+
+    #[test]
+    fn the_recommendation_is_the_smallest_error_within_the_budget_that_is_sound() {
+        let mut study = convergent();
+        let label = |study: &Study, budget| {
+            let analysis = analyse(study);
+            analysis.recommended(budget).map(|index| analysis.rows[index].sample.setting.label.clone())
+        };
+        assert_eq!(label(&study, Some(10.0)).as_deref(), Some("cfl 1"));
+        assert_eq!(label(&study, Some(2.5)).as_deref(), Some("cfl 2"));
+        assert_eq!(label(&study, Some(0.5)), None);
+        // The reference is no setting to work with.
+        assert_eq!(label(&study, Some(100.0)).as_deref(), Some("cfl 1"));
+        study.samples[2].counts.insert("crossings".into(), 1);
+        assert_eq!(label(&study, Some(10.0)).as_deref(), Some("cfl 2"));
+        study.samples[1].counts.insert("cg_short".into(), 1);
+        assert_eq!(label(&study, Some(10.0)).as_deref(), Some("as the scene"));
+        // On a straight front there is no knee; where more time buys hardly anything, there is one.
+        assert_eq!(label(&convergent(), None), None);
+        let mut bent = convergent();
+        bent.samples[2].from_reference.iter_mut().for_each(|distance| distance.rms = 4.5e-4);
+        assert_eq!(label(&bent, None).as_deref(), Some("cfl 2"));
+    }
+
+    #[test]
+    fn errors_are_not_told_beyond_the_horizon_nor_below_the_floor() {
+        let mut study = convergent();
+        // A quarter of the thickness is 0.25 mm: the copies pass it at the sixth compared frame.
+        study.samples.push(copy(|frame| if frame < 5 { 1e-9 } else { 1e-2 }));
+        let analysis = analyse(&study);
+        assert_eq!((analysis.predictable, analysis.window, analysis.has_horizon), (5, 5, true));
+        let mut noisy = convergent();
+        noisy.scene.thickness = 1.0;
+        noisy.samples.push(copy(|_| 3e-4));
+        let analysis = analyse(&noisy);
+        let told: Vec<Told> = analysis.rows.iter().filter_map(|row| row.error).map(|error| error.told).collect();
+        assert_eq!(told, [Told::Yes, Told::Yes, Told::BelowFloor, Told::BelowFloor]);
+    }
+
+    #[test]
+    fn where_the_reference_is_not_converged_no_number_is_told() {
+        let mut study = convergent();
+        study.own_error = vec![4e-5; 10];
+        let told = |study: &Study| -> Vec<Told> {
+            analyse(study).rows.iter().filter_map(|row| row.error).map(|error| error.told).collect()
+        };
+        // A tenth of 1 mm and of 0.5 mm is more than 0.04 mm, a tenth of 0.25 mm is not.
+        assert_eq!(told(&study)[..3], [Told::Yes, Told::Yes, Told::NotConverged]);
+        // Late frames that are not converged are left out of the window.
+        study.own_error = (0..10).map(|frame| if frame < 6 { 1e-6 } else { 1e-2 }).collect();
+        assert_eq!(analyse(&study).window, 6);
+        study.own_error = Vec::new();
+        assert_eq!(told(&study)[0], Told::Unchecked);
+    }
+
+    #[test]
+    fn times_are_medians_without_the_run_that_warms_up_and_spread_is_noticed() {
+        let mut study = convergent();
+        for (repeat, seconds) in [(1, 1.1), (2, 1.3), (3, 1.2)] {
+            let mut again = sample(Role::Base, "4", (40, seconds), 0.0);
+            again.repeat = repeat;
+            study.samples.push(again);
+        }
+        study.samples[0].cost.seconds = 90.0;
+        let analysis = analyse(&study);
+        assert!((analysis.rows[0].seconds - 1.2).abs() < 1e-12);
+        assert!((analysis.noise.unwrap() - 0.1 / 1.2).abs() < 1e-12, "{:?}", analysis.noise);
     }
 }

@@ -6,12 +6,14 @@
 //! ([`analysis`]), the table, `study.csv` and `report.html`.
 
 pub mod analysis;
+pub mod closed_form;
 pub mod cloth;
 pub mod compare;
 pub mod csv;
 pub mod distance;
 pub mod fit;
 pub mod page;
+pub mod preset;
 pub mod record;
 pub mod sample;
 pub mod schedule;
@@ -146,12 +148,15 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
     scene.effects = shot.simulation().plan().iter().map(|effect| effect.name.to_owned()).collect();
     scene.effects.dedup();
     scene.triangles = shot.simulation().scene().meshes().iter().map(|mesh| mesh.triangles().len() as u64).sum();
+    let simulation = shot.simulation();
+    let closed_forms = closed_form::find(simulation.scene().description(), simulation, scene.size);
     let new = Study {
         format: FORMAT,
         application: APPLICATION.to_owned(),
         command: options.command.clone(),
         scene,
         machine: Machine { threads: options.threads, load, ..Machine::this() },
+        closed_forms,
         digests: shot.digests()?,
         asked: options.asked.clone(),
         budget: options.budget,

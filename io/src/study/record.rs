@@ -47,7 +47,7 @@ pub struct Study {
     pub seconds: f64,
     /// What a frame may take with the recommended setting [s].
     pub budget: Option<f64>,
-    /// Closed forms that the scene has, and what the base setting came to.
+    /// Closed forms that the scene has.
     pub closed_forms: Vec<ClosedForm>,
 }
 
@@ -278,16 +278,20 @@ pub struct Omission {
     pub why: String,
 }
 
-/// A quantity that is known without simulating.
+/// A way of the centre of mass that is known without simulating.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ClosedForm {
     /// What it is.
     pub name: String,
-    /// Value by the closed form [m].
-    pub exact: f64,
-    /// Settings and what they came to [m].
-    pub found: Vec<(String, f64)>,
+    /// Centre of mass at the start [m].
+    pub start: [f64; 3],
+    /// Direction of the way.
+    pub direction: [f64; 3],
+    /// Speed in that direction at the start [m/s].
+    pub speed: f64,
+    /// Acceleration in that direction [m/s²]; below zero it ends when the cloth is at rest.
+    pub acceleration: f64,
 }
 
 impl Sample {

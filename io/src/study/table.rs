@@ -147,6 +147,19 @@ fn below(study: &Study, analysis: &Analysis<'_>) -> String {
     for change in changes(study, analysis) {
         let _ = writeln!(out, " {change}");
     }
+    if let Some(base) = study.base() {
+        for form in &study.closed_forms {
+            let Some([exact, found]) = form.compare(study, base) else { continue };
+            let off = millimetres((found - exact).abs());
+            let _ = writeln!(
+                out,
+                " {}: {}, closed form {}, off by {off}",
+                form.name,
+                millimetres(found),
+                millimetres(exact)
+            );
+        }
+    }
     for row in &analysis.rows {
         let found = degradations(row.sample);
         if !found.is_empty() {

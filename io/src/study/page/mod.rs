@@ -26,7 +26,7 @@ pub fn page(study: &Study) -> String {
     body += &charts::horizon(study, &analysis);
     body += &ensemble::section(study, &analysis);
     body += &tables::changes(study, &analysis);
-    body += &tables::closed_forms(study);
+    body += &tables::closed_forms(study, &analysis);
     body += &tables::counters(&analysis);
     body += &tables::left_out(study);
     body += &tables::provenance(study, &analysis);

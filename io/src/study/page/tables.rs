@@ -125,16 +125,17 @@ fn crossings_of(sample: &Sample) -> String {
 }
 
 /// Quantities that are known without simulating.
-pub(super) fn closed_forms(study: &Study) -> String {
+pub(super) fn closed_forms(study: &Study, analysis: &Analysis<'_>) -> String {
     let mut lines: Vec<Vec<Cell>> = Vec::new();
     for form in &study.closed_forms {
-        for (label, found) in &form.found {
+        for row in &analysis.rows {
+            let Some([exact, found]) = form.compare(study, row.sample) else { continue };
             lines.push(vec![
                 words(&form.name),
-                words(label),
-                number(millimetres(form.exact)),
-                number(millimetres(*found)),
-                number(millimetres((found - form.exact).abs())),
+                words(&row.sample.setting.label),
+                number(millimetres(exact)),
+                number(millimetres(found)),
+                number(millimetres((found - exact).abs())),
             ]);
         }
     }
