@@ -215,8 +215,8 @@ impl Simulation {
             effect.bytes = contact.bytes();
         }
         for effect in &mut plan {
-            let [bytes] = parts.ranks().sum_of([effect.bytes as u64]);
-            effect.bytes = bytes as usize;
+            let [elements, bytes] = parts.ranks().sum_of([effect.elements as u64, effect.bytes as u64]);
+            (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
         let scratch = Scratch::new(parts, collision.is_some() || after_position);
@@ -363,6 +363,7 @@ impl Simulation {
             self.bodies.set_step(self.state.time, self.state.time);
             let mut pause = |time| time < to && pause(time);
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
+                self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 return Ok(Advance::Paused(summary));
             }
