@@ -309,6 +309,11 @@ impl Simulation {
         &self.state
     }
 
+    /// The bodies, where they are at the time of the state.
+    pub fn bodies(&self) -> &Bodies {
+        &self.bodies
+    }
+
     /// The effects that run, in order.
     pub fn plan(&self) -> &[PlannedEffect] {
         &self.plan

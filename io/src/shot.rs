@@ -16,6 +16,7 @@ pub mod quality;
 mod resume;
 mod rewritten;
 pub mod run;
+pub mod steps;
 mod totals;
 
 use std::path::PathBuf;
