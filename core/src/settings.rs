@@ -37,6 +37,8 @@ pub enum Dimension {
     ArealDensity,
     /// Time, SI unit s.
     Time,
+    /// Bending rigidity: moment per width and curvature, SI unit N·m.
+    BendingRigidity,
 }
 
 impl Dimension {
@@ -53,6 +55,16 @@ impl Dimension {
                 &[("kg/m²", 1.0), ("kg/m^2", 1.0), ("kg/m2", 1.0), ("g/m²", 1e-3), ("g/m^2", 1e-3), ("gsm", 1e-3)]
             }
             Self::Time => &[("s", 1.0), ("ms", 1e-3)],
+            // Kawabata's instrument gives gf·cm²/cm.
+            Self::BendingRigidity => &[
+                ("N·m", 1.0),
+                ("N m", 1.0),
+                ("Nm", 1.0),
+                ("mN·m", 1e-3),
+                ("µN·m", 1e-6),
+                ("uNm", 1e-6),
+                ("gf·cm²/cm", 9.80665e-5),
+            ],
         }
     }
 

@@ -1,5 +1,6 @@
 //! Physics against closed forms.
 
+mod bending;
 mod determinism;
 mod free_motion;
 mod friction;

@@ -6,6 +6,7 @@
 pub mod attachments;
 pub mod bending;
 pub mod body_collision;
+pub mod dihedral_bending;
 pub mod gravity;
 pub mod pins;
 pub mod self_collision;
@@ -29,6 +30,7 @@ pub static REGISTRY: &[&EffectSpec] = &[
     &gravity::SPEC,
     &stretch::SPEC,
     &bending::SPEC,
+    &dihedral_bending::SPEC,
     &attachments::SPEC,
     &pins::SPEC,
     &body_collision::SPEC,
@@ -193,6 +195,15 @@ pub trait Force: Send + Sync {
     fn energy(&self, _view: &PartView<'_>) -> f64 {
         0.0
     }
+
+    /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
+    fn yield_to(&mut self, _x: &[Vec3]) {}
+
+    /// Adds what [`Force::yield_to`] has changed in the elements that count at this part; vertices in solver order.
+    fn remember(&self, _section: &Section, _rows: &mut ElementRows) {}
+
+    /// Takes what was remembered, of all elements whose vertices are on this rank.
+    fn recall(&mut self, _section: &Section, _rows: &ElementRows) {}
 
     /// The most stretched edge: strain and vertices in solver order.
     fn largest_strain(&self, _x: &[Vec3]) -> Option<(f64, [usize; 2])> {
