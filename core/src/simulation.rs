@@ -7,11 +7,12 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, Need, PlannedEffect, build_all};
+use crate::effects::{Force, Need, PlannedEffect, Section, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::ranks::Sent;
+use crate::parallel::split::PerPart;
 use crate::scene::{Scene, agree};
 use crate::solve::conjugate_gradient::Stop;
 use crate::solve::implicit_velocity::PartForces;
@@ -147,6 +148,8 @@ pub struct Simulation {
     limit: StepLimit,
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
+    /// Section with what has yielded in the cloth, where it can.
+    yields: Option<Section>,
     scratch: Scratch,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,
@@ -191,7 +194,7 @@ impl Simulation {
         let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
-        let (mut repulsion, mut self_collision) = (None, None);
+        let (mut repulsion, mut self_collision, mut yields) = (None, None, None);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
@@ -200,6 +203,7 @@ impl Simulation {
             collision = collision.or(effect.body_collision);
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
+            yields = yields.or(effect.yields);
             plan.push(planned);
         }
         let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
@@ -215,8 +219,8 @@ impl Simulation {
             effect.bytes = contact.bytes();
         }
         for effect in &mut plan {
-            let [bytes] = parts.ranks().sum_of([effect.bytes as u64]);
-            effect.bytes = bytes as usize;
+            let [elements, bytes] = parts.ranks().sum_of([effect.elements as u64, effect.bytes as u64]);
+            (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
         let scratch = Scratch::new(parts, collision.is_some() || after_position);
@@ -235,6 +239,7 @@ impl Simulation {
             bodies,
             limit,
             reaches_ghosts,
+            yields,
             scratch,
             metrics,
             plan,
@@ -358,6 +363,7 @@ impl Simulation {
             self.bodies.set_step(self.state.time, self.state.time);
             let mut pause = |time| time < to && pause(time);
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
+                self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 return Ok(Advance::Paused(summary));
             }
@@ -386,6 +392,8 @@ impl Simulation {
             }
             if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
                 self.rewind();
+            } else if self.yields.is_some() {
+                self.give_way();
             }
             if pause(self.state.time) {
                 return Ok(true);
@@ -421,6 +429,16 @@ impl Simulation {
             parts.halo().refresh(parts.ranks(), &mut state.v);
             ending
         })
+    }
+
+    /// Keeps what is bent or stretched too far to spring back.
+    fn give_way(&mut self) {
+        let Self { scene, forces, state, metrics, .. } = self;
+        metrics.stage("yield", |_| {
+            scene.parts().for_each(PerPart(forces), &|_, forces| {
+                forces.0[0].iter_mut().for_each(|force| force.yield_to(&state.x));
+            });
+        });
     }
 
     /// Puts everything back to the last collision-free state.

@@ -147,7 +147,8 @@ fn a_cantilever_drops_as_the_elastica_says() {
                 let found = drop_of(kind, cells, 4, gamma);
                 println!(
                     "{kind:?} {cells} {gamma}: {found:.4} for {expected:.4}: {:+.2} % {:?}",
-                    100.0 * (found / expected - 1.0), t.elapsed()
+                    100.0 * (found / expected - 1.0),
+                    t.elapsed()
                 );
             }
         }

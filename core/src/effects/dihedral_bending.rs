@@ -18,13 +18,16 @@
 //! Limits: at a free edge curvature across that edge is not resisted. A hinge is left out while one of its triangles is
 //! squashed below a tenth of its height.
 
+#![cfg(feature = "effect-dihedral_bending")]
+
 mod elements;
 mod part_hinges;
 
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, find};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
-use elements::Rigidity;
+use elements::{Element, Rigidity};
+use part_hinges::Laws;
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -32,7 +35,11 @@ pub static SPEC: EffectSpec = EffectSpec {
     summary: "angles between triangles resist bending, with a measured rigidity",
     scope: Scope::Garment,
     fields: FIELDS,
-    needs: &[Need::State],
+    needs: &[Need::State, Need::SecondRing],
+    requires: &[],
+    cost: Cost { elements: "hinges", step: 250.0, iteration: 40.0 },
+    section: None,
+    counts: &["hinges_left_out"],
     build,
 };
 
@@ -60,6 +67,17 @@ const FIELDS: &[Field] = &[
     },
 ];
 
+/// How sharp folds stay, of [`crate::effects::plastic_wrinkles`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Yield {
+    /// Radius of a bend below which it stays [m].
+    pub(super) radius: f64,
+    /// Growth of the yield angle by what was exceeded.
+    pub(super) hardening: f64,
+    /// Largest change of an angle at rest [rad].
+    pub(super) largest: f64,
+}
+
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let Some(garment) = context.garment else {
         let advice = "move its table under a [[garment]]";
@@ -71,6 +89,25 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     }
     let mesh = &context.scene.meshes()[garment];
     let elements = elements::of_mesh(mesh, Rigidity::isotropic(stiffness), settings.flag("flat"));
-    let (forces, bytes) = part_hinges::build(context.scene, garment, &elements, settings.number("damping_ratio"));
-    Ok(Effect { forces, bytes, ..Effect::default() })
+    let laws = Laws { damping_ratio: settings.number("damping_ratio"), yields: yields(context, garment) };
+    let (forces, bytes) = part_hinges::build(context.scene, garment, &elements, laws);
+    let parts = context.scene.parts();
+    let first = parts.garment(garment).start;
+    // Each hinge counts at the rank that owns its first vertex.
+    let is_own = |e: &&Element| e.vertices.iter().min().is_some_and(|v| parts.own().contains(&(first + *v as usize)));
+    Ok(Effect { forces, bytes, elements: elements.iter().filter(is_own).count(), ..Effect::default() })
+}
+
+/// What the garment asks of plastic wrinkles, if it does.
+fn yields(context: &BuildContext<'_>, garment: usize) -> Option<Yield> {
+    let spec = find("plastic_wrinkles")?;
+    let mut requests = context.scene.description().effects.iter();
+    let request = requests.find(|request| request.effect == spec.name && request.garment == Some(garment))?;
+    // Settings that do not fit are reported where that effect is built.
+    let settings = Settings::check(spec.fields, &request.settings).ok()?;
+    Some(Yield {
+        radius: settings.number("yield_radius"),
+        hardening: settings.number("hardening"),
+        largest: settings.number("largest_angle"),
+    })
 }

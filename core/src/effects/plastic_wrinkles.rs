@@ -18,11 +18,14 @@
 //! It changes the rest angles of `dihedral_bending`, which the garment has to have; rest angles and yield angles that have
 //! changed are in the section `plastic_wrinkles` of checkpoints. Limits: folds never relax, and stretch stays elastic.
 
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope, dihedral_bending};
+#![cfg(feature = "effect-plastic_wrinkles")]
+
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
 use crate::error::Problem;
-use crate::remembered::ElementRows;
 use crate::settings::{Default, Dimension, Field, Settings};
-use crate::snapshot::SectionName;
+
+/// Angles that have yielded.
+const SECTION: Section = Section { name: "plastic_wrinkles", version: 1 };
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -31,6 +34,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     fields: FIELDS,
     needs: &[Need::State],
+    requires: &["dihedral_bending"],
+    cost: Cost { elements: "hinges", step: 100.0, iteration: 0.0 },
+    section: Some(SECTION),
+    counts: &["hinges_yielded"],
     build,
 };
 
@@ -57,3 +64,14 @@ const FIELDS: &[Field] = &[
         help: "largest angle that stays [rad], from that of the rest shape; pi is a fold flat onto itself",
     },
 ];
+
+/// The law itself is in the hinges of `dihedral_bending`, which look for these settings.
+fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    match context.garment {
+        Some(_) => Ok(Effect { yields: Some(SECTION), ..Effect::default() }),
+        None => {
+            let advice = "move its table under a [[garment]]";
+            Err(Problem::scene(SPEC.name, "this effect acts on one garment", advice))
+        }
+    }
+}

@@ -114,7 +114,7 @@ pub fn build_effect(
     let damping_ratio = settings.number("damping_ratio");
     let (forces, bytes) =
         part_springs::build(context.scene, garment, &elements, &stiffnesses, damping_ratio, measures_strain);
-    Ok(Effect { forces, bytes, notes, ..Effect::default() })
+    Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
 }
 
 /// Stiffness of each spring [N/m], and a note on those that were softened (method 1.4: a rest length that is clamped

@@ -84,7 +84,9 @@ impl ElementRows {
         let own = self.renumbered(own_number);
         let gathered = parts.ranks().gather(&own.rows).concat();
         let mut all: Vec<&[f64]> = gathered.chunks_exact(self.width).collect();
-        all.sort_unstable_by(|a, b| a[..self.nodes].iter().map(|n| *n as u32).cmp(b[..self.nodes].iter().map(|n| *n as u32)));
+        all.sort_unstable_by(|a, b| {
+            a[..self.nodes].iter().map(|n| *n as u32).cmp(b[..self.nodes].iter().map(|n| *n as u32))
+        });
         if let Some(sink) = sink {
             sink.dataset(name, &[all.len(), self.width], ValueKind::F64);
             sink.rows(Values::F64(all.concat()));

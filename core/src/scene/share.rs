@@ -2,13 +2,13 @@
 //!
 //! A rank's piece of a garment are the triangles that have one of its vertices, and those that share an edge with one of these:
 //! all that springs along edges and across them, masses and contacts of its own vertices need. Where an effect looks further
-//! ([`crate::effects::dihedral_bending`]), the triangles beyond their edges belong to it too. Rank 0 makes the pieces one after the
+//! (`Need::SecondRing`), the triangles beyond their edges belong to it too. Rank 0 makes the pieces one after the
 //! other and keeps nothing.
 
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::dihedral_bending;
+use crate::effects::{self, Need};
 use crate::mesh::TriangleMesh;
 use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::{Partition, Parts};
@@ -48,10 +48,9 @@ struct Handout<'a> {
 
 /// How many times the pieces of a garment are widened by the triangles beyond their edges.
 fn rings(description: &SceneDescription, garment: usize) -> usize {
-    let further = description.effects.iter().any(|request| {
-        request.effect == dihedral_bending::SPEC.name && request.garment == Some(garment)
-    });
-    if further { 2 } else { 1 }
+    let of_garment = description.effects.iter().filter(|request| request.garment == Some(garment));
+    let mut specs = of_garment.filter_map(|request| effects::find(&request.effect));
+    if specs.any(|spec| spec.needs.contains(&Need::SecondRing)) { 2 } else { 1 }
 }
 
 impl<'a> Handout<'a> {

@@ -2,10 +2,12 @@
 
 use std::ops::Range;
 
+use super::Yield;
 use super::elements::{Element, angle};
 use crate::Vec3;
 use crate::effects::{Force, PartForce, PartMotion, PartView};
 use crate::parallel::lanes::Lanes;
+use crate::remembered::ElementRows;
 use crate::scene::Scene;
 use crate::tolerances::SQUASHED;
 
@@ -45,6 +47,15 @@ impl Gradient {
     }
 }
 
+/// What the hinges of a garment share.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Laws {
+    /// Damping of each angle as a fraction of critical.
+    pub(super) damping_ratio: f64,
+    /// How sharp folds stay, if they do.
+    pub(super) yields: Option<Yield>,
+}
+
 /// A hinge of a part.
 #[derive(Debug)]
 struct Hinge {
@@ -53,6 +64,16 @@ struct Hinge {
     rest_angle: f64,
     /// Heights below which a triangle is too flat [m].
     least_heights: [f64; 2],
+}
+
+/// Where a hinge that can yield began, and what it has come to.
+#[derive(Debug, Clone, Copy)]
+struct Fold {
+    /// Rest angle of the rest shape [rad].
+    first_angle: f64,
+    /// Angle off its rest at which it yields [rad].
+    yield_angle: f64,
+    has_yielded: bool,
 }
 
 /// The hinges of one part.
@@ -75,10 +96,16 @@ struct PartHinges {
     angles: Vec<f64>,
     /// At the last update, for each hinge of the part; zero where it is left out.
     gradients: Vec<Gradient>,
+    laws: Laws,
+    /// For each hinge, where folds stay.
+    folds: Vec<Fold>,
+    /// Hinges that were left out, and that yielded, since they were last asked for.
+    left_out: u64,
+    yielded: u64,
 }
 
 /// Sorts the hinges of a garment into its parts.
-pub(super) fn build(scene: &Scene, garment: usize, elements: &[Element], damping_ratio: f64) -> (Vec<PartForce>, usize) {
+pub(super) fn build(scene: &Scene, garment: usize, elements: &[Element], laws: Laws) -> (Vec<PartForce>, usize) {
     let parts = scene.parts();
     let first = parts.garment(garment).start as u32;
     let part_of = |vertex: u32| parts.own().contains(&(vertex as usize)).then(|| parts.part_of(vertex as usize));
@@ -86,16 +113,19 @@ pub(super) fn build(scene: &Scene, garment: usize, elements: &[Element], damping
     for (number, element) in elements.iter().enumerate() {
         let mut of = element.vertices.map(|v| part_of(first + v));
         of.sort_unstable();
-        entries.extend(of.iter().enumerate().filter(|(n, part)| *n == 0 || of[n - 1] != **part).filter_map(|(_, part)| {
-            part.map(|part| (part, number as u32))
-        }));
+        entries.extend(
+            of.iter()
+                .enumerate()
+                .filter(|(n, part)| *n == 0 || of[n - 1] != **part)
+                .filter_map(|(_, part)| part.map(|part| (part, number as u32))),
+        );
     }
     entries.sort_unstable();
     let (mut built, mut bytes): (Vec<PartForce>, usize) = (Vec::new(), 0);
     for group in entries.chunk_by(|a, b| a.0 == b.0) {
         let own: Vec<u32> = group.iter().map(|(_, number)| *number).collect();
         let range = parts.ranges()[group[0].0].clone();
-        let part = PartHinges::new(scene, first, range, elements, &own, damping_ratio);
+        let part = PartHinges::new(scene, first, range, elements, &own, laws);
         bytes += part.bytes();
         built.push((group[0].0, Box::new(part)));
     }
@@ -104,20 +134,13 @@ pub(super) fn build(scene: &Scene, garment: usize, elements: &[Element], damping
 
 impl PartHinges {
     /// The hinges `own` of the part with these vertices, and those around them.
-    fn new(
-        scene: &Scene,
-        first: u32,
-        range: Range<usize>,
-        elements: &[Element],
-        own: &[u32],
-        damping_ratio: f64,
-    ) -> Self {
+    fn new(scene: &Scene, first: u32, range: Range<usize>, elements: &[Element], own: &[u32], laws: Laws) -> Self {
         let mut around: Vec<u32> =
             own.iter().flat_map(|n| elements[*n as usize].row.iter().map(|(other, _)| *other)).collect();
         around.sort_unstable();
         around.dedup();
         around.retain(|number| own.binary_search(number).is_err());
-        let mut part = Self { range: range.clone(), stiffness: vec![0.0; range.len()], ..Self::default() };
+        let mut part = Self { range: range.clone(), stiffness: vec![0.0; range.len()], laws, ..Self::default() };
         let place = |number: u32| match own.binary_search(&number) {
             Ok(place) => place as u32,
             Err(_) => (own.len() + around.partition_point(|other| *other < number)) as u32,
@@ -126,7 +149,12 @@ impl PartHinges {
         let gradient = |number: u32| Gradient::at(elements[number as usize].vertices.map(|v| mesh[v as usize]));
         for number in own.iter().chain(&around) {
             let element = &elements[*number as usize];
-            let least_heights = gradient(*number).1.map(|height| SQUASHED * height);
+            let heights = gradient(*number).1;
+            let least_heights = heights.map(|height| SQUASHED * height);
+            if let Some(yields) = laws.yields {
+                let yield_angle = 0.5 * (heights[0] + heights[1]) / yields.radius;
+                part.folds.push(Fold { first_angle: element.rest_angle, yield_angle, has_yielded: false });
+            }
             let vertices = element.vertices.map(|v| first + v);
             part.hinges.push(Hinge { vertices, rest_angle: element.rest_angle, least_heights });
         }
@@ -138,7 +166,7 @@ impl PartHinges {
             part.add_to_stiffness(element, first, vectors, &|other| gradient(other).0.at_vertices());
             let masses = element.vertices.map(|v| scene.masses()[(first + v) as usize]);
             let softness: f64 = vectors.iter().zip(masses).map(|(u, m)| u.norm_squared() / m).sum();
-            part.damping.push(2.0 * damping_ratio * (element.row[0].1 / softness).sqrt());
+            part.damping.push(2.0 * laws.damping_ratio * (element.row[0].1 / softness).sqrt());
         }
         let outside = part.hinges.iter().flat_map(|hinge| hinge.vertices).filter(|v| !range.contains(&(*v as usize)));
         part.neighbours = outside.collect();
@@ -178,6 +206,12 @@ impl PartHinges {
             + self.gradients.len() * (size_of::<Gradient>() + 8 + 4)
             + self.stiffness.len() * 8
             + self.neighbours.len() * 4
+            + self.folds.len() * size_of::<Fold>()
+    }
+
+    /// Whether a hinge counts here: at the part that has its first vertex.
+    fn counts(&self, hinge: usize) -> bool {
+        self.hinges[hinge].vertices.iter().min().is_some_and(|first| self.place(*first as usize).is_some())
     }
 
     /// Moment of a hinge of the part [N·m].
@@ -225,6 +259,8 @@ impl Force for PartHinges {
                 *kept = gradient;
             }
         }
+        let is_out = |hinge: &usize| self.gradients[*hinge].u[0] == Vec3::zeros() && self.counts(*hinge);
+        self.left_out += (0..self.gradients.len()).filter(is_out).count() as u64;
         for hinge in 0..self.gradients.len() {
             self.pull(hinge, -self.moment(hinge, &self.angles), f);
         }
@@ -246,5 +282,46 @@ impl Force for PartHinges {
         let own = |n: usize| self.hinges[n].vertices.iter().filter(|v| self.place(**v as usize).is_some()).count();
         let quarter = |n: usize| 0.125 * own(n) as f64 * angles[n] * self.moment(n, &angles);
         (0..self.gradients.len()).map(quarter).sum()
+    }
+
+    fn take_counts(&mut self, count: &mut dyn FnMut(&'static str, u64)) {
+        count("hinges_left_out", std::mem::take(&mut self.left_out));
+        if self.laws.yields.is_some() {
+            count("hinges_yielded", std::mem::take(&mut self.yielded));
+        }
+    }
+
+    fn yield_to(&mut self, x: &[Vec3]) {
+        let Some(Yield { hardening, largest, .. }) = self.laws.yields else { return };
+        for n in 0..self.hinges.len() {
+            let (hinge, fold) = (&mut self.hinges[n], &mut self.folds[n]);
+            let (off, _) = bent(hinge, x);
+            let beyond = off.abs() - fold.yield_angle;
+            if beyond <= 0.0 {
+                continue;
+            }
+            let kept = hinge.rest_angle + beyond.copysign(off) - fold.first_angle;
+            hinge.rest_angle = fold.first_angle + kept.clamp(-largest, largest);
+            fold.yield_angle += hardening * beyond;
+            fold.has_yielded = true;
+            self.yielded += u64::from(self.counts(n));
+        }
+    }
+
+    fn remember(&self, rows: &mut ElementRows) {
+        for (n, fold) in self.folds.iter().enumerate().filter(|(n, fold)| fold.has_yielded && self.counts(*n)) {
+            rows.push(&self.hinges[n].vertices, &[self.hinges[n].rest_angle, fold.yield_angle]);
+        }
+    }
+
+    fn recall(&mut self, rows: &ElementRows) {
+        let mut known: Vec<(Vec<u32>, &[f64])> = rows.iter().collect();
+        known.sort_unstable_by(|a, b| a.0.cmp(&b.0));
+        for (hinge, fold) in self.hinges.iter_mut().zip(&mut self.folds) {
+            if let Ok(row) = known.binary_search_by(|(vertices, _)| vertices[..].cmp(&hinge.vertices)) {
+                (hinge.rest_angle, fold.yield_angle) = (known[row].1[0], known[row].1[1]);
+                fold.has_yielded = true;
+            }
+        }
     }
 }
