@@ -39,8 +39,6 @@ fn elastica(gamma: f64, n: usize) -> Vec<f64> {
 /// How the triangles of a strip lie.
 #[derive(Debug, Clone, Copy)]
 enum Kind {
-    /// Squares with alternating diagonals.
-    Alternating,
     /// Squares with parallel diagonals, as quads of equal diagonals are cut.
     Parallel,
     /// Rows that are shifted by half an edge.
@@ -79,7 +77,6 @@ fn strip(kind: Kind, cells: usize, wide: usize) -> (PolygonMesh, f64) {
             let at = |i: usize, k: usize| (i + columns * k) as u32;
             let (a, b, c, d) = (at(i, k), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1));
             let rising = match kind {
-                Kind::Alternating => (i + k) % 2 == 0,
                 Kind::Parallel | Kind::Uneven => true,
                 Kind::Shifted => k % 2 == 1,
             };
@@ -124,13 +121,10 @@ fn drop_of(kind: Kind, cells: usize, wide: usize, gamma: f64) -> f64 {
     );
     add_pins(&mut description, clamped);
     let mut simulation = start(description);
-    let mut steps = 0;
-    for _ in 0..30 {
-        let s = run(&mut simulation, 1);
-        steps += s.steps;
-    }
+    run(&mut simulation, 30);
     let x = positions(&simulation);
-    println!("{steps} steps, v {}", velocities(&simulation).iter().map(Vec3::norm).fold(0.0, f64::max));
+    let speed = velocities(&simulation).iter().map(Vec3::norm).fold(0.0, f64::max);
+    assert!(speed < 0.01, "{kind:?}, {cells} cells, gamma {gamma}: it still moves with {speed} m/s");
     -centre(&end.iter().map(|v| x[*v]).collect::<Vec<_>>()).y / OVERHANG
 }
 
@@ -138,19 +132,12 @@ fn drop_of(kind: Kind, cells: usize, wide: usize, gamma: f64) -> f64 {
 fn a_cantilever_drops_as_the_elastica_says() {
     let Some(truths) = truths() else { return };
     let table = truths["heavy_elastica_cantilever"]["table"].as_array().unwrap();
-    for kind in [Kind::Alternating, Kind::Parallel, Kind::Shifted, Kind::Uneven] {
-        for cells in [10, 20] {
-            for gamma in [1.0, 5.0, 20.0, 100.0] {
-                let row = table.iter().find(|row| row["gamma"].as_f64() == Some(gamma)).expect("a tabulated gamma");
-                let expected = row["drop_over_L"].as_f64().unwrap();
-                let t = std::time::Instant::now();
-                let found = drop_of(kind, cells, 4, gamma);
-                println!(
-                    "{kind:?} {cells} {gamma}: {found:.4} for {expected:.4}: {:+.2} % {:?}",
-                    100.0 * (found / expected - 1.0),
-                    t.elapsed()
-                );
-            }
-        }
+    let kinds = [Kind::Parallel, Kind::Shifted, Kind::Uneven];
+    let coarse = kinds.into_iter().flat_map(|kind| [1.0, 5.0, 20.0, 100.0].map(|gamma| (kind, 10, gamma)));
+    for (kind, cells, gamma) in coarse.chain([(Kind::Shifted, 16, 10.0), (Kind::Uneven, 16, 50.0)]) {
+        let row = table.iter().find(|row| row["gamma"].as_f64() == Some(gamma)).expect("a tabulated gamma");
+        let expected = row["drop_over_L"].as_f64().unwrap();
+        let share = drop_of(kind, cells, 4, gamma) / expected;
+        assert!((share - 1.0).abs() < 0.03, "{kind:?}, {cells} cells, gamma {gamma}: {share} of the drop");
     }
 }

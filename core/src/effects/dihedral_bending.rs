@@ -22,6 +22,8 @@
 
 mod elements;
 mod part_hinges;
+#[cfg(test)]
+mod tests;
 
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, find};
 use crate::error::Problem;

@@ -160,3 +160,13 @@ fn axes(mesh: &TriangleMesh, triangle: usize) -> [Vec3; 2] {
     let normal = (b - a).cross(&(c - a)).normalize();
     [e1, normal.cross(&e1)]
 }
+
+/// Energy of a triangle that has all its angles, at these angles of the mesh [J].
+#[cfg(test)]
+pub(super) fn triangle_energy(mesh: &TriangleMesh, triangle: usize, rigidity: Rigidity, angles: &[f64]) -> Option<f64> {
+    let known = angles_of_triangles(mesh).swap_remove(triangle);
+    let moments = moments_of_triangle(mesh, triangle, &known, rigidity);
+    let pairs = (0..known.len()).flat_map(|a| (0..known.len()).map(move |b| (a, b)));
+    let at = |n: usize| angles[known[n] as usize];
+    (known.len() == 3).then(|| 0.5 * pairs.map(|(a, b)| at(a) * moments[(a, b)] * at(b)).sum::<f64>())
+}
