@@ -7,11 +7,12 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, Need, PlannedEffect, build_all};
+use crate::effects::{Force, Need, PlannedEffect, Section, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::ranks::Sent;
+use crate::parallel::split::PerPart;
 use crate::scene::{Scene, agree};
 use crate::solve::conjugate_gradient::Stop;
 use crate::solve::implicit_velocity::PartForces;
@@ -155,6 +156,8 @@ pub struct Simulation {
     limit: StepLimit,
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
+    /// Section with what has yielded in the cloth, where it can.
+    yields: Option<Section>,
     scratch: Scratch,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,
@@ -206,7 +209,7 @@ impl Simulation {
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
         let mut volumes = Volumes::default();
-        let (mut repulsion, mut self_collision, mut sees_velocities) = (None, None, false);
+        let (mut repulsion, mut self_collision, mut yields, mut sees_velocities) = (None, None, None, false);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
@@ -215,6 +218,7 @@ impl Simulation {
             collision = collision.or(effect.body_collision);
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
+            yields = yields.or(effect.yields);
             sees_velocities |= effect.sees_velocities;
             volumes.0.extend(effect.volume);
             plan.push(planned);
@@ -254,6 +258,7 @@ impl Simulation {
             volumes,
             limit,
             reaches_ghosts,
+            yields,
             scratch,
             metrics,
             plan,
@@ -412,6 +417,8 @@ impl Simulation {
             }
             if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
                 self.rewind();
+            } else if self.yields.is_some() {
+                self.give_way();
             }
             if pause(self.state.time) {
                 return Ok(true);
@@ -453,6 +460,16 @@ impl Simulation {
             parts.halo().refresh(parts.ranks(), &mut state.v);
             ending
         })
+    }
+
+    /// Keeps what is bent or stretched too far to spring back.
+    fn give_way(&mut self) {
+        let Self { scene, forces, state, metrics, .. } = self;
+        metrics.stage("yield", |_| {
+            scene.parts().for_each(PerPart(forces), &|_, forces| {
+                forces.0[0].iter_mut().for_each(|force| force.yield_to(&state.x));
+            });
+        });
     }
 
     /// Puts everything back to the last collision-free state.

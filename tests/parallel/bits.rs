@@ -172,6 +172,29 @@ fn two_garments_that_fall_on_a_spinning_ball_and_on_a_floor() {
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }
 
+/// A crumpled sheet that goes on folding, some folds for good.
+fn crumpling() -> SceneDescription {
+    let mut description = cloth(0.0);
+    description.effects.pop();
+    let bending = EffectRequest::of_garment("dihedral_bending", 0);
+    description.effects.push(bending.with("stiffness", 1e-5).with("damping_ratio", 0.5));
+    let wrinkles = EffectRequest::of_garment("plastic_wrinkles", 0).with("yield_radius", 0.1);
+    description.effects.push(wrinkles.with("hardening", 0.2));
+    let wave = |p: &Vec3| p + Vec3::y() * (0.004 * (40.0 * p.x + 9.0 * p.z).sin() * (31.0 * p.z).cos());
+    description.garments[0].start = Some(description.garments[0].mesh.points.iter().map(wave).collect());
+    add_pins(&mut description, vec![0, 80]);
+    description
+}
+
+#[test]
+fn a_crumpled_sheet_that_keeps_some_folds() {
+    let shot = Shot { description: crumpling(), input: no_input, frames: 4 };
+    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
+    let yielded = |frame: usize| summaries[frame].metrics.counted("hinges_yielded");
+    assert!((0..4).all(|frame| yielded(frame) > 10), "folds stay in every frame");
+    shot.has_the_same_bits_everywhere();
+}
+
 /// The swelling ball as a body.
 fn ball() -> BodyDescription {
     let (triangles, points) = swelling_ball(0.0);

@@ -1,5 +1,6 @@
 //! Physics against closed forms.
 
+mod bending;
 mod determinism;
 mod fit;
 mod free_motion;

@@ -6,9 +6,11 @@
 pub mod attachments;
 pub mod bending;
 pub mod body_collision;
+pub mod dihedral_bending;
 pub mod gravity;
 pub mod part_triangles;
 pub mod pins;
+pub mod plastic_wrinkles;
 pub mod pressure;
 pub mod seams;
 pub mod self_collision;
@@ -30,6 +32,8 @@ use crate::scene::Scene;
 use crate::settings::{Field, Settings};
 use crate::volumes::{Volume, Volumes};
 use crate::wind_grid::WindGrid;
+
+pub use crate::remembered::ElementRows;
 
 /// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
 macro_rules! effects {
@@ -57,6 +61,8 @@ effects! {
     gravity,
     stretch,
     bending if "effect-bending",
+    dihedral_bending if "effect-dihedral_bending",
+    plastic_wrinkles if "effect-plastic_wrinkles",
     wind if "effect-wind",
     pressure if "effect-pressure",
     seams if "effect-seams",
@@ -91,6 +97,8 @@ pub enum Need {
     ClothSurface,
     /// The list of pairs that are close.
     PairList,
+    /// On each rank the triangles two edges away from those that have one of its vertices.
+    SecondRing,
 }
 
 /// A section of a snapshot, and hence of a checkpoint.
@@ -166,6 +174,8 @@ pub struct Effect {
     pub volume: Option<Volume>,
     /// Whether its forces look at [`Surroundings::v`].
     pub sees_velocities: bool,
+    /// The section with what forces remember of elements that have yielded.
+    pub yields: Option<Section>,
     /// Number of elements that the rank owns, of the kind that its cost names.
     pub elements: usize,
     /// Memory held [bytes].
@@ -284,6 +294,15 @@ pub trait Force: Send + Sync {
     fn energy(&self, _view: &PartView<'_>) -> f64 {
         0.0
     }
+
+    /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
+    fn yield_to(&mut self, _x: &[Vec3]) {}
+
+    /// Adds what [`Force::yield_to`] has changed in the elements that count at this part, by their vertices in solver order.
+    fn remember(&self, _rows: &mut ElementRows) {}
+
+    /// Takes what was remembered of all elements whose vertices are on this rank.
+    fn recall(&mut self, _rows: &ElementRows) {}
 
     /// Hands out what was counted since it was asked last, under names of the effect's `counts`; each event at one part only.
     fn take_counts(&mut self, _count: &mut dyn FnMut(&'static str, u64)) {}
