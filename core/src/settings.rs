@@ -37,6 +37,10 @@ pub enum Dimension {
     ArealDensity,
     /// Time, SI unit s.
     Time,
+    /// A share per time, SI unit 1/s.
+    Rate,
+    /// Angle, SI unit rad.
+    Angle,
 }
 
 impl Dimension {
@@ -53,6 +57,8 @@ impl Dimension {
                 &[("kg/m²", 1.0), ("kg/m^2", 1.0), ("kg/m2", 1.0), ("g/m²", 1e-3), ("g/m^2", 1e-3), ("gsm", 1e-3)]
             }
             Self::Time => &[("s", 1.0), ("ms", 1e-3)],
+            Self::Rate => &[("1/s", 1.0)],
+            Self::Angle => &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
         }
     }
 

@@ -7,6 +7,7 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::strain_limit::StrainLimit;
 use crate::effects::{Force, Need, PlannedEffect, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
@@ -141,6 +142,7 @@ pub struct Simulation {
     pins: Option<HardPins>,
     targets: PinTargets,
     tracks: Vec<Samples>,
+    strain_limits: Vec<StrainLimit>,
     collision: Option<BodyCollision>,
     self_contact: Option<SelfContact>,
     bodies: Bodies,
@@ -191,12 +193,13 @@ impl Simulation {
         let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
-        let (mut repulsion, mut self_collision) = (None, None);
+        let (mut repulsion, mut self_collision, mut strain_limits) = (None, None, Vec::new());
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
             }
             pins = pins.or(effect.pins);
+            strain_limits.extend(effect.strain_limit);
             collision = collision.or(effect.body_collision);
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
@@ -230,6 +233,7 @@ impl Simulation {
             pins,
             targets,
             tracks,
+            strain_limits,
             collision,
             self_contact,
             bodies,
@@ -465,6 +469,7 @@ impl Simulation {
             pins: self.pins.as_ref(),
             targets: &mut self.targets,
             tracks: &self.tracks,
+            strain_limits: &mut self.strain_limits,
             collision: self.collision.as_mut(),
             self_contact: self.self_contact.as_mut(),
             bodies: &mut self.bodies,

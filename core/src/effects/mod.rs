@@ -6,11 +6,16 @@
 pub mod attachments;
 pub mod bending;
 pub mod body_collision;
+mod corners;
+pub mod ether_drag;
 pub mod gravity;
+pub mod membrane;
 pub mod pins;
 pub mod self_collision;
 pub mod self_repulsion;
+pub mod shear;
 pub mod springs;
+pub mod strain_limit;
 pub mod stretch;
 
 use std::ops::Range;
@@ -28,9 +33,13 @@ use crate::settings::{Field, Settings};
 pub static REGISTRY: &[&EffectSpec] = &[
     &gravity::SPEC,
     &stretch::SPEC,
+    &shear::SPEC,
+    &membrane::SPEC,
     &bending::SPEC,
+    &ether_drag::SPEC,
     &attachments::SPEC,
     &pins::SPEC,
+    &strain_limit::SPEC,
     &body_collision::SPEC,
     &self_repulsion::SPEC,
     &self_collision::SPEC,
@@ -97,6 +106,8 @@ pub struct Effect {
     pub forces: Vec<PartForce>,
     /// Whether hard pins are to be imposed.
     pub pins: Option<pins::HardPins>,
+    /// The largest strain of one garment.
+    pub strain_limit: Option<strain_limit::StrainLimit>,
     /// Whether cloth collides with bodies.
     pub body_collision: Option<body_collision::BodyCollision>,
     /// Laws of repulsion between cloth and cloth, and the largest thickness as a fraction of the edges around a vertex.
