@@ -2,19 +2,30 @@
 
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use drapery_core::effects::{self, LISTED};
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::duration::parse_duration;
 use drapery_io::shot::run::Resume;
 
 use crate::exit_code;
 
+/// What `--version` says: the version, and what this build has beyond what every build has.
+static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
+    let built = LISTED.iter().filter(|(name, _)| effects::find(name).is_some());
+    let mut features: Vec<&str> = built.filter_map(|(_, feature)| *feature).collect();
+    features.extend(cfg!(feature = "mpi").then_some("mpi"));
+    features.extend(cfg!(feature = "rank-order").then_some("rank-order"));
+    format!("{}\nfeatures: {}", env!("CARGO_PKG_VERSION"), features.join(" "))
+});
+
 /// Offline cloth solver: animated bodies and garments in, vertex caches out.
 #[derive(Debug, Parser)]
-#[command(name = "drapery", version, after_help = exit_code::TABLE, max_term_width = 120)]
+#[command(name = "drapery", version, long_version = LONG_VERSION.as_str(), after_help = exit_code::TABLE, max_term_width = 120)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,

@@ -7,6 +7,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use crate::Vec3;
+use crate::effects::Section;
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
@@ -326,8 +327,8 @@ fn indices(values: Values) -> Option<Vec<u32>> {
 
 impl Remembered {
     /// Nothing yet.
-    pub(crate) fn new(name: &'static str, version: u32) -> Self {
-        Self { name, version, fields: Vec::new() }
+    pub(crate) fn new(section: Section) -> Self {
+        Self { name: section.name, version: section.version, fields: Vec::new() }
     }
 
     /// Adds a field.

@@ -7,8 +7,7 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::strain_limit::StrainLimit;
-use crate::effects::{Force, Need, PlannedEffect, build_all};
+use crate::effects::{Force, Need, PlannedEffect, VelocityFilter, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
@@ -142,7 +141,7 @@ pub struct Simulation {
     pins: Option<HardPins>,
     targets: PinTargets,
     tracks: Vec<Samples>,
-    strain_limits: Vec<StrainLimit>,
+    filters: Vec<Box<dyn VelocityFilter>>,
     collision: Option<BodyCollision>,
     self_contact: Option<SelfContact>,
     bodies: Bodies,
@@ -193,13 +192,13 @@ impl Simulation {
         let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
-        let (mut repulsion, mut self_collision, mut strain_limits) = (None, None, Vec::new());
+        let (mut repulsion, mut self_collision, mut filters) = (None, None, Vec::new());
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
             }
             pins = pins.or(effect.pins);
-            strain_limits.extend(effect.strain_limit);
+            filters.extend(effect.filters);
             collision = collision.or(effect.body_collision);
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
@@ -218,8 +217,8 @@ impl Simulation {
             effect.bytes = contact.bytes();
         }
         for effect in &mut plan {
-            let [bytes] = parts.ranks().sum_of([effect.bytes as u64]);
-            effect.bytes = bytes as usize;
+            let [elements, bytes] = parts.ranks().sum_of([effect.elements as u64, effect.bytes as u64]);
+            (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
         let scratch = Scratch::new(parts, collision.is_some() || after_position);
@@ -233,7 +232,7 @@ impl Simulation {
             pins,
             targets,
             tracks,
-            strain_limits,
+            filters,
             collision,
             self_contact,
             bodies,
@@ -362,6 +361,7 @@ impl Simulation {
             self.bodies.set_step(self.state.time, self.state.time);
             let mut pause = |time| time < to && pause(time);
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
+                self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 return Ok(Advance::Paused(summary));
             }
@@ -469,7 +469,7 @@ impl Simulation {
             pins: self.pins.as_ref(),
             targets: &mut self.targets,
             tracks: &self.tracks,
-            strain_limits: &mut self.strain_limits,
+            filters: &mut self.filters,
             collision: self.collision.as_mut(),
             self_contact: self.self_contact.as_mut(),
             bodies: &mut self.bodies,

@@ -22,7 +22,7 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::strain_limit::{Purpose, StrainLimit};
+use crate::effects::{Purpose, VelocityFilter};
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerVertex;
@@ -81,8 +81,8 @@ pub struct StepContext<'a> {
     pub targets: &'a mut PinTargets,
     /// Animated positions that pins follow.
     pub tracks: &'a [Samples],
-    /// Strain limits of garments that have one.
-    pub strain_limits: &'a mut [StrainLimit],
+    /// What else changes velocities.
+    pub filters: &'a mut [Box<dyn VelocityFilter>],
     /// Body collision, if the scene has bodies.
     pub collision: Option<&'a mut BodyCollision>,
     /// Self-contact, if the scene asks for it.
@@ -115,13 +115,13 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     context.move_prescribed(time, time + dt);
     context.first_half(dt, &mut report); // B.1
     context.repel_half_velocities(dt); // B.2
-    context.limit_half_velocities(dt); // B.2, after it
+    context.filter_half_velocities(dt); // B.2, after it
     context.end_positions(dt); // B.3, B.4
     context.collide_after_position(dt); // C, in the order of the authors' later code
     context.second_half(dt, &mut report); // B.5, B.6
     context.final_velocities(dt); // B.7
     context.repel_final_velocities(dt); // B.8
-    context.limit_final_velocities(dt); // B.8, after it
+    context.filter_final_velocities(dt); // B.8, after it
     context.parts.halo().refresh(context.parts.ranks(), &mut context.state.v);
     context.state.time = time + dt;
     report
@@ -131,18 +131,7 @@ impl StepContext<'_> {
     /// Puts bodies and pin targets at both ends of the step.
     fn move_prescribed(&mut self, t0: f64, t1: f64) {
         let Self {
-            parts,
-            bodies,
-            targets,
-            tracks,
-            strain_limits,
-            collision,
-            self_contact,
-            pins,
-            masses,
-            state,
-            metrics,
-            ..
+            parts, bodies, targets, tracks, filters, collision, self_contact, pins, masses, state, metrics, ..
         } = self;
         if bodies.list().is_empty() && pins.is_none() && targets.is_empty() {
             return;
@@ -157,7 +146,7 @@ impl StepContext<'_> {
                 contact.set_held(masses, *pins, targets);
             }
             if let Some(pins) = pins {
-                strain_limits.iter_mut().for_each(|limit| limit.set_held(parts, masses, pins, targets));
+                filters.iter_mut().for_each(|filter| filter.set_held(parts, masses, pins, targets));
             }
         });
     }
@@ -194,20 +183,20 @@ impl StepContext<'_> {
     }
 
     /// B.2, after self-repulsion: the end positions keep the limit.
-    fn limit_half_velocities(&mut self, dt: f64) {
-        let Self { parts, state, strain_limits, scratch, metrics, .. } = self;
-        for limit in &mut **strain_limits {
+    fn filter_half_velocities(&mut self, dt: f64) {
+        let Self { parts, state, filters, scratch, metrics, .. } = self;
+        for filter in &mut **filters {
             let motion = (&state.x[..], &mut scratch.v_half[..]);
-            metrics.stage("B.2 strain limit", |m| limit.apply(parts, motion, dt, Purpose::Positions, m));
+            metrics.stage("B.2 filters", |m| filter.apply(parts, motion, dt, Purpose::Positions, m));
         }
     }
 
     /// B.8, after self-repulsion: edges at their limit do not go on stretching.
-    fn limit_final_velocities(&mut self, dt: f64) {
-        let Self { parts, state, strain_limits, metrics, .. } = self;
-        for limit in &mut **strain_limits {
+    fn filter_final_velocities(&mut self, dt: f64) {
+        let Self { parts, state, filters, metrics, .. } = self;
+        for filter in &mut **filters {
             let motion = (&state.x[..], &mut state.v[..]);
-            metrics.stage("B.8 strain limit", |m| limit.apply(parts, motion, dt, Purpose::Motion, m));
+            metrics.stage("B.8 filters", |m| filter.apply(parts, motion, dt, Purpose::Motion, m));
         }
     }
 

@@ -18,6 +18,7 @@ use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::contact::untangle::push_apart;
+use crate::effects::Section;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
@@ -27,11 +28,8 @@ use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
 use crate::state::State;
 
-/// Name of the section of a snapshot.
-pub const SECTION: &str = "self_contact";
-
-/// Version of the section of a snapshot.
-pub const VERSION: u32 = 1;
+/// What both halves of self-contact remember.
+pub const SECTION: Section = Section { name: "self_contact", version: 1 };
 
 /// Collision steps without a rewind after which K is doubled (method 2.1).
 const GROWTH_PERIOD: u32 = 3;
@@ -395,7 +393,7 @@ impl SelfContact {
     pub(crate) fn remember(&self) -> Remembered {
         let (reference, nodes) = (self.neighbours.reference(), self.surface.nodes());
         let list = reference.map(|x| (x[nodes.own()].to_vec(), x[nodes.cloth()..].to_vec()));
-        let memory = Remembered::new(SECTION, VERSION)
+        let memory = Remembered::new(SECTION)
             .with("wear", Field::Number(self.wear))
             .with("list_reach", Field::Number(self.neighbours.full_reach()))
             .with("list_positions", Field::Nodes(nodes.count() - nodes.cloth(), list));

@@ -9,7 +9,9 @@
 //! damping_ratio = 1.0
 //! ```
 
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
+#![cfg(feature = "effect-attachments")]
+
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope, pins};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
 use crate::scene::PinHold;
@@ -22,6 +24,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
+    requires: &[],
+    cost: Cost { elements: "springs", step: 40.0, iteration: 10.0 },
+    section: Some(pins::SECTION),
+    counts: &[],
     build,
 };
 
@@ -57,7 +63,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
         }
     }
     entries.sort_by_key(|(part, a)| (*part, a.vertex, a.target));
-    let bytes = entries.len() * size_of::<Attachment>();
+    let (elements, bytes) = (entries.len(), entries.len() * size_of::<Attachment>());
     let forces = entries
         .chunk_by(|a, b| a.0 == b.0)
         .map(|group| {
@@ -66,7 +72,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
             (group[0].0, Box::new(force) as Box<dyn Force>)
         })
         .collect();
-    Ok(Effect { forces, bytes, ..Effect::default() })
+    Ok(Effect { forces, elements, bytes, ..Effect::default() })
 }
 
 impl Force for PartAttachments {

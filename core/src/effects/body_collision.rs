@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::{Bodies, BodyPoint};
 use crate::contact::friction::{coulomb, respond};
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
 use crate::error::Problem;
 use crate::metrics::Metrics;
 use crate::remembered::{Field, Remembered};
@@ -34,11 +34,15 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State, Need::Bodies],
+    requires: &[],
+    cost: Cost { elements: "vertices", step: 150.0, iteration: 0.0 },
+    section: Some(SECTION),
+    counts: &["body_contacts", "body_contacts_along_path", "body_queries", "body_squeezed", "body_pinched"],
     build,
 };
 
-/// Version of the section of a snapshot.
-pub(crate) const VERSION: u32 = 1;
+/// How far deforming bodies are; not there without such bodies.
+pub(crate) const SECTION: Section = Section { name: "body_collision", version: 1 };
 
 /// Bodies that can hold a vertex at the same time.
 const HOLDS: usize = 2;
@@ -137,7 +141,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     };
     let bytes = vertices * (size_of::<VertexContact>() + 1 + surfaces * size_of::<Memory>())
         + collision.marks.len() * size_of::<Marks>();
-    Ok(Effect { body_collision: Some(collision), bytes, ..Effect::default() })
+    Ok(Effect { body_collision: Some(collision), elements: vertices, bytes, ..Effect::default() })
 }
 
 impl BodyCollision {
@@ -166,7 +170,7 @@ impl BodyCollision {
     pub(crate) fn remember(&self) -> Option<Remembered> {
         let clearances = self.memory.iter().map(|memory| memory.clearance).collect();
         let field = Field::Vertices(self.surfaces, clearances);
-        self.remembers().then(|| Remembered::new(SPEC.name, VERSION).with("clearances", field))
+        self.remembers().then(|| Remembered::new(SECTION).with("clearances", field))
     }
 
     /// Goes on from what was remembered.

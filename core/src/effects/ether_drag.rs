@@ -10,8 +10,10 @@
 //! limits the time step. A free fall ends at `W + g / rate`, whatever the cloth weighs and however it is turned: that is the
 //! limit of this model. Air that streams along cloth and presses against it is another effect.
 
+#![cfg(feature = "effect-ether_drag")]
+
 use crate::Vec3;
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -38,6 +40,10 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "vertices", step: 4.0, iteration: 1.0 },
+    section: None,
+    counts: &[],
     build,
 };
 
@@ -58,7 +64,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     };
     let forces = parts.ranges().iter().map(drag).map(|drag| Box::new(drag) as Box<dyn Force>).enumerate().collect();
     let bytes = parts.own().len() * size_of::<f64>() + parts.count() * size_of::<EtherDrag>();
-    Ok(Effect { forces, bytes, ..Effect::default() })
+    Ok(Effect { forces, elements: parts.own().len(), bytes, ..Effect::default() })
 }
 
 impl Force for EtherDrag {

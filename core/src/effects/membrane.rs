@@ -25,6 +25,8 @@
 //! Limits: a triangle that is pressed to a line or a point resists with finite forces and may turn over, as cloth may. The
 //! stiffest triangle sets the time step; the thinnest `thin_triangles` of them are softened.
 
+#![cfg(feature = "effect-membrane")]
+
 mod element;
 mod part_membrane;
 
@@ -32,7 +34,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::effects::springs::smallest_but;
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 use element::{Gradients, Moduli, gradients, largest_stiffness};
@@ -105,6 +107,10 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 60.0, iteration: 12.0 },
+    section: None,
+    counts: &[],
     build,
 };
 
@@ -136,9 +142,9 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let moduli = moduli(settings);
     let warp = |corners| turned(warp_at_rest(grain, corners), corners, settings.number("grain_angle"));
     let mut elements = elements(context, garment, &moduli, warp);
-    let notes = soften(&mut elements, context, settings.number("thin_triangles"));
+    let (count, notes) = soften(&mut elements, context, settings.number("thin_triangles"));
     let (forces, bytes) = part_membrane::build(context.scene, &elements, moduli, settings.number("damping_ratio"));
-    Ok(Effect { forces, bytes, notes, ..Effect::default() })
+    Ok(Effect { forces, elements: count, bytes, notes, ..Effect::default() })
 }
 
 fn moduli(settings: &Settings) -> Moduli {
@@ -185,14 +191,15 @@ fn elements(
     mesh.triangles().iter().filter(is_near).map(element).collect()
 }
 
-/// Softens the thinnest triangles, those with the most stiffness by area, to the `share`-th of them, and notes it.
-fn soften(elements: &mut [TriangleElement], context: &BuildContext<'_>, share: f64) -> Vec<String> {
+/// Softens the thinnest triangles, those with the most stiffness by area, to the `share`-th of them. Returns how many triangles
+/// count at this rank, and a note on those that were softened.
+fn soften(elements: &mut [TriangleElement], context: &BuildContext<'_>, share: f64) -> (usize, Vec<String>) {
     let parts = context.scene.parts();
     let own: Range<usize> = parts.own();
     // Each triangle counts at the rank that owns its first vertex.
     let counts = |e: &&TriangleElement| e.corners.iter().min().is_some_and(|first| own.contains(first));
     let thickness = |e: &TriangleElement| e.weight / e.stiffness;
-    let all: Vec<f64> = elements.iter().filter(counts).map(thickness).filter(|t| t.is_finite()).collect();
+    let all: Vec<f64> = elements.iter().filter(counts).map(thickness).collect();
     let [count] = parts.ranks().sum_of([all.len() as u64]);
     let place = (share * count as f64) as u64;
     let thinnest = if place > 0 && place < count { smallest_but(place, &all, parts.ranks()) } else { 0.0 };
@@ -204,5 +211,5 @@ fn soften(elements: &mut [TriangleElement], context: &BuildContext<'_>, share: f
         }
     }
     let note = format!("the {softened} thinnest triangles are softened, so that they do not set the time step");
-    if softened > 0 { vec![note] } else { Vec::new() }
+    (all.len(), if softened > 0 { vec![note] } else { Vec::new() })
 }

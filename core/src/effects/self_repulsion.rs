@@ -12,7 +12,8 @@
 //! ```
 
 use crate::contact::repulsion::Laws;
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::contact::self_contact::SECTION;
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 
@@ -66,10 +67,26 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 300.0, iteration: 0.0 },
+    section: Some(SECTION),
+    counts: &[
+        "repulsions",
+        "attractions",
+        "inverted_pairs",
+        "collision_steps",
+        "collision_steps_k1",
+        "collision_steps_k2",
+        "collision_steps_k4",
+        "collision_steps_k8",
+        "collision_steps_k16",
+        "collision_steps_shortened",
+        "pair_searches",
+    ],
     build,
 };
 
-fn build(settings: &Settings, _: &BuildContext<'_>) -> Result<Effect, Problem> {
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let attraction = settings.flag("attraction");
     let laws = Laws {
         stiffness: settings.number("stiffness"),
@@ -78,5 +95,9 @@ fn build(settings: &Settings, _: &BuildContext<'_>) -> Result<Effect, Problem> {
         edge_attraction: settings.number("edge_attraction"),
         attraction,
     };
-    Ok(Effect { self_repulsion: Some((laws, settings.number("thickness_clamp"))), ..Effect::default() })
+    Ok(Effect {
+        self_repulsion: Some((laws, settings.number("thickness_clamp"))),
+        elements: own_triangles(context.scene),
+        ..Effect::default()
+    })
 }

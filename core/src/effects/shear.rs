@@ -17,10 +17,12 @@
 //! corner that lies exactly on its edge has no direction to go and is not pushed. Stiffness against shear follows from the
 //! mesh; measured values belong to `membrane`.
 
+#![cfg(feature = "effect-shear")]
+
 use crate::Vec3;
 use crate::effects::corners::{add, by_part, gather, outside, share};
 use crate::effects::springs::{self, SpringElement};
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartForce, PartMotion, PartView, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartForce, PartMotion, PartView, Scope};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -45,6 +47,10 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 50.0, iteration: 8.0 },
+    section: None,
+    counts: &[],
     build,
 };
 
@@ -128,7 +134,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         let compressed_by = settings.optional("compressed_by");
         forces.push((group[0].0, Box::new(PartShear { start: range.start, triangles, neighbours, compressed_by })));
     }
-    Ok(Effect { forces, bytes, notes, ..Effect::default() })
+    Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
 }
 
 /// The three altitudes of a triangle of the mesh, given its corners and its area, in the order of the corners.

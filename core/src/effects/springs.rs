@@ -111,7 +111,7 @@ pub fn build_effect(
     let damping_ratio = settings.number("damping_ratio");
     let (forces, bytes) =
         part_springs::build(context.scene, garment, &elements, &stiffnesses, damping_ratio, measures_strain);
-    Ok(Effect { forces, bytes, notes, ..Effect::default() })
+    Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
 }
 
 /// Stiffness of each spring [N/m] as the settings say, and notes for the plan; `lengths` are those that count at this rank.

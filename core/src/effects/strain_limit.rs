@@ -19,11 +19,13 @@
 //! (`strain_over_limit`) and shows in the largest strain of the frame: a limit of 1 % under load over a hundred rows of edges
 //! takes some hundred sweeps. Bodies, and collisions in C, come after the limit and may stretch edges beyond it.
 
+#![cfg(feature = "effect-strain_limit")]
+
 mod part_edges;
 
 use crate::Vec3;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Purpose, Scope, VelocityFilter};
 use crate::error::Problem;
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
@@ -62,6 +64,10 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "edges", step: 40.0, iteration: 0.0 },
+    section: None,
+    counts: &["strain_limit_sweeps", "strain_over_limit"],
     build,
 };
 
@@ -78,18 +84,9 @@ struct Limits {
     shortest: f64,
 }
 
-/// What a velocity means.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Purpose {
-    /// It takes the positions to the end of the step: what is beyond the limit comes back.
-    Positions,
-    /// It is the velocity at the end of the step: what is beyond the limit goes no further.
-    Motion,
-}
-
 /// The strain limit of one garment.
 #[derive(Debug)]
-pub struct StrainLimit {
+struct StrainLimit {
     limits: Limits,
     sweeps: usize,
     /// Edges of every own part.
@@ -131,7 +128,8 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         excess: vec![0.0; edges.len()],
         edges,
     };
-    Ok(Effect { bytes: limit.bytes(), strain_limit: Some(limit), ..Effect::default() })
+    let elements = limit.edges.iter().map(PartEdges::counted).sum();
+    Ok(Effect { bytes: limit.bytes(), elements, filters: vec![Box::new(limit)], ..Effect::default() })
 }
 
 impl StrainLimit {
@@ -139,9 +137,10 @@ impl StrainLimit {
         let of_vertices = self.change.len() * (2 * size_of::<Vec3>() + size_of::<f64>());
         of_vertices + self.edges.iter().map(PartEdges::bytes).sum::<usize>()
     }
+}
 
-    /// Vertices that pins hold in this step do not yield.
-    pub fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &HardPins, targets: &PinTargets) {
+impl VelocityFilter for StrainLimit {
+    fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &HardPins, targets: &PinTargets) {
         for (vertex, ..) in pins.axes() {
             self.mobility[vertex] = Vec3::repeat(1.0 / masses[vertex]);
         }
@@ -151,9 +150,7 @@ impl StrainLimit {
         parts.halo().refresh(parts.ranks(), &mut self.mobility);
     }
 
-    /// Changes the velocities `v` of a step of `dt` [s] from positions `x` so that edges keep the limit; ghosts of `x` are those
-    /// of their owners, and those of `v` afterwards.
-    pub fn apply(
+    fn apply(
         &mut self,
         parts: &Parts,
         (x, v): (&[Vec3], &mut [Vec3]),
@@ -182,7 +179,9 @@ impl StrainLimit {
             metrics.count("strain_over_limit", over);
         }
     }
+}
 
+impl StrainLimit {
     /// The largest excess of all ranks, by rest length.
     fn worst(&self, parts: &Parts) -> f64 {
         parts.ranks().max(largest(&self.excess))

@@ -11,7 +11,9 @@ use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
 use crate::scene::share::{self, Received};
-use crate::scene::{BodyDescription, BodyShape, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription};
+use crate::scene::{
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription,
+};
 use crate::settings::nearest;
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 
@@ -479,6 +481,10 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for request in &description.effects {
         let name = request.effect.as_str();
         let Some(spec) = effects::find(name) else {
+            if let Some((what, advice)) = effects::lacking(name) {
+                problems.push(Problem::scene(name, what, advice));
+                continue;
+            }
             let names = effects::REGISTRY.iter().map(|s| s.name);
             let advice = nearest(name, names)
                 .map_or_else(|| "see the list of effects".to_owned(), |n| format!("did you mean `{n}`?"));
@@ -492,6 +498,15 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
         };
         if !fits {
             problems.push(Problem::scene(name, "it stands in the wrong place", "see the reference page of effects"));
+        }
+        for required in spec.requires {
+            let meets = |e: &&EffectRequest| {
+                e.effect == *required && (e.garment.is_none() || request.garment.is_none_or(|g| e.garment == Some(g)))
+            };
+            if !description.effects.iter().any(|e| meets(&e)) {
+                let what = format!("it has no meaning without `{required}`, which is not there");
+                problems.push(Problem::scene(name, what, "ask for both or neither"));
+            }
         }
         if !seen.insert((name, request.garment)) {
             problems.push(Problem::scene(name, "it is asked for twice", "remove one of the tables"));

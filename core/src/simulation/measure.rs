@@ -34,8 +34,16 @@ impl Simulation {
         }
         summary.body_self_crossings = self.bodies.self_crossings() as u64;
         self.count_traffic();
+        self.take_counts();
         summary.metrics = self.metrics.take().over_ranks(&ranks);
         Ok(())
+    }
+
+    /// Takes what forces have counted.
+    pub(super) fn take_counts(&mut self) {
+        let Self { forces, metrics, .. } = self;
+        let mut add = |name, amount| metrics.count(name, amount);
+        forces.iter_mut().flatten().for_each(|force| force.take_counts(&mut add));
     }
 
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.

@@ -5,16 +5,14 @@ use std::sync::Arc;
 use super::{FrameInput, Simulation};
 use crate::Vec3;
 use crate::contact::self_contact;
+use crate::effects::{Section, body_collision};
 use crate::error::Problems;
 use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 
-/// Name of the section with positions and velocities.
-const STATE: &str = "state";
-
-/// Version of that section.
-const VERSION: u32 = 1;
+/// Positions and velocities, which every scene has.
+const STATE: Section = Section { name: "state", version: 1 };
 
 /// Why a simulation cannot go on from a snapshot.
 #[derive(Debug, thiserror::Error)]
@@ -49,7 +47,7 @@ impl Simulation {
     pub(super) fn remember(&self) -> Vec<Remembered> {
         let own = self.scene.parts().own();
         let of_own = |vectors: &[Vec3]| Field::Vectors(vectors[own.clone()].to_vec());
-        let state = Remembered::new(STATE, VERSION)
+        let state = Remembered::new(STATE)
             .with("time", Field::Number(self.state.time))
             .with("last_step", Field::Number(self.limit.last()))
             .with("positions", of_own(&self.state.x))
@@ -105,7 +103,7 @@ impl Simulation {
             if !(timeline.time(frame)..timeline.time(frame + 1)).contains(&state.time) {
                 let (time, frame_time) = (state.time, timeline.time(frame));
                 let what = format!("its time {time} s does not follow frame {frame} at {frame_time} s");
-                return Err(SnapshotError { section: STATE.to_owned(), what });
+                return Err(SnapshotError { section: STATE.name.to_owned(), what });
             }
             limit.set_last(section.number("last_step"));
             for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
@@ -119,20 +117,21 @@ impl Simulation {
         {
             problem = targets.go_on(section, bodies).err();
         }
-        if let (Some(collision), Some(section)) =
-            (collision.as_mut().filter(|c| c.remembers()), memory.iter().find(|s| s.name == "body_collision"))
-        {
+        if let (Some(collision), Some(section)) = (
+            collision.as_mut().filter(|c| c.remembers()),
+            memory.iter().find(|s| s.name == body_collision::SECTION.name),
+        ) {
             collision.go_on(section);
         }
         if let (Some(contact), Some(section)) =
-            (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION))
+            (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION.name))
         {
             contact.go_on(section, state, bodies);
             self.crossings = contact.known_crossings().to_vec();
         }
         self.frame = frame;
         let elsewhere =
-            || SnapshotError { section: STATE.to_owned(), what: "another rank cannot go on from it".into() };
+            || SnapshotError { section: STATE.name.to_owned(), what: "another rank cannot go on from it".into() };
         match (scene.parts().ranks().any(problem.is_some()), problem) {
             (false, _) => Ok(()),
             (true, problem) => Err(problem.unwrap_or_else(elsewhere)),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use drapery_core::effects::{EffectSpec, REGISTRY, Scope};
+use drapery_core::effects::{EffectSpec, REGISTRY, Scope, lacking};
 use drapery_core::scene::EffectRequest;
 use drapery_core::settings::{Default, Field, SettingValue, Settings};
 
@@ -67,6 +67,7 @@ fn tables(root: &Node) -> Vec<(&'static EffectSpec, Option<usize>, Path)> {
 /// # Errors
 /// The first key or value that does not fit.
 pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), SceneFileError> {
+    refuse_lacking(root, sources)?;
     for (spec, _, path) in tables(root) {
         check(path.find(root), spec, &path, sources)?;
         let table = path.find_mut(root).and_then(|node| {
@@ -82,6 +83,22 @@ pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), S
                 Default::Required | Default::Absent => continue,
             };
             table.fill(field.name, value, &place, Origin::Default);
+        }
+    }
+    Ok(())
+}
+
+/// Refuses tables of effects that this build lacks, at the top level or under a garment, before anyone takes them for
+/// misspelt words.
+fn refuse_lacking(root: &Node, sources: &Sources) -> Result<(), SceneFileError> {
+    let Some(table) = root.as_table() else { return Ok(()) };
+    let garments = match table.get("garment").map(|node| &node.value) {
+        Some(Value::Array(garments)) => garments.as_slice(),
+        _ => &[],
+    };
+    for entry in std::iter::once(table).chain(garments.iter().filter_map(Node::as_table)).flat_map(|table| &table.0) {
+        if let Some((what, advice)) = lacking(&entry.key) {
+            return Err(sources.error(&entry.key_place, what, Some(advice)));
         }
     }
     Ok(())

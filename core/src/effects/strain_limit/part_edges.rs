@@ -1,8 +1,9 @@
 //! The edges of one part under a strain limit. An edge over a border is with both parts, with the same numbers.
 
 use crate::Vec3;
+use crate::effects::Purpose;
 use crate::effects::corners::by_part;
-use crate::effects::strain_limit::{Limits, Purpose, RECOVERY};
+use crate::effects::strain_limit::{Limits, RECOVERY};
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::tolerances::STRAIN_OVER_LIMIT;
@@ -57,6 +58,11 @@ pub(super) fn of_parts(parts: &Parts, mesh: &TriangleMesh, ends: &[[usize; 2]]) 
 impl PartEdges {
     pub(super) fn bytes(&self) -> usize {
         self.edges.len() * (size_of::<LimitedEdge>() + size_of::<bool>())
+    }
+
+    /// Number of edges that count in this part.
+    pub(super) fn counted(&self) -> usize {
+        self.counts.iter().filter(|counts| **counts).count()
     }
 
     /// Impulse of an edge.
