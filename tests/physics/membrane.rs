@@ -172,7 +172,7 @@ fn a_crumpled_membrane_keeps_its_momentum_and_never_gains_energy() {
 #[test]
 fn an_undamped_membrane_of_any_stiffness_is_stable_at_the_step_that_is_chosen_for_it() {
     // Foil is 1.8e6 N/m; a thousand times that still has to take its steps.
-    for stiffness in [1e2, 1e6, 2e9] {
+    for stiffness in [1e2, 1e6, 2e9_f64] {
         let mut garment = GarmentDescription::new("sheet", irregular(), 0.2);
         let shaken = |(i, p): (usize, &Vec3)| {
             let phase = i as f64;
