@@ -9,13 +9,13 @@
 //! Soft springs with a limit behave as woven cloth does, and allow longer steps than stiff springs. Twice a step velocities are
 //! changed by impulses along the edges, equal and opposite at their ends, so that momentum stays: v½ in B.2, after
 //! self-repulsion, so that the end positions `x + dt v½` keep the limit; and v' in B.8, so that nothing goes on stretching.
-//! v½ only makes positions: an edge that is too long at the start gets shorter by up to a tenth a step. v' is never pulled
+//! v½ only makes positions: an edge that is too long at the start gets shorter by up to a fiftieth a step. v' is never pulled
 //! together, only kept from parting, so that the limit takes energy and gives none. Pinned vertices do not yield.
 //!
 //! The smallest such change solves `min ½ |Δv|²_M, lower ≤ |x + dt (v + Δv)| ≤ upper` for all edges at once, linearised about
-//! `x + dt v`. Its dual has one unknown for each edge and is solved by accelerated projected gradients, each sweep from the last
+//! `x + dt v`, and again where that was too far from it. Its dual has one unknown for each edge and is solved by accelerated projected gradients, each sweep from the last
 //! one's values alone: no order enters, and an edge between two parts is computed by both from the same numbers. Sweeps end when
-//! no edge is longer by a ten-thousandth than allowed, or after `sweeps` of them. What is then left is counted
+//! no edge is longer by a ten-thousandth than allowed, when they get nowhere, or after `sweeps` of them. What is left is counted
 //! (`strain_over_limit`) and shows in the largest strain of the frame: a limit of 1 % under load over a hundred rows of edges
 //! takes some hundred sweeps. Bodies, and collisions in C, come after the limit and may stretch edges beyond it.
 
@@ -72,10 +72,22 @@ pub static SPEC: EffectSpec = EffectSpec {
 };
 
 /// Share of its length by which an edge that starts a step beyond the limit is brought back in it.
-const RECOVERY: f64 = 0.1;
+const RECOVERY: f64 = 0.02;
 
 /// Sweeps between two looks at whether all edges keep the limit: on many ranks each look is an operation of all.
 const SWEEPS_PER_LOOK: usize = 8;
+
+/// Looks between two verdicts on whether sweeping is of use, and the share of the worst excess that may be left at a verdict of
+/// what there was at the last one. What pins pull apart keeps no limit: impulses would only grow, and throw cloth sideways.
+const LOOKS_PER_VERDICT: usize = 4;
+const WORTHWHILE: f64 = 0.95;
+
+/// The same for a round: all sweeps about one state.
+const WORTHWHILE_ROUND: f64 = 0.9;
+
+/// Largest impulse of an edge in one round, by that which alone moves its ends by its own length in the step, with all edges
+/// around it pulling alike. A larger one would turn the edges around it faster than they are known.
+const LARGEST_PULL: f64 = 1.0;
 
 /// Lengths that edges may have, by their rest lengths.
 #[derive(Debug, Clone, Copy)]
@@ -158,24 +170,27 @@ impl VelocityFilter for StrainLimit {
         purpose: Purpose,
         metrics: &mut Metrics,
     ) {
-        parts.halo().refresh(parts.ranks(), v);
-        let Self { limits, edges, mobility, valence, excess, .. } = self;
-        let seen: &[Vec3] = v;
-        parts.for_each((PerPart(edges), PerPart(excess)), &|_, (edges, excess)| {
-            excess.0[0] = edges.0[0].begin((x, seen), dt, (*limits, purpose), (mobility, valence));
-        });
-        if self.worst(parts) <= STRAIN_OVER_LIMIT {
-            return;
+        let (mut sweeps, mut before) = (0, f64::INFINITY);
+        loop {
+            parts.halo().refresh(parts.ranks(), v);
+            let Self { limits, edges, mobility, valence, excess, .. } = self;
+            let seen: &[Vec3] = v;
+            parts.for_each((PerPart(edges), PerPart(excess)), &|_, (edges, excess)| {
+                excess.0[0] = edges.0[0].begin((x, seen), dt, (*limits, purpose), (mobility, valence));
+            });
+            let worst = self.worst(parts);
+            if worst <= STRAIN_OVER_LIMIT || worst > WORTHWHILE_ROUND * before || sweeps >= self.sweeps {
+                break;
+            }
+            before = worst;
+            sweeps += self.solve(parts, self.sweeps - sweeps);
+            for (v, change) in v[parts.own()].iter_mut().zip(&self.change[parts.own()]) {
+                *v += change;
+            }
         }
-        let sweeps = self.solve(parts);
         metrics.count_once(parts.ranks(), "strain_limit_sweeps", sweeps as u64);
-        let Self { limits, edges, change, .. } = self;
-        for (v, change) in v[parts.own()].iter_mut().zip(&change[parts.own()]) {
-            *v += change;
-        }
-        parts.halo().refresh(parts.ranks(), v);
         if purpose == Purpose::Positions {
-            let over = edges.iter().map(|edges| edges.over_limit((x, v), dt, *limits)).sum();
+            let over = self.edges.iter().map(|edges| edges.over_limit((x, v), dt, self.limits)).sum();
             metrics.count("strain_over_limit", over);
         }
     }
@@ -187,10 +202,10 @@ impl StrainLimit {
         parts.ranks().max(largest(&self.excess))
     }
 
-    /// Finds the change of velocity; returns how many sweeps that took.
-    fn solve(&mut self, parts: &Parts) -> usize {
-        let (mut momentum, mut sweeps) = (1.0_f64, 0);
-        while sweeps < self.sweeps {
+    /// Finds the change of velocity in no more than `most` sweeps; returns how many it took.
+    fn solve(&mut self, parts: &Parts, most: usize) -> usize {
+        let (mut momentum, mut sweeps, mut before) = (1.0_f64, 0, f64::INFINITY);
+        while sweeps < most {
             self.gather(parts, PartEdges::ahead);
             let next = 0.5 * (1.0 + (1.0 + 4.0 * momentum * momentum).sqrt());
             let ahead = (momentum - 1.0) / next;
@@ -200,8 +215,13 @@ impl StrainLimit {
                 excess.0[0] = edges.0[0].sweep(change, ahead);
             });
             sweeps += 1;
-            if sweeps.is_multiple_of(SWEEPS_PER_LOOK) && self.worst(parts) <= STRAIN_OVER_LIMIT {
-                break;
+            if sweeps.is_multiple_of(SWEEPS_PER_LOOK) {
+                let worst = self.worst(parts);
+                let judges = sweeps.is_multiple_of(LOOKS_PER_VERDICT * SWEEPS_PER_LOOK);
+                if worst <= STRAIN_OVER_LIMIT || (judges && worst > WORTHWHILE * before) {
+                    break;
+                }
+                before = if judges { worst } else { before };
             }
         }
         self.gather(parts, PartEdges::impulse);

@@ -3,7 +3,7 @@
 use crate::Vec3;
 use crate::effects::Purpose;
 use crate::effects::corners::by_part;
-use crate::effects::strain_limit::{Limits, RECOVERY};
+use crate::effects::strain_limit::{LARGEST_PULL, Limits, RECOVERY};
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::tolerances::STRAIN_OVER_LIMIT;
@@ -132,7 +132,8 @@ impl PartEdges {
             let [shortest, longest] = edge.allowed;
             worst = worst.max((parting - longest).max(shortest - parting) * self.dt / edge.rest_length);
             let free = edge.ahead * edge.response + parting;
-            let impulse = (free - free.clamp(shortest, longest)) / edge.response;
+            let most = LARGEST_PULL * edge.rest_length / self.dt;
+            let impulse = (free - free.clamp(shortest, longest)).clamp(-most, most) / edge.response;
             edge.ahead = impulse + ahead * (impulse - edge.impulse);
             edge.impulse = impulse;
         }
