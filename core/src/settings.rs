@@ -49,6 +49,8 @@ pub enum Dimension {
     Pressure,
     /// Bending rigidity: moment per width and curvature, SI unit N·m.
     BendingRigidity,
+    /// Angle, SI unit rad.
+    Angle,
 }
 
 impl Dimension {
@@ -79,6 +81,7 @@ impl Dimension {
                 ("uNm", 1e-6),
                 ("gf·cm²/cm", 9.80665e-5),
             ],
+            Self::Angle => &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
         }
     }
 

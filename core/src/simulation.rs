@@ -7,7 +7,7 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, Need, PlannedEffect, Section, build_all};
+use crate::effects::{Force, Need, PlannedEffect, Section, VelocityFilter, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
@@ -148,6 +148,7 @@ pub struct Simulation {
     pins: Option<HardPins>,
     targets: PinTargets,
     tracks: Vec<Samples>,
+    filters: Vec<Box<dyn VelocityFilter>>,
     collision: Option<BodyCollision>,
     self_contact: Option<SelfContact>,
     bodies: Bodies,
@@ -208,13 +209,14 @@ impl Simulation {
         let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
-        let mut volumes = Volumes::default();
+        let (mut volumes, mut filters) = (Volumes::default(), Vec::new());
         let (mut repulsion, mut self_collision, mut yields, mut sees_velocities) = (None, None, None, false);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
             }
             pins = pins.or(effect.pins);
+            filters.extend(effect.filters);
             collision = collision.or(effect.body_collision);
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
@@ -251,6 +253,7 @@ impl Simulation {
             pins,
             targets,
             tracks,
+            filters,
             collision,
             self_contact,
             bodies,
@@ -514,6 +517,7 @@ impl Simulation {
             pins: self.pins.as_ref(),
             targets: &mut self.targets,
             tracks: &self.tracks,
+            filters: &mut self.filters,
             collision: self.collision.as_mut(),
             wind: &self.wind,
             volumes: &mut self.volumes,

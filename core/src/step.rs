@@ -3,13 +3,13 @@
 //! ```text
 //! A    self-contact: remember the collision-free state, find pairs near it and their sides      (every K steps)
 //! B.1  v½  =  v + dt/2 · a(x, v½)                        backward Euler on damping
-//! B.2  v½  ←  self-repulsion
+//! B.2  v½  ←  self-repulsion, strain limit
 //! B.3  x'  =  x + dt · v½
 //! B.4  x', v*  ←  body collision
 //! B.5  v½  =  v* + dt/2 · a((x + x')/2, v½)              contact normals constrained, then the projection is undone
 //! B.6  v'  =  2 v½ − v*
 //! B.7  v'  ←  body friction with the full load
-//! B.8  v'  ←  self-repulsion, without springs
+//! B.8  v'  ←  self-repulsion without springs, strain limit
 //! C    resolve what collides between the remembered positions and x'                            (every K steps)
 //! ```
 //!
@@ -23,6 +23,7 @@ use crate::contact::self_contact::SelfContact;
 use crate::effects::Surroundings;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
 use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::{Purpose, VelocityFilter};
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerVertex;
@@ -89,6 +90,8 @@ pub struct StepContext<'a> {
     pub targets: &'a mut PinTargets,
     /// Animated positions that pins follow.
     pub tracks: &'a [Samples],
+    /// What else changes velocities.
+    pub filters: &'a mut [Box<dyn VelocityFilter>],
     /// Body collision, if the scene has bodies.
     pub collision: Option<&'a mut BodyCollision>,
     /// The wind of a file.
@@ -129,11 +132,13 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     context.move_prescribed(time, time + dt);
     context.first_half(dt, &mut report); // B.1
     context.repel_half_velocities(dt); // B.2
+    context.filter_half_velocities(dt); // B.2, after it
     context.end_positions(dt); // B.3, B.4
     context.collide_after_position(dt); // C, in the order of the authors' later code
     context.second_half(dt, &mut report); // B.5, B.6
     context.final_velocities(dt); // B.7
     context.repel_final_velocities(dt); // B.8
+    context.filter_final_velocities(dt); // B.8, after it
     context.parts.halo().refresh(context.parts.ranks(), &mut context.state.v);
     context.state.time = time + dt;
     report
@@ -142,7 +147,9 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
 impl StepContext<'_> {
     /// Puts bodies and pin targets at both ends of the step.
     fn move_prescribed(&mut self, t0: f64, t1: f64) {
-        let Self { bodies, targets, tracks, collision, self_contact, pins, masses, state, metrics, .. } = self;
+        let Self {
+            parts, bodies, targets, tracks, filters, collision, self_contact, pins, masses, state, metrics, ..
+        } = self;
         if bodies.list().is_empty() && pins.is_none() && targets.is_empty() {
             return;
         }
@@ -154,6 +161,9 @@ impl StepContext<'_> {
             }
             if let Some(contact) = self_contact {
                 contact.set_held(masses, *pins, targets);
+            }
+            if let Some(pins) = pins {
+                filters.iter_mut().for_each(|filter| filter.set_held(parts, masses, pins, targets));
             }
         });
     }
@@ -211,6 +221,24 @@ impl StepContext<'_> {
         if let Some(contact) = self_contact.as_mut().filter(|contact| contact.repels()) {
             metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(dt, &state.x, &mut scratch.v_half, m));
             impose(self.parts, self.pins, self.targets, &mut self.scratch.v_half);
+        }
+    }
+
+    /// B.2, after self-repulsion: the end positions keep the limit.
+    fn filter_half_velocities(&mut self, dt: f64) {
+        let Self { parts, state, filters, scratch, metrics, .. } = self;
+        for filter in &mut **filters {
+            let motion = (&state.x[..], &mut scratch.v_half[..]);
+            metrics.stage("B.2 filters", |m| filter.apply(parts, motion, dt, Purpose::Positions, m));
+        }
+    }
+
+    /// B.8, after self-repulsion: edges at their limit do not go on stretching.
+    fn filter_final_velocities(&mut self, dt: f64) {
+        let Self { parts, state, filters, metrics, .. } = self;
+        for filter in &mut **filters {
+            let motion = (&state.x[..], &mut state.v[..]);
+            metrics.stage("B.8 filters", |m| filter.apply(parts, motion, dt, Purpose::Motion, m));
         }
     }
 

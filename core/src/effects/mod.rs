@@ -6,8 +6,11 @@
 pub mod attachments;
 pub mod bending;
 pub mod body_collision;
+pub mod corners;
 pub mod dihedral_bending;
+pub mod ether_drag;
 pub mod gravity;
+pub mod membrane;
 pub mod part_triangles;
 pub mod pins;
 pub mod plastic_wrinkles;
@@ -15,7 +18,9 @@ pub mod pressure;
 pub mod seams;
 pub mod self_collision;
 pub mod self_repulsion;
+pub mod shear;
 pub mod springs;
+pub mod strain_limit;
 pub mod stretch;
 pub mod wind;
 
@@ -26,8 +31,9 @@ use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::CollisionSettings;
 use crate::error::{Problem, Problems};
 use crate::mesh::TriangleMesh;
+use crate::metrics::Metrics;
 use crate::parallel::lanes::{Lanes, PartLanes};
-use crate::parallel::parts::PART_SIZE;
+use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::scene::Scene;
 use crate::settings::{Field, Settings};
 use crate::volumes::{Volume, Volumes};
@@ -60,14 +66,18 @@ macro_rules! optional {
 effects! {
     gravity,
     stretch,
+    shear if "effect-shear",
+    membrane if "effect-membrane",
     bending if "effect-bending",
     dihedral_bending if "effect-dihedral_bending",
     plastic_wrinkles if "effect-plastic_wrinkles",
     wind if "effect-wind",
+    ether_drag if "effect-ether_drag",
     pressure if "effect-pressure",
     seams if "effect-seams",
     attachments if "effect-attachments",
     pins,
+    strain_limit if "effect-strain_limit",
     body_collision,
     self_repulsion,
     self_collision,
@@ -164,6 +174,8 @@ pub struct Effect {
     pub forces: Vec<PartForce>,
     /// Whether hard pins are to be imposed.
     pub pins: Option<pins::HardPins>,
+    /// What changes velocities between the solves.
+    pub filters: Vec<Box<dyn VelocityFilter>>,
     /// Whether cloth collides with bodies.
     pub body_collision: Option<body_collision::BodyCollision>,
     /// Laws of repulsion between cloth and cloth, and the largest thickness as a fraction of the edges around a vertex.
@@ -311,6 +323,32 @@ pub trait Force: Send + Sync {
     fn largest_strain(&self, _x: &[Vec3]) -> Option<(f64, [usize; 2])> {
         None
     }
+}
+
+/// What a velocity is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// v½ in B.2: it takes the positions to the end of the step.
+    Positions,
+    /// v' in B.8: the velocity at the end of the step.
+    Motion,
+}
+
+/// A change of velocities after self-repulsion, in B.2 and B.8.
+pub trait VelocityFilter: Send + Sync {
+    /// Takes note of the vertices that pins hold in this step.
+    fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &pins::HardPins, targets: &pins::PinTargets);
+
+    /// Changes the velocities `v` [m/s] of a step of `dt` [s] from positions `x` [m]. Ghosts of `x` are those of their owners;
+    /// those of `v` need not be, before or after.
+    fn apply(
+        &mut self,
+        parts: &Parts,
+        motion: (&[Vec3], &mut [Vec3]),
+        dt: f64,
+        purpose: Purpose,
+        metrics: &mut Metrics,
+    );
 }
 
 /// An effect that runs, for `drapery plan`.
