@@ -233,3 +233,33 @@ fn two_sheets_that_meet_on_a_deforming_ball() {
     assert!(counted("repulsions") > 0 && counted("collision_hits") > 0, "the sheets meet");
     shot.has_the_same_bits_everywhere();
 }
+
+/// Every effect that works on triangles or edges over borders of parts, with pins that come and go.
+#[test]
+fn a_membrane_with_altitudes_ether_and_a_limit_on_its_strain() {
+    let mut description = cloth(0.0);
+    description.effects.retain(|effect| effect.effect == "gravity");
+    let membrane = EffectRequest::of_garment("membrane", 0).with("warp", 6.0).with("weft", 2.0).with("shear", 0.5);
+    description.effects.push(membrane.with_vector("grain", [1.0, 0.0, 0.4]).with("thin_triangles", 0.1));
+    description.effects.push(EffectRequest::of_garment("shear", 0).with("stiffness", 1.0).with("compressed_by", 0.02));
+    let limit = EffectRequest::of_garment("strain_limit", 0).with("limit", 0.02).with("compression", 0.3);
+    description.effects.push(limit.with("sweeps", 40.0));
+    description.effects.push(EffectRequest::of_scene("ether_drag").with("rate", 1.0));
+    // Thrown apart, so that the limit acts from the start and across all borders.
+    let apart = |p: &Vec3| Vec3::new(2.0 * p.x, (9.0 * p.z).sin(), 2.0 * p.z);
+    let points = &description.garments[0].mesh.points;
+    description.garments[0].start_velocities = Some(points.iter().map(apart).collect());
+    add_pins(&mut description, vec![0, 80]);
+    description.pins.push(PinDescription {
+        garment: 0,
+        target: PinTarget::Path { anchor: PinAnchor::WhenHeld, vertices: vec![3280, 3281], offsets: Vec::new() },
+        axes: [true, false, true],
+        from: 0.01,
+        until: 0.025,
+        hold: PinHold::Hard,
+    });
+    let shot = Shot { description, input: no_input, frames: 4 };
+    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
+    assert!(summaries.iter().all(|s| s.metrics.counted("strain_limit_sweeps") > 0), "the limit acts");
+    shot.has_the_same_bits_everywhere();
+}

@@ -115,7 +115,10 @@ fn fill_garment(table: &mut Table, material: &Material, place: &Place) {
         table.fill("density", Value::Float(material.density), place, origin.clone());
     }
     table.fill("thickness", Value::Float(material.thickness), place, origin);
-    fill_springs(table, "stretch", material.stretch_stiffness, material, place);
+    // A membrane takes the place of springs along the edges.
+    if table.get("membrane").is_none() {
+        fill_springs(table, "stretch", material.stretch_stiffness, material, place);
+    }
     fill_springs(table, "bending", material.bending_stiffness, material, place);
 }
 

@@ -9,6 +9,7 @@ pub const LIMITS: &[(&str, &str)] = &[
     ("zone_fallbacks", "collisions that no impact zone could resolve: that cloth was put back to where it was before"),
     ("cg_short", "velocity solves that ended above their tolerance"),
     ("pairs_pinched", "pairs of cloth left to pass because a body squeezes them together"),
+    ("strain_over_limit", "edges that a limit on strain could not keep, as bodies or pins pull them"),
     ("body_pinched", "vertices that bodies squeeze from both sides, so that they are inside of one"),
 ];
 
