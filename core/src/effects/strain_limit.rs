@@ -45,7 +45,7 @@ pub static SPEC: EffectSpec = EffectSpec {
             name: "limit",
             dimension: Dimension::None,
             default: Default::Number(0.1),
-            range: (1e-3, 10.0),
+            range: (0.001, 10.0),
             help: "largest change of an edge's length by its rest length; woven cloth stops at 3 % to 15 %",
         },
         Field {
