@@ -78,6 +78,8 @@ pub(crate) enum Command {
     Schema,
     /// List the materials: presets, and those in files
     Materials(MaterialsArgs),
+    /// Test this build: what it has to withstand
+    Selftest(SelftestArgs),
 }
 
 /// A scene and what is changed in it.
@@ -245,6 +247,31 @@ pub(crate) struct DiffArgs {
     /// Print JSON, with every frame
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Arguments of `selftest`.
+#[derive(Debug, Args)]
+pub(crate) struct SelftestArgs {
+    /// The hard cases: `quick` takes minutes, `full` takes larger scenes and combinations of cases, `soak` a weekend
+    #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick", required = true)]
+    pub(crate) hard: Option<HardTier>,
+    /// Only these cases, for example H23; repeatable
+    #[arg(long = "case", value_name = "ID")]
+    pub(crate) cases: Vec<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// How much is tested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum HardTier {
+    /// Up to 2000 triangles a case
+    Quick,
+    /// Larger and longer
+    Full,
+    /// The longest
+    Soak,
 }
 
 /// Arguments of `report`.

@@ -90,6 +90,7 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
         Command::Study(args) => commands::study::study(args, ranks, &around()?, cli.log.quiet),
         Command::Schema => commands::schema::schema(),
         Command::Materials(args) => commands::materials::materials(args, &around()?),
+        Command::Selftest(args) => commands::selftest::selftest(args),
     };
     code.map(Into::into)
 }

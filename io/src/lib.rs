@@ -23,3 +23,4 @@ pub mod site_file;
 pub mod study;
 pub mod units;
 pub mod verify;
+pub mod wind_file;

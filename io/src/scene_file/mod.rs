@@ -33,6 +33,7 @@ mod raw;
 mod resolve;
 mod resolved;
 mod schema;
+mod seams;
 mod search;
 mod shapes;
 mod start;

@@ -46,8 +46,8 @@ impl SteppedShot {
     /// # Errors
     /// As [`Shot::prepare`], for the start frame.
     pub fn start(description: ShotDescription, body_frames: u32) -> Result<Self, ShotError> {
-        let ShotDescription { scene, bodies, tracks, preroll, frames, .. } = description;
-        let inputs = Inputs { timeline: scene.timeline, preroll, bodies, tracks };
+        let ShotDescription { scene, bodies, tracks, wind, preroll, frames, .. } = description;
+        let inputs = Inputs { timeline: scene.timeline, preroll, bodies, tracks, wind };
         let ranks = Ranks::default();
         let scene = Crew::distribute(&ranks, scene).map_err(ShotError::Problems)?;
         let mut problems = Vec::new();
