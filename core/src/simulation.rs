@@ -10,7 +10,7 @@ use crate::effects::pins::{HardPins, PinTargets};
 use crate::effects::{Force, Need, PlannedEffect, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
-use crate::metrics::Metrics;
+use crate::metrics::{Metrics, Watch};
 use crate::parallel::ranks::Sent;
 use crate::scene::{Scene, agree};
 use crate::solve::conjugate_gradient::Stop;
@@ -23,11 +23,14 @@ use crate::tolerances::CG_GRAVITY_FRACTION;
 mod balance;
 mod measure;
 pub mod outside;
+mod recovery;
 mod saved;
 mod start;
 
 pub use crate::bodies::Sample;
 use balance::Balance;
+pub use recovery::Recovery;
+use recovery::{Care, Trouble};
 pub use saved::RestoreError;
 use start::{first_tracks, start_outside};
 
@@ -90,6 +93,8 @@ pub struct FrameSummary {
     pub potential_energy: f64,
     /// Pairs of body triangles that cross each other at the frame.
     pub body_self_crossings: u64,
+    /// The first of the steps that went wrong, and what was done about them.
+    pub recoveries: Vec<Recovery>,
 }
 
 impl FrameSummary {
@@ -106,6 +111,7 @@ impl FrameSummary {
             kinetic_energy: 0.0,
             potential_energy: 0.0,
             body_self_crossings: 0,
+            recoveries: Vec::new(),
         }
     }
 
@@ -118,6 +124,7 @@ impl FrameSummary {
         self.cg_iterations += earlier.cg_iterations;
         let later = std::mem::replace(&mut self.metrics, earlier.metrics.clone());
         self.metrics.add(&later);
+        self.recoveries.splice(..0, earlier.recoveries.iter().cloned());
         self
     }
 }
@@ -155,6 +162,7 @@ pub struct Simulation {
     /// What this rank had sent at the last frame.
     sent: Sent,
     balance: Balance,
+    care: Care,
 }
 
 impl Simulation {
@@ -241,6 +249,7 @@ impl Simulation {
             crossings: Vec::new(),
             sent: Sent::default(),
             balance: Balance::default(),
+            care: Care::default(),
         })
     }
 
@@ -360,6 +369,7 @@ impl Simulation {
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
                 self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
+                summary.recoveries = std::mem::take(&mut self.care.events);
                 return Ok(Advance::Paused(summary));
             }
         }
@@ -379,15 +389,26 @@ impl Simulation {
     ) -> Result<bool, StepError> {
         while self.state.time < end {
             let start = self.state.time;
-            let steps = self.begin_interval();
-            let mut done = 0;
-            while self.state.time < end && done < steps {
-                self.one_step(end, frame, summary)?;
+            self.keep_state();
+            let steps = if self.care.is_cautious() { self.begin_interval().min(1) } else { self.begin_interval() };
+            let (mut done, mut trouble) = (0, None);
+            while trouble.is_none() && self.state.time < end && done < steps {
+                trouble = self.one_step(end, frame, summary)?;
                 done += 1;
             }
-            if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
-                self.rewind();
+            if trouble.is_none() {
+                let ending = self.end_interval(self.state.time - start, done > 1);
+                trouble = self.find_trouble(ending);
+                if ending == Ending::Rewound {
+                    self.rewind();
+                }
             }
+            if let Some(trouble) = trouble
+                && self.recover(trouble, frame)?
+            {
+                continue;
+            }
+            self.calm_down();
             if pause(self.state.time) {
                 return Ok(true);
             }
@@ -427,8 +448,9 @@ impl Simulation {
     /// Puts everything back to the last collision-free state.
     fn rewind(&mut self) {
         let Self { scene, self_contact, collision, state, bodies, targets, tracks, .. } = self;
-        let Some(contact) = self_contact else { return };
-        contact.rewind(state);
+        if let Some(contact) = self_contact {
+            contact.rewind(state);
+        }
         let parts = scene.parts();
         parts.halo().refresh(parts.ranks(), &mut state.x);
         parts.halo().refresh(parts.ranks(), &mut state.v);
@@ -440,24 +462,25 @@ impl Simulation {
         }
     }
 
-    /// One time step towards `end` [s].
-    fn one_step(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<(), StepError> {
+    /// One time step towards `end` [s]; what went wrong in it.
+    fn one_step(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<Option<Trouble>, StepError> {
         let scene = Arc::clone(&self.scene);
         let settings = &scene.description().solver;
         let parts = scene.parts();
-        let state = &self.state;
-        let (limit, forces, metrics) = (&mut self.limit, &self.forces, &mut self.metrics);
-        let share = self.self_contact.as_ref().map_or(1.0, SelfContact::step_share);
-        let choice = metrics
-            .stage("dt", |_| limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end), share));
+        let watch = Watch::start();
+        let rate = self.rate_of_strain();
+        let (share, part) = (self.self_contact.as_ref().map_or(1.0, SelfContact::step_share), self.care.part());
+        let choice = self.limit.choose(settings, rate, (self.state.time, end), (share, part));
+        self.metrics.add_time("dt".into(), watch.seconds(), 1);
         if choice.limit < settings.min_dt {
             let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
-            let (dt, min_dt, time) = (choice.limit, settings.min_dt, state.time);
+            let (dt, min_dt, time) = (choice.limit, settings.min_dt, self.state.time);
+            self.take_back();
             return Err(StepError::StepTooSmall { frame, time, dt, min_dt, because });
         }
         let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
-        let stop =
-            Stop { tolerance: settings.cg_tolerance.unwrap_or(automatic), max_iterations: settings.cg_max_iterations };
+        let tolerance = settings.cg_tolerance.unwrap_or(automatic);
+        let stop = self.care.stop(Stop { tolerance, max_iterations: settings.cg_max_iterations });
         let mut context = StepContext {
             parts,
             masses: scene.masses(),
@@ -472,11 +495,14 @@ impl Simulation {
             reaches_ghosts: &self.reaches_ghosts,
             scratch: &mut self.scratch,
             stop,
+            held: self.care.held(),
             metrics: &mut self.metrics,
         };
         let report = advance(&mut context, choice.dt);
+        self.care.note_step(choice.dt);
+        self.limit.forget_rate();
         if let Some(stage) = report.not_finite {
-            return Err(self.not_finite(stage, frame, choice.dt));
+            return Ok(Some(Trouble::NotFinite(stage)));
         }
         summary.steps += 1;
         summary.cg_iterations += report.cg_iterations as u64;
@@ -486,7 +512,7 @@ impl Simulation {
             // The time of a frame comes from integers, not from a sum of steps.
             self.state.time = end;
         }
-        Ok(())
+        Ok(report.diverged.then_some(Trouble::Diverged))
     }
 
     /// Hands bodies and tracks the samples that the interval from `start` to `stop` [s] needs.
