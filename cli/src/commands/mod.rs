@@ -11,4 +11,5 @@ pub(crate) mod schema;
 pub(crate) mod selftest;
 pub(crate) mod status;
 pub(crate) mod stop;
+pub(crate) mod study;
 pub(crate) mod verify;

@@ -202,9 +202,14 @@ impl SelfContact {
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
 
-    /// Whether there are repulsions.
+    /// Whether repulsions act in every time step.
     pub fn repels(&self) -> bool {
-        self.repulsions.is_some()
+        self.repulsions.as_ref().is_some_and(|repulsions| !repulsions.per_collision_step())
+    }
+
+    /// Whether repulsions act once per collision step.
+    pub fn repels_per_collision_step(&self) -> bool {
+        self.repulsions.as_ref().is_some_and(Repulsions::per_collision_step)
     }
 
     /// Whether collisions are resolved between B.4 and B.5.
@@ -277,7 +282,9 @@ impl SelfContact {
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
-            let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
+            // What acts at the start of the collision step alone has no need of pairs that come close later.
+            let ahead = if repulsions.per_collision_step() { 0.0 } else { way.min(self.neighbours.reach()) };
+            let slack = 2.0 * ahead * self.surface.longest_edge();
             let is_thinned = |pair: &Pair| pair.nodes.iter().any(|number| self.thinned.binary_search(number).is_ok());
             let is_ignored = |pair: &Pair| {
                 ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok())
@@ -330,6 +337,40 @@ impl SelfContact {
         let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility };
         repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);
+    }
+
+    /// Before C, where repulsions act once per collision step: on the average velocities of the collision step, which took
+    /// `duration` [s], with the geometry of its start (method 3.10). `x` and `v` are those at its end; the vertices that were
+    /// moved go to `moved`, each with how far [m].
+    pub fn repel_interval(
+        &mut self,
+        (x, v): (&mut [Vec3], &mut [Vec3]),
+        duration: f64,
+        metrics: &mut Metrics,
+        mut moved: impl FnMut(usize, f64),
+    ) {
+        let Self { surface, repulsions, paths, mobility, cloth, .. } = self;
+        let Some(repulsions) = repulsions else { return };
+        let (nodes, place) = (surface.nodes(), surface.place());
+        let [ends, average] = cloth;
+        ends.resize(nodes.cloth(), Vec3::zeros());
+        ends[nodes.own()].copy_from_slice(&x[place.clone()]);
+        nodes.refresh(ends);
+        let start = &paths.start[..nodes.cloth()];
+        let mean = |(end, start): (&Vec3, &Vec3)| (end - start) / duration;
+        average.clear();
+        average.extend(ends.iter().zip(start).map(mean));
+        let at = Moment { nodes, dt: duration, x: start, mobility };
+        repulsions.apply(Passes::Full, &at, average, metrics);
+        for (node, vertex) in nodes.own().zip(place) {
+            let free = surface.mobility()[node].map(|mobility| f64::from(u8::from(mobility > 0.0)));
+            let change = (average[node] - mean((&ends[node], &start[node]))).component_mul(&free);
+            if change != Vec3::zeros() {
+                x[vertex] += change * duration;
+                v[vertex] += change;
+                moved(vertex, change.norm() * duration);
+            }
+        }
     }
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`

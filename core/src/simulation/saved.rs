@@ -7,12 +7,17 @@ use crate::Vec3;
 use crate::contact::self_contact;
 use crate::effects::{Section, body_collision};
 use crate::error::Problems;
-use crate::remembered::{Field, Remembered};
+use crate::remembered::{ElementRows, Field, Remembered};
 use crate::scene::Scene;
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 
 /// Positions and velocities, which every scene has.
 const STATE: Section = Section { name: "state", version: 2 };
+
+/// Name of the rows of hinges, and how many vertices and values each has.
+const HINGES: &str = "hinges";
+const HINGE_VERTICES: usize = 4;
+const HINGE_VALUES: usize = 2;
 
 /// Why a simulation cannot go on from a snapshot.
 #[derive(Debug, thiserror::Error)]
@@ -57,7 +62,16 @@ impl Simulation {
         let pins = (self.scene.pin_targets() > 0).then(|| self.targets.remember());
         let collision = self.collision.as_ref().and_then(|collision| collision.remember());
         let contact = self.self_contact.as_ref().map(|contact| contact.remember());
-        [Some(state), pins, collision, contact].into_iter().flatten().collect()
+        let yielded = self.yields.map(|section| self.remember_elements(section));
+        [Some(state), pins, collision, contact, yielded].into_iter().flatten().collect()
+    }
+
+    /// What has yielded in elements that count on this rank, by vertices of the scene.
+    fn remember_elements(&self, section: Section) -> Remembered {
+        let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
+        self.forces.iter().flatten().for_each(|force| force.remember(&mut rows));
+        let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
+        Remembered::new(section).with(HINGES, Field::Elements(rows))
     }
 
     /// A simulation that goes on from a snapshot taken at the frame of `start`, or after it and before the next one; `start`
@@ -131,6 +145,11 @@ impl Simulation {
         {
             contact.go_on(section, state, bodies);
             self.crossings = contact.known_crossings().to_vec();
+        }
+        let yielded = self.yields.and_then(|section| memory.iter().find(|known| known.name == section.name));
+        if let Some(rows) = yielded.and_then(|section| section.elements(HINGES)) {
+            let rows = rows.renumbered(|number| parts.local(number).map(|vertex| vertex as u32));
+            self.forces.iter_mut().flatten().for_each(|force| force.recall(&rows));
         }
         self.frame = frame;
         let elsewhere =
