@@ -83,7 +83,7 @@ pub(crate) enum Command {
 }
 
 /// A scene and what is changed in it.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct SceneArgs {
     /// Scene file
     pub(crate) scene: PathBuf,
@@ -105,7 +105,7 @@ pub(crate) struct SceneArgs {
 }
 
 /// Where materials are found.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct MaterialsArgs {
     /// Folders of material files, as in A:B [default: DRAPERY_MATERIALS, or the site file]
     #[arg(long, value_name = "DIRS")]
@@ -167,6 +167,10 @@ pub(crate) struct RunArgs {
     /// End with exit code 81 if a count that should stay zero did not, such as `crossings`; all frames are written
     #[arg(long)]
     pub(crate) strict: bool,
+    /// SCENE is a bundle (DIR/debug/*.json) that a run left when the solver gave up: go on from its last good state to the
+    /// next frame, and write nothing
+    #[arg(long, conflicts_with_all = ["resume", "resume_with_changes", "overwrite", "steal_lock", "strict", "frames"])]
+    pub(crate) replay: bool,
 }
 
 /// Arguments of `check`.

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
+use crate::shot::bundle::recovery_value;
 
 /// Stage of a frame that holds all stages of the solver.
 pub const SIMULATE: &str = "simulate";
@@ -237,7 +238,7 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
     // What the solver took is told by its own stages.
     let around = spent.stages().iter().filter(|stage| stage.name != SIMULATE);
     around.for_each(|stage| all.add_time(stage.name.clone(), stage.seconds, stage.calls));
-    json!({
+    let mut record = json!({
         "record": "frame",
         "frame": summary.frame,
         "seconds": seconds,
@@ -252,7 +253,11 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         "resident_bytes": resident_bytes(),
         "stages": stages(&all),
         "counts": counts(&all),
-    })
+    });
+    if !summary.recoveries.is_empty() {
+        record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
+    }
+    record
 }
 
 /// Stages with seconds and calls, in the order of their first call; over ranks the seconds are their mean, with the least and

@@ -6,6 +6,7 @@
 //!
 //! On many ranks all this happens on rank 0; the others [`follow`](crew::follow).
 
+pub mod bundle;
 pub(crate) mod check;
 pub mod crew;
 mod folder;
