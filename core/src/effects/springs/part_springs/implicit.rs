@@ -77,11 +77,12 @@ impl PartSprings {
 mod tests {
     use super::*;
     use crate::effects::pins::PinTargets;
-    use crate::effects::{PartView, build_all};
+    use crate::effects::{PartView, Surroundings, build_all};
     use crate::mesh::PolygonMesh;
     use crate::parallel::parts::PART_SIZE;
     use crate::scene::{EffectRequest, GarmentDescription, Integrator, Scene, SceneDescription};
-    use crate::state::State;
+    use crate::volumes::Volumes;
+    use crate::wind_grid::WindGrid;
 
     /// An undamped sheet in two parts, stretched by a third, and uneven.
     fn scene() -> (Scene, Vec<Vec3>) {
@@ -97,7 +98,7 @@ mod tests {
         let stretch = EffectRequest::of_garment("stretch", 0).with("stiffness", 200.0);
         description.effects.push(stretch.with("damping_ratio", 0.0));
         let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
-        let mut x = State::at_start(&scene).x;
+        let mut x = scene.start_state()[0].clone();
         for (i, x) in x.iter_mut().enumerate() {
             let i = i as f64;
             *x = *x * 1.33 + Vec3::new((0.7 * i).sin(), (1.3 * i).cos(), (2.1 * i).sin()) * 5e-4;
@@ -110,7 +111,8 @@ mod tests {
         let (scene, x) = scene();
         let parts = scene.parts();
         assert!(parts.count() > 1, "some springs cross a border");
-        let targets = PinTargets::new(&scene, &x, &bodies(&scene), &[], 0.0).expect("there are no pins");
+        let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
+        let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
         let v: Vec<Vec3> =
             (0..x.len()).map(|i| Vec3::new((3.0 * i as f64).sin(), (5.0 * i as f64).sin(), (i as f64).cos())).collect();
         let (over, moved) = (0.01, 1e-5);
@@ -121,7 +123,7 @@ mod tests {
             let range = parts.ranges()[part].clone();
             let mut force_at = |x: &[Vec3]| -> Vec<Vec3> {
                 let masses = &scene.masses()[range.clone()];
-                let view = PartView { start: range.start, masses, x, fraction: 0.0, targets: &targets };
+                let view = PartView { start: range.start, masses, x, fraction: 0.0, around };
                 let mut f = [Lanes::ZERO; PART_SIZE];
                 let own: Vec<Lanes> = x[range.clone()].iter().map(Lanes::from).collect();
                 force.update(&view, &own, &mut f[..range.len()]);
@@ -140,9 +142,5 @@ mod tests {
                 assert!((Vec3::from(*found) - expected).norm() < 1e-5 * largest, "{found:?} for {expected:?}");
             }
         }
-    }
-
-    fn bodies(scene: &Scene) -> crate::bodies::Bodies {
-        crate::bodies::Bodies::new(scene, &[], 0.0).unwrap_or_else(|problems| panic!("{problems}"))
     }
 }
