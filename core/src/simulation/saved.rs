@@ -127,7 +127,7 @@ impl Simulation {
         if let (Some(contact), Some(section)) =
             (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION))
         {
-            contact.go_on(section, state, bodies);
+            contact.go_on(section)?;
             self.crossings = contact.known_crossings().to_vec();
         }
         self.frame = frame;
