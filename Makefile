@@ -35,6 +35,12 @@ test: build ## Rust tests, then the outside judges (Alembic's own reader, Blende
 test-full: build ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
 	@.ci/test-full "$(ONLY)"
 
+SECONDS_EACH ?= 600
+
+.PHONY: fuzz
+fuzz: setup ## fuzz every reader, SECONDS_EACH (600) seconds each; TARGETS="obj scene" for some of them
+	@.ci/fuzz $(SECONDS_EACH) $(TARGETS)
+
 .PHONY: bench
 bench: setup ## benches of the solver's parts
 	cargo bench --package drapery-core

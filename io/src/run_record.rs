@@ -32,6 +32,9 @@ pub const RESOLVED: &str = "resolved.toml";
 /// File name of what the run depends on, by which a changed scene or input is noticed.
 pub const FINGERPRINT: &str = "fingerprint.json";
 
+/// Frame numbers that there can be: far more than any shot has, and far from where sums of them would overflow.
+pub(crate) const FRAMES: std::ops::RangeInclusive<i64> = -1_000_000_000..=1_000_000_000;
+
 /// What a folder of output holds, for programs that pick it up.
 ///
 /// What a folder of an older program does not say is empty.

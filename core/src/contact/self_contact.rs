@@ -26,6 +26,7 @@ use crate::metrics::Metrics;
 use crate::parallel::ranks::Ranks;
 use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
+use crate::snapshot::SnapshotError;
 use crate::state::State;
 
 /// What both halves of self-contact remember.
@@ -82,7 +83,8 @@ struct StepControl {
 
 impl StepControl {
     fn succeeded(&mut self) {
-        self.successes += 1;
+        // Only whether it is a multiple matters, and a state from elsewhere may begin anywhere.
+        self.successes = self.successes.wrapping_add(1);
         if self.successes.is_multiple_of(GROWTH_PERIOD) {
             if self.share < 1.0 {
                 self.share = (2.0 * self.share).min(1.0);
@@ -479,8 +481,12 @@ impl SelfContact {
             .with("pinched", Field::Numbers(1, geometric.pinched.clone()))
     }
 
-    /// Goes on from what was remembered.
-    pub(crate) fn go_on(&mut self, memory: &Remembered, _: &State, _: &Bodies) {
+    /// Goes on from what was remembered. All ranks call it together.
+    ///
+    /// # Errors
+    /// The same on all ranks: it names nodes that do not exist, or numbers that are none.
+    pub(crate) fn go_on(&mut self, memory: &Remembered) -> Result<(), SnapshotError> {
+        self.check_memory(memory)?;
         self.wear = memory.number("wear");
         if let Some((cloth, bodies)) = memory.nodes("list_positions") {
             let nodes = self.surface.nodes();
@@ -494,7 +500,7 @@ impl SelfContact {
             self.gap = gap(self.surface.ranks(), &self.paths.start);
             self.rebuild(reach);
         }
-        let Some(geometric) = &mut self.geometric else { return };
+        let Some(geometric) = &mut self.geometric else { return Ok(()) };
         let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
         geometric.control.steps = count("steps").clamp(1, geometric.control.max_steps);
         geometric.control.share = memory.number("step_share").clamp(SHORTEST_STEP, 1.0);
@@ -504,6 +510,26 @@ impl SelfContact {
         geometric.crossings = rows.iter().map(crossing).collect();
         geometric.ignored = ignored_pairs(&geometric.crossings);
         geometric.pinched = memory.numbers("pinched").to_vec();
+        Ok(())
+    }
+
+    /// Refuses a memory that would be followed into nodes that do not exist. What it looks at is alike on all ranks.
+    fn check_memory(&self, memory: &Remembered) -> Result<(), SnapshotError> {
+        let error = |what: String| Err(SnapshotError { section: SECTION.to_owned(), what });
+        for name in ["wear", "list_reach", "step_share"] {
+            let number = memory.number(name);
+            if !(number >= 0.0 && number.is_finite()) {
+                return error(format!("`{name}` is {number}"));
+            }
+        }
+        let nodes = self.surface.nodes();
+        let all = nodes.all_cloth() as usize + nodes.count() - nodes.cloth();
+        for name in ["crossings", "pinched"] {
+            if let Some(number) = memory.numbers(name).iter().find(|number| **number as usize >= all) {
+                return error(format!("`{name}` names node {number} of {all}"));
+            }
+        }
+        Ok(())
     }
 
     /// Edges that crossed triangles when it was last looked for them.
