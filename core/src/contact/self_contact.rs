@@ -515,7 +515,7 @@ impl SelfContact {
 
     /// Refuses a memory that would be followed into nodes that do not exist. What it looks at is alike on all ranks.
     fn check_memory(&self, memory: &Remembered) -> Result<(), SnapshotError> {
-        let error = |what: String| Err(SnapshotError { section: SECTION.to_owned(), what });
+        let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
         for name in ["wear", "list_reach", "step_share"] {
             let number = memory.number(name);
             if !(number >= 0.0 && number.is_finite()) {
