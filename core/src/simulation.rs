@@ -71,6 +71,17 @@ pub struct StrainRecord {
     pub strain: f64,
 }
 
+/// An attachment that broke.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrokenAttachment {
+    /// Name of the garment.
+    pub garment: String,
+    /// Its vertex in the garment's own order.
+    pub vertex: u32,
+    /// Number of the pin in the scene.
+    pub pin: usize,
+}
+
 /// What happened in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameSummary {
@@ -94,6 +105,8 @@ pub struct FrameSummary {
     pub potential_energy: f64,
     /// Pairs of body triangles that cross each other at the frame.
     pub body_self_crossings: u64,
+    /// Attachments that broke on the way to the frame, by their vertices.
+    pub broken: Vec<BrokenAttachment>,
 }
 
 impl FrameSummary {
@@ -110,6 +123,7 @@ impl FrameSummary {
             kinetic_energy: 0.0,
             potential_energy: 0.0,
             body_self_crossings: 0,
+            broken: Vec::new(),
         }
     }
 
@@ -405,12 +419,22 @@ impl Simulation {
             }
             if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
                 self.rewind();
+            } else {
+                self.break_attachments();
             }
             if pause(self.state.time) {
                 return Ok(true);
             }
         }
         Ok(false)
+    }
+
+    /// Lets go what is pulled too hard. Only here, where nothing is taken back any more.
+    fn break_attachments(&mut self) {
+        let broken = self.targets.break_overloaded(&self.state.x, self.state.time);
+        if broken > 0 {
+            self.metrics.count("attachments_broken", broken);
+        }
     }
 
     /// A: returns how many time steps may follow until C.

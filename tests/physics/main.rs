@@ -3,6 +3,7 @@
 mod determinism;
 mod free_motion;
 mod friction;
+mod maps;
 mod oscillators;
 mod pressure;
 mod seams;

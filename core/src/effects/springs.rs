@@ -12,6 +12,7 @@ use crate::effects::{BuildContext, Effect};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::parallel::ranks::Ranks;
+use crate::scene::painted::PaintedMap;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// How the stiffness of each spring follows from a setting.
@@ -109,8 +110,9 @@ pub fn build_effect(
     // Each spring counts at the rank that owns its first vertex.
     let counts = elements.iter().filter(|e| e.vertices.iter().min().is_some_and(|first| is_own(*first)));
     let lengths: Vec<f64> = counts.map(|e| e.rest_length).collect();
+    let painted = context.scene.painted(garment, name);
     let (stiffnesses, notes) =
-        stiffnesses(&elements, &lengths, stiffness, settings.optional("short_edges"), parts.ranks());
+        stiffnesses(&elements, &lengths, (stiffness, painted), settings.optional("short_edges"), parts.ranks());
     let damping_ratio = settings.number("damping_ratio");
     let (forces, bytes) =
         part_springs::build(context.scene, garment, &elements, &stiffnesses, damping_ratio, measures_strain);
@@ -122,7 +124,7 @@ pub fn build_effect(
 fn stiffnesses(
     elements: &[SpringElement],
     lengths: &[f64],
-    stiffness: Stiffness,
+    (stiffness, painted): (Stiffness, Option<&PaintedMap>),
     short_edges: Option<f64>,
     ranks: &Ranks,
 ) -> (Vec<f64>, Vec<String>) {
@@ -133,9 +135,11 @@ fn stiffnesses(
     let [softened] = ranks.sum_of([lengths.iter().filter(|l| **l < shortest).count() as u64]);
     let of = |element: &SpringElement| {
         let length = element.rest_length.max(shortest);
+        // A spring has the mean of what is painted at its ends.
+        let local = |of_garment: f64| painted.map_or(of_garment, |map| map.mean(&element.vertices, of_garment));
         match stiffness {
-            Stiffness::Membrane(y) => y * element.area / (length * length),
-            Stiffness::Constant(e) => e / length,
+            Stiffness::Membrane(y) => local(y) * element.area / (length * length),
+            Stiffness::Constant(e) => local(e) / length,
         }
     };
     let note = format!(
