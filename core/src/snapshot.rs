@@ -143,20 +143,6 @@ pub struct SnapshotError {
 }
 
 impl Snapshot {
-    /// The section of this name and version.
-    ///
-    /// # Errors
-    /// There is none, or it has another version.
-    pub fn section(&self, name: &str, version: u32) -> Result<&Section, SnapshotError> {
-        let error = |what: String| SnapshotError { section: name.to_owned(), what };
-        let section = self.sections.iter().find(|section| section.name == name);
-        let section = section.ok_or_else(|| error("it is missing".into()))?;
-        if section.version != version {
-            return Err(error(format!("it has version {}, this program reads {version}", section.version)));
-        }
-        Ok(section)
-    }
-
     /// Gives all of it to a sink.
     pub fn give(&self, sink: &mut dyn SnapshotSink) {
         for section in &self.sections {

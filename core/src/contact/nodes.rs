@@ -12,34 +12,25 @@ use bytemuck::Pod;
 
 use crate::contact::pair::Pair;
 use crate::parallel::halo::Halo;
+use crate::parallel::local_vertices::LocalVertices;
 use crate::parallel::ranks::Ranks;
 
 /// The numbering of a rank's nodes of contact, and the messages that keep its ghosts.
 #[derive(Debug, Clone)]
 pub struct ContactNodes {
-    ranks: Ranks,
-    /// First vertex of every rank in the scene's numbering, and the number of all cloth vertices at the end.
-    rank_starts: Vec<u32>,
+    vertices: LocalVertices,
     /// First vertex of every logical part in the scene's numbering, and the number of all at the end; empty where each vertex
     /// counts as a part.
     part_starts: Arc<[u32]>,
-    /// Numbers of the ghosts in the scene, ascending.
-    ghosts: Vec<u32>,
-    own: Range<usize>,
     /// Points of the deforming bodies.
     body_nodes: usize,
-    halo: Halo,
 }
 
 impl ContactNodes {
     /// The nodes of a rank with these ghosts (by their numbers in the scene, ascending). All ranks call it together.
     pub fn new(ranks: &Ranks, rank_starts: &[u32], ghosts: Vec<u32>, body_nodes: usize) -> Self {
-        let (first, end) = (rank_starts[ranks.rank()], rank_starts[ranks.rank() + 1]);
-        let low = ghosts.partition_point(|ghost| *ghost < first);
-        let halo = Halo::new(ranks, &ghosts, rank_starts);
-        let own = low..low + (end - first) as usize;
-        let (ranks, rank_starts, part_starts) = (ranks.clone(), rank_starts.to_vec(), Arc::default());
-        Self { ranks, rank_starts, part_starts, ghosts, own, body_nodes, halo }
+        let vertices = LocalVertices::new(ranks.clone(), rank_starts.to_vec(), ghosts);
+        Self { vertices, part_starts: Arc::default(), body_nodes }
     }
 
     /// The same nodes, with the first vertices of the logical parts, and the number of all at the end.
@@ -57,28 +48,28 @@ impl ContactNodes {
 
     /// The nodes of this rank with other ghosts. All ranks call it together.
     pub fn with_ghosts(&self, ghosts: Vec<u32>) -> Self {
-        let new = Self::new(&self.ranks, &self.rank_starts, ghosts, self.body_nodes);
-        Self { part_starts: Arc::clone(&self.part_starts), ..new }
+        let vertices = self.vertices.with_ghosts(ghosts);
+        Self { vertices, part_starts: Arc::clone(&self.part_starts), body_nodes: self.body_nodes }
     }
 
     /// This rank and the others.
     pub fn ranks(&self) -> &Ranks {
-        &self.ranks
+        self.vertices.ranks()
     }
 
     /// The ghosts' messages.
     pub fn halo(&self) -> &Halo {
-        &self.halo
+        self.vertices.halo()
     }
 
     /// Numbers of the ghosts in the scene, ascending.
     pub fn ghosts(&self) -> &[u32] {
-        &self.ghosts
+        self.vertices.ghosts()
     }
 
     /// Number of nodes of cloth here, ghosts included; nodes of bodies follow.
     pub fn cloth(&self) -> usize {
-        self.own.len() + self.ghosts.len()
+        self.vertices.count()
     }
 
     /// Number of all nodes here.
@@ -88,29 +79,28 @@ impl ContactNodes {
 
     /// Own nodes of cloth, in local numbers.
     pub fn own(&self) -> Range<usize> {
-        self.own.clone()
+        self.vertices.own()
     }
 
     /// Ghosts, in local numbers.
     pub fn ghost_places(&self) -> impl Iterator<Item = usize> + use<> {
-        (0..self.own.start).chain(self.own.end..self.cloth())
+        self.vertices.ghost_places()
     }
 
     /// Whether this rank owns a local node of cloth.
     #[inline]
     pub fn is_own(&self, node: u32) -> bool {
-        self.own.contains(&(node as usize))
+        self.vertices.own().contains(&(node as usize))
     }
 
     /// Whether this rank owns a cloth vertex of the scene.
     pub fn owns(&self, number: u32) -> bool {
-        self.owned().contains(&number)
+        self.vertices.owned().contains(&number)
     }
 
     /// The cloth vertices of the scene that this rank owns.
     pub fn owned(&self) -> Range<u32> {
-        let rank = self.ranks.rank();
-        self.rank_starts[rank]..self.rank_starts[rank + 1]
+        self.vertices.owned()
     }
 
     /// Whether a local node is a point of a body.
@@ -122,35 +112,20 @@ impl ContactNodes {
     /// Number in the scene of a local node; points of bodies come after all cloth.
     pub fn number(&self, node: u32) -> u32 {
         let (node, cloth) = (node as usize, self.cloth());
-        let first = self.rank_starts[self.ranks.rank()];
-        if node >= cloth {
-            self.all_cloth() + (node - cloth) as u32
-        } else if node < self.own.start {
-            self.ghosts[node]
-        } else if node < self.own.end {
-            first + (node - self.own.start) as u32
-        } else {
-            self.ghosts[node - self.own.len()]
-        }
+        if node >= cloth { self.all_cloth() + (node - cloth) as u32 } else { self.vertices.number(node) }
     }
 
     /// The local number of a node of the scene, if it is own, a ghost, or of a body.
     pub fn local(&self, number: u32) -> Option<u32> {
-        let rank = self.ranks.rank();
-        let (first, end) = (self.rank_starts[rank], self.rank_starts[rank + 1]);
-        if (first..end).contains(&number) {
-            return Some(number - first + self.own.start as u32);
-        }
         if number >= self.all_cloth() {
             return Some(number - self.all_cloth() + self.cloth() as u32);
         }
-        let place = self.ghosts.binary_search(&number).ok()?;
-        Some((if place < self.own.start { place } else { place + self.own.len() }) as u32)
+        self.vertices.local(number).map(|local| local as u32)
     }
 
     /// The rank that owns a cloth vertex of the scene.
     pub fn owner(&self, number: u32) -> usize {
-        self.rank_starts.partition_point(|start| *start <= number) - 1
+        self.vertices.owner(number)
     }
 
     /// Whether a pair of local nodes is at home here: whether this rank owns the smallest of them.
@@ -172,17 +147,17 @@ impl ContactNodes {
 
     /// Number of cloth vertices of the scene.
     pub fn all_cloth(&self) -> u32 {
-        self.rank_starts[self.rank_starts.len() - 1]
+        self.vertices.all()
     }
 
     /// Whether ghosts, and what other ranks know of this one, are the same.
     pub fn is_laid_out_as(&self, other: &Self) -> bool {
-        self.ghosts == other.ghosts && self.halo == other.halo
+        self.ghosts() == other.ghosts() && self.halo() == other.halo()
     }
 
     /// Brings the ghosts' values, in an array over local nodes, to those of their owners.
     pub fn refresh<T: Pod>(&self, values: &mut [T]) {
-        self.halo.refresh(&self.ranks, values);
+        self.halo().refresh(self.ranks(), values);
     }
 }
 

@@ -6,6 +6,7 @@ pub mod communicator;
 pub mod halo;
 pub mod lanes;
 pub mod local_ranks;
+pub mod local_vertices;
 pub mod parts;
 pub mod ranks;
 pub mod serial;

@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::parallel::halo::Halo;
+use crate::parallel::local_vertices::LocalVertices;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::sum::{SUM_BLOCK, Shares};
 
@@ -98,25 +99,19 @@ impl Partition {
 #[derive(Debug, Clone)]
 pub struct Parts {
     partition: Partition,
-    ranks: Ranks,
+    vertices: LocalVertices,
     /// First part of every rank, and the number of all at the end.
     assignment: Vec<usize>,
-    /// First vertex of every rank in the scene's numbering, and the number of all at the end.
-    rank_starts: Vec<u32>,
     /// Own parts, in local numbers.
     ranges: Vec<Range<usize>>,
     /// First block of sums of each own part, counted from the rank's first, and their number at the end.
     block_starts: Vec<usize>,
     blocks: Shares,
     part_shares: Shares,
-    /// Numbers of the ghosts in the scene, ascending.
-    ghosts: Vec<u32>,
-    own: Range<usize>,
     /// Local vertices of each garment, ghosts included.
     garments: Vec<Range<usize>>,
     /// Number in its garment of each local vertex.
     own_numbers: Vec<u32>,
-    halo: Halo,
 }
 
 impl Parts {
@@ -130,10 +125,9 @@ impl Parts {
         own_numbers: Vec<u32>,
     ) -> Self {
         let rank = ranks.rank();
-        let rank_starts: Vec<u32> = assignment.iter().map(|part| partition.starts[*part] as u32).collect();
-        let first = rank_starts[rank] as usize;
-        let low = ghosts.partition_point(|ghost| (*ghost as usize) < first);
-        let own = low..low + rank_starts[rank + 1] as usize - first;
+        let rank_starts = assignment.iter().map(|part| partition.starts[*part] as u32).collect();
+        let vertices = LocalVertices::new(ranks, rank_starts, ghosts);
+        let (first, low) = (vertices.owned().start as usize, vertices.own().start);
         let run = assignment[rank]..assignment[rank + 1];
         let local = |vertex: usize| vertex - first + low;
         let ranges = run.clone().map(|p| local(partition.starts[p])..local(partition.starts[p + 1])).collect();
@@ -144,21 +138,16 @@ impl Parts {
         let block_starts = all_blocks[run.start..=run.end].iter().map(|block| block - all_blocks[run.start]).collect();
         let blocks = Shares::new(assignment.iter().map(|part| all_blocks[*part]).collect(), rank);
         let part_shares = Shares::new(assignment.clone(), rank);
-        let halo = Halo::new(&ranks, &ghosts, &rank_starts);
         let mut parts = Self {
             partition,
-            ranks,
+            vertices,
             assignment,
-            rank_starts,
             ranges,
             block_starts,
             blocks,
             part_shares,
-            ghosts,
-            own,
             garments: Vec::new(),
             own_numbers,
-            halo,
         };
         parts.garments = parts.partition.garments.iter().map(|g| parts.place(g.start)..parts.place(g.end)).collect();
         parts
@@ -166,14 +155,14 @@ impl Parts {
 
     /// How many local vertices come before a number of the scene.
     fn place(&self, vertex: usize) -> usize {
-        let ghosts = self.ghosts.partition_point(|ghost| (*ghost as usize) < vertex);
-        let first = self.rank_starts[self.ranks.rank()] as usize;
-        ghosts + vertex.clamp(first, first + self.own.len()) - first
+        let ghosts = self.vertices.ghosts().partition_point(|ghost| (*ghost as usize) < vertex);
+        let owned = self.vertices.owned();
+        ghosts + vertex.clamp(owned.start as usize, owned.end as usize) - owned.start as usize
     }
 
     /// This rank and the others.
     pub fn ranks(&self) -> &Ranks {
-        &self.ranks
+        self.vertices.ranks()
     }
 
     /// The parts of all ranks.
@@ -188,12 +177,12 @@ impl Parts {
 
     /// First vertex of every rank in the scene's numbering, and the number of all at the end.
     pub fn rank_starts(&self) -> &[u32] {
-        &self.rank_starts
+        self.vertices.rank_starts()
     }
 
     /// The ghosts' messages.
     pub fn halo(&self) -> &Halo {
-        &self.halo
+        self.vertices.halo()
     }
 
     /// Vertices of each own part, in local numbers.
@@ -208,12 +197,12 @@ impl Parts {
 
     /// Number of local vertices, ghosts included: the length of the rank's arrays.
     pub fn local_count(&self) -> usize {
-        self.own_numbers.len()
+        self.vertices.count()
     }
 
     /// Own vertices, in local numbers.
     pub fn own(&self) -> Range<usize> {
-        self.own.clone()
+        self.vertices.own()
     }
 
     /// First block of sums of each own part, counted from the rank's first, and their number at the end.
@@ -233,22 +222,22 @@ impl Parts {
 
     /// Joins one value for each block, of all ranks, in an order that depends on the scene alone.
     pub fn join(&self, blocks: &[f64]) -> f64 {
-        self.blocks.join(&self.ranks, blocks)
+        self.blocks.join(self.ranks(), blocks)
     }
 
     /// Joins one value for each block, and takes the largest of one more value of each rank, in one exchange.
     pub fn join_with_max(&self, blocks: &[f64], value: f64) -> (f64, f64) {
-        self.blocks.join_with_max(&self.ranks, blocks, value)
+        self.blocks.join_with_max(self.ranks(), blocks, value)
     }
 
     /// Joins several sums at once.
     pub fn join_all<const N: usize>(&self, blocks: &[&[f64]; N]) -> [f64; N] {
-        self.blocks.join_all(&self.ranks, blocks)
+        self.blocks.join_all(self.ranks(), blocks)
     }
 
     /// Joins one value for each part, of all ranks.
     pub fn join_parts<const N: usize>(&self, parts: &[&[f64]; N]) -> [f64; N] {
-        self.part_shares.join_all(&self.ranks, parts)
+        self.part_shares.join_all(self.ranks(), parts)
     }
 
     /// Local vertices of a garment, ghosts included.
@@ -259,8 +248,9 @@ impl Parts {
     /// Own vertices of a garment, in local numbers.
     pub fn own_of_garment(&self, garment: usize) -> Range<usize> {
         let Range { start, end } = self.garment(garment);
-        let start = start.max(self.own.start);
-        start..end.min(self.own.end).max(start)
+        let own = self.own();
+        let start = start.max(own.start);
+        start..end.min(own.end).max(start)
     }
 
     /// Garment of a local vertex.
@@ -280,30 +270,17 @@ impl Parts {
 
     /// Number of a local vertex in the scene.
     pub fn number(&self, local: usize) -> u32 {
-        let first = self.rank_starts[self.ranks.rank()];
-        if local < self.own.start {
-            self.ghosts[local]
-        } else if local < self.own.end {
-            first + (local - self.own.start) as u32
-        } else {
-            self.ghosts[local - self.own.len()]
-        }
+        self.vertices.number(local)
     }
 
     /// The local number of a vertex of the scene, if it is own or a ghost.
     pub fn local(&self, number: u32) -> Option<usize> {
-        let rank = self.ranks.rank();
-        let (first, end) = (self.rank_starts[rank], self.rank_starts[rank + 1]);
-        if (first..end).contains(&number) {
-            return Some((number - first) as usize + self.own.start);
-        }
-        let place = self.ghosts.binary_search(&number).ok()?;
-        Some(if place < self.own.start { place } else { place + self.own.len() })
+        self.vertices.local(number)
     }
 
     /// The rank that owns a vertex of the scene.
     pub fn owner(&self, number: u32) -> usize {
-        self.rank_starts.partition_point(|start| *start <= number) - 1
+        self.vertices.owner(number)
     }
 
     /// Own part that holds an own vertex, counted from the rank's first.

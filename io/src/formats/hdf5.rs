@@ -30,6 +30,7 @@ use std::path::{Path, PathBuf};
 use drapery_alembic::murmur3_x64_128;
 use hdf5::types::VarLenUnicode;
 
+pub(crate) use self::layout::reserved;
 use self::layout::{Offsets, create_file, read_layout};
 use super::continuing::{beside, cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};

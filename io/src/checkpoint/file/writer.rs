@@ -6,7 +6,6 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_core::snapshot::{SnapshotSink, ValueKind, Values};
-use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::VarLenUnicode;
 use hdf5::{Group, H5Type};
 use sha2::{Digest, Sha256};
@@ -15,6 +14,7 @@ use super::Head;
 use crate::checkpoint::bytes::{self, ContentHash};
 use crate::checkpoint::seal;
 use crate::error::IoError;
+use crate::formats::hdf5::reserved;
 
 /// Space that a checkpoint takes beside its arrays and its head, at most [bytes].
 const STRUCTURE: u64 = 1 << 20;
@@ -279,14 +279,7 @@ fn reserve_as<T: H5Type>(
     order: u64,
     (name, shape, _): (&str, &[usize], ValueKind),
 ) -> hdf5::Result<Option<u64>> {
-    let made = group
-        .new_dataset::<T>()
-        .no_chunk()
-        .alloc_time(Some(AllocTime::Early))
-        .fill_time(FillTime::Never)
-        .obj_track_times(false)
-        .shape(shape.to_vec())
-        .create(name)?;
+    let made = reserved::<T>(group, name, shape)?;
     made.new_attr::<u64>().create("order")?.write_scalar(&order)?;
     if made.size() == 0 {
         return Ok(None);

@@ -237,15 +237,21 @@ impl Fixed {
     }
 }
 
-/// A dataset whose space is reserved in the file but not written, and where it lies. What nobody wrote reads as zeros.
+/// Where a new dataset lies whose space is reserved in the file.
 fn growing<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Result<u64> {
-    let dataset: Dataset = file
+    reserved::<T>(file, name, shape)?
+        .offset()
+        .ok_or_else(|| hdf5::Error::from(format!("dataset {name} has no fixed place in the file")))
+}
+
+/// A new dataset whose space is reserved in the file but not written; what nobody writes reads as zeros.
+pub(crate) fn reserved<T: H5Type>(group: &hdf5::Group, name: &str, shape: &[usize]) -> hdf5::Result<Dataset> {
+    group
         .new_dataset::<T>()
         .no_chunk()
         .alloc_time(Some(AllocTime::Early))
         .fill_time(FillTime::Never)
         .obj_track_times(false)
         .shape(shape.to_vec())
-        .create(name)?;
-    dataset.offset().ok_or_else(|| hdf5::Error::from(format!("dataset {name} has no fixed place in the file")))
+        .create(name)
 }
