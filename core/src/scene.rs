@@ -4,6 +4,7 @@
 //! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
 //! that every index is in range, every number finite and every rest edge longer than zero.
 
+mod left_out;
 mod share;
 mod validate;
 mod wire;
@@ -37,6 +38,8 @@ pub struct SceneDescription {
     pub pins: Vec<PinDescription>,
     /// Effects asked for. What is not here does not exist while the scene runs.
     pub effects: Vec<EffectRequest>,
+    /// Effects that were asked for and then left out, for messages and `drapery plan`.
+    pub left_out: Vec<String>,
 }
 
 /// Frame rate as a rational number and the frame at which time is zero.
@@ -331,6 +334,7 @@ impl SceneDescription {
             bodies: Vec::new(),
             pins: Vec::new(),
             effects: Vec::new(),
+            left_out: Vec::new(),
         }
     }
 }

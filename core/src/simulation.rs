@@ -21,6 +21,7 @@ use crate::time_step::StepLimit;
 use crate::tolerances::CG_GRAVITY_FRACTION;
 
 mod balance;
+mod cost;
 mod measure;
 pub mod outside;
 mod saved;

@@ -6,6 +6,7 @@
 pub mod attachments;
 pub mod bending;
 pub mod body_collision;
+pub mod cost;
 pub mod gravity;
 pub mod pins;
 pub mod self_collision;
@@ -24,6 +25,8 @@ use crate::parallel::lanes::{Lanes, PartLanes};
 use crate::parallel::parts::PART_SIZE;
 use crate::scene::Scene;
 use crate::settings::{Field, Settings};
+
+pub use cost::Cost;
 
 /// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
 macro_rules! effects {
@@ -91,17 +94,6 @@ pub struct Section {
     pub name: &'static str,
     /// Version of its layout.
     pub version: u32,
-}
-
-/// What an effect costs on the machine of docs/effects.md: by this the plan expects its share of a frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cost {
-    /// What it works on, as in "springs"; it may be many elements or few.
-    pub elements: &'static str,
-    /// In each time step, besides the solves [ns per element].
-    pub step: f64,
-    /// In each iteration of a solve [ns per element].
-    pub iteration: f64,
 }
 
 /// What the registry knows of an effect.
@@ -268,6 +260,8 @@ pub struct PlannedEffect {
     pub settings: Settings,
     /// Structures that it needs.
     pub needs: &'static [Need],
+    /// What it costs per element.
+    pub cost: Cost,
     /// Number of elements of the kind that its cost names.
     pub elements: usize,
     /// Memory held [bytes].
@@ -325,9 +319,9 @@ pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems
         match (spec.build)(&settings, &BuildContext { scene, garment: request.garment }) {
             Ok(effect) => {
                 let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
-                let (needs, elements) = (spec.needs, effect.elements);
+                let (needs, cost, elements) = (spec.needs, spec.cost, effect.elements);
                 let planned =
-                    PlannedEffect { name: spec.name, garment, because, settings, needs, elements, bytes, notes };
+                    PlannedEffect { name: spec.name, garment, because, settings, needs, cost, elements, bytes, notes };
                 built.push((planned, effect));
             }
             Err(problem) => problems.push(problem),

@@ -39,7 +39,7 @@ wire!(enum PinTarget {
 wire!(struct PinDescription { garment, target, axes, from, until, hold });
 wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value) });
 wire!(struct EffectRequest { effect, garment, settings, because });
-wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, effects });
+wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, effects, left_out });
 wire!(struct Pinned { number, pin, row, vertex, attachment });
 wire!(enum ProblemKind { 0 => Scene, 1 => Data });
 wire!(struct Problem { place, what, advice, kind });
