@@ -5,9 +5,11 @@ mod controls;
 use std::collections::BTreeSet;
 
 use drapery_core::Vec3;
-use drapery_core::effects::{EffectSpec, REGISTRY};
-use drapery_core::scene::SceneDescription;
-use drapery_core::simulation::FrameSummary;
+use drapery_core::effects::{EffectSpec, REGISTRY, Scope};
+use drapery_core::parallel::local_ranks::LocalRanks;
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
 use drapery_core::snapshot::Snapshot;
 use drapery_tests::{positions, run, start};
 
@@ -95,5 +97,39 @@ fn an_effect_that_is_left_out_counts_nothing_runs_no_stage_and_has_no_section_in
             let runs = off.effects.iter().any(|effect| owners.contains(&effect.name));
             assert!(owners.is_empty() || runs, "{name}: stage {}", stage.name);
         }
+    }
+}
+
+/// Messages, bytes and common operations of the third frame on two ranks.
+fn traffic(description: &SceneDescription) -> [u64; 3] {
+    let one_rank = |communicator| {
+        let ranks = Ranks::new(communicator);
+        let scene = Scene::distribute(&ranks, ranks.is_first().then(|| description.clone())).expect("a valid scene");
+        let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).expect("a start");
+        let mut frame = |frame| simulation.advance(&FrameInput::to_frame(frame)).expect("a frame").metrics;
+        (1..3).for_each(|number| drop(frame(number)));
+        let metrics = frame(3);
+        ["messages", "bytes_sent", "collectives"].map(|count| metrics.counted(count))
+    };
+    let all = LocalRanks::run(2, 1, one_rank).expect("ranks end");
+    all.into_iter().next().expect("there is a first rank")
+}
+
+#[test]
+fn what_is_left_out_sends_nothing() {
+    for spec in REGISTRY.iter().filter(|spec| spec.scope != Scope::Implied) {
+        let (_, scene) =
+            CONTROLS.iter().find(|(control, _)| *control == spec.name).expect("every effect has a control");
+        let goes = |name: &str| {
+            name == spec.name || REGISTRY.iter().any(|s| s.name == name && s.requires.contains(&spec.name))
+        };
+        let (mut never_asked, mut left_out) = (scene(), scene());
+        let names: BTreeSet<String> =
+            left_out.effects.iter().map(|r| r.effect.clone()).filter(|name| goes(name)).collect();
+        never_asked.effects.retain(|request| !goes(&request.effect));
+        left_out.leave_out(&names.into_iter().collect::<Vec<_>>()).unwrap_or_else(|problems| panic!("{problems:?}"));
+        let [never_asked, left_out] = [traffic(&never_asked), traffic(&left_out)];
+        assert!(never_asked[2] > 0, "two ranks speak");
+        assert_eq!(left_out, never_asked, "{}: messages, bytes, common operations", spec.name);
     }
 }

@@ -40,7 +40,8 @@ fn what_is_left_out_gives_the_bytes_of_a_scene_that_never_asked_for_it() {
     for (name, scene, absent, flags) in cases {
         let left_out = cache(folder.path(), scene, name, flags);
         assert!(left_out == cache(folder.path(), absent, &format!("{name}_absent"), &[]), "{name}");
-        assert_eq!(left_out == whole, absent == SHEET, "{name}: another cache than that of the whole scene");
+        // Within four frames the sheet does not come to the ball.
+        assert_eq!(left_out == whole, name == "ball" || absent == SHEET, "{name}: as the whole scene");
         let resolved = std::fs::read_to_string(folder.path().join(name).join("resolved.toml")).unwrap();
         assert!(resolved.contains("[effects]"), "{name}: {resolved}");
         let again = cache(folder.path(), &resolved, &format!("{name}_again"), &[]);
@@ -112,7 +113,7 @@ fn the_plan_says_of_every_effect_why_it_is_there_what_it_holds_and_its_share_of_
         assert_eq!(effects[1]["elements"]["kind"], "springs");
         assert!(!folder.path().join("out").exists(), "plan writes nothing");
     }
-    assert_eq!(drapery(folder.path(), &["plan", "scene.toml", "--measure=9"]).code, Some(64));
+    assert_eq!(drapery(folder.path(), &["plan", "scene.toml", "--measure=9"]).code, Some(2));
 }
 
 #[test]

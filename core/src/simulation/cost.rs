@@ -1,7 +1,7 @@
 //! What a frame costs, by effect.
 
 use super::{FrameSummary, Simulation};
-use crate::effects::cost::FrameCost;
+use crate::effects::cost::{FrameCost, NANOSECONDS};
 use crate::effects::{Effect, PartForce, PartMotion, PartView, build_all};
 use crate::error::Problems;
 use crate::metrics::Watch;
@@ -9,7 +9,7 @@ use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::PART_SIZE;
 
 /// Times that each force is evaluated to see how long it takes.
-const REPEATS: u32 = 4;
+const REPEATS: u32 = 8;
 
 /// Updates of every force in a time step: B.1 and B.5.
 const UPDATES: f64 = 2.0;
@@ -56,17 +56,20 @@ impl Simulation {
             let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, targets };
             let (mut own_x, mut f) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
             let (own_x, f) = (Lanes::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
+            // The fastest of them: what else the machine does is not to count.
+            let mut fastest = [u64::MAX; 2];
             for _ in 0..REPEATS {
                 let watch = Watch::start();
                 force.update(&view, own_x, f);
-                nanoseconds[0] += watch.nanoseconds();
+                fastest[0] = fastest[0].min(watch.nanoseconds());
                 PartMotion::with(range.clone(), x, &self.state.v, |motion| {
                     let watch = Watch::start();
                     force.add_damping(motion, f);
-                    nanoseconds[1] += watch.nanoseconds();
+                    fastest[1] = fastest[1].min(watch.nanoseconds());
                 });
             }
+            nanoseconds = [0, 1].map(|i| nanoseconds[i] + fastest[i]);
         }
-        nanoseconds.map(|all| all as f64 / (1e9 * f64::from(REPEATS)))
+        nanoseconds.map(|all| all as f64 / NANOSECONDS)
     }
 }
