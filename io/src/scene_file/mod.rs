@@ -164,3 +164,6 @@ impl SceneFile {
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod effects_tests;
