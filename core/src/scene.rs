@@ -97,12 +97,46 @@ pub struct SolverSettings {
     pub cg_tolerance: Option<f64>,
     /// Largest number of conjugate gradient iterations of one solve; a solve that reaches it is counted, not fatal.
     pub cg_max_iterations: usize,
+    /// How elastic forces enter both solves.
+    pub integrator: Integrator,
+    /// Where in a step friction with bodies acts.
+    pub body_friction: BodyFriction,
 }
 
 impl Default for SolverSettings {
     fn default() -> Self {
-        Self { cfl: 4.0, max_dt: None, min_dt: 1e-9, strain_per_step: 0.1, cg_tolerance: None, cg_max_iterations: 200 }
+        Self {
+            cfl: 4.0,
+            max_dt: None,
+            min_dt: 1e-9,
+            strain_per_step: 0.1,
+            cg_tolerance: None,
+            cg_max_iterations: 200,
+            integrator: Integrator::default(),
+            body_friction: BodyFriction::default(),
+        }
     }
+}
+
+/// How elastic forces enter the two solves of a step; see `docs/theory/variants.md`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Integrator {
+    /// Explicit, with implicit damping: the paper's step. Of second order; elastic forces limit the time step.
+    #[default]
+    SemiImplicit,
+    /// Springs are linearised over the step and implicit like damping (method 2.2 iii); other forces stay explicit. Of first
+    /// order, loses energy like backward Euler; springs do not limit the time step.
+    Implicit,
+}
+
+/// Where in a step friction between cloth and bodies acts; see `docs/theory/variants.md`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BodyFriction {
+    /// In the position half (B.4), and in B.7 on the final velocities with the load of the whole step: the paper's (method 5).
+    #[default]
+    WholeStep,
+    /// In the position half alone; B.7 only stops what approaches. It loses the friction of resting contact.
+    PositionHalf,
 }
 
 /// A garment: its mesh at rest, where it starts, and what it weighs.

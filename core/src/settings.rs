@@ -47,6 +47,10 @@ pub enum Dimension {
     Drag,
     /// Force per area, SI unit Pa.
     Pressure,
+    /// Bending rigidity: moment per width and curvature, SI unit N·m.
+    BendingRigidity,
+    /// Angle, SI unit rad.
+    Angle,
 }
 
 impl Dimension {
@@ -67,6 +71,17 @@ impl Dimension {
             Self::Density => &[("kg/m³", 1.0), ("kg/m^3", 1.0), ("kg/m3", 1.0)],
             Self::Drag => &[("N s/m³", 1.0), ("N s/m^3", 1.0), ("N s/m3", 1.0)],
             Self::Pressure => &[("Pa", 1.0), ("hPa", 100.0), ("kPa", 1000.0), ("mbar", 100.0)],
+            // Kawabata's instrument gives gf·cm²/cm.
+            Self::BendingRigidity => &[
+                ("N·m", 1.0),
+                ("N m", 1.0),
+                ("Nm", 1.0),
+                ("mN·m", 1e-3),
+                ("µN·m", 1e-6),
+                ("uNm", 1e-6),
+                ("gf·cm²/cm", 9.80665e-5),
+            ],
+            Self::Angle => &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
         }
     }
 

@@ -6,6 +6,7 @@
 //!
 //! On many ranks all this happens on rank 0; the others [`follow`](crew::follow).
 
+pub mod bundle;
 pub(crate) mod check;
 pub mod crew;
 mod folder;
@@ -16,9 +17,11 @@ pub mod quality;
 mod resume;
 mod rewritten;
 pub mod run;
+pub mod steps;
 mod totals;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use drapery_core::error::{Problems, StepError};
 use drapery_core::parallel::ranks::Ranks;
@@ -112,8 +115,8 @@ pub enum ShotError {
 pub struct Shot {
     crew: Crew,
     inputs: Inputs,
-    /// Until the caches are open.
-    garments: Vec<MeshData>,
+    /// Until the caches are open, which keep them until their first frame.
+    garments: Vec<Arc<MeshData>>,
     about: About,
     warnings: Vec<String>,
 }
@@ -185,6 +188,7 @@ impl Shot {
         let Some(crew) = crew.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };
+        let garments = garments.into_iter().map(Arc::new).collect();
         Ok(Self { crew, inputs, garments, about, warnings })
     }
 

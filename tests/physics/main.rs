@@ -1,11 +1,18 @@
 //! Physics against closed forms.
 
+mod bending;
 mod determinism;
+mod drag;
+mod fit;
 mod free_motion;
 mod friction;
 mod maps;
+mod membrane;
+mod orders;
 mod oscillators;
 mod pressure;
 mod seams;
+mod shear;
 mod statics;
+mod strain_limit;
 mod wind;

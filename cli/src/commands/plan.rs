@@ -116,6 +116,7 @@ fn structures(shot: &Shot) -> Vec<&'static str> {
         Need::Bodies => "bodies and their trees",
         Need::ClothSurface => "trees over the triangles of cloth",
         Need::PairList => "list of close pairs",
+        Need::SecondRing => "a second ring of triangles around parts of other ranks",
     };
     needs.iter().map(word).collect()
 }

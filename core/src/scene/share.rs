@@ -1,12 +1,14 @@
 //! Handing out a scene: rank 0 has the description, every rank gets what lies around its own vertices.
 //!
 //! A rank's piece of a garment are the triangles that have one of its vertices, and those that share an edge with one of these:
-//! all that springs along edges and across them, masses and contacts of its own vertices need. Rank 0 makes the pieces one after
-//! the other and keeps nothing.
+//! all that springs along edges and across them, masses and contacts of its own vertices need. Where an effect looks further
+//! (`Need::SecondRing`), the triangles beyond their edges belong to it too. Rank 0 makes the pieces one after the
+//! other and keeps nothing.
 
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::effects::{self, Need};
 use crate::mesh::TriangleMesh;
 use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::{Partition, Parts};
@@ -44,10 +46,19 @@ struct Handout<'a> {
     stars: Vec<u32>,
     rows: Vec<u32>,
     first: usize,
+    /// How many times a piece is widened by the triangles beyond its edges.
+    rings: usize,
+}
+
+/// How many times the pieces of a garment are widened by the triangles beyond their edges.
+fn rings(description: &SceneDescription, garment: usize) -> usize {
+    let of_garment = description.effects.iter().filter(|request| request.garment == Some(garment));
+    let mut specs = of_garment.filter_map(|request| effects::find(&request.effect));
+    if specs.any(|spec| spec.needs.contains(&Need::SecondRing)) { 2 } else { 1 }
 }
 
 impl<'a> Handout<'a> {
-    fn new(garment: &'a GarmentDescription, order: Vec<u32>, first: usize) -> Self {
+    fn new(garment: &'a GarmentDescription, order: Vec<u32>, first: usize, rings: usize) -> Self {
         let (triangles, polygons) = garment.mesh.triangulate();
         let mut places = vec![0; order.len()];
         order.iter().zip(0..).for_each(|(vertex, place)| places[*vertex as usize] = place);
@@ -62,7 +73,7 @@ impl<'a> Handout<'a> {
                 next[*v as usize] += 1;
             }
         }
-        Self { garment, triangles, polygons, order, places, stars, rows, first }
+        Self { garment, triangles, polygons, order, places, stars, rows, first, rings }
     }
 
     fn star(&self, vertex: u32) -> &[u32] {
@@ -81,10 +92,12 @@ impl<'a> Handout<'a> {
             let with = move |other: u32| move |s: &&u32| self.triangles[**s as usize].contains(&other);
             [(a, b), (b, c), (c, a)].into_iter().flat_map(move |(p, q)| self.star(p).iter().filter(with(q)).copied())
         };
-        let beyond: Vec<u32> = near.iter().flat_map(across).collect();
-        near.extend(beyond);
-        near.sort_unstable();
-        near.dedup();
+        for _ in 0..self.rings {
+            let beyond: Vec<u32> = near.iter().flat_map(across).collect();
+            near.extend(beyond);
+            near.sort_unstable();
+            near.dedup();
+        }
         let number = |vertex: &u32| (self.first as u32) + self.places[*vertex as usize];
         let mut vertices: Vec<[u32; 2]> = near
             .iter()
@@ -143,12 +156,14 @@ impl Piece {
         let (parts, mesh) = (&scene.parts, &scene.meshes[garment]);
         let first = parts.garment(garment).start;
         let number = |v: u32| parts.number(first + v as usize);
-        let near: Vec<bool> =
+        let mut here: Vec<bool> =
             mesh.triangles().iter().map(|corners| corners.iter().any(|v| own.contains(&number(*v)))).collect();
-        let mut here = near.clone();
-        for hinge in mesh.hinges() {
-            let [a, b] = hinge.triangles.map(|t| t as usize);
-            (here[a], here[b]) = (here[a] || near[b], here[b] || near[a]);
+        for _ in 0..rings(&scene.description, garment) {
+            let near = here.clone();
+            for hinge in mesh.hinges() {
+                let [a, b] = hinge.triangles.map(|t| t as usize);
+                (here[a], here[b]) = (here[a] || near[b], here[b] || near[a]);
+            }
         }
         let chosen = || mesh.triangles().iter().zip(mesh.polygons()).zip(&here).filter(|(_, here)| **here);
         let mut vertices: Vec<u32> = chosen().flat_map(|((corners, _), _)| *corners).collect();
@@ -248,8 +263,8 @@ pub(super) fn hand_out(ranks: &Ranks, mut description: SceneDescription) -> Rece
     }
     let mut pieces = Vec::new();
     // One garment after the other, and each is forgotten when it is handed out.
-    for ((garment, order), place) in garments.into_iter().zip(orders).zip(partition.garments()) {
-        let handout = Handout::new(&garment, order, place.start);
+    for (g, ((garment, order), place)) in garments.into_iter().zip(orders).zip(partition.garments()).enumerate() {
+        let handout = Handout::new(&garment, order, place.start, rings(&description, g));
         let piece = |own: &Range<usize>| handout.piece(own, &partners(&sewn, own, place));
         for rank in 1..ranks.count() {
             let message = Message { to: rank, bytes: piece(&own(rank)).to_bytes() };

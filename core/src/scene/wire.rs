@@ -9,13 +9,18 @@ use crate::parallel::wire::{Wire, wire};
 use crate::scene::painted::PaintedMap;
 use crate::scene::sewn::Sewn;
 use crate::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinAnchor, PinDescription, PinHold, PinTarget,
-    Pinned, RigidMotion, SceneDescription, SeamDescription, SolverSettings, SurfaceAttachment, Timeline, WindGridShape,
+    BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, PinAnchor,
+    PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription, SolverSettings,
+    SurfaceAttachment, Timeline, WindGridShape,
 };
 use crate::settings::SettingValue;
 
 wire!(struct Timeline { fps_numerator, fps_denominator, origin, start });
-wire!(struct SolverSettings { cfl, max_dt, min_dt, strain_per_step, cg_tolerance, cg_max_iterations });
+wire!(enum Integrator { 0 => SemiImplicit, 1 => Implicit });
+wire!(enum BodyFriction { 0 => WholeStep, 1 => PositionHalf });
+wire!(struct SolverSettings {
+    cfl, max_dt, min_dt, strain_per_step, cg_tolerance, cg_max_iterations, integrator, body_friction
+});
 wire!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 wire!(struct PolygonMesh { points, face_counts, face_indices });
 wire!(struct GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness, maps });
@@ -71,6 +76,8 @@ mod tests {
         let mut description = SceneDescription::new("wired");
         description.timeline.start = -12;
         description.solver.max_dt = Some(0.01);
+        description.solver.integrator = Integrator::Implicit;
+        description.solver.body_friction = BodyFriction::PositionHalf;
         let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);
         let mut garment = GarmentDescription::new("flag", mesh, 0.2);
         garment.start_velocities = Some(vec![Vec3::x(); 3]);

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use super::recovery::is_finite;
 use super::{BrokenAttachment, FrameSummary, Simulation, StrainRecord};
-use crate::Vec3;
 use crate::contact::self_contact::SelfContact;
 use crate::effects::{PartView, Surroundings};
 use crate::error::StepError;
@@ -40,6 +40,7 @@ impl Simulation {
         self.count_traffic();
         self.take_counts();
         summary.metrics = self.metrics.take().over_ranks(&ranks);
+        summary.recoveries = std::mem::take(&mut self.care.events);
         Ok(())
     }
 
@@ -75,7 +76,7 @@ impl Simulation {
     }
 
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
-    fn largest_strain(&self) -> Option<StrainRecord> {
+    pub(super) fn largest_strain(&self) -> Option<StrainRecord> {
         let (parts, ranks) = (self.scene.parts(), self.ranks());
         let all = self.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.state.x));
         let numbered = all.map(|(strain, ends)| {
@@ -134,9 +135,4 @@ impl Simulation {
             dt,
         }
     }
-}
-
-/// Whether no component is infinite or not a number.
-fn is_finite(v: &Vec3) -> bool {
-    v.iter().all(|c| c.is_finite())
 }

@@ -156,6 +156,15 @@ impl SceneFile {
         resolve::resolve(self)
     }
 
+    /// Value of a parameter that is a number.
+    pub fn number(&self, parameter: &str) -> Option<f64> {
+        match self.parameters.get(parameter)?.value {
+            tree::Value::Integer(number) => Some(number as f64),
+            tree::Value::Float(number) => Some(number),
+            _ => None,
+        }
+    }
+
     /// Name of the shot.
     pub fn name(&self) -> &str {
         &self.document.shot.name

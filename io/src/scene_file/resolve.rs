@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use drapery_core::Vec3;
 use drapery_core::effects::REGISTRY;
 use drapery_core::scene::{
-    EffectRequest, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings, Timeline,
+    BodyFriction, EffectRequest, Integrator, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings,
+    Timeline,
 };
 use drapery_core::settings::{Dimension, SettingValue};
 
 use crate::cache::MeshData;
 use crate::error::IoError;
 use crate::mesh_source::MeshSource;
+use crate::run_record::FRAMES;
 use crate::shot::motion::{InputMotion, Preroll, file_time};
 use crate::shot::{OutputDescription, ShotDescription};
 use crate::units::Units;
@@ -247,6 +249,14 @@ impl Resolver<'_> {
             strain_per_step: solver.strain_per_step,
             cg_tolerance,
             cg_max_iterations: solver.cg_max_iterations,
+            integrator: match solver.integrator {
+                raw::Integrator::SemiImplicit => Integrator::SemiImplicit,
+                raw::Integrator::Implicit => Integrator::Implicit,
+            },
+            body_friction: match solver.body_friction {
+                raw::BodyFriction::WholeStep => BodyFriction::WholeStep,
+                raw::BodyFriction::PositionHalf => BodyFriction::PositionHalf,
+            },
         };
     }
 
@@ -354,6 +364,9 @@ fn frame_range(text: &str) -> Result<(i64, i64), String> {
     if first > last {
         return Err(format!("the range of frames {first}-{last} runs backwards"));
     }
+    if !FRAMES.contains(&first) || !FRAMES.contains(&last) {
+        return Err(format!("frames are numbered from {} to {}", FRAMES.start(), FRAMES.end()));
+    }
     Ok((first, last))
 }
 
@@ -390,5 +403,7 @@ mod tests {
         assert_eq!(frame_range("7"), Ok((7, 7)));
         assert!(frame_range("20-10").unwrap_err().contains("backwards"));
         assert!(frame_range("first-last").is_err());
+        // Their difference has no room in 64 bits.
+        assert!(frame_range("-9223372036854775807-9223372036854775807").unwrap_err().contains("numbered from"));
     }
 }
