@@ -53,6 +53,10 @@ measure: build ## what self-contact costs, on the spinning ball and the twister;
 measure-ranks: build ## what many ranks cost and bring, on the spinning ball; writes docs/ranks.md
 	@.ci/measure-ranks $(MEASURE)
 
+.PHONY: accuracy
+accuracy: build ## what repulsion with history, the integrator and friction cost and bring; writes docs/accuracy.md
+	@.venv/bin/python .ci/measure-accuracy $(MEASURE)
+
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check

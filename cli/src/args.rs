@@ -2,19 +2,31 @@
 
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use drapery_core::effects::{self, LISTED};
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::duration::parse_duration;
 use drapery_io::shot::run::Resume;
+use drapery_io::study::space::parse_vary;
 
 use crate::exit_code;
 
+/// What `--version` says: the version, and what this build has beyond what every build has.
+static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
+    let built = LISTED.iter().filter(|(name, _)| effects::find(name).is_some());
+    let mut features: Vec<&str> = built.filter_map(|(_, feature)| *feature).collect();
+    features.extend(cfg!(feature = "mpi").then_some("mpi"));
+    features.extend(cfg!(feature = "rank-order").then_some("rank-order"));
+    format!("{}\nfeatures: {}", env!("CARGO_PKG_VERSION"), features.join(" "))
+});
+
 /// Offline cloth solver: animated bodies and garments in, vertex caches out.
 #[derive(Debug, Parser)]
-#[command(name = "drapery", version, after_help = exit_code::TABLE, max_term_width = 120)]
+#[command(name = "drapery", version, long_version = LONG_VERSION.as_str(), after_help = exit_code::TABLE, max_term_width = 120)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -60,10 +72,14 @@ pub(crate) enum Command {
     Diff(DiffArgs),
     /// Write a page about a run: time, strain, contacts, degradations, pictures
     Report(ReportArgs),
+    /// Show what accuracy costs in time: run a scene with many settings, compare, and recommend one
+    Study(StudyArgs),
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// List the materials: presets, and those in files
     Materials(MaterialsArgs),
+    /// Test this build: what it has to withstand
+    Selftest(SelftestArgs),
 }
 
 /// A scene and what is changed in it.
@@ -77,6 +93,9 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
+    /// Settings that `drapery study --write-preset` has written; --set goes over them
+    #[arg(long, value_name = "FILE")]
+    pub(crate) preset: Option<PathBuf>,
     /// Number of threads of each process [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK,
     /// the site file, or all cores, shared by the processes of mpirun on a machine]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
@@ -230,12 +249,87 @@ pub(crate) struct DiffArgs {
     pub(crate) json: bool,
 }
 
+/// Arguments of `selftest`.
+#[derive(Debug, Args)]
+pub(crate) struct SelftestArgs {
+    /// The hard cases: `quick` takes minutes, `full` takes larger scenes and combinations of cases, `soak` a weekend
+    #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick", required = true)]
+    pub(crate) hard: Option<HardTier>,
+    /// Only these cases, for example H23; repeatable
+    #[arg(long = "case", value_name = "ID")]
+    pub(crate) cases: Vec<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// How much is tested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum HardTier {
+    /// Up to 2000 triangles a case
+    Quick,
+    /// Larger and longer
+    Full,
+    /// The longest
+    Soak,
+}
+
 /// Arguments of `report`.
 #[derive(Debug, Args)]
 pub(crate) struct ReportArgs {
     /// Folder of the run; the page is written into it as report.html
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
+}
+
+/// Arguments of `study`.
+#[derive(Debug, Args)]
+pub(crate) struct StudyArgs {
+    /// Scene file
+    #[arg(required_unless_present = "from")]
+    pub(crate) scene: Option<PathBuf>,
+    /// What to vary, for example cfl=4,2,1 cg_tolerance=1e-2,1e-4 thickness=x0.5 without=bending resolution=20,40, or any
+    /// key that --set takes; when left out, steps and solves, and one at a time what else costs time
+    #[arg(long, value_name = "NAME=A,B", num_args = 1.., value_parser = parse_vary)]
+    pub(crate) vary: Vec<(String, Vec<String>)>,
+    /// All combinations of what is varied, instead of one change at a time
+    #[arg(long, requires = "vary")]
+    pub(crate) grid: bool,
+    /// Frames to study, from the first frame of the scene on; as many as the time allows when left out
+    #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
+    pub(crate) frames: Option<FrameRange>,
+    /// Time that the study may take, for example 2m; run it again to go on with it
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "10m")]
+    pub(crate) max_wall: Duration,
+    /// What a frame may take with the recommended setting, for example 10s/frame
+    #[arg(long, value_name = "TIME/frame", value_parser = parse_frame_budget)]
+    pub(crate) budget: Option<Duration>,
+    /// Copies with shifted positions that tell how far trajectories can be predicted
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub(crate) copies: u32,
+    /// Runs of every setting whose time is told, the first one included
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) repeats: u32,
+    /// Folder of the study [default: out/<scene>_study]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace the study that the folder holds, and start anew
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// Simulate nothing: write table, study.csv and report.html again from this study.json
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "vary", "frames", "out", "overwrite", "settings"])]
+    pub(crate) from: Option<PathBuf>,
+    /// Write the recommended setting into this file, for --preset
+    #[arg(long, value_name = "FILE")]
+    pub(crate) write_preset: Option<PathBuf>,
+    /// Set a parameter or any key of the scene for all runs; repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
+    pub(crate) settings: Vec<(String, String)>,
+    /// Number of threads [default: as for run]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    #[command(flatten)]
+    pub(crate) materials: MaterialsArgs,
 }
 
 /// How progress is reported.
@@ -288,6 +382,12 @@ fn parse_frames(text: &str) -> Result<FrameRange, String> {
         return Err(format!("the last frame, {last}, comes before the first, {first}"));
     }
     Ok(FrameRange { first, last })
+}
+
+/// Reads `10s/frame`.
+fn parse_frame_budget(text: &str) -> Result<Duration, String> {
+    let time = text.strip_suffix("/frame").or_else(|| text.strip_suffix("/f")).unwrap_or(text);
+    parse_duration(time).map_err(|error| error.to_string())
 }
 
 fn parse_resume(text: &str) -> Result<Resume, String> {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::scene_file;
 use drapery_io::shot::Shot;
+use drapery_io::study::preset;
 
 use crate::args::{FrameRange, SceneArgs};
 use crate::config::{Chosen, Surroundings};
@@ -18,7 +19,9 @@ pub(crate) type Threads = (Chosen<usize>, Vec<usize>);
 pub(crate) fn prepare(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) -> Result<(Shot, Threads), Failure> {
     let threads = ranks::start_threads(ranks, around.threads(args.threads))?;
     let search = around.search(&args.materials).value;
-    let description = scene_file::load_with(&args.scene, &args.settings, &search)?.resolve()?;
+    let mut settings = args.preset.as_deref().map(preset::read).transpose()?.unwrap_or_default();
+    settings.extend(args.settings.iter().cloned());
+    let description = scene_file::load_with(&args.scene, &settings, &search)?.resolve()?;
     let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
     let shot = Shot::prepare_on(ranks, description, frames)?;
     for warning in shot.warnings() {

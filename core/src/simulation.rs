@@ -7,11 +7,12 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, Need, PlannedEffect, build_all};
+use crate::effects::{Force, Need, PlannedEffect, Section, VelocityFilter, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::ranks::Sent;
+use crate::parallel::split::PerPart;
 use crate::scene::{Scene, agree};
 use crate::solve::conjugate_gradient::Stop;
 use crate::solve::implicit_velocity::PartForces;
@@ -19,10 +20,14 @@ use crate::state::State;
 use crate::step::{Scratch, StepContext, advance};
 use crate::time_step::StepLimit;
 use crate::tolerances::CG_GRAVITY_FRACTION;
+use crate::volumes::Volumes;
+use crate::wind_grid::{WindGrid, WindSample};
 
 mod balance;
 mod measure;
 pub mod outside;
+#[cfg(test)]
+mod planted;
 mod saved;
 mod start;
 
@@ -47,12 +52,14 @@ pub struct FrameInput {
     pub bodies: Vec<Vec<Sample>>,
     /// For each track of pinned positions, likewise.
     pub tracks: Vec<Vec<Sample>>,
+    /// The same for the grid of the wind; empty without one.
+    pub wind: Vec<WindSample>,
 }
 
 impl FrameInput {
     /// Input of a scene without animated meshes.
     pub fn to_frame(frame: i64) -> Self {
-        Self { frame, bodies: Vec::new(), tracks: Vec::new() }
+        Self { frame, ..Self::default() }
     }
 }
 
@@ -141,12 +148,17 @@ pub struct Simulation {
     pins: Option<HardPins>,
     targets: PinTargets,
     tracks: Vec<Samples>,
+    filters: Vec<Box<dyn VelocityFilter>>,
     collision: Option<BodyCollision>,
     self_contact: Option<SelfContact>,
     bodies: Bodies,
+    wind: WindGrid,
+    volumes: Volumes,
     limit: StepLimit,
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
+    /// Section with what has yielded in the cloth, where it can.
+    yields: Option<Section>,
     scratch: Scratch,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,
@@ -180,30 +192,41 @@ impl Simulation {
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
-        Self::with(scene, state, bodies, tracks)
+        let wind = WindGrid::new(scene.description().wind, &start.wind).map_err(|problem| Problems(vec![problem]))?;
+        Self::with(scene, state, bodies, (tracks, wind))
     }
 
-    /// The simulation of a scene with these bodies and tracks.
-    fn with(scene: Arc<Scene>, state: State, bodies: Bodies, tracks: Vec<Samples>) -> Result<Self, Problems> {
+    /// The simulation of a scene with these bodies, tracks and wind.
+    fn with(
+        scene: Arc<Scene>,
+        state: State,
+        bodies: Bodies,
+        (tracks, wind): (Vec<Samples>, WindGrid),
+    ) -> Result<Self, Problems> {
         let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time);
         let parts = scene.parts();
         agree(parts.ranks(), targets.as_ref().err().cloned().into_iter().collect())?;
         let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
-        let (mut repulsion, mut self_collision) = (None, None);
+        let (mut volumes, mut filters) = (Volumes::default(), Vec::new());
+        let (mut repulsion, mut self_collision, mut yields, mut sees_velocities) = (None, None, None, false);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
             }
             pins = pins.or(effect.pins);
+            filters.extend(effect.filters);
             collision = collision.or(effect.body_collision);
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
+            yields = yields.or(effect.yields);
+            sees_velocities |= effect.sees_velocities;
+            volumes.0.extend(effect.volume);
             plan.push(planned);
         }
-        let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
-        let limit = StepLimit::new(parts, scene.masses(), &forces, cfl, frame);
+        let (solver, frame) = (&scene.description().solver, scene.description().timeline.frame_duration());
+        let limit = StepLimit::new(parts, scene.masses(), &forces, solver, frame);
         let is_ghost = |vertex: &u32| !parts.own().contains(&(*vertex as usize));
         let reaches = |forces: &Vec<Box<dyn Force>>| forces.iter().any(|f| f.neighbours().iter().any(is_ghost));
         let reaches_ghosts = forces.iter().map(reaches).collect();
@@ -215,11 +238,11 @@ impl Simulation {
             effect.bytes = contact.bytes();
         }
         for effect in &mut plan {
-            let [bytes] = parts.ranks().sum_of([effect.bytes as u64]);
-            effect.bytes = bytes as usize;
+            let [elements, bytes] = parts.ranks().sum_of([effect.elements as u64, effect.bytes as u64]);
+            (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
-        let scratch = Scratch::new(parts, collision.is_some() || after_position);
+        let scratch = Scratch::new(parts, collision.is_some() || after_position, sees_velocities);
         let frame = scene.description().timeline.start;
         let metrics = Metrics::default();
         Ok(Self {
@@ -230,11 +253,15 @@ impl Simulation {
             pins,
             targets,
             tracks,
+            filters,
             collision,
             self_contact,
             bodies,
+            wind,
+            volumes,
             limit,
             reaches_ghosts,
+            yields,
             scratch,
             metrics,
             plan,
@@ -290,6 +317,11 @@ impl Simulation {
         &self.state
     }
 
+    /// The bodies, where they are at the time of the state.
+    pub fn bodies(&self) -> &Bodies {
+        &self.bodies
+    }
+
     /// The effects that run, in order.
     pub fn plan(&self) -> &[PlannedEffect] {
         &self.plan
@@ -340,6 +372,7 @@ impl Simulation {
         let timeline = self.scene.description().timeline;
         let (from, to) = (timeline.time(self.frame), timeline.time(input.frame));
         let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
+        stops.extend(input.wind.iter().map(|sample| sample.time));
         stops.extend(self.targets.window_times());
         stops.retain(|t| *t > from && *t < to);
         stops.push(to);
@@ -358,6 +391,7 @@ impl Simulation {
             self.bodies.set_step(self.state.time, self.state.time);
             let mut pause = |time| time < to && pause(time);
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
+                self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 return Ok(Advance::Paused(summary));
             }
@@ -386,6 +420,8 @@ impl Simulation {
             }
             if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
                 self.rewind();
+            } else if self.yields.is_some() {
+                self.give_way();
             }
             if pause(self.state.time) {
                 return Ok(true);
@@ -408,19 +444,35 @@ impl Simulation {
         let Some(contact) = self_contact.as_mut().filter(|c| !c.collides_after_position()) else {
             return Ending::Resolved;
         };
+        let mut moved = |vertex, way| {
+            if let Some(collision) = collision {
+                collision.moved(vertex, way);
+            }
+        };
+        if contact.repels_per_collision_step() {
+            metrics.stage("C self-repulsion", |m| {
+                contact.repel_interval((&mut state.x[..], &mut state.v[..]), duration, m, &mut moved);
+            });
+        }
         // Repulsions alone only note how far the neighbours have come.
         let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
         metrics.stage(stage, |m| {
             let ends = (&mut state.x[..], &mut state.v[..]);
-            let ending = contact.end_interval(ends, bodies, duration, may_rewind, m, |vertex, way| {
-                if let Some(collision) = collision {
-                    collision.moved(vertex, way);
-                }
-            });
+            let ending = contact.end_interval(ends, bodies, duration, may_rewind, m, &mut moved);
             parts.halo().refresh(parts.ranks(), &mut state.x);
             parts.halo().refresh(parts.ranks(), &mut state.v);
             ending
         })
+    }
+
+    /// Keeps what is bent or stretched too far to spring back.
+    fn give_way(&mut self) {
+        let Self { scene, forces, state, metrics, .. } = self;
+        metrics.stage("yield", |_| {
+            scene.parts().for_each(PerPart(forces), &|_, forces| {
+                forces.0[0].iter_mut().for_each(|force| force.yield_to(&state.x));
+            });
+        });
     }
 
     /// Puts everything back to the last collision-free state.
@@ -465,12 +517,17 @@ impl Simulation {
             pins: self.pins.as_ref(),
             targets: &mut self.targets,
             tracks: &self.tracks,
+            filters: &mut self.filters,
             collision: self.collision.as_mut(),
+            wind: &self.wind,
+            volumes: &mut self.volumes,
             self_contact: self.self_contact.as_mut(),
             bodies: &mut self.bodies,
             reaches_ghosts: &self.reaches_ghosts,
             scratch: &mut self.scratch,
             stop,
+            integrator: settings.integrator,
+            body_friction: settings.body_friction,
             metrics: &mut self.metrics,
         };
         let report = advance(&mut context, choice.dt);
@@ -516,6 +573,14 @@ impl Simulation {
             }
             if sample.time > self.tracks[track].b.time.max(start) {
                 self.tracks[track].push(sample);
+            }
+        }
+        if self.wind.exists() {
+            let Some(sample) = input.wind.iter().find(|sample| sample.time >= stop).cloned() else {
+                return Err(self.input_error(input, "the wind has no sample at the frame's time".into()));
+            };
+            if sample.time > self.wind.sampled_until().max(start) {
+                self.wind.push(sample).map_err(|e| self.input_error(input, e))?;
             }
         }
         Ok(())

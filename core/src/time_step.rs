@@ -9,7 +9,7 @@ use crate::effects::{Force, PartMotion};
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerPart;
 use crate::parallel::sum::largest;
-use crate::scene::SolverSettings;
+use crate::scene::{Integrator, SolverSettings};
 use crate::tolerances::LAST_TWO_STEPS;
 
 /// Limits that do not change during a run.
@@ -38,13 +38,22 @@ pub struct Choice {
 
 impl StepLimit {
     /// The limits for these forces and masses [kg], and frames that are so far apart [s].
-    pub fn new(parts: &Parts, masses: &[f64], forces: &[Vec<Box<dyn Force>>], cfl: f64, frame: f64) -> Self {
-        let mut elastic = f64::INFINITY;
+    pub fn new(
+        parts: &Parts,
+        masses: &[f64],
+        forces: &[Vec<Box<dyn Force>>],
+        settings: &SolverSettings,
+        frame: f64,
+    ) -> Self {
+        let (cfl, implicit) = (settings.cfl, settings.integrator == Integrator::Implicit);
+        // Without a limit of its own, implicit cloth takes no step longer than a frame.
+        let mut elastic = if implicit { frame } else { f64::INFINITY };
         let mut sums = Vec::new();
         for (range, forces) in parts.ranges().iter().zip(forces) {
             sums.clear();
             sums.resize(range.len(), 0.0);
-            forces.iter().for_each(|f| f.add_stiffness(&mut sums));
+            let explicit = forces.iter().filter(|f| !(implicit && f.can_be_implicit()));
+            explicit.for_each(|f| f.add_stiffness(&mut sums));
             let squared = sums.iter().zip(&masses[range.clone()]).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
             elastic = squared.fold(elastic, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt });
         }

@@ -16,6 +16,7 @@ pub mod quality;
 mod resume;
 mod rewritten;
 pub mod run;
+pub mod steps;
 mod totals;
 
 use std::path::PathBuf;
@@ -32,6 +33,7 @@ use crate::shot::crew::Crew;
 use crate::shot::inputs::Inputs;
 use crate::shot::motion::{InputMotion, Preroll};
 use crate::units::Units;
+use crate::wind_file::WindFile;
 
 /// A scene with its files opened: everything that a run needs.
 #[derive(Debug)]
@@ -48,6 +50,8 @@ pub struct ShotDescription {
     pub bodies: Vec<Option<InputMotion>>,
     /// Pin targets, in the order of the tracks.
     pub tracks: Vec<InputMotion>,
+    /// The grid of the wind, if a file gives one.
+    pub wind: Option<WindFile>,
     /// For each garment of the scene the mesh as it came from its file, with everything to hand through.
     pub garments: Vec<MeshData>,
     /// First and last frame of the shot.
@@ -156,11 +160,11 @@ impl Shot {
         description: ShotDescription,
         frames: Option<[i64; 2]>,
     ) -> Result<Self, ShotError> {
-        let ShotDescription { scene, bodies, tracks, garments, preroll, output, .. } = description;
+        let ShotDescription { scene, bodies, tracks, wind, garments, preroll, output, .. } = description;
         let mut warnings = description.warnings;
         let last_frame = last_frame(description.frames, frames, &mut warnings)?;
         let timeline = scene.timeline;
-        let inputs = Inputs { timeline, preroll, bodies, tracks };
+        let inputs = Inputs { timeline, preroll, bodies, tracks, wind };
         let mut problems = inputs.check(&scene, last_frame, &mut warnings);
         let about = About {
             name: description.name,

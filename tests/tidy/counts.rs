@@ -1,5 +1,6 @@
 //! `docs/reference/counts.md` explains every count of the program, and says which are limits.
 
+use drapery_core::effects::REGISTRY;
 use drapery_io::shot::quality::LIMITS;
 
 use crate::source_text::without_tests;
@@ -33,6 +34,8 @@ fn counted() -> Vec<String> {
             calls.chain(once).chain(tables.flat_map(|table| table.split('"').skip(1).step_by(2))).map(str::to_owned),
         );
     }
+    // Forces count under the names that their effect owns.
+    names.extend(REGISTRY.iter().flat_map(|spec| spec.counts).map(|name| (*name).to_owned()));
     names.sort_unstable();
     names.dedup();
     names

@@ -1,9 +1,11 @@
 //! What each crate may depend on. A new dependency is a decision: it needs a page in `docs/decisions/` and a word here.
 
+use drapery_core::effects::LISTED;
+
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
-const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
+const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &["criterion"]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["proptest", "serde_json", "tempfile"]),
@@ -35,6 +37,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
             "drapery-core",
             "drapery-io",
             "drapery-mpi",
+            "drapery-selftest",
             "clap",
             "miette",
             "thiserror",
@@ -48,6 +51,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
         &["tempfile"],
     ),
     ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["serde_json", "tempfile"]),
+    ("selftest", &["drapery-core", "drapery-alembic", "drapery-io", "nalgebra", "serde_json", "tempfile"], &[]),
     (
         "tests",
         &[
@@ -55,6 +59,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
             "drapery-io",
             "drapery-alembic",
             "drapery-assets",
+            "drapery-selftest",
             "nalgebra",
             "rayon",
             "serde_json",
@@ -102,6 +107,22 @@ fn every_member_of_the_workspace_has_its_list() {
     let mut listed: Vec<&str> = ALLOWED.iter().map(|(folder, ..)| *folder).collect();
     listed.sort_unstable_by_key(|folder| named.iter().position(|name| name == folder));
     assert_eq!(named, listed);
+}
+
+/// Names under `[features]` of a manifest that begin with `effect-`.
+fn effect_features(folder: &str) -> Vec<String> {
+    let path = root().join(folder).join("Cargo.toml");
+    let manifest = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{folder}/Cargo.toml: {e}"));
+    let lines = manifest.lines().filter(|line| line.starts_with("effect-"));
+    lines.filter_map(|line| line.split(' ').next()).map(str::to_owned).collect()
+}
+
+#[test]
+fn every_optional_effect_is_a_feature_of_the_solver_and_of_the_command() {
+    let expected: Vec<&str> = LISTED.iter().filter_map(|(_, feature)| *feature).collect();
+    for folder in ["core", "cli"] {
+        assert_eq!(effect_features(folder), expected, "{folder}/Cargo.toml, in the order of the registry");
+    }
 }
 
 #[test]

@@ -94,6 +94,7 @@ fn value_text(value: &SettingValue) -> String {
         SettingValue::Text(text) => text.clone(),
         SettingValue::Vector(vector) => format!("{vector:?}"),
         SettingValue::Flag(flag) => flag.to_string(),
+        SettingValue::Keys(keys) => format!("{keys:?}"),
     }
 }
 
@@ -115,6 +116,7 @@ fn structures(shot: &Shot) -> Vec<&'static str> {
         Need::Bodies => "bodies and their trees",
         Need::ClothSurface => "trees over the triangles of cloth",
         Need::PairList => "list of close pairs",
+        Need::SecondRing => "a second ring of triangles around parts of other ranks",
     };
     needs.iter().map(word).collect()
 }
@@ -149,6 +151,7 @@ fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> Value {
                 SettingValue::Text(text) => json!(text),
                 SettingValue::Vector(vector) => json!(vector),
                 SettingValue::Flag(flag) => json!(flag),
+                SettingValue::Keys(keys) => json!(keys),
             };
             (name.to_owned(), json!({"value": value, "from": origin_word(origin)}))
         };

@@ -15,9 +15,11 @@ use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
 use crate::contact::repulsion::{Laws, Moment, Passes, Repulsions};
 use crate::contact::search::PairSearch;
+use crate::contact::step_control::StepControl;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::contact::untangle::push_apart;
+use crate::effects::Section;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
@@ -28,14 +30,8 @@ use crate::scene::Scene;
 use crate::snapshot::SnapshotError;
 use crate::state::State;
 
-/// Name of the section of a snapshot.
-pub const SECTION: &str = "self_contact";
-
-/// Version of the section of a snapshot.
-pub const VERSION: u32 = 1;
-
-/// Collision steps without a rewind after which K is doubled (method 2.1).
-const GROWTH_PERIOD: u32 = 3;
+/// What both halves of self-contact remember.
+pub const SECTION: Section = Section { name: "self_contact", version: 1 };
 
 /// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
 const STEP_COUNTS: [&str; 5] =
@@ -43,9 +39,6 @@ const STEP_COUNTS: [&str; 5] =
 
 /// Rounds in which what would cross more stays where it was; then everything does.
 const REVERT_ROUNDS: u32 = 6;
-
-/// Shortest share of a time step to which hard contact shortens it.
-const SHORTEST_STEP: f64 = 0.125;
 
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LONGEST_WAY: f64 = 0.5;
@@ -71,40 +64,6 @@ pub struct CollisionSettings {
     /// Whether collisions are resolved after the position half of every step, as in the authors' later code, instead of
     /// after whole steps.
     pub after_position: bool,
-}
-
-/// Number and length of the time steps per collision step, found by trying.
-#[derive(Debug)]
-struct StepControl {
-    steps: u32,
-    max_steps: u32,
-    /// Share of the step that the cloth would allow.
-    share: f64,
-    successes: u32,
-}
-
-impl StepControl {
-    fn succeeded(&mut self) {
-        // Only whether it is a multiple matters, and a state from elsewhere may begin anywhere.
-        self.successes = self.successes.wrapping_add(1);
-        if self.successes.is_multiple_of(GROWTH_PERIOD) {
-            if self.share < 1.0 {
-                self.share = (2.0 * self.share).min(1.0);
-            } else {
-                self.steps = (2 * self.steps).min(self.max_steps);
-            }
-        }
-    }
-
-    /// Where zones are needed even after single steps, contact changes faster than the steps resolve.
-    fn failed(&mut self) {
-        self.successes = 0;
-        if self.steps > 1 {
-            self.steps /= 2;
-        } else {
-            self.share = (0.5 * self.share).max(SHORTEST_STEP);
-        }
-    }
 }
 
 /// The geometric half.
@@ -165,7 +124,7 @@ impl SelfContact {
         let neighbours = Neighbours::new(&surface, repulsion.is_some());
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
-            control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
+            control: StepControl::new(settings.max_steps),
             work: CollisionLoop::default(),
             velocities: Vec::new(),
             crossings: Vec::new(),
@@ -195,9 +154,14 @@ impl SelfContact {
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
 
-    /// Whether there are repulsions.
+    /// Whether repulsions act in every time step.
     pub fn repels(&self) -> bool {
-        self.repulsions.is_some()
+        self.repulsions.as_ref().is_some_and(|repulsions| !repulsions.per_collision_step())
+    }
+
+    /// Whether repulsions act once per collision step.
+    pub fn repels_per_collision_step(&self) -> bool {
+        self.repulsions.as_ref().is_some_and(Repulsions::per_collision_step)
     }
 
     /// Whether collisions are resolved between B.4 and B.5.
@@ -258,7 +222,9 @@ impl SelfContact {
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
-            let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
+            // What acts at the start of the collision step alone has no need of pairs that come close later.
+            let ahead = if repulsions.per_collision_step() { 0.0 } else { way.min(self.neighbours.reach()) };
+            let slack = 2.0 * ahead * self.surface.longest_edge();
             let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
             repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
         }
@@ -307,6 +273,40 @@ impl SelfContact {
         let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility };
         repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);
+    }
+
+    /// Before C, where repulsions act once per collision step: on the average velocities of the collision step, which took
+    /// `duration` [s], with the geometry of its start (method 3.10). `x` and `v` are those at its end; the vertices that were
+    /// moved go to `moved`, each with how far [m].
+    pub fn repel_interval(
+        &mut self,
+        (x, v): (&mut [Vec3], &mut [Vec3]),
+        duration: f64,
+        metrics: &mut Metrics,
+        mut moved: impl FnMut(usize, f64),
+    ) {
+        let Self { surface, repulsions, paths, mobility, cloth, .. } = self;
+        let Some(repulsions) = repulsions else { return };
+        let (nodes, place) = (surface.nodes(), surface.place());
+        let [ends, average] = cloth;
+        ends.resize(nodes.cloth(), Vec3::zeros());
+        ends[nodes.own()].copy_from_slice(&x[place.clone()]);
+        nodes.refresh(ends);
+        let start = &paths.start[..nodes.cloth()];
+        let mean = |(end, start): (&Vec3, &Vec3)| (end - start) / duration;
+        average.clear();
+        average.extend(ends.iter().zip(start).map(mean));
+        let at = Moment { nodes, dt: duration, x: start, mobility };
+        repulsions.apply(Passes::Full, &at, average, metrics);
+        for (node, vertex) in nodes.own().zip(place) {
+            let free = surface.mobility()[node].map(|mobility| f64::from(u8::from(mobility > 0.0)));
+            let change = (average[node] - mean((&ends[node], &start[node]))).component_mul(&free);
+            if change != Vec3::zeros() {
+                x[vertex] += change * duration;
+                v[vertex] += change;
+                moved(vertex, change.norm() * duration);
+            }
+        }
     }
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
@@ -397,7 +397,7 @@ impl SelfContact {
     pub(crate) fn remember(&self) -> Remembered {
         let (reference, nodes) = (self.neighbours.reference(), self.surface.nodes());
         let list = reference.map(|x| (x[nodes.own()].to_vec(), x[nodes.cloth()..].to_vec()));
-        let memory = Remembered::new(SECTION, VERSION)
+        let memory = Remembered::new(SECTION)
             .with("wear", Field::Number(self.wear))
             .with("list_reach", Field::Number(self.neighbours.full_reach()))
             .with("list_positions", Field::Nodes(nodes.count() - nodes.cloth(), list));
@@ -432,9 +432,7 @@ impl SelfContact {
         }
         let Some(geometric) = &mut self.geometric else { return Ok(()) };
         let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
-        geometric.control.steps = count("steps").clamp(1, geometric.control.max_steps);
-        geometric.control.share = memory.number("step_share").clamp(SHORTEST_STEP, 1.0);
-        geometric.control.successes = count("successes");
+        geometric.control.go_on(count("steps"), memory.number("step_share"), count("successes"));
         let rows = memory.numbers("crossings").as_chunks::<5>().0;
         let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
         geometric.crossings = rows.iter().map(crossing).collect();
@@ -445,7 +443,7 @@ impl SelfContact {
 
     /// Refuses a memory that would be followed into nodes that do not exist. What it looks at is alike on all ranks.
     fn check_memory(&self, memory: &Remembered) -> Result<(), SnapshotError> {
-        let error = |what: String| Err(SnapshotError { section: SECTION.to_owned(), what });
+        let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
         for name in ["wear", "list_reach", "step_share"] {
             let number = memory.number(name);
             if !(number >= 0.0 && number.is_finite()) {

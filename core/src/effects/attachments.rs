@@ -9,7 +9,9 @@
 //! damping_ratio = 1.0
 //! ```
 
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
+#![cfg(feature = "effect-attachments")]
+
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope, pins};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
 use crate::scene::PinHold;
@@ -22,6 +24,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
+    requires: &[],
+    cost: Cost { elements: "springs", step: 40.0, iteration: 10.0 },
+    section: Some(pins::SECTION),
+    counts: &[],
     build,
 };
 
@@ -57,7 +63,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
         }
     }
     entries.sort_by_key(|(part, a)| (*part, a.vertex, a.target));
-    let bytes = entries.len() * size_of::<Attachment>();
+    let (elements, bytes) = (entries.len(), entries.len() * size_of::<Attachment>());
     let forces = entries
         .chunk_by(|a, b| a.0 == b.0)
         .map(|group| {
@@ -66,17 +72,17 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
             (group[0].0, Box::new(force) as Box<dyn Force>)
         })
         .collect();
-    Ok(Effect { forces, bytes, ..Effect::default() })
+    Ok(Effect { forces, elements, bytes, ..Effect::default() })
 }
 
 impl Force for PartAttachments {
     fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
         for a in &mut self.springs {
-            a.active = view.targets.is_active(a.target);
+            a.active = view.around.targets.is_active(a.target);
             if a.active {
-                let apart = view.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
+                let apart = view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
                 // The target's own velocity is part of the damping force that does not depend on the unknown.
-                f[a.vertex] += Lanes::from(&(apart * a.stiffness + view.targets.velocity(a.target) * a.damping));
+                f[a.vertex] += Lanes::from(&(apart * a.stiffness + view.around.targets.velocity(a.target) * a.damping));
             }
         }
     }
@@ -95,7 +101,8 @@ impl Force for PartAttachments {
 
     fn energy(&self, view: &PartView<'_>) -> f64 {
         let active = self.springs.iter().filter(|a| a.active);
-        let apart = |a: &Attachment| view.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
+        let apart =
+            |a: &Attachment| view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
         active.map(|a| 0.5 * a.stiffness * apart(a).norm_squared()).sum()
     }
 }

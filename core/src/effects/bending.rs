@@ -8,8 +8,10 @@
 //!
 //! Limits: a flat hinge resists folding only at second order, so the stiffness is not a bending rigidity in N·m.
 
+#![cfg(feature = "effect-bending")]
+
 use crate::effects::springs::{self, FIELDS, SpringElement};
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::settings::Settings;
@@ -21,6 +23,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     fields: FIELDS,
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "springs", step: 30.0, iteration: 8.0 },
+    section: None,
+    counts: &[],
     build,
 };
 

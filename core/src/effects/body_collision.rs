@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::{Bodies, BodyPoint};
 use crate::contact::friction::{coulomb, respond};
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
 use crate::error::Problem;
 use crate::metrics::Metrics;
 use crate::remembered::{Field, Remembered};
@@ -34,11 +34,15 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State, Need::Bodies],
+    requires: &[],
+    cost: Cost { elements: "vertices", step: 150.0, iteration: 0.0 },
+    section: Some(SECTION),
+    counts: &["body_contacts", "body_contacts_along_path", "body_queries", "body_squeezed", "body_pinched"],
     build,
 };
 
-/// Version of the section of a snapshot.
-pub(crate) const VERSION: u32 = 1;
+/// How far deforming bodies are; not there without such bodies.
+pub(crate) const SECTION: Section = Section { name: "body_collision", version: 1 };
 
 /// Bodies that can hold a vertex at the same time.
 const HOLDS: usize = 2;
@@ -137,7 +141,7 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     };
     let bytes = vertices * (size_of::<VertexContact>() + 1 + surfaces * size_of::<Memory>())
         + collision.marks.len() * size_of::<Marks>();
-    Ok(Effect { body_collision: Some(collision), bytes, ..Effect::default() })
+    Ok(Effect { body_collision: Some(collision), elements: vertices, bytes, ..Effect::default() })
 }
 
 impl BodyCollision {
@@ -166,7 +170,7 @@ impl BodyCollision {
     pub(crate) fn remember(&self) -> Option<Remembered> {
         let clearances = self.memory.iter().map(|memory| memory.clearance).collect();
         let field = Field::Vertices(self.surfaces, clearances);
-        self.remembers().then(|| Remembered::new(SPEC.name, VERSION).with("clearances", field))
+        self.remembers().then(|| Remembered::new(SECTION).with("clearances", field))
     }
 
     /// Goes on from what was remembered.
@@ -256,9 +260,9 @@ impl BodyCollision {
         constrained(&self.marks, own).next().is_some()
     }
 
-    /// B.7: no vertex approaches a body that it would touch in the next step, and friction acts with the full load. The
-    /// look-ahead is relative to the body (method 5.4). `v` are those of own vertices.
-    pub fn final_velocity(&self, bodies: &Bodies, dt: f64, v: &mut [Vec3]) {
+    /// B.7: no vertex approaches a body that it would touch in the next step, and if `rubs` friction acts with the full load.
+    /// The look-ahead is relative to the body (method 5.4). `v` are those of own vertices.
+    pub fn final_velocity(&self, bodies: &Bodies, dt: f64, rubs: bool, v: &mut [Vec3]) {
         let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks);
         chunks.for_each(|((v, contacts), marks)| {
             for i in marked(marks.near) {
@@ -266,7 +270,8 @@ impl BodyCollision {
                 for hold in contacts[i].holds.iter().flatten() {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
                     if ahead < hold.offset {
-                        *v = coulomb(v, &hold.at.velocity, &hold.at.normal, bodies.list()[hold.body].friction);
+                        let friction = if rubs { bodies.list()[hold.body].friction } else { 0.0 };
+                        *v = coulomb(v, &hold.at.velocity, &hold.at.normal, friction);
                     }
                 }
             }

@@ -6,7 +6,7 @@
 //! ```
 
 use crate::Vec3;
-use crate::effects::{BuildContext, Effect, EffectSpec, Force, Need, PartView, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartView, Scope};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -24,6 +24,10 @@ pub static SPEC: EffectSpec = EffectSpec {
         help: "acceleration in solver axes (y up); the earth's is [0, -9.81, 0] m/s²",
     }],
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "vertices", step: 2.0, iteration: 0.0 },
+    section: None,
+    counts: &[],
     build,
 };
 
@@ -35,7 +39,8 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let acceleration = Vec3::from(settings.vector("acceleration"));
     let parts = context.scene.parts().count();
     let forces = (0..parts).map(|part| (part, Box::new(Gravity { acceleration }) as Box<dyn Force>)).collect();
-    Ok(Effect { forces, bytes: parts * size_of::<Gravity>(), ..Effect::default() })
+    let (elements, bytes) = (context.scene.parts().own().len(), parts * size_of::<Gravity>());
+    Ok(Effect { forces, elements, bytes, ..Effect::default() })
 }
 
 impl Force for Gravity {

@@ -1,17 +1,28 @@
 //! Effects: everything that can act on cloth. An effect exists only when the scene asks for it.
 //!
 //! Each effect is one file that holds its manual page, its [`EffectSpec`], what it builds, and its tests. To add one,
-//! write the file and list it in [`REGISTRY`]; the order there is the order of execution.
+//! write the file and list it below; the order there is the order of execution.
 
 pub mod attachments;
 pub mod bending;
 pub mod body_collision;
+pub mod corners;
+pub mod dihedral_bending;
+pub mod ether_drag;
 pub mod gravity;
+pub mod membrane;
+pub mod part_triangles;
 pub mod pins;
+pub mod plastic_wrinkles;
+pub mod pressure;
+pub mod seams;
 pub mod self_collision;
 pub mod self_repulsion;
+pub mod shear;
 pub mod springs;
+pub mod strain_limit;
 pub mod stretch;
+pub mod wind;
 
 use std::ops::Range;
 
@@ -19,22 +30,58 @@ use crate::Vec3;
 use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::CollisionSettings;
 use crate::error::{Problem, Problems};
+use crate::mesh::TriangleMesh;
+use crate::metrics::Metrics;
 use crate::parallel::lanes::{Lanes, PartLanes};
-use crate::parallel::parts::PART_SIZE;
+use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::scene::Scene;
 use crate::settings::{Field, Settings};
+use crate::volumes::{Volume, Volumes};
+use crate::wind_grid::WindGrid;
 
-/// All effects, in the order of execution.
-pub static REGISTRY: &[&EffectSpec] = &[
-    &gravity::SPEC,
-    &stretch::SPEC,
-    &bending::SPEC,
-    &attachments::SPEC,
-    &pins::SPEC,
-    &body_collision::SPEC,
-    &self_repulsion::SPEC,
-    &self_collision::SPEC,
-];
+pub use crate::remembered::ElementRows;
+
+/// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
+macro_rules! effects {
+    ($($module:ident $(if $feature:literal)?,)*) => {
+        /// All effects of this build, in the order of execution.
+        pub static REGISTRY: &[&EffectSpec] = &[$($(#[cfg(feature = $feature)])? &$module::SPEC),*];
+
+        /// All effects of the program, in the order of execution: name, and the feature that a build needs to have it.
+        pub static LISTED: &[(&str, Option<&str>)] = &[$((stringify!($module), optional!($($feature)?))),*];
+    };
+}
+
+macro_rules! optional {
+    () => {
+        None
+    };
+    ($feature:literal) => {
+        Some($feature)
+    };
+}
+
+// The method itself is in every build: gravity and springs along edges, prescribed vertices, and contact. All others are
+// features, named after them, which the modules repeat as their own condition.
+effects! {
+    gravity,
+    stretch,
+    shear if "effect-shear",
+    membrane if "effect-membrane",
+    bending if "effect-bending",
+    dihedral_bending if "effect-dihedral_bending",
+    plastic_wrinkles if "effect-plastic_wrinkles",
+    wind if "effect-wind",
+    ether_drag if "effect-ether_drag",
+    pressure if "effect-pressure",
+    seams if "effect-seams",
+    attachments if "effect-attachments",
+    pins,
+    strain_limit if "effect-strain_limit",
+    body_collision,
+    self_repulsion,
+    self_collision,
+}
 
 /// Where an effect is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +107,28 @@ pub enum Need {
     ClothSurface,
     /// The list of pairs that are close.
     PairList,
+    /// On each rank the triangles two edges away from those that have one of its vertices.
+    SecondRing,
+}
+
+/// A section of a snapshot, and hence of a checkpoint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Section {
+    /// Its name; several effects may share one.
+    pub name: &'static str,
+    /// Version of its layout.
+    pub version: u32,
+}
+
+/// What an effect costs on the machine of docs/effects.md: by this the plan expects its share of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cost {
+    /// What it works on, as in "springs"; it may be many elements or few.
+    pub elements: &'static str,
+    /// In each time step, besides the solves [ns per element].
+    pub step: f64,
+    /// In each iteration of a solve [ns per element].
+    pub iteration: f64,
 }
 
 /// What the registry knows of an effect.
@@ -75,6 +144,14 @@ pub struct EffectSpec {
     pub fields: &'static [Field],
     /// Structures that it needs.
     pub needs: &'static [Need],
+    /// Effects without which it has no meaning, on the same garment or in the whole scene.
+    pub requires: &'static [&'static str],
+    /// What it costs.
+    pub cost: Cost,
+    /// The section of a snapshot with what time changes in it; `None` if nothing does.
+    pub section: Option<Section>,
+    /// What it counts, besides the iterations of the solves; docs/reference/counts.md explains each.
+    pub counts: &'static [&'static str],
     /// Makes the effect for one garment or for the whole scene.
     pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
 }
@@ -97,16 +174,42 @@ pub struct Effect {
     pub forces: Vec<PartForce>,
     /// Whether hard pins are to be imposed.
     pub pins: Option<pins::HardPins>,
+    /// What changes velocities between the solves.
+    pub filters: Vec<Box<dyn VelocityFilter>>,
     /// Whether cloth collides with bodies.
     pub body_collision: Option<body_collision::BodyCollision>,
     /// Laws of repulsion between cloth and cloth, and the largest thickness as a fraction of the edges around a vertex.
     pub self_repulsion: Option<(Laws, f64)>,
     /// How geometric collisions are resolved.
     pub self_collision: Option<CollisionSettings>,
+    /// A volume that its forces look at in [`Surroundings::volumes`].
+    pub volume: Option<Volume>,
+    /// Whether its forces look at [`Surroundings::v`].
+    pub sees_velocities: bool,
+    /// The section with what forces remember of elements that have yielded.
+    pub yields: Option<Section>,
+    /// Number of elements that the rank owns, of the kind that its cost names.
+    pub elements: usize,
     /// Memory held [bytes].
     pub bytes: usize,
     /// What the effect had to change to run well, for `drapery plan`.
     pub notes: Vec<String>,
+}
+
+/// What forces see beside the positions of the cloth.
+#[derive(Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// Solver time of the positions [s].
+    pub time: f64,
+    /// Where pinned vertices have to be during the step.
+    pub targets: &'a pins::PinTargets,
+    /// Velocities of all vertices that are known before the solve [m/s], for the factors of drag that are not linear: at the
+    /// start of the step in B.1, foreseen for its middle in B.5. Empty there if no effect asks for them.
+    pub v: &'a [Vec3],
+    /// The wind of a file.
+    pub wind: &'a WindGrid,
+    /// Volumes that garments enclose in these positions.
+    pub volumes: &'a Volumes,
 }
 
 /// One part of the cloth as a force sees it.
@@ -120,8 +223,8 @@ pub struct PartView<'a> {
     pub x: &'a [Vec3],
     /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle.
     pub fraction: f64,
-    /// Where pinned vertices have to be during the step.
-    pub targets: &'a pins::PinTargets,
+    /// Everything else.
+    pub around: Surroundings<'a>,
 }
 
 impl PartView<'_> {
@@ -170,6 +273,16 @@ pub trait Force: Send + Sync {
     /// the positions are those of the last `update`.
     fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Lanes]) {}
 
+    /// Makes the force implicit until the next `update`, which came just before with the same view: the damping products
+    /// get `over · dF/dx` as well, made negative semidefinite, `over` in s. A force that does not know its derivative stays
+    /// explicit.
+    fn linearise(&mut self, _view: &PartView<'_>, _over: f64) {}
+
+    /// Whether `linearise` makes the force implicit, so that it sets no limit on the time step.
+    fn can_be_implicit(&self) -> bool {
+        false
+    }
+
     /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
     fn add_stiffness(&self, _sums: &mut [f64]) {}
 
@@ -194,10 +307,48 @@ pub trait Force: Send + Sync {
         0.0
     }
 
+    /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
+    fn yield_to(&mut self, _x: &[Vec3]) {}
+
+    /// Adds what [`Force::yield_to`] has changed in the elements that count at this part, by their vertices in solver order.
+    fn remember(&self, _rows: &mut ElementRows) {}
+
+    /// Takes what was remembered of all elements whose vertices are on this rank.
+    fn recall(&mut self, _rows: &ElementRows) {}
+
+    /// Hands out what was counted since it was asked last, under names of the effect's `counts`; each event at one part only.
+    fn take_counts(&mut self, _count: &mut dyn FnMut(&'static str, u64)) {}
+
     /// The most stretched edge: strain and vertices in solver order.
     fn largest_strain(&self, _x: &[Vec3]) -> Option<(f64, [usize; 2])> {
         None
     }
+}
+
+/// What a velocity is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// v½ in B.2: it takes the positions to the end of the step.
+    Positions,
+    /// v' in B.8: the velocity at the end of the step.
+    Motion,
+}
+
+/// A change of velocities after self-repulsion, in B.2 and B.8.
+pub trait VelocityFilter: Send + Sync {
+    /// Takes note of the vertices that pins hold in this step.
+    fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &pins::HardPins, targets: &pins::PinTargets);
+
+    /// Changes the velocities `v` [m/s] of a step of `dt` [s] from positions `x` [m]. Ghosts of `x` are those of their owners;
+    /// those of `v` need not be, before or after.
+    fn apply(
+        &mut self,
+        parts: &Parts,
+        motion: (&[Vec3], &mut [Vec3]),
+        dt: f64,
+        purpose: Purpose,
+        metrics: &mut Metrics,
+    );
 }
 
 /// An effect that runs, for `drapery plan`.
@@ -213,6 +364,8 @@ pub struct PlannedEffect {
     pub settings: Settings,
     /// Structures that it needs.
     pub needs: &'static [Need],
+    /// Number of elements of the kind that its cost names.
+    pub elements: usize,
     /// Memory held [bytes].
     pub bytes: usize,
     /// What the effect had to change to run well.
@@ -222,6 +375,25 @@ pub struct PlannedEffect {
 /// The effect of this name.
 pub fn find(name: &str) -> Option<&'static EffectSpec> {
     REGISTRY.iter().copied().find(|spec| spec.name == name)
+}
+
+/// Of an effect that this build lacks: what is wrong, and what to do. `None` if it is here, or if there is no such effect.
+pub fn lacking(name: &str) -> Option<(String, String)> {
+    let (name, feature) = LISTED.iter().find(|(listed, _)| *listed == name && find(listed).is_none())?;
+    let feature = (*feature)?;
+    let what = format!("this drapery was built without the effect `{name}`");
+    Some((what, format!("build it with `--features {feature}`, or do without the effect")))
+}
+
+/// Number of triangles of cloth that the rank owns, each with its first vertex.
+fn own_triangles(scene: &Scene) -> usize {
+    let parts = scene.parts();
+    let of_garment = |(g, mesh): (usize, &TriangleMesh)| {
+        let first = parts.garment(g).start;
+        let is_own = |t: &&[u32; 3]| t.iter().min().is_some_and(|v| parts.own().contains(&(first + *v as usize)));
+        mesh.triangles().iter().filter(is_own).count()
+    };
+    scene.meshes().iter().enumerate().map(of_garment).sum()
 }
 
 /// Builds what the scene asks for, in the order of the registry, then in that of the garments.
@@ -249,12 +421,41 @@ pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems
         match (spec.build)(&settings, &BuildContext { scene, garment: request.garment }) {
             Ok(effect) => {
                 let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
-                let needs = spec.needs;
-                let planned = PlannedEffect { name: spec.name, garment, because, settings, needs, bytes, notes };
+                let (needs, elements) = (spec.needs, effect.elements);
+                let planned =
+                    PlannedEffect { name: spec.name, garment, because, settings, needs, elements, bytes, notes };
                 built.push((planned, effect));
             }
             Err(problem) => problems.push(problem),
         }
     }
     if problems.is_empty() { Ok(built) } else { Err(Problems(problems)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_effect_is_listed_under_its_name_and_its_feature_is_called_after_it() {
+        let here: Vec<&str> = LISTED.iter().map(|(name, _)| *name).filter(|name| find(name).is_some()).collect();
+        assert_eq!(here, REGISTRY.iter().map(|spec| spec.name).collect::<Vec<_>>());
+        for (name, feature) in LISTED {
+            assert!(feature.is_none_or(|feature| feature == format!("effect-{name}")), "{name}: {feature:?}");
+            assert!(feature.is_some() || find(name).is_some(), "{name} is in every build");
+        }
+    }
+
+    #[test]
+    fn of_an_effect_that_the_build_lacks_the_feature_is_named() {
+        for (name, feature) in LISTED {
+            match lacking(name) {
+                Some((what, advice)) => {
+                    assert!(what.contains(name) && advice.contains(feature.unwrap_or("none")), "{what}: {advice}");
+                }
+                None => assert!(find(name).is_some(), "{name}"),
+            }
+        }
+        assert_eq!(lacking("no such effect"), None);
+    }
 }

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
 use crate::error::Problem;
 use crate::parallel::parts::Parts;
 use crate::remembered::{Field, Remembered};
@@ -27,17 +27,21 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
+    requires: &[],
+    cost: Cost { elements: "vertices", step: 40.0, iteration: 5.0 },
+    section: Some(SECTION),
+    counts: &[],
     build,
 };
 
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let pins = HardPins::new(context.scene);
     let bytes = pins.entries.len() * size_of::<HardPin>() + pins.rows.len() * size_of::<usize>();
-    Ok(Effect { pins: Some(pins), bytes, ..Effect::default() })
+    Ok(Effect { elements: pins.entries.len(), pins: Some(pins), bytes, ..Effect::default() })
 }
 
-/// Version of the section of a snapshot.
-pub(crate) const VERSION: u32 = 1;
+/// What pins and attachments remember together.
+pub(crate) const SECTION: Section = Section { name: "pins", version: 1 };
 
 /// What one pinned vertex follows.
 #[derive(Debug, Clone)]
@@ -167,7 +171,7 @@ impl PinTargets {
         let attachments = || self.targets.iter().map(attachment);
         let vectors = |values: Vec<Vec3>| Field::Targets(3, Values::F64(bytemuck::cast_slice(&values).to_vec()));
         let active = self.active.iter().map(|active| u8::from(*active)).collect();
-        Remembered::new(SPEC.name, VERSION)
+        Remembered::new(SECTION)
             .with("places", vectors(self.targets.iter().map(place).collect()))
             .with("body_points", Field::Targets(3, Values::U32(attachments().flat_map(|a| a.body_points).collect())))
             .with("weights", Field::Targets(3, Values::F64(attachments().flat_map(|a| a.weights).collect())))

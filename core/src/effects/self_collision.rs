@@ -9,8 +9,8 @@
 //! [self_collision]
 //! ```
 
-use crate::contact::self_contact::CollisionSettings;
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::contact::self_contact::{CollisionSettings, SECTION};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 
@@ -36,12 +36,40 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 200.0, iteration: 0.0 },
+    section: Some(SECTION),
+    counts: &[
+        "collision_steps",
+        "collision_steps_k1",
+        "collision_steps_k2",
+        "collision_steps_k4",
+        "collision_steps_k8",
+        "collision_steps_k16",
+        "collision_steps_shortened",
+        "pair_searches",
+        "swept_searches",
+        "collision_loops",
+        "collision_attempts",
+        "collision_hits",
+        "rewinds",
+        "zones",
+        "zones_large",
+        "zone_nodes",
+        "zone_sweeps",
+        "zones_rigid",
+        "zone_fallbacks",
+        "pairs_pinched",
+        "crossing_checks",
+        "crossings_reverted",
+        "crossings",
+    ],
     build,
 };
 
-fn build(settings: &Settings, _: &BuildContext<'_>) -> Result<Effect, Problem> {
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let after_position = settings.flag("after_position");
     let max_steps = if after_position { 1 } else { settings.number("max_steps") as u32 };
     let collision = CollisionSettings { max_steps, after_position };
-    Ok(Effect { self_collision: Some(collision), ..Effect::default() })
+    Ok(Effect { self_collision: Some(collision), elements: own_triangles(context.scene), ..Effect::default() })
 }

@@ -12,7 +12,8 @@
 //! ```
 
 use crate::contact::repulsion::Laws;
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::contact::self_contact::SECTION;
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 
@@ -64,12 +65,35 @@ pub static SPEC: EffectSpec = EffectSpec {
             range: (0.0, 0.0),
             help: "whether what has passed through is pulled back; false only to compare",
         },
+        Field {
+            name: "per_collision_step",
+            dimension: Dimension::None,
+            default: Default::Flag(false),
+            range: (0.0, 0.0),
+            help: "repel once per collision step, from its start to its end, instead of in every time step; only to compare",
+        },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 300.0, iteration: 0.0 },
+    section: Some(SECTION),
+    counts: &[
+        "repulsions",
+        "attractions",
+        "inverted_pairs",
+        "collision_steps",
+        "collision_steps_k1",
+        "collision_steps_k2",
+        "collision_steps_k4",
+        "collision_steps_k8",
+        "collision_steps_k16",
+        "collision_steps_shortened",
+        "pair_searches",
+    ],
     build,
 };
 
-fn build(settings: &Settings, _: &BuildContext<'_>) -> Result<Effect, Problem> {
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let attraction = settings.flag("attraction");
     let laws = Laws {
         stiffness: settings.number("stiffness"),
@@ -77,6 +101,11 @@ fn build(settings: &Settings, _: &BuildContext<'_>) -> Result<Effect, Problem> {
         friction: settings.number("friction"),
         edge_attraction: settings.number("edge_attraction"),
         attraction,
+        per_collision_step: settings.flag("per_collision_step"),
     };
-    Ok(Effect { self_repulsion: Some((laws, settings.number("thickness_clamp"))), ..Effect::default() })
+    Ok(Effect {
+        self_repulsion: Some((laws, settings.number("thickness_clamp"))),
+        elements: own_triangles(context.scene),
+        ..Effect::default()
+    })
 }

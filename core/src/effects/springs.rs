@@ -99,8 +99,6 @@ pub fn build_effect(
     let Some(garment) = context.garment else {
         return Err(Problem::scene(name, "this effect acts on one garment", "move its table under a [[garment]]"));
     };
-    let place = format!("garment \"{}\", {name}", context.scene.description().garments[garment].name);
-    let stiffness = stiffness_setting(settings).map_err(|e| Problem::scene(place, e, "give one of them"))?;
     let parts = context.scene.parts();
     let first = parts.garment(garment).start;
     let is_own = |vertex: u32| parts.own().contains(&(first + vertex as usize));
@@ -109,12 +107,30 @@ pub fn build_effect(
     // Each spring counts at the rank that owns its first vertex.
     let counts = elements.iter().filter(|e| e.vertices.iter().min().is_some_and(|first| is_own(*first)));
     let lengths: Vec<f64> = counts.map(|e| e.rest_length).collect();
-    let (stiffnesses, notes) =
-        stiffnesses(&elements, &lengths, stiffness, settings.optional("short_edges"), parts.ranks());
+    let (stiffnesses, notes) = stiffnesses_of(settings, context, name, (&elements, &lengths))?;
     let damping_ratio = settings.number("damping_ratio");
     let (forces, bytes) =
         part_springs::build(context.scene, garment, &elements, &stiffnesses, damping_ratio, measures_strain);
-    Ok(Effect { forces, bytes, notes, ..Effect::default() })
+    Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
+}
+
+/// Stiffness of each spring [N/m] as the settings say, and notes for the plan; `lengths` are those that count at this rank.
+///
+/// # Errors
+/// The stiffness is given twice or not at all.
+pub(super) fn stiffnesses_of(
+    settings: &Settings,
+    context: &BuildContext<'_>,
+    name: &str,
+    (elements, lengths): (&[SpringElement], &[f64]),
+) -> Result<(Vec<f64>, Vec<String>), Problem> {
+    let stiffness = stiffness_setting(settings).map_err(|e| {
+        let garments = &context.scene.description().garments;
+        let place = context.garment.map_or_else(String::new, |g| format!("garment \"{}\", {name}", garments[g].name));
+        Problem::scene(place, e, "give one of them")
+    })?;
+    let ranks = context.scene.parts().ranks();
+    Ok(stiffnesses(elements, lengths, stiffness, settings.optional("short_edges"), ranks))
 }
 
 /// Stiffness of each spring [N/m], and a note on those that were softened (method 1.4: a rest length that is clamped
@@ -146,7 +162,7 @@ fn stiffnesses(
 }
 
 /// The value that so many of all ranks' lengths are not longer than before it: that at `place` if they stood in order.
-fn smallest_but(place: u64, lengths: &[f64], ranks: &Ranks) -> f64 {
+pub(super) fn smallest_but(place: u64, lengths: &[f64], ranks: &Ranks) -> f64 {
     // Positive numbers are in the order of their bits; so many halvings end at a single one.
     let (mut low, mut high) = (0, f64::INFINITY.to_bits());
     while low < high {

@@ -10,7 +10,7 @@
 //! a finer mesh of the same cloth stiffer. Limits: in-plane stiffness is isotropic and shear follows from the mesh.
 
 use crate::effects::springs::{self, FIELDS};
-use crate::effects::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::Settings;
 
@@ -21,6 +21,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     fields: FIELDS,
     needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "springs", step: 30.0, iteration: 8.0 },
+    section: None,
+    counts: &[],
     build,
 };
 

@@ -11,7 +11,9 @@ use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
 use crate::scene::share::{self, Received};
-use crate::scene::{BodyDescription, BodyShape, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription};
+use crate::scene::{
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription,
+};
 use crate::settings::nearest;
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 
@@ -54,10 +56,10 @@ impl Scene {
 
     /// What follows from a rank's pieces.
     fn derive(received: Received) -> Self {
-        let Received { description, parts, meshes, start, velocities, pinned, pin_targets } = received;
+        let Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn } = received;
         let masses = masses(&description, &parts, &meshes);
         let mean_edge = mean_edge(&parts, &meshes);
-        Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets }
+        Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets, sewn }
     }
 }
 
@@ -73,6 +75,7 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
         check_body(body, &mut problems);
     }
     check_pins(description, &mut problems);
+    check_seams(description, &mut problems);
     check_effects(description, &mut problems);
     problems
 }
@@ -313,7 +316,7 @@ fn bounds(ranks: &Ranks, points: &[Vec3]) -> [Vec3; 2] {
 
 /// The elements of all ranks as text, those with the smallest numbers first; `None` when there are none. Two numbers that
 /// differ are the ends of an edge.
-fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
+pub(crate) fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
     elements.sort_unstable();
     elements.dedup();
     let [count] = ranks.sum_of([elements.len() as u64]);
@@ -457,6 +460,35 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
     }
 }
 
+fn check_seams(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    for (s, seam) in description.seams.iter().enumerate() {
+        let mut refuse = |what: String, advice: &str| {
+            problems.push(Problem::scene(format!("seam {s}"), what, advice));
+        };
+        let counts = seam.garments.map(|g| description.garments.get(g).map(|garment| garment.mesh.points.len()));
+        let [Some(a), Some(b)] = counts else {
+            refuse("it names a garment that does not exist".into(), "correct its garments");
+            continue;
+        };
+        if let Some([p, q]) = seam.pairs.iter().find(|[p, q]| *p as usize >= a || *q as usize >= b) {
+            refuse(
+                format!("vertices {p} and {q} are sewn, but its garments have {a} and {b} vertices"),
+                "correct the numbers; they count from 0",
+            );
+        } else if let Some([p, _]) = seam.pairs.iter().find(|[p, q]| seam.garments[0] == seam.garments[1] && p == q) {
+            refuse(format!("vertex {p} is sewn to itself"), "sew it to another one, or to none");
+        }
+        let numbers = [seam.stiffness, seam.damping_ratio, seam.rest_gap.unwrap_or(0.0)];
+        if seam.pairs.is_empty() || numbers.iter().any(|n| !(*n >= 0.0 && n.is_finite())) || seam.stiffness == 0.0 {
+            let what = "it has no pairs, or its stiffness, damping or gap is not a positive number";
+            refuse(what.into(), "give it pairs, and a stiffness such as 800 N/m");
+        }
+        if !(seam.from.is_finite() && seam.until.is_finite()) {
+            refuse("its times are not finite".into(), "say when it starts to close and when it is closed");
+        }
+    }
+}
+
 /// Number of points of the body a pin is attached to, if it is a surface.
 fn check_pin_body(
     description: &SceneDescription,
@@ -479,6 +511,10 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for request in &description.effects {
         let name = request.effect.as_str();
         let Some(spec) = effects::find(name) else {
+            if let Some((what, advice)) = effects::lacking(name) {
+                problems.push(Problem::scene(name, what, advice));
+                continue;
+            }
             let names = effects::REGISTRY.iter().map(|s| s.name);
             let advice = nearest(name, names)
                 .map_or_else(|| "see the list of effects".to_owned(), |n| format!("did you mean `{n}`?"));
@@ -493,6 +529,15 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
         if !fits {
             problems.push(Problem::scene(name, "it stands in the wrong place", "see the reference page of effects"));
         }
+        for required in spec.requires {
+            let meets = |e: &&EffectRequest| {
+                e.effect == *required && (e.garment.is_none() || request.garment.is_none_or(|g| e.garment == Some(g)))
+            };
+            if !description.effects.iter().any(|e| meets(&e)) {
+                let what = format!("it has no meaning without `{required}`, which is not there");
+                problems.push(Problem::scene(name, what, "ask for both or neither"));
+            }
+        }
         if !seen.insert((name, request.garment)) {
             problems.push(Problem::scene(name, "it is asked for twice", "remove one of the tables"));
         }
@@ -503,6 +548,7 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
         ("body_collision", !description.bodies.is_empty(), "a body"),
         ("pins", description.pins.iter().any(|p| !by_springs(p)), "a pin"),
         ("attachments", description.pins.iter().any(by_springs), "a spring pin"),
+        ("seams", !description.seams.is_empty(), "a seam"),
     ];
     for (name, needed, by) in implied {
         if needed != has(name) {

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use super::{FrameSummary, Simulation, StrainRecord};
 use crate::Vec3;
 use crate::contact::self_contact::SelfContact;
-use crate::effects::PartView;
+use crate::effects::{PartView, Surroundings};
 use crate::error::StepError;
 use crate::parallel::sum::weighted_dot;
+use crate::state::State;
 
 impl Simulation {
     /// Fills in what is measured at the end of a frame, and makes sure that everything is finite.
@@ -18,12 +19,14 @@ impl Simulation {
             return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
         }
         let masses = scene.masses();
+        let State { time, x, v } = &self.state;
+        self.volumes.update(parts, x);
+        let around = Surroundings { time: *time, targets: &self.targets, v, wind: &self.wind, volumes: &self.volumes };
         let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
         for (range, forces) in parts.ranges().iter().zip(&self.forces) {
             let (own, v) = (&masses[range.clone()], &self.state.v[range.clone()]);
             kinetic.push(0.5 * weighted_dot(own, v, v));
-            let view =
-                PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, targets: &self.targets };
+            let view = PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, around };
             potential.push(forces.iter().map(|f| f.energy(&view)).sum());
         }
         [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);
@@ -34,8 +37,16 @@ impl Simulation {
         }
         summary.body_self_crossings = self.bodies.self_crossings() as u64;
         self.count_traffic();
+        self.take_counts();
         summary.metrics = self.metrics.take().over_ranks(&ranks);
         Ok(())
+    }
+
+    /// Takes what forces have counted.
+    pub(super) fn take_counts(&mut self) {
+        let Self { forces, metrics, .. } = self;
+        let mut add = |name, amount| metrics.count(name, amount);
+        forces.iter_mut().flatten().for_each(|force| force.take_counts(&mut add));
     }
 
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.

@@ -5,16 +5,19 @@ use std::sync::Arc;
 use super::{FrameInput, Simulation};
 use crate::Vec3;
 use crate::contact::self_contact;
+use crate::effects::{Section, body_collision};
 use crate::error::Problems;
-use crate::remembered::{Field, Remembered};
+use crate::remembered::{ElementRows, Field, Remembered};
 use crate::scene::Scene;
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 
-/// Name of the section with positions and velocities.
-const STATE: &str = "state";
+/// Positions and velocities, which every scene has.
+const STATE: Section = Section { name: "state", version: 1 };
 
-/// Version of that section.
-const VERSION: u32 = 1;
+/// Name of the rows of hinges, and how many vertices and values each has.
+const HINGES: &str = "hinges";
+const HINGE_VERTICES: usize = 4;
+const HINGE_VALUES: usize = 2;
 
 /// Why a simulation cannot go on from a snapshot.
 #[derive(Debug, thiserror::Error)]
@@ -49,7 +52,7 @@ impl Simulation {
     pub(super) fn remember(&self) -> Vec<Remembered> {
         let own = self.scene.parts().own();
         let of_own = |vectors: &[Vec3]| Field::Vectors(vectors[own.clone()].to_vec());
-        let state = Remembered::new(STATE, VERSION)
+        let state = Remembered::new(STATE)
             .with("time", Field::Number(self.state.time))
             .with("last_step", Field::Number(self.limit.last()))
             .with("positions", of_own(&self.state.x))
@@ -57,7 +60,16 @@ impl Simulation {
         let pins = (self.scene.pin_targets() > 0).then(|| self.targets.remember());
         let collision = self.collision.as_ref().and_then(|collision| collision.remember());
         let contact = self.self_contact.as_ref().map(|contact| contact.remember());
-        [Some(state), pins, collision, contact].into_iter().flatten().collect()
+        let yielded = self.yields.map(|section| self.remember_elements(section));
+        [Some(state), pins, collision, contact, yielded].into_iter().flatten().collect()
+    }
+
+    /// What has yielded in elements that count on this rank, by vertices of the scene.
+    fn remember_elements(&self, section: Section) -> Remembered {
+        let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
+        self.forces.iter().flatten().for_each(|force| force.remember(&mut rows));
+        let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
+        Remembered::new(section).with(HINGES, Field::Elements(rows))
     }
 
     /// A simulation that goes on from a snapshot taken at the frame of `start`, or after it and before the next one; `start`
@@ -105,7 +117,7 @@ impl Simulation {
             if !(timeline.time(frame)..timeline.time(frame + 1)).contains(&state.time) {
                 let (time, frame_time) = (state.time, timeline.time(frame));
                 let what = format!("its time {time} s does not follow frame {frame} at {frame_time} s");
-                return Err(SnapshotError { section: STATE.to_owned(), what });
+                return Err(SnapshotError { section: STATE.name.to_owned(), what });
             }
             limit.set_last(section.number("last_step"));
             for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
@@ -119,20 +131,26 @@ impl Simulation {
         {
             problem = targets.go_on(section, bodies).err();
         }
-        if let (Some(collision), Some(section)) =
-            (collision.as_mut().filter(|c| c.remembers()), memory.iter().find(|s| s.name == "body_collision"))
-        {
+        if let (Some(collision), Some(section)) = (
+            collision.as_mut().filter(|c| c.remembers()),
+            memory.iter().find(|s| s.name == body_collision::SECTION.name),
+        ) {
             collision.go_on(section);
         }
         if let (Some(contact), Some(section)) =
-            (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION))
+            (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION.name))
         {
             contact.go_on(section)?;
             self.crossings = contact.known_crossings().to_vec();
         }
+        let yielded = self.yields.and_then(|section| memory.iter().find(|known| known.name == section.name));
+        if let Some(rows) = yielded.and_then(|section| section.elements(HINGES)) {
+            let rows = rows.renumbered(|number| parts.local(number).map(|vertex| vertex as u32));
+            self.forces.iter_mut().flatten().for_each(|force| force.recall(&rows));
+        }
         self.frame = frame;
         let elsewhere =
-            || SnapshotError { section: STATE.to_owned(), what: "another rank cannot go on from it".into() };
+            || SnapshotError { section: STATE.name.to_owned(), what: "another rank cannot go on from it".into() };
         match (scene.parts().ranks().any(problem.is_some()), problem) {
             (false, _) => Ok(()),
             (true, problem) => Err(problem.unwrap_or_else(elsewhere)),

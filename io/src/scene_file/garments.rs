@@ -38,6 +38,7 @@ impl Resolver<'_> {
             self.quantity(&here, &garment.thickness, Dimension::Length).and_then(|t| self.positive(&here, t));
         let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
         self.garments.push(data);
+        self.grids.push(grid);
         let velocity = Vec3::from(garment.velocity);
         let name = garment.name.clone();
         let garment = GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness };

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use drapery_core::Vec3;
 use drapery_core::effects::REGISTRY;
 use drapery_core::scene::{
-    EffectRequest, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings, Timeline,
+    BodyFriction, EffectRequest, Integrator, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings,
+    Timeline,
 };
-use drapery_core::settings::Dimension;
+use drapery_core::settings::{Dimension, SettingValue};
 
 use crate::cache::MeshData;
 use crate::error::IoError;
@@ -16,6 +17,7 @@ use crate::run_record::FRAMES;
 use crate::shot::motion::{InputMotion, Preroll, file_time};
 use crate::shot::{OutputDescription, ShotDescription};
 use crate::units::Units;
+use crate::wind_file::WindFile;
 
 use super::SceneFile;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
@@ -38,9 +40,12 @@ pub(super) struct Resolver<'a> {
     preroll: Preroll,
     pub(super) description: SceneDescription,
     pub(super) garments: Vec<MeshData>,
+    /// Points of each garment along both directions of its panel, if it is one.
+    pub(super) grids: Vec<Option<[u32; 2]>>,
     /// For each body its file; `None` for ideal shapes and for bodies that could not be read.
     pub(super) bodies: Vec<Option<InputMotion>>,
     pub(super) tracks: Vec<InputMotion>,
+    pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
 }
 
@@ -54,8 +59,10 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         preroll: Preroll { settle: document.shot.preroll.settle, blend: document.shot.preroll.blend },
         description: SceneDescription::new(&document.shot.name),
         garments: Vec::new(),
+        grids: Vec::new(),
         bodies: Vec::new(),
         tracks: Vec::new(),
+        wind: None,
         input_files: scene.material_files.clone(),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
@@ -72,6 +79,9 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
     if document.garment.is_empty() {
         resolver.error_with(&Path::default(), "the scene has no garment", "add a [[garment]]".to_owned());
     }
+    for (index, seam) in document.seam.iter().enumerate() {
+        resolver.seam(seam, &Path::default().key("seam").index(index));
+    }
     resolver.effects();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
@@ -86,6 +96,7 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         scene: resolver.description,
         bodies: resolver.bodies,
         tracks: resolver.tracks,
+        wind: resolver.wind,
         garments: resolver.garments,
         frames: [first, last],
         preroll: resolver.preroll,
@@ -238,6 +249,14 @@ impl Resolver<'_> {
             strain_per_step: solver.strain_per_step,
             cg_tolerance,
             cg_max_iterations: solver.cg_max_iterations,
+            integrator: match solver.integrator {
+                raw::Integrator::SemiImplicit => Integrator::SemiImplicit,
+                raw::Integrator::Implicit => Integrator::Implicit,
+            },
+            body_friction: match solver.body_friction {
+                raw::BodyFriction::WholeStep => BodyFriction::WholeStep,
+                raw::BodyFriction::PositionHalf => BodyFriction::PositionHalf,
+            },
         };
     }
 
@@ -258,14 +277,36 @@ impl Resolver<'_> {
                 requests.push(EffectRequest { because: texts.join(", "), ..EffectRequest::of_scene(effect) });
             }
         }
+        let seams = self.description.seams.len();
+        if seams > 0 {
+            let pairs: usize = self.description.seams.iter().map(|seam| seam.pairs.len()).sum();
+            let because = format!("{seams} seam{} of {pairs} pairs", if seams == 1 { "" } else { "s" });
+            requests.push(EffectRequest { because, ..EffectRequest::of_scene("seams") });
+        }
         let bodies = self.description.bodies.len();
         if bodies > 0 {
             let because = format!("the scene has {bodies} bod{}", if bodies == 1 { "y" } else { "ies" });
             requests.push(EffectRequest { because, ..EffectRequest::of_scene("body_collision") });
         }
+        self.wind_file(&requests);
         // In the order of the registry, as they run, so that two ways of writing a scene give one description.
         requests.sort_by_key(|r| (REGISTRY.iter().position(|spec| spec.name == r.effect), r.garment));
         self.description.effects = requests;
+    }
+}
+
+impl Resolver<'_> {
+    /// Opens the grid of the wind, if the scene names a file.
+    fn wind_file(&mut self, requests: &[EffectRequest]) {
+        let wind = requests.iter().find(|request| request.effect == "wind");
+        let Some(SettingValue::Text(file)) = wind.and_then(|wind| wind.settings.get("file")) else { return };
+        let file = self.scene.folder.join(file);
+        let opened = WindFile::open(&file);
+        if !self.input_files.contains(&file) {
+            self.input_files.push(file);
+        }
+        self.wind = self.of_file(&Path::default().key("wind").key("file"), opened);
+        self.description.wind = self.wind.as_ref().map(WindFile::shape);
     }
 }
 

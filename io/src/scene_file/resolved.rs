@@ -5,7 +5,7 @@ use super::resolve::absolute;
 use super::tree::{Node, Origin, Table, Value};
 
 /// Sections in the order in which a reader looks for them; tables of effects come before the bodies.
-const ORDER: [&str; 7] = ["drapery", "shot", "units", "solver", "body", "garment", "output"];
+const ORDER: [&str; 8] = ["drapery", "shot", "units", "solver", "body", "garment", "seam", "output"];
 
 /// Keys that name files relative to the scene file.
 pub(crate) const FILES: [&str; 4] = ["file", "rest", "start", "track"];
