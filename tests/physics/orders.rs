@@ -124,6 +124,22 @@ fn a_taut_string_swings_with_the_order_of_its_integrator() {
     }
 }
 
+#[test]
+fn implicit_springs_stay_bounded_at_steps_that_explicit_ones_do_not_survive() {
+    // The fastest motion of the ribbon has ω dt of about 5; the explicit limit is 2.
+    let height = |s: f64| 1e-6 * ((std::f64::consts::PI * s).sin() + (11.0 * std::f64::consts::PI * s).sin());
+    let highest = |integrator| {
+        let mut description = taut_ribbon(12, 1, height);
+        one_step_a_frame(&mut description, integrator);
+        let mut simulation = start(description);
+        let before = positions(&simulation).iter().map(|p| p.y.abs()).fold(0.0, f64::max);
+        run(&mut simulation, 60);
+        positions(&simulation).iter().map(|p| p.y.abs()).fold(0.0, f64::max) / before
+    };
+    let (explicit, implicit) = (highest(Integrator::SemiImplicit), highest(Integrator::Implicit));
+    assert!(implicit < 1.0 && explicit > 1e3, "implicit {implicit}, explicit {explicit} times the start");
+}
+
 /// A strip that hangs from its short edge and comes to rest: its vertices.
 fn hanging_strip(fps: u32, integrator: Integrator) -> Vec<Vec3> {
     let mut garment = GarmentDescription::new("strip", sheet(6, 2, 0.05), 0.2);

@@ -24,6 +24,7 @@ mod deserialize;
 mod diagnostics;
 mod effects;
 mod garments;
+mod maps;
 mod material_files;
 mod parameters;
 mod pins;
