@@ -77,6 +77,8 @@ pub struct PinTargets {
     at_t0: Vec<Vec3>,
     at_t1: Vec<Vec3>,
     active: Vec<bool>,
+    /// Whether some pin of the scene can break: alike on all ranks, also where none is pinned.
+    breakable: bool,
     /// How far each target may be from its vertex before it breaks [m]; empty if none can.
     reaches: Vec<f64>,
     /// When each target broke [s], infinite for those that hold; empty if none can.
@@ -134,7 +136,8 @@ impl PinTargets {
         built.at_t1 = built.targets.iter().map(|t| built.evaluate(t, bodies, tracks, time)).collect();
         built.at_t0 = built.at_t1.clone();
         built.active = vec![false; built.targets.len()];
-        if scene.description().pins.iter().any(|pin| pin.hold.break_force().is_some()) {
+        built.breakable = scene.description().pins.iter().any(|pin| pin.hold.break_force().is_some());
+        if built.breakable {
             let reach = |pinned: &Pinned| {
                 let force = scene.description().pins[pinned.pin].hold.break_force();
                 force.map_or(f64::INFINITY, |force| force / scene.pin_stiffness(pinned))
@@ -215,9 +218,9 @@ impl PinTargets {
             .with("at_end", vectors(self.at_t1.clone()))
             .with("active", Field::Targets(1, Values::U8(active)));
         // Scenes in which nothing can break have no such field.
-        match self.broken_at.is_empty() {
-            true => memory,
-            false => memory.with("broken_at", Field::Targets(1, Values::F64(self.broken_at.clone()))),
+        match self.breakable {
+            false => memory,
+            true => memory.with("broken_at", Field::Targets(1, Values::F64(self.broken_at.clone()))),
         }
     }
 

@@ -473,7 +473,7 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
         match pin.hold {
             PinHold::Spring { stiffness, damping_ratio, break_force } => {
                 let positive = |value: f64| value > 0.0 && value.is_finite();
-                if !positive(stiffness) || !(damping_ratio >= 0.0 && damping_ratio.is_finite()) {
+                if !(positive(stiffness) && damping_ratio >= 0.0 && damping_ratio.is_finite()) {
                     problems.push(Problem::scene(
                         &place,
                         "its spring needs a positive stiffness",

@@ -173,3 +173,6 @@ impl SceneFile {
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod effects_tests;
