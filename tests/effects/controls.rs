@@ -15,9 +15,13 @@ type Control = fn() -> SceneDescription;
 pub(crate) const CONTROLS: &[(&str, Control)] = &[
     ("gravity", hanging),
     ("stretch", hanging),
+    ("shear", sheared),
+    ("membrane", membrane),
     ("bending", hanging),
+    ("ether_drag", in_the_ether),
     ("attachments", held_by_springs),
     ("pins", hanging),
+    ("strain_limit", limited),
     ("body_collision", on_a_ball),
     ("self_repulsion", sheet_on_sheet),
     ("self_collision", sheet_through_sheet),
@@ -36,6 +40,37 @@ fn hanging() -> SceneDescription {
     let mut description = cloth();
     description.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 5.0));
     add_pins(&mut description, vec![0, 6]);
+    description
+}
+
+/// It hangs from two corners, and its triangles resist collapse.
+fn sheared() -> SceneDescription {
+    let mut description = hanging();
+    description.effects.push(EffectRequest::of_garment("shear", 0).with("stiffness", 50.0));
+    description
+}
+
+/// It hangs from two corners, with triangles in the place of springs along edges.
+fn membrane() -> SceneDescription {
+    let mut description = hanging();
+    description.effects.retain(|request| request.effect != "stretch");
+    description.effects.push(EffectRequest::of_garment("membrane", 0).with("warp", 100.0).with("weft", 30.0));
+    description
+}
+
+/// It falls through a medium.
+fn in_the_ether() -> SceneDescription {
+    let mut description = cloth();
+    description.effects.push(EffectRequest::of_scene("ether_drag").with("rate", 2.0));
+    description
+}
+
+/// Its springs are too soft for its weight.
+fn limited() -> SceneDescription {
+    let mut description = hanging();
+    description.effects.retain(|request| request.effect != "stretch");
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 2.0));
+    description.effects.push(EffectRequest::of_garment("strain_limit", 0).with("limit", 0.02));
     description
 }
 
