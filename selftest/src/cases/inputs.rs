@@ -119,7 +119,7 @@ pub(super) const H45: Case = Case {
             figures.push(Figure::at_most(format!("strain, {what}"), record.strain(), 0.5));
             if !inside_out {
                 // The facets lie inside the ball.
-                let radius = 0.1 * size(20.0 / 24.0) * (std::f64::consts::PI / 24.0).cos().powi(2);
+                let radius = 0.1 * (1.0 + growth * 20.0 / 24.0) * (std::f64::consts::PI / 24.0).cos().powi(2);
                 let nearest = record.last().positions[0].iter().map(|x| x.norm()).fold(f64::INFINITY, f64::min);
                 figures.push(Figure::at_least(
                     format!("distance from the centre over the radius, {what}"),
