@@ -10,6 +10,7 @@ mod membrane;
 mod orders;
 mod oscillators;
 mod pressure;
+mod recovery;
 mod seams;
 mod shear;
 mod statics;

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod inspection;
+mod replay;
 mod run;
 mod site;
 mod stop;
