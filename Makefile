@@ -7,6 +7,7 @@ QUALITY ?= light
 TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
 export DRAPERY := $(TARGET)/release/drapery
 export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
+export DRAPERY_BARE := $(TARGET)/bare
 export DRAPERY_CONFORMANCE := $(TARGET)/release/examples/conformance
 
 .PHONY: help
@@ -25,8 +26,12 @@ build: setup ## release build of the commands
 demo: build ## simulate a dressed character and render six frames of it; QUALITY=full for the fine garments
 	@.ci/demo $(QUALITY)
 
+.PHONY: bare
+bare: setup ## what the proof that absent effects are free compares with: builds without the optional effects
+	@.ci/build-bare "$(TARGET)"
+
 .PHONY: test
-test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
+test: bare build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
 	cargo test --release --workspace --features drapery/mpi
 	cargo run --release --quiet --package drapery-alembic --example write_demo -- $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle
@@ -34,6 +39,12 @@ test: build ## Rust tests, then the outside judges (Alembic's own reader, Blende
 .PHONY: test-full
 test-full: build ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
 	@.ci/test-full "$(ONLY)"
+
+SECONDS_EACH ?= 600
+
+.PHONY: fuzz
+fuzz: setup ## fuzz every reader, SECONDS_EACH (600) seconds each; TARGETS="obj scene" for some of them
+	@.ci/fuzz $(SECONDS_EACH) $(TARGETS)
 
 .PHONY: bench
 bench: setup ## benches of the solver's parts

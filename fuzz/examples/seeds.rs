@@ -44,7 +44,10 @@ const RUN_FOLDER: [(&str, &str); 7] = [
          {\"record\":\"checkpoint\",\"frame\":1,\"seconds\":0.1,\"bytes\":7}\n{\"record\":\"stop\",\"reason\":\"signal\"}\n\
          {\"record\":\"resume\",\"frame\":1,\"attempt\":2}\n{\"record\":\"end\",\"state\":\"failed\",\"error\":\"e\"}\n",
     ),
-    ("lock", "\x02{\"host\":\"h\",\"pid\":7,\"started\":5,\"boot\":\"b\",\"namespace\":\"n\",\"heartbeat\":2000000000}"),
+    (
+        "lock",
+        "\x02{\"host\":\"h\",\"pid\":7,\"started\":5,\"boot\":\"b\",\"namespace\":\"n\",\"heartbeat\":2000000000}",
+    ),
     (
         "site",
         "\x03threads = 16\nprogress = \"tr\"\nresumable_exit_code = 99\non_term = \"signal\"\ncheckpoint_every = \"10m\"\n\

@@ -13,6 +13,9 @@ use libfuzzer_sys::fuzz_target;
 /// Samples of each kind that are read; a file may say that it holds millions.
 const SAMPLES: usize = 4;
 
+/// Files with more samples are not looked through as a whole.
+const MANY: usize = 1000;
+
 fuzz_target!(|data: &[u8]| {
     let path = scratch::file("mesh.abc", data);
     memory::bounded(|| {
@@ -20,7 +23,10 @@ fuzz_target!(|data: &[u8]| {
         archive.objects().for_each(|object| read_object(&object));
         read_as_mesh(&path);
         let _ = drapery_io::inspect::inspect(&path);
-        let _ = drapery_io::verify::verify(&[&path], None);
+        // Every sample is looked at, and a short file may repeat one of them a million times.
+        if PolyMesh::all(&archive).is_ok_and(|meshes| meshes.iter().all(|mesh| mesh.sample_count() < MANY)) {
+            let _ = drapery_io::verify::verify(&[&path], None);
+        }
         read_as_cache(&path);
         // It writes into the file, so it comes last.
         if let Ok(mut archive) = ArchiveWriter::append(&path) {

@@ -65,10 +65,14 @@ fn sealed(data: &[u8]) {
     layout.attribute("", "content_hash", Value::Text("0".repeat(64)));
     layout.attribute("state", "order", Value::Count(0));
     layout.attribute("state", "version", Value::Count(1));
-    for (number, (name, kind, shape)) in
-        [("time", Kind::F64, &[1][..]), ("positions", Kind::F64, &[4, 3]), ("pairs", Kind::U32, &[2, 4]), ("marks", Kind::U8, &[4])]
-            .into_iter()
-            .enumerate()
+    for (number, (name, kind, shape)) in [
+        ("time", Kind::F64, &[1][..]),
+        ("positions", Kind::F64, &[4, 3]),
+        ("pairs", Kind::U32, &[2, 4]),
+        ("marks", Kind::U8, &[4]),
+    ]
+    .into_iter()
+    .enumerate()
     {
         layout.array("state", name, kind, shape, &[number as u8; 8]);
         layout.attribute(&format!("state/{name}"), "order", Value::Count(number as u64));
@@ -165,7 +169,7 @@ fn state(data: &[u8]) {
 
 /// Whether the writer takes it: names that can be told apart.
 fn fits(snapshot: &Snapshot) -> bool {
-    let good = |name: &str| !name.is_empty() && !name.contains(['/', '\0', '.']);
+    let good = |name: &str| !name.is_empty() && !name.contains(['/', '.']) && !name.chars().any(char::is_control);
     let mut names = Vec::new();
     for section in &snapshot.sections {
         names.push((section.name.clone(), String::new()));

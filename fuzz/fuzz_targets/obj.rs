@@ -1,8 +1,8 @@
 //! Wavefront OBJ, and what is made of any mesh: its checks and its triangles.
 #![no_main]
 
-use drapery_core::scene::{EffectRequest, GarmentDescription, Mass, Scene, SceneDescription};
 use drapery_core::Vec3;
+use drapery_core::scene::{EffectRequest, GarmentDescription, Mass, Scene, SceneDescription};
 use drapery_fuzz::{memory, scratch};
 use drapery_io::formats;
 use libfuzzer_sys::fuzz_target;
@@ -18,7 +18,8 @@ fuzz_target!(|data: &[u8]| {
         scene.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 1.0));
         let (name, velocity) = ("garment".to_owned(), Vec3::zeros());
         let mass = Mass::Density(0.2);
-        let garment = GarmentDescription { name, mesh, start: None, velocity, start_velocities: None, mass, thickness: 1e-3 };
+        let garment =
+            GarmentDescription { name, mesh, start: None, velocity, start_velocities: None, mass, thickness: 1e-3 };
         scene.garments.push(garment);
         let _ = Scene::validate(scene);
     });

@@ -143,7 +143,8 @@ impl Layout {
     /// # Errors
     /// The file cannot be created.
     pub fn write(&self, path: &Path) -> hdf5::Result<()> {
-        let file = File::with_options().with_fcpl(|c| c.userblock(self.user_block).obj_track_times(false)).create(path)?;
+        let file =
+            File::with_options().with_fcpl(|c| c.userblock(self.user_block).obj_track_times(false)).create(path)?;
         for group in &self.groups {
             let _ = file.create_group(group);
         }
@@ -173,18 +174,23 @@ impl Array {
     }
 
     fn write_as<T: H5Type, const N: usize>(&self, group: &Group, value: fn([u8; N]) -> T) -> hdf5::Result<()> {
-        let builder = group.new_dataset::<T>().obj_track_times(false);
-        let count = self.shape.iter().try_fold(1usize, |count, extent| count.checked_mul(*extent));
-        let small = count.is_some_and(|count| count <= LARGEST);
+        let builder = group.new_dataset::<T>().no_chunk().obj_track_times(false);
+        let Some(count) = self.shape.iter().try_fold(1usize, |count, extent| count.checked_mul(*extent)) else {
+            return Ok(());
+        };
+        let small = count <= LARGEST;
         let dataset: Dataset = if self.chunked && small && !self.shape.is_empty() {
             let chunk: Vec<usize> = self.shape.iter().map(|extent| (*extent).max(1)).collect();
             builder.shape(self.shape.clone()).chunk(chunk).create(self.name.as_str())?
         } else {
             builder.shape(self.shape.clone()).create(self.name.as_str())?
         };
-        let (Some(count), true) = (count, small) else { return Ok(()) };
+        if !small {
+            return Ok(());
+        }
         let stored = self.bytes.as_chunks::<N>().0;
-        let values: Vec<T> = (0..count).map(|i| value(stored.get(i % stored.len().max(1)).copied().unwrap_or([0; N]))).collect();
+        let values: Vec<T> =
+            (0..count).map(|i| value(stored.get(i % stored.len().max(1)).copied().unwrap_or([0; N]))).collect();
         dataset.write_raw(&values)
     }
 }
@@ -208,7 +214,8 @@ impl Attribute {
         let name = self.name.as_str();
         match &self.value {
             Value::Text(text) => {
-                let text: VarLenUnicode = text.replace('\0', " ").parse().map_err(|e| hdf5::Error::from(format!("{e}")))?;
+                let text: VarLenUnicode =
+                    text.replace('\0', " ").parse().map_err(|e| hdf5::Error::from(format!("{e}")))?;
                 place.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&text)
             }
             Value::Count(value) => place.new_attr::<u64>().create(name)?.write_scalar(value),
@@ -218,4 +225,3 @@ impl Attribute {
         }
     }
 }
-

@@ -8,7 +8,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::FrameSummary;
+use drapery_core::simulation::{BrokenAttachment, FrameSummary};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -31,6 +31,9 @@ pub const RESOLVED: &str = "resolved.toml";
 
 /// File name of what the run depends on, by which a changed scene or input is noticed.
 pub const FINGERPRINT: &str = "fingerprint.json";
+
+/// Frame numbers that there can be: far more than any shot has, and far from where sums of them would overflow.
+pub(crate) const FRAMES: std::ops::RangeInclusive<i64> = -1_000_000_000..=1_000_000_000;
 
 /// What a folder of output holds, for programs that pick it up.
 ///
@@ -256,6 +259,10 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
     });
     if !summary.recoveries.is_empty() {
         record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
+    }
+    if !summary.broken.is_empty() {
+        let broken = |b: &BrokenAttachment| json!({"garment": b.garment, "vertex": b.vertex, "pin": b.pin});
+        record["broken_attachments"] = summary.broken.iter().map(broken).collect();
     }
     record
 }

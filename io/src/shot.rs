@@ -21,7 +21,9 @@ pub mod steps;
 mod totals;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{SceneDescription, Timeline};
@@ -114,8 +116,8 @@ pub enum ShotError {
 pub struct Shot {
     crew: Crew,
     inputs: Inputs,
-    /// Until the caches are open.
-    garments: Vec<MeshData>,
+    /// Until the caches are open, which keep them until their first frame.
+    garments: Vec<Arc<MeshData>>,
     about: About,
     warnings: Vec<String>,
 }
@@ -187,6 +189,7 @@ impl Shot {
         let Some(crew) = crew.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };
+        let garments = garments.into_iter().map(Arc::new).collect();
         Ok(Self { crew, inputs, garments, about, warnings })
     }
 
@@ -198,6 +201,16 @@ impl Shot {
     /// The simulation at its start: what will run, and why.
     pub fn simulation(&self) -> &Simulation {
         self.crew.simulation()
+    }
+
+    /// Simulates the first frames after the start, in memory and on one rank, and says what one of them has cost in the mean.
+    ///
+    /// # Errors
+    /// An input breaks; the solver gives up.
+    pub fn trial(mut self, frames: u32) -> Result<FrameCost, ShotError> {
+        let start = self.about.timeline.start;
+        let inputs = (1..=i64::from(frames)).map(|frame| self.inputs.at(start + frame));
+        self.crew.trial(inputs)
     }
 
     /// Name of the shot.

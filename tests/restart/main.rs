@@ -92,7 +92,7 @@ fn everything() -> SceneDescription {
     description.bodies.push(BodyDescription { friction: 0.4, thickness: 2e-3, ..body });
     let pin = |target, (from, until), hold| PinDescription { garment: 0, target, axes: [true; 3], from, until, hold };
     let always = (f64::NEG_INFINITY, f64::INFINITY);
-    let spring = PinHold::Spring { stiffness: 50.0, damping_ratio: 0.5 };
+    let spring = PinHold::Spring { stiffness: 50.0, damping_ratio: 0.5, break_force: Some(0.5) };
     let here = PinTarget::Path { anchor: PinAnchor::WhenHeld, vertices: vec![440], offsets: Vec::new() };
     description.pins = vec![
         pin(PinTarget::Track { vertices: vec![0, 420], track: 0 }, always, PinHold::Hard),
@@ -262,6 +262,17 @@ fn the_snapshot_of_another_scene_is_refused() {
     let mut broken = snapshot.clone();
     broken.sections.pop();
     assert!(refused(&shots[3], 0, &broken).contains("`self_contact` of the saved state: it is missing"));
+    let contact = |name: &str, shape: &[usize], values: Values| {
+        let mut broken = snapshot.clone();
+        let section = broken.sections.iter_mut().find(|section| section.name == "self_contact");
+        let dataset = section.and_then(|section| section.datasets.iter_mut().find(|dataset| dataset.name == name));
+        let dataset = dataset.expect("the scene has contact of cloth with cloth");
+        (dataset.shape, dataset.values) = (shape.to_vec(), values);
+        refused(&shots[3], 0, &broken)
+    };
+    assert!(contact("pinched", &[1, 1], Values::U32(vec![900])).contains("`pinched` names node 900 of"));
+    assert!(contact("crossings", &[1, 5], Values::U32(vec![0, 1, 2, 3, u32::MAX])).contains("`crossings` names node"));
+    assert!(contact("step_share", &[1], Values::F64(vec![f64::NAN])).contains("`step_share` is NaN"));
     let mut broken = snapshot;
     if let Values::F64(x) = &mut broken.sections[0].datasets[2].values {
         x[4] = f64::NAN;

@@ -15,6 +15,7 @@ use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
 use crate::contact::repulsion::{Laws, Moment, Passes, Repulsions};
 use crate::contact::search::PairSearch;
+use crate::contact::step_control::StepControl;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::contact::untangle::push_apart;
@@ -26,13 +27,11 @@ use crate::metrics::Metrics;
 use crate::parallel::ranks::Ranks;
 use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
+use crate::snapshot::SnapshotError;
 use crate::state::State;
 
 /// What both halves of self-contact remember.
 pub const SECTION: Section = Section { name: "self_contact", version: 1 };
-
-/// Collision steps without a rewind after which K is doubled (method 2.1).
-const GROWTH_PERIOD: u32 = 3;
 
 /// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
 const STEP_COUNTS: [&str; 5] =
@@ -40,9 +39,6 @@ const STEP_COUNTS: [&str; 5] =
 
 /// Rounds in which what would cross more stays where it was; then everything does.
 const REVERT_ROUNDS: u32 = 6;
-
-/// Shortest share of a time step to which hard contact shortens it.
-const SHORTEST_STEP: f64 = 0.125;
 
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LONGEST_WAY: f64 = 0.5;
@@ -68,39 +64,6 @@ pub struct CollisionSettings {
     /// Whether collisions are resolved after the position half of every step, as in the authors' later code, instead of
     /// after whole steps.
     pub after_position: bool,
-}
-
-/// Number and length of the time steps per collision step, found by trying.
-#[derive(Debug)]
-struct StepControl {
-    steps: u32,
-    max_steps: u32,
-    /// Share of the step that the cloth would allow.
-    share: f64,
-    successes: u32,
-}
-
-impl StepControl {
-    fn succeeded(&mut self) {
-        self.successes += 1;
-        if self.successes.is_multiple_of(GROWTH_PERIOD) {
-            if self.share < 1.0 {
-                self.share = (2.0 * self.share).min(1.0);
-            } else {
-                self.steps = (2 * self.steps).min(self.max_steps);
-            }
-        }
-    }
-
-    /// Where zones are needed even after single steps, contact changes faster than the steps resolve.
-    fn failed(&mut self) {
-        self.successes = 0;
-        if self.steps > 1 {
-            self.steps /= 2;
-        } else {
-            self.share = (0.5 * self.share).max(SHORTEST_STEP);
-        }
-    }
 }
 
 /// The geometric half.
@@ -169,7 +132,7 @@ impl SelfContact {
         let neighbours = Neighbours::new(&surface, repulsion.is_some());
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
-            control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
+            control: StepControl::new(settings.max_steps),
             work: CollisionLoop::default(),
             velocities: Vec::new(),
             crossings: Vec::new(),
@@ -479,8 +442,12 @@ impl SelfContact {
             .with("pinched", Field::Numbers(1, geometric.pinched.clone()))
     }
 
-    /// Goes on from what was remembered.
-    pub(crate) fn go_on(&mut self, memory: &Remembered, _: &State, _: &Bodies) {
+    /// Goes on from what was remembered. All ranks call it together.
+    ///
+    /// # Errors
+    /// The same on all ranks: it names nodes that do not exist, or numbers that are none.
+    pub(crate) fn go_on(&mut self, memory: &Remembered) -> Result<(), SnapshotError> {
+        self.check_memory(memory)?;
         self.wear = memory.number("wear");
         if let Some((cloth, bodies)) = memory.nodes("list_positions") {
             let nodes = self.surface.nodes();
@@ -494,16 +461,34 @@ impl SelfContact {
             self.gap = gap(self.surface.ranks(), &self.paths.start);
             self.rebuild(reach);
         }
-        let Some(geometric) = &mut self.geometric else { return };
+        let Some(geometric) = &mut self.geometric else { return Ok(()) };
         let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
-        geometric.control.steps = count("steps").clamp(1, geometric.control.max_steps);
-        geometric.control.share = memory.number("step_share").clamp(SHORTEST_STEP, 1.0);
-        geometric.control.successes = count("successes");
+        geometric.control.go_on(count("steps"), memory.number("step_share"), count("successes"));
         let rows = memory.numbers("crossings").as_chunks::<5>().0;
         let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
         geometric.crossings = rows.iter().map(crossing).collect();
         geometric.ignored = ignored_pairs(&geometric.crossings);
         geometric.pinched = memory.numbers("pinched").to_vec();
+        Ok(())
+    }
+
+    /// Refuses a memory that would be followed into nodes that do not exist. What it looks at is alike on all ranks.
+    fn check_memory(&self, memory: &Remembered) -> Result<(), SnapshotError> {
+        let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
+        for name in ["wear", "list_reach", "step_share"] {
+            let number = memory.number(name);
+            if !(number >= 0.0 && number.is_finite()) {
+                return error(format!("`{name}` is {number}"));
+            }
+        }
+        let nodes = self.surface.nodes();
+        let all = nodes.all_cloth() as usize + nodes.count() - nodes.cloth();
+        for name in ["crossings", "pinched"] {
+            if let Some(number) = memory.numbers(name).iter().find(|number| **number as usize >= all) {
+                return error(format!("`{name}` names node {number} of {all}"));
+            }
+        }
+        Ok(())
     }
 
     /// Edges that crossed triangles when it was last looked for them.

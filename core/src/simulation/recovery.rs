@@ -185,10 +185,11 @@ impl Care {
             return Some(Rung::Shorter);
         }
         let is_finite = !matches!(trouble, Trouble::NotFinite(_));
+        let by_contact = collides && matches!(trouble, Trouble::Stopped | Trouble::NotFinite(_));
         let rungs = [
             (Rung::Tighter, trouble != Trouble::Stopped),
-            (Rung::MoreAttempts, collides),
-            (Rung::Zones, collides),
+            (Rung::MoreAttempts, by_contact),
+            (Rung::Zones, by_contact),
             (Rung::Thinner, repels),
             (Rung::Held, !is_finite),
             (Rung::Accepted, is_finite),

@@ -143,7 +143,7 @@ impl Simulation {
         if let (Some(contact), Some(section)) =
             (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION.name))
         {
-            contact.go_on(section, state, bodies);
+            contact.go_on(section)?;
             self.crossings = contact.known_crossings().to_vec();
         }
         let yielded = self.yields.and_then(|section| memory.iter().find(|known| known.name == section.name));
