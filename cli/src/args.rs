@@ -96,6 +96,12 @@ pub(crate) struct SceneArgs {
     /// Settings that `drapery study --write-preset` has written; --set goes over them
     #[arg(long, value_name = "FILE")]
     pub(crate) preset: Option<PathBuf>,
+    /// Effects to do without, for example wind,self_collision; takes the place of `effects.without` of the scene
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', conflicts_with = "only")]
+    pub(crate) without: Vec<String>,
+    /// The only effects to run, of those that the scene asks for; takes the place of `effects.only` of the scene
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) only: Vec<String>,
     /// Number of threads of each process [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK,
     /// the site file, or all cores, shared by the processes of mpirun on a machine]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
@@ -187,6 +193,10 @@ pub(crate) struct PlanArgs {
     pub(crate) scene: SceneArgs,
     #[command(flatten)]
     pub(crate) settings: RunSettingsArgs,
+    /// Simulate the first frames, in memory alone, to see what each effect costs; one frame unless a number is given
+    #[arg(long, value_name = "FRAMES", num_args = 0..=1, default_missing_value = "1", require_equals = true)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) measure: Option<u32>,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -4,6 +4,7 @@
 //! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
 //! that every index is in range, every number finite and every rest edge longer than zero.
 
+mod left_out;
 pub mod painted;
 pub mod sewn;
 mod share;
@@ -45,6 +46,8 @@ pub struct SceneDescription {
     pub wind: Option<WindGridShape>,
     /// Effects asked for. What is not here does not exist while the scene runs.
     pub effects: Vec<EffectRequest>,
+    /// Effects that were asked for and then left out, for messages and `drapery plan`.
+    pub left_out: Vec<String>,
 }
 
 /// Frame rate as a rational number and the frame at which time is zero.
@@ -426,6 +429,7 @@ impl SceneDescription {
             seams: Vec::new(),
             wind: None,
             effects: Vec::new(),
+            left_out: Vec::new(),
         }
     }
 }

@@ -21,6 +21,7 @@ use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
 
 mod balance;
+mod cost;
 mod interval;
 mod measure;
 pub mod outside;

@@ -29,7 +29,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
     requires: &[],
-    cost: Cost { elements: "springs", step: 40.0, iteration: 10.0 },
+    cost: Cost { elements: "springs", step: 20.0, iteration: 3.0 },
     section: Some(pins::SECTION),
     counts: &["attachments_broken"],
     build,

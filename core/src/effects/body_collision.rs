@@ -35,7 +35,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: &[],
     needs: &[Need::State, Need::Bodies],
     requires: &[],
-    cost: Cost { elements: "vertices", step: 150.0, iteration: 0.0 },
+    cost: Cost { elements: "vertices", step: 50.0, iteration: 0.0 },
     section: Some(SECTION),
     counts: &["body_contacts", "body_contacts_along_path", "body_queries", "body_squeezed", "body_pinched"],
     build,

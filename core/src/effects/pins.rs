@@ -28,7 +28,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
     requires: &[],
-    cost: Cost { elements: "vertices", step: 40.0, iteration: 5.0 },
+    cost: Cost { elements: "vertices", step: 40.0, iteration: 2.0 },
     section: Some(SECTION),
     counts: &[],
     build,

@@ -517,7 +517,9 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
                 e.effect == *required && (e.garment.is_none() || request.garment.is_none_or(|g| e.garment == Some(g)))
             };
             if !description.effects.iter().any(|e| meets(&e)) {
-                let what = format!("it has no meaning without `{required}`, which is not there");
+                let left_out = description.left_out.iter().any(|out| out == required);
+                let how = if left_out { "left out" } else { "not there" };
+                let what = format!("it has no meaning without `{required}`, which is {how}");
                 problems.push(Problem::scene(name, what, "ask for both or neither"));
             }
         }
@@ -535,7 +537,7 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
         ("seams", !description.seams.is_empty(), "a seam"),
     ];
     for (name, needed, by) in implied {
-        if needed != has(name) {
+        if needed != has(name) && !description.left_out.iter().any(|out| out == name) {
             let what = if needed { format!("{by} needs this effect") } else { format!("it needs {by}") };
             problems.push(Problem::scene(name, what, "ask for both or neither"));
         }

@@ -49,7 +49,7 @@ wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(valu
 wire!(struct EffectRequest { effect, garment, settings, because });
 wire!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
 wire!(struct WindGridShape { origin, spacing, counts });
-wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, seams, wind, effects });
+wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, seams, wind, effects, left_out });
 wire!(struct Pinned { number, pin, row, vertex, attachment });
 wire!(struct Sewn { number, seam, ends, gap });
 wire!(enum ProblemKind { 0 => Scene, 1 => Data });
