@@ -75,7 +75,7 @@ fn a_strip_that_springs_pull_carries_its_modulus_times_its_strain_in_every_eleme
         // The springs carry the tension of the strip, each that of its share of the width.
         let beyond = stiffness * width * strain / pull;
         for corner in [true, false] {
-            let is_corner = |vertex: &usize| (at(*vertex)[1] % CELLS[1] == 0) == corner;
+            let is_corner = |vertex: &usize| (at(*vertex)[1].is_multiple_of(CELLS[1])) == corner;
             let vertices = all.clone().filter(column(CELLS[0])).filter(is_corner);
             for vertex in vertices {
                 add_pins(&mut description, vec![vertex as u32]);
