@@ -74,17 +74,19 @@ fn limited() -> SceneDescription {
     description
 }
 
-/// One corner hangs on a spring.
+/// Two corners hang on springs, of which one breaks.
 fn held_by_springs() -> SceneDescription {
     let mut description = cloth();
-    description.pins.push(PinDescription {
-        garment: 0,
-        target: PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![0], offsets: Vec::new() },
-        axes: [true; 3],
-        from: f64::NEG_INFINITY,
-        until: f64::INFINITY,
-        hold: PinHold::Spring { stiffness: 50.0, damping_ratio: 1.0, break_force: None },
-    });
+    for (vertex, break_force) in [(0, None), (6, Some(0.01))] {
+        description.pins.push(PinDescription {
+            garment: 0,
+            target: PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![vertex], offsets: Vec::new() },
+            axes: [true; 3],
+            from: f64::NEG_INFINITY,
+            until: f64::INFINITY,
+            hold: PinHold::Spring { stiffness: 50.0, damping_ratio: 1.0, break_force },
+        });
+    }
     description.effects.push(EffectRequest::of_scene("attachments"));
     description
 }
