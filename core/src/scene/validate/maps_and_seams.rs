@@ -48,7 +48,7 @@ pub(super) fn check_maps_are_used(description: &SceneDescription, problems: &mut
         for (name, lookers) in MAPS.iter().filter(|(name, _)| garment.maps.contains_key(*name)) {
             // A map of what was left out is left out with it.
             let is_out = |name: &&str| description.left_out.iter().any(|out| out == name);
-            if !lookers.is_empty() && !lookers.iter().any(|name| asked(&name) || is_out(&name)) {
+            if !lookers.is_empty() && !lookers.iter().any(|name| asked(name) || is_out(name)) {
                 let place = format!("garment \"{}\", map of {name}", garment.name);
                 let advice = format!("leave it out, or ask for {}", lookers.join(" or "));
                 problems.push(Problem::scene(place, "nothing in this scene looks at it", advice));
