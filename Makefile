@@ -7,6 +7,7 @@ QUALITY ?= light
 TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
 export DRAPERY := $(TARGET)/release/drapery
 export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
+export DRAPERY_BARE := $(TARGET)/bare
 export DRAPERY_CONFORMANCE := $(TARGET)/release/examples/conformance
 
 .PHONY: help
@@ -25,8 +26,12 @@ build: setup ## release build of the commands
 demo: build ## simulate a dressed character and render six frames of it; QUALITY=full for the fine garments
 	@.ci/demo $(QUALITY)
 
+.PHONY: bare
+bare: setup ## what the proof that absent effects are free compares with: builds without the optional effects
+	@.ci/build-bare "$(TARGET)"
+
 .PHONY: test
-test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
+test: bare build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
 	cargo test --release --workspace --features drapery/mpi
 	cargo run --release --quiet --package drapery-alembic --example write_demo -- $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle

@@ -83,7 +83,7 @@ pub(crate) enum Command {
 }
 
 /// A scene and what is changed in it.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct SceneArgs {
     /// Scene file
     pub(crate) scene: PathBuf,
@@ -96,6 +96,12 @@ pub(crate) struct SceneArgs {
     /// Settings that `drapery study --write-preset` has written; --set goes over them
     #[arg(long, value_name = "FILE")]
     pub(crate) preset: Option<PathBuf>,
+    /// Effects to do without, for example wind,self_collision; takes the place of `effects.without` of the scene
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', conflicts_with = "only")]
+    pub(crate) without: Vec<String>,
+    /// The only effects to run, of those that the scene asks for; takes the place of `effects.only` of the scene
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) only: Vec<String>,
     /// Number of threads of each process [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK,
     /// the site file, or all cores, shared by the processes of mpirun on a machine]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
@@ -105,7 +111,7 @@ pub(crate) struct SceneArgs {
 }
 
 /// Where materials are found.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct MaterialsArgs {
     /// Folders of material files, as in A:B [default: DRAPERY_MATERIALS, or the site file]
     #[arg(long, value_name = "DIRS")]
@@ -167,6 +173,10 @@ pub(crate) struct RunArgs {
     /// End with exit code 81 if a count that should stay zero did not, such as `crossings`; all frames are written
     #[arg(long)]
     pub(crate) strict: bool,
+    /// SCENE is a bundle (DIR/debug/*.json) that a run left when the solver gave up: go on from its last good state to the
+    /// next frame, and write nothing
+    #[arg(long, conflicts_with_all = ["resume", "resume_with_changes", "overwrite", "steal_lock", "strict", "frames"])]
+    pub(crate) replay: bool,
 }
 
 /// Arguments of `check`.
@@ -183,6 +193,10 @@ pub(crate) struct PlanArgs {
     pub(crate) scene: SceneArgs,
     #[command(flatten)]
     pub(crate) settings: RunSettingsArgs,
+    /// Simulate the first frames, in memory alone, to see what each effect costs; one frame unless a number is given
+    #[arg(long, value_name = "FRAMES", num_args = 0..=1, default_missing_value = "1", require_equals = true)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) measure: Option<u32>,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -253,8 +267,11 @@ pub(crate) struct DiffArgs {
 #[derive(Debug, Args)]
 pub(crate) struct SelftestArgs {
     /// The hard cases: `quick` takes minutes, `full` takes larger scenes and combinations of cases, `soak` a weekend
-    #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick", required = true)]
+    #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick")]
     pub(crate) hard: Option<HardTier>,
+    /// The drape test of these preset materials, or of all: a disc hangs over its support at three mesh densities
+    #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present = "hard", conflicts_with = "hard")]
+    pub(crate) drape: Option<Vec<String>>,
     /// Only these cases, for example H23; repeatable
     #[arg(long = "case", value_name = "ID")]
     pub(crate) cases: Vec<String>,

@@ -18,16 +18,33 @@ pub(crate) type Threads = (Chosen<usize>, Vec<usize>);
 /// The shot that the arguments name, checked, on these ranks, and the threads it will use.
 pub(crate) fn prepare(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) -> Result<(Shot, Threads), Failure> {
     let threads = ranks::start_threads(ranks, around.threads(args.threads))?;
-    let search = around.search(&args.materials).value;
-    let mut settings = args.preset.as_deref().map(preset::read).transpose()?.unwrap_or_default();
-    settings.extend(args.settings.iter().cloned());
-    let description = scene_file::load_with(&args.scene, &settings, &search)?.resolve()?;
-    let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
-    let shot = Shot::prepare_on(ranks, description, frames)?;
+    let shot = shot(args, around, ranks)?;
     for warning in shot.warnings() {
         tracing::warn!("{warning}");
     }
     Ok((shot, threads))
+}
+
+/// The shot alone, where threads run already.
+pub(crate) fn shot(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) -> Result<Shot, Failure> {
+    let search = around.search(&args.materials).value;
+    let description = scene_file::load_with(&args.scene, &settings(args)?, &search)?.resolve()?;
+    let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
+    Ok(Shot::prepare_on(ranks, description, frames)?)
+}
+
+/// Values of the scene that the arguments set: `--without` and `--only` are two of its keys.
+fn settings(args: &SceneArgs) -> Result<Vec<(String, String)>, Failure> {
+    let list = |names: &[String]| format!("{names:?}");
+    let mut settings = args.preset.as_deref().map(preset::read).transpose()?.unwrap_or_default();
+    settings.extend(args.settings.iter().cloned());
+    for (key, other, names) in [("without", "only", &args.without), ("only", "without", &args.only)] {
+        if !names.is_empty() {
+            settings.push((format!("effects.{key}"), list(names)));
+            settings.push((format!("effects.{other}"), list(&[])));
+        }
+    }
+    Ok(settings)
 }
 
 /// Where a run of this shot goes when nobody says.

@@ -245,6 +245,7 @@ fn springs(bench: &mut Bench, n: usize) {
         reaches_ghosts: &vec![false; parts.count()],
         stop,
         implicit_over: None,
+        held: &[],
     };
     let system = DampingSystem::new(&problem, &forces);
     bench.kernel(

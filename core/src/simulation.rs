@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
-use crate::contact::self_contact::{Ending, SelfContact};
+use crate::contact::self_contact::SelfContact;
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::effects::{Force, Need, PlannedEffect, Section, VelocityFilter, build_all};
@@ -12,35 +12,31 @@ use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::ranks::Sent;
-use crate::parallel::split::PerPart;
 use crate::scene::{Scene, agree};
-use crate::solve::conjugate_gradient::Stop;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::{Scratch, StepContext, advance};
+use crate::step::Scratch;
 use crate::time_step::StepLimit;
-use crate::tolerances::CG_GRAVITY_FRACTION;
 use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
 
 mod balance;
+mod cost;
+mod interval;
 mod measure;
 pub mod outside;
 #[cfg(test)]
 mod planted;
+mod recovery;
 mod saved;
 mod start;
 
 pub use crate::bodies::Sample;
 use balance::Balance;
+use recovery::Care;
+pub use recovery::Recovery;
 pub use saved::RestoreError;
 use start::{first_tracks, start_outside};
-
-/// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
-const STANDARD_GRAVITY: f64 = 9.81;
-
-/// Largest tolerance of the damping solves when it is chosen automatically [m/s]; the authors' value.
-const CG_TOLERANCE: f64 = 1e-2;
 
 /// What the caller pushes for one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -74,6 +70,17 @@ pub struct StrainRecord {
     pub strain: f64,
 }
 
+/// An attachment that broke.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrokenAttachment {
+    /// Name of the garment.
+    pub garment: String,
+    /// Its vertex in the garment's own order.
+    pub vertex: u32,
+    /// Number of the pin in the scene.
+    pub pin: usize,
+}
+
 /// What happened in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameSummary {
@@ -97,6 +104,10 @@ pub struct FrameSummary {
     pub potential_energy: f64,
     /// Pairs of body triangles that cross each other at the frame.
     pub body_self_crossings: u64,
+    /// The first of the steps that went wrong, and what was done about them.
+    pub recoveries: Vec<Recovery>,
+    /// Attachments that broke on the way to the frame, by their vertices.
+    pub broken: Vec<BrokenAttachment>,
 }
 
 impl FrameSummary {
@@ -113,6 +124,8 @@ impl FrameSummary {
             kinetic_energy: 0.0,
             potential_energy: 0.0,
             body_self_crossings: 0,
+            recoveries: Vec::new(),
+            broken: Vec::new(),
         }
     }
 
@@ -125,6 +138,7 @@ impl FrameSummary {
         self.cg_iterations += earlier.cg_iterations;
         let later = std::mem::replace(&mut self.metrics, earlier.metrics.clone());
         self.metrics.add(&later);
+        self.recoveries.splice(..0, earlier.recoveries.iter().cloned());
         self
     }
 }
@@ -167,6 +181,7 @@ pub struct Simulation {
     /// What this rank had sent at the last frame.
     sent: Sent,
     balance: Balance,
+    care: Care,
 }
 
 impl Simulation {
@@ -268,6 +283,7 @@ impl Simulation {
             crossings: Vec::new(),
             sent: Sent::default(),
             balance: Balance::default(),
+            care: Care::default(),
         })
     }
 
@@ -393,6 +409,7 @@ impl Simulation {
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
                 self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
+                summary.recoveries = std::mem::take(&mut self.care.events);
                 return Ok(Advance::Paused(summary));
             }
         }
@@ -400,149 +417,6 @@ impl Simulation {
         self.measure(&mut summary)?;
         self.rebalance();
         Ok(Advance::Done(summary))
-    }
-
-    /// Steps until `end` [s], one collision step after the other, or until it is to pause: then returns true.
-    fn run_to(
-        &mut self,
-        end: f64,
-        frame: i64,
-        summary: &mut FrameSummary,
-        pause: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<bool, StepError> {
-        while self.state.time < end {
-            let start = self.state.time;
-            let steps = self.begin_interval();
-            let mut done = 0;
-            while self.state.time < end && done < steps {
-                self.one_step(end, frame, summary)?;
-                done += 1;
-            }
-            if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
-                self.rewind();
-            } else if self.yields.is_some() {
-                self.give_way();
-            }
-            if pause(self.state.time) {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
-
-    /// A: returns how many time steps may follow until C.
-    fn begin_interval(&mut self) -> u32 {
-        let Self { self_contact, state, bodies, limit, metrics, .. } = self;
-        let Some(contact) = self_contact else { return 1 };
-        metrics.stage("A neighbours", |m| contact.begin_interval(state, bodies, limit.last(), m))
-    }
-
-    /// C.
-    fn end_interval(&mut self, duration: f64, may_rewind: bool) -> Ending {
-        let Self { scene, self_contact, collision, state, bodies, metrics, .. } = self;
-        let parts = scene.parts();
-        let Some(contact) = self_contact.as_mut().filter(|c| !c.collides_after_position()) else {
-            return Ending::Resolved;
-        };
-        let mut moved = |vertex, way| {
-            if let Some(collision) = collision {
-                collision.moved(vertex, way);
-            }
-        };
-        if contact.repels_per_collision_step() {
-            metrics.stage("C self-repulsion", |m| {
-                contact.repel_interval((&mut state.x[..], &mut state.v[..]), duration, m, &mut moved);
-            });
-        }
-        // Repulsions alone only note how far the neighbours have come.
-        let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
-        metrics.stage(stage, |m| {
-            let ends = (&mut state.x[..], &mut state.v[..]);
-            let ending = contact.end_interval(ends, bodies, duration, may_rewind, m, &mut moved);
-            parts.halo().refresh(parts.ranks(), &mut state.x);
-            parts.halo().refresh(parts.ranks(), &mut state.v);
-            ending
-        })
-    }
-
-    /// Keeps what is bent or stretched too far to spring back.
-    fn give_way(&mut self) {
-        let Self { scene, forces, state, metrics, .. } = self;
-        metrics.stage("yield", |_| {
-            scene.parts().for_each(PerPart(forces), &|_, forces| {
-                forces.0[0].iter_mut().for_each(|force| force.yield_to(&state.x));
-            });
-        });
-    }
-
-    /// Puts everything back to the last collision-free state.
-    fn rewind(&mut self) {
-        let Self { scene, self_contact, collision, state, bodies, targets, tracks, .. } = self;
-        let Some(contact) = self_contact else { return };
-        contact.rewind(state);
-        let parts = scene.parts();
-        parts.halo().refresh(parts.ranks(), &mut state.x);
-        parts.halo().refresh(parts.ranks(), &mut state.v);
-        let time = state.time;
-        bodies.set_step(time, time);
-        targets.set_step(bodies, tracks, &state.x, (time, time));
-        if let Some(collision) = collision {
-            collision.forget();
-        }
-    }
-
-    /// One time step towards `end` [s].
-    fn one_step(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<(), StepError> {
-        let scene = Arc::clone(&self.scene);
-        let settings = &scene.description().solver;
-        let parts = scene.parts();
-        let state = &self.state;
-        let (limit, forces, metrics) = (&mut self.limit, &self.forces, &mut self.metrics);
-        let share = self.self_contact.as_ref().map_or(1.0, SelfContact::step_share);
-        let choice = metrics
-            .stage("dt", |_| limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end), share));
-        if choice.limit < settings.min_dt {
-            let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
-            let (dt, min_dt, time) = (choice.limit, settings.min_dt, state.time);
-            return Err(StepError::StepTooSmall { frame, time, dt, min_dt, because });
-        }
-        let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
-        let stop =
-            Stop { tolerance: settings.cg_tolerance.unwrap_or(automatic), max_iterations: settings.cg_max_iterations };
-        let mut context = StepContext {
-            parts,
-            masses: scene.masses(),
-            state: &mut self.state,
-            forces: &mut self.forces,
-            pins: self.pins.as_ref(),
-            targets: &mut self.targets,
-            tracks: &self.tracks,
-            filters: &mut self.filters,
-            collision: self.collision.as_mut(),
-            wind: &self.wind,
-            volumes: &mut self.volumes,
-            self_contact: self.self_contact.as_mut(),
-            bodies: &mut self.bodies,
-            reaches_ghosts: &self.reaches_ghosts,
-            scratch: &mut self.scratch,
-            stop,
-            integrator: settings.integrator,
-            body_friction: settings.body_friction,
-            metrics: &mut self.metrics,
-        };
-        let report = advance(&mut context, choice.dt);
-        if let Some(stage) = report.not_finite {
-            return Err(self.not_finite(stage, frame, choice.dt));
-        }
-        summary.steps += 1;
-        summary.cg_iterations += report.cg_iterations as u64;
-        summary.dt_min = summary.dt_min.min(choice.dt);
-        summary.dt_max = summary.dt_max.max(choice.dt);
-        if choice.ends_interval {
-            // The time of a frame comes from integers, not from a sum of steps.
-            self.state.time = end;
-        }
-        Ok(())
     }
 
     /// Hands bodies and tracks the samples that the interval from `start` to `stop` [s] needs.

@@ -68,6 +68,15 @@ impl Scratch {
         }
     }
 
+    /// Own vertices at which a step that has gone wrong left numbers that are not finite, ascending: those that forces or the
+    /// state itself spoil, or, if there are none, those that the solve has spread it to.
+    pub(crate) fn not_finite(&self, own: std::ops::Range<usize>, state: &State) -> Vec<usize> {
+        let is_finite = |v: &Vec3| v.iter().all(|c| c.is_finite());
+        let spoilt = |i: &usize| ![&self.explicit[*i], &state.x[*i], &state.v[*i]].into_iter().all(is_finite);
+        let found: Vec<usize> = own.clone().filter(spoilt).collect();
+        if found.is_empty() { own.filter(|i| !is_finite(&self.v_half[*i])).collect() } else { found }
+    }
+
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
         (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>() + self.cg.bytes()
@@ -112,6 +121,8 @@ pub struct StepContext<'a> {
     pub integrator: Integrator,
     /// Where in the step friction with bodies acts.
     pub body_friction: BodyFriction,
+    /// Own vertices that stay where they are in this step, ascending, if any rank has such.
+    pub held: Option<&'a [u32]>,
     /// Seconds and counts.
     pub metrics: &'a mut Metrics,
 }
@@ -121,8 +132,10 @@ pub struct StepContext<'a> {
 pub struct StepReport {
     /// Iterations of both solves.
     pub cg_iterations: usize,
-    /// Stage at which a number stopped being finite.
+    /// Stage at which a number stopped being finite; the rest of the step was not made.
     pub not_finite: Option<&'static str>,
+    /// Whether a solve ended much farther from its solution than it began.
+    pub diverged: bool,
 }
 
 /// Advances the state by `dt` [s].
@@ -130,12 +143,19 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     let mut report = StepReport::default();
     let time = context.state.time;
     context.move_prescribed(time, time + dt);
+    context.stop_held();
     context.first_half(dt, &mut report); // B.1
+    if report.not_finite.is_some() {
+        return report;
+    }
     context.repel_half_velocities(dt); // B.2
     context.filter_half_velocities(dt); // B.2, after it
     context.end_positions(dt); // B.3, B.4
     context.collide_after_position(dt); // C, in the order of the authors' later code
     context.second_half(dt, &mut report); // B.5, B.6
+    if report.not_finite.is_some() {
+        return report;
+    }
     context.final_velocities(dt); // B.7
     context.repel_final_velocities(dt); // B.8
     context.filter_final_velocities(dt); // B.8, after it
@@ -168,6 +188,14 @@ impl StepContext<'_> {
         });
     }
 
+    /// What is held loses its velocity.
+    fn stop_held(&mut self) {
+        if let Some(held) = self.held {
+            held.iter().for_each(|vertex| self.state.v[*vertex as usize] = Vec3::zeros());
+            self.parts.halo().refresh(self.parts.ranks(), &mut self.state.v);
+        }
+    }
+
     /// How far along the velocity both solves follow the elastic forces [s]; not at all in the paper's step.
     fn implicit_over(&self, dt: f64) -> Option<f64> {
         match self.integrator {
@@ -191,6 +219,7 @@ impl StepContext<'_> {
             reaches_ghosts,
             scratch,
             stop,
+            held,
             metrics,
             ..
         } = self;
@@ -209,6 +238,7 @@ impl StepContext<'_> {
                 reaches_ghosts,
                 stop: *stop,
                 implicit_over,
+                held: held.unwrap_or_default(),
             };
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
             note(outcome, "B.1", parts, m, report);
@@ -317,6 +347,7 @@ impl StepContext<'_> {
             reaches_ghosts,
             scratch,
             stop,
+            held,
             metrics,
             ..
         } = self;
@@ -347,6 +378,7 @@ impl StepContext<'_> {
                 reaches_ghosts,
                 stop: *stop,
                 implicit_over,
+                held: held.unwrap_or_default(),
             };
             let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
             note(outcome, "B.5", parts, m, report);
@@ -390,6 +422,7 @@ fn note(outcome: Outcome, stage: &'static str, parts: &Parts, metrics: &mut Metr
     report.cg_iterations += outcome.iterations;
     metrics.count_once(parts.ranks(), "cg_iterations", outcome.iterations as u64);
     metrics.count_once(parts.ranks(), "cg_short", u64::from(!outcome.converged));
+    report.diverged |= outcome.worse;
     if !outcome.finite {
         report.not_finite = report.not_finite.or(Some(stage));
     }

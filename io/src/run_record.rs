@@ -8,13 +8,14 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::FrameSummary;
+use drapery_core::simulation::{BrokenAttachment, FrameSummary};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
+use crate::shot::bundle::recovery_value;
 
 /// Stage of a frame that holds all stages of the solver.
 pub const SIMULATE: &str = "simulate";
@@ -240,7 +241,7 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
     // What the solver took is told by its own stages.
     let around = spent.stages().iter().filter(|stage| stage.name != SIMULATE);
     around.for_each(|stage| all.add_time(stage.name.clone(), stage.seconds, stage.calls));
-    json!({
+    let mut record = json!({
         "record": "frame",
         "frame": summary.frame,
         "seconds": seconds,
@@ -255,7 +256,15 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         "resident_bytes": resident_bytes(),
         "stages": stages(&all),
         "counts": counts(&all),
-    })
+    });
+    if !summary.recoveries.is_empty() {
+        record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
+    }
+    if !summary.broken.is_empty() {
+        let broken = |b: &BrokenAttachment| json!({"garment": b.garment, "vertex": b.vertex, "pin": b.pin});
+        record["broken_attachments"] = summary.broken.iter().map(broken).collect();
+    }
+    record
 }
 
 /// Stages with seconds and calls, in the order of their first call; over ranks the seconds are their mean, with the least and

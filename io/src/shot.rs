@@ -6,6 +6,7 @@
 //!
 //! On many ranks all this happens on rank 0; the others [`follow`](crew::follow).
 
+pub mod bundle;
 pub(crate) mod check;
 pub mod crew;
 mod folder;
@@ -22,6 +23,7 @@ mod totals;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{SceneDescription, Timeline};
@@ -199,6 +201,16 @@ impl Shot {
     /// The simulation at its start: what will run, and why.
     pub fn simulation(&self) -> &Simulation {
         self.crew.simulation()
+    }
+
+    /// Simulates the first frames after the start, in memory and on one rank, and says what one of them has cost in the mean.
+    ///
+    /// # Errors
+    /// An input breaks; the solver gives up.
+    pub fn trial(mut self, frames: u32) -> Result<FrameCost, ShotError> {
+        let start = self.about.timeline.start;
+        let inputs = (1..=i64::from(frames)).map(|frame| self.inputs.at(start + frame));
+        self.crew.trial(inputs)
     }
 
     /// Name of the shot.

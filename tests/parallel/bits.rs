@@ -8,6 +8,7 @@ use drapery_core::mesh::PolygonMesh;
 use drapery_core::parallel::communicator::Communicator;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::painted::PaintedMap;
 use drapery_core::scene::{
     BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription,
     PinHold, PinTarget, RigidMotion, Scene, SceneDescription, SeamDescription, WindGridShape,
@@ -152,7 +153,7 @@ fn a_hanging_sheet_with_springs_and_late_pins() {
         axes: [true; 3],
         from: 0.004,
         until: f64::INFINITY,
-        hold: PinHold::Spring { stiffness: 30.0, damping_ratio: 0.5 },
+        hold: PinHold::Spring { stiffness: 30.0, damping_ratio: 0.5, break_force: Some(0.4) },
     });
     description.effects.push(EffectRequest::of_scene("attachments"));
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
@@ -260,6 +261,36 @@ fn two_sheets_that_meet_on_a_deforming_ball() {
     shot.has_the_same_bits_everywhere();
 }
 
+/// Every effect that works on triangles or edges over borders of parts, with pins that come and go.
+#[test]
+fn a_membrane_with_altitudes_ether_and_a_limit_on_its_strain() {
+    let mut description = cloth(0.0);
+    description.effects.retain(|effect| effect.effect == "gravity");
+    let membrane = EffectRequest::of_garment("membrane", 0).with("warp", 6.0).with("weft", 2.0).with("shear", 0.5);
+    description.effects.push(membrane.with_vector("grain", [1.0, 0.0, 0.4]).with("thin_triangles", 0.1));
+    description.effects.push(EffectRequest::of_garment("shear", 0).with("stiffness", 1.0).with("compressed_by", 0.02));
+    let limit = EffectRequest::of_garment("strain_limit", 0).with("limit", 0.02).with("compression", 0.3);
+    description.effects.push(limit.with("sweeps", 40.0));
+    description.effects.push(EffectRequest::of_scene("ether_drag").with("rate", 1.0));
+    // Thrown apart, so that the limit acts from the start and across all borders.
+    let apart = |p: &Vec3| Vec3::new(2.0 * p.x, (9.0 * p.z).sin(), 2.0 * p.z);
+    let points = &description.garments[0].mesh.points;
+    description.garments[0].start_velocities = Some(points.iter().map(apart).collect());
+    add_pins(&mut description, vec![0, 80]);
+    description.pins.push(PinDescription {
+        garment: 0,
+        target: PinTarget::Path { anchor: PinAnchor::WhenHeld, vertices: vec![3280, 3281], offsets: Vec::new() },
+        axes: [true, false, true],
+        from: 0.01,
+        until: 0.025,
+        hold: PinHold::Hard,
+    });
+    let shot = Shot { description, input: no_input, frames: 4 };
+    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
+    assert!(summaries.iter().all(|s| s.metrics.counted("strain_limit_sweeps") > 0), "the limit acts");
+    shot.has_the_same_bits_everywhere();
+}
+
 /// Gusts that turn and grow, on 4 by 4 by 4 nodes.
 fn gusts(frame: i64) -> FrameInput {
     let time = frame as f64 / 120.0;
@@ -336,4 +367,24 @@ fn variants_of_the_method_on_a_deforming_ball() {
     let counted = |name: &str| summaries.iter().map(|summary| summary.metrics.counted(name)).sum::<u64>();
     assert!(counted("repulsions") > 0 && counted("collision_hits") > 0, "the sheets meet");
     shot.has_the_same_bits_everywhere();
+}
+
+#[test]
+fn a_painted_sheet_that_is_blown_over_a_floor() {
+    let mut description = cloth(0.003);
+    description.garments[0].thickness = 0.002;
+    description.garments[0].velocity = Vec3::new(1.0, -0.5, 0.3);
+    add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), 0.3);
+    description.effects.push(EffectRequest::of_scene("self_repulsion"));
+    let wind = EffectRequest::of_scene("wind").with("density", 1.0).with_vector("velocity", [2.0, 1.0, 0.0]);
+    description.effects.push(wind);
+    for (name, absolute, step) in
+        [("density", false, 1e-4), ("thickness", true, 1e-7), ("friction", true, 1e-4), ("stretch", false, 1e-4)]
+    {
+        let values = (0..81 * 81).map(|v| step * (2000 + v) as f64).collect();
+        description.garments[0].maps.insert(name.into(), PaintedMap { values, absolute });
+    }
+    let values = (0..81 * 81).map(|v| f64::from(v % 3)).collect();
+    description.garments[0].maps.insert("wind".into(), PaintedMap { values, absolute: false });
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }

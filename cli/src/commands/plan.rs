@@ -1,8 +1,6 @@
 //! `drapery plan`: what will run and why.
 
-use drapery_core::effects::{Need, PlannedEffect};
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::settings::{Origin, SettingValue};
 use drapery_io::formats;
 use drapery_io::shot::Shot;
 use serde_json::{Value, json};
@@ -13,8 +11,10 @@ use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::{plan, say};
 
+use effects::Costs;
 use sources::Said;
 
+mod effects;
 mod sources;
 
 /// Prints the plan.
@@ -22,15 +22,30 @@ pub(crate) fn plan(args: &PlanArgs, around: &Surroundings) -> Result<ExitCode, F
     let settings = RunSettings::choose(&args.settings, around)?;
     let (shot, (threads, _)) = plan::prepare(&args.scene, around, &Ranks::default())?;
     let said = sources::all(args, around, &settings, (&shot, &threads));
+    let costs = costs(args, around, &shot)?;
     if args.json {
-        say::line(format_args!("{:#}", as_json(&shot, &threads, &said)));
+        say::line(format_args!("{:#}", as_json(&shot, &threads, &said, &costs)));
     } else {
-        say::line(as_text(&shot, &threads, &said));
+        say::line(as_text(&shot, &threads, &said, &costs));
     }
     Ok(ExitCode::Done)
 }
 
-fn as_text(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> String {
+/// What a frame costs: expected, or measured in a copy of the shot.
+fn costs(args: &PlanArgs, around: &Surroundings, shot: &Shot) -> Result<Costs, Failure> {
+    let Some(frames) = args.measure else {
+        return Ok(Costs { frame: shot.simulation().expected_cost(), measured: None });
+    };
+    let trial = plan::shot(&args.scene, around, &Ranks::default())?;
+    let most = u32::try_from(shot.frame_count().saturating_sub(1)).unwrap_or(u32::MAX);
+    if frames > most {
+        let text = format!("--measure {frames}: only {most} frames follow the start of this shot");
+        return Err(Failure::new(ExitCode::Usage, text));
+    }
+    Ok(Costs { frame: trial.trial(frames)?, measured: Some(frames) })
+}
+
+fn as_text(shot: &Shot, threads: &Chosen<usize>, said: &[Said], costs: &Costs) -> String {
     let timeline = shot.timeline();
     let [first, last] = shot.frames();
     let (numerator, denominator) = (timeline.fps_numerator, timeline.fps_denominator);
@@ -40,12 +55,7 @@ fn as_text(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> String {
     }
     text += &format!("threads: {} ({})\n", threads.value, threads.source);
     text += &scene_text(shot);
-    text += "\neffects, in the order of execution\n";
-    for effect in shot.simulation().plan() {
-        text += &effect_text(effect);
-    }
-    text += "  an effect that is not here allocates nothing and runs nothing\n";
-    text += &format!("\nshared structures: {}\n", structures(shot).join(", "));
+    text += &effects::text(shot.simulation(), costs);
     let (state, effects) = bytes(shot);
     text += &format!("memory: {} state and scratch, {} effects\n", mebibytes(state), mebibytes(effects));
     text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
@@ -76,51 +86,6 @@ fn scene_text(shot: &Shot) -> String {
     text
 }
 
-fn effect_text(effect: &PlannedEffect) -> String {
-    let on = effect.garment.as_ref().map_or(String::new(), |garment| format!(" of {garment}"));
-    let mut text = format!("  {}{on}: {}\n", effect.name, effect.because);
-    for (name, value, origin) in effect.settings.iter() {
-        text += &format!("    {name} = {} ({})\n", value_text(value), origin_word(origin));
-    }
-    for note in &effect.notes {
-        text += &format!("    note: {note}\n");
-    }
-    text
-}
-
-fn value_text(value: &SettingValue) -> String {
-    match value {
-        SettingValue::Number(number) => number.to_string(),
-        SettingValue::Text(text) => text.clone(),
-        SettingValue::Vector(vector) => format!("{vector:?}"),
-        SettingValue::Flag(flag) => flag.to_string(),
-        SettingValue::Keys(keys) => format!("{keys:?}"),
-    }
-}
-
-fn origin_word(origin: Origin) -> &'static str {
-    match origin {
-        Origin::Scene => "scene",
-        Origin::Default => "default",
-    }
-}
-
-/// The structures that some effect needs, each once.
-fn structures(shot: &Shot) -> Vec<&'static str> {
-    let mut needs: Vec<Need> = shot.simulation().plan().iter().flat_map(|effect| effect.needs).copied().collect();
-    needs.sort_unstable();
-    needs.dedup();
-    let word = |need: &Need| match need {
-        Need::State => "masses and parts",
-        Need::PinTargets => "pin targets",
-        Need::Bodies => "bodies and their trees",
-        Need::ClothSurface => "trees over the triangles of cloth",
-        Need::PairList => "list of close pairs",
-        Need::SecondRing => "a second ring of triangles around parts of other ranks",
-    };
-    needs.iter().map(word).collect()
-}
-
 fn bytes(shot: &Shot) -> (usize, usize) {
     let simulation = shot.simulation();
     (simulation.bytes(), simulation.plan().iter().map(|effect| effect.bytes).sum())
@@ -140,31 +105,10 @@ fn output_text(shot: &Shot) -> String {
     text
 }
 
-fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> Value {
+fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said], costs: &Costs) -> Value {
     let said: serde_json::Map<String, Value> =
         said.iter().map(|s| (s.what.to_owned(), json!({"value": s.value, "from": s.source}))).collect();
     let timeline = shot.timeline();
-    let effect = |effect: &PlannedEffect| {
-        let setting = |(name, value, origin): (&str, &SettingValue, Origin)| {
-            let value = match value {
-                SettingValue::Number(number) => json!(number),
-                SettingValue::Text(text) => json!(text),
-                SettingValue::Vector(vector) => json!(vector),
-                SettingValue::Flag(flag) => json!(flag),
-                SettingValue::Keys(keys) => json!(keys),
-            };
-            (name.to_owned(), json!({"value": value, "from": origin_word(origin)}))
-        };
-        let settings: serde_json::Map<String, Value> = effect.settings.iter().map(setting).collect();
-        json!({
-            "effect": effect.name,
-            "garment": effect.garment,
-            "because": effect.because,
-            "settings": settings,
-            "bytes": effect.bytes,
-            "notes": effect.notes,
-        })
-    };
     let scene = shot.simulation().scene();
     let garments: Vec<Value> = scene
         .description()
@@ -175,8 +119,9 @@ fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> Value {
             json!({"name": garment.name, "points": mesh.rest_positions().len(), "triangles": mesh.triangles().len()})
         })
         .collect();
-    let (state, effects) = bytes(shot);
-    json!({
+    let (state, of_effects) = bytes(shot);
+    let mut plan = effects::as_json(shot.simulation(), costs);
+    let rest = json!({
         "shot": shot.name(),
         "frames": shot.frames(),
         "start_frame": timeline.start,
@@ -185,10 +130,12 @@ fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said]) -> Value {
         "run": said,
         "garments": garments,
         "bodies": scene.description().bodies.iter().map(|body| &body.name).collect::<Vec<_>>(),
-        "effects": shot.simulation().plan().iter().map(effect).collect::<Vec<_>>(),
-        "structures": structures(shot),
-        "bytes": {"state": state, "effects": effects},
+        "bytes": {"state": state, "effects": of_effects},
         "formats": shot.output().formats,
         "resolved": shot.resolved(),
-    })
+    });
+    if let (Value::Object(plan), Value::Object(rest)) = (&mut plan, rest) {
+        plan.extend(rest);
+    }
+    plan
 }

@@ -1,6 +1,7 @@
 //! The command from outside: a folder, a command line, the expected text and exit code.
 
 mod bad_input;
+mod effects;
 mod inspection;
 mod run;
 mod site;

@@ -45,7 +45,8 @@ fn errors(record: &Value) -> Vec<Value> {
 #[test]
 fn errors_of_a_smooth_scene_fall_with_the_step_and_come_out_the_same_again() {
     let folder = folder_with(HANGING);
-    let vary = ["--vary", "cfl=2,1,0.5", "--repeats=1"];
+    // Solves to the end: with the scene's own tolerance it is that which decides.
+    let vary = ["--vary", "cfl=2,1,0.5", "--repeats=1", "--set", "solver.cg_tolerance=1e-9"];
     let study = drapery(folder.path(), &[&STUDY[..], &vary].concat());
     assert_eq!(study.code, Some(0), "{}", study.stderr);
     for word in ["setting", "cfl 0.5", "order of convergence", "wrote s/study.csv", "wrote s/report.html"] {
@@ -58,13 +59,14 @@ fn errors_of_a_smooth_scene_fall_with_the_step_and_come_out_the_same_again() {
         sample["from_reference"].as_array().unwrap().last().unwrap()["rms"].as_f64().unwrap()
     };
     let errors_of: Vec<f64> = ["as the scene", "cfl 2", "cfl 1", "cfl 0.5"].map(last).into();
-    assert!(errors_of.windows(2).all(|pair| pair[1] < pair[0]), "{errors_of:?}");
+    // Of second order: a quarter of the error for half the step, here at least less than half.
+    assert!(errors_of.windows(2).all(|pair| pair[1] < 0.5 * pair[0]), "{errors_of:?}");
     // The own error of the reference is told, and is a small part of them.
     let own = first["own_error"].as_array().unwrap().last().unwrap().as_f64().unwrap();
     assert!(own < 0.1 * errors_of[1], "{own} {errors_of:?}");
     let again = drapery(folder.path(), &[&STUDY[..], &vary, &["--overwrite", "-q"]].concat());
     assert_eq!(again.code, Some(0), "{}", again.stderr);
-    assert_eq!(errors(&first), errors(&record(folder.path())));
+    assert!(errors(&first) == errors(&record(folder.path())), "another run has other errors");
 }
 
 #[test]
@@ -100,7 +102,7 @@ fn a_study_that_is_run_again_goes_on_and_does_nothing_twice() {
     let rest = drapery(folder.path(), &arguments);
     assert_eq!(rest.code, Some(0), "{}", rest.stderr);
     assert_eq!(rest.stdout.lines().filter(|line| line.starts_with("run ")).count(), 3, "{}", rest.stdout);
-    assert_eq!(errors(&whole), errors(&record(folder.path())));
+    assert!(errors(&whole) == errors(&record(folder.path())), "what was there has changed");
     let nothing = drapery(folder.path(), &arguments);
     assert!(!nothing.stdout.contains("run 1 of"), "{}", nothing.stdout);
     // Another question is another study.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::Bodies;
 use crate::contact::exact_check::{crossings, ignored_pairs, pinched_vertices};
-use crate::contact::geometric::{CollisionLoop, Collisions, Resolution};
+use crate::contact::geometric::{CollisionLoop, Collisions, Effort, Resolution};
 use crate::contact::neighbours::Neighbours;
 use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
@@ -105,6 +105,12 @@ pub struct SelfContact {
     wear: f64,
     /// Longest way since the list was made, at the last collision-free state.
     used: f64,
+    /// How hard the collisions of this collision step are resolved.
+    effort: Effort,
+    /// Vertices that nothing repels in this collision step, by their numbers in the scene, ascending.
+    thinned: Vec<u32>,
+    /// Vertices of zones that stayed where they were in the last collision step, likewise; those that this rank has solved.
+    stopped: Vec<u32>,
 }
 
 /// How a collision step ended.
@@ -112,6 +118,8 @@ pub struct SelfContact {
 pub enum Ending {
     /// The state is free of collisions, or as good as can be; this says what was left.
     Resolved,
+    /// So is this one, but zones stayed where they were because nothing else resolved them.
+    Stopped,
     /// The state was put back to the start of the collision step, to be tried again with shorter ones.
     Rewound,
 }
@@ -143,6 +151,9 @@ impl SelfContact {
             start_time: 0.0,
             wear: 0.0,
             used: f64::INFINITY,
+            effort: Effort::Usual,
+            thinned: Vec::new(),
+            stopped: Vec::new(),
             surface,
         }
     }
@@ -197,6 +208,18 @@ impl SelfContact {
         self.geometric.as_ref().map_or(1.0, |g| g.control.share)
     }
 
+    /// Says how hard the next collision step is tried, and which vertices nothing repels in it, by their numbers in the scene,
+    /// ascending: alike on all ranks.
+    pub fn set_effort(&mut self, effort: Effort, thinned: Vec<u32>) {
+        (self.effort, self.thinned) = (effort, thinned);
+    }
+
+    /// Vertices of zones that stayed where they were in the last collision step, by their numbers in the scene; those that this
+    /// rank has solved.
+    pub fn stopped_vertices(&self) -> &[u32] {
+        &self.stopped
+    }
+
     /// A: remembers the collision-free state and gives close pairs their sides; returns how many time steps of length `dt` [s]
     /// the collision step may have.
     pub fn begin_interval(&mut self, state: &State, bodies: &Bodies, dt: f64, metrics: &mut Metrics) -> u32 {
@@ -225,7 +248,11 @@ impl SelfContact {
             // What acts at the start of the collision step alone has no need of pairs that come close later.
             let ahead = if repulsions.per_collision_step() { 0.0 } else { way.min(self.neighbours.reach()) };
             let slack = 2.0 * ahead * self.surface.longest_edge();
-            let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
+            let is_thinned = |pair: &Pair| pair.nodes.iter().any(|number| self.thinned.binary_search(number).is_ok());
+            let is_ignored = |pair: &Pair| {
+                ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok())
+                    || (!self.thinned.is_empty() && is_thinned(pair))
+            };
             repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
         }
         let ranks = self.surface.ranks();
@@ -358,7 +385,10 @@ impl SelfContact {
         if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings) {
             self.check(&outcome.moved, (x, v), bodies, duration, metrics);
         }
-        Ending::Resolved
+        let cloth = self.surface.nodes().all_cloth();
+        self.stopped.clear();
+        self.stopped.extend(outcome.stopped_nodes.iter().filter(|number| **number < cloth));
+        if outcome.stopped { Ending::Stopped } else { Ending::Resolved }
     }
 
     /// Stops what would pass through something on the paths, of which `used` is the longest way. The ghosts are those of
@@ -379,6 +409,7 @@ impl SelfContact {
             duration,
             ignored: &is_ignored,
             may_give_back: may_rewind && control.steps > 1,
+            effort: self.effort,
         };
         let kept = collisions.surface.nodes().clone();
         let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
@@ -568,9 +599,10 @@ impl Geometric {
     }
 }
 
-/// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest coordinate.
+/// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest distance from
+/// the origin, which does not change when the scene is turned.
 fn gap(ranks: &Ranks, x: &[Vec3]) -> f64 {
-    let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.amax()));
+    let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.norm()));
     GAP_ROUNDINGS * f64::from(f32::EPSILON) * ranks.max(largest)
 }
 

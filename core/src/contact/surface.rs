@@ -66,7 +66,9 @@ impl ContactSurface {
             _ => None,
         };
         let shapes = scene.description().bodies.iter().map(|body| &body.shape).enumerate();
-        let bodies: Vec<BodyFaces<'_>> = shapes.filter_map(of_body).collect();
+        // Without their effect bodies are there only for pins to follow.
+        let collide = scene.description().effects.iter().any(|request| request.effect == "body_collision");
+        let bodies: Vec<BodyFaces<'_>> = shapes.filter(|_| collide).filter_map(of_body).collect();
         let surface = Self::of_share(ClothShare::of(scene, clamp), &bodies);
         let starts = scene.parts().partition().starts().iter().map(|start| *start as u32);
         Self { nodes: surface.nodes.with_parts(starts), ..surface }

@@ -24,7 +24,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: FIELDS,
     needs: &[Need::State],
     requires: &[],
-    cost: Cost { elements: "springs", step: 30.0, iteration: 8.0 },
+    cost: Cost { elements: "springs", step: 6.0, iteration: 0.8 },
     section: None,
     counts: &[],
     build,

@@ -25,7 +25,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     }],
     needs: &[Need::State],
     requires: &[],
-    cost: Cost { elements: "vertices", step: 2.0, iteration: 0.0 },
+    cost: Cost { elements: "vertices", step: 1.0, iteration: 0.0 },
     section: None,
     counts: &[],
     build,

@@ -134,9 +134,14 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         let advice = "move its table under a [[garment]]";
         return Err(Problem::scene("membrane", "this effect acts on one garment", advice));
     };
+    let description = context.scene.description();
+    let place = format!("garment \"{}\", membrane", description.garments[garment].name);
+    if description.effects.iter().any(|e| e.effect == "stretch" && e.garment == Some(garment)) {
+        let what = "`stretch` is asked for as well, and both resist the same stretching";
+        return Err(Problem::scene(place, what, "remove one of the two tables"));
+    }
     let grain = Vec3::from(settings.vector("grain"));
     if grain == Vec3::zeros() {
-        let place = format!("garment \"{}\", membrane", context.scene.description().garments[garment].name);
         return Err(Problem::scene(place, "`grain` has no direction", "write for example grain = [0, 1, 0]"));
     }
     let moduli = moduli(settings);

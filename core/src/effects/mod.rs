@@ -7,6 +7,7 @@ pub mod attachments;
 pub mod bending;
 pub mod body_collision;
 pub mod corners;
+pub mod cost;
 pub mod dihedral_bending;
 pub mod ether_drag;
 pub mod gravity;
@@ -40,6 +41,8 @@ use crate::volumes::{Volume, Volumes};
 use crate::wind_grid::WindGrid;
 
 pub use crate::remembered::ElementRows;
+
+pub use cost::Cost;
 
 /// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
 macro_rules! effects {
@@ -118,17 +121,6 @@ pub struct Section {
     pub name: &'static str,
     /// Version of its layout.
     pub version: u32,
-}
-
-/// What an effect costs on the machine of docs/effects.md: by this the plan expects its share of a frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cost {
-    /// What it works on, as in "springs"; it may be many elements or few.
-    pub elements: &'static str,
-    /// In each time step, besides the solves [ns per element].
-    pub step: f64,
-    /// In each iteration of a solve [ns per element].
-    pub iteration: f64,
 }
 
 /// What the registry knows of an effect.
@@ -364,6 +356,8 @@ pub struct PlannedEffect {
     pub settings: Settings,
     /// Structures that it needs.
     pub needs: &'static [Need],
+    /// What it costs per element.
+    pub cost: Cost,
     /// Number of elements of the kind that its cost names.
     pub elements: usize,
     /// Memory held [bytes].
@@ -421,9 +415,9 @@ pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems
         match (spec.build)(&settings, &BuildContext { scene, garment: request.garment }) {
             Ok(effect) => {
                 let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
-                let (needs, elements) = (spec.needs, effect.elements);
+                let (needs, cost, elements) = (spec.needs, spec.cost, effect.elements);
                 let planned =
-                    PlannedEffect { name: spec.name, garment, because, settings, needs, elements, bytes, notes };
+                    PlannedEffect { name: spec.name, garment, because, settings, needs, cost, elements, bytes, notes };
                 built.push((planned, effect));
             }
             Err(problem) => problems.push(problem),

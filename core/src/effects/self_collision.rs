@@ -37,7 +37,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
     requires: &[],
-    cost: Cost { elements: "triangles", step: 200.0, iteration: 0.0 },
+    cost: Cost { elements: "triangles", step: 40.0, iteration: 0.0 },
     section: Some(SECTION),
     counts: &[
         "collision_steps",

@@ -75,7 +75,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
     requires: &[],
-    cost: Cost { elements: "triangles", step: 300.0, iteration: 0.0 },
+    cost: Cost { elements: "triangles", step: 60.0, iteration: 0.0 },
     section: Some(SECTION),
     counts: &[
         "repulsions",

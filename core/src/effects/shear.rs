@@ -110,7 +110,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let shortest = |springs: &[SpringElement]| springs.iter().map(|s| s.rest_length).fold(f64::INFINITY, f64::min);
     let counted = corners.iter().zip(springs.chunks(3)).filter(|(corners, _)| is_own(corners));
     let lengths: Vec<f64> = counted.map(|(_, springs)| shortest(springs)).collect();
-    let (stiffnesses, notes) = springs::stiffnesses_of(settings, context, "shear", (&springs, &lengths))?;
+    let (stiffnesses, _, notes) = springs::stiffnesses_of(settings, context, "shear", (&springs, &lengths))?;
     let damping_ratio = settings.number("damping_ratio");
     let triangle = |number: usize| {
         let inverse = corners[number].map(|corner| 1.0 / scene.masses()[corner]);

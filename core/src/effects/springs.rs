@@ -12,6 +12,7 @@ use crate::effects::{BuildContext, Effect};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::parallel::ranks::Ranks;
+use crate::scene::painted::PaintedMap;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// How the stiffness of each spring follows from a setting.
@@ -107,14 +108,21 @@ pub fn build_effect(
     // Each spring counts at the rank that owns its first vertex.
     let counts = elements.iter().filter(|e| e.vertices.iter().min().is_some_and(|first| is_own(*first)));
     let lengths: Vec<f64> = counts.map(|e| e.rest_length).collect();
-    let (stiffnesses, notes) = stiffnesses_of(settings, context, name, (&elements, &lengths))?;
+    let (stiffnesses, shortest, notes) = stiffnesses_of(settings, context, name, (&elements, &lengths))?;
     let damping_ratio = settings.number("damping_ratio");
-    let (forces, bytes) =
-        part_springs::build(context.scene, garment, &elements, &stiffnesses, damping_ratio, measures_strain);
+    let (forces, bytes) = part_springs::build(
+        context.scene,
+        garment,
+        &elements,
+        (&stiffnesses, shortest),
+        damping_ratio,
+        measures_strain,
+    );
     Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
 }
 
-/// Stiffness of each spring [N/m] as the settings say, and notes for the plan; `lengths` are those that count at this rank.
+/// Stiffness of each spring [N/m] as the settings say, the length to which shorter ones are softened [m], and notes for the
+/// plan; `lengths` are those that count at this rank.
 ///
 /// # Errors
 /// The stiffness is given twice or not at all.
@@ -123,25 +131,26 @@ pub(super) fn stiffnesses_of(
     context: &BuildContext<'_>,
     name: &str,
     (elements, lengths): (&[SpringElement], &[f64]),
-) -> Result<(Vec<f64>, Vec<String>), Problem> {
+) -> Result<(Vec<f64>, f64, Vec<String>), Problem> {
     let stiffness = stiffness_setting(settings).map_err(|e| {
         let garments = &context.scene.description().garments;
         let place = context.garment.map_or_else(String::new, |g| format!("garment \"{}\", {name}", garments[g].name));
         Problem::scene(place, e, "give one of them")
     })?;
     let ranks = context.scene.parts().ranks();
-    Ok(stiffnesses(elements, lengths, stiffness, settings.optional("short_edges"), ranks))
+    let painted = context.garment.and_then(|garment| context.scene.painted(garment, name));
+    Ok(stiffnesses(elements, lengths, (stiffness, painted), settings.optional("short_edges"), ranks))
 }
 
-/// Stiffness of each spring [N/m], and a note on those that were softened (method 1.4: a rest length that is clamped
-/// from below in the stiffness, not in the length at rest).
+/// Stiffness of each spring [N/m], the length to which the shorter ones are softened [m], and a note on those (method 1.4: a
+/// rest length that is clamped from below in the stiffness and in the rate of strain, not in the length at rest).
 fn stiffnesses(
     elements: &[SpringElement],
     lengths: &[f64],
-    stiffness: Stiffness,
+    (stiffness, painted): (Stiffness, Option<&PaintedMap>),
     short_edges: Option<f64>,
     ranks: &Ranks,
-) -> (Vec<f64>, Vec<String>) {
+) -> (Vec<f64>, f64, Vec<String>) {
     let default = if matches!(stiffness, Stiffness::Membrane(_)) { SHORT_EDGES } else { 0.0 };
     let [count] = ranks.sum_of([lengths.len() as u64]);
     let place = (short_edges.unwrap_or(default) * count as f64) as u64;
@@ -149,16 +158,18 @@ fn stiffnesses(
     let [softened] = ranks.sum_of([lengths.iter().filter(|l| **l < shortest).count() as u64]);
     let of = |element: &SpringElement| {
         let length = element.rest_length.max(shortest);
+        // A spring has the mean of what is painted at its ends.
+        let local = |of_garment: f64| painted.map_or(of_garment, |map| map.mean(&element.vertices, of_garment));
         match stiffness {
-            Stiffness::Membrane(y) => y * element.area / (length * length),
-            Stiffness::Constant(e) => e / length,
+            Stiffness::Membrane(y) => local(y) * element.area / (length * length),
+            Stiffness::Constant(e) => local(e) / length,
         }
     };
     let note = format!(
         "{softened} springs shorter than {:.3} mm are softened to that length, so that they do not set the time step",
         1e3 * shortest
     );
-    (elements.iter().map(of).collect(), if softened > 0 { vec![note] } else { Vec::new() })
+    (elements.iter().map(of).collect(), shortest, if softened > 0 { vec![note] } else { Vec::new() })
 }
 
 /// The value that so many of all ranks' lengths are not longer than before it: that at `place` if they stood in order.

@@ -45,7 +45,7 @@ pub static SPEC: EffectSpec = EffectSpec {
             name: "limit",
             dimension: Dimension::None,
             default: Default::Number(0.1),
-            range: (1e-3, 10.0),
+            range: (0.001, 10.0),
             help: "largest change of an edge's length by its rest length; woven cloth stops at 3 % to 15 %",
         },
         Field {
@@ -82,12 +82,8 @@ const SWEEPS_PER_LOOK: usize = 8;
 const LOOKS_PER_VERDICT: usize = 4;
 const WORTHWHILE: f64 = 0.95;
 
-/// The same for a round: all sweeps about one state.
-const WORTHWHILE_ROUND: f64 = 0.9;
-
-/// Largest impulse of an edge in one round, by that which alone moves its ends by its own length in the step, with all edges
-/// around it pulling alike. A larger one would turn the edges around it faster than they are known.
-const LARGEST_PULL: f64 = 1.0;
+/// Smallest share of a round's change that is tried where the whole makes edges longer on average, by the square.
+const SHORTEST_WAY: f64 = 0.1;
 
 /// Lengths that edges may have, by their rest lengths.
 #[derive(Debug, Clone, Copy)]
@@ -109,8 +105,9 @@ struct StrainLimit {
     valence: Vec<f64>,
     /// Change of velocity of the local vertices [m/s].
     change: Vec<Vec3>,
-    /// Largest excess over what is allowed in each own part, by rest length.
+    /// Largest excess over what is allowed in each own part, by rest length, and the sum of its squares.
     excess: Vec<f64>,
+    squares: Vec<f64>,
 }
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
@@ -138,6 +135,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         valence,
         change: vec![Vec3::zeros(); parts.local_count()],
         excess: vec![0.0; edges.len()],
+        squares: vec![0.0; edges.len()],
         edges,
     };
     let elements = limit.edges.iter().map(PartEdges::counted).sum();
@@ -170,23 +168,21 @@ impl VelocityFilter for StrainLimit {
         purpose: Purpose,
         metrics: &mut Metrics,
     ) {
-        let (mut sweeps, mut before) = (0, f64::INFINITY);
+        let (mut sweeps, mut before, mut taken) = (0, f64::INFINITY, 0.0);
         loop {
-            parts.halo().refresh(parts.ranks(), v);
-            let Self { limits, edges, mobility, valence, excess, .. } = self;
-            let seen: &[Vec3] = v;
-            parts.for_each((PerPart(edges), PerPart(excess)), &|_, (edges, excess)| {
-                excess.0[0] = edges.0[0].begin((x, seen), dt, (*limits, purpose), (mobility, valence));
-            });
-            let worst = self.worst(parts);
-            if worst <= STRAIN_OVER_LIMIT || worst > WORTHWHILE_ROUND * before || sweeps >= self.sweeps {
+            let (worst, squares) = self.begin(parts, (x, v), dt, purpose);
+            if squares > before && taken > SHORTEST_WAY {
+                // Too far to be told from here: half of it back.
+                taken *= 0.5;
+                self.go(parts, -taken, v);
+                continue;
+            }
+            if worst <= STRAIN_OVER_LIMIT || squares > WORTHWHILE * before || sweeps >= self.sweeps {
                 break;
             }
-            before = worst;
+            (before, taken) = (squares, 1.0);
             sweeps += self.solve(parts, self.sweeps - sweeps);
-            for (v, change) in v[parts.own()].iter_mut().zip(&self.change[parts.own()]) {
-                *v += change;
-            }
+            self.go(parts, taken, v);
         }
         metrics.count_once(parts.ranks(), "strain_limit_sweeps", sweeps as u64);
         if purpose == Purpose::Positions {
@@ -197,6 +193,26 @@ impl VelocityFilter for StrainLimit {
 }
 
 impl StrainLimit {
+    /// Begins a round of sweeps. Returns the largest excess over what is allowed, by rest length, and the sum of its squares.
+    fn begin(&mut self, parts: &Parts, (x, v): (&[Vec3], &mut [Vec3]), dt: f64, purpose: Purpose) -> (f64, f64) {
+        parts.halo().refresh(parts.ranks(), v);
+        let Self { limits, edges, mobility, valence, excess, squares, .. } = self;
+        let seen: &[Vec3] = v;
+        parts.for_each((PerPart(edges), PerPart(excess), PerPart(squares)), &|_, (edges, excess, squares)| {
+            let step = (dt, *limits, purpose);
+            (excess.0[0], squares.0[0]) = edges.0[0].begin((x, seen), step, (mobility, valence));
+        });
+        let [squares] = parts.join_parts(&[&self.squares]);
+        (self.worst(parts), squares)
+    }
+
+    /// Goes a share of the change that the sweeps found.
+    fn go(&self, parts: &Parts, share: f64, v: &mut [Vec3]) {
+        for (v, change) in v[parts.own()].iter_mut().zip(&self.change[parts.own()]) {
+            *v += change * share;
+        }
+    }
+
     /// The largest excess of all ranks, by rest length.
     fn worst(&self, parts: &Parts) -> f64 {
         parts.ranks().max(largest(&self.excess))

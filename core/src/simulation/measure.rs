@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{FrameSummary, Simulation, StrainRecord};
-use crate::Vec3;
+use super::recovery::is_finite;
+use super::{BrokenAttachment, FrameSummary, Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::{PartView, Surroundings};
 use crate::error::StepError;
@@ -35,10 +35,12 @@ impl Simulation {
         if self.self_contact.as_ref().is_some_and(SelfContact::keeps_free) {
             self.metrics.count_once(&ranks, "crossings", self.crossings.len() as u64);
         }
+        summary.broken = self.broken_in(summary.frame);
         summary.body_self_crossings = self.bodies.self_crossings() as u64;
         self.count_traffic();
         self.take_counts();
         summary.metrics = self.metrics.take().over_ranks(&ranks);
+        summary.recoveries = std::mem::take(&mut self.care.events);
         Ok(())
     }
 
@@ -49,8 +51,32 @@ impl Simulation {
         forces.iter_mut().flatten().for_each(|force| force.take_counts(&mut add));
     }
 
+    /// Attachments of all ranks that broke on the way to a frame, by pin and vertex.
+    fn broken_in(&self, frame: i64) -> Vec<BrokenAttachment> {
+        let description = self.scene.description();
+        if description.pins.iter().all(|pin| pin.hold.break_force().is_none()) {
+            return Vec::new();
+        }
+        let (parts, timeline) = (self.scene.parts(), description.timeline);
+        let here = self.targets.broken_between(timeline.time(frame - 1), timeline.time(frame)).into_iter();
+        let here: Vec<[u64; 3]> = here
+            .map(|(vertex, pin)| {
+                let (garment, own) = parts.own_vertex(vertex);
+                [pin as u64, garment as u64, own.into()]
+            })
+            .collect();
+        let mut all = self.ranks().all_gather_each(&here).concat();
+        all.sort_unstable();
+        let named = |[pin, garment, vertex]: [u64; 3]| BrokenAttachment {
+            garment: description.garments[garment as usize].name.clone(),
+            vertex: vertex as u32,
+            pin: pin as usize,
+        };
+        all.into_iter().map(named).collect()
+    }
+
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
-    fn largest_strain(&self) -> Option<StrainRecord> {
+    pub(super) fn largest_strain(&self) -> Option<StrainRecord> {
         let (parts, ranks) = (self.scene.parts(), self.ranks());
         let all = self.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.state.x));
         let numbered = all.map(|(strain, ends)| {
@@ -109,9 +135,4 @@ impl Simulation {
             dt,
         }
     }
-}
-
-/// Whether no component is infinite or not a number.
-fn is_finite(v: &Vec3) -> bool {
-    v.iter().all(|c| c.is_finite())
 }

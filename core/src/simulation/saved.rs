@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 
 /// Positions and velocities, which every scene has.
-const STATE: Section = Section { name: "state", version: 1 };
+const STATE: Section = Section { name: "state", version: 2 };
 
 /// Name of the rows of hinges, and how many vertices and values each has.
 const HINGES: &str = "hinges";
@@ -55,6 +55,8 @@ impl Simulation {
         let state = Remembered::new(STATE)
             .with("time", Field::Number(self.state.time))
             .with("last_step", Field::Number(self.limit.last()))
+            .with("halvings", Field::Count(self.care.saved()[0]))
+            .with("calm", Field::Count(self.care.saved()[1]))
             .with("positions", of_own(&self.state.x))
             .with("velocities", of_own(&self.state.v));
         let pins = (self.scene.pin_targets() > 0).then(|| self.targets.remember());
@@ -107,7 +109,7 @@ impl Simulation {
 
     /// Goes on from what was remembered at the frame `frame` or after it.
     pub(super) fn go_on(&mut self, frame: i64, memory: &[Remembered]) -> Result<(), SnapshotError> {
-        let Self { scene, state, targets, collision, self_contact, bodies, limit, .. } = self;
+        let Self { scene, state, targets, collision, self_contact, bodies, limit, care, .. } = self;
         let parts = scene.parts();
         let timeline = scene.description().timeline;
         let mut sections = memory.iter();
@@ -120,6 +122,7 @@ impl Simulation {
                 return Err(SnapshotError { section: STATE.name.to_owned(), what });
             }
             limit.set_last(section.number("last_step"));
+            care.go_on(["halvings", "calm"].map(|name| section.count(name)));
             for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
                 vectors[parts.own()].copy_from_slice(section.vectors(name));
                 parts.halo().refresh(parts.ranks(), vectors);

@@ -39,6 +39,8 @@ pub struct VelocityProblem<'a> {
     pub stop: Stop,
     /// How far along the velocity that is looked for elastic forces are followed [s]; `None` leaves them explicit.
     pub implicit_over: Option<f64>,
+    /// Own vertices that stay where they are in this step, ascending.
+    pub held: &'a [u32],
 }
 
 /// The operator `h M⁻¹ G` of a problem with the directions of the last update, and its constraints.
@@ -80,10 +82,22 @@ impl System for DampingSystem<'_> {
         if let Some(pins) = self.problem.pins {
             pins.project(part, start, self.problem.around.targets, r);
         }
+        self.problem.stop_held(start, r);
     }
 }
 
 impl VelocityProblem<'_> {
+    /// Sets what is held to zero in vectors of the vertices from `start` on.
+    fn stop_held(&self, start: usize, vectors: &mut [Vec3]) {
+        if self.held.is_empty() {
+            return;
+        }
+        let place = |vertex: usize| self.held.partition_point(|held| (*held as usize) < vertex);
+        for held in &self.held[place(start)..place(start + vectors.len())] {
+            vectors[*held as usize - start] = Vec3::zeros();
+        }
+    }
+
     /// Solves from `v`; the solution goes to `out`, `b = v + h M⁻¹ F` to `explicit`. Forces remember the directions at `x`.
     pub fn solve(
         &self,
@@ -116,6 +130,8 @@ impl VelocityProblem<'_> {
             if let Some(pins) = self.pins {
                 pins.set_velocities(part, range.start, self.around.targets, out.0);
             }
+            self.stop_held(range.start, explicit.0);
+            self.stop_held(range.start, out.0);
         });
         self.parts.halo().refresh(self.parts.ranks(), out);
         cg.solve(self.parts, self.masses, &DampingSystem { problem: self, forces }, out, self.stop)

@@ -154,9 +154,9 @@ impl Plot {
         ));
     }
 
-    /// A triangle that shows a slope on two logarithmic axes: it spans a factor of two in x from `corner` on.
-    pub(crate) fn slope(&mut self, corner: (f64, f64), order: f64) {
-        let (a, b) = ((2.0 * corner.0, corner.1), (2.0 * corner.0, corner.1 * 2.0_f64.powf(order)));
+    /// A triangle that shows a slope on two logarithmic axes: it spans a factor of `span` in x from `corner` on.
+    pub(crate) fn slope(&mut self, corner: (f64, f64), span: f64, order: f64) {
+        let (a, b) = ((span * corner.0, corner.1), (span * corner.0, corner.1 * span.powf(order)));
         let at = |plot: &Self, (x, y): (f64, f64)| [plot.x(x), plot.y(y)];
         let [[x, y], [x_a, _], [_, y_b]] = [corner, a, b].map(|point| at(self, point));
         self.push(format_args!(

@@ -292,6 +292,40 @@ impl Resolver<'_> {
         // In the order of the registry, as they run, so that two ways of writing a scene give one description.
         requests.sort_by_key(|r| (REGISTRY.iter().position(|spec| spec.name == r.effect), r.garment));
         self.description.effects = requests;
+        self.choose_effects();
+    }
+
+    /// Does without what `[effects]` leaves out.
+    fn choose_effects(&mut self) {
+        let scene = self.scene;
+        let raw::EffectChoice { without, only } = &scene.document.effects;
+        let here = Path::default().key("effects");
+        let (key, chosen) = match (without.is_empty(), only.is_empty()) {
+            (true, true) => return,
+            (false, true) => ("without", self.description.leave_out(without)),
+            (true, false) => ("only", self.description.keep_only(only)),
+            (false, false) => return self.error(&here, "`without` and `only` exclude each other: give one of them"),
+        };
+        for problem in chosen.err().into_iter().flatten() {
+            self.error_with(&here.clone().key(key), problem.what, problem.advice);
+        }
+        if self.description.bodies.is_empty() {
+            self.bodies.clear();
+        }
+        self.drop_idle_tracks();
+    }
+
+    /// Tracks that no pin follows are not read.
+    fn drop_idle_tracks(&mut self) {
+        let mut tracks: Vec<Option<InputMotion>> = self.tracks.drain(..).map(Some).collect();
+        for pin in &mut self.description.pins {
+            if let PinTarget::Track { track, .. } = &mut pin.target
+                && let Some(followed) = tracks.get_mut(*track).and_then(Option::take)
+            {
+                *track = self.tracks.len();
+                self.tracks.push(followed);
+            }
+        }
     }
 }
 

@@ -5,7 +5,10 @@ use super::resolve::absolute;
 use super::tree::{Node, Origin, Table, Value};
 
 /// Sections in the order in which a reader looks for them; tables of effects come before the bodies.
-const ORDER: [&str; 8] = ["drapery", "shot", "units", "solver", "body", "garment", "seam", "output"];
+const ORDER: [&str; 9] = ["drapery", "shot", "units", "solver", "effects", "body", "garment", "seam", "output"];
+
+/// Place of the tables of effects in that order.
+const TABLES: usize = 5;
 
 /// Keys that name files relative to the scene file.
 pub(crate) const FILES: [&str; 4] = ["file", "rest", "start", "track"];
@@ -32,9 +35,9 @@ pub(super) fn write(scene: &SceneFile) -> String {
     };
     let mut root = root.clone();
     let rank = |key: &str| match ORDER.iter().position(|word| *word == key) {
-        Some(position) if position >= 4 => position + 1,
+        Some(position) if position >= TABLES => position + 1,
         Some(position) => position,
-        None => 4,
+        None => TABLES,
     };
     root.0.sort_by_key(|e| rank(&e.key));
     section(&mut out, scene, &root, "");

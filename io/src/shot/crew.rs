@@ -4,15 +4,18 @@
 use std::time::SystemTime;
 
 use drapery_core::Vec3;
+use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{Scene, SceneDescription};
 use drapery_core::simulation::outside::Field;
-use drapery_core::simulation::{Advance, FrameInput, RestoreError, Simulation};
+use drapery_core::simulation::{Advance, FrameInput, FrameSummary, RestoreError, Simulation};
 use drapery_core::snapshot::{SnapshotSink, SnapshotSource};
 use serde::{Deserialize, Serialize};
 
+use crate::error::IoError;
 use crate::farm::stop::{Request, StopRequests};
+use crate::shot::ShotError;
 use crate::units::Units;
 
 /// What all ranks do next.
@@ -121,6 +124,21 @@ impl Crew {
         give_up: &mut (dyn FnMut() -> bool + Send),
     ) -> Result<Advance, StepError> {
         self.simulation.advance_or_pause(input, &mut |_| give_up())
+    }
+
+    /// Goes on by these frames, all of them on this rank; returns what one has cost in the mean.
+    pub(super) fn trial(
+        &mut self,
+        inputs: impl Iterator<Item = Result<FrameInput, IoError>>,
+    ) -> Result<FrameCost, ShotError> {
+        let (mut all, mut frames) = (FrameSummary::empty(self.simulation.frame()), 0.0);
+        for input in inputs {
+            let summary = self.simulation.advance(&input?)?;
+            (all, frames) = (summary.after(&all), frames + 1.0);
+        }
+        let mut cost = self.simulation.measured_cost(&all).map_err(ShotError::Problems)?;
+        cost.divide(frames);
+        Ok(cost)
     }
 
     /// What all ranks agree on when this is asked for here.

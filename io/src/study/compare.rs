@@ -123,32 +123,70 @@ fn extrapolate(fine: &FrameState, coarse: &FrameState, factor: f64) -> FrameStat
     }
 }
 
-/// Compares all runs whose states are there with the reference and the base of the study in `folder`.
-///
-/// # Errors
-/// States cannot be read.
-pub fn fill_in(study: &mut Study, folder: &Path) -> Result<(), IoError> {
-    let frames = study.compared.len();
-    let reference = reference(study, folder)?;
-    let base = study.base().filter(|base| !base.states.is_empty());
-    let name = base.map(|base| base.states.clone()).unwrap_or_default();
-    let base = base.map(|base| Run::read(folder, base, frames)).transpose()?;
-    // Where nothing was extrapolated, the finest run has no distance from itself.
-    let is_run = reference.extrapolated.iter().all(|order| *order == 0);
-    let finest = study.reference().filter(|_| is_run).map(|finest| finest.states.clone());
-    for sample in study.samples.iter_mut().filter(|sample| !sample.states.is_empty()) {
-        let own = Run::read(folder, sample, frames)?;
+/// Base and reference of a study, and how far every run is from them.
+pub struct Comparison<'a> {
+    folder: &'a Path,
+    base: Option<Run>,
+    reference: Reference,
+}
+
+impl<'a> Comparison<'a> {
+    /// Compares all runs of the study in `folder` whose states are there.
+    ///
+    /// # Errors
+    /// States cannot be read.
+    pub fn of(study: &mut Study, folder: &'a Path) -> Result<Self, IoError> {
+        let mut comparison = Self { folder, base: None, reference: Reference::default() };
+        comparison.all(study)?;
+        Ok(comparison)
+    }
+
+    /// Compares the latest run, or all of them if it is one that they are compared with.
+    ///
+    /// # Errors
+    /// States cannot be read.
+    pub fn latest(&mut self, study: &mut Study) -> Result<(), IoError> {
+        let is_measure = |sample: &Sample| {
+            let roles = [Role::Base, Role::Reference, Role::ReferenceCheck, Role::ReferenceCoarse];
+            sample.is_own() && roles.contains(&sample.role)
+        };
+        match study.samples.len().checked_sub(1) {
+            Some(latest) if !is_measure(&study.samples[latest]) => self.one(study, latest),
+            _ => self.all(study),
+        }
+    }
+
+    fn all(&mut self, study: &mut Study) -> Result<(), IoError> {
+        let base = study.base().filter(|base| !base.states.is_empty());
+        self.base = base.map(|base| Run::read(self.folder, base, study.compared.len())).transpose()?;
+        self.reference = reference(study, self.folder)?;
+        study.own_error.clone_from(&self.reference.own_error);
+        study.extrapolated.clone_from(&self.reference.extrapolated);
+        (0..study.samples.len()).try_for_each(|number| self.one(study, number))
+    }
+
+    fn one(&self, study: &mut Study, number: usize) -> Result<(), IoError> {
+        let sample = &study.samples[number];
+        if sample.states.is_empty() {
+            return Ok(());
+        }
+        let own = Run::read(self.folder, sample, study.compared.len())?;
         let from = |other: &Option<Run>| other.as_ref().map_or(Vec::new(), |other| own.from(other));
-        sample.from_base = if sample.states == name { Vec::new() } else { from(&base) };
-        let is_itself = finest.as_ref() == Some(&sample.states);
-        sample.from_reference = if sample.copy > 0 || is_itself { Vec::new() } else { from(&reference.run) };
-        let other_mesh = base.as_ref().is_some_and(|base| !own.cloth.is_like(&base.cloth));
+        let is_base = sample.role == Role::Base && sample.is_own();
+        let from_base = if is_base { Vec::new() } else { from(&self.base) };
+        // Where nothing was extrapolated, the finest run has no distance from itself.
+        let extrapolated = self.reference.extrapolated.iter().any(|order| *order > 0);
+        let is_finest = !extrapolated && study.reference().is_some_and(|finest| finest.states == sample.states);
+        let skips = sample.copy > 0 || is_finest;
+        let from_reference = if skips { Vec::new() } else { from(&self.reference.run) };
+        let other_mesh = self.base.as_ref().is_some_and(|base| !own.cloth.is_like(&base.cloth));
+        let sample = &mut study.samples[number];
+        (sample.from_base, sample.from_reference) = (from_base, from_reference);
         if other_mesh && sample.role == Role::Model {
             sample.role = Role::Mesh;
         }
+        Ok(())
     }
-    (study.own_error, study.extrapolated) = (reference.own_error, reference.extrapolated);
-    Ok(())
 }
 
 #[cfg(test)]

@@ -120,14 +120,28 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
         thickness: study.scene.thickness,
     };
     let wishes = space::wishes(&options.asked, &ground);
+    check(&bench, &wishes, &ground)?;
     let mut schedule = schedule::Schedule { bench: &bench, folder: &options.out, begun, limit: options.limit, before };
     schedule.run_all(&wishes, &mut study, observer)?;
     lock.check()?;
-    compare::fill_in(&mut study, &options.out)?;
     study.seconds = before + begun.elapsed().as_secs_f64();
     study.write(&options.out)?;
     write_pages(&options.out)?;
     Ok(study)
+}
+
+/// Refuses what a scene does not take before anything runs.
+fn check(bench: &Bench<'_>, wishes: &[Wish], ground: &Ground) -> Result<(), StudyError> {
+    for wish in wishes.iter().filter(|wish| wish.copy == 0 && wish.repeat == 0) {
+        sample::load(bench, wish)?;
+        if let Some(absent) = wish.setting.without.iter().find(|name| !ground.effects.contains(name)) {
+            return Err(StudyError::Asked(format!(
+                "the scene has no effect `{absent}` that could be left out; it has {}",
+                ground.effects.join(", ")
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The record of the folder, or a new one, and what the choice of runs depends on.

@@ -79,13 +79,7 @@ pub fn load(bench: &Bench<'_>, wish: &Wish) -> Result<SceneFile, StudyError> {
 fn describe(bench: &Bench<'_>, wish: &Wish) -> Result<ShotDescription, StudyError> {
     let mut description = load(bench, wish)?.resolve().map_err(StudyError::Scene)?;
     let scene = &mut description.scene;
-    for effect in &wish.setting.without {
-        let before = scene.effects.len();
-        scene.effects.retain(|request| request.effect != *effect);
-        if scene.effects.len() == before {
-            return Err(StudyError::Asked(format!("the scene has no effect `{effect}` that could be left out")));
-        }
-    }
+    scene.effects.retain(|request| !wish.setting.without.contains(&request.effect));
     if wish.copy > 0 {
         let mut random = Random(u64::from(wish.copy));
         for garment in &mut scene.garments {

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::error::IoError;
+use crate::study::compare::Comparison;
 use crate::study::record::{Omission, Role, Sample, Setting, Study};
 use crate::study::sample::{self, Bench, Ended, Pace};
 use crate::study::space::Wish;
@@ -16,11 +17,11 @@ use crate::study::{Observer, StudyError};
 /// Folder of the states inside that of the study.
 const STATES: &str = "states";
 
-/// Share of the time that is kept for comparing and writing, and the least of it [s].
-const RESERVE: (f64, f64) = (0.03, 0.3);
+/// Share of the time that is kept for the pages, and the least of it [s].
+const RESERVE: (f64, f64) = (0.03, 0.5);
 
-/// Seconds that comparing a vertex of a frame of a run takes, roughly.
-const COMPARE: f64 = 1.2e-7;
+/// Seconds that comparing a vertex of a frame with others takes, roughly: the last run must not come too late for that.
+const COMPARE: f64 = 5e-7;
 
 /// Frames that are compared at most, and at least where states are large.
 const COMPARED: (usize, usize) = (24, 6);
@@ -63,13 +64,14 @@ impl Schedule<'_> {
         let folder = self.folder.join(STATES);
         std::fs::create_dir_all(&folder).map_err(|error| IoError::creating(&folder, error))?;
         study.omitted.clear();
+        let mut comparison = Comparison::of(study, self.folder)?;
         for (number, wish) in wishes.iter().enumerate() {
             if study.samples.iter().any(|sample| is_of(sample, wish)) {
                 continue;
             }
             let omit = |why: String| Omission { label: wish.label(), why };
             let foretold = foretell(wish, wishes, study);
-            let left = self.left(study, wishes.len());
+            let left = self.left(study);
             if study.base().is_some_and(|base| !base.is_whole()) {
                 study.omitted.push(omit("the scene as it is does not run".to_owned()));
                 continue;
@@ -97,6 +99,7 @@ impl Schedule<'_> {
                         study.compared = compared;
                     }
                     study.samples.push(sample);
+                    comparison.latest(study)?;
                 }
             }
             study.seconds = self.before + self.begun.elapsed().as_secs_f64();
@@ -106,9 +109,9 @@ impl Schedule<'_> {
     }
 
     /// Seconds that are left for runs.
-    fn left(&self, study: &Study, runs: usize) -> f64 {
+    fn left(&self, study: &Study) -> f64 {
         let limit = self.limit.as_secs_f64();
-        let compare = COMPARE * (study.scene.points as usize * study.compared.len() * runs) as f64;
+        let compare = COMPARE * (study.scene.points as usize * study.compared.len()) as f64;
         let reserve = (RESERVE.0 * limit).max(RESERVE.1) + compare.min(limit / 4.0);
         limit - reserve - self.begun.elapsed().as_secs_f64()
     }

@@ -119,6 +119,16 @@ pub fn error_words(error: Option<&Error>) -> String {
     }
 }
 
+/// The error of a recommended setting, in words.
+fn recommended_error(error: Option<&Error>) -> String {
+    match error.map(|error| error.told) {
+        Some(Told::Yes | Told::Unchecked) => format!("error {} rms", error_words(error)),
+        Some(Told::BelowFloor) => "no error above the noise floor".to_owned(),
+        Some(Told::NotConverged) => "nearer than the reference can tell".to_owned(),
+        None => "error not known".to_owned(),
+    }
+}
+
 /// A length.
 pub fn millimetres(metres: f64) -> String {
     match metres {
@@ -213,9 +223,9 @@ pub fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64
     let [first, last] = study.scene.frames;
     let frames = (last - study.scene.start).max(0) as f64;
     format!(
-        "recommended {within}: \"{}\" -> {} rms, frames {first}-{last} in about {} on {} threads",
+        "recommended {within}: \"{}\", {}, frames {first}-{last} in about {} on {} threads",
         row.sample.setting.label,
-        error_words(row.error.as_ref()),
+        recommended_error(row.error.as_ref()),
         text::seconds(frames * row.seconds),
         study.machine.threads
     )

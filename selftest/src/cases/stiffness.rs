@@ -1,7 +1,7 @@
 //! H1 to H10: stiffness, mass and the time step.
 
 use drapery_core::Vec3;
-use drapery_core::scene::GarmentDescription;
+use drapery_core::scene::{EffectRequest, GarmentDescription};
 
 use crate::bench::{Bench, Record, Trial};
 use crate::case::{Case, Figure};
@@ -56,7 +56,7 @@ pub(super) const H2: Case = Case {
         let mut description = scene_of(GarmentDescription::new("sheet", mesh, 0.2), 24);
         description.garments[0].mesh.points.iter_mut().for_each(|p| *p = Vec3::new(p.x, p.z + 0.17, 0.02 * p.x));
         add_weight(&mut description);
-        let stretch = drapery_core::scene::EffectRequest::of_garment("stretch", 0).with("stiffness", 0.01);
+        let stretch = EffectRequest::of_garment("stretch", 0).with("stiffness", 0.01);
         description.effects.push(stretch);
         add_floor(&mut description, 0.3);
         description.bodies[0].thickness = 0.001;
@@ -145,6 +145,29 @@ pub(super) const H5: Case = Case {
     },
 };
 
+pub(super) const H6: Case = Case {
+    id: "H6",
+    title: "a limit of 1 % on the strain of cloth that its weight would stretch by 10 %",
+    must: "the strain stays near the limit",
+    judge: |bench| {
+        let run = |bench: &mut Bench<'_>, limited: bool| {
+            let mut description = cloth(8, 0.03, 5.0);
+            add_weight(&mut description);
+            add_pins(&mut description, (0..=8).collect());
+            if limited {
+                description.effects.push(EffectRequest::of_garment("strain_limit", 0).with("limit", 0.01));
+            }
+            bench.simulate(&Trial::still(description, 12))
+        };
+        let free = run(bench, false)?;
+        let limited = run(bench, true)?;
+        Ok(vec![
+            Figure::at_least("strain without the limit", free.strain(), 0.05),
+            Figure::at_most("strain with it", limited.strain(), 0.02),
+        ])
+    },
+};
+
 pub(super) const H7: Case = Case {
     id: "H7",
     title: "no damping, and a thousand times critical",
@@ -195,6 +218,23 @@ pub(super) const H8: Case = Case {
             Figure::at_most("kinetic energy of the cloth at rest [J]", still.kinetic(), 1e-12),
             Figure::at_most("drift of momentum, relative", (last - first).norm() / first.norm(), 1e-10),
         ])
+    },
+};
+
+pub(super) const H9: Case = Case {
+    id: "H9",
+    title: "a material that pushes instead of pulling: negative stiffness",
+    must: "refused by the name of the setting",
+    judge: |bench| {
+        let mut figures = Vec::new();
+        for (effect, setting) in [("stretch", "stiffness"), ("bending", "stiffness"), ("membrane", "shear")] {
+            let mut description = scene_of(GarmentDescription::new("sheet", sheet(4, 4, 0.02), 0.2), 24);
+            description.effects.push(EffectRequest::of_garment(effect, 0).with(setting, -5.0));
+            let refused = bench.simulate(&Trial::still(description, 1)).err().unwrap_or_default();
+            let named = refused.contains("refused") && refused.contains(effect) && refused.contains(setting);
+            figures.push(Figure::exactly(format!("{effect}.{setting} is refused"), f64::from(u8::from(named)), 1.0));
+        }
+        Ok(figures)
     },
 };
 

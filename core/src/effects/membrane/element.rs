@@ -249,7 +249,7 @@ mod tests {
             let [a, b] = edges(&x);
             let along = if a.norm() > b.norm() { a } else { b };
             let off_line = |f: &Vec3| f.cross(&along).norm() <= 1e-6 * bound * along.norm();
-            assert!(forces.iter().all(|f| off_line(f)), "{forces:?}");
+            assert!(forces.iter().all(off_line), "{forces:?}");
         }
     }
 

@@ -65,7 +65,7 @@ struct PartSprings {
     across: Vec<f64>,
     /// Whether the strain of these springs is the strain of the cloth.
     measures_strain: bool,
-    /// The smallest rest length [m].
+    /// The smallest rest length that counts for rates of strain [m]: softened springs count as the shortest of the others.
     shortest: f64,
 }
 
@@ -79,7 +79,7 @@ pub(super) fn build(
     scene: &Scene,
     garment: usize,
     elements: &[SpringElement],
-    stiffnesses: &[f64],
+    (stiffnesses, shortest): (&[f64], f64),
     damping_ratio: f64,
     measures_strain: bool,
 ) -> (Vec<PartForce>, usize) {
@@ -143,7 +143,7 @@ pub(super) fn build(
         if scene.description().solver.integrator == Integrator::Implicit {
             springs.across = vec![0.0; springs.damping.len()];
         }
-        springs.shortest = springs.rest_length.iter().copied().fold(f64::INFINITY, f64::min);
+        springs.shortest = springs.rest_length.iter().copied().fold(f64::INFINITY, f64::min).max(shortest);
         bytes += springs.damping.len() * (16 + 8 + 8)
             + springs.across.len() * 8
             + springs.inner.len() * 2
@@ -229,6 +229,8 @@ impl Rows<'_, &[f64]> {
 struct Fraction {
     squared: f64,
     over: f64,
+    /// Springs shorter than this at rest count as this long [m].
+    shortest: f64,
 }
 
 impl Fraction {
@@ -236,9 +238,10 @@ impl Fraction {
     #[inline]
     fn compare(&mut self, u: Lanes, change: Lanes, rest: f64) {
         let along = change.dot(u);
+        let rest = rest.max(self.shortest);
         let (squared, over) = (along * along, u.dot(u) * rest * rest);
         if squared * self.over > self.squared * over && over > 0.0 {
-            *self = Self { squared, over };
+            (self.squared, self.over) = (squared, over);
         }
     }
 }
@@ -440,7 +443,7 @@ impl Force for PartSprings {
 
     fn strain_rate(&self, motion: &PartMotion<'_>) -> f64 {
         let (x, v) = (motion.own_x, motion.own_v);
-        let mut fastest = Fraction { squared: 0.0, over: 1.0 };
+        let mut fastest = Fraction { squared: 0.0, over: 1.0, shortest: self.shortest };
         for (length, rows) in self.row_groups() {
             match length {
                 1 => rows.compare_rates::<1>(x, v, &mut fastest),

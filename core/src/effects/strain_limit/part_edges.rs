@@ -3,7 +3,7 @@
 use crate::Vec3;
 use crate::effects::Purpose;
 use crate::effects::corners::by_part;
-use crate::effects::strain_limit::{LARGEST_PULL, Limits, RECOVERY};
+use crate::effects::strain_limit::{Limits, RECOVERY};
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::tolerances::STRAIN_OVER_LIMIT;
@@ -76,17 +76,16 @@ impl PartEdges {
     }
 
     /// Begins a solve for a step of `dt` [s] with these positions and velocities of the local vertices, without impulses. Returns
-    /// the largest excess over what is allowed, by rest length.
+    /// the largest excess over what is allowed, by rest length, and the sum of the squares of those that count here.
     pub(super) fn begin(
         &mut self,
         (x, v): (&[Vec3], &[Vec3]),
-        dt: f64,
-        (limits, purpose): (Limits, Purpose),
+        (dt, limits, purpose): (f64, Limits, Purpose),
         (mobility, valence): (&[Vec3], &[f64]),
-    ) -> f64 {
+    ) -> (f64, f64) {
         self.dt = dt;
-        let mut worst = 0.0_f64;
-        for edge in &mut self.edges {
+        let (mut worst, mut squares) = (0.0_f64, 0.0);
+        for (edge, counts) in self.edges.iter_mut().zip(&self.counts) {
             let [i, j] = edge.ends.map(|end| end as usize);
             let now = x[j] - x[i];
             let then = now + (v[j] - v[i]) * dt;
@@ -101,10 +100,12 @@ impl PartEdges {
             (edge.impulse, edge.ahead) = (0.0, 0.0);
             // What pins hold at both ends cannot be changed.
             if edge.response > 0.0 {
-                worst = worst.max((after - longest).max(shortest - after) / edge.rest_length);
+                let excess = ((after - longest).max(shortest - after) / edge.rest_length).max(0.0);
+                worst = worst.max(excess);
+                squares += if *counts { excess * excess } else { 0.0 };
             }
         }
-        worst
+        (worst, squares)
     }
 
     /// Adds the impulses on the part's own vertices, the first of which is `start`, to `sums`, which need not be zero before.
@@ -132,8 +133,7 @@ impl PartEdges {
             let [shortest, longest] = edge.allowed;
             worst = worst.max((parting - longest).max(shortest - parting) * self.dt / edge.rest_length);
             let free = edge.ahead * edge.response + parting;
-            let most = LARGEST_PULL * edge.rest_length / self.dt;
-            let impulse = (free - free.clamp(shortest, longest)).clamp(-most, most) / edge.response;
+            let impulse = (free - free.clamp(shortest, longest)) / edge.response;
             edge.ahead = impulse + ahead * (impulse - edge.impulse);
             edge.impulse = impulse;
         }

@@ -42,9 +42,30 @@ pub(in crate::scene_file) struct Document {
     /// Vertices that are drawn together.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) seam: Vec<Seam>,
+    /// Which of the effects that the scene asks for run. Leave it out to run them all.
+    #[serde(default, skip_serializing_if = "EffectChoice::is_everything")]
+    pub(in crate::scene_file) effects: EffectChoice,
     /// What is written.
     #[serde(default)]
     pub(in crate::scene_file) output: Output,
+}
+
+/// Which of the effects that the scene asks for run; one of the two lists at most.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(in crate::scene_file) struct EffectChoice {
+    /// All but these, as in ["self_collision"]; `--without` takes the place of this list.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) without: Vec<String>,
+    /// These and no others; `--only` takes the place of this list.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) only: Vec<String>,
+}
+
+impl EffectChoice {
+    fn is_everything(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// Name, frame rate and frames.

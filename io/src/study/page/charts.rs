@@ -5,6 +5,7 @@ use crate::page::card;
 use crate::page::plot::{Bar, Plot, Side, bars};
 use crate::page::text;
 use crate::study::analysis::{Analysis, Row, Told};
+use crate::study::fit::Order;
 use crate::study::record::{Role, Study};
 use crate::study::table::{error_words, is_reference, millimetres, times_words};
 
@@ -13,6 +14,12 @@ const WIDE: (f64, f64) = (1160.0, 380.0);
 
 /// Size of the others.
 const NARROW: (f64, f64) = (1160.0, 320.0);
+
+/// How far the triangle of a slope stands below its line.
+const BELOW_LINE: f64 = 0.85;
+
+/// Distances below this are rounding and only stretch the axis [m].
+const ROUNDING: f64 = 1e-12;
 
 /// Stages with a colour of their own.
 const STAGES: usize = 7;
@@ -25,7 +32,7 @@ pub(super) fn class(row: &Row<'_>) -> &'static str {
     match (row.sample.role, row.is_sound) {
         (_, false) => "k2",
         (Role::Mesh, _) => "k3",
-        _ if row.on_front => "k1",
+        _ if row.on_front && row.error.is_some_and(|error| error.told != Told::NotConverged) => "k1",
         _ => "k0",
     }
 }
@@ -86,7 +93,7 @@ pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> Stri
     );
     let legend = [
         ("f1", "no other setting is both faster and nearer"),
-        ("f0", "beaten"),
+        ("f0", "beaten, or nearer than the reference can tell"),
         ("f3", "another mesh"),
         ("f2", "crossings or unconverged solves"),
     ];
@@ -95,6 +102,11 @@ pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> Stri
 
 fn section(title: &str, body: &str) -> String {
     format!("<section><h2>{title}</h2><div class=\"wide\">{body}</div></section>\n")
+}
+
+/// The point of a fitted line at a time step.
+fn on_line(fit: &Order, dt: f64) -> (f64, f64) {
+    (dt, fit.scale * dt.powf(fit.order))
 }
 
 /// Errors over time steps, with fitted orders.
@@ -118,9 +130,8 @@ pub(super) fn error_over_step(analysis: &Analysis<'_>) -> String {
     for (index, ladder) in analysis.ladders.iter().enumerate() {
         let colour = index % 5 + 1;
         let (fit, points) = (&ladder.fit, &ladder.points);
-        let on_line = |dt: f64| (dt, fit.scale * dt.powf(fit.order));
-        let ends: Vec<(f64, f64)> =
-            [points.first(), points.last()].into_iter().flatten().map(|p| on_line(p.0)).collect();
+        let ends = [points.first(), points.last()].into_iter().flatten();
+        let ends: Vec<(f64, f64)> = ends.map(|point| on_line(fit, point.0)).collect();
         plot.line(&format!("l{colour}"), &ends);
         for (dt, error) in points {
             let tip = format!("dt {}, error {}", text::seconds(*dt), millimetres(*error));
@@ -132,8 +143,13 @@ pub(super) fn error_over_step(analysis: &Analysis<'_>) -> String {
             .push((format!("f{colour}"), format!("{name}: order {:.2}{interval}, R² {:.3}", fit.order, fit.r_squared)));
     }
     let longest = analysis.ladders.iter().max_by_key(|ladder| ladder.points.len());
-    if let Some((ladder, (dt, error))) = longest.and_then(|ladder| Some((ladder, ladder.points.last()?))) {
-        plot.slope((*dt, *error / 1.5), ladder.fit.order);
+    if let Some((ladder, (coarse, _), (fine, _))) =
+        longest.and_then(|ladder| Some((ladder, ladder.points.first()?, ladder.points.last()?)))
+    {
+        // In the middle third, a little below the line.
+        let span = (coarse / fine).powf(1.0 / 3.0);
+        let (dt, error) = on_line(&ladder.fit, fine * span);
+        plot.slope((dt, error * BELOW_LINE), span, ladder.fit.order);
     }
     let legend: Vec<(&str, &str)> = legend.iter().map(|(class, name)| (class.as_str(), name.as_str())).collect();
     let note = "Settings that differ in their steps alone, where the reference tells their error. The paper's method is of \
@@ -181,7 +197,7 @@ pub(super) fn stages(study: &Study, analysis: &Analysis<'_>) -> String {
 pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
     let time = |frame: usize| study.compared.get(frame).map_or(0.0, |frame| study.time(*frame));
     let series = |values: &[f64]| -> Vec<(f64, f64)> {
-        values.iter().enumerate().map(|(frame, value)| (time(frame), *value)).filter(|(_, v)| *v > 0.0).collect()
+        values.iter().enumerate().map(|(frame, value)| (time(frame), *value)).filter(|(_, v)| *v > ROUNDING).collect()
     };
     let mut lines: Vec<Line> = Vec::new();
     if !analysis.floor.is_empty() {

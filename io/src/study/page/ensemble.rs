@@ -2,7 +2,7 @@
 
 use crate::page::table::{self, Cell, number, words};
 use crate::page::text;
-use crate::study::analysis::{Analysis, Row};
+use crate::study::analysis::Analysis;
 use crate::study::fit::mean_and_deviation;
 use crate::study::record::{Figures, Role, Sample, Study};
 use crate::study::table::is_reference;
@@ -24,11 +24,11 @@ const QUANTITIES: [Quantity; 9] = [
 ];
 
 fn square(value: f64) -> String {
-    format!("{value:.4} m²")
+    format!("{value:.3} m²")
 }
 
 fn metres(value: f64) -> String {
-    format!("{value:.4} m")
+    format!("{value:.3} m")
 }
 
 fn joules(value: f64) -> String {
@@ -38,6 +38,9 @@ fn joules(value: f64) -> String {
 fn percent(value: f64) -> String {
     format!("{:.2} %", 100.0 * value)
 }
+
+/// Differences of means that are rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// Mean of a quantity over the last compared frames of a run.
 fn mean_of(sample: &Sample, from: usize, value: fn(&Figures) -> f64) -> Option<f64> {
@@ -54,38 +57,45 @@ pub(super) fn section(study: &Study, analysis: &Analysis<'_>) -> String {
     if copies.len() < 2 || from >= frames {
         return String::new();
     }
-    let rows: Vec<&Row<'_>> = analysis.rows.iter().filter(|row| row.sample.role != Role::Base).collect();
-    let mut heads = vec![words(""), number(format!("{} copies, mean ± 2 SE", copies.len()))];
-    heads.extend(rows.iter().map(|row| {
-        let label = &row.sample.setting.label;
-        number(if is_reference(row) { format!("reference: {label}") } else { label.clone() })
-    }));
-    let line = |(name, value, write): &Quantity| -> Option<Vec<Cell>> {
-        let values: Vec<f64> = copies.iter().filter_map(|copy| mean_of(copy, from, *value)).collect();
+    let spread = |value: fn(&Figures) -> f64| {
+        let values: Vec<f64> = copies.iter().filter_map(|copy| mean_of(copy, from, value)).collect();
         let (mean, deviation) = mean_and_deviation(&values);
-        let deviation = deviation?;
-        let error = 2.0 * deviation / (values.len() as f64).sqrt();
-        let mut cells = vec![words(name), number(format!("{} ± {}", write(mean), write(error)))];
-        for row in &rows {
-            cells.push(match mean_of(row.sample, from, *value) {
-                None => number(""),
-                Some(found) => {
-                    let outside = (found - mean).abs() > 2.0 * deviation;
-                    let change = 100.0 * (found - mean) / mean.abs().max(f64::MIN_POSITIVE);
-                    let mark = if outside { format!(" ({change:+.1} %)") } else { " (within)".to_owned() };
-                    number(write(found) + &mark)
-                }
-            });
-        }
-        Some(cells)
+        (mean, deviation.unwrap_or(0.0), values.len() as f64)
     };
-    let lines: Vec<Vec<Cell>> = QUANTITIES.iter().filter_map(line).collect();
+    let mut heads = vec![words("setting")];
+    heads.extend(QUANTITIES.iter().map(|(name, ..)| number(*name)));
+    let of_copies = |(_, value, write): &Quantity| {
+        let (mean, deviation, count) = spread(*value);
+        number(format!("{} ± {}", write(mean), write(2.0 * deviation / count.sqrt())))
+    };
+    let mut lines = vec![vec![words(format!("{} copies, mean ± 2 SE", copies.len()))]];
+    lines[0].extend(QUANTITIES.iter().map(of_copies));
+    for row in analysis.rows.iter().filter(|row| row.sample.role != Role::Base) {
+        let of_row = |(_, value, write): &Quantity| -> Cell {
+            let (mean, deviation, _) = spread(*value);
+            let Some(found) = mean_of(row.sample, from, *value) else { return number("-") };
+            // Means of equal numbers differ by rounding.
+            let is_within = (found - mean).abs() <= (2.0 * deviation).max(ROUNDING * mean.abs());
+            match (is_within, mean == 0.0) {
+                (true, _) => number("="),
+                (false, true) => (format!("<b>{}</b>", write(found)), true),
+                (false, false) => {
+                    let change = 100.0 * (found - mean) / mean.abs();
+                    (format!("{} <b>{change:+.1} %</b>", write(found)), true)
+                }
+            }
+        };
+        let label = &row.sample.setting.label;
+        let mut cells = vec![words(if is_reference(row) { format!("{label} (reference)") } else { label.clone() })];
+        cells.extend(QUANTITIES.iter().map(of_row));
+        lines.push(cells);
+    }
     let first = study.compared.get(from).copied().unwrap_or_default();
     let last = study.compared.last().copied().unwrap_or_default();
     let beyond = if analysis.has_horizon { "beyond the horizon" } else { "the second half: there is no horizon" };
     let note = format!(
-        "<p>Means over frames {first} to {last} ({beyond}). A setting within two standard deviations of the shifted copies \
-         cannot be told from them; elsewhere its difference from their mean is given.</p>"
+        "<p>Means over frames {first} to {last} ({beyond}). = is within two standard deviations of the \
+         shifted copies, which cannot be told from them; elsewhere the difference from their mean is given.</p>"
     );
     table::section("How the cloth is, where trajectories cannot be compared", &note, &heads, &lines)
 }

@@ -114,3 +114,72 @@ fn tiles(study: &Study, analysis: &Analysis<'_>) -> String {
         escape(&window_words(study, analysis))
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::analysis::tests::convergent;
+    use crate::study::record::{Distance, Figures, Omission, Role};
+
+    /// A study with something in every part of the page.
+    fn full() -> Study {
+        let mut study = convergent();
+        study.scene.shot = "a <b> & \"c\"".into();
+        study.budget = Some(2.5);
+        let mut copy = study.samples[0].clone();
+        copy.copy = 1;
+        copy.from_base =
+            (0..10).map(|frame| Distance { rms: 1e-12 * 10.0_f64.powi(frame), ..Distance::default() }).collect();
+        study.samples.push(copy);
+        let mut without = study.samples[1].clone();
+        (without.role, without.setting.label) = (Role::Without, "without wind".into());
+        study.samples.push(without);
+        study.samples.iter_mut().for_each(|sample| sample.figures = vec![Figures::default(); 10]);
+        study.omitted.push(Omission { label: "cfl 0.5".into(), why: "no time".into() });
+        study
+    }
+
+    #[test]
+    fn the_page_needs_nothing_else_and_is_made_of_closed_elements() {
+        let page = page(&full());
+        for word in ["http", "<script", "javascript", "url(", "@import", "NaN", "inf"] {
+            assert!(!page.contains(word), "{word}");
+        }
+        assert!(page.contains("a &lt;b&gt; &amp; &quot;c&quot;") && !page.contains("a <b>"));
+        for element in
+            ["main", "section", "figure", "div", "svg", "table", "tr", "td", "g", "text", "title", "span", "i"]
+        {
+            let opened = page.matches(&format!("<{element}>")).count() + page.matches(&format!("<{element} ")).count();
+            assert_eq!(opened, page.matches(&format!("</{element}>")).count(), "{element}");
+        }
+    }
+
+    #[test]
+    fn the_page_has_all_its_parts_and_recommends_what_the_table_does() {
+        let study = full();
+        let page = page(&study);
+        for title in [
+            "Settings",
+            "Error over seconds",
+            "Error over time step",
+            "Where the time goes",
+            "How far trajectories can be told",
+            "What each effect and choice takes, and what it changes",
+            "Losses of quality",
+            "Runs that failed or are missing",
+            "Provenance",
+        ] {
+            assert!(page.contains(&format!("<h2>{title}</h2>")), "{title}");
+        }
+        let printed = crate::study::table::table(&study, &analyse(&study), study.budget);
+        assert!(
+            page.contains("<b>cfl 2</b> ← recommended") && printed.contains("\"cfl 2\", error 0.5 mm rms"),
+            "{printed}"
+        );
+    }
+
+    #[test]
+    fn a_study_in_which_nothing_has_run_has_a_page() {
+        assert!(page(&Study::default()).contains("There was no time for a reference"));
+    }
+}

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use crate::page::table::{Cell, number, section, table, words};
 use crate::page::text::{self, escape};
 use crate::shot::quality::LIMITS;
-use crate::study::analysis::{Analysis, Row, Told, error_over};
+use crate::study::analysis::{Analysis, Error, Row, Told, error_over};
 use crate::study::page::charts::class;
 use crate::study::record::{Role, Sample, Study};
 use crate::study::table::{error_words, is_reference, millimetres, times_words};
@@ -13,65 +13,94 @@ use crate::study::table::{error_words, is_reference, millimetres, times_words};
 /// All settings, what they take and how far they are off.
 pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {
     let recommended = analysis.recommended(study.budget);
-    let surfaces = analysis.rows.iter().any(|row| row.error.is_some_and(|error| error.surface.is_some()));
     let line = |(index, row): (usize, &Row<'_>)| -> Vec<Cell> {
-        let told = row.error.filter(|error| matches!(error.told, Told::Yes | Told::Unchecked));
-        let length = |of: fn(&crate::study::analysis::Error) -> f64| {
-            number(told.as_ref().map_or("-".to_owned(), |error| millimetres(of(error))))
-        };
-        let mut name = escape(&row.sample.setting.label);
-        if is_reference(row) {
-            let word = if row.sample.role == Role::Reference { "reference" } else { "check of the reference" };
-            name = format!("{name} <i>({word})</i>");
-        }
-        if recommended == Some(index) {
-            name = format!("<b>{name}</b> ← recommended");
-        }
+        let told = told(row);
         let spread = if row.times.len() > 2 { format!(" ± {}", text::seconds(row.spread)) } else { String::new() };
         let strain = row.sample.figures.iter().map(|figures| figures.strain[0]).fold(0.0, f64::max);
         let mark = format!("<span class=\"num {}\">{}</span>", class(row), index + 1);
-        let mut cells = vec![
-            (if is_reference(row) { String::new() } else { mark }, false),
-            (name, false),
+        vec![
+            (mark, false),
+            (name(row, recommended == Some(index)), false),
             number(format!("{}{spread}", text::seconds(row.seconds))),
             number(times_words(row.times_base)),
-            number(if is_reference(row) { "-".to_owned() } else { error_words(row.error.as_ref()) }),
-            length(|error| error.p99),
-            length(|error| error.max),
-            number(told.map_or("-".to_owned(), |error| text::scaled(error.velocity_rms, "m/s"))),
-        ];
-        if surfaces {
-            let surface = told.and_then(|error| error.surface);
-            cells.push(number(surface.map_or("-".to_owned(), millimetres)));
-        }
-        cells.extend([
+            number(error_words(row.error.as_ref())),
+            number(told.map_or("-".to_owned(), |error| millimetres(error.p99))),
             number(row.order.map_or("-".to_owned(), |order| format!("{order:.2}"))),
             number(format!("{} %", text::digits(100.0 * strain))),
-            number(text::count(row.sample.cost.steps / row.sample.cost.frames.max(1))),
-            number(text::count(row.sample.cost.cg_iterations / row.sample.cost.frames.max(1))),
-            number(row.sample.cost.peak_bytes.map_or("-".to_owned(), text::bytes)),
+            number(crossings_of(row.sample)),
             words(if row.on_front { "●" } else { "" }),
-        ]);
-        cells
+        ]
     };
-    let lines: Vec<Vec<Cell>> = analysis.rows.iter().enumerate().map(line).collect();
-    let mut heads = vec![
+    let rows = || analysis.rows.iter().enumerate().filter(|(_, row)| !is_reference(row));
+    let lines: Vec<Vec<Cell>> = rows().map(line).collect();
+    let heads = [
         words(""),
         words("setting"),
         number("time a frame"),
         number("×"),
         number("error RMS"),
         number("99th percentile"),
-        number("largest"),
-        number("velocity RMS"),
+        number("order"),
+        number("max strain"),
+        number("crossings"),
+        words("front"),
     ];
-    if surfaces {
-        heads.push(number("surfaces"));
+    section("Settings", "", &heads, &lines) + &more(analysis)
+}
+
+/// The error of a row, if it may be told.
+fn told(row: &Row<'_>) -> Option<Error> {
+    row.error.filter(|error| matches!(error.told, Told::Yes | Told::Unchecked))
+}
+
+/// Name of a setting, with what it is besides.
+fn name(row: &Row<'_>, is_recommended: bool) -> String {
+    let label = escape(&row.sample.setting.label);
+    match (row.sample.role, is_recommended) {
+        (_, true) => format!("<b>{label}</b> ← recommended"),
+        (Role::Reference, _) => format!("{label} <i>(reference)</i>"),
+        (Role::ReferenceCheck | Role::ReferenceCoarse, _) => format!("{label} <i>(checks the reference)</i>"),
+        _ => label,
     }
-    let rest = ["order", "max strain", "steps a frame", "iterations a frame", "peak memory"];
-    heads.extend(rest.map(number));
-    heads.push(words("front"));
-    section("Settings", "", &heads, &lines)
+}
+
+/// What else was measured of every setting, and of the reference.
+fn more(analysis: &Analysis<'_>) -> String {
+    let line = |row: &Row<'_>| -> Vec<Cell> {
+        let (told, cost) = (told(row), &row.sample.cost);
+        let length =
+            |of: &dyn Fn(&Error) -> Option<f64>| number(told.as_ref().and_then(of).map_or("-".to_owned(), millimetres));
+        let frames = cost.frames.max(1);
+        vec![
+            (name(row, false), false),
+            number(text::seconds(row.seconds)),
+            length(&|error| Some(error.max)),
+            length(&|error| error.surface),
+            number(told.map_or("-".to_owned(), |error| text::scaled(error.velocity_rms, "m/s"))),
+            number(text::digits(cost.steps as f64 / frames as f64)),
+            number(text::seconds(cost.dt[0])),
+            number(text::digits(cost.cg_iterations as f64 / frames as f64)),
+            number(text::seconds(cost.processor_seconds / frames as f64)),
+            number(cost.peak_bytes.map_or("-".to_owned(), text::bytes)),
+        ]
+    };
+    let lines: Vec<Vec<Cell>> = analysis.rows.iter().map(line).collect();
+    let heads = [
+        words("setting"),
+        number("time a frame"),
+        number("largest error"),
+        number("surfaces apart"),
+        number("velocity RMS"),
+        number("steps a frame"),
+        number("shortest step"),
+        number("iterations a frame"),
+        number("processor time a frame"),
+        number("peak memory"),
+    ];
+    let table = table(&heads, &lines);
+    format!(
+        "<div class=\"card\"><details><summary>More of every setting, and the reference</summary>{table}</details></div>\n"
+    )
 }
 
 /// What other models and left-out effects take and change.
@@ -84,7 +113,7 @@ pub(super) fn changes(study: &Study, analysis: &Analysis<'_>) -> String {
             let seconds = sample.seconds_a_frame();
             let share = base.map_or("-".to_owned(), |base| format!("{:+.0} %", 100.0 * (base - seconds) / base));
             let change = error_over(&sample.from_base, study.compared.len());
-            let length = |of: fn(&crate::study::analysis::Error) -> f64| {
+            let length = |of: fn(&Error) -> f64| {
                 number(change.as_ref().map_or("-".to_owned(), |change| millimetres(of(change))))
             };
             let last = |of: fn(&Sample) -> f64| text::digits(of(sample));
@@ -114,7 +143,7 @@ pub(super) fn changes(study: &Study, analysis: &Analysis<'_>) -> String {
     ];
     let note =
         "<p>Against the scene as it is, over all compared frames. The share is what the effect takes of a frame.</p>";
-    section("What each effect takes, and what it changes", note, &heads, &lines)
+    section("What each effect and choice takes, and what it changes", note, &heads, &lines)
 }
 
 fn crossings_of(sample: &Sample) -> String {

@@ -72,3 +72,75 @@ impl PartSprings {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::pins::PinTargets;
+    use crate::effects::{PartView, Surroundings, build_all};
+    use crate::mesh::PolygonMesh;
+    use crate::parallel::parts::PART_SIZE;
+    use crate::scene::{EffectRequest, GarmentDescription, Integrator, Scene, SceneDescription};
+    use crate::volumes::Volumes;
+    use crate::wind_grid::WindGrid;
+
+    /// An undamped sheet in two parts, stretched by a third, and uneven.
+    fn scene() -> (Scene, Vec<Vec3>) {
+        const N: usize = 50;
+        let at = |k: usize| Vec3::new((k % N) as f64, 0.0, (k / N) as f64) * 0.01;
+        let corners = (0..(N - 1) * N).filter(|k| k % N < N - 1).map(|k| k as u32);
+        let triangles: Vec<_> =
+            corners.flat_map(|k| [[k, k + N as u32, k + 1], [k + 1, k + N as u32, k + 1 + N as u32]]).collect();
+        let mesh = PolygonMesh::from_triangles((0..N * N).map(at).collect(), &triangles);
+        let mut description = SceneDescription::new("stretched");
+        description.solver.integrator = Integrator::Implicit;
+        description.garments.push(GarmentDescription::new("sheet", mesh, 0.2));
+        let stretch = EffectRequest::of_garment("stretch", 0).with("stiffness", 200.0);
+        description.effects.push(stretch.with("damping_ratio", 0.0));
+        let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
+        let mut x = scene.start_state()[0].clone();
+        for (i, x) in x.iter_mut().enumerate() {
+            let i = i as f64;
+            *x = *x * 1.33 + Vec3::new((0.7 * i).sin(), (1.3 * i).cos(), (2.1 * i).sin()) * 5e-4;
+        }
+        (scene, x)
+    }
+
+    #[test]
+    fn the_product_of_stretched_springs_is_the_derivative_of_their_force() {
+        let (scene, x) = scene();
+        let parts = scene.parts();
+        assert!(parts.count() > 1, "some springs cross a border");
+        let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
+        let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
+        let v: Vec<Vec3> =
+            (0..x.len()).map(|i| Vec3::new((3.0 * i as f64).sin(), (5.0 * i as f64).sin(), (i as f64).cos())).collect();
+        let (over, moved) = (0.01, 1e-7);
+        let place = |way: f64| -> Vec<Vec3> { x.iter().zip(&v).map(|(x, v)| x + v * way).collect() };
+        let (before, after) = (place(-moved), place(moved));
+        let effects = build_all(&scene).unwrap_or_else(|problems| panic!("{problems}"));
+        for (part, mut force) in effects.into_iter().flat_map(|(_, effect)| effect.forces) {
+            let range = parts.ranges()[part].clone();
+            let mut force_at = |x: &[Vec3]| -> Vec<Vec3> {
+                let masses = &scene.masses()[range.clone()];
+                let view = PartView { start: range.start, masses, x, fraction: 0.0, around };
+                let mut f = [Lanes::ZERO; PART_SIZE];
+                let own: Vec<Lanes> = x[range.clone()].iter().map(Lanes::from).collect();
+                force.update(&view, &own, &mut f[..range.len()]);
+                force.linearise(&view, over);
+                f[..range.len()].iter().map(|f| Vec3::from(*f)).collect()
+            };
+            let (lower, upper) = (force_at(&before), force_at(&after));
+            force_at(&x);
+            let mut product = [Lanes::ZERO; PART_SIZE];
+            let product = &mut product[..range.len()];
+            PartMotion::with(range, &x, &v, |motion| force.add_damping(motion, product));
+            let largest = product.iter().map(|f| Vec3::from(*f).norm()).fold(0.0, f64::max);
+            for (found, (lower, upper)) in product.iter().zip(lower.iter().zip(&upper)) {
+                let expected = (upper - lower) * (over / (2.0 * moved));
+                // Rounding over the way.
+                assert!((Vec3::from(*found) - expected).norm() < 1e-6 * largest, "{found:?} for {expected:?}");
+            }
+        }
+    }
+}

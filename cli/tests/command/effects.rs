@@ -1,0 +1,126 @@
+//! `--without`, `--only`, `[effects]`, and what `plan` says of the effects.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::{SHEET, drapery, folder_with};
+
+/// The caches of a run of a scene.
+fn cache(folder: &Path, scene: &str, out: &str, flags: &[&str]) -> Vec<u8> {
+    std::fs::write(folder.join(format!("{out}.toml")), scene).unwrap();
+    let name = format!("{out}.toml");
+    let arguments = [&["run", &name, "--out", out, "-q"][..], flags].concat();
+    let outcome = drapery(folder, &arguments);
+    assert_eq!(outcome.code, Some(0), "{arguments:?}\n{}", outcome.stderr);
+    std::fs::read(folder.join(out).join("sheet.abc")).unwrap()
+}
+
+/// The scene with more that can be left out.
+fn with_contact() -> String {
+    format!("{SHEET}[self_repulsion]\n[self_collision]\n")
+}
+
+#[test]
+fn what_is_left_out_gives_the_bytes_of_a_scene_that_never_asked_for_it() {
+    let folder = folder_with(SHEET);
+    let without_gravity = SHEET.replace("[gravity]\n", "");
+    let ball = SHEET.find("[[body]]").unwrap()..SHEET.find("[[garment]]").unwrap();
+    let without_ball = SHEET.replace(&SHEET[ball], "");
+    let both = with_contact();
+    let only = format!("{both}[effects]\nonly = [\"gravity\", \"stretch\", \"body_collision\"]\n");
+    let cases: [(&str, &str, &str, &[&str]); 5] = [
+        ("gravity", SHEET, &without_gravity, &["--without", "gravity"]),
+        ("ball", SHEET, &without_ball, &["--without", "body_collision"]),
+        ("contact", &both, SHEET, &["--without", "self_repulsion,self_collision"]),
+        ("only", &both, &without_gravity, &["--only", "stretch,body_collision"]),
+        ("table", &only, SHEET, &[]),
+    ];
+    let whole = cache(folder.path(), SHEET, "whole", &[]);
+    for (name, scene, absent, flags) in cases {
+        let left_out = cache(folder.path(), scene, name, flags);
+        assert!(left_out == cache(folder.path(), absent, &format!("{name}_absent"), &[]), "{name}");
+        // Within four frames the sheet does not come to the ball.
+        assert_eq!(left_out == whole, name == "ball" || absent == SHEET, "{name}: as the whole scene");
+        let resolved = std::fs::read_to_string(folder.path().join(name).join("resolved.toml")).unwrap();
+        assert!(resolved.contains("[effects]"), "{name}: {resolved}");
+        let again = cache(folder.path(), &resolved, &format!("{name}_again"), &[]);
+        assert!(again == left_out, "{name}: its resolved scene does without, too");
+    }
+}
+
+#[test]
+fn a_run_is_not_continued_with_other_effects_unasked() {
+    let folder = folder_with(SHEET);
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--frames", "1001-1002", "-q"]).code, Some(0));
+    let other = drapery(folder.path(), &["run", "scene.toml", "--without", "gravity", "-q"]);
+    assert_ne!(other.code, Some(0));
+    assert!(other.stderr.contains("effects.without"), "{}", other.stderr);
+}
+
+#[test]
+fn a_contradiction_is_an_error_that_names_what_contradicts() {
+    let folder = folder_with(SHEET);
+    let cases: [(&[&str], &[&str]); 6] = [
+        (&["--without", "self_colision"], &["there is no effect `self_colision`", "did you mean `self_collision`?"]),
+        (&["--without", "self_collision"], &["does not ask for `self_collision`", "gravity, stretch, body_collision"]),
+        (&["--only", "gravity,pins"], &["does not ask for `pins`"]),
+        (&["--without", "friction"], &["friction is no effect by itself", "body_collision"]),
+        (&["--without", "gravity", "--only", "stretch"], &["--without", "--only"]),
+        (
+            &["--set", "effects.without=[\"gravity\"]", "--set", "effects.only=[\"stretch\"]"],
+            &["`without` and `only` exclude each other"],
+        ),
+    ];
+    for (flags, parts) in cases {
+        for command in ["check", "plan", "run"] {
+            let outcome = drapery(folder.path(), &[&[command, "scene.toml"][..], flags].concat());
+            assert_ne!(outcome.code, Some(0), "{command} {flags:?}\n{}", outcome.stdout);
+            for part in parts {
+                assert!(outcome.stderr.contains(part), "{command} {flags:?}: no `{part}` in\n{}", outcome.stderr);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_plan_says_of_every_effect_why_it_is_there_what_it_holds_and_its_share_of_a_frame() {
+    let folder = folder_with(&with_contact());
+    let text = drapery(folder.path(), &["plan", "scene.toml", "--without", "self_collision"]).stdout;
+    for part in [
+        "stretch of sheet: the scene has a table [garment.0.stretch]",
+        " springs, ",
+        " % of a frame",
+        "body_collision: the scene has 1 body",
+        "friction: on, because body ball has friction 0.4",
+        "friction: on, because cloth on cloth has friction 0.4",
+        "without self_collision: the scene asks for it",
+        "list of close pairs: for self_repulsion",
+        "expected by the costs",
+    ] {
+        assert!(text.contains(part), "no `{part}` in\n{text}");
+    }
+    for flags in [&["plan", "scene.toml", "--json"][..], &["plan", "scene.toml", "--json", "--measure=2"]] {
+        let outcome = drapery(folder.path(), flags);
+        let plan: Value = serde_json::from_str(&outcome.stdout).unwrap_or_else(|e| panic!("{e}\n{}", outcome.stderr));
+        let effects = plan["effects"].as_array().unwrap();
+        let shares: Vec<f64> = effects.iter().map(|effect| effect["share"].as_f64().unwrap()).collect();
+        let all = shares.iter().sum::<f64>() + plan["frame"]["method_share"].as_f64().unwrap();
+        assert!((all - 1.0).abs() < 1e-9 && shares.iter().all(|share| (0.0..1.0).contains(share)), "{plan:#}");
+        assert_eq!(plan["frame"]["from"].as_str().unwrap().starts_with("measured in 2"), flags.len() == 4, "{plan:#}");
+        let names: Vec<&str> = effects.iter().map(|effect| effect["effect"].as_str().unwrap()).collect();
+        assert_eq!(names, ["gravity", "stretch", "body_collision", "self_repulsion", "self_collision"]);
+        assert_eq!(effects[1]["elements"]["kind"], "springs");
+        assert!(!folder.path().join("out").exists(), "plan writes nothing");
+    }
+    assert_eq!(drapery(folder.path(), &["plan", "scene.toml", "--measure=9"]).code, Some(2));
+}
+
+#[test]
+fn the_long_version_lists_the_features_of_the_build() {
+    let folder = folder_with(SHEET);
+    let long = drapery(folder.path(), &["--version"]).stdout;
+    assert!(long.contains("features: ") && long.contains("effect-bending"), "{long}");
+    let short = drapery(folder.path(), &["-V"]).stdout;
+    assert_eq!(short.lines().count(), 1, "{short}");
+}

@@ -1,0 +1,107 @@
+//! What effects cost: expected from their elements before anything has run, or measured in a frame that did.
+//!
+//! Expected: every effect has a [`Cost`] per element, in a time step and in an iteration of the solves, measured on the
+//! machine of docs/effects.md with one thread. Shares of a frame hardly depend on the machine, seconds do.
+
+use crate::effects::PlannedEffect;
+use crate::metrics::Metrics;
+
+/// What an effect costs for each of its elements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cost {
+    /// What it works on, as in "springs"; it may be many elements or few.
+    pub elements: &'static str,
+    /// In each time step, besides the solves [ns per element].
+    pub step: f64,
+    /// In each iteration of a solve [ns per element].
+    pub iteration: f64,
+}
+
+/// The method itself, per vertex: positions, velocities, sums and vectors of both solves, the choice of the step.
+pub const METHOD: Cost = Cost { elements: "vertices", step: 40.0, iteration: 4.0 };
+
+/// Iterations of both solves of a time step, as hanging and worn cloth needs them: where nobody has counted them yet.
+pub const ITERATIONS: f64 = 10.0;
+
+/// Nanoseconds in a second.
+pub(crate) const NANOSECONDS: f64 = 1e9;
+
+/// Stages of a step that belong to one effect. The list of neighbours serves both halves of self-contact; its time goes to
+/// the first that is there.
+const STAGES: [(&str, &[&str]); 7] = [
+    ("B.2 self-repulsion", &["self_repulsion"]),
+    ("B.4 body collision", &["body_collision"]),
+    ("B.7 body friction", &["body_collision"]),
+    ("B.8 self-repulsion", &["self_repulsion"]),
+    ("C collisions", &["self_collision"]),
+    ("A neighbours", &["self_repulsion", "self_collision"]),
+    ("bodies and pins", &["body_collision", "pins", "attachments"]),
+];
+
+/// Effects that a stage of a step may belong to; none if it is one of the method itself.
+pub fn owners(stage: &str) -> &'static [&'static str] {
+    STAGES.iter().find(|(name, _)| *name == stage).map_or(&[], |(_, owners)| owners)
+}
+
+impl Cost {
+    /// Seconds of a frame with so many elements, time steps, and iterations of all their solves.
+    pub fn seconds(&self, elements: usize, steps: f64, iterations: f64) -> f64 {
+        elements as f64 * (steps * self.step + iterations * self.iteration) / NANOSECONDS
+    }
+}
+
+/// Seconds of a frame, by effect.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameCost {
+    /// Time steps.
+    pub steps: f64,
+    /// Iterations of all solves.
+    pub iterations: f64,
+    /// Of each effect of the plan, in its order [s].
+    pub effects: Vec<f64>,
+    /// Of the method itself [s].
+    pub method: f64,
+}
+
+impl FrameCost {
+    /// Of everything [s].
+    pub fn total(&self) -> f64 {
+        self.method + self.effects.iter().sum::<f64>()
+    }
+
+    /// The mean of so many frames that were counted together.
+    pub fn divide(&mut self, frames: f64) {
+        self.effects.iter_mut().for_each(|seconds| *seconds /= frames);
+        (self.steps, self.iterations, self.method) =
+            (self.steps / frames, self.iterations / frames, self.method / frames);
+    }
+
+    /// Expected of a frame of so many steps of so many vertices.
+    pub fn expected(plan: &[PlannedEffect], vertices: usize, steps: f64) -> Self {
+        let iterations = steps * ITERATIONS;
+        let effects = plan.iter().map(|effect| effect.cost.seconds(effect.elements, steps, iterations)).collect();
+        Self { steps, iterations, effects, method: METHOD.seconds(vertices, steps, iterations) }
+    }
+
+    /// Measured in a frame of so many steps and iterations: `forces` are the seconds that each effect's forces took in it, the
+    /// stages say the rest.
+    pub fn measured(
+        plan: &[PlannedEffect],
+        metrics: &Metrics,
+        (steps, iterations): (u64, u64),
+        forces: &[f64],
+    ) -> Self {
+        let mut effects = forces.to_vec();
+        let mut method: f64 =
+            metrics.stages().iter().map(|stage| stage.seconds).sum::<f64>() - forces.iter().sum::<f64>();
+        for stage in metrics.stages() {
+            let place =
+                owners(&stage.name).iter().find_map(|owner| plan.iter().position(|effect| effect.name == *owner));
+            if let Some(place) = place {
+                effects[place] += stage.seconds;
+                method -= stage.seconds;
+            }
+        }
+        Self { steps: steps as f64, iterations: iterations as f64, effects, method: method.max(0.0) }
+    }
+}

@@ -1,0 +1,65 @@
+//! Doing without effects that a description asks for: `[effects]` of a scene file, `--without` and `--only`.
+
+use crate::effects::{self, LISTED};
+use crate::error::Problem;
+use crate::scene::{PinHold, PinTarget, SceneDescription};
+use crate::settings::nearest;
+
+impl SceneDescription {
+    /// Takes these effects out, on all garments, and what only they were for: pins, and bodies that no pin follows.
+    ///
+    /// # Errors
+    /// Names of no effect, and effects that the scene does not ask for; the description is then as it was.
+    pub fn leave_out(&mut self, names: &[String]) -> Result<(), Vec<Problem>> {
+        self.all_asked_for("effects.without", names)?;
+        let is_out = |name: &str| names.iter().any(|out| out == name);
+        self.effects.retain(|request| !is_out(&request.effect));
+        self.pins.retain(|pin| !is_out(if pin.hold == PinHold::Hard { "pins" } else { "attachments" }));
+        let follows = |target: &PinTarget| matches!(target, PinTarget::Body { .. } | PinTarget::BodyNearest { .. });
+        if is_out("body_collision") && !self.pins.iter().any(|pin| follows(&pin.target)) {
+            self.bodies.clear();
+        }
+        self.left_out.extend_from_slice(names);
+        Ok(())
+    }
+
+    /// Takes out all effects but these, as [`SceneDescription::leave_out`] does.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn keep_only(&mut self, names: &[String]) -> Result<(), Vec<Problem>> {
+        self.all_asked_for("effects.only", names)?;
+        let mut others: Vec<String> = self.effects.iter().map(|request| request.effect.clone()).collect();
+        others.retain(|name| !names.contains(name));
+        others.dedup();
+        self.leave_out(&others)
+    }
+
+    /// Every name is that of an effect that the scene asks for.
+    fn all_asked_for(&self, place: &str, names: &[String]) -> Result<(), Vec<Problem>> {
+        let problems: Vec<Problem> = names.iter().filter_map(|name| self.not_asked_for(place, name)).collect();
+        if problems.is_empty() { Ok(()) } else { Err(problems) }
+    }
+
+    fn not_asked_for(&self, place: &str, name: &str) -> Option<Problem> {
+        if self.effects.iter().any(|request| request.effect == name) {
+            return None;
+        }
+        if name == "friction" {
+            let what = "friction is no effect by itself: it is part of body_collision and of self_repulsion";
+            return Some(Problem::scene(place, what, "set `friction` of the bodies or of [self_repulsion] to 0"));
+        }
+        if effects::find(name).is_none() {
+            let names = LISTED.iter().map(|(name, _)| *name);
+            let advice = match nearest(name, names.clone()) {
+                Some(best) => format!("did you mean `{best}`?"),
+                None => format!("the effects are {}", names.collect::<Vec<_>>().join(", ")),
+            };
+            return Some(Problem::scene(place, format!("there is no effect `{name}`"), advice));
+        }
+        let mut asked: Vec<&str> = self.effects.iter().map(|request| request.effect.as_str()).collect();
+        asked.dedup();
+        let advice = format!("it asks for {}", asked.join(", "));
+        Some(Problem::scene(place, format!("the scene does not ask for `{name}`"), advice))
+    }
+}

@@ -1,0 +1,78 @@
+//! What a frame costs, by effect.
+
+use super::{FrameSummary, Simulation};
+use crate::effects::cost::{FrameCost, NANOSECONDS};
+use crate::effects::{Effect, PartForce, PartMotion, PartView, Surroundings, build_all};
+use crate::error::Problems;
+use crate::metrics::Watch;
+use crate::parallel::lanes::Lanes;
+use crate::parallel::parts::PART_SIZE;
+use crate::state::State;
+
+/// Times that each force is evaluated to see how long it takes.
+const REPEATS: u32 = 8;
+
+/// Updates of every force in a time step: B.1 and B.5.
+const UPDATES: f64 = 2.0;
+
+/// Damping products in a time step besides those of the iterations: the first residual of each solve.
+const RESIDUALS: f64 = 2.0;
+
+impl Simulation {
+    /// What a frame is expected to cost, if every step is as long as the elastic forces and the scene allow.
+    pub fn expected_cost(&self) -> FrameCost {
+        let description = self.scene.description();
+        let frame = description.timeline.frame_duration();
+        let longest = self.limit.elastic.min(description.solver.max_dt.unwrap_or(f64::INFINITY));
+        FrameCost::expected(
+            &self.plan,
+            self.scene.parts().partition().vertex_count(),
+            (frame / longest).ceil().max(1.0),
+        )
+    }
+
+    /// What the frame of `summary`, which ran just now, has cost. Forces are timed by themselves, on one thread and where the
+    /// cloth is now; all others by their stages.
+    ///
+    /// # Errors
+    /// Never, unless the effects cannot be built a second time.
+    pub fn measured_cost(&self, summary: &FrameSummary) -> Result<FrameCost, Problems> {
+        let (steps, iterations) = (summary.steps as f64, summary.cg_iterations as f64);
+        let seconds = |(_, effect): &mut (_, Effect)| {
+            let [update, product] = self.time_forces(&mut effect.forces);
+            steps * UPDATES * update + (iterations + steps * RESIDUALS) * product
+        };
+        let forces: Vec<f64> = build_all(&self.scene)?.iter_mut().map(seconds).collect();
+        let counts = (summary.steps, summary.cg_iterations);
+        Ok(FrameCost::measured(&self.plan, &summary.metrics, counts, &forces))
+    }
+
+    /// Seconds of one update and of one damping product of these forces.
+    fn time_forces(&self, forces: &mut [PartForce]) -> [f64; 2] {
+        let (parts, masses) = (self.scene.parts(), self.scene.masses());
+        let mut nanoseconds = [0; 2];
+        for (part, force) in forces.iter_mut() {
+            let range = parts.ranges()[*part].clone();
+            let State { time, x, v } = &self.state;
+            let (targets, wind, volumes) = (&self.targets, &self.wind, &self.volumes);
+            let around = Surroundings { time: *time, targets, v, wind, volumes };
+            let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, around };
+            let (mut own_x, mut f) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
+            let (own_x, f) = (Lanes::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
+            // The fastest of them: what else the machine does is not to count.
+            let mut fastest = [u64::MAX; 2];
+            for _ in 0..REPEATS {
+                let watch = Watch::start();
+                force.update(&view, own_x, f);
+                fastest[0] = fastest[0].min(watch.nanoseconds());
+                PartMotion::with(range.clone(), x, v, |motion| {
+                    let watch = Watch::start();
+                    force.add_damping(motion, f);
+                    fastest[1] = fastest[1].min(watch.nanoseconds());
+                });
+            }
+            nanoseconds = [0, 1].map(|i| nanoseconds[i] + fastest[i]);
+        }
+        nanoseconds.map(|all| all as f64 / NANOSECONDS)
+    }
+}

@@ -1,0 +1,87 @@
+//! For every effect a small scene in which it has something to do.
+
+use drapery_core::Vec3;
+use drapery_core::geometry::shapes::Shape;
+use drapery_core::scene::{
+    BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, RigidMotion,
+    SceneDescription,
+};
+use drapery_tests::{add_body, add_gravity, add_pins, scene_of, sheet};
+
+/// Makes the scene of an effect.
+type Control = fn() -> SceneDescription;
+
+/// In the order of the registry.
+pub(crate) const CONTROLS: &[(&str, Control)] = &[
+    ("gravity", hanging),
+    ("stretch", hanging),
+    ("bending", hanging),
+    ("attachments", held_by_springs),
+    ("pins", hanging),
+    ("body_collision", on_a_ball),
+    ("self_repulsion", sheet_on_sheet),
+    ("self_collision", sheet_through_sheet),
+];
+
+/// A small sheet, free and at rest, with springs.
+fn cloth() -> SceneDescription {
+    let mut description = scene_of(GarmentDescription::new("sheet", sheet(6, 6, 0.05), 0.2), 24);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
+    description
+}
+
+/// It hangs from two corners, and resists folding.
+fn hanging() -> SceneDescription {
+    let mut description = cloth();
+    description.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 5.0));
+    add_pins(&mut description, vec![0, 6]);
+    description
+}
+
+/// One corner hangs on a spring.
+fn held_by_springs() -> SceneDescription {
+    let mut description = cloth();
+    description.pins.push(PinDescription {
+        garment: 0,
+        target: PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![0], offsets: Vec::new() },
+        axes: [true; 3],
+        from: f64::NEG_INFINITY,
+        until: f64::INFINITY,
+        hold: PinHold::Spring { stiffness: 50.0, damping_ratio: 1.0, break_force: None },
+    });
+    description.effects.push(EffectRequest::of_scene("attachments"));
+    description
+}
+
+/// It falls on a ball just below.
+fn on_a_ball() -> SceneDescription {
+    let mut description = cloth();
+    let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.1 });
+    add_body(&mut description, ball, RigidMotion::at(Vec3::new(0.0, -0.11, 0.0)), 0.4);
+    description
+}
+
+/// It falls on a second one that is pinned along its rim.
+fn sheet_on_sheet() -> SceneDescription {
+    let mut description = cloth();
+    let mut below = sheet(6, 6, 0.05);
+    below.points.iter_mut().for_each(|p| *p += Vec3::new(0.01, -0.02, 0.013));
+    description.garments.push(GarmentDescription::new("below", below, 0.2));
+    description.garments.iter_mut().for_each(|garment| garment.thickness = 0.004);
+    description.effects.push(EffectRequest::of_garment("stretch", 1).with("stiffness", 100.0));
+    description.effects.push(EffectRequest::of_scene("self_repulsion"));
+    description.effects.push(EffectRequest::of_scene("self_collision"));
+    let rim = (0..49).filter(|v| v % 7 == 0 || v % 7 == 6 || v / 7 == 0 || v / 7 == 6);
+    add_pins(&mut description, rim.collect());
+    description.pins[0].garment = 1;
+    description
+}
+
+/// It hits the second one so fast that it would be on the other side after one step, and nothing repels it before.
+fn sheet_through_sheet() -> SceneDescription {
+    let mut description = sheet_on_sheet();
+    description.effects.retain(|request| request.effect != "self_repulsion");
+    description.garments[0].velocity = Vec3::new(0.0, -5.0, 0.0);
+    description
+}

@@ -1,0 +1,122 @@
+"""What a scene does not ask for costs nothing: builds without the optional effects, and callgrind as the judge.
+
+`DRAPERY_BARE` names the folder of `.ci/build-bare`; `make test` sets it.
+"""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from conftest import program
+from judges import ROOT
+
+BARE = Path(os.environ.get("DRAPERY_BARE", ROOT / "target" / "bare"))
+
+# Sheets on a ball, with effects that every build has.
+SCENE = """drapery = 1
+[shot]
+name = "plain"
+frames = "1-12"
+[gravity]
+[self_repulsion]
+[self_collision]
+[[body]]
+name = "ball"
+shape = { sphere = { radius = 0.2 } }
+position = [0.5, -0.22, 0.5]
+friction = 0.3
+[[garment]]
+name = "sheet"
+panel = { resolution = 12 }
+density = "0.15 kg/m²"
+[garment.stretch]
+stiffness = "100 N/m"
+[[garment.pin]]
+corners = ["i0j0"]
+"""
+
+# For each optional effect what asks for it: under the garment, at the end of the scene.
+ASKING = {
+    "bending": '[garment.bending]\nstiffness = "5 N/m"\n',
+    "attachments": '[[garment.pin]]\ncorners = ["injn"]\nmode = "spring"\nstiffness = "20 N/m"\n',
+}
+
+# Instructions may differ by so much, because compilers lay out other programs otherwise.
+LIMIT = 0.001
+
+
+def bare(name):
+    path = BARE / name
+    if not path.is_file():
+        pytest.exit(f"{path} does not exist; build it with `make bare`", returncode=2)
+    return str(path)
+
+
+def optional_effects():
+    long = subprocess.run([program("DRAPERY", "drapery"), "--version"], capture_output=True, text=True, check=True)
+    return re.findall(r"effect-(\w+)", long.stdout)
+
+
+def run(drapery, folder, name, text, *flags):
+    scene = folder / f"{name}.toml"
+    scene.write_text(text)
+    command = [drapery, "run", str(scene), "--out", str(folder / name), "--threads", "2", "-q", *flags]
+    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL), folder / name / "sheet.abc"
+
+
+def cache(*arguments):
+    done, path = run(*arguments)
+    assert done.returncode == 0, done.stderr
+    return path.read_bytes()
+
+
+def test_absent_excluded_and_compiled_out_give_the_same_bytes(tmp_path):
+    drapery, without = program("DRAPERY", "drapery"), bare("drapery")
+    absent = cache(drapery, tmp_path, "absent", SCENE)
+    assert cache(without, tmp_path, "compiled_out", SCENE) == absent
+    for effect in optional_effects():
+        assert effect in ASKING, f"ASKING needs a table for {effect}"
+        text = SCENE + ASKING[effect]
+        assert cache(drapery, tmp_path, f"{effect}_on", text) != absent, f"{effect} does nothing"
+        assert cache(drapery, tmp_path, f"{effect}_out", text, "--without", effect) == absent, effect
+        refused, _ = run(without, tmp_path, f"{effect}_lacking", text)
+        assert refused.returncode not in (0, 70), refused.stderr
+        assert f"--features effect-{effect}" in refused.stderr, refused.stderr
+
+
+def test_the_bare_build_has_no_effect_that_can_be_left_out():
+    long = subprocess.run([bare("drapery"), "--version"], capture_output=True, text=True, check=True)
+    assert "effect-" not in long.stdout, long.stdout
+
+
+def callgrind(name, folder):
+    record = folder / f"{name}.out"
+    command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={record}", bare(f"micro_scene_{name}")]
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stderr
+    instructions = int(re.search(r"Collected : (\d+)", done.stderr).group(1))
+    return instructions, done.stdout, record.read_text()
+
+
+def allocations(record):
+    """Calls of the allocator in a record of callgrind, where names stand once and are numbers afterwards."""
+    names = dict(re.findall(r"fn=\((\d+)\) (\S+)", record))
+    calls = re.findall(r"^cfn=\((\d+)\).*\ncalls=(\d+)", record, re.MULTILINE)
+    allocators = ("malloc", "calloc", "realloc", "posix_memalign", "aligned_alloc")
+    return sum(int(count) for number, count in calls if names[number].split("'")[0] in allocators)
+
+
+def test_a_build_with_all_effects_runs_the_instructions_of_one_without(tmp_path, report_figure):
+    everything, said, functions = callgrind("all", tmp_path)
+    nothing, said_by_bare, bare_functions = callgrind("none", tmp_path)
+    apart = abs(everything - nothing) / nothing
+    report_figure(f"{everything} instructions with all effects in the build, {nothing} without: {100 * apart:.4f} % apart")
+    assert "100 steps" in said and said == said_by_bare
+    assert apart < LIMIT
+    assert allocations(functions) == allocations(bare_functions) > 0
+    # The probe sees functions of an effect that runs.
+    assert "drapery_core::effects::gravity" in functions
+    for effect in optional_effects():
+        assert f"drapery_core::effects::{effect}" not in functions, effect
