@@ -40,6 +40,12 @@ test: bare build ## Rust tests, then the outside judges (Alembic's own reader, B
 test-full: build ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
 	@.ci/test-full "$(ONLY)"
 
+SECONDS_EACH ?= 600
+
+.PHONY: fuzz
+fuzz: setup ## fuzz every reader, SECONDS_EACH (600) seconds each; TARGETS="obj scene" for some of them
+	@.ci/fuzz $(SECONDS_EACH) $(TARGETS)
+
 .PHONY: bench
 bench: setup ## benches of the solver's parts
 	cargo bench --package drapery-core
@@ -51,6 +57,10 @@ measure: build ## what self-contact costs, on the spinning ball and the twister;
 .PHONY: measure-ranks
 measure-ranks: build ## what many ranks cost and bring, on the spinning ball; writes docs/ranks.md
 	@.ci/measure-ranks $(MEASURE)
+
+.PHONY: accuracy
+accuracy: build ## what repulsion with history, the integrator and friction cost and bring; writes docs/accuracy.md
+	@.venv/bin/python .ci/measure-accuracy $(MEASURE)
 
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them

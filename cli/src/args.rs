@@ -11,6 +11,7 @@ use drapery_core::effects::{self, LISTED};
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::duration::parse_duration;
 use drapery_io::shot::run::Resume;
+use drapery_io::study::space::parse_vary;
 
 use crate::exit_code;
 
@@ -71,14 +72,18 @@ pub(crate) enum Command {
     Diff(DiffArgs),
     /// Write a page about a run: time, strain, contacts, degradations, pictures
     Report(ReportArgs),
+    /// Show what accuracy costs in time: run a scene with many settings, compare, and recommend one
+    Study(StudyArgs),
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// List the materials: presets, and those in files
     Materials(MaterialsArgs),
+    /// Test this build: what it has to withstand
+    Selftest(SelftestArgs),
 }
 
 /// A scene and what is changed in it.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct SceneArgs {
     /// Scene file
     pub(crate) scene: PathBuf,
@@ -94,6 +99,9 @@ pub(crate) struct SceneArgs {
     /// The only effects to run, of those that the scene asks for; takes the place of `effects.only` of the scene
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
+    /// Settings that `drapery study --write-preset` has written; --set goes over them
+    #[arg(long, value_name = "FILE")]
+    pub(crate) preset: Option<PathBuf>,
     /// Number of threads of each process [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK,
     /// the site file, or all cores, shared by the processes of mpirun on a machine]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
@@ -103,7 +111,7 @@ pub(crate) struct SceneArgs {
 }
 
 /// Where materials are found.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct MaterialsArgs {
     /// Folders of material files, as in A:B [default: DRAPERY_MATERIALS, or the site file]
     #[arg(long, value_name = "DIRS")]
@@ -165,6 +173,10 @@ pub(crate) struct RunArgs {
     /// End with exit code 81 if a count that should stay zero did not, such as `crossings`; all frames are written
     #[arg(long)]
     pub(crate) strict: bool,
+    /// SCENE is a bundle (DIR/debug/*.json) that a run left when the solver gave up: go on from its last good state to the
+    /// next frame, and write nothing
+    #[arg(long, conflicts_with_all = ["resume", "resume_with_changes", "overwrite", "steal_lock", "strict", "frames"])]
+    pub(crate) replay: bool,
 }
 
 /// Arguments of `check`.
@@ -251,12 +263,87 @@ pub(crate) struct DiffArgs {
     pub(crate) json: bool,
 }
 
+/// Arguments of `selftest`.
+#[derive(Debug, Args)]
+pub(crate) struct SelftestArgs {
+    /// The hard cases: `quick` takes minutes, `full` takes larger scenes and combinations of cases, `soak` a weekend
+    #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick", required = true)]
+    pub(crate) hard: Option<HardTier>,
+    /// Only these cases, for example H23; repeatable
+    #[arg(long = "case", value_name = "ID")]
+    pub(crate) cases: Vec<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// How much is tested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum HardTier {
+    /// Up to 2000 triangles a case
+    Quick,
+    /// Larger and longer
+    Full,
+    /// The longest
+    Soak,
+}
+
 /// Arguments of `report`.
 #[derive(Debug, Args)]
 pub(crate) struct ReportArgs {
     /// Folder of the run; the page is written into it as report.html
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
+}
+
+/// Arguments of `study`.
+#[derive(Debug, Args)]
+pub(crate) struct StudyArgs {
+    /// Scene file
+    #[arg(required_unless_present = "from")]
+    pub(crate) scene: Option<PathBuf>,
+    /// What to vary, for example cfl=4,2,1 cg_tolerance=1e-2,1e-4 thickness=x0.5 without=bending resolution=20,40, or any
+    /// key that --set takes; when left out, steps and solves, and one at a time what else costs time
+    #[arg(long, value_name = "NAME=A,B", num_args = 1.., value_parser = parse_vary)]
+    pub(crate) vary: Vec<(String, Vec<String>)>,
+    /// All combinations of what is varied, instead of one change at a time
+    #[arg(long, requires = "vary")]
+    pub(crate) grid: bool,
+    /// Frames to study, from the first frame of the scene on; as many as the time allows when left out
+    #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
+    pub(crate) frames: Option<FrameRange>,
+    /// Time that the study may take, for example 2m; run it again to go on with it
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "10m")]
+    pub(crate) max_wall: Duration,
+    /// What a frame may take with the recommended setting, for example 10s/frame
+    #[arg(long, value_name = "TIME/frame", value_parser = parse_frame_budget)]
+    pub(crate) budget: Option<Duration>,
+    /// Copies with shifted positions that tell how far trajectories can be predicted
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub(crate) copies: u32,
+    /// Runs of every setting whose time is told, the first one included
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) repeats: u32,
+    /// Folder of the study [default: out/<scene>_study]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace the study that the folder holds, and start anew
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// Simulate nothing: write table, study.csv and report.html again from this study.json
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "vary", "frames", "out", "overwrite", "settings"])]
+    pub(crate) from: Option<PathBuf>,
+    /// Write the recommended setting into this file, for --preset
+    #[arg(long, value_name = "FILE")]
+    pub(crate) write_preset: Option<PathBuf>,
+    /// Set a parameter or any key of the scene for all runs; repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
+    pub(crate) settings: Vec<(String, String)>,
+    /// Number of threads [default: as for run]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    #[command(flatten)]
+    pub(crate) materials: MaterialsArgs,
 }
 
 /// How progress is reported.
@@ -309,6 +396,12 @@ fn parse_frames(text: &str) -> Result<FrameRange, String> {
         return Err(format!("the last frame, {last}, comes before the first, {first}"));
     }
     Ok(FrameRange { first, last })
+}
+
+/// Reads `10s/frame`.
+fn parse_frame_budget(text: &str) -> Result<Duration, String> {
+    let time = text.strip_suffix("/frame").or_else(|| text.strip_suffix("/f")).unwrap_or(text);
+    parse_duration(time).map_err(|error| error.to_string())
 }
 
 fn parse_resume(text: &str) -> Result<Resume, String> {

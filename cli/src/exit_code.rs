@@ -22,7 +22,7 @@ pub(crate) enum ExitCode {
 /// The table that `--help` prints.
 pub(crate) const TABLE: &str = "Exit codes:
    0  done
-   1  differences found (diff)
+   1  differences found (diff), or a case failed (selftest)
    2  the command line could not be understood
   65  an input file holds data that cannot be used
   66  an input file is missing

@@ -7,6 +7,7 @@ use drapery_core::error::{ProblemKind, StepError};
 use drapery_io::error::{IoError, IoErrorKind};
 use drapery_io::scene_file::{SceneErrorKind, SceneFileError};
 use drapery_io::shot::ShotError;
+use drapery_io::study::StudyError;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, NamedSource, SourceSpan};
 
 use crate::exit_code::ExitCode;
@@ -66,6 +67,18 @@ impl From<ShotError> for Failure {
             _ => error.to_string(),
         };
         Self::new(code, text)
+    }
+}
+
+impl From<StudyError> for Failure {
+    fn from(error: StudyError) -> Self {
+        match error {
+            StudyError::Scene(errors) => errors.into(),
+            StudyError::Shot(error) => error.into(),
+            StudyError::Io(error) => error.into(),
+            StudyError::Asked(_) => Self::new(ExitCode::Usage, error.to_string()),
+            StudyError::Other { .. } => Self::new(ExitCode::CannotCreate, error.to_string()),
+        }
     }
 }
 

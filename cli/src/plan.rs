@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::scene_file;
 use drapery_io::shot::Shot;
+use drapery_io::study::preset;
 
 use crate::args::{FrameRange, SceneArgs};
 use crate::config::{Chosen, Surroundings};
@@ -27,22 +28,23 @@ pub(crate) fn prepare(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) ->
 /// The shot alone, where threads run already.
 pub(crate) fn shot(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) -> Result<Shot, Failure> {
     let search = around.search(&args.materials).value;
-    let description = scene_file::load_with(&args.scene, &settings(args), &search)?.resolve()?;
+    let description = scene_file::load_with(&args.scene, &settings(args)?, &search)?.resolve()?;
     let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
     Ok(Shot::prepare_on(ranks, description, frames)?)
 }
 
 /// Values of the scene that the arguments set: `--without` and `--only` are two of its keys.
-fn settings(args: &SceneArgs) -> Vec<(String, String)> {
+fn settings(args: &SceneArgs) -> Result<Vec<(String, String)>, Failure> {
     let list = |names: &[String]| format!("{names:?}");
-    let mut settings = args.settings.clone();
+    let mut settings = args.preset.as_deref().map(preset::read).transpose()?.unwrap_or_default();
+    settings.extend(args.settings.iter().cloned());
     for (key, other, names) in [("without", "only", &args.without), ("only", "without", &args.only)] {
         if !names.is_empty() {
             settings.push((format!("effects.{key}"), list(names)));
             settings.push((format!("effects.{other}"), list(&[])));
         }
     }
-    settings
+    Ok(settings)
 }
 
 /// Where a run of this shot goes when nobody says.

@@ -32,7 +32,7 @@ use drapery_core::Vec3;
 use drapery_core::bodies::Bodies;
 use drapery_core::effects::body_collision::{BodyCollision, CollisionStep};
 use drapery_core::effects::pins::PinTargets;
-use drapery_core::effects::{PartView, build_all};
+use drapery_core::effects::{PartView, Surroundings, build_all};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
@@ -46,6 +46,8 @@ use drapery_core::scene::{
 use drapery_core::simulation::{FrameInput, Sample, Simulation};
 use drapery_core::solve::conjugate_gradient::{ConjugateGradient, Stop, System};
 use drapery_core::solve::implicit_velocity::{DampingSystem, PartForces, VelocityProblem};
+use drapery_core::volumes::Volumes;
+use drapery_core::wind_grid::WindGrid;
 
 /// Doubles in each array of the triad: 128 MiB, far more than any cache.
 const TRIAD: usize = 1 << 24;
@@ -206,7 +208,8 @@ fn springs(bench: &mut Bench, n: usize) {
     let count = parts.local_count();
     let (vertices, springs) = (count as f64, spring_count(&scene));
     let x = drapery_core::state::State::at_start(&scene).x;
-    let targets = PinTargets::default();
+    let (targets, wind) = (PinTargets::default(), WindGrid::default());
+    let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &Volumes::default() };
     let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
     for (_, effect) in build_all(&scene).unwrap_or_else(|problems| panic!("{problems}")) {
         effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));
@@ -220,13 +223,7 @@ fn springs(bench: &mut Bench, n: usize) {
             timed(iterations, || {
                 parts.for_each((PerVertex(&mut f), PerPart(&mut forces)), &|part, (f, forces)| {
                     let range = parts.ranges()[part].clone();
-                    let view = PartView {
-                        start: range.start,
-                        masses: &masses[range],
-                        x: &x,
-                        fraction: 0.0,
-                        targets: &targets,
-                    };
+                    let view = PartView { start: range.start, masses: &masses[range], x: &x, fraction: 0.0, around };
                     let mut sums = [Lanes::ZERO; PART_SIZE];
                     let sums = view.update(&mut forces.0[0], &mut sums);
                     f.0.iter_mut().zip(sums).for_each(|(f, sum)| *f = (*sum).into());
@@ -239,7 +236,7 @@ fn springs(bench: &mut Bench, n: usize) {
     let problem = VelocityProblem {
         parts,
         masses,
-        targets: &targets,
+        around,
         pins: None,
         contacts: None,
         half_step: 1e-3,
@@ -247,6 +244,8 @@ fn springs(bench: &mut Bench, n: usize) {
         fraction: 0.0,
         reaches_ghosts: &vec![false; parts.count()],
         stop,
+        implicit_over: None,
+        held: &[],
     };
     let system = DampingSystem::new(&problem, &forces);
     bench.kernel(

@@ -45,6 +45,8 @@ pub mod state;
 pub mod step;
 pub mod time_step;
 pub mod tolerances;
+pub mod volumes;
+pub mod wind_grid;
 
 /// A point, displacement, velocity or force; the unit is said where it is used.
 pub type Vec3 = nalgebra::Vector3<f64>;

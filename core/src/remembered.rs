@@ -2,6 +2,8 @@
 //! know. It becomes a snapshot, in which nothing tells how many ranks there were, and it moves when vertices change their
 //! rank.
 
+mod elements;
+
 use std::ops::Range;
 
 use bytemuck::Pod;
@@ -12,6 +14,8 @@ use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
 use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, ValueKind, Values};
+
+pub use elements::ElementRows;
 
 /// Rows of a field that travel together.
 const CHUNK: usize = 1 << 16;
@@ -44,6 +48,8 @@ pub(crate) enum Field {
     Targets(usize, Values),
     /// Rows of so many nodes by their numbers in the scene, which all ranks know.
     Numbers(usize, Vec<u32>),
+    /// Rows of elements: those that count here when they are given, those of all ranks when they were taken or have moved.
+    Elements(ElementRows),
 }
 
 /// Which rows of a field a rank has: their keys, ascending, and the places of their values.
@@ -312,6 +318,13 @@ impl Reader<'_, '_> {
                 *numbers =
                     found.ok_or_else(|| self.error(format!("`{}` names a vertex that does not exist", self.name)))?;
             }
+            Field::Elements(rows) => {
+                rows.set(self.own(&Rows::alike(0..self.rows), rows.width(), reals)?);
+                let own: Vec<u32> = rows.iter().flat_map(|(nodes, _)| nodes).collect();
+                let found = scene_order(parts, &Rows::of_vertices(parts), &own).filter(|_| rows.is_finite());
+                let wrong = || self.error(format!("`{}` has a vertex that does not exist or is not finite", self.name));
+                rows.set_nodes(&found.ok_or_else(wrong)?);
+            }
         }
         Ok(())
     }
@@ -344,6 +357,10 @@ impl Remembered {
             sink.section(self.name, self.version);
         }
         for (name, field) in &self.fields {
+            if let Field::Elements(own) = field {
+                own.give(parts, name, sink.as_deref_mut());
+                continue;
+            }
             let mut begin = |shape: &[usize], kind| {
                 if let Some(sink) = &mut sink {
                     sink.dataset(name, shape, kind);
@@ -362,6 +379,7 @@ impl Remembered {
                 Field::Targets(1, values) => begin(&[targets.1], values.kind()),
                 Field::Targets(width, values) => begin(&[targets.1, *width], values.kind()),
                 Field::Numbers(width, values) => begin(&[values.len() / width, *width], ValueKind::U32),
+                Field::Elements(_) => {}
             }
             let mut rows = |values: Values| {
                 if let Some(sink) = &mut sink {
@@ -396,6 +414,7 @@ impl Remembered {
                 }
                 Field::Targets(..) => unreachable!("pins remember numbers, points and marks only"),
                 Field::Numbers(_, values) => rows(Values::U32(own_order(parts, values))),
+                Field::Elements(_) => {}
             }
         }
     }
@@ -457,6 +476,7 @@ impl Remembered {
                 Field::Targets(width, Values::F64(values)) => *values = moved_targets(new, pinned, *width, values),
                 Field::Targets(width, Values::U32(values)) => *values = moved_targets(new, pinned, *width, values),
                 Field::Targets(width, Values::U8(values)) => *values = moved_targets(new, pinned, *width, values),
+                Field::Elements(own) => own.set(ranks.all_gather_each(own.rows()).concat()),
                 Field::Targets(..)
                 | Field::Number(_)
                 | Field::Count(_)
@@ -511,6 +531,14 @@ impl Remembered {
         match self.field(name) {
             Some(Field::Numbers(_, values)) => values,
             _ => &[],
+        }
+    }
+
+    /// The elements in the field of this name.
+    pub(crate) fn elements(&self, name: &str) -> Option<&ElementRows> {
+        match self.field(name) {
+            Some(Field::Elements(rows)) => Some(rows),
+            _ => None,
         }
     }
 

@@ -5,11 +5,12 @@
 //! that every index is in range, every number finite and every rest edge longer than zero.
 
 mod left_out;
+pub mod sewn;
 mod share;
 mod validate;
 mod wire;
 
-pub(crate) use validate::agree;
+pub(crate) use validate::{agree, listed};
 
 use std::collections::BTreeMap;
 
@@ -20,6 +21,7 @@ use crate::geometry::shapes::Shape;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
+use sewn::Sewn;
 
 /// A scene as plain data, in SI units. Nothing in it is checked.
 #[derive(Debug, Clone)]
@@ -36,6 +38,10 @@ pub struct SceneDescription {
     pub bodies: Vec<BodyDescription>,
     /// Vertices whose motion is prescribed or that are held by springs.
     pub pins: Vec<PinDescription>,
+    /// Vertices that are drawn together.
+    pub seams: Vec<SeamDescription>,
+    /// Where the grid of the wind stands, if the caller pushes one ([`crate::simulation::FrameInput::wind`]).
+    pub wind: Option<WindGridShape>,
     /// Effects asked for. What is not here does not exist while the scene runs.
     pub effects: Vec<EffectRequest>,
     /// Effects that were asked for and then left out, for messages and `drapery plan`.
@@ -92,12 +98,46 @@ pub struct SolverSettings {
     pub cg_tolerance: Option<f64>,
     /// Largest number of conjugate gradient iterations of one solve; a solve that reaches it is counted, not fatal.
     pub cg_max_iterations: usize,
+    /// How elastic forces enter both solves.
+    pub integrator: Integrator,
+    /// Where in a step friction with bodies acts.
+    pub body_friction: BodyFriction,
 }
 
 impl Default for SolverSettings {
     fn default() -> Self {
-        Self { cfl: 4.0, max_dt: None, min_dt: 1e-9, strain_per_step: 0.1, cg_tolerance: None, cg_max_iterations: 200 }
+        Self {
+            cfl: 4.0,
+            max_dt: None,
+            min_dt: 1e-9,
+            strain_per_step: 0.1,
+            cg_tolerance: None,
+            cg_max_iterations: 200,
+            integrator: Integrator::default(),
+            body_friction: BodyFriction::default(),
+        }
     }
+}
+
+/// How elastic forces enter the two solves of a step; see `docs/theory/variants.md`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Integrator {
+    /// Explicit, with implicit damping: the paper's step. Of second order; elastic forces limit the time step.
+    #[default]
+    SemiImplicit,
+    /// Springs are linearised over the step and implicit like damping (method 2.2 iii); other forces stay explicit. Of first
+    /// order, loses energy like backward Euler; springs do not limit the time step.
+    Implicit,
+}
+
+/// Where in a step friction between cloth and bodies acts; see `docs/theory/variants.md`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BodyFriction {
+    /// In the position half (B.4), and in B.7 on the final velocities with the load of the whole step: the paper's (method 5).
+    #[default]
+    WholeStep,
+    /// In the position half alone; B.7 only stops what approaches. It loses the friction of resting contact.
+    PositionHalf,
 }
 
 /// A garment: its mesh at rest, where it starts, and what it weighs.
@@ -275,6 +315,37 @@ pub enum PinHold {
     },
 }
 
+/// Vertices of garments that are sewn together, pair by pair. The gap of a pair closes evenly from what it is at the start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeamDescription {
+    /// Garment of either side.
+    pub garments: [usize; 2],
+    /// Pairs of vertices, each by its number in the garment of its side.
+    pub pairs: Vec<[u32; 2]>,
+    /// Solver time at which the gaps start to close [s].
+    pub from: f64,
+    /// Solver time from which they are closed [s]; not after `from` closes them at once.
+    pub until: f64,
+    /// What is left of the gaps then [m]; `None` takes the larger thickness of the two garments if cloth touches cloth in this
+    /// scene, and nothing otherwise.
+    pub rest_gap: Option<f64>,
+    /// Stiffness of each pair [N/m].
+    pub stiffness: f64,
+    /// Damping as a fraction of critical damping of the pair.
+    pub damping_ratio: f64,
+}
+
+/// A regular grid of velocities of the air; it does not move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WindGridShape {
+    /// Place of the first node [m].
+    pub origin: Vec3,
+    /// Distance between nodes along x, y and z [m].
+    pub spacing: Vec3,
+    /// Number of nodes along x, y and z.
+    pub counts: [usize; 3],
+}
+
 /// An effect that the scene asks for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectRequest {
@@ -316,6 +387,12 @@ impl EffectRequest {
         self
     }
 
+    /// The same with keys set (seconds, and vectors in the setting's SI unit).
+    pub fn with_keys(mut self, setting: &str, keys: Vec<(f64, [f64; 3])>) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Keys(keys));
+        self
+    }
+
     /// The same with a vector set (in the setting's SI unit).
     pub fn with_vector(mut self, setting: &str, value: [f64; 3]) -> Self {
         self.settings.insert(setting.into(), SettingValue::Vector(value));
@@ -333,6 +410,8 @@ impl SceneDescription {
             garments: Vec::new(),
             bodies: Vec::new(),
             pins: Vec::new(),
+            seams: Vec::new(),
+            wind: None,
             effects: Vec::new(),
             left_out: Vec::new(),
         }
@@ -382,6 +461,7 @@ pub struct Scene {
     velocities: Option<Vec<Vec3>>,
     pinned: Vec<Pinned>,
     pin_targets: usize,
+    sewn: Vec<Sewn>,
 }
 
 /// A vertex that a pin holds.
@@ -431,6 +511,11 @@ impl Scene {
         &self.pinned
     }
 
+    /// Pairs of sewn vertices with an own one, in the order of the seams.
+    pub fn sewn(&self) -> &[Sewn] {
+        &self.sewn
+    }
+
     /// Rows of a track that own vertices follow, ascending.
     pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
         let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
@@ -442,15 +527,19 @@ impl Scene {
         self.pin_targets
     }
 
+    /// Rest positions of the local vertices [m].
+    pub fn rest_positions(&self) -> Vec<Vec3> {
+        self.meshes.iter().flat_map(|mesh| mesh.rest_positions()).copied().collect()
+    }
+
     /// Positions [m] and velocities [m/s] of the local vertices at the start.
     pub(crate) fn start_state(&self) -> [Vec<Vec3>; 2] {
-        let rest = || self.meshes.iter().flat_map(|mesh| mesh.rest_positions()).copied().collect();
         let uniform = || {
             let of_garment = |(g, garment): (usize, &GarmentDescription)| {
                 std::iter::repeat_n(garment.velocity, self.parts.garment(g).len())
             };
             self.description.garments.iter().enumerate().flat_map(of_garment).collect()
         };
-        [self.start.clone().unwrap_or_else(rest), self.velocities.clone().unwrap_or_else(uniform)]
+        [self.start.clone().unwrap_or_else(|| self.rest_positions()), self.velocities.clone().unwrap_or_else(uniform)]
     }
 }

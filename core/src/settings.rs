@@ -16,6 +16,8 @@ pub enum SettingValue {
     Vector([f64; 3]),
     /// Yes or no.
     Flag(bool),
+    /// Three numbers at each of some times [s], in the field's SI unit.
+    Keys(Vec<(f64, [f64; 3])>),
 }
 
 /// Physical dimension of a field.
@@ -37,6 +39,18 @@ pub enum Dimension {
     ArealDensity,
     /// Time, SI unit s.
     Time,
+    /// Rate, SI unit 1/s.
+    Rate,
+    /// Density of a fluid, SI unit kg/m³.
+    Density,
+    /// Force per area and speed, SI unit N s/m³.
+    Drag,
+    /// Force per area, SI unit Pa.
+    Pressure,
+    /// Bending rigidity: moment per width and curvature, SI unit N·m.
+    BendingRigidity,
+    /// Angle, SI unit rad.
+    Angle,
 }
 
 impl Dimension {
@@ -53,6 +67,21 @@ impl Dimension {
                 &[("kg/m²", 1.0), ("kg/m^2", 1.0), ("kg/m2", 1.0), ("g/m²", 1e-3), ("g/m^2", 1e-3), ("gsm", 1e-3)]
             }
             Self::Time => &[("s", 1.0), ("ms", 1e-3)],
+            Self::Rate => &[("1/s", 1.0)],
+            Self::Density => &[("kg/m³", 1.0), ("kg/m^3", 1.0), ("kg/m3", 1.0)],
+            Self::Drag => &[("N s/m³", 1.0), ("N s/m^3", 1.0), ("N s/m3", 1.0)],
+            Self::Pressure => &[("Pa", 1.0), ("hPa", 100.0), ("kPa", 1000.0), ("mbar", 100.0)],
+            // Kawabata's instrument gives gf·cm²/cm.
+            Self::BendingRigidity => &[
+                ("N·m", 1.0),
+                ("N m", 1.0),
+                ("Nm", 1.0),
+                ("mN·m", 1e-3),
+                ("µN·m", 1e-6),
+                ("uNm", 1e-6),
+                ("gf·cm²/cm", 9.80665e-5),
+            ],
+            Self::Angle => &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
         }
     }
 
@@ -109,6 +138,10 @@ pub enum Default {
     Flag(bool),
     /// Nothing, unless the scene says it: the effect works without.
     Absent,
+    /// No keys, unless the scene says them.
+    Keys,
+    /// No file, unless the scene names one.
+    File,
 }
 
 /// One setting of an effect.
@@ -192,6 +225,22 @@ impl Settings {
         }
     }
 
+    /// Keys by time; empty if there are none.
+    pub fn keys(&self, name: &str) -> &[(f64, [f64; 3])] {
+        match self.values.get(name) {
+            Some((SettingValue::Keys(keys), _)) => keys,
+            _ => &[],
+        }
+    }
+
+    /// A name of a file that may be absent.
+    pub fn text(&self, name: &str) -> Option<&str> {
+        match self.values.get(name) {
+            Some((SettingValue::Text(text), _)) => Some(text),
+            _ => None,
+        }
+    }
+
     /// All values with their origin, by name.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &SettingValue, Origin)> {
         self.values.iter().map(|(name, (value, origin))| (*name, value, *origin))
@@ -206,7 +255,7 @@ fn resolve(field: &Field, written: Option<&SettingValue>) -> Result<Option<(Sett
             Default::Number(value) => Ok(Some((SettingValue::Number(value), Origin::Default))),
             Default::Vector(value) => Ok(Some((SettingValue::Vector(value), Origin::Default))),
             Default::Flag(value) => Ok(Some((SettingValue::Flag(value), Origin::Default))),
-            Default::Absent => Ok(None),
+            Default::Absent | Default::Keys | Default::File => Ok(None),
         };
     };
     if let Default::Flag(_) = field.default {
@@ -214,6 +263,16 @@ fn resolve(field: &Field, written: Option<&SettingValue>) -> Result<Option<(Sett
             SettingValue::Flag(value) => Ok(Some((SettingValue::Flag(*value), Origin::Scene))),
             _ => Err(format!("`{}` takes true or false: {}", field.name, field.help)),
         };
+    }
+    match (field.default, written) {
+        (Default::Keys, SettingValue::Keys(keys)) => {
+            check_keys(field, keys)?;
+            return Ok(Some((written.clone(), Origin::Scene)));
+        }
+        (Default::File, SettingValue::Text(_)) => return Ok(Some((written.clone(), Origin::Scene))),
+        (Default::Keys, _) => return Err(format!("`{}` takes [[seconds, [x, y, z]], …]: {}", field.name, field.help)),
+        (Default::File, _) => return Err(format!("`{}` takes the name of a file: {}", field.name, field.help)),
+        _ => {}
     }
     let is_vector = matches!(field.default, Default::Vector(_));
     let value = match (written, is_vector) {
@@ -234,6 +293,12 @@ fn resolve(field: &Field, written: Option<&SettingValue>) -> Result<Option<(Sett
         (_, false) => return Err(format!("`{}` takes one number", field.name)),
     };
     Ok(Some((value, Origin::Scene)))
+}
+
+fn check_keys(field: &Field, keys: &[(f64, [f64; 3])]) -> Result<(), String> {
+    keys.iter().flat_map(|(_, value)| value).try_for_each(|value| in_range(field, *value))?;
+    let ascending = keys.windows(2).all(|w| w[0].0 < w[1].0) && keys.iter().all(|(time, _)| time.is_finite());
+    if ascending && !keys.is_empty() { Ok(()) } else { Err(format!("the times of `{}` have to ascend", field.name)) }
 }
 
 fn in_range(field: &Field, value: f64) -> Result<(), String> {

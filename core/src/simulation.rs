@@ -4,39 +4,39 @@ use std::sync::Arc;
 
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
-use crate::contact::self_contact::{Ending, SelfContact};
+use crate::contact::self_contact::SelfContact;
 use crate::effects::body_collision::BodyCollision;
 use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, Need, PlannedEffect, build_all};
+use crate::effects::{Force, Need, PlannedEffect, Section, VelocityFilter, build_all};
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::ranks::Sent;
 use crate::scene::{Scene, agree};
-use crate::solve::conjugate_gradient::Stop;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::{Scratch, StepContext, advance};
+use crate::step::Scratch;
 use crate::time_step::StepLimit;
-use crate::tolerances::CG_GRAVITY_FRACTION;
+use crate::volumes::Volumes;
+use crate::wind_grid::{WindGrid, WindSample};
 
 mod balance;
 mod cost;
+mod interval;
 mod measure;
 pub mod outside;
+#[cfg(test)]
+mod planted;
+mod recovery;
 mod saved;
 mod start;
 
 pub use crate::bodies::Sample;
 use balance::Balance;
+use recovery::Care;
+pub use recovery::Recovery;
 pub use saved::RestoreError;
 use start::{first_tracks, start_outside};
-
-/// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
-const STANDARD_GRAVITY: f64 = 9.81;
-
-/// Largest tolerance of the damping solves when it is chosen automatically [m/s]; the authors' value.
-const CG_TOLERANCE: f64 = 1e-2;
 
 /// What the caller pushes for one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -48,12 +48,14 @@ pub struct FrameInput {
     pub bodies: Vec<Vec<Sample>>,
     /// For each track of pinned positions, likewise.
     pub tracks: Vec<Vec<Sample>>,
+    /// The same for the grid of the wind; empty without one.
+    pub wind: Vec<WindSample>,
 }
 
 impl FrameInput {
     /// Input of a scene without animated meshes.
     pub fn to_frame(frame: i64) -> Self {
-        Self { frame, bodies: Vec::new(), tracks: Vec::new() }
+        Self { frame, ..Self::default() }
     }
 }
 
@@ -91,6 +93,8 @@ pub struct FrameSummary {
     pub potential_energy: f64,
     /// Pairs of body triangles that cross each other at the frame.
     pub body_self_crossings: u64,
+    /// The first of the steps that went wrong, and what was done about them.
+    pub recoveries: Vec<Recovery>,
 }
 
 impl FrameSummary {
@@ -107,6 +111,7 @@ impl FrameSummary {
             kinetic_energy: 0.0,
             potential_energy: 0.0,
             body_self_crossings: 0,
+            recoveries: Vec::new(),
         }
     }
 
@@ -119,6 +124,7 @@ impl FrameSummary {
         self.cg_iterations += earlier.cg_iterations;
         let later = std::mem::replace(&mut self.metrics, earlier.metrics.clone());
         self.metrics.add(&later);
+        self.recoveries.splice(..0, earlier.recoveries.iter().cloned());
         self
     }
 }
@@ -142,12 +148,17 @@ pub struct Simulation {
     pins: Option<HardPins>,
     targets: PinTargets,
     tracks: Vec<Samples>,
+    filters: Vec<Box<dyn VelocityFilter>>,
     collision: Option<BodyCollision>,
     self_contact: Option<SelfContact>,
     bodies: Bodies,
+    wind: WindGrid,
+    volumes: Volumes,
     limit: StepLimit,
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
+    /// Section with what has yielded in the cloth, where it can.
+    yields: Option<Section>,
     scratch: Scratch,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,
@@ -156,6 +167,7 @@ pub struct Simulation {
     /// What this rank had sent at the last frame.
     sent: Sent,
     balance: Balance,
+    care: Care,
 }
 
 impl Simulation {
@@ -181,30 +193,41 @@ impl Simulation {
         let state = State::at_start(&scene);
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
-        Self::with(scene, state, bodies, tracks)
+        let wind = WindGrid::new(scene.description().wind, &start.wind).map_err(|problem| Problems(vec![problem]))?;
+        Self::with(scene, state, bodies, (tracks, wind))
     }
 
-    /// The simulation of a scene with these bodies and tracks.
-    fn with(scene: Arc<Scene>, state: State, bodies: Bodies, tracks: Vec<Samples>) -> Result<Self, Problems> {
+    /// The simulation of a scene with these bodies, tracks and wind.
+    fn with(
+        scene: Arc<Scene>,
+        state: State,
+        bodies: Bodies,
+        (tracks, wind): (Vec<Samples>, WindGrid),
+    ) -> Result<Self, Problems> {
         let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time);
         let parts = scene.parts();
         agree(parts.ranks(), targets.as_ref().err().cloned().into_iter().collect())?;
         let targets = targets.map_err(|p| Problems(vec![p]))?;
         let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
         let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
-        let (mut repulsion, mut self_collision) = (None, None);
+        let (mut volumes, mut filters) = (Volumes::default(), Vec::new());
+        let (mut repulsion, mut self_collision, mut yields, mut sees_velocities) = (None, None, None, false);
         for (planned, effect) in build_all(&scene)? {
             for (part, force) in effect.forces {
                 forces[part].push(force);
             }
             pins = pins.or(effect.pins);
+            filters.extend(effect.filters);
             collision = collision.or(effect.body_collision);
             repulsion = repulsion.or(effect.self_repulsion);
             self_collision = self_collision.or(effect.self_collision);
+            yields = yields.or(effect.yields);
+            sees_velocities |= effect.sees_velocities;
+            volumes.0.extend(effect.volume);
             plan.push(planned);
         }
-        let (cfl, frame) = (scene.description().solver.cfl, scene.description().timeline.frame_duration());
-        let limit = StepLimit::new(parts, scene.masses(), &forces, cfl, frame);
+        let (solver, frame) = (&scene.description().solver, scene.description().timeline.frame_duration());
+        let limit = StepLimit::new(parts, scene.masses(), &forces, solver, frame);
         let is_ghost = |vertex: &u32| !parts.own().contains(&(*vertex as usize));
         let reaches = |forces: &Vec<Box<dyn Force>>| forces.iter().any(|f| f.neighbours().iter().any(is_ghost));
         let reaches_ghosts = forces.iter().map(reaches).collect();
@@ -220,7 +243,7 @@ impl Simulation {
             (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
-        let scratch = Scratch::new(parts, collision.is_some() || after_position);
+        let scratch = Scratch::new(parts, collision.is_some() || after_position, sees_velocities);
         let frame = scene.description().timeline.start;
         let metrics = Metrics::default();
         Ok(Self {
@@ -231,17 +254,22 @@ impl Simulation {
             pins,
             targets,
             tracks,
+            filters,
             collision,
             self_contact,
             bodies,
+            wind,
+            volumes,
             limit,
             reaches_ghosts,
+            yields,
             scratch,
             metrics,
             plan,
             crossings: Vec::new(),
             sent: Sent::default(),
             balance: Balance::default(),
+            care: Care::default(),
         })
     }
 
@@ -289,6 +317,11 @@ impl Simulation {
     /// Positions and velocities of the local vertices, ghosts included.
     pub fn state(&self) -> &State {
         &self.state
+    }
+
+    /// The bodies, where they are at the time of the state.
+    pub fn bodies(&self) -> &Bodies {
+        &self.bodies
     }
 
     /// The effects that run, in order.
@@ -341,6 +374,7 @@ impl Simulation {
         let timeline = self.scene.description().timeline;
         let (from, to) = (timeline.time(self.frame), timeline.time(input.frame));
         let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
+        stops.extend(input.wind.iter().map(|sample| sample.time));
         stops.extend(self.targets.window_times());
         stops.retain(|t| *t > from && *t < to);
         stops.push(to);
@@ -361,6 +395,7 @@ impl Simulation {
             if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
                 self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
+                summary.recoveries = std::mem::take(&mut self.care.events);
                 return Ok(Advance::Paused(summary));
             }
         }
@@ -368,126 +403,6 @@ impl Simulation {
         self.measure(&mut summary)?;
         self.rebalance();
         Ok(Advance::Done(summary))
-    }
-
-    /// Steps until `end` [s], one collision step after the other, or until it is to pause: then returns true.
-    fn run_to(
-        &mut self,
-        end: f64,
-        frame: i64,
-        summary: &mut FrameSummary,
-        pause: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<bool, StepError> {
-        while self.state.time < end {
-            let start = self.state.time;
-            let steps = self.begin_interval();
-            let mut done = 0;
-            while self.state.time < end && done < steps {
-                self.one_step(end, frame, summary)?;
-                done += 1;
-            }
-            if self.end_interval(self.state.time - start, done > 1) == Ending::Rewound {
-                self.rewind();
-            }
-            if pause(self.state.time) {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
-
-    /// A: returns how many time steps may follow until C.
-    fn begin_interval(&mut self) -> u32 {
-        let Self { self_contact, state, bodies, limit, metrics, .. } = self;
-        let Some(contact) = self_contact else { return 1 };
-        metrics.stage("A neighbours", |m| contact.begin_interval(state, bodies, limit.last(), m))
-    }
-
-    /// C.
-    fn end_interval(&mut self, duration: f64, may_rewind: bool) -> Ending {
-        let Self { scene, self_contact, collision, state, bodies, metrics, .. } = self;
-        let parts = scene.parts();
-        let Some(contact) = self_contact.as_mut().filter(|c| !c.collides_after_position()) else {
-            return Ending::Resolved;
-        };
-        // Repulsions alone only note how far the neighbours have come.
-        let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
-        metrics.stage(stage, |m| {
-            let ends = (&mut state.x[..], &mut state.v[..]);
-            let ending = contact.end_interval(ends, bodies, duration, may_rewind, m, |vertex, way| {
-                if let Some(collision) = collision {
-                    collision.moved(vertex, way);
-                }
-            });
-            parts.halo().refresh(parts.ranks(), &mut state.x);
-            parts.halo().refresh(parts.ranks(), &mut state.v);
-            ending
-        })
-    }
-
-    /// Puts everything back to the last collision-free state.
-    fn rewind(&mut self) {
-        let Self { scene, self_contact, collision, state, bodies, targets, tracks, .. } = self;
-        let Some(contact) = self_contact else { return };
-        contact.rewind(state);
-        let parts = scene.parts();
-        parts.halo().refresh(parts.ranks(), &mut state.x);
-        parts.halo().refresh(parts.ranks(), &mut state.v);
-        let time = state.time;
-        bodies.set_step(time, time);
-        targets.set_step(bodies, tracks, &state.x, (time, time));
-        if let Some(collision) = collision {
-            collision.forget();
-        }
-    }
-
-    /// One time step towards `end` [s].
-    fn one_step(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<(), StepError> {
-        let scene = Arc::clone(&self.scene);
-        let settings = &scene.description().solver;
-        let parts = scene.parts();
-        let state = &self.state;
-        let (limit, forces, metrics) = (&mut self.limit, &self.forces, &mut self.metrics);
-        let share = self.self_contact.as_ref().map_or(1.0, SelfContact::step_share);
-        let choice = metrics
-            .stage("dt", |_| limit.choose(settings, parts, forces, (&state.x, &state.v), (state.time, end), share));
-        if choice.limit < settings.min_dt {
-            let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
-            let (dt, min_dt, time) = (choice.limit, settings.min_dt, state.time);
-            return Err(StepError::StepTooSmall { frame, time, dt, min_dt, because });
-        }
-        let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
-        let stop =
-            Stop { tolerance: settings.cg_tolerance.unwrap_or(automatic), max_iterations: settings.cg_max_iterations };
-        let mut context = StepContext {
-            parts,
-            masses: scene.masses(),
-            state: &mut self.state,
-            forces: &mut self.forces,
-            pins: self.pins.as_ref(),
-            targets: &mut self.targets,
-            tracks: &self.tracks,
-            collision: self.collision.as_mut(),
-            self_contact: self.self_contact.as_mut(),
-            bodies: &mut self.bodies,
-            reaches_ghosts: &self.reaches_ghosts,
-            scratch: &mut self.scratch,
-            stop,
-            metrics: &mut self.metrics,
-        };
-        let report = advance(&mut context, choice.dt);
-        if let Some(stage) = report.not_finite {
-            return Err(self.not_finite(stage, frame, choice.dt));
-        }
-        summary.steps += 1;
-        summary.cg_iterations += report.cg_iterations as u64;
-        summary.dt_min = summary.dt_min.min(choice.dt);
-        summary.dt_max = summary.dt_max.max(choice.dt);
-        if choice.ends_interval {
-            // The time of a frame comes from integers, not from a sum of steps.
-            self.state.time = end;
-        }
-        Ok(())
     }
 
     /// Hands bodies and tracks the samples that the interval from `start` to `stop` [s] needs.
@@ -518,6 +433,14 @@ impl Simulation {
             }
             if sample.time > self.tracks[track].b.time.max(start) {
                 self.tracks[track].push(sample);
+            }
+        }
+        if self.wind.exists() {
+            let Some(sample) = input.wind.iter().find(|sample| sample.time >= stop).cloned() else {
+                return Err(self.input_error(input, "the wind has no sample at the frame's time".into()));
+            };
+            if sample.time > self.wind.sampled_until().max(start) {
+                self.wind.push(sample).map_err(|e| self.input_error(input, e))?;
             }
         }
         Ok(())

@@ -3,13 +3,13 @@
 //! ```text
 //! A    self-contact: remember the collision-free state, find pairs near it and their sides      (every K steps)
 //! B.1  v½  =  v + dt/2 · a(x, v½)                        backward Euler on damping
-//! B.2  v½  ←  self-repulsion
+//! B.2  v½  ←  self-repulsion, strain limit
 //! B.3  x'  =  x + dt · v½
 //! B.4  x', v*  ←  body collision
 //! B.5  v½  =  v* + dt/2 · a((x + x')/2, v½)              contact normals constrained, then the projection is undone
 //! B.6  v'  =  2 v½ − v*
 //! B.7  v'  ←  body friction with the full load
-//! B.8  v'  ←  self-repulsion, without springs
+//! B.8  v'  ←  self-repulsion without springs, strain limit
 //! C    resolve what collides between the remembered positions and x'                            (every K steps)
 //! ```
 //!
@@ -20,14 +20,19 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
+use crate::effects::Surroundings;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
 use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::{Purpose, VelocityFilter};
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerVertex;
+use crate::scene::{BodyFriction, Integrator};
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop};
 use crate::solve::implicit_velocity::{PartForces, VelocityProblem};
 use crate::state::State;
+use crate::volumes::Volumes;
+use crate::wind_grid::WindGrid;
 
 /// Vertices that one task of a plain vector update works on.
 const CHUNK: usize = 4096;
@@ -40,27 +45,41 @@ pub struct Scratch {
     x_new: Vec<Vec3>,
     x_middle: Vec<Vec3>,
     explicit: Vec<Vec3>,
+    /// Velocities that forces see in B.5; empty if none looks.
+    v_seen: Vec<Vec3>,
     cg: ConjugateGradient,
 }
 
 impl Scratch {
-    /// Arrays for the local vertices; `with_v_star` adds what only contact between B.3 and B.5 needs.
-    pub fn new(parts: &Parts, with_v_star: bool) -> Self {
+    /// Arrays for the local vertices; `with_v_star` adds what only contact between B.3 and B.5 needs, `with_v_seen` what forces
+    /// need that look at velocities.
+    pub fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool) -> Self {
         let vertices = vec![Vec3::zeros(); parts.local_count()];
-        let v_star = if with_v_star { vertices.clone() } else { Vec::new() };
+        let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };
+        let (v_star, v_seen) = (only_if(with_v_star), only_if(with_v_seen));
         Self {
             v_half: vertices.clone(),
             v_star,
             x_new: vertices.clone(),
             x_middle: vertices.clone(),
             explicit: vertices,
+            v_seen,
             cg: ConjugateGradient::new(parts),
         }
     }
 
+    /// Own vertices at which a step that has gone wrong left numbers that are not finite, ascending: those that forces or the
+    /// state itself spoil, or, if there are none, those that the solve has spread it to.
+    pub(crate) fn not_finite(&self, own: std::ops::Range<usize>, state: &State) -> Vec<usize> {
+        let is_finite = |v: &Vec3| v.iter().all(|c| c.is_finite());
+        let spoilt = |i: &usize| ![&self.explicit[*i], &state.x[*i], &state.v[*i]].into_iter().all(is_finite);
+        let found: Vec<usize> = own.clone().filter(spoilt).collect();
+        if found.is_empty() { own.filter(|i| !is_finite(&self.v_half[*i])).collect() } else { found }
+    }
+
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        (4 * self.x_new.len() + self.v_star.len()) * size_of::<Vec3>() + self.cg.bytes()
+        (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>() + self.cg.bytes()
     }
 }
 
@@ -80,8 +99,14 @@ pub struct StepContext<'a> {
     pub targets: &'a mut PinTargets,
     /// Animated positions that pins follow.
     pub tracks: &'a [Samples],
+    /// What else changes velocities.
+    pub filters: &'a mut [Box<dyn VelocityFilter>],
     /// Body collision, if the scene has bodies.
     pub collision: Option<&'a mut BodyCollision>,
+    /// The wind of a file.
+    pub wind: &'a WindGrid,
+    /// Volumes that forces look at.
+    pub volumes: &'a mut Volumes,
     /// Self-contact, if the scene asks for it.
     pub self_contact: Option<&'a mut SelfContact>,
     /// The bodies.
@@ -92,6 +117,12 @@ pub struct StepContext<'a> {
     pub scratch: &'a mut Scratch,
     /// When the damping solves stop.
     pub stop: Stop,
+    /// How elastic forces enter both solves.
+    pub integrator: Integrator,
+    /// Where in the step friction with bodies acts.
+    pub body_friction: BodyFriction,
+    /// Own vertices that stay where they are in this step, ascending, if any rank has such.
+    pub held: Option<&'a [u32]>,
     /// Seconds and counts.
     pub metrics: &'a mut Metrics,
 }
@@ -101,8 +132,10 @@ pub struct StepContext<'a> {
 pub struct StepReport {
     /// Iterations of both solves.
     pub cg_iterations: usize,
-    /// Stage at which a number stopped being finite.
+    /// Stage at which a number stopped being finite; the rest of the step was not made.
     pub not_finite: Option<&'static str>,
+    /// Whether a solve ended much farther from its solution than it began.
+    pub diverged: bool,
 }
 
 /// Advances the state by `dt` [s].
@@ -110,13 +143,22 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     let mut report = StepReport::default();
     let time = context.state.time;
     context.move_prescribed(time, time + dt);
+    context.stop_held();
     context.first_half(dt, &mut report); // B.1
+    if report.not_finite.is_some() {
+        return report;
+    }
     context.repel_half_velocities(dt); // B.2
+    context.filter_half_velocities(dt); // B.2, after it
     context.end_positions(dt); // B.3, B.4
     context.collide_after_position(dt); // C, in the order of the authors' later code
     context.second_half(dt, &mut report); // B.5, B.6
+    if report.not_finite.is_some() {
+        return report;
+    }
     context.final_velocities(dt); // B.7
     context.repel_final_velocities(dt); // B.8
+    context.filter_final_velocities(dt); // B.8, after it
     context.parts.halo().refresh(context.parts.ranks(), &mut context.state.v);
     context.state.time = time + dt;
     report
@@ -125,7 +167,9 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
 impl StepContext<'_> {
     /// Puts bodies and pin targets at both ends of the step.
     fn move_prescribed(&mut self, t0: f64, t1: f64) {
-        let Self { bodies, targets, tracks, collision, self_contact, pins, masses, state, metrics, .. } = self;
+        let Self {
+            parts, bodies, targets, tracks, filters, collision, self_contact, pins, masses, state, metrics, ..
+        } = self;
         if bodies.list().is_empty() && pins.is_none() && targets.is_empty() {
             return;
         }
@@ -138,18 +182,54 @@ impl StepContext<'_> {
             if let Some(contact) = self_contact {
                 contact.set_held(masses, *pins, targets);
             }
+            if let Some(pins) = pins {
+                filters.iter_mut().for_each(|filter| filter.set_held(parts, masses, pins, targets));
+            }
         });
+    }
+
+    /// What is held loses its velocity.
+    fn stop_held(&mut self) {
+        if let Some(held) = self.held {
+            held.iter().for_each(|vertex| self.state.v[*vertex as usize] = Vec3::zeros());
+            self.parts.halo().refresh(self.parts.ranks(), &mut self.state.v);
+        }
+    }
+
+    /// How far along the velocity both solves follow the elastic forces [s]; not at all in the paper's step.
+    fn implicit_over(&self, dt: f64) -> Option<f64> {
+        match self.integrator {
+            Integrator::SemiImplicit => None,
+            Integrator::Implicit => Some(dt),
+        }
     }
 
     /// B.1: v½ from x and v.
     fn first_half(&mut self, dt: f64, report: &mut StepReport) {
-        let Self { parts, masses, state, forces, pins, targets, reaches_ghosts, scratch, stop, metrics, .. } = self;
+        let implicit_over = self.implicit_over(dt);
+        let Self {
+            parts,
+            masses,
+            state,
+            forces,
+            pins,
+            targets,
+            wind,
+            volumes,
+            reaches_ghosts,
+            scratch,
+            stop,
+            held,
+            metrics,
+            ..
+        } = self;
         let Scratch { v_half, explicit, cg, .. } = &mut **scratch;
         metrics.stage("B.1 velocity", |m| {
+            volumes.update(parts, &state.x);
             let problem = VelocityProblem {
                 parts,
                 masses,
-                targets,
+                around: Surroundings { time: state.time, targets, v: &state.v, wind, volumes },
                 pins: *pins,
                 contacts: None,
                 half_step: 0.5 * dt,
@@ -157,6 +237,8 @@ impl StepContext<'_> {
                 fraction: 0.0,
                 reaches_ghosts,
                 stop: *stop,
+                implicit_over,
+                held: held.unwrap_or_default(),
             };
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
             note(outcome, "B.1", parts, m, report);
@@ -169,6 +251,24 @@ impl StepContext<'_> {
         if let Some(contact) = self_contact.as_mut().filter(|contact| contact.repels()) {
             metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(dt, &state.x, &mut scratch.v_half, m));
             impose(self.parts, self.pins, self.targets, &mut self.scratch.v_half);
+        }
+    }
+
+    /// B.2, after self-repulsion: the end positions keep the limit.
+    fn filter_half_velocities(&mut self, dt: f64) {
+        let Self { parts, state, filters, scratch, metrics, .. } = self;
+        for filter in &mut **filters {
+            let motion = (&state.x[..], &mut scratch.v_half[..]);
+            metrics.stage("B.2 filters", |m| filter.apply(parts, motion, dt, Purpose::Positions, m));
+        }
+    }
+
+    /// B.8, after self-repulsion: edges at their limit do not go on stretching.
+    fn filter_final_velocities(&mut self, dt: f64) {
+        let Self { parts, state, filters, metrics, .. } = self;
+        for filter in &mut **filters {
+            let motion = (&state.x[..], &mut state.v[..]);
+            metrics.stage("B.8 filters", |m| filter.apply(parts, motion, dt, Purpose::Motion, m));
         }
     }
 
@@ -187,12 +287,15 @@ impl StepContext<'_> {
         let Some(contact) = self_contact.as_mut().filter(|contact| contact.collides_after_position()) else { return };
         let Scratch { v_star, x_new, .. } = &mut **scratch;
         metrics.stage("C collisions", |m| {
-            let ends = (&mut x_new[..], &mut v_star[..]);
-            contact.end_interval(ends, bodies, dt, false, m, |vertex, way| {
+            let mut moved = |vertex, way| {
                 if let Some(collision) = collision {
                     collision.moved(vertex, way);
                 }
-            });
+            };
+            if contact.repels_per_collision_step() {
+                contact.repel_interval((&mut x_new[..], &mut v_star[..]), dt, m, &mut moved);
+            }
+            contact.end_interval((&mut x_new[..], &mut v_star[..]), bodies, dt, false, m, &mut moved);
             parts.halo().refresh(parts.ranks(), x_new);
             parts.halo().refresh(parts.ranks(), v_star);
         });
@@ -230,10 +333,25 @@ impl StepContext<'_> {
 
     /// B.5 and B.6: the velocity at the end, from the forces at the middle.
     fn second_half(&mut self, dt: f64, report: &mut StepReport) {
+        let implicit_over = self.implicit_over(dt);
         let Self {
-            parts, masses, state, forces, pins, targets, collision, reaches_ghosts, scratch, stop, metrics, ..
+            parts,
+            masses,
+            state,
+            forces,
+            pins,
+            targets,
+            wind,
+            volumes,
+            collision,
+            reaches_ghosts,
+            scratch,
+            stop,
+            held,
+            metrics,
+            ..
         } = self;
-        let Scratch { v_half, v_star, x_new, x_middle, explicit, cg } = &mut **scratch;
+        let Scratch { v_half, v_star, x_new, x_middle, explicit, v_seen, cg } = &mut **scratch;
         metrics.stage("B.5 velocity", |m| {
             let chunks = x_middle.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK)).zip(x_new.par_chunks(CHUNK));
             chunks.for_each(|((middle, x), x_new)| {
@@ -243,10 +361,15 @@ impl StepContext<'_> {
             });
             let contacts = collision.as_deref();
             let v_start: &[Vec3] = if v_star.is_empty() { &state.v } else { v_star };
+            volumes.update(parts, x_middle);
+            if !v_seen.is_empty() {
+                foresee(v_seen, v_half, &state.v, v_star);
+                parts.halo().refresh(parts.ranks(), v_seen);
+            }
             let problem = VelocityProblem {
                 parts,
                 masses,
-                targets,
+                around: Surroundings { time: state.time + 0.5 * dt, targets, v: v_seen, wind, volumes },
                 pins: *pins,
                 contacts,
                 half_step: 0.5 * dt,
@@ -254,6 +377,8 @@ impl StepContext<'_> {
                 fraction: 0.5,
                 reaches_ghosts,
                 stop: *stop,
+                implicit_over,
+                held: held.unwrap_or_default(),
             };
             let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
             note(outcome, "B.5", parts, m, report);
@@ -273,10 +398,11 @@ impl StepContext<'_> {
     fn final_velocities(&mut self, dt: f64) {
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
         impose(self.parts, self.pins, self.targets, &mut self.state.v);
-        let Self { state, collision, bodies, metrics, .. } = self;
+        let Self { state, collision, bodies, body_friction, metrics, .. } = self;
         if let Some(collision) = collision {
             let own = self.parts.own();
-            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, &mut state.v[own]));
+            let rubs = *body_friction == BodyFriction::WholeStep;
+            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, rubs, &mut state.v[own]));
             impose(self.parts, self.pins, self.targets, &mut self.state.v);
         }
     }
@@ -296,9 +422,16 @@ fn note(outcome: Outcome, stage: &'static str, parts: &Parts, metrics: &mut Metr
     report.cg_iterations += outcome.iterations;
     metrics.count_once(parts.ranks(), "cg_iterations", outcome.iterations as u64);
     metrics.count_once(parts.ranks(), "cg_short", u64::from(!outcome.converged));
+    report.diverged |= outcome.worse;
     if !outcome.finite {
         report.not_finite = report.not_finite.or(Some(stage));
     }
+}
+
+/// The velocity at the middle as B.1 to B.4 foresee it: v½, and what bodies changed at the start.
+fn foresee(v_seen: &mut [Vec3], v_half: &[Vec3], v: &[Vec3], v_star: &[Vec3]) {
+    v_seen.copy_from_slice(v_half);
+    v_seen.iter_mut().zip(v_star.iter().zip(v)).for_each(|(seen, (v_star, v))| *seen += v_star - v);
 }
 
 /// B.6: `v ← 2 v½ − v*`; v½ is what `v` holds if it is not given.

@@ -9,7 +9,7 @@ use crate::effects::{Force, PartMotion};
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerPart;
 use crate::parallel::sum::largest;
-use crate::scene::SolverSettings;
+use crate::scene::{Integrator, SolverSettings};
 use crate::tolerances::LAST_TWO_STEPS;
 
 /// Limits that do not change during a run.
@@ -18,6 +18,8 @@ pub struct StepLimit {
     /// Largest stable step of the explicit elastic forces [s].
     pub elastic: f64,
     strain_rates: Vec<f64>,
+    /// Largest rate of strain of the present state [1/s], once it was looked for.
+    rate: Option<f64>,
     /// Time between two frames [s].
     frame: f64,
     last: f64,
@@ -38,18 +40,27 @@ pub struct Choice {
 
 impl StepLimit {
     /// The limits for these forces and masses [kg], and frames that are so far apart [s].
-    pub fn new(parts: &Parts, masses: &[f64], forces: &[Vec<Box<dyn Force>>], cfl: f64, frame: f64) -> Self {
-        let mut elastic = f64::INFINITY;
+    pub fn new(
+        parts: &Parts,
+        masses: &[f64],
+        forces: &[Vec<Box<dyn Force>>],
+        settings: &SolverSettings,
+        frame: f64,
+    ) -> Self {
+        let (cfl, implicit) = (settings.cfl, settings.integrator == Integrator::Implicit);
+        // Without a limit of its own, implicit cloth takes no step longer than a frame.
+        let mut elastic = if implicit { frame } else { f64::INFINITY };
         let mut sums = Vec::new();
         for (range, forces) in parts.ranges().iter().zip(forces) {
             sums.clear();
             sums.resize(range.len(), 0.0);
-            forces.iter().for_each(|f| f.add_stiffness(&mut sums));
+            let explicit = forces.iter().filter(|f| !(implicit && f.can_be_implicit()));
+            explicit.for_each(|f| f.add_stiffness(&mut sums));
             let squared = sums.iter().zip(&masses[range.clone()]).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
             elastic = squared.fold(elastic, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt });
         }
         let elastic = -parts.ranks().max(-elastic);
-        Self { elastic, strain_rates: vec![0.0; parts.count()], frame, last: 0.0 }
+        Self { elastic, strain_rates: vec![0.0; parts.count()], rate: None, frame, last: 0.0 }
     }
 
     /// Length of the step that the cloth allowed last [s]; zero before the first.
@@ -62,24 +73,41 @@ impl StepLimit {
         self.last = last;
     }
 
-    /// The step from `time` towards `end` [s]; `share` of what the cloth would allow.
-    pub fn choose(
+    /// Positions or velocities have changed.
+    pub(crate) fn forget_rate(&mut self) {
+        self.rate = None;
+    }
+
+    /// What the elastic forces and the scene allow [s]; `share` of it.
+    fn longest(&self, settings: &SolverSettings, share: f64) -> f64 {
+        let whole = self.elastic.min(settings.max_dt.unwrap_or(f64::INFINITY));
+        // Cloth without springs allows any step; a share of it is one of a frame. A share of what is left would never end it.
+        if share < 1.0 { share * whole.min(self.frame) } else { whole }
+    }
+
+    /// Largest rate of strain of the state [1/s], zero where it is too small to limit a step, and infinite if a velocity is
+    /// not finite: the same on all ranks. Looked for once for each state.
+    pub fn rate(
         &mut self,
         settings: &SolverSettings,
         parts: &Parts,
         forces: &[Vec<Box<dyn Force>>],
         (x, v): (&[Vec3], &[Vec3]),
-        (time, end): (f64, f64),
         share: f64,
-    ) -> Choice {
-        let whole = self.elastic.min(settings.max_dt.unwrap_or(f64::INFINITY));
-        // Cloth without springs allows any step; a share of it is one of a frame. A share of what is left would never end it.
-        let longest = if share < 1.0 { share * whole.min(self.frame) } else { whole };
+    ) -> f64 {
+        if let Some(rate) = self.rate {
+            return rate;
+        }
+        let longest = self.longest(settings, share);
         parts.for_each(PerPart(&mut self.strain_rates), &|part, rate| {
             let (range, forces) = (&parts.ranges()[part], &forces[part]);
+            // A sum is finite only if all are; the velocities are on their way through the cache anyway.
+            let sum: f64 = v[range.clone()].iter().map(Vec3::sum).sum();
             let bound = forces.iter().map(|f| f.strain_rate_bound(range.clone(), v)).fold(0.0, f64::max);
             // Mostly the bound already says that this part sets no limit; then no spring needs to be looked at.
-            rate.0[0] = if bound * longest <= settings.strain_per_step {
+            rate.0[0] = if !sum.is_finite() {
+                f64::INFINITY
+            } else if bound * longest <= settings.strain_per_step {
                 0.0
             } else {
                 PartMotion::with(range.clone(), x, v, |motion| {
@@ -87,8 +115,21 @@ impl StepLimit {
                 })
             };
         });
-        let strain = settings.strain_per_step / parts.ranks().max(largest(&self.strain_rates));
-        let limit = longest.min(strain);
+        *self.rate.insert(parts.ranks().max(largest(&self.strain_rates)))
+    }
+
+    /// The step from `time` towards `end` [s] at this rate of strain [1/s]: `share` of what the cloth would allow, and `part`
+    /// of what it then does.
+    pub fn choose(
+        &mut self,
+        settings: &SolverSettings,
+        rate: f64,
+        (time, end): (f64, f64),
+        (share, part): (f64, f64),
+    ) -> Choice {
+        let strain = settings.strain_per_step / rate;
+        let whole = self.longest(settings, share).min(strain);
+        let limit = if part < 1.0 { part * whole.min(self.frame) } else { whole };
         self.last = limit;
         let left = end - time;
         let by_strain = strain < self.elastic;

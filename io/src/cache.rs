@@ -6,6 +6,7 @@
 //! that store them the other way round are reversed on reading and again on writing.
 
 use std::path::Path;
+use std::sync::Arc;
 
 pub use drapery_alembic::{DataType, Scope};
 use drapery_core::Vec3;
@@ -119,8 +120,8 @@ pub trait MeshReader: Send {
 pub struct CachePlan<'a> {
     /// Name of the garment.
     pub garment: &'a str,
-    /// The garment's mesh and attributes; positions do not matter.
-    pub mesh: &'a MeshData,
+    /// The garment's mesh and attributes, of which no cache makes a copy; positions do not matter.
+    pub mesh: &'a Arc<MeshData>,
     /// The triangles that are simulated, as points of the mesh.
     pub triangles: &'a [[u32; 3]],
     /// Units and up axis of the file.

@@ -12,6 +12,7 @@ use drapery_core::Vec3;
 use crate::cache::Connectivity;
 use crate::error::IoError;
 use crate::formats::alembic_writer::reversed;
+use crate::formats::hdf5::stored;
 use crate::units::{LengthUnit, Units, UpAxis};
 use crate::verify::triangles_of;
 
@@ -126,16 +127,16 @@ impl CacheFrames {
         let text = |name: &str| -> hdf5::Result<String> {
             Ok(file.attr(name)?.read_scalar::<hdf5::types::VarLenUnicode>()?.to_string())
         };
-        let committed = file.dataset("committed")?.read_raw::<u8>()?;
-        let numbers = file.dataset("frame_numbers")?.read_raw::<i64>()?;
-        let triangles = file.dataset("triangles")?.read_raw::<u32>()?;
-        let points = file.dataset("positions")?.shape().get(1).copied().unwrap_or(0);
+        let committed = stored::values::<u8>(&file, "committed")?;
+        let numbers = stored::values::<i64>(&file, "frame_numbers")?;
+        let triangles = stored::dataset::<2>(&file, "triangles")?.0.read_raw::<u32>()?;
+        let (_, [_, points, _]) = stored::dataset::<3>(&file, "positions")?;
         let mesh = CacheMesh {
             name: text("object_path")?,
             points,
             faces: Connectivity {
-                face_counts: file.dataset("face_counts")?.read_raw()?,
-                face_indices: file.dataset("face_indices")?.read_raw()?,
+                face_counts: stored::values(&file, "face_counts")?,
+                face_indices: stored::values(&file, "face_indices")?,
             },
             triangles: triangles.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
             // Frames are committed in ascending order, so the first mark that is missing ends the file.
@@ -145,8 +146,11 @@ impl CacheFrames {
         Ok(Self { path: path.to_owned(), units, meshes: vec![mesh], stored: Stored::Hdf5(file) })
     }
 
-    fn vectors(&self, file: &hdf5::File, dataset: &str, sample: usize) -> Result<Vec<Vec3>, IoError> {
-        let read = || file.dataset(dataset)?.read_slice_2d::<f32, _>((sample, .., ..));
+    fn vectors(&self, file: &hdf5::File, name: &str, sample: usize) -> Result<Vec<Vec3>, IoError> {
+        let read = || match stored::dataset::<3>(file, name)? {
+            (dataset, [samples, _, 3]) if sample < samples => dataset.read_slice_2d::<f32, _>((sample, .., ..)),
+            (_, extents) => Err(format!("dataset {name} has the extents {extents:?}").into()),
+        };
         let values = read().map_err(|source| not_a_cache(&self.path, &source))?;
         let row = |row: usize| Vec3::new(values[[row, 0]].into(), values[[row, 1]].into(), values[[row, 2]].into());
         Ok((0..values.shape()[0]).map(|index| self.units.to_si(row(index))).collect())

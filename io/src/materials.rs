@@ -1,19 +1,19 @@
-//! Preset materials: what the solver uses of each cloth today, and where every number comes from.
+//! Preset materials: what the solver uses of each cloth, and where every number comes from.
 //!
-//! In-plane stiffness is isotropic for now, so a preset holds the mean of warp and weft; cloth whose warp and weft
-//! differ (denim five-fold) needs anisotropic stretch, which is not here yet. Measured sources:
+//! Measured sources:
 //!
 //! * *Wang*: H. Wang, J. F. O'Brien, R. Ramamoorthi 2011, "Data-driven elastic models for cloth", as distributed with
-//!   ARCSim; stretch entries c11 and c22 in N/m over strain and angle. "mid" below is the middle of an entry's range.
-//! * *C-IPC*: tables of the C-IPC code; thickness, E·h or membrane stiffness in N/m. Its anisotropic "densities" are
-//!   areal
-//!   (g/m²) and are used as such.
+//!   ARCSim; stretch entries c11, c22 and shear entries c33 in N/m over strain and angle, bending moduli in N·m. "mid" below is
+//!   the middle of an entry's range, without what is negative: an artefact of the fit that no solver can use. The stiffer of
+//!   c11 and c22 is taken as the warp.
+//! * *C-IPC*: tables of the C-IPC code; thickness h, E·h or membrane stiffness in N/m, largest stretch. Its anisotropic
+//!   "densities" are areal (g/m²) and are used as such. It has no bending moduli; "solid" below is what a solid sheet of that
+//!   stiffness and thickness has, Y h²/12 with Y the mean of warp and weft.
 //! * *friction*: values of the calibration set of the ppf contact solver: silk 0.25, cotton 0.35, wool 0.40, denim
 //!   0.50.
 //!
-//! The stiffness of bending springs is not measured: a bending spring's resistance depends on the mesh. It is a share
-//! of the stretch stiffness (5 % soft, 10 % firm, 20 % stiff), ordered like the measured bending moduli. Damping
-//! ratios are not measured either: 1 for woven cloth, 2 for knits and leather, which ring less.
+//! Damping ratios are not measured: 1 for woven cloth, 2 for knits and leather, which ring less. What the bending rigidities
+//! make of a Cusick drape test is in docs/materials.md.
 
 use std::borrow::Cow;
 
@@ -28,10 +28,14 @@ pub struct Material {
     pub density: f64,
     /// Thickness [m]: the default distance that cloth keeps from bodies.
     pub thickness: f64,
-    /// Membrane stiffness along the threads, mean of warp and weft [N/m].
+    /// Membrane stiffness along the threads, mean of warp and weft, for springs [N/m].
     pub stretch_stiffness: f64,
-    /// Membrane stiffness of the bending springs [N/m].
-    pub bending_stiffness: f64,
+    /// Stiffness along the warp, along the weft and in shear, for membrane elements [N/m].
+    pub membrane: [f64; 3],
+    /// Bending rigidity, mean of all directions [N·m].
+    pub bending_rigidity: f64,
+    /// Largest strain that it takes, for the strain limit.
+    pub strain_limit: f64,
     /// Damping as a fraction of critical.
     pub damping_ratio: f64,
     /// Coulomb friction against bodies.
@@ -48,12 +52,15 @@ pub const PRESETS: &[Material] = &[
         density: 0.083,
         thickness: 0.18e-3,
         stretch_stiffness: 835.0,
-        bending_stiffness: 42.0,
+        membrane: [774.0, 895.0, 103.0],
+        bending_rigidity: 2.3e-6,
+        strain_limit: 0.065,
         damping_ratio: 1.0,
         friction: 0.25,
         provenance: Cow::Borrowed(
-            "C-IPC silk: 0.18 mm, warp 774 and weft 895 N/m (mean 835), 83 g/m²; bending 5 %; \
-                     friction of silk",
+            "C-IPC silk: 0.18 mm, warp 774, weft 895 and shear 103 N/m (mean 835), 83 g/m²; \
+             bending: solid, 2.3 µN·m; largest stretch of polyester, both are filament yarns; \
+             friction of silk",
         ),
     },
     Material {
@@ -62,13 +69,16 @@ pub const PRESETS: &[Material] = &[
         density: 0.113,
         thickness: 0.25e-3,
         stretch_stiffness: 210.0,
-        bending_stiffness: 10.0,
+        membrane: [288.0, 135.0, 31.0],
+        bending_rigidity: 19e-6,
+        strain_limit: 0.065,
         damping_ratio: 1.0,
         friction: 0.25,
         provenance: Cow::Borrowed(
-            "Wang tango-red-jet-set: 0.113 kg/m², c11 43-227 and c22 171-405 N/m (mids 135 and 288, \
-                     mean 212, rounded); thickness of C-IPC polyester; bending 5 %; friction as silk, both \
-                     are filament yarns",
+            "Wang tango-red-jet-set: 0.113 kg/m², c11 43-227 and c22 171-405 N/m (mids 135 and \
+             288, mean 212, rounded), c33 up to 63 N/m (mid 31), bending 8-36 µN·m (mean 19); \
+             thickness and largest stretch of C-IPC polyester; friction as silk, both are \
+             filament yarns",
         ),
     },
     Material {
@@ -77,12 +87,16 @@ pub const PRESETS: &[Material] = &[
         density: 0.150,
         thickness: 0.318e-3,
         stretch_stiffness: 261.0,
-        bending_stiffness: 13.0,
+        membrane: [261.0, 261.0, 105.0],
+        bending_rigidity: 5.7e-6,
+        strain_limit: 0.061,
         damping_ratio: 1.0,
         friction: 0.35,
         provenance: Cow::Borrowed(
-            "C-IPC isotropic cotton: 0.318 mm, E·h 261 N/m, 0.150 kg/m²; bending 5 %; friction of \
-                     cotton",
+            "C-IPC isotropic cotton: 0.318 mm, E·h 261 N/m, Poisson's ratio 0.243 (shear 105 \
+             N/m), 0.150 kg/m², largest stretch 6.1 %; bending: solid, of C-IPC's other cotton \
+             (0.18 mm, 2800 and 1400 N/m), 5.7 µN·m, since 2.2 µN·m of this one is that of silk; \
+             friction of cotton",
         ),
     },
     Material {
@@ -91,12 +105,16 @@ pub const PRESETS: &[Material] = &[
         density: 0.187,
         thickness: 0.6e-3,
         stretch_stiffness: 150.0,
-        bending_stiffness: 7.5,
+        membrane: [224.0, 79.0, 22.0],
+        bending_rigidity: 22e-6,
+        strain_limit: 0.134,
         damping_ratio: 2.0,
         friction: 0.35,
         provenance: Cow::Borrowed(
-            "Wang gray-interlock (60/40 cotton/polyester): 0.187 kg/m², c11 17-140 and c22 34-414 N/m \
-                     (mids 79 and 224, mean 151, rounded); thickness nominal; bending 5 %; friction of cotton",
+            "Wang gray-interlock (60/40 cotton/polyester): 0.187 kg/m², c11 17-140 and c22 34-414 \
+             N/m (mids 79 and 224, mean 151, rounded), c33 up to 44 N/m (mid 22, one entry of \
+             -174 left out), bending 7-39 µN·m (mean 22); thickness nominal; largest stretch of \
+             C-IPC wool with lycra; friction of cotton",
         ),
     },
     Material {
@@ -105,11 +123,15 @@ pub const PRESETS: &[Material] = &[
         density: 0.235,
         thickness: 0.568e-3,
         stretch_stiffness: 97.0,
-        bending_stiffness: 9.7,
+        membrane: [97.0, 97.0, 38.0],
+        bending_rigidity: 2.8e-6,
+        strain_limit: 0.085,
         damping_ratio: 1.0,
         friction: 0.40,
         provenance: Cow::Borrowed(
-            "C-IPC isotropic wool: 0.568 mm, E·h 97 N/m, 0.235 kg/m²; bending 10 %; friction of wool",
+            "C-IPC isotropic wool: 0.568 mm, E·h 97 N/m, Poisson's ratio 0.277 (shear 38 N/m), \
+             0.235 kg/m², largest stretch 8.5 %; bending: solid with that Poisson's ratio, 2.8 \
+             µN·m; friction of wool",
         ),
     },
     Material {
@@ -118,12 +140,16 @@ pub const PRESETS: &[Material] = &[
         density: 0.284,
         thickness: 0.9e-3,
         stretch_stiffness: 122.0,
-        bending_stiffness: 12.0,
+        membrane: [157.0, 88.0, 22.0],
+        bending_rigidity: 33e-6,
+        strain_limit: 0.134,
         damping_ratio: 2.0,
         friction: 0.40,
         provenance: Cow::Borrowed(
-            "Wang camel-ponte-roma: 0.284 kg/m², c11 31-144 and c22 44-269 N/m (mids 88 and 157, mean \
-                     122); thickness nominal; bending 10 %; friction as wool, of similar surface",
+            "Wang camel-ponte-roma: 0.284 kg/m², c11 31-144 and c22 44-269 N/m (mids 88 and 157, \
+             mean 122), c33 up to 45 N/m (mid 22), bending 10-50 µN·m (mean 33); thickness \
+             nominal; largest stretch of C-IPC wool with lycra; friction as wool, of similar \
+             surface",
         ),
     },
     Material {
@@ -132,13 +158,17 @@ pub const PRESETS: &[Material] = &[
         density: 0.324,
         thickness: 0.66e-3,
         stretch_stiffness: 628.0,
-        bending_stiffness: 63.0,
+        membrane: [1037.0, 219.0, 68.0],
+        bending_rigidity: 72e-6,
+        strain_limit: 0.061,
         damping_ratio: 1.0,
         friction: 0.50,
         provenance: Cow::Borrowed(
             "Wang 11oz-black-denim: 0.324 kg/m², c11 205-232 and c22 1014-1060 N/m (mids 219 and \
-                     1037, mean 628; the real cloth is five times stiffer one way); thickness of C-IPC denim; \
-                     bending 10 %; friction of denim",
+             1037, mean 628; the real cloth is five times stiffer one way), c33 53-84 N/m (mid \
+             68), bending 20-121 µN·m (mean 72; six denims on Kawabata's instrument have 14-22 \
+             µN·m, Journal of Textiles 2016, 4614168); thickness of C-IPC denim; largest stretch \
+             of C-IPC cotton; friction of denim",
         ),
     },
     Material {
@@ -147,12 +177,15 @@ pub const PRESETS: &[Material] = &[
         density: 0.294,
         thickness: 0.53e-3,
         stretch_stiffness: 2133.0,
-        bending_stiffness: 427.0,
+        membrane: [2844.0, 1422.0, 1065.0],
+        bending_rigidity: 50e-6,
+        strain_limit: 0.061,
         damping_ratio: 1.0,
         friction: 0.50,
         provenance: Cow::Borrowed(
-            "C-IPC canvas: 0.53 mm, warp 2844 and weft 1422 N/m (mean 2133), 294 g/m²; bending 20 %; \
-                     friction as denim, of similar surface",
+            "C-IPC canvas: 0.53 mm, warp 2844, weft 1422 and shear 1065 N/m (mean 2133), 294 \
+             g/m²; bending: solid, 50 µN·m; largest stretch of C-IPC cotton; friction as denim, \
+             of similar surface",
         ),
     },
     Material {
@@ -161,13 +194,16 @@ pub const PRESETS: &[Material] = &[
         density: 0.560,
         thickness: 0.8e-3,
         stretch_stiffness: 2133.0,
-        bending_stiffness: 427.0,
+        membrane: [2133.0, 2133.0, 820.0],
+        bending_rigidity: 114e-6,
+        strain_limit: 0.1,
         damping_ratio: 2.0,
         friction: 0.50,
         provenance: Cow::Borrowed(
             "not measured: nominal 0.8 mm at 700 kg/m³; stretch as canvas, which is softer than \
-                     leather but gives way by 0.3 % only under one metre of its own weight; bending 20 %; \
-                     friction as denim",
+             leather but gives way by 0.3 % only under one metre of its own weight, shear with a \
+             Poisson's ratio of 0.3; bending: solid, 114 µN·m; largest stretch nominal; friction \
+             as denim",
         ),
     },
     Material {
@@ -176,13 +212,16 @@ pub const PRESETS: &[Material] = &[
         density: 0.100,
         thickness: 0.13e-3,
         stretch_stiffness: 5000.0,
-        bending_stiffness: 1000.0,
+        membrane: [5000.0, 5000.0, 1900.0],
+        bending_rigidity: 400e-6,
+        strain_limit: 0.005,
         damping_ratio: 1.0,
         friction: 0.30,
         provenance: Cow::Borrowed(
-            "0.10 kg/m² as in Wang (computed); nominal 0.13 mm; its membrane stiffness of 5e5 N/m is \
-                     cut to 5000, which stretches by 0.02 % under one metre of its own weight and allows ten \
-                     times longer steps; bending 20 %; friction nominal",
+            "0.10 kg/m² and bending 400 µN·m as in Wang (computed); nominal 0.13 mm; its membrane \
+             stiffness of 5e5 N/m is cut to 5000, which stretches by 0.02 % under one metre of \
+             its own weight and allows ten times longer steps, shear with a Poisson's ratio of \
+             0.3; largest stretch of C-IPC paper; friction nominal",
         ),
     },
 ];
@@ -199,14 +238,17 @@ mod tests {
     #[test]
     fn presets_are_cloth_not_kilograms_per_cubic_metre() {
         for material in PRESETS {
-            let Material { name, density, thickness, stretch_stiffness, bending_stiffness, friction, .. } = material;
+            let Material { name, density, thickness, stretch_stiffness, membrane, friction, .. } = material;
             let (density, thickness, friction) = (*density, *thickness, *friction);
             assert!((0.05..0.7).contains(&density), "{name}");
             // Fibres and air between them: 100 to 900 kg/m³.
             assert!((100.0..900.0).contains(&(density / thickness)), "{name}: {}", density / thickness);
             assert!((50.0..=5000.0).contains(stretch_stiffness), "{name}");
-            let share = bending_stiffness / stretch_stiffness;
-            assert!((0.045..0.21).contains(&share), "{name}: {share}");
+            assert!((membrane[0] + membrane[1] - 2.0 * stretch_stiffness).abs() < 5.0, "{name}: their mean");
+            assert!(membrane[2] > 0.0 && membrane[2] < membrane[0].max(membrane[1]), "{name}: shear");
+            // Kawabata's instrument finds 1 to 200 µN·m for cloth; paper is stiffer.
+            assert!((1e-6..=4e-4).contains(&material.bending_rigidity), "{name}");
+            assert!((0.005..0.2).contains(&material.strain_limit), "{name}");
             assert!((0.2..=0.5).contains(&friction), "{name}");
             assert_eq!(find(name), Some(material));
         }

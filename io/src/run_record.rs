@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
+use crate::shot::bundle::recovery_value;
 
 /// Stage of a frame that holds all stages of the solver.
 pub const SIMULATE: &str = "simulate";
@@ -30,6 +31,9 @@ pub const RESOLVED: &str = "resolved.toml";
 
 /// File name of what the run depends on, by which a changed scene or input is noticed.
 pub const FINGERPRINT: &str = "fingerprint.json";
+
+/// Frame numbers that there can be: far more than any shot has, and far from where sums of them would overflow.
+pub(crate) const FRAMES: std::ops::RangeInclusive<i64> = -1_000_000_000..=1_000_000_000;
 
 /// What a folder of output holds, for programs that pick it up.
 ///
@@ -237,7 +241,7 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
     // What the solver took is told by its own stages.
     let around = spent.stages().iter().filter(|stage| stage.name != SIMULATE);
     around.for_each(|stage| all.add_time(stage.name.clone(), stage.seconds, stage.calls));
-    json!({
+    let mut record = json!({
         "record": "frame",
         "frame": summary.frame,
         "seconds": seconds,
@@ -252,7 +256,11 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         "resident_bytes": resident_bytes(),
         "stages": stages(&all),
         "counts": counts(&all),
-    })
+    });
+    if !summary.recoveries.is_empty() {
+        record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
+    }
+    record
 }
 
 /// Stages with seconds and calls, in the order of their first call; over ranks the seconds are their mean, with the least and

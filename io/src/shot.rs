@@ -6,6 +6,7 @@
 //!
 //! On many ranks all this happens on rank 0; the others [`follow`](crew::follow).
 
+pub mod bundle;
 pub(crate) mod check;
 pub mod crew;
 mod folder;
@@ -16,9 +17,11 @@ pub mod quality;
 mod resume;
 mod rewritten;
 pub mod run;
+pub mod steps;
 mod totals;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
@@ -32,6 +35,7 @@ use crate::shot::crew::Crew;
 use crate::shot::inputs::Inputs;
 use crate::shot::motion::{InputMotion, Preroll};
 use crate::units::Units;
+use crate::wind_file::WindFile;
 
 /// A scene with its files opened: everything that a run needs.
 #[derive(Debug)]
@@ -48,6 +52,8 @@ pub struct ShotDescription {
     pub bodies: Vec<Option<InputMotion>>,
     /// Pin targets, in the order of the tracks.
     pub tracks: Vec<InputMotion>,
+    /// The grid of the wind, if a file gives one.
+    pub wind: Option<WindFile>,
     /// For each garment of the scene the mesh as it came from its file, with everything to hand through.
     pub garments: Vec<MeshData>,
     /// First and last frame of the shot.
@@ -110,8 +116,8 @@ pub enum ShotError {
 pub struct Shot {
     crew: Crew,
     inputs: Inputs,
-    /// Until the caches are open.
-    garments: Vec<MeshData>,
+    /// Until the caches are open, which keep them until their first frame.
+    garments: Vec<Arc<MeshData>>,
     about: About,
     warnings: Vec<String>,
 }
@@ -156,11 +162,11 @@ impl Shot {
         description: ShotDescription,
         frames: Option<[i64; 2]>,
     ) -> Result<Self, ShotError> {
-        let ShotDescription { scene, bodies, tracks, garments, preroll, output, .. } = description;
+        let ShotDescription { scene, bodies, tracks, wind, garments, preroll, output, .. } = description;
         let mut warnings = description.warnings;
         let last_frame = last_frame(description.frames, frames, &mut warnings)?;
         let timeline = scene.timeline;
-        let inputs = Inputs { timeline, preroll, bodies, tracks };
+        let inputs = Inputs { timeline, preroll, bodies, tracks, wind };
         let mut problems = inputs.check(&scene, last_frame, &mut warnings);
         let about = About {
             name: description.name,
@@ -183,6 +189,7 @@ impl Shot {
         let Some(crew) = crew.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };
+        let garments = garments.into_iter().map(Arc::new).collect();
         Ok(Self { crew, inputs, garments, about, warnings })
     }
 

@@ -1,6 +1,7 @@
 //! The Alembic hand-off: what an artist's mesh brings comes back moving, and the file is valid after every frame.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use drapery_alembic::{Archive, PolyMesh, TopologyVariance};
 use drapery_core::Vec3;
@@ -32,7 +33,7 @@ fn source(folder: &Path) -> MeshData {
 }
 
 fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
-    let data = source(folder);
+    let data = Arc::new(source(folder));
     let plan = CachePlan {
         garment: "skirt",
         mesh: &data,

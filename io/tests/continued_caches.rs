@@ -3,6 +3,7 @@
 use std::fs::{self, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use drapery_alembic::{Archive, PodType, PolyMesh};
@@ -27,7 +28,7 @@ const TRIANGLES: [[u32; 3]; 6] = [[0, 1, 3], [1, 2, 3], [1, 4, 5], [1, 5, 7], [1
 
 struct Garment {
     folder: tempfile::TempDir,
-    mesh: MeshData,
+    mesh: Arc<MeshData>,
 }
 
 impl Garment {
@@ -47,7 +48,7 @@ impl Garment {
             values: [7_i32, 8, 9].iter().flat_map(|v| v.to_le_bytes()).collect(),
             indices: None,
         });
-        Self { folder, mesh }
+        Self { folder, mesh: Arc::new(mesh) }
     }
 
     fn plan(&self) -> CachePlan<'_> {
@@ -225,8 +226,9 @@ fn a_cache_that_is_cut_back_and_stops_again_looks_as_if_it_never_had_more() {
 #[test]
 fn caches_without_velocities_crossings_and_uvs_continue_too() {
     let mut garment = Garment::new();
-    garment.mesh.uvs = None;
-    garment.mesh.params.clear();
+    let mesh = Arc::make_mut(&mut garment.mesh);
+    mesh.uvs = None;
+    mesh.params.clear();
     for extension in FORMATS {
         for (velocities, crossings) in [(false, false), (true, false), (false, true)] {
             let plan = CachePlan { velocities, crossings, ..garment.plan() };
@@ -375,16 +377,18 @@ fn a_cache_that_is_missing_damaged_or_another_one_is_refused_and_left_alone() {
 fn a_cache_of_another_plan_is_refused_and_left_alone() {
     let garment = Garment::new();
     let plan = garment.plan();
-    let moved = MeshData { object_path: "/garments/coat/coatShape".into(), ..garment.mesh.clone() };
-    let mut more_points = garment.mesh.clone();
+    let moved = MeshData { object_path: "/garments/coat/coatShape".into(), ..MeshData::clone(&garment.mesh) };
+    let mut more_points = MeshData::clone(&garment.mesh);
     more_points.mesh.points.push(Vec3::zeros());
-    let no_params = MeshData { params: Vec::new(), ..garment.mesh.clone() };
-    let no_sets = MeshData { face_sets: Vec::new(), ..garment.mesh.clone() };
-    let mut turned = garment.mesh.clone();
+    let no_params = MeshData { params: Vec::new(), ..MeshData::clone(&garment.mesh) };
+    let no_sets = MeshData { face_sets: Vec::new(), ..MeshData::clone(&garment.mesh) };
+    let mut turned = MeshData::clone(&garment.mesh);
     turned.mesh.face_indices.swap(0, 1);
-    let no_uvs = MeshData { uvs: None, ..garment.mesh.clone() };
-    let mut other_uvs = garment.mesh.clone();
+    let no_uvs = MeshData { uvs: None, ..MeshData::clone(&garment.mesh) };
+    let mut other_uvs = MeshData::clone(&garment.mesh);
     other_uvs.uvs.as_mut().unwrap().values[1] = [0.5, 0.5];
+    let [moved, more_points, no_params, no_sets, turned, no_uvs, other_uvs] =
+        [moved, more_points, no_params, no_sets, turned, no_uvs, other_uvs].map(Arc::new);
     let mut cut_otherwise = TRIANGLES;
     cut_otherwise[..2].copy_from_slice(&[[0, 1, 2], [0, 2, 3]]);
     let plans = [

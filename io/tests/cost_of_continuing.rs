@@ -31,7 +31,7 @@ fn sheet() -> PolygonMesh {
 #[ignore = "writes 2.4 GB for each format"]
 fn continuing_a_thousand_frames_of_a_hundred_thousand_points_takes_seconds() {
     let folder = tempfile::tempdir().unwrap();
-    let mesh = MeshData::new(sheet());
+    let mesh = std::sync::Arc::new(MeshData::new(sheet()));
     let triangles: Vec<[u32; 3]> =
         mesh.mesh.face_indices.chunks_exact(3).map(|face| [face[0], face[1], face[2]]).collect();
     let mut plan = CachePlan {

@@ -166,6 +166,7 @@ fn two_sheets(distance: f64, effect: &str) -> ShotDescription {
         scene,
         bodies: Vec::new(),
         tracks: Vec::new(),
+        wind: None,
         frames: [1001, 1003],
         preroll: Preroll::default(),
         output: OutputDescription { formats: vec!["abc".into()], units: Units::SI, velocities: true },

@@ -68,6 +68,7 @@ fn shot() -> ShotDescription {
         scene,
         bodies: vec![None],
         tracks: Vec::new(),
+        wind: None,
         frames: [1001, 1004],
         preroll: Preroll::default(),
         output: OutputDescription {

@@ -51,8 +51,8 @@ fn every_sample_scene_is_accepted_by_the_solver_at_any_resolution() {
         .filter(|path| path.extension().is_some_and(|e| e == "toml") && !path.ends_with("dressed_mannequin.toml"))
         .collect();
     names.sort();
-    assert_eq!(names.len(), 11);
-    let tests = ["belt", "folded_stack", "storm", "two_sheets"];
+    assert_eq!(names.len(), 12);
+    let tests = ["belt", "folded_stack", "soft_cloth", "storm", "two_sheets"];
     names.extend(tests.map(|name| project().join("tests/scenes").join(format!("{name}.toml"))));
     for path in names {
         let counts = ["3", "6"].map(|resolution| {

@@ -41,6 +41,7 @@ fn falling(folder: &Path) -> ShotDescription {
         scene,
         bodies: Vec::new(),
         tracks: Vec::new(),
+        wind: None,
         frames: [1001, 1003],
         preroll: Preroll::default(),
         output: OutputDescription { formats: vec!["abc".into()], units: Units::SI, velocities: true },

@@ -4,8 +4,6 @@ mod bodies;
 mod ccd;
 mod self_contact;
 
-use std::collections::BTreeMap;
-
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyDescription, BodyShape, GarmentDescription, RigidMotion, Scene, SceneDescription};
@@ -13,36 +11,6 @@ use drapery_core::simulation::{FrameInput, Sample, Simulation};
 use drapery_tests::*;
 
 const FPS: u32 = 24;
-
-/// A closed box as a triangle mesh of `cells` by `cells` squares a side, counter-clockwise seen from outside.
-fn box_mesh(half: Vec3, cells: i32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let mut numbers = BTreeMap::new();
-    let mut points = Vec::new();
-    let mut point = |lattice: [i32; 3]| {
-        *numbers.entry(lattice).or_insert_with(|| {
-            let share = lattice.map(|i| 2.0 * f64::from(i) / f64::from(cells) - 1.0);
-            points.push(Vec3::from(share).component_mul(&half));
-            points.len() as u32 - 1
-        })
-    };
-    let mut triangles = Vec::new();
-    for axis in 0..3 {
-        for (side, k) in [(0, 0), (1, cells)] {
-            for i in 0..cells {
-                for j in 0..cells {
-                    let mut at = |di: i32, dj: i32| {
-                        let mut lattice = [0; 3];
-                        (lattice[axis], lattice[(axis + 1) % 3], lattice[(axis + 2) % 3]) = (k, i + di, j + dj);
-                        point(lattice)
-                    };
-                    let [a, b, c, d] = [at(0, 0), at(1, 0), at(1, 1), at(0, 1)];
-                    triangles.extend(if side == 1 { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
-                }
-            }
-        }
-    }
-    (points, triangles)
-}
 
 /// A mesh body of given triangles; `points(time)` moves it.
 struct MeshBody<'a> {
@@ -67,10 +35,10 @@ fn run_with_mesh(
         vec![vec![Sample { time, positions: (body.points)(time) }]]
     };
     let scene = Scene::validate(description).unwrap_or_else(|p| panic!("{p}"));
-    let start = FrameInput { frame: 0, bodies: sample(0), tracks: Vec::new() };
+    let start = FrameInput { frame: 0, bodies: sample(0), tracks: Vec::new(), wind: Vec::new() };
     let mut simulation = Simulation::new(scene, &start).unwrap_or_else(|p| panic!("{p}"));
     for frame in 1..=frames {
-        let input = FrameInput { frame, bodies: sample(frame), tracks: Vec::new() };
+        let input = FrameInput { frame, bodies: sample(frame), tracks: Vec::new(), wind: Vec::new() };
         let summary = simulation.advance(&input).unwrap_or_else(|e| panic!("{e}"));
         see(&simulation, &summary);
     }

@@ -6,7 +6,7 @@ use drapery_core::geometry::bvh::Bvh;
 use drapery_core::geometry::crossings::{self, EdgeOwners, Surface};
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
-use drapery_core::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+use drapery_core::scene::{EffectRequest, GarmentDescription, Integrator, Scene, SceneDescription};
 use drapery_core::simulation::{FrameInput, Simulation};
 use drapery_tests::*;
 
@@ -179,13 +179,25 @@ fn self_contact_has_the_same_bits_on_any_number_of_threads() {
 
 #[test]
 fn every_variant_of_the_method_keeps_a_storm_free_of_crossings() {
-    for variant in ["alone", "every step", "after position"] {
+    let variants =
+        ["alone", "every step", "after position", "repelled once", "repelled once after position", "implicit"];
+    for variant in variants {
         let mut description = storm(10, 20.0);
         description.effects.retain(|e| variant != "alone" || e.effect != "self_repulsion");
+        if variant.starts_with("repelled once") {
+            let repulsion = description.effects.iter_mut().find(|e| e.effect == "self_repulsion");
+            let repulsion = repulsion.expect("self_repulsion is asked for");
+            *repulsion = repulsion.clone().with_flag("per_collision_step", true);
+        }
+        if variant == "implicit" {
+            description.solver.integrator = Integrator::Implicit;
+        }
         let collision = description.effects.last_mut().expect("self_collision is the last");
         match variant {
             "every step" => *collision = collision.clone().with("max_steps", 1.0),
-            "after position" => *collision = collision.clone().with_flag("after_position", true),
+            "after position" | "repelled once after position" => {
+                *collision = collision.clone().with_flag("after_position", true)
+            }
             _ => {}
         }
         run_free(&mut start(description), 6);

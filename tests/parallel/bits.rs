@@ -4,15 +4,18 @@ use std::sync::Arc;
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
+use drapery_core::mesh::PolygonMesh;
 use drapery_core::parallel::communicator::Communicator;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
-    RigidMotion, Scene, SceneDescription,
+    BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription,
+    PinHold, PinTarget, RigidMotion, Scene, SceneDescription, SeamDescription, WindGridShape,
 };
+use drapery_core::settings::SettingValue;
 use drapery_core::simulation::{FrameInput, FrameSummary, Sample, Simulation};
 use drapery_core::snapshot::Snapshot;
+use drapery_core::wind_grid::WindSample;
 use drapery_tests::*;
 
 /// Ranks, and threads of each.
@@ -169,6 +172,29 @@ fn two_garments_that_fall_on_a_spinning_ball_and_on_a_floor() {
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }
 
+/// A crumpled sheet that goes on folding, some folds for good.
+fn crumpling() -> SceneDescription {
+    let mut description = cloth(0.0);
+    description.effects.pop();
+    let bending = EffectRequest::of_garment("dihedral_bending", 0);
+    description.effects.push(bending.with("stiffness", 1e-5).with("damping_ratio", 0.5));
+    let wrinkles = EffectRequest::of_garment("plastic_wrinkles", 0).with("yield_radius", 0.1);
+    description.effects.push(wrinkles.with("hardening", 0.2));
+    let wave = |p: &Vec3| p + Vec3::y() * (0.004 * (40.0 * p.x + 9.0 * p.z).sin() * (31.0 * p.z).cos());
+    description.garments[0].start = Some(description.garments[0].mesh.points.iter().map(wave).collect());
+    add_pins(&mut description, vec![0, 80]);
+    description
+}
+
+#[test]
+fn a_crumpled_sheet_that_keeps_some_folds() {
+    let shot = Shot { description: crumpling(), input: no_input, frames: 4 };
+    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
+    let yielded = |frame: usize| summaries[frame].metrics.counted("hinges_yielded");
+    assert!((0..4).all(|frame| yielded(frame) > 10), "folds stay in every frame");
+    shot.has_the_same_bits_everywhere();
+}
+
 /// The swelling ball as a body.
 fn ball() -> BodyDescription {
     let (triangles, points) = swelling_ball(0.0);
@@ -186,7 +212,7 @@ fn ball_and_track(frame: i64) -> FrameInput {
     let at = |x: f64| Vec3::new(x, 0.26 + 0.1 * time, 0.5);
     let track = vec![Sample { time, positions: vec![at(-0.5), at(0.5), at(0.0)] }];
     let ball = vec![Sample { time, positions: swelling_ball(time).1 }];
-    FrameInput { frame, bodies: vec![ball], tracks: vec![track] }
+    FrameInput { frame, bodies: vec![ball], tracks: vec![track], wind: Vec::new() }
 }
 
 #[test]
@@ -228,6 +254,114 @@ fn two_sheets_on_a_ball() -> SceneDescription {
 fn two_sheets_that_meet_on_a_deforming_ball() {
     let ball = |frame| FrameInput { tracks: Vec::new(), ..ball_and_track(frame) };
     let shot = Shot { description: two_sheets_on_a_ball(), input: ball, frames: 4 };
+    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
+    let counted = |name: &str| summaries.iter().map(|summary| summary.metrics.counted(name)).sum::<u64>();
+    assert!(counted("repulsions") > 0 && counted("collision_hits") > 0, "the sheets meet");
+    shot.has_the_same_bits_everywhere();
+}
+
+/// Every effect that works on triangles or edges over borders of parts, with pins that come and go.
+#[test]
+fn a_membrane_with_altitudes_ether_and_a_limit_on_its_strain() {
+    let mut description = cloth(0.0);
+    description.effects.retain(|effect| effect.effect == "gravity");
+    let membrane = EffectRequest::of_garment("membrane", 0).with("warp", 6.0).with("weft", 2.0).with("shear", 0.5);
+    description.effects.push(membrane.with_vector("grain", [1.0, 0.0, 0.4]).with("thin_triangles", 0.1));
+    description.effects.push(EffectRequest::of_garment("shear", 0).with("stiffness", 1.0).with("compressed_by", 0.02));
+    let limit = EffectRequest::of_garment("strain_limit", 0).with("limit", 0.02).with("compression", 0.3);
+    description.effects.push(limit.with("sweeps", 40.0));
+    description.effects.push(EffectRequest::of_scene("ether_drag").with("rate", 1.0));
+    // Thrown apart, so that the limit acts from the start and across all borders.
+    let apart = |p: &Vec3| Vec3::new(2.0 * p.x, (9.0 * p.z).sin(), 2.0 * p.z);
+    let points = &description.garments[0].mesh.points;
+    description.garments[0].start_velocities = Some(points.iter().map(apart).collect());
+    add_pins(&mut description, vec![0, 80]);
+    description.pins.push(PinDescription {
+        garment: 0,
+        target: PinTarget::Path { anchor: PinAnchor::WhenHeld, vertices: vec![3280, 3281], offsets: Vec::new() },
+        axes: [true, false, true],
+        from: 0.01,
+        until: 0.025,
+        hold: PinHold::Hard,
+    });
+    let shot = Shot { description, input: no_input, frames: 4 };
+    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
+    assert!(summaries.iter().all(|s| s.metrics.counted("strain_limit_sweeps") > 0), "the limit acts");
+    shot.has_the_same_bits_everywhere();
+}
+
+/// Gusts that turn and grow, on 4 by 4 by 4 nodes.
+fn gusts(frame: i64) -> FrameInput {
+    let time = frame as f64 / 120.0;
+    let node = |k: usize| {
+        let phase = 0.7 * k as f64 + 40.0 * time;
+        Vec3::new(8.0 * phase.sin(), 5.0 * phase.cos(), 3.0)
+    };
+    FrameInput { wind: vec![WindSample { time, velocities: (0..64).map(node).collect() }], ..no_input(frame) }
+}
+
+#[test]
+fn a_hanging_sheet_in_gusts_of_a_grid() {
+    let mut description = cloth(0.0);
+    add_pins(&mut description, vec![0, 80]);
+    let shape = WindGridShape { origin: Vec3::repeat(-0.6), spacing: Vec3::repeat(0.4), counts: [4; 3] };
+    description.wind = Some(shape);
+    let mut wind = EffectRequest::of_scene("wind").with("density", 1.0).with("tangential", 0.1).with("normal", 0.5);
+    wind = wind.with_keys("keys", vec![(0.0, [1.0, 0.0, 0.0]), (0.02, [0.0, 0.0, 2.0])]);
+    wind.settings.insert("file".into(), SettingValue::Text("gusts.h5".into()));
+    description.effects.push(wind);
+    Shot { description, input: gusts, frames: 4 }.has_the_same_bits_everywhere();
+}
+
+#[test]
+fn balloons_of_pressure_and_of_gas() {
+    let (triangles, points) = unit_ball(40, 60);
+    let mut description = scene_of(GarmentDescription::new("sheet", sheet(30, 30, 0.02), 0.2), 120);
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
+    for (g, gas) in [(1, false), (2, true)] {
+        let at = |p: &Vec3| p * 0.2 + Vec3::new(0.5 * g as f64, 0.5, 0.0);
+        let mesh = PolygonMesh::from_triangles(points.iter().map(at).collect(), &triangles);
+        description.garments.push(GarmentDescription::new(&format!("ball{g}"), mesh, 0.2));
+        description.effects.push(EffectRequest::of_garment("stretch", g).with("stiffness", 100.0));
+        let pressure = EffectRequest::of_garment("pressure", g).with("overpressure", 60.0);
+        description.effects.push(pressure.with_flag("gas", gas).with("ambient", 1e3));
+    }
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
+}
+
+#[test]
+fn a_seam_between_two_garments_and_one_across_a_garment() {
+    let mut description = cloth(0.0);
+    let mut small = GarmentDescription::new("small", sheet(40, 60, 0.0125), 0.3);
+    small.mesh.points.iter_mut().for_each(|p| *p += Vec3::new(0.8, 0.05, 0.0));
+    description.garments.push(small);
+    description.effects.push(EffectRequest::of_garment("stretch", 1).with("stiffness", 100.0));
+    let seam = |garments, pairs: Vec<[u32; 2]>| SeamDescription {
+        garments,
+        pairs,
+        from: 0.005,
+        until: 0.03,
+        rest_gap: Some(0.001),
+        stiffness: 50.0,
+        damping_ratio: 0.5,
+    };
+    description.seams.push(seam([0, 1], (0..=60).map(|k| [80 + 81 * (k + 10), 41 * k]).collect()));
+    description.seams.push(seam([0, 0], (0..=80).map(|k| [81 * k, 81 * k + 70]).collect()));
+    description.effects.push(EffectRequest::of_scene("seams"));
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
+}
+
+#[test]
+fn variants_of_the_method_on_a_deforming_ball() {
+    let ball = |frame| FrameInput { tracks: Vec::new(), ..ball_and_track(frame) };
+    let mut description = two_sheets_on_a_ball();
+    description.solver.integrator = Integrator::Implicit;
+    description.solver.max_dt = Some(1.0 / 480.0);
+    description.solver.body_friction = BodyFriction::PositionHalf;
+    let repulsion = description.effects.iter_mut().find(|e| e.effect == "self_repulsion").expect("it is asked for");
+    *repulsion = repulsion.clone().with_flag("per_collision_step", true);
+    let shot = Shot { description, input: ball, frames: 2 };
     let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
     let counted = |name: &str| summaries.iter().map(|summary| summary.metrics.counted(name)).sum::<u64>();
     assert!(counted("repulsions") > 0 && counted("collision_hits") > 0, "the sheets meet");

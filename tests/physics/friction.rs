@@ -2,7 +2,7 @@
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
-use drapery_core::scene::{BodyShape, GarmentDescription, RigidMotion, SceneDescription};
+use drapery_core::scene::{BodyFriction, BodyShape, GarmentDescription, RigidMotion, SceneDescription};
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
 use nalgebra::{Unit, UnitQuaternion};
@@ -19,12 +19,14 @@ struct Incline {
     /// Velocity of the plane and of everything on it [m/s], in world axes.
     carried: Vec3,
     springs: Option<(f64, f64)>,
+    acts: BodyFriction,
 }
 
 impl Default for Incline {
     fn default() -> Self {
         let angle = std::f64::consts::PI / 5.0;
-        Self { angle, friction: 0.0, speed: 0.0, steps_per_second: 30, carried: Vec3::zeros(), springs: None }
+        let (carried, acts) = (Vec3::zeros(), BodyFriction::WholeStep);
+        Self { angle, friction: 0.0, speed: 0.0, steps_per_second: 30, carried, springs: None, acts }
     }
 }
 
@@ -45,6 +47,7 @@ impl Incline {
         let mut garment = GarmentDescription::new("patch", mesh, 1.0);
         garment.velocity = turn * Vec3::x() * self.speed + self.carried;
         let mut description = scene_of(garment, self.steps_per_second);
+        description.solver.body_friction = self.acts;
         add_gravity(&mut description, [0.0, -G, 0.0]);
         if let Some((stiffness, damping)) = self.springs {
             add_springs(&mut description, stiffness, damping);
@@ -93,13 +96,39 @@ fn a_block_sticks_on_an_incline_at_every_step_length() {
 }
 
 #[test]
-fn a_sliding_block_stops_where_coulomb_says() {
+fn a_block_that_sticks_has_not_crept_after_ten_seconds() {
+    let incline = Incline { friction: 0.8, steps_per_second: 100, ..Incline::default() };
+    let slid = incline.slid(&mut incline.start(), 10.0);
+    assert!(slid.abs() < 1e-12, "crept {slid} m");
+}
+
+#[test]
+fn a_sliding_block_stops_where_coulomb_says_to_second_order() {
     for (friction, stop) in [(0.9, 0.3635744), (1.0, 0.2306197)] {
-        let incline = Incline { friction, speed: 1.0, steps_per_second: 300, ..Incline::default() };
-        let slid = incline.slid(&mut incline.start(), 1.5);
-        let (sin, cos) = incline.angle.sin_cos();
-        let bound = G * (friction * cos - sin) * (1.0_f64 / 300.0).powi(2) / 8.0; // stopping inside a step
-        assert!((slid - stop).abs() <= bound + 5e-8, "mu {friction}: {slid} for {stop} within {bound}");
+        for steps_per_second in [30, 60, 120, 300, 1000] {
+            let incline = Incline { friction, speed: 1.0, steps_per_second, ..Incline::default() };
+            let slid = incline.slid(&mut incline.start(), 1.5);
+            let (sin, cos) = incline.angle.sin_cos();
+            // It stops inside a step.
+            let bound = G * (friction * cos - sin) / f64::from(steps_per_second).powi(2) / 8.0;
+            assert!((slid - stop).abs() <= bound + 5e-8, "mu {friction}: {slid} for {stop} within {bound}");
+        }
+    }
+}
+
+#[test]
+fn friction_in_the_position_half_alone_fades_with_the_step() {
+    // Resting contact: v never feels friction and is g_t t; the average velocity of a step loses μ g_n dt/2 each time.
+    let (sin, cos) = (std::f64::consts::PI / 5.0).sin_cos();
+    for (friction, steps_per_second) in [(0.6, 30), (0.6, 300), (0.8, 30), (0.8, 1000)] {
+        let acts = BodyFriction::PositionHalf;
+        let incline = Incline { friction, steps_per_second, acts, ..Incline::default() };
+        let slid = incline.slid(&mut incline.start(), 1.0);
+        let dt = f64::from(steps_per_second).recip();
+        // In the first step, at rest, all of the way is held back if μ is large enough.
+        let first = (friction * cos - sin).max(0.0) * 0.5 * G * dt * dt;
+        let expected = 0.5 * G * sin - 0.5 * friction * G * cos * dt + first;
+        assert!((slid - expected).abs() < 1e-11, "mu {friction}, dt {dt}: {slid} for {expected}");
     }
 }
 

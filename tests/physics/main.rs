@@ -1,7 +1,17 @@
 //! Physics against closed forms.
 
+mod bending;
 mod determinism;
+mod drag;
+mod fit;
 mod free_motion;
 mod friction;
+mod membrane;
+mod orders;
 mod oscillators;
+mod pressure;
+mod seams;
+mod shear;
 mod statics;
+mod strain_limit;
+mod wind;

@@ -6,6 +6,8 @@ use drapery_core::scene::{GarmentDescription, Mass, PinHold};
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
 
+use crate::fit::assert_order;
+
 /// A vertex on an attachment spring of zero rest length: an oscillator along every axis. Three of them make a triangle, whose
 /// own edges carry no springs.
 fn oscillator(omega: f64, zeta: f64, amplitude: f64, steps_per_second: u32) -> Simulation {
@@ -65,15 +67,6 @@ fn the_undamped_oscillator_keeps_its_amplitude_and_has_the_tabulated_phase() {
     }
 }
 
-/// Slope of log(error) over log(dt).
-fn fitted_slope(points: &[(f64, f64)]) -> f64 {
-    let n = points.len() as f64;
-    let logs: Vec<(f64, f64)> = points.iter().map(|(dt, e)| (dt.ln(), e.ln())).collect();
-    let (mx, my) = (logs.iter().map(|p| p.0).sum::<f64>() / n, logs.iter().map(|p| p.1).sum::<f64>() / n);
-    let covariance: f64 = logs.iter().map(|(x, y)| (x - mx) * (y - my)).sum();
-    covariance / logs.iter().map(|(x, _)| (x - mx).powi(2)).sum::<f64>()
-}
-
 #[test]
 fn a_damped_oscillator_converges_with_second_order() {
     let (omega, zeta) = (8.0_f64, 0.15_f64);
@@ -85,8 +78,7 @@ fn a_damped_oscillator_converges_with_second_order() {
         run(&mut simulation, steps as usize);
         (f64::from(steps).recip(), (positions(&simulation)[0].y + 1.0 - exact).abs())
     };
-    let slope = fitted_slope(&[40, 80, 160, 320].map(error));
-    assert!((slope - 2.0).abs() < 0.2, "slope {slope}");
+    assert_order(&[40, 80, 160, 320].map(error), 2.0, "damped oscillator");
 }
 
 #[test]
@@ -113,6 +105,5 @@ fn a_swinging_sheet_converges_with_second_order() {
         let sum: f64 = after(steps).iter().zip(&finest).map(|(a, b)| (a - b).norm_squared()).sum();
         (f64::from(steps).recip(), sum.sqrt())
     };
-    let slope = fitted_slope(&[400, 800, 1600].map(error));
-    assert!((slope - 2.0).abs() < 0.2, "slope {slope}");
+    assert_order(&[400, 800, 1600, 3200].map(error), 2.0, "swinging sheet");
 }

@@ -47,7 +47,7 @@ fn ball_and_track(frame: i64) -> FrameInput {
     let sway = |t: f64| Vec3::new(0.3 * t * t, 0.25, 2.0 * (9.0 * t).sin() / 24.0);
     let corners = [Vec3::new(-0.2, 0.0, -0.2), Vec3::new(-0.2, 0.0, 0.2)];
     let track = times().map(|time| Sample { time, positions: corners.map(|c| c + sway(time)).to_vec() }).collect();
-    FrameInput { frame, bodies: vec![ball], tracks: vec![track] }
+    FrameInput { frame, bodies: vec![ball], tracks: vec![track], wind: Vec::new() }
 }
 
 fn add_contact(description: &mut SceneDescription, repulsion: bool, collision: bool) {
@@ -115,8 +115,15 @@ fn shots() -> Vec<Shot> {
     add_gravity(&mut hanging, [0.0, -9.81, 0.0]);
     add_springs(&mut hanging, 6.0, 1.0);
     add_pins(&mut hanging, vec![0, 12]);
+    let mut folding = hitting(true, true);
+    for garment in 0..2 {
+        let bending = EffectRequest::of_garment("dihedral_bending", garment).with("stiffness", 1e-5);
+        let wrinkles = EffectRequest::of_garment("plastic_wrinkles", garment).with("yield_radius", 0.2);
+        folding.effects.extend([bending, wrinkles.with("hardening", 0.1)]);
+    }
     vec![
         shot("hanging", hanging, still),
+        shot("folds that stay", folding, still),
         shot("repulsion alone", hitting(true, false), still),
         shot("collision alone", hitting(false, true), still),
         shot("both", hitting(true, true), still),
@@ -255,6 +262,17 @@ fn the_snapshot_of_another_scene_is_refused() {
     let mut broken = snapshot.clone();
     broken.sections.pop();
     assert!(refused(&shots[3], 0, &broken).contains("`self_contact` of the saved state: it is missing"));
+    let contact = |name: &str, shape: &[usize], values: Values| {
+        let mut broken = snapshot.clone();
+        let section = broken.sections.iter_mut().find(|section| section.name == "self_contact");
+        let dataset = section.and_then(|section| section.datasets.iter_mut().find(|dataset| dataset.name == name));
+        let dataset = dataset.expect("the scene has contact of cloth with cloth");
+        (dataset.shape, dataset.values) = (shape.to_vec(), values);
+        refused(&shots[3], 0, &broken)
+    };
+    assert!(contact("pinched", &[1, 1], Values::U32(vec![900])).contains("`pinched` names node 900 of"));
+    assert!(contact("crossings", &[1, 5], Values::U32(vec![0, 1, 2, 3, u32::MAX])).contains("`crossings` names node"));
+    assert!(contact("step_share", &[1], Values::F64(vec![f64::NAN])).contains("`step_share` is NaN"));
     let mut broken = snapshot;
     if let Values::F64(x) = &mut broken.sections[0].datasets[2].values {
         x[4] = f64::NAN;

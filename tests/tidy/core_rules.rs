@@ -29,7 +29,7 @@ const EXCEPTIONS: [(&str, &str, &str); 5] = [
     ("core/src/settings.rs", "1e-3", "a millimetre, a gram, a millisecond"),
     ("core/src/settings.rs", "9.80665e-3", "a gram-force in newtons"),
     ("core/src/scene.rs", "1e-9", "default of the setting solver.min_dt"),
-    ("core/src/simulation.rs", "1e-2", "cap of the automatic setting solver.cg_tolerance"),
+    ("core/src/simulation/interval.rs", "1e-2", "cap of the automatic setting solver.cg_tolerance"),
 ];
 
 fn solver_files() -> Vec<SourceFile> {

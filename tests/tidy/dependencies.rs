@@ -5,7 +5,7 @@ use drapery_core::effects::LISTED;
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
-const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
+const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &["criterion"]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["proptest", "serde_json", "tempfile"]),
@@ -37,6 +37,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
             "drapery-core",
             "drapery-io",
             "drapery-mpi",
+            "drapery-selftest",
             "clap",
             "miette",
             "thiserror",
@@ -50,6 +51,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
         &["tempfile"],
     ),
     ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["serde_json", "tempfile"]),
+    ("selftest", &["drapery-core", "drapery-alembic", "drapery-io", "nalgebra", "serde_json", "tempfile"], &[]),
     (
         "tests",
         &[
@@ -57,6 +59,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 7] = [
             "drapery-io",
             "drapery-alembic",
             "drapery-assets",
+            "drapery-selftest",
             "nalgebra",
             "rayon",
             "serde_json",

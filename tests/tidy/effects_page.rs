@@ -53,6 +53,7 @@ fn asked_for(spec: &EffectSpec) -> String {
         }
         (Scope::Implied, "pins") => "by any `[[garment.pin]]` with `mode = \"hard\"`, which is the default".to_owned(),
         (Scope::Implied, "attachments") => "by any `[[garment.pin]]` with `mode = \"spring\"`".to_owned(),
+        (Scope::Implied, "seams") => "by any `[[seam]]`".to_owned(),
         (Scope::Implied, "body_collision") => "by any `[[body]]`".to_owned(),
         (Scope::Implied, name) => panic!("say here what asks for {name}"),
     }
@@ -77,13 +78,15 @@ fn default(field: &Field) -> String {
         Default::Number(value) => format!("{value}"),
         Default::Vector(value) => format!("{value:?}"),
         Default::Flag(value) => format!("{value}"),
-        Default::Absent => "none".to_owned(),
+        Default::Absent | Default::Keys | Default::File => "none".to_owned(),
     }
 }
 
 fn range(field: &Field) -> String {
-    if let Default::Flag(_) = field.default {
-        return "true or false".to_owned();
+    match field.default {
+        Default::Flag(_) => return "true or false".to_owned(),
+        Default::File => return "a file name".to_owned(),
+        _ => {}
     }
     let (low, high) = field.range;
     format!("{low} to {high}")

@@ -199,21 +199,27 @@ fn one_line(text: &str) -> String {
 
 fn materials() -> String {
     let mut text = String::from(
-        "\n## Materials\n\nWords for `garment.material`. Stiffness is the mean of warp and weft; where each number comes from \
-         stands in\n`io/src/materials.rs` and is printed by `drapery materials`. Other words are those of [material \
-         files](config.md).\n\n| word | | kg/m² | thickness | stretch \
-         | bending | damping ratio | friction |\n|---|---|---|---|---|---|---|---|\n",
+        "\n## Materials\n\nWords for `garment.material`, which asks for `stretch` and `dihedral_bending`. Where each number comes \
+         from\nis printed by `drapery materials`; what they make of a drape test is in [materials](../materials.md). \
+         `[garment.membrane]`\ntakes warp, weft and shear in the place of stretch, and `[garment.strain_limit]` the \
+         largest strain. A garment that\nwrites `[garment.bending]` has springs instead of `dihedral_bending`. Other \
+         words are those of [material files](config.md).\n\n| word | | kg/m² | thickness | stretch | warp | weft | shear \
+         | bending | largest strain | damping ratio | friction |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for m in PRESETS {
         let _ = writeln!(
             text,
-            "| `{}` | {} | {} | {} mm | {} N/m | {} N/m | {} | {} |",
+            "| `{}` | {} | {} | {} mm | {} N/m | {} N/m | {} N/m | {} N/m | {} µN·m | {} % | {} | {} |",
             m.name,
             m.summary,
             m.density,
             (m.thickness * 1e6).round() / 1e3,
             m.stretch_stiffness,
-            m.bending_stiffness,
+            m.membrane[0],
+            m.membrane[1],
+            m.membrane[2],
+            (m.bending_rigidity * 1e7).round() / 10.0,
+            (m.strain_limit * 1e3).round() / 10.0,
             m.damping_ratio,
             m.friction
         );

@@ -32,14 +32,19 @@ pub(crate) fn materials(args: &MaterialsArgs, around: &Surroundings) -> Result<E
 
 fn list(material: &Material, place: &str) {
     say::line(format_args!("{}: {}", material.name, material.summary).to_string().trim_end_matches(": "));
+    let [warp, weft, shear] = material.membrane;
     say::line(format_args!(
-        "  density {} kg/m², thickness {} mm, stretch {} N/m, bending {} N/m, damping {}, friction {}",
+        "  density {} kg/m², thickness {} mm, bending {} µN·m, damping {}, friction {}",
         material.density,
         1e3 * material.thickness,
-        material.stretch_stiffness,
-        material.bending_stiffness,
+        (1e7 * material.bending_rigidity).round() / 10.0,
         material.damping_ratio,
         material.friction
+    ));
+    say::line(format_args!(
+        "  stretch {} N/m (warp {warp}, weft {weft}, shear {shear} N/m), largest strain {} %",
+        material.stretch_stiffness,
+        (1e3 * material.strain_limit).round() / 10.0
     ));
     if !material.provenance.is_empty() {
         say::line(format_args!("  {}", material.provenance));

@@ -8,6 +8,8 @@ pub(crate) mod plan;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod schema;
+pub(crate) mod selftest;
 pub(crate) mod status;
 pub(crate) mod stop;
+pub(crate) mod study;
 pub(crate) mod verify;

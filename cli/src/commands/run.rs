@@ -6,10 +6,11 @@ use std::time::SystemTime;
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
+use drapery_io::shot::bundle::Bundle;
 use drapery_io::shot::quality::{Exceeded, LIMITS};
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
 
-use crate::args::{OnTerm, ProgressStyle, RunArgs};
+use crate::args::{OnTerm, ProgressStyle, RunArgs, SceneArgs};
 use crate::config::{RunSettings, Surroundings};
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
@@ -17,6 +18,17 @@ use crate::log::FolderLogs;
 use crate::progress::{Progress, duration};
 use crate::ranks::launcher;
 use crate::{Ended, plan, say, signals};
+
+/// Goes on from the last good state of a run that has given up.
+fn replay(args: &RunArgs, ranks: &Ranks, around: &Surroundings) -> Result<Ended, Failure> {
+    let bundle = Bundle::read(&args.scene.scene)?;
+    let scene = SceneArgs { scene: bundle.scene.clone(), ..args.scene.clone() };
+    let (shot, _) = plan::prepare(&scene, around, ranks)?;
+    say::line(format_args!("the run gave up: {}", bundle.error));
+    let summary = shot.replay(&bundle)?;
+    say::line(format_args!("frame {} is reached now, in {} steps", summary.frame, summary.steps));
+    Ok(ExitCode::Done.into())
+}
 
 /// Runs the shot.
 pub(crate) fn run(
@@ -26,6 +38,9 @@ pub(crate) fn run(
     quiet: bool,
     logs: &FolderLogs,
 ) -> Result<Ended, Failure> {
+    if args.replay {
+        return replay(args, ranks, &around?);
+    }
     let chosen = around.and_then(|around| Ok((RunSettings::choose(&args.settings, &around)?, around)));
     let (settings, around) = chosen.inspect_err(|failure| {
         let style = args.settings.progress.unwrap_or(ProgressStyle::Auto);
@@ -130,7 +145,7 @@ fn command(ranks: usize) -> String {
 }
 
 /// A word as a shell wants it.
-fn quoted(word: String) -> String {
+pub(crate) fn quoted(word: String) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }

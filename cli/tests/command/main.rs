@@ -6,6 +6,7 @@ mod inspection;
 mod run;
 mod site;
 mod stop;
+mod study;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

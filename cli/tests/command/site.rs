@@ -29,7 +29,7 @@ format = ["abc"]
 const PATCH: &str = "v 0 0 0\nv 0.5 0 0\nv 0 0 0.5\nv 0.5 0 0.5\nf 1 3 2\nf 2 3 4\n";
 
 const VELVET: &str = "summary = \"velvet for curtains\"\ndensity = \"420 g/m²\"\nthickness = \"1.2 mm\"\n\
-                      stretch_stiffness = \"300 N/m\"\nbending_stiffness = \"15 N/m\"\ndamping_ratio = 2\n\
+                      stretch_stiffness = \"300 N/m\"\nbending_rigidity = \"40 µN·m\"\ndamping_ratio = 2\n\
                       friction = 0.45\n";
 
 fn write(folder: &Path, name: &str, text: &str) {

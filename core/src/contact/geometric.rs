@@ -34,6 +34,9 @@ mod response;
 /// three leave are a handful of pairs that a few more end.
 const IMPULSE_ATTEMPTS: u32 = 6;
 
+/// Attempts with impulses that are added where the usual ones did not do.
+const MORE_ATTEMPTS: u32 = 3 * IMPULSE_ATTEMPTS;
+
 /// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than
 /// the shorter steps that avoid them (`docs/decisions/0007-self-contact.md`).
 const HARD_SHARE: u64 = 5;
@@ -60,6 +63,31 @@ pub struct Collisions<'a> {
     pub ignored: &'a (dyn Fn(&Pair) -> bool + Sync),
     /// Whether what impulses do not resolve is given back for a shorter collision step.
     pub may_give_back: bool,
+    /// How hard it is tried.
+    pub effort: Effort,
+}
+
+/// How hard collisions are resolved: more than usual where that did not do.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Effort {
+    /// Some attempts with impulses, then zones.
+    #[default]
+    Usual,
+    /// More attempts with impulses.
+    MoreAttempts,
+    /// Zones from the beginning.
+    Zones,
+}
+
+impl Effort {
+    /// What the attempt of this number is like, as a number of the usual ones.
+    fn attempt(self, number: u32) -> u32 {
+        match self {
+            Self::Usual => number,
+            Self::MoreAttempts => number.saturating_sub(MORE_ATTEMPTS).max(1),
+            Self::Zones => number + IMPULSE_ATTEMPTS,
+        }
+    }
 }
 
 /// What was done; all but the vertices is the same on all ranks.
@@ -73,6 +101,10 @@ pub struct Resolution {
     pub pinched: bool,
     /// Whether nothing was resolved, for a shorter collision step to try.
     pub given_back: bool,
+    /// Whether zones stayed where they were, because nothing else resolved them.
+    pub stopped: bool,
+    /// Nodes of such zones of this rank, by their numbers in the scene.
+    pub stopped_nodes: Vec<u32>,
 }
 
 /// Arrays of the loop, over the nodes of this rank.
@@ -118,13 +150,14 @@ impl CollisionLoop {
         let mut attempts = 0;
         while everywhere > 0 {
             attempts += 1;
-            if attempts == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(collisions, everywhere) {
+            let attempt = collisions.effort.attempt(attempts);
+            if attempt == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(collisions, everywhere) {
                 return Resolution { given_back: true, ..Resolution::default() };
             }
             metrics.count("collision_hits", hits.len() as u64);
             let (surface, gap) = (&*collisions.surface, collisions.gap);
             let field = Field { nodes: surface.nodes(), start: &paths.start, mobility: surface.mobility(), gap };
-            let touched = response.respond(&field, attempts, hits, &mut self.displacements, metrics);
+            let touched = response.respond(&field, attempt, hits, &mut self.displacements, metrics);
             let covers = |node: u32, end: &Vec3| match source {
                 Source::Swept => search.covers(node, end),
                 Source::Neighbours => neighbours.covers(node as usize, end, MARGIN),
@@ -144,9 +177,17 @@ impl CollisionLoop {
         metrics.count_once(&ranks, "collision_attempts", attempts.into());
         metrics.count_once(&ranks, "collision_loops", 1);
         let nodes = collisions.surface.nodes();
-        let (zone_nodes, given_up) = response.report(nodes, metrics);
+        let [zone_nodes, given_up, stopped] = response.report(nodes, metrics);
         let moved = nodes.own().filter(|&node| self.moved[node] != 0).map(|node| node as u32).collect();
-        Resolution { moved, hard: is_hard(collisions, zone_nodes), pinched: given_up > 0, given_back: false }
+        let hard = is_hard(collisions, zone_nodes);
+        Resolution {
+            moved,
+            hard,
+            pinched: given_up > 0,
+            given_back: false,
+            stopped: stopped > 0,
+            stopped_nodes: response.stopped_nodes,
+        }
     }
 
     /// Finds the pairs that may meet on these paths, with a little more, so that impulses seldom lead beyond.

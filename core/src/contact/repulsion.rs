@@ -45,6 +45,8 @@ pub struct Laws {
     pub edge_attraction: f64,
     /// Whether points that have passed through a triangle are attracted; without, the side is that of the moment.
     pub attraction: bool,
+    /// Whether the laws act once per collision step, before C, instead of in every time step (method 3.10).
+    pub per_collision_step: bool,
 }
 
 /// Which passes run.
@@ -142,6 +144,11 @@ impl Repulsions {
     pub fn bytes(&self) -> usize {
         let kind = |k: &PairsOfKind| k.sided.capacity() * (size_of::<Sided>() + size_of::<Option<Touching>>() + 4);
         self.kinds.iter().map(kind).sum::<usize>() + self.seen.len() * (size_of::<Vec3>() + 1)
+    }
+
+    /// Whether the laws act once per collision step instead of in every time step.
+    pub fn per_collision_step(&self) -> bool {
+        self.laws.per_collision_step
     }
 
     /// A: gives every pair that may come within touching distance its side, at the collision-free positions `x` [m].

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::Bodies;
 use crate::contact::exact_check::{crossings, ignored_pairs, pinched_vertices};
-use crate::contact::geometric::{CollisionLoop, Collisions, Resolution};
+use crate::contact::geometric::{CollisionLoop, Collisions, Effort, Resolution};
 use crate::contact::neighbours::Neighbours;
 use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
@@ -26,6 +26,7 @@ use crate::metrics::Metrics;
 use crate::parallel::ranks::Ranks;
 use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
+use crate::snapshot::SnapshotError;
 use crate::state::State;
 
 /// What both halves of self-contact remember.
@@ -82,7 +83,8 @@ struct StepControl {
 
 impl StepControl {
     fn succeeded(&mut self) {
-        self.successes += 1;
+        // Only whether it is a multiple matters, and a state from elsewhere may begin anywhere.
+        self.successes = self.successes.wrapping_add(1);
         if self.successes.is_multiple_of(GROWTH_PERIOD) {
             if self.share < 1.0 {
                 self.share = (2.0 * self.share).min(1.0);
@@ -142,6 +144,12 @@ pub struct SelfContact {
     wear: f64,
     /// Longest way since the list was made, at the last collision-free state.
     used: f64,
+    /// How hard the collisions of this collision step are resolved.
+    effort: Effort,
+    /// Vertices that nothing repels in this collision step, by their numbers in the scene, ascending.
+    thinned: Vec<u32>,
+    /// Vertices of zones that stayed where they were in the last collision step, likewise; those that this rank has solved.
+    stopped: Vec<u32>,
 }
 
 /// How a collision step ended.
@@ -149,6 +157,8 @@ pub struct SelfContact {
 pub enum Ending {
     /// The state is free of collisions, or as good as can be; this says what was left.
     Resolved,
+    /// So is this one, but zones stayed where they were because nothing else resolved them.
+    Stopped,
     /// The state was put back to the start of the collision step, to be tried again with shorter ones.
     Rewound,
 }
@@ -180,6 +190,9 @@ impl SelfContact {
             start_time: 0.0,
             wear: 0.0,
             used: f64::INFINITY,
+            effort: Effort::Usual,
+            thinned: Vec::new(),
+            stopped: Vec::new(),
             surface,
         }
     }
@@ -191,9 +204,14 @@ impl SelfContact {
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
 
-    /// Whether there are repulsions.
+    /// Whether repulsions act in every time step.
     pub fn repels(&self) -> bool {
-        self.repulsions.is_some()
+        self.repulsions.as_ref().is_some_and(|repulsions| !repulsions.per_collision_step())
+    }
+
+    /// Whether repulsions act once per collision step.
+    pub fn repels_per_collision_step(&self) -> bool {
+        self.repulsions.as_ref().is_some_and(Repulsions::per_collision_step)
     }
 
     /// Whether collisions are resolved between B.4 and B.5.
@@ -229,6 +247,18 @@ impl SelfContact {
         self.geometric.as_ref().map_or(1.0, |g| g.control.share)
     }
 
+    /// Says how hard the next collision step is tried, and which vertices nothing repels in it, by their numbers in the scene,
+    /// ascending: alike on all ranks.
+    pub fn set_effort(&mut self, effort: Effort, thinned: Vec<u32>) {
+        (self.effort, self.thinned) = (effort, thinned);
+    }
+
+    /// Vertices of zones that stayed where they were in the last collision step, by their numbers in the scene; those that this
+    /// rank has solved.
+    pub fn stopped_vertices(&self) -> &[u32] {
+        &self.stopped
+    }
+
     /// A: remembers the collision-free state and gives close pairs their sides; returns how many time steps of length `dt` [s]
     /// the collision step may have.
     pub fn begin_interval(&mut self, state: &State, bodies: &Bodies, dt: f64, metrics: &mut Metrics) -> u32 {
@@ -254,8 +284,14 @@ impl SelfContact {
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
-            let slack = 2.0 * way.min(self.neighbours.reach()) * self.surface.longest_edge();
-            let is_ignored = |pair: &Pair| ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok());
+            // What acts at the start of the collision step alone has no need of pairs that come close later.
+            let ahead = if repulsions.per_collision_step() { 0.0 } else { way.min(self.neighbours.reach()) };
+            let slack = 2.0 * ahead * self.surface.longest_edge();
+            let is_thinned = |pair: &Pair| pair.nodes.iter().any(|number| self.thinned.binary_search(number).is_ok());
+            let is_ignored = |pair: &Pair| {
+                ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok())
+                    || (!self.thinned.is_empty() && is_thinned(pair))
+            };
             repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
         }
         let ranks = self.surface.ranks();
@@ -303,6 +339,40 @@ impl SelfContact {
         let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility };
         repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);
+    }
+
+    /// Before C, where repulsions act once per collision step: on the average velocities of the collision step, which took
+    /// `duration` [s], with the geometry of its start (method 3.10). `x` and `v` are those at its end; the vertices that were
+    /// moved go to `moved`, each with how far [m].
+    pub fn repel_interval(
+        &mut self,
+        (x, v): (&mut [Vec3], &mut [Vec3]),
+        duration: f64,
+        metrics: &mut Metrics,
+        mut moved: impl FnMut(usize, f64),
+    ) {
+        let Self { surface, repulsions, paths, mobility, cloth, .. } = self;
+        let Some(repulsions) = repulsions else { return };
+        let (nodes, place) = (surface.nodes(), surface.place());
+        let [ends, average] = cloth;
+        ends.resize(nodes.cloth(), Vec3::zeros());
+        ends[nodes.own()].copy_from_slice(&x[place.clone()]);
+        nodes.refresh(ends);
+        let start = &paths.start[..nodes.cloth()];
+        let mean = |(end, start): (&Vec3, &Vec3)| (end - start) / duration;
+        average.clear();
+        average.extend(ends.iter().zip(start).map(mean));
+        let at = Moment { nodes, dt: duration, x: start, mobility };
+        repulsions.apply(Passes::Full, &at, average, metrics);
+        for (node, vertex) in nodes.own().zip(place) {
+            let free = surface.mobility()[node].map(|mobility| f64::from(u8::from(mobility > 0.0)));
+            let change = (average[node] - mean((&ends[node], &start[node]))).component_mul(&free);
+            if change != Vec3::zeros() {
+                x[vertex] += change * duration;
+                v[vertex] += change;
+                moved(vertex, change.norm() * duration);
+            }
+        }
     }
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
@@ -354,7 +424,10 @@ impl SelfContact {
         if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings) {
             self.check(&outcome.moved, (x, v), bodies, duration, metrics);
         }
-        Ending::Resolved
+        let cloth = self.surface.nodes().all_cloth();
+        self.stopped.clear();
+        self.stopped.extend(outcome.stopped_nodes.iter().filter(|number| **number < cloth));
+        if outcome.stopped { Ending::Stopped } else { Ending::Resolved }
     }
 
     /// Stops what would pass through something on the paths, of which `used` is the longest way. The ghosts are those of
@@ -375,6 +448,7 @@ impl SelfContact {
             duration,
             ignored: &is_ignored,
             may_give_back: may_rewind && control.steps > 1,
+            effort: self.effort,
         };
         let kept = collisions.surface.nodes().clone();
         let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
@@ -407,8 +481,12 @@ impl SelfContact {
             .with("pinched", Field::Numbers(1, geometric.pinched.clone()))
     }
 
-    /// Goes on from what was remembered.
-    pub(crate) fn go_on(&mut self, memory: &Remembered, _: &State, _: &Bodies) {
+    /// Goes on from what was remembered. All ranks call it together.
+    ///
+    /// # Errors
+    /// The same on all ranks: it names nodes that do not exist, or numbers that are none.
+    pub(crate) fn go_on(&mut self, memory: &Remembered) -> Result<(), SnapshotError> {
+        self.check_memory(memory)?;
         self.wear = memory.number("wear");
         if let Some((cloth, bodies)) = memory.nodes("list_positions") {
             let nodes = self.surface.nodes();
@@ -422,7 +500,7 @@ impl SelfContact {
             self.gap = gap(self.surface.ranks(), &self.paths.start);
             self.rebuild(reach);
         }
-        let Some(geometric) = &mut self.geometric else { return };
+        let Some(geometric) = &mut self.geometric else { return Ok(()) };
         let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
         geometric.control.steps = count("steps").clamp(1, geometric.control.max_steps);
         geometric.control.share = memory.number("step_share").clamp(SHORTEST_STEP, 1.0);
@@ -432,6 +510,26 @@ impl SelfContact {
         geometric.crossings = rows.iter().map(crossing).collect();
         geometric.ignored = ignored_pairs(&geometric.crossings);
         geometric.pinched = memory.numbers("pinched").to_vec();
+        Ok(())
+    }
+
+    /// Refuses a memory that would be followed into nodes that do not exist. What it looks at is alike on all ranks.
+    fn check_memory(&self, memory: &Remembered) -> Result<(), SnapshotError> {
+        let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
+        for name in ["wear", "list_reach", "step_share"] {
+            let number = memory.number(name);
+            if !(number >= 0.0 && number.is_finite()) {
+                return error(format!("`{name}` is {number}"));
+            }
+        }
+        let nodes = self.surface.nodes();
+        let all = nodes.all_cloth() as usize + nodes.count() - nodes.cloth();
+        for name in ["crossings", "pinched"] {
+            if let Some(number) = memory.numbers(name).iter().find(|number| **number as usize >= all) {
+                return error(format!("`{name}` names node {number} of {all}"));
+            }
+        }
+        Ok(())
     }
 
     /// Edges that crossed triangles when it was last looked for them.
@@ -542,9 +640,10 @@ impl Geometric {
     }
 }
 
-/// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest coordinate.
+/// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest distance from
+/// the origin, which does not change when the scene is turned.
 fn gap(ranks: &Ranks, x: &[Vec3]) -> f64 {
-    let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.amax()));
+    let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.norm()));
     GAP_ROUNDINGS * f64::from(f32::EPSILON) * ranks.max(largest)
 }
 

@@ -78,11 +78,11 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
 impl Force for PartAttachments {
     fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
         for a in &mut self.springs {
-            a.active = view.targets.is_active(a.target);
+            a.active = view.around.targets.is_active(a.target);
             if a.active {
-                let apart = view.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
+                let apart = view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
                 // The target's own velocity is part of the damping force that does not depend on the unknown.
-                f[a.vertex] += Lanes::from(&(apart * a.stiffness + view.targets.velocity(a.target) * a.damping));
+                f[a.vertex] += Lanes::from(&(apart * a.stiffness + view.around.targets.velocity(a.target) * a.damping));
             }
         }
     }
@@ -101,7 +101,8 @@ impl Force for PartAttachments {
 
     fn energy(&self, view: &PartView<'_>) -> f64 {
         let active = self.springs.iter().filter(|a| a.active);
-        let apart = |a: &Attachment| view.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
+        let apart =
+            |a: &Attachment| view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
         active.map(|a| 0.5 * a.stiffness * apart(a).norm_squared()).sum()
     }
 }

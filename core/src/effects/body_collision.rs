@@ -260,9 +260,9 @@ impl BodyCollision {
         constrained(&self.marks, own).next().is_some()
     }
 
-    /// B.7: no vertex approaches a body that it would touch in the next step, and friction acts with the full load. The
-    /// look-ahead is relative to the body (method 5.4). `v` are those of own vertices.
-    pub fn final_velocity(&self, bodies: &Bodies, dt: f64, v: &mut [Vec3]) {
+    /// B.7: no vertex approaches a body that it would touch in the next step, and if `rubs` friction acts with the full load.
+    /// The look-ahead is relative to the body (method 5.4). `v` are those of own vertices.
+    pub fn final_velocity(&self, bodies: &Bodies, dt: f64, rubs: bool, v: &mut [Vec3]) {
         let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks);
         chunks.for_each(|((v, contacts), marks)| {
             for i in marked(marks.near) {
@@ -270,7 +270,8 @@ impl BodyCollision {
                 for hold in contacts[i].holds.iter().flatten() {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
                     if ahead < hold.offset {
-                        *v = coulomb(v, &hold.at.velocity, &hold.at.normal, bodies.list()[hold.body].friction);
+                        let friction = if rubs { bodies.list()[hold.body].friction } else { 0.0 };
+                        *v = coulomb(v, &hold.at.velocity, &hold.at.normal, friction);
                     }
                 }
             }

@@ -6,13 +6,24 @@
 pub mod attachments;
 pub mod bending;
 pub mod body_collision;
+pub mod corners;
 pub mod cost;
+pub mod dihedral_bending;
+pub mod ether_drag;
 pub mod gravity;
+pub mod membrane;
+pub mod part_triangles;
 pub mod pins;
+pub mod plastic_wrinkles;
+pub mod pressure;
+pub mod seams;
 pub mod self_collision;
 pub mod self_repulsion;
+pub mod shear;
 pub mod springs;
+pub mod strain_limit;
 pub mod stretch;
+pub mod wind;
 
 use std::ops::Range;
 
@@ -21,10 +32,15 @@ use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::CollisionSettings;
 use crate::error::{Problem, Problems};
 use crate::mesh::TriangleMesh;
+use crate::metrics::Metrics;
 use crate::parallel::lanes::{Lanes, PartLanes};
-use crate::parallel::parts::PART_SIZE;
+use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::scene::Scene;
 use crate::settings::{Field, Settings};
+use crate::volumes::{Volume, Volumes};
+use crate::wind_grid::WindGrid;
+
+pub use crate::remembered::ElementRows;
 
 pub use cost::Cost;
 
@@ -53,9 +69,18 @@ macro_rules! optional {
 effects! {
     gravity,
     stretch,
+    shear if "effect-shear",
+    membrane if "effect-membrane",
     bending if "effect-bending",
+    dihedral_bending if "effect-dihedral_bending",
+    plastic_wrinkles if "effect-plastic_wrinkles",
+    wind if "effect-wind",
+    ether_drag if "effect-ether_drag",
+    pressure if "effect-pressure",
+    seams if "effect-seams",
     attachments if "effect-attachments",
     pins,
+    strain_limit if "effect-strain_limit",
     body_collision,
     self_repulsion,
     self_collision,
@@ -85,6 +110,8 @@ pub enum Need {
     ClothSurface,
     /// The list of pairs that are close.
     PairList,
+    /// On each rank the triangles two edges away from those that have one of its vertices.
+    SecondRing,
 }
 
 /// A section of a snapshot, and hence of a checkpoint.
@@ -139,18 +166,42 @@ pub struct Effect {
     pub forces: Vec<PartForce>,
     /// Whether hard pins are to be imposed.
     pub pins: Option<pins::HardPins>,
+    /// What changes velocities between the solves.
+    pub filters: Vec<Box<dyn VelocityFilter>>,
     /// Whether cloth collides with bodies.
     pub body_collision: Option<body_collision::BodyCollision>,
     /// Laws of repulsion between cloth and cloth, and the largest thickness as a fraction of the edges around a vertex.
     pub self_repulsion: Option<(Laws, f64)>,
     /// How geometric collisions are resolved.
     pub self_collision: Option<CollisionSettings>,
+    /// A volume that its forces look at in [`Surroundings::volumes`].
+    pub volume: Option<Volume>,
+    /// Whether its forces look at [`Surroundings::v`].
+    pub sees_velocities: bool,
+    /// The section with what forces remember of elements that have yielded.
+    pub yields: Option<Section>,
     /// Number of elements that the rank owns, of the kind that its cost names.
     pub elements: usize,
     /// Memory held [bytes].
     pub bytes: usize,
     /// What the effect had to change to run well, for `drapery plan`.
     pub notes: Vec<String>,
+}
+
+/// What forces see beside the positions of the cloth.
+#[derive(Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// Solver time of the positions [s].
+    pub time: f64,
+    /// Where pinned vertices have to be during the step.
+    pub targets: &'a pins::PinTargets,
+    /// Velocities of all vertices that are known before the solve [m/s], for the factors of drag that are not linear: at the
+    /// start of the step in B.1, foreseen for its middle in B.5. Empty there if no effect asks for them.
+    pub v: &'a [Vec3],
+    /// The wind of a file.
+    pub wind: &'a WindGrid,
+    /// Volumes that garments enclose in these positions.
+    pub volumes: &'a Volumes,
 }
 
 /// One part of the cloth as a force sees it.
@@ -164,8 +215,8 @@ pub struct PartView<'a> {
     pub x: &'a [Vec3],
     /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle.
     pub fraction: f64,
-    /// Where pinned vertices have to be during the step.
-    pub targets: &'a pins::PinTargets,
+    /// Everything else.
+    pub around: Surroundings<'a>,
 }
 
 impl PartView<'_> {
@@ -214,6 +265,16 @@ pub trait Force: Send + Sync {
     /// the positions are those of the last `update`.
     fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Lanes]) {}
 
+    /// Makes the force implicit until the next `update`, which came just before with the same view: the damping products
+    /// get `over · dF/dx` as well, made negative semidefinite, `over` in s. A force that does not know its derivative stays
+    /// explicit.
+    fn linearise(&mut self, _view: &PartView<'_>, _over: f64) {}
+
+    /// Whether `linearise` makes the force implicit, so that it sets no limit on the time step.
+    fn can_be_implicit(&self) -> bool {
+        false
+    }
+
     /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
     fn add_stiffness(&self, _sums: &mut [f64]) {}
 
@@ -238,6 +299,15 @@ pub trait Force: Send + Sync {
         0.0
     }
 
+    /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
+    fn yield_to(&mut self, _x: &[Vec3]) {}
+
+    /// Adds what [`Force::yield_to`] has changed in the elements that count at this part, by their vertices in solver order.
+    fn remember(&self, _rows: &mut ElementRows) {}
+
+    /// Takes what was remembered of all elements whose vertices are on this rank.
+    fn recall(&mut self, _rows: &ElementRows) {}
+
     /// Hands out what was counted since it was asked last, under names of the effect's `counts`; each event at one part only.
     fn take_counts(&mut self, _count: &mut dyn FnMut(&'static str, u64)) {}
 
@@ -245,6 +315,32 @@ pub trait Force: Send + Sync {
     fn largest_strain(&self, _x: &[Vec3]) -> Option<(f64, [usize; 2])> {
         None
     }
+}
+
+/// What a velocity is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// v½ in B.2: it takes the positions to the end of the step.
+    Positions,
+    /// v' in B.8: the velocity at the end of the step.
+    Motion,
+}
+
+/// A change of velocities after self-repulsion, in B.2 and B.8.
+pub trait VelocityFilter: Send + Sync {
+    /// Takes note of the vertices that pins hold in this step.
+    fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &pins::HardPins, targets: &pins::PinTargets);
+
+    /// Changes the velocities `v` [m/s] of a step of `dt` [s] from positions `x` [m]. Ghosts of `x` are those of their owners;
+    /// those of `v` need not be, before or after.
+    fn apply(
+        &mut self,
+        parts: &Parts,
+        motion: (&[Vec3], &mut [Vec3]),
+        dt: f64,
+        purpose: Purpose,
+        metrics: &mut Metrics,
+    );
 }
 
 /// An effect that runs, for `drapery plan`.

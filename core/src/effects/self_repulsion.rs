@@ -65,6 +65,13 @@ pub static SPEC: EffectSpec = EffectSpec {
             range: (0.0, 0.0),
             help: "whether what has passed through is pulled back; false only to compare",
         },
+        Field {
+            name: "per_collision_step",
+            dimension: Dimension::None,
+            default: Default::Flag(false),
+            range: (0.0, 0.0),
+            help: "repel once per collision step, from its start to its end, instead of in every time step; only to compare",
+        },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
     requires: &[],
@@ -94,6 +101,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         friction: settings.number("friction"),
         edge_attraction: settings.number("edge_attraction"),
         attraction,
+        per_collision_step: settings.flag("per_collision_step"),
     };
     Ok(Effect {
         self_repulsion: Some((laws, settings.number("thickness_clamp"))),

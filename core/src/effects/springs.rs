@@ -99,8 +99,6 @@ pub fn build_effect(
     let Some(garment) = context.garment else {
         return Err(Problem::scene(name, "this effect acts on one garment", "move its table under a [[garment]]"));
     };
-    let place = format!("garment \"{}\", {name}", context.scene.description().garments[garment].name);
-    let stiffness = stiffness_setting(settings).map_err(|e| Problem::scene(place, e, "give one of them"))?;
     let parts = context.scene.parts();
     let first = parts.garment(garment).start;
     let is_own = |vertex: u32| parts.own().contains(&(first + vertex as usize));
@@ -109,23 +107,48 @@ pub fn build_effect(
     // Each spring counts at the rank that owns its first vertex.
     let counts = elements.iter().filter(|e| e.vertices.iter().min().is_some_and(|first| is_own(*first)));
     let lengths: Vec<f64> = counts.map(|e| e.rest_length).collect();
-    let (stiffnesses, notes) =
-        stiffnesses(&elements, &lengths, stiffness, settings.optional("short_edges"), parts.ranks());
+    let (stiffnesses, shortest, notes) = stiffnesses_of(settings, context, name, (&elements, &lengths))?;
     let damping_ratio = settings.number("damping_ratio");
-    let (forces, bytes) =
-        part_springs::build(context.scene, garment, &elements, &stiffnesses, damping_ratio, measures_strain);
+    let (forces, bytes) = part_springs::build(
+        context.scene,
+        garment,
+        &elements,
+        (&stiffnesses, shortest),
+        damping_ratio,
+        measures_strain,
+    );
     Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
 }
 
-/// Stiffness of each spring [N/m], and a note on those that were softened (method 1.4: a rest length that is clamped
-/// from below in the stiffness, not in the length at rest).
+/// Stiffness of each spring [N/m] as the settings say, the length to which shorter ones are softened [m], and notes for the
+/// plan; `lengths` are those that count at this rank.
+///
+/// # Errors
+/// The stiffness is given twice or not at all.
+pub(super) fn stiffnesses_of(
+    settings: &Settings,
+    context: &BuildContext<'_>,
+    name: &str,
+    (elements, lengths): (&[SpringElement], &[f64]),
+) -> Result<(Vec<f64>, f64, Vec<String>), Problem> {
+    let stiffness = stiffness_setting(settings).map_err(|e| {
+        let garments = &context.scene.description().garments;
+        let place = context.garment.map_or_else(String::new, |g| format!("garment \"{}\", {name}", garments[g].name));
+        Problem::scene(place, e, "give one of them")
+    })?;
+    let ranks = context.scene.parts().ranks();
+    Ok(stiffnesses(elements, lengths, stiffness, settings.optional("short_edges"), ranks))
+}
+
+/// Stiffness of each spring [N/m], the length to which the shorter ones are softened [m], and a note on those (method 1.4: a
+/// rest length that is clamped from below in the stiffness and in the rate of strain, not in the length at rest).
 fn stiffnesses(
     elements: &[SpringElement],
     lengths: &[f64],
     stiffness: Stiffness,
     short_edges: Option<f64>,
     ranks: &Ranks,
-) -> (Vec<f64>, Vec<String>) {
+) -> (Vec<f64>, f64, Vec<String>) {
     let default = if matches!(stiffness, Stiffness::Membrane(_)) { SHORT_EDGES } else { 0.0 };
     let [count] = ranks.sum_of([lengths.len() as u64]);
     let place = (short_edges.unwrap_or(default) * count as f64) as u64;
@@ -142,11 +165,11 @@ fn stiffnesses(
         "{softened} springs shorter than {:.3} mm are softened to that length, so that they do not set the time step",
         1e3 * shortest
     );
-    (elements.iter().map(of).collect(), if softened > 0 { vec![note] } else { Vec::new() })
+    (elements.iter().map(of).collect(), shortest, if softened > 0 { vec![note] } else { Vec::new() })
 }
 
 /// The value that so many of all ranks' lengths are not longer than before it: that at `place` if they stood in order.
-fn smallest_but(place: u64, lengths: &[f64], ranks: &Ranks) -> f64 {
+pub(super) fn smallest_but(place: u64, lengths: &[f64], ranks: &Ranks) -> f64 {
     // Positive numbers are in the order of their bits; so many halvings end at a single one.
     let (mut low, mut high) = (0, f64::INFINITY.to_bits());
     while low < high {

@@ -1,17 +1,20 @@
 //! Handing out a scene: rank 0 has the description, every rank gets what lies around its own vertices.
 //!
 //! A rank's piece of a garment are the triangles that have one of its vertices, and those that share an edge with one of these:
-//! all that springs along edges and across them, masses and contacts of its own vertices need. Rank 0 makes the pieces one after
-//! the other and keeps nothing.
+//! all that springs along edges and across them, masses and contacts of its own vertices need. Where an effect looks further
+//! (`Need::SecondRing`), the triangles beyond their edges belong to it too. Rank 0 makes the pieces one after the
+//! other and keeps nothing.
 
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::effects::{self, Need};
 use crate::mesh::TriangleMesh;
 use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
+use crate::scene::sewn::{Sewn, partners, sewn_pairs, sewn_to};
 use crate::scene::{GarmentDescription, PinTarget, Pinned, Scene, SceneDescription};
 
 /// What a rank needs of a garment, vertices ascending by their numbers in the scene.
@@ -40,10 +43,19 @@ struct Handout<'a> {
     stars: Vec<u32>,
     rows: Vec<u32>,
     first: usize,
+    /// How many times a piece is widened by the triangles beyond its edges.
+    rings: usize,
+}
+
+/// How many times the pieces of a garment are widened by the triangles beyond their edges.
+fn rings(description: &SceneDescription, garment: usize) -> usize {
+    let of_garment = description.effects.iter().filter(|request| request.garment == Some(garment));
+    let mut specs = of_garment.filter_map(|request| effects::find(&request.effect));
+    if specs.any(|spec| spec.needs.contains(&Need::SecondRing)) { 2 } else { 1 }
 }
 
 impl<'a> Handout<'a> {
-    fn new(garment: &'a GarmentDescription, order: Vec<u32>, first: usize) -> Self {
+    fn new(garment: &'a GarmentDescription, order: Vec<u32>, first: usize, rings: usize) -> Self {
         let (triangles, polygons) = garment.mesh.triangulate();
         let mut places = vec![0; order.len()];
         order.iter().zip(0..).for_each(|(vertex, place)| places[*vertex as usize] = place);
@@ -58,15 +70,15 @@ impl<'a> Handout<'a> {
                 next[*v as usize] += 1;
             }
         }
-        Self { garment, triangles, polygons, order, places, stars, rows, first }
+        Self { garment, triangles, polygons, order, places, stars, rows, first, rings }
     }
 
     fn star(&self, vertex: u32) -> &[u32] {
         &self.stars[self.rows[vertex as usize] as usize..self.rows[vertex as usize + 1] as usize]
     }
 
-    /// The piece around the vertices `own` of the scene.
-    fn piece(&self, own: &Range<usize>) -> Piece {
+    /// The piece around the vertices `own` of the scene; `partners` of this garment are there too, by their numbers in the scene.
+    fn piece(&self, own: &Range<usize>, partners: &[u32]) -> Piece {
         let last = self.first + self.order.len();
         let own = own.start.clamp(self.first, last) - self.first..own.end.clamp(self.first, last) - self.first;
         let mut near: Vec<u32> = self.order[own.clone()].iter().flat_map(|v| self.star(*v)).copied().collect();
@@ -77,15 +89,18 @@ impl<'a> Handout<'a> {
             let with = move |other: u32| move |s: &&u32| self.triangles[**s as usize].contains(&other);
             [(a, b), (b, c), (c, a)].into_iter().flat_map(move |(p, q)| self.star(p).iter().filter(with(q)).copied())
         };
-        let beyond: Vec<u32> = near.iter().flat_map(across).collect();
-        near.extend(beyond);
-        near.sort_unstable();
-        near.dedup();
+        for _ in 0..self.rings {
+            let beyond: Vec<u32> = near.iter().flat_map(across).collect();
+            near.extend(beyond);
+            near.sort_unstable();
+            near.dedup();
+        }
         let number = |vertex: &u32| (self.first as u32) + self.places[*vertex as usize];
         let mut vertices: Vec<[u32; 2]> = near
             .iter()
             .flat_map(|t| &self.triangles[*t as usize])
             .chain(&self.order[own.clone()])
+            .chain(partners.iter().map(|number| &self.order[*number as usize - self.first]))
             .map(|v| [number(v), *v])
             .collect();
         vertices.sort_unstable();
@@ -128,21 +143,27 @@ impl Piece {
         })
     }
 
-    /// The piece around the vertices `own` of the scene, all of them this rank's own, of what it has of a garment.
+    /// The piece around the vertices `own` of the scene, all of them this rank's own, of what it has of a garment, with those
+    /// that are sewn to them.
     fn of_local(scene: &Scene, garment: usize, own: &Range<u32>) -> Self {
         let (parts, mesh) = (&scene.parts, &scene.meshes[garment]);
         let first = parts.garment(garment).start;
         let number = |v: u32| parts.number(first + v as usize);
-        let near: Vec<bool> =
+        let mut here: Vec<bool> =
             mesh.triangles().iter().map(|corners| corners.iter().any(|v| own.contains(&number(*v)))).collect();
-        let mut here = near.clone();
-        for hinge in mesh.hinges() {
-            let [a, b] = hinge.triangles.map(|t| t as usize);
-            (here[a], here[b]) = (here[a] || near[b], here[b] || near[a]);
+        for _ in 0..rings(&scene.description, garment) {
+            let near = here.clone();
+            for hinge in mesh.hinges() {
+                let [a, b] = hinge.triangles.map(|t| t as usize);
+                (here[a], here[b]) = (here[a] || near[b], here[b] || near[a]);
+            }
         }
         let chosen = || mesh.triangles().iter().zip(mesh.polygons()).zip(&here).filter(|(_, here)| **here);
         let mut vertices: Vec<u32> = chosen().flat_map(|((corners, _), _)| *corners).collect();
         vertices.extend((0..mesh.rest_positions().len() as u32).filter(|v| own.contains(&number(*v))));
+        let run = own.start as usize..own.end as usize;
+        let partners = partners(&scene.sewn, &run, &parts.partition().garments()[garment]);
+        vertices.extend(partners.iter().filter_map(|far| parts.local(*far)).map(|local| (local - first) as u32));
         vertices.sort_unstable();
         vertices.dedup();
         let mut triangles: Vec<[u32; 4]> = chosen()
@@ -200,6 +221,7 @@ pub(super) struct Received {
     pub(super) velocities: Option<Vec<Vec3>>,
     pub(super) pinned: Vec<Pinned>,
     pub(super) pin_targets: usize,
+    pub(super) sewn: Vec<Sewn>,
 }
 
 /// Rank 0's side of the handing out: it keeps nothing of the garments but its own pieces.
@@ -210,6 +232,8 @@ pub(super) fn hand_out(ranks: &Ranks, mut description: SceneDescription) -> Rece
     let own = |rank: usize| partition.starts()[assignment[rank]]..partition.starts()[assignment[rank + 1]];
     let pinned = pinned_vertices(&description, &partition, &orders);
     let pin_targets = pinned.len();
+    let sewn = sewn_pairs(&description, &partition, &orders);
+    description.seams.iter_mut().for_each(|seam| seam.pairs = Vec::new());
     description.pins.iter_mut().for_each(forget_vertices);
     let garments: Vec<GarmentDescription> = description.garments.iter_mut().map(take_arrays).collect();
     if !ranks.is_alone() {
@@ -221,20 +245,21 @@ pub(super) fn hand_out(ranks: &Ranks, mut description: SceneDescription) -> Rece
     }
     let mut pieces = Vec::new();
     // One garment after the other, and each is forgotten when it is handed out.
-    for ((garment, order), place) in garments.into_iter().zip(orders).zip(partition.garments()) {
-        let handout = Handout::new(&garment, order, place.start);
+    for (g, ((garment, order), place)) in garments.into_iter().zip(orders).zip(partition.garments()).enumerate() {
+        let handout = Handout::new(&garment, order, place.start, rings(&description, g));
+        let piece = |own: &Range<usize>| handout.piece(own, &partners(&sewn, own, place));
         for rank in 1..ranks.count() {
-            let message = Message { to: rank, bytes: handout.piece(&own(rank)).to_bytes() };
+            let message = Message { to: rank, bytes: piece(&own(rank)).to_bytes() };
             ranks.start(vec![message], &[]).finish();
         }
-        pieces.push(handout.piece(&own(0)));
+        pieces.push(piece(&own(0)));
     }
     for rank in 1..ranks.count() {
-        let bytes = pins_of(&pinned, &own(rank)).to_bytes();
+        let bytes = (pins_of(&pinned, &own(rank)), sewn_to(&sewn, &own(rank))).to_bytes();
         ranks.start(vec![Message { to: rank, bytes }], &[]).finish();
     }
-    let own_pins = pins_of(&pinned, &own(0));
-    settle(ranks, description, (partition, assignment), pieces, (own_pins, pin_targets))
+    let held = Held { pinned: pins_of(&pinned, &own(0)), pin_targets, sewn: sewn_to(&sewn, &own(0)) };
+    settle(ranks, description, (partition, assignment), pieces, held)
 }
 
 /// The other ranks' side. `None` if the messages are not those of [`hand_out`].
@@ -247,9 +272,17 @@ pub(super) fn receive(ranks: &Ranks) -> Option<Received> {
     let (assignment, pin_targets) = <(Vec<usize>, usize)>::take(&mut bytes)?;
     let next = || ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish().pop();
     let pieces: Option<Vec<Piece>> = garments.iter().map(|_| Piece::from_bytes(&next()?)).collect();
-    let pinned = Vec::<Pinned>::take(&mut next()?.as_slice())?;
+    let (pinned, sewn) = <(Vec<Pinned>, Vec<Sewn>)>::take(&mut next()?.as_slice())?;
     let partition = Partition::new(parts, garments.into_iter().map(|(start, end)| start..end).collect());
-    Some(settle(ranks, description, (partition, assignment), pieces?, (pinned, pin_targets)))
+    let held = Held { pinned, pin_targets, sewn };
+    Some(settle(ranks, description, (partition, assignment), pieces?, held))
+}
+
+/// What is held or sewn of a rank's vertices, by numbers of the scene.
+struct Held {
+    pinned: Vec<Pinned>,
+    pin_targets: usize,
+    sewn: Vec<Sewn>,
 }
 
 /// Builds what a rank keeps from its pieces.
@@ -258,7 +291,7 @@ fn settle(
     description: SceneDescription,
     (partition, assignment): (Partition, Vec<usize>),
     pieces: Vec<Piece>,
-    (mut pinned, pin_targets): (Vec<Pinned>, usize),
+    Held { mut pinned, pin_targets, sewn }: Held,
 ) -> Received {
     let starts = partition.starts();
     let own = starts[assignment[ranks.rank()]] as u32..starts[assignment[ranks.rank() + 1]] as u32;
@@ -293,7 +326,7 @@ fn settle(
         v
     });
     let meshes = pieces.into_iter().map(Piece::mesh).collect();
-    Received { description, parts, meshes, start, velocities, pinned, pin_targets }
+    Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn }
 }
 
 /// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
@@ -318,14 +351,25 @@ pub(super) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
     let numbered = scene.pinned.iter().map(|pinned| Pinned { vertex: parts.number(pinned.vertex as usize), ..*pinned });
     let numbered: Vec<Pinned> = numbered.collect();
     let pins = |rank: usize| match then(rank) {
-        own if own.is_empty() || numbered.is_empty() => Vec::new(),
-        own => pins_of(&numbered, &(own.start as usize..own.end as usize)).to_bytes(),
+        own if own.is_empty() || (numbered.is_empty() && scene.sewn.is_empty()) => Vec::new(),
+        own => {
+            let own = own.start as usize..own.end as usize;
+            (pins_of(&numbered, &own), sewn_to(&scene.sewn, &own)).to_bytes()
+        }
     };
     let received = ranks.send_lists((0..ranks.count()).map(pins).collect());
-    let mut pinned: Vec<Pinned> =
-        received.iter().flat_map(|bytes| Vec::take(&mut bytes.as_slice()).unwrap_or_default()).collect();
+    let (mut pinned, mut sewn) = (Vec::new(), Vec::new());
+    for bytes in received {
+        let (pins, pairs) = <(Vec<Pinned>, Vec<Sewn>)>::take(&mut bytes.as_slice()).unwrap_or_default();
+        pinned.extend(pins);
+        sewn.extend(pairs);
+    }
     pinned.sort_unstable_by_key(|pinned| pinned.number);
-    settle(ranks, scene.description.clone(), (partition, assignment), pieces, (pinned, scene.pin_targets))
+    // Both owners of a pair may have sent it.
+    sewn.sort_unstable_by_key(|pair| pair.number);
+    sewn.dedup_by_key(|pair| pair.number);
+    let held = Held { pinned, pin_targets: scene.pin_targets, sewn };
+    settle(ranks, scene.description.clone(), (partition, assignment), pieces, held)
 }
 
 /// The pinned vertices among `own`, which are numbers of the scene.

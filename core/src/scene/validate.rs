@@ -56,10 +56,10 @@ impl Scene {
 
     /// What follows from a rank's pieces.
     fn derive(received: Received) -> Self {
-        let Received { description, parts, meshes, start, velocities, pinned, pin_targets } = received;
+        let Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn } = received;
         let masses = masses(&description, &parts, &meshes);
         let mean_edge = mean_edge(&parts, &meshes);
-        Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets }
+        Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets, sewn }
     }
 }
 
@@ -75,6 +75,7 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
         check_body(body, &mut problems);
     }
     check_pins(description, &mut problems);
+    check_seams(description, &mut problems);
     check_effects(description, &mut problems);
     problems
 }
@@ -315,7 +316,7 @@ fn bounds(ranks: &Ranks, points: &[Vec3]) -> [Vec3; 2] {
 
 /// The elements of all ranks as text, those with the smallest numbers first; `None` when there are none. Two numbers that
 /// differ are the ends of an edge.
-fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
+pub(crate) fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
     elements.sort_unstable();
     elements.dedup();
     let [count] = ranks.sum_of([elements.len() as u64]);
@@ -459,6 +460,35 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
     }
 }
 
+fn check_seams(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    for (s, seam) in description.seams.iter().enumerate() {
+        let mut refuse = |what: String, advice: &str| {
+            problems.push(Problem::scene(format!("seam {s}"), what, advice));
+        };
+        let counts = seam.garments.map(|g| description.garments.get(g).map(|garment| garment.mesh.points.len()));
+        let [Some(a), Some(b)] = counts else {
+            refuse("it names a garment that does not exist".into(), "correct its garments");
+            continue;
+        };
+        if let Some([p, q]) = seam.pairs.iter().find(|[p, q]| *p as usize >= a || *q as usize >= b) {
+            refuse(
+                format!("vertices {p} and {q} are sewn, but its garments have {a} and {b} vertices"),
+                "correct the numbers; they count from 0",
+            );
+        } else if let Some([p, _]) = seam.pairs.iter().find(|[p, q]| seam.garments[0] == seam.garments[1] && p == q) {
+            refuse(format!("vertex {p} is sewn to itself"), "sew it to another one, or to none");
+        }
+        let numbers = [seam.stiffness, seam.damping_ratio, seam.rest_gap.unwrap_or(0.0)];
+        if seam.pairs.is_empty() || numbers.iter().any(|n| !(*n >= 0.0 && n.is_finite())) || seam.stiffness == 0.0 {
+            let what = "it has no pairs, or its stiffness, damping or gap is not a positive number";
+            refuse(what.into(), "give it pairs, and a stiffness such as 800 N/m");
+        }
+        if !(seam.from.is_finite() && seam.until.is_finite()) {
+            refuse("its times are not finite".into(), "say when it starts to close and when it is closed");
+        }
+    }
+}
+
 /// Number of points of the body a pin is attached to, if it is a surface.
 fn check_pin_body(
     description: &SceneDescription,
@@ -520,6 +550,7 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
         ("body_collision", !description.bodies.is_empty(), "a body"),
         ("pins", description.pins.iter().any(|p| !by_springs(p)), "a pin"),
         ("attachments", description.pins.iter().any(by_springs), "a spring pin"),
+        ("seams", !description.seams.is_empty(), "a seam"),
     ];
     for (name, needed, by) in implied {
         if needed != has(name) && !description.left_out.iter().any(|out| out == name) {

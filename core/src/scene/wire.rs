@@ -6,14 +6,20 @@ use crate::error::{Problem, ProblemKind};
 use crate::geometry::shapes::Shape;
 use crate::mesh::PolygonMesh;
 use crate::parallel::wire::{Wire, wire};
+use crate::scene::sewn::Sewn;
 use crate::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinAnchor, PinDescription, PinHold, PinTarget,
-    Pinned, RigidMotion, SceneDescription, SolverSettings, SurfaceAttachment, Timeline,
+    BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, PinAnchor,
+    PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription, SolverSettings,
+    SurfaceAttachment, Timeline, WindGridShape,
 };
 use crate::settings::SettingValue;
 
 wire!(struct Timeline { fps_numerator, fps_denominator, origin, start });
-wire!(struct SolverSettings { cfl, max_dt, min_dt, strain_per_step, cg_tolerance, cg_max_iterations });
+wire!(enum Integrator { 0 => SemiImplicit, 1 => Implicit });
+wire!(enum BodyFriction { 0 => WholeStep, 1 => PositionHalf });
+wire!(struct SolverSettings {
+    cfl, max_dt, min_dt, strain_per_step, cg_tolerance, cg_max_iterations, integrator, body_friction
+});
 wire!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 wire!(struct PolygonMesh { points, face_counts, face_indices });
 wire!(struct GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness });
@@ -37,10 +43,13 @@ wire!(enum PinTarget {
     3 => BodyNearest { body, vertices },
 });
 wire!(struct PinDescription { garment, target, axes, from, until, hold });
-wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value) });
+wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
 wire!(struct EffectRequest { effect, garment, settings, because });
-wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, effects, left_out });
+wire!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
+wire!(struct WindGridShape { origin, spacing, counts });
+wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, seams, wind, effects, left_out });
 wire!(struct Pinned { number, pin, row, vertex, attachment });
+wire!(struct Sewn { number, seam, ends, gap });
 wire!(enum ProblemKind { 0 => Scene, 1 => Data });
 wire!(struct Problem { place, what, advice, kind });
 
@@ -65,6 +74,8 @@ mod tests {
         let mut description = SceneDescription::new("wired");
         description.timeline.start = -12;
         description.solver.max_dt = Some(0.01);
+        description.solver.integrator = Integrator::Implicit;
+        description.solver.body_friction = BodyFriction::PositionHalf;
         let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);
         let mut garment = GarmentDescription::new("flag", mesh, 0.2);
         garment.start_velocities = Some(vec![Vec3::x(); 3]);

@@ -75,10 +75,10 @@ impl Simulation {
         let mut memory = self.remember();
         memory.iter_mut().for_each(|section| section.move_to(old, new, &pinned));
         let tracks = self.moved_tracks(&scene);
-        let bodies = std::mem::take(&mut self.bodies);
+        let (bodies, wind) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.wind));
         let frame = self.frame;
         let error = |what: String| SnapshotError { section: "scene".into(), what };
-        let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, tracks)
+        let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, (tracks, wind))
             .map_err(|problems| error(problems.to_string()))?;
         moved.go_on(frame, &memory)?;
         (moved.sent, moved.balance) = (self.sent, self.balance.clone());

@@ -49,11 +49,12 @@ impl Simulation {
     /// Seconds of one update and of one damping product of these forces.
     fn time_forces(&self, forces: &mut [PartForce]) -> [f64; 2] {
         let (parts, masses) = (self.scene.parts(), self.scene.masses());
+        let around = self.surroundings();
         let mut nanoseconds = [0; 2];
         for (part, force) in forces.iter_mut() {
             let range = parts.ranges()[*part].clone();
-            let (x, targets) = (&self.state.x[..], &self.targets);
-            let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, targets };
+            let x = &self.state.x[..];
+            let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, around };
             let (mut own_x, mut f) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
             let (own_x, f) = (Lanes::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
             // The fastest of them: what else the machine does is not to count.

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
+use super::recovery::is_finite;
 use super::{FrameSummary, Simulation, StrainRecord};
-use crate::Vec3;
 use crate::contact::self_contact::SelfContact;
-use crate::effects::PartView;
+use crate::effects::{PartView, Surroundings};
 use crate::error::StepError;
 use crate::parallel::sum::weighted_dot;
+use crate::state::State;
 
 impl Simulation {
     /// Fills in what is measured at the end of a frame, and makes sure that everything is finite.
@@ -18,12 +19,13 @@ impl Simulation {
             return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
         }
         let masses = scene.masses();
+        self.volumes.update(parts, &self.state.x);
+        let around = self.surroundings();
         let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
         for (range, forces) in parts.ranges().iter().zip(&self.forces) {
             let (own, v) = (&masses[range.clone()], &self.state.v[range.clone()]);
             kinetic.push(0.5 * weighted_dot(own, v, v));
-            let view =
-                PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, targets: &self.targets };
+            let view = PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, around };
             potential.push(forces.iter().map(|f| f.energy(&view)).sum());
         }
         [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);
@@ -36,7 +38,14 @@ impl Simulation {
         self.count_traffic();
         self.take_counts();
         summary.metrics = self.metrics.take().over_ranks(&ranks);
+        summary.recoveries = std::mem::take(&mut self.care.events);
         Ok(())
+    }
+
+    /// What forces may look at besides positions, now.
+    pub(super) fn surroundings(&self) -> Surroundings<'_> {
+        let Self { state: State { time, v, .. }, targets, wind, volumes, .. } = self;
+        Surroundings { time: *time, targets, v, wind, volumes }
     }
 
     /// Takes what forces have counted.
@@ -47,7 +56,7 @@ impl Simulation {
     }
 
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
-    fn largest_strain(&self) -> Option<StrainRecord> {
+    pub(super) fn largest_strain(&self) -> Option<StrainRecord> {
         let (parts, ranks) = (self.scene.parts(), self.ranks());
         let all = self.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.state.x));
         let numbered = all.map(|(strain, ends)| {
@@ -106,9 +115,4 @@ impl Simulation {
             dt,
         }
     }
-}
-
-/// Whether no component is infinite or not a number.
-fn is_finite(v: &Vec3) -> bool {
-    v.iter().all(|c| c.is_finite())
 }

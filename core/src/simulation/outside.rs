@@ -6,6 +6,7 @@ use crate::Vec3;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::{Wire, wire};
 use crate::scene::Scene;
+use crate::wind_grid::WindSample;
 
 /// A field of the vertices of a garment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,7 +18,8 @@ pub enum Field {
 }
 
 wire!(struct Sample { time, positions });
-wire!(struct FrameInput { frame, bodies, tracks });
+wire!(struct WindSample { time, velocities });
+wire!(struct FrameInput { frame, bodies, tracks, wind });
 
 impl Scene {
     /// The input of a frame for each rank, of what rank 0 has read: all bodies, and of the tracks what own pins follow. All

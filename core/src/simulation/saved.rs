@@ -7,12 +7,17 @@ use crate::Vec3;
 use crate::contact::self_contact;
 use crate::effects::{Section, body_collision};
 use crate::error::Problems;
-use crate::remembered::{Field, Remembered};
+use crate::remembered::{ElementRows, Field, Remembered};
 use crate::scene::Scene;
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 
 /// Positions and velocities, which every scene has.
-const STATE: Section = Section { name: "state", version: 1 };
+const STATE: Section = Section { name: "state", version: 2 };
+
+/// Name of the rows of hinges, and how many vertices and values each has.
+const HINGES: &str = "hinges";
+const HINGE_VERTICES: usize = 4;
+const HINGE_VALUES: usize = 2;
 
 /// Why a simulation cannot go on from a snapshot.
 #[derive(Debug, thiserror::Error)]
@@ -50,12 +55,23 @@ impl Simulation {
         let state = Remembered::new(STATE)
             .with("time", Field::Number(self.state.time))
             .with("last_step", Field::Number(self.limit.last()))
+            .with("halvings", Field::Count(self.care.saved()[0]))
+            .with("calm", Field::Count(self.care.saved()[1]))
             .with("positions", of_own(&self.state.x))
             .with("velocities", of_own(&self.state.v));
         let pins = (self.scene.pin_targets() > 0).then(|| self.targets.remember());
         let collision = self.collision.as_ref().and_then(|collision| collision.remember());
         let contact = self.self_contact.as_ref().map(|contact| contact.remember());
-        [Some(state), pins, collision, contact].into_iter().flatten().collect()
+        let yielded = self.yields.map(|section| self.remember_elements(section));
+        [Some(state), pins, collision, contact, yielded].into_iter().flatten().collect()
+    }
+
+    /// What has yielded in elements that count on this rank, by vertices of the scene.
+    fn remember_elements(&self, section: Section) -> Remembered {
+        let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
+        self.forces.iter().flatten().for_each(|force| force.remember(&mut rows));
+        let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
+        Remembered::new(section).with(HINGES, Field::Elements(rows))
     }
 
     /// A simulation that goes on from a snapshot taken at the frame of `start`, or after it and before the next one; `start`
@@ -93,7 +109,7 @@ impl Simulation {
 
     /// Goes on from what was remembered at the frame `frame` or after it.
     pub(super) fn go_on(&mut self, frame: i64, memory: &[Remembered]) -> Result<(), SnapshotError> {
-        let Self { scene, state, targets, collision, self_contact, bodies, limit, .. } = self;
+        let Self { scene, state, targets, collision, self_contact, bodies, limit, care, .. } = self;
         let parts = scene.parts();
         let timeline = scene.description().timeline;
         let mut sections = memory.iter();
@@ -106,6 +122,7 @@ impl Simulation {
                 return Err(SnapshotError { section: STATE.name.to_owned(), what });
             }
             limit.set_last(section.number("last_step"));
+            care.go_on(["halvings", "calm"].map(|name| section.count(name)));
             for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
                 vectors[parts.own()].copy_from_slice(section.vectors(name));
                 parts.halo().refresh(parts.ranks(), vectors);
@@ -126,8 +143,13 @@ impl Simulation {
         if let (Some(contact), Some(section)) =
             (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION.name))
         {
-            contact.go_on(section, state, bodies);
+            contact.go_on(section)?;
             self.crossings = contact.known_crossings().to_vec();
+        }
+        let yielded = self.yields.and_then(|section| memory.iter().find(|known| known.name == section.name));
+        if let Some(rows) = yielded.and_then(|section| section.elements(HINGES)) {
+            let rows = rows.renumbered(|number| parts.local(number).map(|vertex| vertex as u32));
+            self.forces.iter_mut().flatten().for_each(|force| force.recall(&rows));
         }
         self.frame = frame;
         let elsewhere =

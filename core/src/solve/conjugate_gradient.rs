@@ -69,7 +69,12 @@ pub struct Outcome {
     pub converged: bool,
     /// Whether every number stayed finite.
     pub finite: bool,
+    /// Whether the residual was much larger at the end than at the beginning.
+    pub worse: bool,
 }
+
+/// How many times its first residual a solve that has not converged may end with.
+const BREAKDOWN: f64 = 10.0;
 
 impl ConjugateGradient {
     /// Scratch for the vertices of a rank.
@@ -96,12 +101,14 @@ impl ConjugateGradient {
         stop: Stop,
     ) -> Outcome {
         let (mut rho, mut residual) = self.first_residual(parts, masses, system, v);
+        let first = residual;
         let mut rho_before = f64::INFINITY;
         for iterations in 0.. {
             let finite = rho.is_finite();
             let converged = residual <= stop.tolerance && (iterations >= 1 || residual < f64::EPSILON);
             if converged || rho == 0.0 || !finite || iterations == stop.max_iterations {
-                return Outcome { iterations, converged: converged || rho == 0.0, finite };
+                let converged = converged || rho == 0.0;
+                return Outcome { iterations, converged, finite, worse: !converged && residual > BREAKDOWN * first };
             }
             if iterations > 0 {
                 self.direction(parts, rho / rho_before);

@@ -1,12 +1,12 @@
 //! Half a step of velocity, B.1 and B.5: elastic forces explicit, damping implicit (method 2.2).
 //!
 //! `(I - h M⁻¹ G) v' = v + h M⁻¹ F` with h half the time step, F the forces that do not depend on velocity and G the damping
-//! matrix, both at given positions.
+//! matrix, both at given positions. In the fully implicit variant G has `dt · dF/dx` added to it (2.2 iii).
 
 use crate::Vec3;
 use crate::effects::body_collision::BodyCollision;
-use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, PartMotion, PartView};
+use crate::effects::pins::HardPins;
+use crate::effects::{Force, PartMotion, PartView, Surroundings};
 use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::split::{PerPart, PerVertex};
@@ -21,8 +21,8 @@ pub struct VelocityProblem<'a> {
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
-    /// Where pinned vertices have to be.
-    pub targets: &'a PinTargets,
+    /// What forces see beside the positions.
+    pub around: Surroundings<'a>,
     /// Hard pins, if there are any.
     pub pins: Option<&'a HardPins>,
     /// Contacts with bodies whose normals are constrained: in the second solve only.
@@ -37,6 +37,10 @@ pub struct VelocityProblem<'a> {
     pub reaches_ghosts: &'a [bool],
     /// When to stop iterating.
     pub stop: Stop,
+    /// How far along the velocity that is looked for elastic forces are followed [s]; `None` leaves them explicit.
+    pub implicit_over: Option<f64>,
+    /// Own vertices that stay where they are in this step, ascending.
+    pub held: &'a [u32],
 }
 
 /// The operator `h M⁻¹ G` of a problem with the directions of the last update, and its constraints.
@@ -76,12 +80,24 @@ impl System for DampingSystem<'_> {
             contacts.project(start, r);
         }
         if let Some(pins) = self.problem.pins {
-            pins.project(part, start, self.problem.targets, r);
+            pins.project(part, start, self.problem.around.targets, r);
         }
+        self.problem.stop_held(start, r);
     }
 }
 
 impl VelocityProblem<'_> {
+    /// Sets what is held to zero in vectors of the vertices from `start` on.
+    fn stop_held(&self, start: usize, vectors: &mut [Vec3]) {
+        if self.held.is_empty() {
+            return;
+        }
+        let place = |vertex: usize| self.held.partition_point(|held| (*held as usize) < vertex);
+        for held in &self.held[place(start)..place(start + vectors.len())] {
+            vectors[*held as usize - start] = Vec3::zeros();
+        }
+    }
+
     /// Solves from `v`; the solution goes to `out`, `b = v + h M⁻¹ F` to `explicit`. Forces remember the directions at `x`.
     pub fn solve(
         &self,
@@ -96,10 +112,13 @@ impl VelocityProblem<'_> {
         self.parts.for_each(slices, &|part, (explicit, out, forces)| {
             let range = self.parts.ranges()[part].clone();
             let masses = &self.masses[range.clone()];
-            let view =
-                PartView { start: range.start, masses, x: self.x, fraction: self.fraction, targets: self.targets };
+            let Self { x, fraction, around, .. } = *self;
+            let view = PartView { start: range.start, masses, x, fraction, around };
             let mut f = [Lanes::ZERO; PART_SIZE];
             let f = view.update(&mut forces.0[0], &mut f);
+            if let Some(over) = self.implicit_over {
+                forces.0[0].iter_mut().for_each(|force| force.linearise(&view, over));
+            }
             let sums = f.iter().zip(masses).zip(&v[range.clone()]).zip(explicit.0.iter_mut().zip(&mut *out.0));
             for (((f, m), v), (b, out)) in sums {
                 *b = v + Vec3::from(*f * (self.half_step / m));
@@ -109,8 +128,10 @@ impl VelocityProblem<'_> {
                 contacts.set_velocities(range.start, out.0);
             }
             if let Some(pins) = self.pins {
-                pins.set_velocities(part, range.start, self.targets, out.0);
+                pins.set_velocities(part, range.start, self.around.targets, out.0);
             }
+            self.stop_held(range.start, explicit.0);
+            self.stop_held(range.start, out.0);
         });
         self.parts.halo().refresh(self.parts.ranks(), out);
         cg.solve(self.parts, self.masses, &DampingSystem { problem: self, forces }, out, self.stop)

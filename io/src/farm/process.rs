@@ -56,8 +56,29 @@ impl std::fmt::Display for Owner {
 
 /// Memory that this process occupies [bytes], where the system tells.
 pub fn resident_bytes() -> Option<u64> {
+    memory("VmRSS:")
+}
+
+/// Most memory that this process has occupied since its start or [`forget_peak`] [bytes], where the system tells.
+pub fn peak_bytes() -> Option<u64> {
+    memory("VmHWM:")
+}
+
+/// Lets [`peak_bytes`] begin again, where the system can.
+pub fn forget_peak() {
+    // Where it cannot, the peak of everything so far is reported.
+    let _ = fs::write("/proc/self/clear_refs", "5");
+}
+
+/// Seconds that all threads of this process have run.
+pub fn processor_seconds() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 / 1e9
+}
+
+fn memory(word: &str) -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix(word))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kilobytes * 1024)
 }

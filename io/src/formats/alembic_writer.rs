@@ -12,6 +12,7 @@
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use drapery_alembic::{
     AlembicError, Archive, ArchiveMark, ArchiveOptions, ArchiveWriter, Bounds, DataType, Durability, EMPTY_BOUNDS,
@@ -54,7 +55,8 @@ pub struct AlembicWriter {
 /// What does not change from frame to frame.
 #[derive(Debug)]
 struct Still {
-    mesh: MeshData,
+    mesh: Arc<MeshData>,
+    /// None where all faces are triangles.
     triangles: Vec<[u32; 3]>,
 }
 
@@ -107,6 +109,7 @@ impl AlembicWriter {
             ("up_axis", format!("{:?}", plan.units.up)),
             ("fps", format!("{numerator}/{denominator}")),
         ];
+        let cut = if has_larger_faces(plan.mesh) { plan.triangles } else { &[] };
         Ok(Self {
             path: path.to_owned(),
             object_path: plan.object_path(),
@@ -117,7 +120,7 @@ impl AlembicWriter {
             first_frame: plan.first_frame,
             velocities: plan.velocities,
             crossings: plan.crossings,
-            still: Some(Box::new(Still { mesh: plan.mesh.clone(), triangles: plan.triangles.to_vec() })),
+            still: Some(Box::new(Still { mesh: Arc::clone(plan.mesh), triangles: cut.to_vec() })),
             stage: Stage::Empty,
             mark: CacheMark::none(path),
         })
@@ -229,7 +232,7 @@ impl AlembicWriter {
             archive.write_static_string(properties, name, text)?;
         }
         archive.write_static_scalar(properties, "metres_per_unit", &[self.units.length.metres()])?;
-        if mesh.mesh.face_counts.iter().any(|&count| count != 3) {
+        if has_larger_faces(mesh) {
             let (kind, none) = (DataType::new(PodType::I32, 3), MetaData::new());
             let property = archive.add_array_property(properties, TRIANGLES, &none, kind, 0)?;
             let bytes: Vec<u8> = triangles.iter().flatten().flat_map(|&v| (v as i32).to_le_bytes()).collect();
@@ -342,6 +345,11 @@ impl CacheWriter for AlembicWriter {
         }
         Ok(())
     }
+}
+
+/// Whether it has faces that the scene has cut into triangles.
+fn has_larger_faces(mesh: &MeshData) -> bool {
+    mesh.mesh.face_counts.iter().any(|&count| count != 3)
 }
 
 /// A frame with everything that is written with the first one only.

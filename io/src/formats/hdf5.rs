@@ -22,6 +22,7 @@
 //! | `uv_values`, `uv_indices` | (values, 2), (corners) | f32, i32 | only if the garment has them |
 
 mod layout;
+pub(crate) mod stored;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -276,10 +277,10 @@ pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
 fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
     let file = hdf5::File::open(path)?;
     let text = |name: &str| Ok::<_, hdf5::Error>(file.attr(name)?.read_scalar::<VarLenUnicode>()?.to_string());
-    let committed = file.dataset("committed")?.read_raw::<u8>()?;
-    let frames = file.dataset("frame_numbers")?.read_raw::<i64>()?;
-    let times = file.dataset("times")?.read_raw::<f64>()?;
-    let counts = file.dataset("face_counts")?.read_raw::<u32>()?;
+    let committed = stored::values::<u8>(&file, "committed")?;
+    let frames = stored::values::<i64>(&file, "frame_numbers")?;
+    let times = stored::values::<f64>(&file, "times")?;
+    let counts = stored::values::<u32>(&file, "face_counts")?;
     let mut properties = Vec::new();
     for name in ["application", "garment", "length_unit", "up_axis"] {
         properties.push((name.to_owned(), text(name)?));
@@ -292,12 +293,12 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
     properties.push(("committed frames".into(), done.to_string()));
     let mesh = MeshSummary {
         path: text("object_path")?,
-        points: file.dataset("positions")?.shape().get(1).copied().unwrap_or(0),
+        points: stored::dataset::<3>(&file, "positions")?.1[1],
         faces: face_kinds(&counts),
         topology: "constant faces, moving points",
         samples: done,
         times: [times.first().copied().unwrap_or(0.0), times.get(done.max(1) - 1).copied().unwrap_or(0.0)],
-        uvs: file.dataset("uv_values").ok().map(|uvs| ("uv".to_owned(), uvs.shape()[0])),
+        uvs: stored::dataset::<2>(&file, "uv_values").ok().map(|(_, [count, _])| ("uv".to_owned(), count)),
         velocities: file.link_exists("velocities"),
         ..MeshSummary::default()
     };
@@ -306,6 +307,8 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::cache::{MeshData, Uvs};
     use crate::units::{LengthUnit, Units, UpAxis};
@@ -313,14 +316,14 @@ mod tests {
     use drapery_core::mesh::PolygonMesh;
     use drapery_core::scene::Timeline;
 
-    fn triangle() -> MeshData {
+    fn triangle() -> Arc<MeshData> {
         let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y()];
         let mut data = MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]]));
         data.uvs = Some(Uvs { name: "map".into(), values: vec![[0.0, 0.5]], indices: vec![0, 0, 0] });
-        data
+        Arc::new(data)
     }
 
-    fn plan(mesh: &MeshData) -> CachePlan<'_> {
+    fn plan(mesh: &Arc<MeshData>) -> CachePlan<'_> {
         CachePlan {
             garment: "flag",
             mesh,

@@ -1,10 +1,12 @@
 //! The charts of the page: which figures of a run are drawn, and how several frames become one column.
 
-use super::chart::{Axis, Chart, Lane};
+use super::chart::{Chart, Lane};
 use super::folder::RunFolder;
 use super::record::{EventKind, FrameRow};
-use super::text::{self, escape};
 use super::thin::{Column, columns, largest, mean, smallest};
+use crate::page::axis::Axis;
+use crate::page::card;
+use crate::page::text::{self, escape};
 use crate::shot::quality::LIMITS;
 
 /// Size of the chart over the whole page.
@@ -40,19 +42,6 @@ pub(super) fn charts(folder: &RunFolder, rows: &[FrameRow]) -> String {
     let cards = [draw.steps(), draw.time_step(), draw.strain(), draw.energy(), draw.contacts(), draw.memory()];
     let cards: String = cards.into_iter().flatten().collect();
     format!("<div class=\"wide\">{}</div><div class=\"pairs\">{cards}</div>", time(folder, rows))
-}
-
-/// A chart with its title, a line of explanation, and its legend: class and name of each colour.
-fn card(title: &str, note: &str, legend: &[(&str, &str)], drawing: &str) -> String {
-    let item = |(class, name): &(&str, &str)| format!("<li><i class=\"{class}\"></i>{}</li>", escape(name));
-    let items: String = legend.iter().map(item).collect();
-    let legend = if items.is_empty() { String::new() } else { format!("<ul class=\"legend\">{items}</ul>") };
-    let note = if note.is_empty() { String::new() } else { format!("<p>{}</p>", escape(note)) };
-    format!(
-        "<figure class=\"card\"><figcaption><h3>{}</h3>{note}{legend}</figcaption>\
-         <div class=\"plot\">{drawing}</div></figure>",
-        escape(title)
-    )
 }
 
 /// Seconds a frame by stage, with marks of what happened.

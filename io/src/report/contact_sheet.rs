@@ -6,8 +6,8 @@ use drapery_core::Vec3;
 use super::bodies::{Bodies, BodyMesh};
 use super::folder::RunFolder;
 use super::raster::{Picture, Surface, View, render};
-use super::text::escape;
 use crate::cache_frames::CacheFrames;
+use crate::page::text::escape;
 use crate::run_record::ManifestGarment;
 
 mod base64;

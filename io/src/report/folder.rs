@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::record::Record;
 use crate::error::IoError;
-use crate::run_record::{MANIFEST, Manifest, RECORD};
+use crate::run_record::{FRAMES, MANIFEST, Manifest, RECORD};
 
 /// What a run folder tells.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -33,11 +33,17 @@ impl RunFolder {
             }
             Err(e) => return Err(IoError::reading(&manifest, e)),
         };
-        let manifest = serde_json::from_str(&text).map_err(|e| {
+        let damaged = |place: String, what: String| {
             let advice = "it is replaced as a whole with every frame; restore it, or run the shot again";
-            IoError::data(&manifest, format!("line {}", e.line()), e.to_string(), advice)
-        })?;
-        Ok(Self { path: path.to_owned(), manifest, record: Record::read(&path.join(RECORD))? })
+            IoError::data(&manifest, place, what, advice)
+        };
+        let read: Manifest =
+            serde_json::from_str(&text).map_err(|e| damaged(format!("line {}", e.line()), e.to_string()))?;
+        let frames = [Some(read.first_frame), Some(read.last_frame), read.last_complete_frame];
+        if let Some(frame) = frames.into_iter().flatten().find(|frame| !FRAMES.contains(frame)) {
+            return Err(damaged("frames".to_owned(), format!("there is no frame {frame}")));
+        }
+        Ok(Self { path: path.to_owned(), manifest: read, record: Record::read(&path.join(RECORD))? })
     }
 
     /// Frames that are delivered so far, and in all.

@@ -14,23 +14,20 @@ mod charts;
 mod contact_sheet;
 mod raster;
 mod tables;
-mod text;
 mod thin;
 
 use std::path::{Path, PathBuf};
 
 use crate::atomic_file;
 use crate::error::IoError;
+use crate::page::text::{self, escape};
+use crate::page::{document, tile};
 use folder::RunFolder;
 use record::{FrameRow, median};
 use status::{Degradation, degradations};
-use text::escape;
 
 /// File name of the page, in the folder of the run.
 pub const PAGE: &str = "report.html";
-
-/// How the page looks, light and dark.
-const STYLE: &str = include_str!("style.css");
 
 /// Writes the page about a run into its folder, and says where.
 ///
@@ -59,15 +56,9 @@ pub fn page(run: &RunFolder) -> String {
     body += &tables::stages(&rows);
     body += &tables::attempts(run);
     body += &tables::provenance(run);
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-         <title>{}: Drapery run</title><style>\n{STYLE}</style></head>\n<body><main>\n{body}\
-         <footer>Made by drapery report from {} and {}.</footer></main></body></html>\n",
-        escape(title),
-        crate::run_record::MANIFEST,
-        crate::run_record::RECORD,
-    )
+    let made =
+        format!("Made by drapery report from {} and {}.", crate::run_record::MANIFEST, crate::run_record::RECORD);
+    document(&format!("{title}: Drapery run"), &body, &made)
 }
 
 fn header(run: &RunFolder, title: &str) -> String {
@@ -126,10 +117,6 @@ fn tiles(run: &RunFolder, rows: &[FrameRow], found: &[Degradation]) -> String {
         tiles += &tile("", &text::bytes(peak), "most memory, resident");
     }
     format!("<div class=\"tiles\">{tiles}</div>\n")
-}
-
-fn tile(class: &str, value: &str, words: &str) -> String {
-    format!("<div class=\"tile {class}\"><b>{}</b><span>{}</span></div>", escape(value), escape(words))
 }
 
 #[cfg(test)]

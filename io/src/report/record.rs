@@ -12,6 +12,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use crate::error::IoError;
+use crate::run_record::FRAMES;
 
 /// A whole record.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -190,8 +191,8 @@ impl Record {
             }
             "start" | "frame" => {
                 match serde_json::from_value::<FrameRow>(line) {
-                    Ok(row) => drop(frames.insert(row.frame, row)),
-                    Err(_) => self.unreadable += 1,
+                    Ok(row) if FRAMES.contains(&row.frame) => drop(frames.insert(row.frame, row)),
+                    Ok(_) | Err(_) => self.unreadable += 1,
                 }
                 return;
             }
@@ -206,7 +207,7 @@ impl Record {
             }
             _ => return,
         };
-        let frame = at.unwrap_or_else(last);
+        let frame = at.filter(|frame| FRAMES.contains(frame)).unwrap_or_else(last);
         if matches!(event, EventKind::Resume { .. }) {
             // What came after the checkpoint is simulated again.
             frames.split_off(&(frame + 1));

@@ -3,44 +3,12 @@
 use super::folder::RunFolder;
 use super::record::{EventKind, FrameRow, OverRanks, StageRow};
 use super::status::Degradation;
-use super::text::{self, escape};
+use crate::page::table::{Cell, number, section, table, words};
+use crate::page::text::{self, escape};
 use crate::run_record::RESOLVED;
 
 /// Letters of the resolved scene that the page shows at most.
 const SCENE_LETTERS: usize = 60_000;
-
-/// A cell, and whether it is a number.
-type Cell = (String, bool);
-
-fn words(text: impl AsRef<str>) -> Cell {
-    (escape(text.as_ref()), false)
-}
-
-fn number(text: impl AsRef<str>) -> Cell {
-    (escape(text.as_ref()), true)
-}
-
-/// A table in a section of its own; nothing without rows.
-fn section(title: &str, note: &str, heads: &[Cell], rows: &[Vec<Cell>]) -> String {
-    if rows.is_empty() {
-        return String::new();
-    }
-    format!("<section><h2>{title}</h2><div class=\"card\">{note}{}</div></section>\n", table(heads, rows))
-}
-
-fn table(heads: &[Cell], rows: &[Vec<Cell>]) -> String {
-    let cell = |tag: &str, (text, is_number): &Cell| {
-        let class = if *is_number { " class=\"n\"" } else { "" };
-        format!("<{tag}{class}>{text}</{tag}>")
-    };
-    let head: String = heads.iter().map(|head| cell("th", head)).collect();
-    // A list of names and values needs no head.
-    let is_list = heads.iter().all(|(text, _)| text.is_empty());
-    let head = if is_list { String::new() } else { format!("<thead><tr>{head}</tr></thead>") };
-    let row = |row: &Vec<Cell>| format!("<tr>{}</tr>", row.iter().map(|c| cell("td", c)).collect::<String>());
-    let body: String = rows.iter().map(row).collect();
-    format!("<div class=\"scroll\"><table>{head}<tbody>{body}</tbody></table></div>")
-}
 
 /// Counts that should be zero and are not.
 pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {

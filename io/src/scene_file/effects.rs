@@ -80,7 +80,7 @@ pub(super) fn check_and_fill(root: &mut Node, sources: &Sources) -> Result<(), S
                 Default::Number(number) => Value::Float(number),
                 Default::Vector(vector) => Value::Array(vector.map(|v| component(v, &place)).to_vec()),
                 Default::Flag(flag) => Value::Boolean(flag),
-                Default::Required | Default::Absent => continue,
+                Default::Required | Default::Absent | Default::Keys | Default::File => continue,
             };
             table.fill(field.name, value, &place, Origin::Default);
         }
@@ -133,14 +133,23 @@ fn check_value(field: &Field, node: &Node) -> Result<(), String> {
         let form = match field.default {
             Default::Vector(_) => "three numbers",
             Default::Flag(_) => "true or false",
+            Default::Keys => "[[seconds, [x, y, z]], …]",
+            Default::File => "the name of a file",
             _ => "a number, or text with a unit",
         };
         format!("`{}` has to be {form}: {}", field.name, field.help)
     };
     let value = setting(&node.value).ok_or_else(expected)?;
-    let vector = matches!(field.default, Default::Vector(_)) != matches!(value, SettingValue::Vector(_));
-    let flag = matches!(field.default, Default::Flag(_)) != matches!(value, SettingValue::Flag(_));
-    if vector || flag {
+    let fits = match field.default {
+        Default::Vector(_) => matches!(value, SettingValue::Vector(_)),
+        Default::Flag(_) => matches!(value, SettingValue::Flag(_)),
+        Default::Keys => matches!(value, SettingValue::Keys(_)),
+        Default::File => matches!(value, SettingValue::Text(_)),
+        Default::Number(_) | Default::Required | Default::Absent => {
+            matches!(value, SettingValue::Number(_) | SettingValue::Text(_))
+        }
+    };
+    if !fits {
         return Err(expected());
     }
     Settings::check(std::slice::from_ref(field), &BTreeMap::from([(field.name.to_owned(), value)]))
@@ -150,15 +159,30 @@ fn check_value(field: &Field, node: &Node) -> Result<(), String> {
 
 fn setting(value: &Value) -> Option<SettingValue> {
     match value {
-        Value::Array(items) => {
-            let numbers: Vec<f64> = items.iter().filter_map(|item| number(&item.value)).collect();
-            let complete = numbers.len() == items.len();
-            numbers.try_into().ok().filter(|_| complete).map(SettingValue::Vector)
+        Value::Array(items) if items.iter().any(|item| matches!(item.value, Value::Array(_))) => {
+            items.iter().map(|item| key(&item.value)).collect::<Option<_>>().map(SettingValue::Keys)
         }
+        Value::Array(items) => vector(items).map(SettingValue::Vector),
         Value::Text(text) => Some(SettingValue::Text(text.clone())),
         Value::Boolean(flag) => Some(SettingValue::Flag(*flag)),
         other => number(other).map(SettingValue::Number),
     }
+}
+
+/// Seconds and three numbers.
+fn key(value: &Value) -> Option<(f64, [f64; 3])> {
+    match value {
+        Value::Array(items) => match items.as_slice() {
+            [time, Node { value: Value::Array(items), .. }] => Some((number(&time.value)?, vector(items)?)),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+fn vector(items: &[Node]) -> Option<[f64; 3]> {
+    let numbers: Option<Vec<f64>> = items.iter().map(|item| number(&item.value)).collect();
+    numbers?.try_into().ok()
 }
 
 fn number(value: &Value) -> Option<f64> {

@@ -5,10 +5,15 @@
 //! density = "420 g/m²"
 //! thickness = "1.2 mm"
 //! stretch_stiffness = "300 N/m"
-//! bending_stiffness = "15 N/m"
+//! bending_rigidity = "40 µN·m"
 //! damping_ratio = 2.0
 //! friction = 0.45
 //! provenance = "measured on three swatches"
+//! # What may be left out: for membrane elements, and for the strain limit.
+//! warp = "350 N/m"              # stretch_stiffness
+//! weft = "250 N/m"              # stretch_stiffness
+//! shear = "60 N/m"              # that of a sheet alike in all directions with a Poisson's ratio of 0.25
+//! strain_limit = "8 %"          # 10 %
 //! ```
 
 use std::borrow::Cow;
@@ -28,7 +33,11 @@ use super::tree::{self, Node, Origin, Path, Place, Sources};
 /// Ending of material files.
 const ENDING: &str = "toml";
 
-/// A material file as it is written; every number is needed.
+/// Poisson's ratio of cloth whose shear stiffness is not said, and its largest strain.
+const POISSON: f64 = 0.25;
+const STRAIN_LIMIT: f64 = 0.1;
+
+/// A material file as it is written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MaterialFile {
@@ -38,9 +47,13 @@ struct MaterialFile {
     density: Quantity,
     thickness: Quantity,
     stretch_stiffness: Quantity,
-    bending_stiffness: Quantity,
+    bending_rigidity: Quantity,
     damping_ratio: Quantity,
     friction: Quantity,
+    warp: Option<Quantity>,
+    weft: Option<Quantity>,
+    shear: Option<Quantity>,
+    strain_limit: Option<Quantity>,
     /// Where the numbers come from.
     #[serde(default)]
     provenance: String,
@@ -117,12 +130,24 @@ pub(super) fn read(
             error(&root, sources, key, text.replace("  ", " "))
         })
     };
+    let or = |key: &str, quantity: &Option<Quantity>, dimension: Dimension, otherwise: f64| match quantity {
+        Some(quantity) => number(key, quantity, dimension, false),
+        None => Ok(otherwise),
+    };
+    let stretch = number("stretch_stiffness", &file.stretch_stiffness, Dimension::Stiffness, false)?;
+    let membrane = [
+        or("warp", &file.warp, Dimension::Stiffness, stretch)?,
+        or("weft", &file.weft, Dimension::Stiffness, stretch)?,
+        or("shear", &file.shear, Dimension::Stiffness, stretch / (2.0 * (1.0 + POISSON)))?,
+    ];
     Ok(Material {
         name: Cow::Owned(name_of(path)),
         density: number("density", &file.density, Dimension::ArealDensity, false)?,
         thickness: number("thickness", &file.thickness, Dimension::Length, false)?,
-        stretch_stiffness: number("stretch_stiffness", &file.stretch_stiffness, Dimension::Stiffness, false)?,
-        bending_stiffness: number("bending_stiffness", &file.bending_stiffness, Dimension::Stiffness, false)?,
+        stretch_stiffness: stretch,
+        membrane,
+        bending_rigidity: number("bending_rigidity", &file.bending_rigidity, Dimension::BendingRigidity, false)?,
+        strain_limit: or("strain_limit", &file.strain_limit, Dimension::None, STRAIN_LIMIT)?,
         damping_ratio: number("damping_ratio", &file.damping_ratio, Dimension::None, true)?,
         friction: number("friction", &file.friction, Dimension::None, true)?,
         summary: Cow::Owned(file.summary),
@@ -141,7 +166,7 @@ mod tests {
     use crate::shot::ShotDescription;
 
     const VELVET: &str = "density = \"420 g/m²\"\nthickness = \"1.2 mm\"\nstretch_stiffness = \"300 N/m\"\n\
-                          bending_stiffness = 15\ndamping_ratio = 2\nfriction = 0.45\n";
+                          bending_rigidity = \"40 µN·m\"\ndamping_ratio = 2\nfriction = 0.45\n";
 
     const SCENE: &str = "drapery = 1\n[shot]\nframes = \"1-2\"\n[gravity]\n[[body]]\nname = \"ball\"\n\
                          shape = { sphere = { radius = 0.2 } }\n[[garment]]\nname = \"curtain\"\n\
@@ -170,7 +195,7 @@ mod tests {
         let folder = folder(SCENE, &[("velvet.toml", VELVET)]);
         let shot = resolve(&folder, &["nowhere", "cloth"]).unwrap_or_else(|error| panic!("{error}"));
         for line in
-            ["density = 0.42 ", "thickness = 0.0012 ", "stiffness = 300.0 ", "stiffness = 15.0 ", "friction = 0.45 "]
+            ["density = 0.42 ", "thickness = 0.0012 ", "stiffness = 300.0 ", "stiffness = 0.00004 ", "friction = 0.45 "]
         {
             let found = shot.resolved.lines().find(|text| text.starts_with(line));
             assert!(found.is_some_and(|text| text.ends_with("# material velvet")), "{line}\n{}", shot.resolved);
@@ -201,6 +226,7 @@ mod tests {
             ("friction = 0.45\n", "", "`friction` is missing"),
             ("1.2 mm", "-1.2 mm", "velvet.toml:2:13: `thickness`: -0.0012 m is not possible here"),
             ("300 N/m", "300 N", "velvet.toml:3:21: "),
+            ("friction = ", "shear = \"-174 N/m\"\nfriction = ", "`shear`: -174 N/m is not possible here"),
         ] {
             let folder = folder(SCENE, &[("velvet.toml", &VELVET.replace(from, to))]);
             let error = resolve(&folder, &["cloth"]).expect_err(to).to_string();

@@ -33,6 +33,7 @@ mod raw;
 mod resolve;
 mod resolved;
 mod schema;
+mod seams;
 mod search;
 mod shapes;
 mod start;
@@ -152,6 +153,15 @@ impl SceneFile {
     /// Every problem found: of the scene file with its place, and of the files it names.
     pub fn resolve(&self) -> Result<ShotDescription, Vec<SceneFileError>> {
         resolve::resolve(self)
+    }
+
+    /// Value of a parameter that is a number.
+    pub fn number(&self, parameter: &str) -> Option<f64> {
+        match self.parameters.get(parameter)?.value {
+            tree::Value::Integer(number) => Some(number as f64),
+            tree::Value::Float(number) => Some(number),
+            _ => None,
+        }
     }
 
     /// Name of the shot.

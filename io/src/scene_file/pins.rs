@@ -49,46 +49,83 @@ fn read_file(path: &FilePath) -> Result<PinFile, IoError> {
     })
 }
 
-/// The vertices that a pin names.
-///
-/// # Errors
-/// Not exactly one way of naming them, names that fit no panel, or no vertex at all.
-fn vertices(pin: &Pin, start: &[Vec3], grid: Option<[u32; 2]>, file: Option<&PinFile>) -> Result<Vec<u32>, String> {
-    let ways =
-        [pin.vertices.is_some(), pin.corners.is_some(), pin.nodes.is_some(), pin.region.is_some(), pin.file.is_some()];
-    if ways.iter().filter(|w| **w).count() != 1 {
-        return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where` and `file`".to_owned());
+/// Ways of naming vertices of a garment; exactly one is to be used.
+pub(super) struct Named<'a> {
+    pub(super) vertices: Option<&'a [u32]>,
+    pub(super) corners: Option<&'a [Corner]>,
+    pub(super) nodes: Option<&'a [[f64; 2]]>,
+    pub(super) region: Option<Region>,
+}
+
+impl Named<'_> {
+    /// How many ways are used.
+    pub(super) fn ways(&self) -> usize {
+        [self.vertices.is_some(), self.corners.is_some(), self.nodes.is_some(), self.region.is_some()]
+            .into_iter()
+            .filter(|way| *way)
+            .count()
     }
-    let mut chosen: Vec<u32> = if let Some(vertices) = &pin.vertices {
-        vertices.clone()
-    } else if let Some(region) = pin.region {
-        (0..start.len() as u32).filter(|v| inside(region, start[*v as usize])).collect()
-    } else if let Some(file) = file {
-        file.pins.iter().map(|p| p.vertex).collect()
-    } else {
+
+    /// The vertices in the order in which they are named.
+    ///
+    /// # Errors
+    /// Names that fit no panel.
+    pub(super) fn find(&self, start: &[Vec3], grid: Option<[u32; 2]>) -> Result<Vec<u32>, String> {
+        if let Some(vertices) = self.vertices {
+            return Ok(vertices.to_vec());
+        }
+        if let Some(region) = self.region {
+            return Ok((0..start.len() as u32).filter(|v| inside(region, start[*v as usize])).collect());
+        }
         let [m, n] = grid.ok_or("`corners` and `nodes` need a `panel`; use `vertices` or `where` here")?;
         let node = |u: f64, v: f64| {
             let along = |t: f64, count: u32| (t.clamp(0.0, 1.0) * f64::from(count - 1)).round() as u32;
             along(u, m) + m * along(v, n)
         };
-        match (&pin.corners, &pin.nodes) {
+        Ok(match (self.corners, self.nodes) {
             (Some(corners), _) => corners.iter().map(|c| corner(*c)).map(|[u, v]| node(u, v)).collect(),
-            (_, nodes) => nodes.iter().flatten().map(|[u, v]| node(*u, *v)).collect(),
-        }
-    };
-    if pin.file.is_none() {
-        chosen.sort_unstable();
-        chosen.dedup();
+            (_, nodes) => nodes.iter().copied().flatten().map(|[u, v]| node(*u, *v)).collect(),
+        })
     }
+}
+
+/// Refuses an empty list, and numbers that the garment does not have.
+pub(super) fn existing(chosen: Vec<u32>, count: usize, what: &str) -> Result<Vec<u32>, String> {
     if chosen.is_empty() {
-        return Err("this pin holds no vertex".to_owned());
+        return Err(format!("this {what} holds no vertex"));
     }
-    match chosen.iter().find(|v| **v as usize >= start.len()) {
+    match chosen.iter().find(|v| **v as usize >= count) {
         Some(vertex) => {
-            Err(format!("vertex {vertex} does not exist: the garment has {} vertices, numbered from 0", start.len()))
+            Err(format!("vertex {vertex} does not exist: the garment has {count} vertices, numbered from 0"))
         }
         None => Ok(chosen),
     }
+}
+
+/// The vertices that a pin names.
+///
+/// # Errors
+/// Not exactly one way of naming them, names that fit no panel, or no vertex at all.
+fn vertices(pin: &Pin, start: &[Vec3], grid: Option<[u32; 2]>, file: Option<&PinFile>) -> Result<Vec<u32>, String> {
+    let named = Named {
+        vertices: pin.vertices.as_deref(),
+        corners: pin.corners.as_deref(),
+        nodes: pin.nodes.as_deref(),
+        region: pin.region,
+    };
+    if named.ways() + usize::from(pin.file.is_some()) != 1 {
+        return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where` and `file`".to_owned());
+    }
+    let chosen = match file {
+        Some(file) => file.pins.iter().map(|p| p.vertex).collect(),
+        None => {
+            let mut chosen = named.find(start, grid)?;
+            chosen.sort_unstable();
+            chosen.dedup();
+            chosen
+        }
+    };
+    existing(chosen, start.len(), "pin")
 }
 
 /// Fractions along x and z.

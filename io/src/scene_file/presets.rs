@@ -115,20 +115,43 @@ fn fill_garment(table: &mut Table, material: &Material, place: &Place) {
         table.fill("density", Value::Float(material.density), place, origin.clone());
     }
     table.fill("thickness", Value::Float(material.thickness), place, origin);
-    fill_springs(table, "stretch", material.stretch_stiffness, material, place);
-    fill_springs(table, "bending", material.bending_stiffness, material, place);
+    let damping = [("damping_ratio", material.damping_ratio)];
+    let has = |table: &Table, effect: &str| table.get(effect).is_some();
+    if has(table, "membrane") {
+        let [warp, weft, shear] = material.membrane;
+        fill_effect(table, "membrane", &[("warp", warp), ("weft", weft), ("shear", shear)], material, place);
+        fill_effect(table, "membrane", &damping, material, place);
+    } else {
+        let own = own_key(table, "stretch", "spring_stiffness");
+        let stiffness = [("stiffness", material.stretch_stiffness)];
+        fill_effect(table, "stretch", if own { &[] } else { &stiffness }, material, place);
+        fill_effect(table, "stretch", &damping, material, place);
+    }
+    // Who asks for springs across the edges says how stiff they are.
+    if !has(table, "bending") {
+        fill_effect(table, "dihedral_bending", &[("stiffness", material.bending_rigidity)], material, place);
+        fill_effect(table, "dihedral_bending", &damping, material, place);
+    }
+    if has(table, "strain_limit") {
+        fill_effect(table, "strain_limit", &[("limit", material.strain_limit)], material, place);
+    }
 }
 
-fn fill_springs(garment: &mut Table, effect: &str, stiffness: f64, material: &Material, place: &Place) {
+/// Whether a garment's table of an effect has this key.
+fn own_key(garment: &Table, effect: &str, key: &str) -> bool {
+    garment.get(effect).and_then(Node::as_table).is_some_and(|table| table.get(key).is_some())
+}
+
+/// Fills in settings of an effect of a garment, and asks for the effect.
+fn fill_effect(garment: &mut Table, effect: &str, settings: &[(&str, f64)], material: &Material, place: &Place) {
     let origin = Origin::Material(material.name.to_string());
     garment.fill(effect, Value::Table(Table::default()), place, origin.clone());
     let Some(table) = garment.get_mut(effect).and_then(Node::as_table_mut) else {
         return;
     };
-    if table.get("spring_stiffness").is_none() {
-        table.fill("stiffness", Value::Float(stiffness), place, origin.clone());
+    for (key, value) in settings {
+        table.fill(key, Value::Float(*value), place, origin.clone());
     }
-    table.fill("damping_ratio", Value::Float(material.damping_ratio), place, origin);
 }
 
 /// Friction and thickness of bodies that do not say them: the largest of the materials that touch them.

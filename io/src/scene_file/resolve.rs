@@ -5,16 +5,19 @@ use std::path::PathBuf;
 use drapery_core::Vec3;
 use drapery_core::effects::REGISTRY;
 use drapery_core::scene::{
-    EffectRequest, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings, Timeline,
+    BodyFriction, EffectRequest, Integrator, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings,
+    Timeline,
 };
-use drapery_core::settings::Dimension;
+use drapery_core::settings::{Dimension, SettingValue};
 
 use crate::cache::MeshData;
 use crate::error::IoError;
 use crate::mesh_source::MeshSource;
+use crate::run_record::FRAMES;
 use crate::shot::motion::{InputMotion, Preroll, file_time};
 use crate::shot::{OutputDescription, ShotDescription};
 use crate::units::Units;
+use crate::wind_file::WindFile;
 
 use super::SceneFile;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
@@ -37,9 +40,12 @@ pub(super) struct Resolver<'a> {
     preroll: Preroll,
     pub(super) description: SceneDescription,
     pub(super) garments: Vec<MeshData>,
+    /// Points of each garment along both directions of its panel, if it is one.
+    pub(super) grids: Vec<Option<[u32; 2]>>,
     /// For each body its file; `None` for ideal shapes and for bodies that could not be read.
     pub(super) bodies: Vec<Option<InputMotion>>,
     pub(super) tracks: Vec<InputMotion>,
+    pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
 }
 
@@ -53,8 +59,10 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         preroll: Preroll { settle: document.shot.preroll.settle, blend: document.shot.preroll.blend },
         description: SceneDescription::new(&document.shot.name),
         garments: Vec::new(),
+        grids: Vec::new(),
         bodies: Vec::new(),
         tracks: Vec::new(),
+        wind: None,
         input_files: scene.material_files.clone(),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
@@ -71,6 +79,9 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
     if document.garment.is_empty() {
         resolver.error_with(&Path::default(), "the scene has no garment", "add a [[garment]]".to_owned());
     }
+    for (index, seam) in document.seam.iter().enumerate() {
+        resolver.seam(seam, &Path::default().key("seam").index(index));
+    }
     resolver.effects();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
@@ -85,6 +96,7 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         scene: resolver.description,
         bodies: resolver.bodies,
         tracks: resolver.tracks,
+        wind: resolver.wind,
         garments: resolver.garments,
         frames: [first, last],
         preroll: resolver.preroll,
@@ -237,6 +249,14 @@ impl Resolver<'_> {
             strain_per_step: solver.strain_per_step,
             cg_tolerance,
             cg_max_iterations: solver.cg_max_iterations,
+            integrator: match solver.integrator {
+                raw::Integrator::SemiImplicit => Integrator::SemiImplicit,
+                raw::Integrator::Implicit => Integrator::Implicit,
+            },
+            body_friction: match solver.body_friction {
+                raw::BodyFriction::WholeStep => BodyFriction::WholeStep,
+                raw::BodyFriction::PositionHalf => BodyFriction::PositionHalf,
+            },
         };
     }
 
@@ -257,11 +277,18 @@ impl Resolver<'_> {
                 requests.push(EffectRequest { because: texts.join(", "), ..EffectRequest::of_scene(effect) });
             }
         }
+        let seams = self.description.seams.len();
+        if seams > 0 {
+            let pairs: usize = self.description.seams.iter().map(|seam| seam.pairs.len()).sum();
+            let because = format!("{seams} seam{} of {pairs} pairs", if seams == 1 { "" } else { "s" });
+            requests.push(EffectRequest { because, ..EffectRequest::of_scene("seams") });
+        }
         let bodies = self.description.bodies.len();
         if bodies > 0 {
             let because = format!("the scene has {bodies} bod{}", if bodies == 1 { "y" } else { "ies" });
             requests.push(EffectRequest { because, ..EffectRequest::of_scene("body_collision") });
         }
+        self.wind_file(&requests);
         // In the order of the registry, as they run, so that two ways of writing a scene give one description.
         requests.sort_by_key(|r| (REGISTRY.iter().position(|spec| spec.name == r.effect), r.garment));
         self.description.effects = requests;
@@ -285,6 +312,7 @@ impl Resolver<'_> {
         if self.description.bodies.is_empty() {
             self.bodies.clear();
         }
+        self.wind.take_if(|_| self.description.wind.is_none());
         self.drop_idle_tracks();
     }
 
@@ -299,6 +327,21 @@ impl Resolver<'_> {
                 self.tracks.push(followed);
             }
         }
+    }
+}
+
+impl Resolver<'_> {
+    /// Opens the grid of the wind, if the scene names a file.
+    fn wind_file(&mut self, requests: &[EffectRequest]) {
+        let wind = requests.iter().find(|request| request.effect == "wind");
+        let Some(SettingValue::Text(file)) = wind.and_then(|wind| wind.settings.get("file")) else { return };
+        let file = self.scene.folder.join(file);
+        let opened = WindFile::open(&file);
+        if !self.input_files.contains(&file) {
+            self.input_files.push(file);
+        }
+        self.wind = self.of_file(&Path::default().key("wind").key("file"), opened);
+        self.description.wind = self.wind.as_ref().map(WindFile::shape);
     }
 }
 
@@ -356,6 +399,9 @@ fn frame_range(text: &str) -> Result<(i64, i64), String> {
     if first > last {
         return Err(format!("the range of frames {first}-{last} runs backwards"));
     }
+    if !FRAMES.contains(&first) || !FRAMES.contains(&last) {
+        return Err(format!("frames are numbered from {} to {}", FRAMES.start(), FRAMES.end()));
+    }
     Ok((first, last))
 }
 
@@ -392,5 +438,7 @@ mod tests {
         assert_eq!(frame_range("7"), Ok((7, 7)));
         assert!(frame_range("20-10").unwrap_err().contains("backwards"));
         assert!(frame_range("first-last").is_err());
+        // Their difference has no room in 64 bits.
+        assert!(frame_range("-9223372036854775807-9223372036854775807").unwrap_err().contains("numbered from"));
     }
 }

@@ -5,7 +5,7 @@ use super::resolve::absolute;
 use super::tree::{Node, Origin, Table, Value};
 
 /// Sections in the order in which a reader looks for them; tables of effects come before the bodies.
-const ORDER: [&str; 8] = ["drapery", "shot", "units", "solver", "effects", "body", "garment", "output"];
+const ORDER: [&str; 9] = ["drapery", "shot", "units", "solver", "effects", "body", "garment", "seam", "output"];
 
 /// Place of the tables of effects in that order.
 const TABLES: usize = 5;

@@ -74,6 +74,11 @@ fn field(field: &Field) -> Value {
             "default": default,
         }),
         Default::Flag(default) => json!({ "description": description, "type": "boolean", "default": default }),
+        Default::Keys => json!({
+            "description": description, "type": "array",
+            "items": { "type": "array", "minItems": 2, "maxItems": 2 },
+        }),
+        Default::File => json!({ "description": description, "type": "string" }),
         Default::Required | Default::Absent => json!({
             "description": description, "type": ["number", "string"], "minimum": least, "maximum": most,
         }),

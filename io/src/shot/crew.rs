@@ -131,6 +131,16 @@ impl Crew {
         Ok(cost)
     }
 
+    /// Goes on towards the frame that was shared last, on one rank alone, unless `give_up` says so at a state free of
+    /// collisions.
+    pub(super) fn advance_unless(
+        &mut self,
+        input: &FrameInput,
+        give_up: &mut (dyn FnMut() -> bool + Send),
+    ) -> Result<Advance, StepError> {
+        self.simulation.advance_or_pause(input, &mut |_| give_up())
+    }
+
     /// What all ranks agree on when this is asked for here.
     pub(super) fn agree(&self, own: Option<Request>) -> Option<Request> {
         give(&self.ranks, Order::Agree);

@@ -11,6 +11,7 @@ use crate::shot::ShotError;
 use crate::shot::check::{Span, check_faces, check_motion, check_size};
 use crate::shot::crew::Crew;
 use crate::shot::motion::{InputMotion, Preroll};
+use crate::wind_file::WindFile;
 
 /// Everything that moves by files.
 #[derive(Debug)]
@@ -19,6 +20,7 @@ pub(super) struct Inputs {
     pub(super) preroll: Preroll,
     pub(super) bodies: Vec<Option<InputMotion>>,
     pub(super) tracks: Vec<InputMotion>,
+    pub(super) wind: Option<WindFile>,
 }
 
 impl Inputs {
@@ -28,7 +30,8 @@ impl Inputs {
         let bodies =
             self.bodies.iter().map(|body| body.as_ref().map_or(Ok(Vec::new()), samples)).collect::<Result<_, _>>()?;
         let tracks = self.tracks.iter().map(samples).collect::<Result<_, _>>()?;
-        Ok(FrameInput { frame, bodies, tracks })
+        let wind = self.wind.as_ref().map_or(Ok(Vec::new()), |wind| wind.samples(self.timeline, frame))?;
+        Ok(FrameInput { frame, bodies, tracks, wind })
     }
 
     /// Problems of all frames of all inputs.
@@ -45,6 +48,7 @@ impl Inputs {
         for track in &self.tracks {
             problems.extend(check_motion(track, span, None));
         }
+        problems.extend(self.wind.as_ref().and_then(|wind| wind.check(self.timeline, last_frame)));
         problems
     }
 
@@ -58,7 +62,8 @@ impl Inputs {
         let input = self.at(self.timeline.start)?;
         let finite = |p: &Vec3| p.iter().all(|x| x.is_finite());
         let samples = input.bodies.iter().chain(&input.tracks).flatten();
-        if !problems.is_empty() && samples.flat_map(|s| &s.positions).any(|p| !finite(p)) {
+        let wind = input.wind.iter().flat_map(|sample| &sample.velocities);
+        if !problems.is_empty() && samples.flat_map(|s| &s.positions).chain(wind).any(|p| !finite(p)) {
             // The check of the samples has said so already.
             return Ok(None);
         }

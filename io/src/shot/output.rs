@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::outside::Field;
@@ -271,7 +272,7 @@ fn of_garments(
     planned: &[Planned],
     open: impl Fn(&Planned, CachePlan<'_>) -> Result<Box<dyn CacheWriter>, IoError>,
 ) -> Result<Vec<Vec<Box<dyn CacheWriter>>>, IoError> {
-    let of_garment = |(garment, data): (usize, &MeshData)| {
+    let of_garment = |(garment, data): (usize, &Arc<MeshData>)| {
         // As the scene has cut the faces; it may hold only a share of them here.
         let (triangles, _) = data.mesh.triangulate();
         let caches = planned.iter().filter(|cache| cache.garment == garment);

@@ -8,7 +8,13 @@ pub const LIMITS: &[(&str, &str)] = &[
     (CROSSINGS_WRITTEN, "edges of cloth through triangles of cloth in the positions that the caches store"),
     ("zone_fallbacks", "collisions that no impact zone could resolve: that cloth was put back to where it was before"),
     ("cg_short", "velocity solves that ended above their tolerance"),
+    (
+        "retried_held",
+        "collision steps in which vertices stayed where they were, because nothing else made the step finite",
+    ),
+    ("steps_accepted", "collision steps that were kept although something went wrong in them"),
     ("pairs_pinched", "pairs of cloth left to pass because a body squeezes them together"),
+    ("strain_over_limit", "edges that a limit on strain could not keep, as bodies or pins pull them"),
     ("body_pinched", "vertices that bodies squeeze from both sides, so that they are inside of one"),
 ];
 

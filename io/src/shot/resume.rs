@@ -5,7 +5,7 @@ use std::path::Path;
 use drapery_core::simulation::{FrameInput, RestoreError};
 
 use crate::cache::APPLICATION;
-use crate::checkpoint::{FORMAT_VERSION, Loaded, Store};
+use crate::checkpoint::{CheckpointReader, FORMAT_VERSION, Loaded, Store};
 use crate::error::IoError;
 use crate::farm::digest::{self, Fingerprint, Versions};
 use crate::shot::crew::Crew;
@@ -115,10 +115,14 @@ fn no_checkpoint_at(frame: i64, store: &Store) -> ShotError {
 }
 
 /// The simulation at a checkpoint; `input` is that of its frame.
-pub(super) fn restored(crew: Crew, input: FrameInput, found: &mut Loaded) -> Result<Crew, ShotError> {
-    crew.restored(input, &mut found.checkpoint).map_err(|error| match error {
+pub(super) fn restored(
+    crew: Crew,
+    input: FrameInput,
+    (checkpoint, path): (&mut CheckpointReader, &Path),
+) -> Result<Crew, ShotError> {
+    crew.restored(input, checkpoint).map_err(|error| match error {
         RestoreError::Problems(problems) => ShotError::Problems(problems),
-        RestoreError::Snapshot(error) => ShotError::Resume(format!("{}: {error}", found.path.display())),
+        RestoreError::Snapshot(error) => ShotError::Resume(format!("{}: {error}", path.display())),
     })
 }
 

@@ -7,8 +7,9 @@ use std::fs::File;
 use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
 
+use drapery_core::error::StepError;
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::{Advance, FrameSummary};
+use drapery_core::simulation::{Advance, FrameSummary, Recovery};
 use serde_json::json;
 
 use crate::checkpoint::{Account, Cadence, Every, FORMAT_VERSION, Head, Store};
@@ -19,6 +20,7 @@ use crate::farm::lock::RunLock;
 use crate::farm::process::Owner;
 use crate::farm::stop::{Reason, Request, StopRequests};
 use crate::run_record::{self, AttemptRecord};
+use crate::shot::bundle;
 use crate::shot::folder::{self, Earlier};
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
 use crate::shot::quality::{self, Exceeded};
@@ -208,6 +210,7 @@ impl Shot {
                 // The first error is the one that counts; a full disk would refuse this record too. What was taken over
                 // belongs to somebody else.
                 if run.lock.still_mine() {
+                    run.leave_bundle(&error, observer);
                     let _ = run.output.fail(&error);
                 }
                 Err(error)
@@ -287,7 +290,7 @@ impl<'a> Run<'a> {
         let mut found = resume::decide(&shot, options, (earlier.as_ref(), &fingerprint), &store, note)?;
         if let Some(found) = &mut found {
             let input = shot.inputs.at(found.checkpoint.head.frame)?;
-            shot.crew = resume::restored(shot.crew, input, found)?;
+            shot.crew = resume::restored(shot.crew, input, (&mut found.checkpoint, &found.path))?;
         }
         if let Some(earlier) = &earlier
             && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
@@ -413,6 +416,10 @@ impl<'a> Run<'a> {
             }
             None => self.output.record(&run_record::start_record(frame, &spent, taken))?,
         }
+        if let Some(first) = summary.and_then(|summary| summary.recoveries.first()) {
+            let also = summary.map_or(0, |summary| summary.recoveries.len() - 1);
+            observer.note(first_recovery(first, also));
+        }
         self.output.frame_done(frame, taken)?;
         self.options.requests.note_frame(taken);
         self.cadence.frame_done();
@@ -450,6 +457,42 @@ impl<'a> Run<'a> {
         Ok(stop)
     }
 
+    /// Where the solver has given up: a checkpoint to go on from once that is mended, and a bundle to replay.
+    fn leave_bundle(&mut self, error: &ShotError, observer: &mut dyn Observer) {
+        let ShotError::Step(error) = error else { return };
+        if matches!(error, StepError::Input { .. }) {
+            return;
+        }
+        let head = self.head(Vec::new());
+        let written = self.checkpoint().map_err(|e| e.to_string());
+        let bundle = bundle::write(&self.shot, &self.options.out, &head, error).map_err(|e| e.to_string());
+        observer.note(match written.and(bundle) {
+            Ok(path) => format!(
+                "the last good state and what went wrong are in {0}; see it again with: drapery run --replay {0}",
+                path.display()
+            ),
+            Err(error) => format!("what went wrong could not be written down: {error}"),
+        });
+    }
+
+    /// What the present state is a checkpoint of.
+    fn head(&self, caches: Vec<serde_json::Value>) -> Head {
+        let simulation = self.shot.simulation();
+        let (frame, timeline) = (simulation.frame(), self.shot.about.timeline);
+        Head {
+            format_version: FORMAT_VERSION,
+            application: crate::cache::APPLICATION.to_owned(),
+            shot: self.shot.about.name.clone(),
+            frame,
+            sub_step: self.totals.partial.sub_step,
+            time: simulation.state().time,
+            delivered: (frame >= timeline.origin).then_some(frame),
+            fps: [timeline.fps_numerator, timeline.fps_denominator],
+            digests: self.fingerprint.digests.clone(),
+            caches,
+        }
+    }
+
     /// Writes a checkpoint of the present state, unless there is one.
     fn checkpoint(&mut self) -> Result<(), ShotError> {
         let simulation = self.shot.simulation();
@@ -459,21 +502,8 @@ impl<'a> Run<'a> {
         }
         self.lock.check()?;
         let (marks, record_bytes) = self.output.mark()?;
-        let timeline = self.shot.about.timeline;
         // A mark is of texts and numbers: it always has a JSON form.
-        let caches = marks.iter().filter_map(|mark| serde_json::to_value(mark).ok()).collect();
-        let head = Head {
-            format_version: FORMAT_VERSION,
-            application: crate::cache::APPLICATION.to_owned(),
-            shot: self.shot.about.name.clone(),
-            frame,
-            sub_step,
-            time: simulation.state().time,
-            delivered: (frame >= timeline.origin).then_some(frame),
-            fps: [timeline.fps_numerator, timeline.fps_denominator],
-            digests: self.fingerprint.digests.clone(),
-            caches,
-        };
+        let head = self.head(marks.iter().filter_map(|mark| serde_json::to_value(mark).ok()).collect());
         let account = Account { attempt: self.attempt, record_bytes, totals: self.totals.to_json() };
         let saved = self.store.save(&head, &account, |sink| self.shot.crew.save(sink))?;
         self.saved = Some((frame, sub_step));
@@ -511,4 +541,13 @@ impl<'a> Run<'a> {
             ranks: self.shot.crew.ranks().count(),
         })
     }
+}
+
+/// What is said of a frame in which steps went wrong.
+fn first_recovery(first: &Recovery, also: usize) -> String {
+    let Recovery { frame, time, trouble, rung, garment, vertices } = first;
+    let place =
+        if garment.is_empty() { String::new() } else { format!(", garment \"{garment}\", vertices {vertices:?}") };
+    let more = if also == 0 { String::new() } else { format!(", and {also} more in this frame") };
+    format!("frame {frame}, time {time:.6} s{place}: {trouble}; {rung}{more}")
 }

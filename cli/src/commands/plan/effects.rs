@@ -97,6 +97,7 @@ fn value_text(value: &SettingValue) -> String {
         SettingValue::Text(text) => text.clone(),
         SettingValue::Vector(vector) => format!("{vector:?}"),
         SettingValue::Flag(flag) => flag.to_string(),
+        SettingValue::Keys(keys) => format!("{keys:?}"),
     }
 }
 
@@ -128,6 +129,7 @@ fn word(need: Need) -> &'static str {
         Need::Bodies => "bodies and their trees",
         Need::ClothSurface => "trees over the triangles of cloth",
         Need::PairList => "list of close pairs",
+        Need::SecondRing => "a second ring of triangles around parts of other ranks",
     }
 }
 
@@ -169,6 +171,7 @@ fn setting((name, value, origin): (&str, &SettingValue, Origin)) -> (String, Val
         SettingValue::Text(text) => json!(text),
         SettingValue::Vector(vector) => json!(vector),
         SettingValue::Flag(flag) => json!(flag),
+        SettingValue::Keys(keys) => json!(keys),
     };
     (name.to_owned(), json!({"value": value, "from": origin_word(origin)}))
 }

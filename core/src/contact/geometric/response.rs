@@ -70,6 +70,8 @@ pub(super) struct Response {
     /// How often zones were made rigid, or stopped, here.
     rigid: u64,
     stopped: u64,
+    /// Nodes of stopped zones that were solved here.
+    pub(super) stopped_nodes: Vec<u32>,
 }
 
 impl Response {
@@ -110,8 +112,8 @@ impl Response {
         touched
     }
 
-    /// Counts what there was; returns the nodes of zones and the pairs given up on all ranks.
-    pub(super) fn report(&self, nodes: &ContactNodes, metrics: &mut Metrics) -> (u64, u64) {
+    /// Counts what there was; returns the nodes of zones, the pairs given up, and how often zones were stopped, on all ranks.
+    pub(super) fn report(&self, nodes: &ContactNodes, metrics: &mut Metrics) -> [u64; 3] {
         let ranks = nodes.ranks();
         self.closed.report(metrics);
         if ranks.is_first() {
@@ -121,8 +123,7 @@ impl Response {
         metrics.count("zone_fallbacks", self.stopped);
         metrics.count("pairs_pinched", self.given_up.len() as u64);
         let zone_nodes = self.closed.node_count() + if ranks.is_first() { self.open.node_count() } else { 0 };
-        let [zone_nodes, given_up] = ranks.sum_of([zone_nodes, self.given_up.len() as u64]);
-        (zone_nodes, given_up)
+        ranks.sum_of([zone_nodes, self.given_up.len() as u64, self.stopped])
     }
 
     /// Gives up what cannot be helped: pairs that no impulse can change, and, when zones have failed, pairs with a
@@ -278,7 +279,10 @@ impl Response {
         let mut solved: Vec<Answer> = tasks.par_iter().map(Task::solve).collect();
         metrics.count("zone_sweeps", solved.iter().map(|answer| answer.solved.passes).sum());
         self.rigid += solved.iter().filter(|answer| answer.action == Action::Rigid).count() as u64;
-        self.stopped += solved.iter().filter(|answer| answer.action == Action::Stop).count() as u64;
+        for answer in solved.iter().filter(|answer| answer.action == Action::Stop) {
+            self.stopped += 1;
+            self.stopped_nodes.extend(&answer.members);
+        }
         let shared = solved.split_off(closed.len());
         for answer in solved {
             answer.apply(field, displacements, touched);

@@ -58,8 +58,14 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], way: f64, may_give_back
     let mut paths = NodePaths { start, end };
     let used = neighbours.note_ways(&surface, &paths.start, &paths.end);
     let ignored = |pair: &Pair| pair.nodes[0].is_multiple_of(97);
-    let mut collisions =
-        Collisions { surface: &mut surface, gap: 1e-6, duration: 0.1, ignored: &ignored, may_give_back };
+    let mut collisions = Collisions {
+        surface: &mut surface,
+        gap: 1e-6,
+        duration: 0.1,
+        ignored: &ignored,
+        may_give_back,
+        effort: Effort::Usual,
+    };
     let mut metrics = Metrics::default();
     let mut work = CollisionLoop::default();
     let resolution = work.resolve(&mut collisions, &mut neighbours, &mut search, &mut paths, used, &mut metrics);

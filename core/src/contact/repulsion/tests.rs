@@ -7,7 +7,14 @@ use crate::state::State;
 
 mod ranks;
 
-const LAWS: Laws = Laws { stiffness: 30.0, limit: 0.1, friction: 0.4, edge_attraction: -0.3, attraction: true };
+const LAWS: Laws = Laws {
+    stiffness: 30.0,
+    limit: 0.1,
+    friction: 0.4,
+    edge_attraction: -0.3,
+    attraction: true,
+    per_collision_step: false,
+};
 
 /// Pairs that approach until the next collision-free state, for tests in which nothing else is near.
 const SLACK: f64 = 0.05;

@@ -11,7 +11,9 @@ use crate::effects::springs::SpringElement;
 use crate::effects::{Force, PartForce, PartMotion, PartView};
 use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::PART_SIZE;
-use crate::scene::Scene;
+use crate::scene::{Integrator, Scene};
+
+mod implicit;
 
 /// Longest row: vertices with more springs have several.
 const ROW: usize = 4;
@@ -59,9 +61,11 @@ struct PartSprings {
     damping: Vec<f64>,
     /// c / l² at the last update [N s/m³]; zero where the ends coincided.
     scaled_damping: Vec<f64>,
+    /// Damping across each spring [N s/m], where elastic forces are implicit; empty where they are explicit.
+    across: Vec<f64>,
     /// Whether the strain of these springs is the strain of the cloth.
     measures_strain: bool,
-    /// The smallest rest length [m].
+    /// The smallest rest length that counts for rates of strain [m]: softened springs count as the shortest of the others.
     shortest: f64,
 }
 
@@ -75,7 +79,7 @@ pub(super) fn build(
     scene: &Scene,
     garment: usize,
     elements: &[SpringElement],
-    stiffnesses: &[f64],
+    (stiffnesses, shortest): (&[f64], f64),
     damping_ratio: f64,
     measures_strain: bool,
 ) -> (Vec<PartForce>, usize) {
@@ -136,8 +140,14 @@ pub(super) fn build(
             }
         }
         springs.scaled_damping = vec![0.0; springs.damping.len()];
-        springs.shortest = springs.rest_length.iter().copied().fold(f64::INFINITY, f64::min);
-        bytes += springs.damping.len() * (16 + 8 + 8) + springs.inner.len() * 2 + springs.border.len() * 4;
+        if scene.description().solver.integrator == Integrator::Implicit {
+            springs.across = vec![0.0; springs.damping.len()];
+        }
+        springs.shortest = springs.rest_length.iter().copied().fold(f64::INFINITY, f64::min).max(shortest);
+        bytes += springs.damping.len() * (16 + 8 + 8)
+            + springs.across.len() * 8
+            + springs.inner.len() * 2
+            + springs.border.len() * 4;
         bytes += springs.rows.len() * 2 + springs.neighbours.len() * 4 + springs.border_groups.len() * 8;
         built.push((group[0].0, Box::new(springs)));
     }
@@ -219,6 +229,8 @@ impl Rows<'_, &[f64]> {
 struct Fraction {
     squared: f64,
     over: f64,
+    /// Springs shorter than this at rest count as this long [m].
+    shortest: f64,
 }
 
 impl Fraction {
@@ -226,9 +238,10 @@ impl Fraction {
     #[inline]
     fn compare(&mut self, u: Lanes, change: Lanes, rest: f64) {
         let along = change.dot(u);
+        let rest = rest.max(self.shortest);
         let (squared, over) = (along * along, u.dot(u) * rest * rest);
         if squared * self.over > self.squared * over && over > 0.0 {
-            *self = Self { squared, over };
+            (self.squared, self.over) = (squared, over);
         }
     }
 }
@@ -375,7 +388,18 @@ impl Force for PartSprings {
         self.scaled_damping = scaled;
     }
 
+    fn linearise(&mut self, view: &PartView<'_>, over: f64) {
+        self.follow(view.x, over);
+    }
+
+    fn can_be_implicit(&self) -> bool {
+        true
+    }
+
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+        if !self.across.is_empty() {
+            return self.add_implicit(motion, f);
+        }
         let (x, v) = (motion.own_x, motion.own_v);
         for (length, rows) in self.row_groups() {
             match length {
@@ -419,7 +443,7 @@ impl Force for PartSprings {
 
     fn strain_rate(&self, motion: &PartMotion<'_>) -> f64 {
         let (x, v) = (motion.own_x, motion.own_v);
-        let mut fastest = Fraction { squared: 0.0, over: 1.0 };
+        let mut fastest = Fraction { squared: 0.0, over: 1.0, shortest: self.shortest };
         for (length, rows) in self.row_groups() {
             match length {
                 1 => rows.compare_rates::<1>(x, v, &mut fastest),

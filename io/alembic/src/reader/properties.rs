@@ -13,6 +13,8 @@ use crate::time_sampling::TimeSampling;
 
 /// Compounds may be nested this deep.
 const DEEPEST: usize = 200;
+/// Most samples that a property may have of which not all are stored: twelve hours at 24 frames per second.
+const MOST_REPEATED: u32 = 1 << 20;
 /// Bytes of the digest before every payload.
 const DIGEST: u64 = 16;
 
@@ -161,6 +163,10 @@ impl Samples {
         let wanted = sample_group_size(&header);
         if group.count < wanted {
             return damaged(format!("{} slots are stored where {wanted} are needed", group.count));
+        }
+        // Equal samples at the end are stored once, so the number of samples may be far larger than what is stored.
+        if header.count > MOST_REPEATED && header.count as usize > wanted {
+            return damaged(format!("{} samples, of which {} are stored", header.count, header.stored_count()));
         }
         Ok(Self { shared: shared.clone(), group, header, place: place.into() })
     }

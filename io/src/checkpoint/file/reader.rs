@@ -16,6 +16,7 @@ use super::{Checkpoint, Head};
 use crate::checkpoint::bytes::{self, ContentHash};
 use crate::checkpoint::seal::{self, damaged};
 use crate::error::IoError;
+use crate::formats::hdf5::stored::place_of;
 
 /// Number of bytes that are checked at a time.
 const BLOCK: u64 = 1 << 20;
@@ -167,17 +168,8 @@ fn read_dataset(dataset: &hdf5::Dataset, length: u64) -> hdf5::Result<(DatasetOu
         TypeDescriptor::Unsigned(IntSize::U1) => ValueKind::U8,
         other => return Err(format!("dataset {name} has the unknown type {other}").into()),
     };
-    let bytes = shape.iter().try_fold(kind.size() as u64, |bytes, extent| bytes.checked_mul(*extent as u64));
-    let offset = dataset.offset();
-    // Memory is taken for what the file can hold, not for what it says.
-    let end = bytes.and_then(|bytes| offset.unwrap_or(0).checked_add(bytes));
-    if end.is_none_or(|end| end > length) {
-        return Err(format!("dataset {name} is larger than the file").into());
-    }
-    if offset.is_none() && bytes != Some(0) {
-        return Err(format!("dataset {name} has no fixed place").into());
-    }
-    Ok((DatasetOutline { name, shape, kind }, offset.unwrap_or(0)))
+    let place = place_of(dataset, length)?;
+    Ok((DatasetOutline { name, shape, kind }, place.unwrap_or(0)))
 }
 
 /// Last part of a path inside the file.

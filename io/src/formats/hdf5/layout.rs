@@ -6,6 +6,7 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
+use super::stored::{dataset, place_of};
 use crate::cache::{APPLICATION, CachePlan};
 
 /// Version of the layout, stored as the attribute `format_version`.
@@ -90,7 +91,7 @@ pub(super) fn read_layout(path: &Path, plan: &CachePlan<'_>) -> Result<Layout, S
 /// The outer error is the library's, the inner one says what differs from the plan.
 fn compared(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Result<Layout, String>> {
     let file = hdf5::File::open(path)?;
-    let frames = file.dataset("frame_numbers")?.size();
+    let (_, [frames]) = dataset::<1>(&file, "frame_numbers")?;
     // Each frame has at least its mark.
     if frames == 0 || frames as u64 > file.size() {
         return Ok(Err(format!("it has {frames} frames")));
@@ -133,8 +134,7 @@ fn place<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Res
     if dataset.shape() != shape || !dataset.dtype()?.is::<T>() {
         return Ok(None);
     }
-    let size = (dataset.size() * size_of::<T>()) as u64;
-    Ok(dataset.offset().filter(|offset| offset.checked_add(size).is_some_and(|end| end <= file.size())))
+    place_of(&dataset, file.size())
 }
 
 /// The first attribute that is not as this plan makes it.

@@ -5,6 +5,7 @@
 //! input files.
 
 mod garment;
+mod seam;
 mod values;
 
 use schemars::JsonSchema;
@@ -15,6 +16,7 @@ use crate::units::{LengthUnit, UpAxis};
 pub(in crate::scene_file) use garment::{
     Axis, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, Leaves, Panel, PanelShape, Pin, PinMode, Region, Tube,
 };
+pub(in crate::scene_file) use seam::{Pairing, Seam, SeamSide};
 pub(in crate::scene_file) use values::{BodyPath, Quantity, Rotation};
 
 /// A scene for Drapery.
@@ -40,6 +42,9 @@ pub(in crate::scene_file) struct Document {
     /// Which of the effects that the scene asks for run. Leave it out to run them all.
     #[serde(default, skip_serializing_if = "EffectChoice::is_everything")]
     pub(in crate::scene_file) effects: EffectChoice,
+    /// Vertices that are drawn together.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) seam: Vec<Seam>,
     /// What is written.
     #[serde(default)]
     pub(in crate::scene_file) output: Output,
@@ -117,6 +122,26 @@ pub(in crate::scene_file) enum SolverPreset {
     Hero,
 }
 
+/// How elastic forces enter a time step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::scene_file) enum Integrator {
+    /// Explicit, with implicit damping.
+    SemiImplicit,
+    /// Springs are implicit too.
+    Implicit,
+}
+
+/// Where in a time step friction with bodies acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::scene_file) enum BodyFriction {
+    /// On positions and on the velocities of the end.
+    WholeStep,
+    /// In the position half alone.
+    PositionHalf,
+}
+
 /// Time integration.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -136,6 +161,12 @@ pub(in crate::scene_file) struct Solver {
     pub(in crate::scene_file) cg_tolerance: Quantity,
     /// Largest number of iterations of one damping solve.
     pub(in crate::scene_file) cg_max_iterations: usize,
+    /// "semi_implicit" is the paper's step; "implicit" makes springs implicit, so that they do not limit the time step, of
+    /// first order only. Only to compare.
+    pub(in crate::scene_file) integrator: Integrator,
+    /// Where in a step friction with bodies acts: "whole_step" is exact; "position_half" loses the friction of resting
+    /// contact. Only to compare.
+    pub(in crate::scene_file) body_friction: BodyFriction,
 }
 
 impl Default for Solver {
@@ -151,6 +182,8 @@ impl Default for Solver {
             strain_per_step: solver.strain_per_step,
             cg_tolerance: automatic(solver.cg_tolerance),
             cg_max_iterations: solver.cg_max_iterations,
+            integrator: Integrator::SemiImplicit,
+            body_friction: BodyFriction::WholeStep,
         }
     }
 }

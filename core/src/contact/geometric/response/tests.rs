@@ -67,7 +67,7 @@ impl Story {
             let zones = [&response.closed, &response.open].map(|zones| zones.zones().len());
             told.push((displacements[nodes.own()].to_vec(), touched, zones));
         }
-        let (_, given_up) = response.report(&nodes, &mut metrics);
+        let [_, given_up, _] = response.report(&nodes, &mut metrics);
         assert_eq!(given_up, 2, "with what is held: one after the zone has let go, one as the last chance is over");
         let counts = ["zones_rigid", "zone_fallbacks"].map(|name| metrics.counted(name));
         assert_eq!(ranks.sum_of(counts), [1, 1]);

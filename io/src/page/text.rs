@@ -1,7 +1,7 @@
 //! Numbers and words for people: units, groups of digits, and what may stand in a page.
 
 /// Text as it may stand in a page, between tags and inside quotes.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -19,7 +19,7 @@ pub(super) fn escape(text: &str) -> String {
 }
 
 /// A whole number in groups of three digits.
-pub(super) fn count(amount: u64) -> String {
+pub(crate) fn count(amount: u64) -> String {
     let digits = amount.to_string();
     let mut grouped = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -32,7 +32,7 @@ pub(super) fn count(amount: u64) -> String {
 }
 
 /// A duration [s].
-pub(super) fn seconds(value: f64) -> String {
+pub(crate) fn seconds(value: f64) -> String {
     match value {
         v if v <= 0.0 => "0 s".to_owned(),
         v if v < 1.0 => format!("{} ms", digits(v * 1e3)),
@@ -43,20 +43,20 @@ pub(super) fn seconds(value: f64) -> String {
 }
 
 /// An amount of memory.
-pub(super) fn bytes(amount: u64) -> String {
+pub(crate) fn bytes(amount: u64) -> String {
     let (unit, word) = unit_of_bytes(amount);
     format!("{} {word}", digits(amount as f64 / unit))
 }
 
 /// The largest unit that is not larger than an amount of memory: its bytes and its word.
-pub(super) fn unit_of_bytes(amount: u64) -> (f64, &'static str) {
+pub(crate) fn unit_of_bytes(amount: u64) -> (f64, &'static str) {
     const UNITS: [(u64, &str); 4] = [(1 << 40, "TiB"), (1 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")];
     let fitting = UNITS.into_iter().find(|(unit, _)| amount >= *unit);
     fitting.map_or((1.0, "B"), |(unit, word)| (unit as f64, word))
 }
 
 /// A number with a prefix of the unit: `1.2 k`, `35 m`; zero has none.
-pub(super) fn scaled(value: f64, unit: &str) -> String {
+pub(crate) fn scaled(value: f64, unit: &str) -> String {
     const PREFIXES: [(f64, &str); 7] =
         [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")];
     if value == 0.0 {
@@ -73,7 +73,7 @@ fn join(number: &str, unit: &str) -> String {
 }
 
 /// A number with three digits that matter, without zeros at the end.
-pub(super) fn digits(value: f64) -> String {
+pub(crate) fn digits(value: f64) -> String {
     let text = match value.abs() {
         v if v >= 99.95 => format!("{value:.0}"),
         v if v >= 9.995 => format!("{value:.1}"),
@@ -87,7 +87,7 @@ pub(super) fn digits(value: f64) -> String {
 }
 
 /// A frame, or the first and the last of several.
-pub(super) fn frames(first: i64, last: i64) -> String {
+pub(crate) fn frames(first: i64, last: i64) -> String {
     if first == last { format!("frame {first}") } else { format!("frames {first} to {last}") }
 }
 

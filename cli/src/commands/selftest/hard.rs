@@ -1,0 +1,65 @@
+//! `drapery selftest --hard`: the hard cases, one after the other.
+
+use drapery_selftest::CATALOGUE;
+use drapery_selftest::case::{Case, Tier};
+use drapery_selftest::suite::{Verdict, judge};
+use drapery_selftest::{report, suite};
+
+use crate::args::{HardTier, SelftestArgs};
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+use crate::say;
+
+/// Runs the cases and prints a row for each figure as soon as its case is done.
+pub(crate) fn run(args: &SelftestArgs, tier: HardTier) -> Result<ExitCode, Failure> {
+    let cases = chosen(&args.cases)?;
+    let tier = match tier {
+        HardTier::Quick => Tier::Quick,
+        HardTier::Full => Tier::Full,
+        HardTier::Soak => Tier::Soak,
+    };
+    // Cases of the command start this very program.
+    let drapery = std::env::current_exe()
+        .map_err(|e| Failure::new(ExitCode::Io, format!("this program's own file is not found: {e}")))?;
+    if !args.json {
+        say::line(report::HEAD);
+    }
+    let mut verdicts: Vec<Verdict> = Vec::new();
+    for case in cases {
+        let verdict = judge(case, tier, &drapery);
+        if !args.json {
+            report::rows(&verdict).into_iter().for_each(say::line);
+            trouble(&verdict);
+        }
+        verdicts.push(verdict);
+    }
+    if args.json {
+        let all: Vec<_> = verdicts.iter().map(report::value).collect();
+        // Texts and numbers always have a JSON form.
+        say::line(serde_json::to_string_pretty(&all).unwrap_or_default());
+    } else {
+        say::line(suite::summary(&verdicts));
+    }
+    Ok(if verdicts.iter().all(Verdict::passed) { ExitCode::Done } else { ExitCode::Differences })
+}
+
+/// The rest of what went wrong, where one line does not hold it.
+fn trouble(verdict: &Verdict) {
+    let lines = verdict.trouble.iter().flat_map(|text| text.lines().skip(1));
+    lines.for_each(|line| say::complaint(format_args!("{}: {line}", verdict.case.id)));
+}
+
+/// The cases of these numbers; all of them if there are none.
+fn chosen(ids: &[String]) -> Result<Vec<&'static Case>, Failure> {
+    if ids.is_empty() {
+        return Ok(CATALOGUE.iter().collect());
+    }
+    let find = |id: &String| {
+        let known = CATALOGUE.iter().find(|case| case.id.eq_ignore_ascii_case(id));
+        known.ok_or_else(|| {
+            let all: Vec<_> = CATALOGUE.iter().map(|case| case.id).collect();
+            Failure::new(ExitCode::Usage, format!("there is no case {id}\n  help: choose among {}", all.join(", ")))
+        })
+    };
+    ids.iter().map(find).collect()
+}

@@ -1,0 +1,97 @@
+//! `drapery study`: what accuracy costs in time.
+
+use std::path::{Path, PathBuf};
+
+use drapery_core::parallel::ranks::Ranks;
+use drapery_io::atomic_file;
+use drapery_io::study::record::{Asked, Study};
+use drapery_io::study::space::Wish;
+use drapery_io::study::{self, Observer, Options, analysis, preset, table};
+
+use crate::args::StudyArgs;
+use crate::commands::run::quoted;
+use crate::config::Surroundings;
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+use crate::{ranks, say};
+
+/// Makes a study or writes the pages of one again, prints the table, and writes the preset if one is asked for.
+pub(crate) fn study(args: &StudyArgs, ranks: &Ranks, around: &Surroundings, quiet: bool) -> Result<ExitCode, Failure> {
+    let (study, folder) = match (&args.from, &args.scene) {
+        (Some(record), _) => {
+            let folder = record.parent().unwrap_or(Path::new("")).to_owned();
+            (Study::read(record)?, folder)
+        }
+        (None, Some(scene)) => simulate(args, scene, (ranks, around), quiet)?,
+        (None, None) => return Err(Failure::new(ExitCode::Usage, "give a scene file, or --from study.json")),
+    };
+    let mut pages = study::write_pages(&folder)?;
+    let analysis = analysis::analyse(&study);
+    let budget = args.budget.map(|budget| budget.as_secs_f64()).or(study.budget);
+    if let Some(path) = &args.write_preset {
+        let text = preset::text(&study, &analysis, budget).ok_or_else(|| {
+            let what =
+                "nothing can be recommended, so no preset was written\n  help: give another --budget, or more time";
+            Failure::new(ExitCode::Usage, what)
+        })?;
+        atomic_file::replace(path, text.as_bytes())?;
+        pages.push(path.clone());
+    }
+    if !quiet {
+        say::line(table::table(&study, &analysis, budget).trim_end());
+        pages.iter().for_each(|page| say::line(format_args!("wrote {}", page.display())));
+    }
+    Ok(ExitCode::Done)
+}
+
+fn simulate(
+    args: &StudyArgs,
+    scene: &Path,
+    (ranks, around): (&Ranks, &Surroundings),
+    quiet: bool,
+) -> Result<(Study, PathBuf), Failure> {
+    if !ranks.is_alone() {
+        return Err(Failure::new(ExitCode::Usage, "a study measures one process\n  help: start it without mpirun"));
+    }
+    let (threads, _) = ranks::start_threads(ranks, around.threads(args.threads))?;
+    let name = scene.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}_study")));
+    let command: Vec<String> = std::env::args().skip(1).filter(|word| word != "--overwrite").map(quoted).collect();
+    let options = Options {
+        scene: scene.to_owned(),
+        settings: args.settings.clone(),
+        search: around.search(&args.materials).value,
+        out: out.clone(),
+        asked: Asked {
+            vary: args.vary.clone(),
+            grid: args.grid,
+            frames: args.frames.map(|frames| [frames.first, frames.last]),
+            copies: args.copies,
+            repeats: args.repeats,
+        },
+        limit: args.max_wall,
+        budget: args.budget.map(|budget| budget.as_secs_f64()),
+        overwrite: args.overwrite,
+        threads: threads.value,
+        command: format!("drapery {}", command.join(" ")),
+    };
+    Ok((study::run(&options, &mut Watcher { quiet })?, out))
+}
+
+/// Says what goes on.
+struct Watcher {
+    quiet: bool,
+}
+
+impl Observer for Watcher {
+    fn note(&mut self, text: &str) {
+        tracing::warn!("{text}");
+    }
+
+    fn begins(&mut self, wish: &Wish, number: usize, all: usize, seconds: Option<f64>) {
+        if !self.quiet {
+            let about = seconds.map_or(String::new(), |seconds| format!(", about {seconds:.1} s"));
+            say::line(format_args!("run {number} of {all}: {}{about}", wish.label()));
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! Studies of a tiny scene: what is found, what is written, what is not done twice, and that time limits hold.
+
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::Value;
+
+use crate::{command, drapery, folder_with};
+
+/// A sheet that hangs by two corners and swings down.
+const HANGING: &str = r#"drapery = 1
+[parameters]
+resolution = 8
+[shot]
+name = "hanging"
+frames = "1001-1012"
+[gravity]
+[[garment]]
+name = "sheet"
+panel = { resolution = "$resolution", side = 1.0, center = [0, 1.5, 0] }
+density = "0.15 kg/m²"
+[garment.stretch]
+stiffness = "100 N/m"
+[[garment.pin]]
+corners = ["i0j0", "inj0"]
+"#;
+
+const STUDY: [&str; 9] = ["study", "scene.toml", "--frames", "1001-1008", "--out", "s", "--threads", "1", "--copies=1"];
+
+fn record(folder: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(folder.join("s/study.json")).unwrap()).unwrap()
+}
+
+/// Everything of the samples that does not depend on the clock: what they are, and how far they are from others.
+fn errors(record: &Value) -> Vec<Value> {
+    let samples = record["samples"].as_array().unwrap();
+    let of = |sample: &Value| {
+        let own =
+            ["setting", "copy", "figures", "from_reference", "from_base", "counts"].map(|key| sample[key].clone());
+        Value::Array(own.into())
+    };
+    samples.iter().filter(|sample| sample["repeat"] == 0).map(of).collect()
+}
+
+#[test]
+fn errors_of_a_smooth_scene_fall_with_the_step_and_come_out_the_same_again() {
+    let folder = folder_with(HANGING);
+    // Solves to the end: with the scene's own tolerance it is that which decides.
+    let vary = ["--vary", "cfl=2,1,0.5", "--repeats=1", "--set", "solver.cg_tolerance=1e-9"];
+    let study = drapery(folder.path(), &[&STUDY[..], &vary].concat());
+    assert_eq!(study.code, Some(0), "{}", study.stderr);
+    for word in ["setting", "cfl 0.5", "order of convergence", "wrote s/study.csv", "wrote s/report.html"] {
+        assert!(study.stdout.contains(word), "{}", study.stdout);
+    }
+    let first = record(folder.path());
+    let last = |label: &str| {
+        let samples = first["samples"].as_array().unwrap();
+        let sample = samples.iter().find(|sample| sample["setting"]["label"] == label).unwrap();
+        sample["from_reference"].as_array().unwrap().last().unwrap()["rms"].as_f64().unwrap()
+    };
+    let errors_of: Vec<f64> = ["as the scene", "cfl 2", "cfl 1", "cfl 0.5"].map(last).into();
+    // Of second order: a quarter of the error for half the step, here at least less than half.
+    assert!(errors_of.windows(2).all(|pair| pair[1] < 0.5 * pair[0]), "{errors_of:?}");
+    // The own error of the reference is told, and is a small part of them.
+    let own = first["own_error"].as_array().unwrap().last().unwrap().as_f64().unwrap();
+    assert!(own < 0.1 * errors_of[1], "{own} {errors_of:?}");
+    let again = drapery(folder.path(), &[&STUDY[..], &vary, &["--overwrite", "-q"]].concat());
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    assert!(errors(&first) == errors(&record(folder.path())), "another run has other errors");
+}
+
+#[test]
+fn pages_are_written_again_to_the_same_bytes_from_the_record_alone() {
+    let folder = folder_with(HANGING);
+    let study =
+        drapery(folder.path(), &[&STUDY[..], &["--vary", "cfl=2", "--repeats=1", "--budget=1s/frame"]].concat());
+    assert_eq!(study.code, Some(0), "{}", study.stderr);
+    let pages = || ["s/report.html", "s/study.csv"].map(|name| std::fs::read(folder.path().join(name)).unwrap());
+    let before = pages();
+    for name in ["scene.toml", "s/report.html", "s/study.csv"] {
+        std::fs::remove_file(folder.path().join(name)).unwrap();
+    }
+    let again = drapery(folder.path(), &["study", "--from", "s/study.json"]);
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    assert!(pages() == before);
+    // What is printed is the same, too, but for the runs.
+    let table = study.stdout.split_once("\nstudy hanging").unwrap().1;
+    assert!(again.stdout.ends_with(table), "{}", again.stdout);
+}
+
+#[test]
+fn a_study_that_is_run_again_goes_on_and_does_nothing_twice() {
+    let folder = folder_with(HANGING);
+    let arguments = [&STUDY[..], &["--vary", "cfl=2", "--repeats=2"]].concat();
+    assert_eq!(drapery(folder.path(), &arguments).code, Some(0));
+    let whole = record(folder.path());
+    // As if it had been stopped before the last three runs.
+    let mut shorter = whole.clone();
+    let all = shorter["samples"].as_array().unwrap().len();
+    shorter["samples"].as_array_mut().unwrap().truncate(all - 3);
+    std::fs::write(folder.path().join("s/study.json"), shorter.to_string()).unwrap();
+    let rest = drapery(folder.path(), &arguments);
+    assert_eq!(rest.code, Some(0), "{}", rest.stderr);
+    assert_eq!(rest.stdout.lines().filter(|line| line.starts_with("run ")).count(), 3, "{}", rest.stdout);
+    assert!(errors(&whole) == errors(&record(folder.path())), "what was there has changed");
+    let nothing = drapery(folder.path(), &arguments);
+    assert!(!nothing.stdout.contains("run 1 of"), "{}", nothing.stdout);
+    // Another question is another study.
+    let other = drapery(folder.path(), &[&STUDY[..], &["--vary", "cfl=1", "--repeats=2"]].concat());
+    assert_eq!(other.code, Some(73), "{}", other.stderr);
+    assert!(other.stderr.contains("--overwrite"), "{}", other.stderr);
+}
+
+#[test]
+fn a_study_takes_no_longer_than_its_limit_and_says_what_is_missing() {
+    let folder = folder_with(HANGING);
+    let limit = 3.0;
+    let watch = Instant::now();
+    // Far more than fits: hundreds of times the steps.
+    let arguments = ["study", "scene.toml", "--out", "s", "--vary", "cfl=2,0.01,0.005", "--max-wall", "3s"];
+    let study = command(folder.path(), &arguments).output().unwrap();
+    let taken = watch.elapsed().as_secs_f64();
+    assert_eq!(study.status.code(), Some(0), "{}", String::from_utf8_lossy(&study.stderr));
+    // Starting the program is not part of the study.
+    assert!(taken < limit + 0.5, "{taken} s");
+    let text = String::from_utf8_lossy(&study.stdout).into_owned();
+    assert!(text.contains("left out: ") && text.contains("wrote s/report.html"), "{text}");
+    assert!(record(folder.path())["samples"].as_array().is_some_and(|samples| !samples.is_empty()));
+}
+
+#[test]
+fn what_cannot_be_studied_is_said() {
+    let folder = folder_with(HANGING);
+    let without = drapery(folder.path(), &[&STUDY[..], &["--vary", "without=wind", "--repeats=1"]].concat());
+    assert_eq!(without.code, Some(2), "{}", without.stderr);
+    assert!(without.stderr.contains("no effect `wind`"), "{}", without.stderr);
+    let key = drapery(folder.path(), &["study", "scene.toml", "--out", "t", "--vary", "solver.clf=1"]);
+    assert_eq!(key.code, Some(78), "{}", key.stderr);
+    assert_eq!(drapery(folder.path(), &["study", "scene.toml", "--vary", "cfl"]).code, Some(2));
+    assert_eq!(drapery(folder.path(), &["study"]).code, Some(2));
+    let nothing = drapery(folder.path(), &["study", "--from", "nothing.json"]);
+    assert_eq!(nothing.code, Some(66), "{}", nothing.stderr);
+}

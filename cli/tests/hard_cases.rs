@@ -1,0 +1,68 @@
+//! The quick tier of the hard cases: exactly those fail that `docs/hard_cases.md` knows.
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use drapery_selftest::CATALOGUE;
+use drapery_selftest::case::Tier;
+use drapery_selftest::report::{HEAD, rows};
+use drapery_selftest::suite::{Verdict, judge};
+
+/// Heading of the list of known failures on the page.
+const KNOWN: &str = "\n## Known failures\n";
+
+/// Cases that run at the same time.
+const WORKERS: usize = 2;
+
+/// Numbers of the cases that the page lists as failing.
+fn known(page: &str) -> Vec<&str> {
+    let list = page.split(KNOWN).nth(1).unwrap_or_default().split("\n## ").next().unwrap_or_default();
+    let first = |line: &'_ str| line.strip_prefix("* **").map(str::len);
+    list.lines().filter(|line| first(line).is_some()).filter_map(|line| line[4..].split("**").next()).collect()
+}
+
+fn all_verdicts() -> Vec<Verdict> {
+    let (queue, done) = (Mutex::new(CATALOGUE.iter()), Mutex::new(Vec::new()));
+    let drapery = Path::new(env!("CARGO_BIN_EXE_drapery"));
+    std::thread::scope(|scope| {
+        for _ in 0..WORKERS {
+            scope.spawn(|| {
+                loop {
+                    let next = queue.lock().expect("no worker panics").next();
+                    let Some(case) = next else { return };
+                    let verdict = judge(case, Tier::Quick, drapery);
+                    done.lock().expect("no worker panics").push(verdict);
+                }
+            });
+        }
+    });
+    let mut all = done.into_inner().expect("no worker panics");
+    all.sort_by_key(|verdict| CATALOGUE.iter().position(|case| case.id == verdict.case.id));
+    all
+}
+
+#[test]
+fn exactly_the_known_hard_cases_fail() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hard_cases.md");
+    let page = std::fs::read_to_string(page).expect("the page of hard cases is there");
+    let verdicts = all_verdicts();
+    println!("{HEAD}");
+    verdicts.iter().flat_map(rows).for_each(|row| println!("{row}"));
+    let failed: Vec<&str> = verdicts.iter().filter(|v| !v.passed()).map(|v| v.case.id).collect();
+    assert_eq!(failed, known(&page), "what fails, and what docs/hard_cases.md says");
+}
+
+#[test]
+fn known_failures_are_read_from_the_page() {
+    let page =
+        "# a\n* **H1**: no\n\n## Known failures\n\n* **H4**: because\n  of it\n* **H12**: so\n\n## b\n* **H5**: no\n";
+    assert_eq!(known(page), ["H4", "H12"]);
+}
+
+#[test]
+fn numbers_of_cases_are_used_once() {
+    let mut ids: Vec<&str> = CATALOGUE.iter().map(|case| case.id).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), CATALOGUE.len());
+}

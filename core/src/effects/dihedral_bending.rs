@@ -1,0 +1,115 @@
+//! Dihedral bending: the angle between neighbouring triangles resists change, with a bending rigidity as textile
+//! laboratories measure it, the same at every density and for every kind of mesh (method 1.6).
+//!
+//! ```toml
+//! [garment.dihedral_bending]
+//! stiffness = "20 µN·m"     # bending rigidity: moment per width and curvature
+//! damping_ratio = 1.0
+//! flat = false              # true: bends back to flat, whatever the rest shape
+//! ```
+//!
+//! The three angles around a triangle say how the cloth is curved there: they are linear in the curvature tensor κ, with
+//! coefficients that follow from the rest shape, and are exact where the curvature is uniform. A triangle of area A holds
+//! the energy ½ A κ:C:κ with C diagonal: rigidity along warp and weft, and for twist. Every angle θ acts on its four
+//! vertices along ∂θ/∂x, the directions of Bridson, Marino and Fedkiw 2003 (method 1.6); damping acts along the same
+//! directions, angle by angle, so that it is symmetric and never adds energy. How this compares with elements that look at
+//! one angle alone is in decision 13.
+//!
+//! Limits: at a free edge curvature across that edge is not resisted. A hinge is left out while one of its triangles is
+//! squashed below a tenth of its height.
+
+#![cfg(feature = "effect-dihedral_bending")]
+
+mod elements;
+mod part_hinges;
+#[cfg(test)]
+mod tests;
+
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, find};
+use crate::error::Problem;
+use crate::settings::{Default, Dimension, Field, Settings};
+use elements::{Element, Rigidity};
+use part_hinges::Laws;
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "dihedral_bending",
+    summary: "angles between triangles resist bending, with a measured rigidity",
+    scope: Scope::Garment,
+    fields: FIELDS,
+    needs: &[Need::State, Need::SecondRing],
+    requires: &[],
+    cost: Cost { elements: "hinges", step: 250.0, iteration: 40.0 },
+    section: None,
+    counts: &["hinges_left_out"],
+    build,
+};
+
+const FIELDS: &[Field] = &[
+    Field {
+        name: "stiffness",
+        dimension: Dimension::BendingRigidity,
+        default: Default::Required,
+        range: (0.0, 1e3),
+        help: "bending rigidity, the same at every mesh density; silk has 3, denim 70, paper 400 µN·m",
+    },
+    Field {
+        name: "damping_ratio",
+        dimension: Dimension::None,
+        default: Default::Number(1.0),
+        range: (0.0, 1e3),
+        help: "damping of each angle; 1 is critical for its four vertices alone, 0 rings for ever",
+    },
+    Field {
+        name: "flat",
+        dimension: Dimension::None,
+        default: Default::Flag(false),
+        range: (0.0, 1.0),
+        help: "whether the cloth bends back to flat instead of to the angles of its rest shape",
+    },
+];
+
+/// How sharp folds stay, of [`crate::effects::plastic_wrinkles`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Yield {
+    /// Radius of a bend below which it stays [m].
+    pub(super) radius: f64,
+    /// Growth of the yield angle by what was exceeded.
+    pub(super) hardening: f64,
+    /// Largest change of an angle at rest [rad].
+    pub(super) largest: f64,
+}
+
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let Some(garment) = context.garment else {
+        let advice = "move its table under a [[garment]]";
+        return Err(Problem::scene(SPEC.name, "this effect acts on one garment", advice));
+    };
+    let stiffness = settings.number("stiffness");
+    if stiffness == 0.0 {
+        return Ok(Effect::default());
+    }
+    let mesh = &context.scene.meshes()[garment];
+    let elements = elements::of_mesh(mesh, Rigidity::isotropic(stiffness), settings.flag("flat"));
+    let laws = Laws { damping_ratio: settings.number("damping_ratio"), yields: yields(context, garment) };
+    let (forces, bytes) = part_hinges::build(context.scene, garment, &elements, laws);
+    let parts = context.scene.parts();
+    let first = parts.garment(garment).start;
+    // Each hinge counts at the rank that owns its first vertex.
+    let is_own = |e: &&Element| e.vertices.iter().min().is_some_and(|v| parts.own().contains(&(first + *v as usize)));
+    Ok(Effect { forces, bytes, elements: elements.iter().filter(is_own).count(), ..Effect::default() })
+}
+
+/// What the garment asks of plastic wrinkles, if it does.
+fn yields(context: &BuildContext<'_>, garment: usize) -> Option<Yield> {
+    let spec = find("plastic_wrinkles")?;
+    let mut requests = context.scene.description().effects.iter();
+    let request = requests.find(|request| request.effect == spec.name && request.garment == Some(garment))?;
+    // Settings that do not fit are reported where that effect is built.
+    let settings = Settings::check(spec.fields, &request.settings).ok()?;
+    Some(Yield {
+        radius: settings.number("yield_radius"),
+        hardening: settings.number("hardening"),
+        largest: settings.number("largest_angle"),
+    })
+}

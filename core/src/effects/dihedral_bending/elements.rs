@@ -1,0 +1,172 @@
+//! How the angles of a mesh share its bending energy.
+//!
+//! Where the cloth has the curvature tensor κ in the plane of a triangle, the angle at an edge is, for small angles, the jump
+//! of the slope across the edge of the function ½ r·κ·r, interpolated between the vertices. With t along the edge, n across it,
+//! the opposite vertices at the distances h₁, h₂ and at the places a₁, a₂ along the edge of length L:
+//!
+//! `θ = ½ κ_nn (h₁ + h₂) + κ_tn (a₁ − a₂) + ½ κ_tt (a₁ (a₁ − L)/h₁ + a₂ (a₂ − L)/h₂)`
+//!
+//! The three angles of a triangle give θ = M κ, and its energy, the least that agrees with them, is ½ A θ·(M C⁻¹ Mᵀ)⁻¹ θ. At the
+//! border of the cloth fewer angles are known, and the same formula leaves free what they do not say.
+
+use nalgebra::{DMatrix, SymmetricEigen};
+
+use crate::Vec3;
+use crate::mesh::{Hinge, TriangleMesh};
+use crate::tolerances::CONIC_TRIANGLE;
+
+/// Bending rigidities of cloth [N·m], all positive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Rigidity {
+    /// Against curvature along the warp and along the weft, and half of that against twist.
+    components: [f64; 3],
+}
+
+impl Rigidity {
+    /// The same in all directions, without coupling between them (a Poisson's ratio of zero), so that a strip and a wide
+    /// sheet have the same rigidity.
+    pub(super) fn isotropic(rigidity: f64) -> Self {
+        Self { components: [rigidity; 3] }
+    }
+}
+
+/// An angle of the mesh.
+#[derive(Debug, Clone)]
+pub(super) struct Element {
+    /// Vertices of the garment: opposite one, the two of the edge, the other opposite one.
+    pub(super) vertices: [u32; 4],
+    /// Angle at which it does not act [rad].
+    pub(super) rest_angle: f64,
+    /// The elements whose angles its moment depends on, itself first, and by how much [N·m per rad].
+    pub(super) row: Vec<(u32, f64)>,
+}
+
+/// The angle of four vertices [rad], positive where the opposite ones rise to the side that the first triangle faces; zero
+/// where a triangle has no area.
+pub(super) fn angle([i, j, k, l]: [Vec3; 4]) -> f64 {
+    let (n1, n2) = ((i - j).cross(&(i - k)), (l - k).cross(&(l - j)));
+    let edge = k - j;
+    let sine = n2.cross(&n1).dot(&edge);
+    let cosine = n1.dot(&n2) * edge.norm();
+    if sine == 0.0 && cosine == 0.0 { 0.0 } else { sine.atan2(cosine) }
+}
+
+/// All angles of a mesh, in the order of its hinges.
+pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: Rigidity, flat: bool) -> Vec<Element> {
+    let at = |v: u32| mesh.rest_positions()[v as usize];
+    let element = |hinge: &Hinge| {
+        let ([j, k], [i, l]) = (mesh.edges()[hinge.edge as usize].vertices, hinge.opposite);
+        let vertices = [i, j, k, l];
+        Element { vertices, rest_angle: if flat { 0.0 } else { angle(vertices.map(at)) }, row: Vec::new() }
+    };
+    let mut elements: Vec<Element> = mesh.hinges().iter().map(element).collect();
+    for (triangle, known) in angles_of_triangles(mesh).iter().enumerate() {
+        let moments = moments_of_triangle(mesh, triangle, known, rigidity);
+        for (a, hinge) in known.iter().enumerate() {
+            for (b, other) in known.iter().enumerate() {
+                add(&mut elements[*hinge as usize].row, *other, moments[(a, b)]);
+            }
+        }
+    }
+    for (number, element) in elements.iter_mut().enumerate() {
+        // A hinge that no triangle uses stands for itself with nothing.
+        add(&mut element.row, number as u32, 0.0);
+        let own = element.row.iter().position(|(other, _)| *other == number as u32).unwrap_or(0);
+        element.row[..=own].rotate_right(1);
+    }
+    elements
+}
+
+fn add(row: &mut Vec<(u32, f64)>, other: u32, moment: f64) {
+    match row.iter_mut().find(|(known, _)| *known == other) {
+        Some((_, sum)) => *sum += moment,
+        None => row.push((other, moment)),
+    }
+}
+
+/// The hinges of each triangle, ascending; of several at one edge, which more than two triangles share, the first.
+fn angles_of_triangles(mesh: &TriangleMesh) -> Vec<Vec<u32>> {
+    let mut known: Vec<Vec<u32>> = vec![Vec::new(); mesh.triangles().len()];
+    for (number, hinge) in mesh.hinges().iter().enumerate() {
+        for triangle in hinge.triangles {
+            let known = &mut known[triangle as usize];
+            if known.last().is_none_or(|last| mesh.hinges()[*last as usize].edge != hinge.edge) {
+                known.push(number as u32);
+            }
+        }
+    }
+    known
+}
+
+/// `A (M C⁻¹ Mᵀ)⁻¹` of a triangle with these hinges [N·m per rad].
+fn moments_of_triangle(mesh: &TriangleMesh, triangle: usize, hinges: &[u32], rigidity: Rigidity) -> DMatrix<f64> {
+    let count = hinges.len();
+    let rows: Vec<[f64; 3]> =
+        hinges.iter().map(|h| angle_of_curvature(mesh, triangle, &mesh.hinges()[*h as usize])).collect();
+    let mut flexibility = DMatrix::from_fn(count, count, |a, b| {
+        (0..3).map(|c| rows[a][c] * rows[b][c] / rigidity.components[c]).sum::<f64>()
+    });
+    let scale: Vec<f64> = (0..count).map(|a| flexibility[(a, a)].sqrt().recip()).collect();
+    for a in 0..count {
+        for b in 0..count {
+            flexibility[(a, b)] *= scale[a] * scale[b];
+        }
+    }
+    // Angles of six vertices near a conic hardly tell curvatures apart: they would be coupled as stiffly as one likes.
+    let mut eigen = SymmetricEigen::new(flexibility);
+    eigen.eigenvalues.iter_mut().for_each(|value| *value = value.max(CONIC_TRIANGLE).recip());
+    let inverse = eigen.recompose();
+    let area = mesh.rest_areas()[triangle];
+    DMatrix::from_fn(count, count, |a, b| area * scale[a] * inverse[(a, b)] * scale[b])
+}
+
+/// The angle at a hinge of a triangle per curvature in its plane [m]: along the first axis, along the second, and √2 times
+/// the mixed component. The first axis lies along the triangle's first edge.
+fn angle_of_curvature(mesh: &TriangleMesh, triangle: usize, hinge: &Hinge) -> [f64; 3] {
+    let at = |v: u32| mesh.rest_positions()[v as usize];
+    let corners = mesh.triangles()[triangle];
+    let [j, k] = mesh.edges()[hinge.edge as usize].vertices;
+    // Seen from the side that this triangle faces, it lies to the left of the edge from p to q.
+    let is_ahead = (0..3).any(|c| corners[c] == j && corners[(c + 1) % 3] == k);
+    let (p, q) = if is_ahead { (at(j), at(k)) } else { (at(k), at(j)) };
+    let length = (q - p).norm();
+    let t = (q - p) / length;
+    let place = |v: u32| {
+        let from = at(v) - p;
+        let along = from.dot(&t);
+        (along, (from - t * along).norm())
+    };
+    let own = usize::from(hinge.triangles[1] as usize == triangle);
+    let ((a1, h1), (a2, h2)) = (place(hinge.opposite[own]), place(hinge.opposite[1 - own]));
+    let nn = 0.5 * (h1 + h2);
+    let tn = a1 - a2;
+    let tt = 0.5 * (a1 * (a1 - length) / h1 + a2 * (a2 - length) / h2);
+    // The angle counts as positive towards the side that the hinge's first triangle, in the order of its vertices, faces.
+    let first = if own == 0 { is_ahead } else { !is_ahead };
+    let sign = if first { 1.0 } else { -1.0 };
+    let [e1, e2] = axes(mesh, triangle);
+    let (c, s) = (t.dot(&e1), t.dot(&e2));
+    [
+        sign * (tt * c * c + nn * s * s - tn * c * s),
+        sign * (tt * s * s + nn * c * c + tn * c * s),
+        sign * (2.0 * (tt - nn) * c * s + tn * (c * c - s * s)) / std::f64::consts::SQRT_2,
+    ]
+}
+
+/// Unit vectors in the plane of a triangle at rest: along its first edge, and to the left of it.
+fn axes(mesh: &TriangleMesh, triangle: usize) -> [Vec3; 2] {
+    let [a, b, c] = mesh.triangles()[triangle].map(|v| mesh.rest_positions()[v as usize]);
+    let e1 = (b - a).normalize();
+    let normal = (b - a).cross(&(c - a)).normalize();
+    [e1, normal.cross(&e1)]
+}
+
+/// Energy of a triangle that has all its angles, at these angles of the mesh [J].
+#[cfg(test)]
+pub(super) fn triangle_energy(mesh: &TriangleMesh, triangle: usize, rigidity: Rigidity, angles: &[f64]) -> Option<f64> {
+    let known = angles_of_triangles(mesh).swap_remove(triangle);
+    let moments = moments_of_triangle(mesh, triangle, &known, rigidity);
+    let pairs = (0..known.len()).flat_map(|a| (0..known.len()).map(move |b| (a, b)));
+    let at = |n: usize| angles[known[n] as usize];
+    (known.len() == 3).then(|| 0.5 * pairs.map(|(a, b)| at(a) * moments[(a, b)] * at(b)).sum::<f64>())
+}

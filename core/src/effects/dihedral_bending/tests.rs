@@ -1,0 +1,224 @@
+//! Energy, forces and damping of hinges against geometry, finite differences and power iteration.
+
+use super::elements::{Rigidity, angle, of_mesh, triangle_energy};
+use crate::Vec3;
+use crate::effects::{ElementRows, PartForce, PartMotion, PartView, Surroundings, build_all, pins::PinTargets};
+use crate::mesh::{PolygonMesh, TriangleMesh};
+use crate::parallel::lanes::Lanes;
+use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+use crate::volumes::Volumes;
+use crate::wind_grid::WindGrid;
+
+const RIGIDITY: f64 = 3e-5;
+
+/// An uneven sheet of n by n vertices, 1 cm apart, with diagonals either way.
+fn uneven(n: usize, seed: u32) -> PolygonMesh {
+    let mut random = random(seed);
+    let points: Vec<Vec3> = (0..n * n)
+        .map(|k| (Vec3::new((k % n) as f64, 0.0, (k / n) as f64) + Vec3::new(random(), 0.0, random()) * 0.5) * 0.01)
+        .collect();
+    let at = |i: usize, k: usize| (i + n * k) as u32;
+    let mut triangles = Vec::new();
+    for k in 0..n - 1 {
+        for i in 0..n - 1 {
+            let [a, b, c, d] = [at(i, k), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1)];
+            triangles.extend(if random() > 0.0 { [[a, c, b], [a, d, c]] } else { [[a, d, b], [b, d, c]] });
+        }
+    }
+    PolygonMesh::from_triangles(points, &triangles)
+}
+
+/// Numbers from -1/2 to 1/2.
+fn random(mut seed: u32) -> impl FnMut() -> f64 {
+    move || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
+    }
+}
+
+fn scene(mesh: PolygonMesh, wrinkles: bool) -> Scene {
+    let mut description = SceneDescription::new("bent");
+    description.garments.push(GarmentDescription::new("sheet", mesh, 0.2));
+    description.effects.push(EffectRequest::of_garment("dihedral_bending", 0).with("stiffness", RIGIDITY));
+    if wrinkles {
+        let request = EffectRequest::of_garment("plastic_wrinkles", 0).with("yield_radius", 0.02);
+        description.effects.push(request.with("hardening", 0.25).with("largest_angle", 1.0));
+    }
+    Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+/// The forces of a scene, which has one part.
+fn forces(scene: &Scene) -> Vec<PartForce> {
+    let built = build_all(scene).unwrap_or_else(|problems| panic!("{problems}"));
+    built.into_iter().flat_map(|(_, effect)| effect.forces).collect()
+}
+
+/// Work on the scene's only part, with nothing around it.
+fn with_view<R>(scene: &Scene, x: &[Vec3], work: impl FnOnce(&PartView<'_>) -> R) -> R {
+    let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
+    let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
+    work(&PartView { start: 0, masses: scene.masses(), x, fraction: 0.0, around })
+}
+
+fn force_at(scene: &Scene, forces: &mut [PartForce], x: &[Vec3]) -> Vec<Vec3> {
+    let (own, mut f) = (x.iter().map(Lanes::from).collect::<Vec<_>>(), vec![Lanes::ZERO; x.len()]);
+    with_view(scene, x, |view| forces.iter_mut().for_each(|(_, force)| force.update(view, &own, &mut f)));
+    f.into_iter().map(Vec3::from).collect()
+}
+
+fn start(scene: &Scene) -> Vec<Vec3> {
+    crate::state::State::at_start(scene).x
+}
+
+#[test]
+fn a_sheet_of_any_mesh_bends_with_the_rigidity_that_was_asked_for() {
+    for seed in 1..6 {
+        let mesh = TriangleMesh::new(&uneven(14, seed));
+        // Curvature so slight that angles are linear in it, in any direction, of either sign.
+        for curvature in [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.5, 0.5, 0.5], [0.2, -0.7, 0.4], [1.0, 0.0, -1.0]] {
+            let [xx, xz, zz] = curvature.map(|c| 1e-3 * c);
+            let lift = |p: &Vec3| p + Vec3::y() * (0.5 * (xx * p.x * p.x + zz * p.z * p.z) + xz * p.x * p.z);
+            let x: Vec<Vec3> = mesh.rest_positions().iter().map(lift).collect();
+            let angles: Vec<f64> = of_mesh(&mesh, Rigidity::isotropic(RIGIDITY), false)
+                .iter()
+                .map(|e| angle(e.vertices.map(|v| x[v as usize])))
+                .collect();
+            let by_area = 0.5 * RIGIDITY * (xx * xx + 2.0 * xz * xz + zz * zz);
+            let mut inner = 0;
+            for triangle in 0..mesh.triangles().len() {
+                let Some(energy) = triangle_energy(&mesh, triangle, Rigidity::isotropic(RIGIDITY), &angles) else {
+                    continue;
+                };
+                let share = energy / (by_area * mesh.rest_areas()[triangle]);
+                // Only triangles whose six vertices lie near a conic may be softer.
+                assert!(share < 1.0 + 1e-4, "triangle {triangle}: {share}");
+                inner += usize::from(share > 1.0 - 1e-4);
+            }
+            assert!(inner > 280, "{inner} of 338 triangles have the whole energy");
+        }
+    }
+}
+
+#[test]
+fn forces_are_the_slope_of_the_energy_and_keep_momentum() {
+    let scene = scene(uneven(7, 1), false);
+    let (mut forces, mut random) = (forces(&scene), random(5));
+    let mut x = start(&scene);
+    x.iter_mut().for_each(|p| *p += Vec3::new(random(), 2.0 * random(), random()) * 0.004);
+    let f = force_at(&scene, &mut forces, &x);
+    let energy =
+        |x: &[Vec3]| with_view(&scene, x, |view| forces.iter().map(|(_, force)| force.energy(view)).sum::<f64>());
+    let largest = f.iter().map(Vec3::norm).fold(0.0, f64::max);
+    for vertex in (0..x.len()).step_by(5) {
+        for axis in 0..3 {
+            let [mut low, mut high] = [x.clone(), x.clone()];
+            (low[vertex][axis], high[vertex][axis]) = (x[vertex][axis] - 1e-7, x[vertex][axis] + 1e-7);
+            let slope = (energy(&high) - energy(&low)) / 2e-7;
+            assert!((slope + f[vertex][axis]).abs() < 1e-5 * largest, "vertex {vertex}, axis {axis}");
+        }
+    }
+    assert!(f.iter().sum::<Vec3>().norm() < 1e-12 * largest * x.len() as f64);
+    assert!(f.iter().zip(&x).map(|(f, x)| x.cross(f)).sum::<Vec3>().norm() < 1e-12 * largest * x.len() as f64);
+}
+
+#[test]
+fn damping_is_symmetric_and_never_adds_energy() {
+    let scene = scene(uneven(7, 2), false);
+    let (mut forces, mut random) = (forces(&scene), random(7));
+    let mut x = start(&scene);
+    x.iter_mut().for_each(|p| *p += Vec3::new(random(), 2.0 * random(), random()) * 0.004);
+    force_at(&scene, &mut forces, &x);
+    let mut velocities = || -> Vec<Vec3> { x.iter().map(|_| Vec3::new(random(), random(), random())).collect() };
+    let (a, b) = (velocities(), velocities());
+    let damping = |v: &[Vec3]| -> Vec<Vec3> {
+        let mut f = vec![Lanes::ZERO; x.len()];
+        PartMotion::with(0..x.len(), &x, v, |motion| {
+            forces.iter().for_each(|(_, force)| force.add_damping(motion, &mut f))
+        });
+        f.into_iter().map(Vec3::from).collect()
+    };
+    let dot = |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
+    let (ga, gb) = (damping(&a), damping(&b));
+    assert!((dot(&b, &ga) - dot(&a, &gb)).abs() < 1e-12 * dot(&a, &ga).abs());
+    assert!(dot(&a, &ga) < 0.0 && dot(&b, &gb) < 0.0);
+    // Turning as one changes no angle.
+    let turning: Vec<Vec3> = x.iter().map(|x| Vec3::new(0.3, -0.2, 0.9).cross(x)).collect();
+    assert!(dot(&turning, &damping(&turning)).abs() < 1e-12 * dot(&a, &ga).abs());
+}
+
+#[test]
+fn no_motion_is_stiffer_than_the_step_limit_knows() {
+    for seed in 1..4 {
+        let scene = scene(uneven(9, seed), false);
+        let (mut forces, mut random) = (forces(&scene), random(seed));
+        let x = start(&scene);
+        let mut sums = vec![0.0; x.len()];
+        forces.iter().for_each(|(_, force)| force.add_stiffness(&mut sums));
+        // A spring of stiffness k between masses m has the highest frequency √(2 k/m) and adds k at both ends.
+        let known = sums.iter().zip(scene.masses()).map(|(k, m)| 2.0 * k / m).fold(0.0, f64::max);
+        let mut v: Vec<Vec3> = x.iter().map(|_| Vec3::y() * random()).collect();
+        let mut found = 0.0;
+        for _ in 0..200 {
+            let size = v.iter().map(Vec3::norm_squared).sum::<f64>().sqrt();
+            v.iter_mut().for_each(|v| *v *= 1e-7 / size);
+            let moved: Vec<Vec3> = x.iter().zip(&v).map(|(x, v)| x + v).collect();
+            let f = force_at(&scene, &mut forces, &moved);
+            v = f.iter().zip(scene.masses()).map(|(f, m)| -f / *m).collect();
+            found = v.iter().map(Vec3::norm_squared).sum::<f64>().sqrt() / 1e-7;
+        }
+        assert!(found <= known, "squared frequency {found}, known {known}");
+        assert!(found > 0.15 * known, "the bound is loose: {found} of {known}");
+    }
+}
+
+#[test]
+fn a_squashed_triangle_is_left_out_and_counted() {
+    let points = vec![Vec3::zeros(), Vec3::x(), Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 0.0, -1.0)];
+    let scene = scene(PolygonMesh::from_triangles(points, &[[0, 2, 1], [0, 1, 3]]), false);
+    let mut forces = forces(&scene);
+    let mut x = start(&scene);
+    let moved = x.iter().position(|p| p.z == 1.0).expect("a vertex there");
+    for (height, left_out) in [(0.3, 0), (0.09, 1), (0.0, 1)] {
+        x[moved] = Vec3::new(0.5, 0.2 * height, height);
+        let f = force_at(&scene, &mut forces, &x);
+        assert_eq!(f.iter().all(|f| *f == Vec3::zeros()), left_out == 1, "height {height}");
+        let mut counted = 0;
+        forces.iter_mut().for_each(|(_, force)| force.take_counts(&mut |_, amount| counted += amount));
+        assert_eq!(counted, left_out, "height {height}");
+    }
+}
+
+#[cfg(feature = "effect-plastic_wrinkles")]
+#[test]
+fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
+    // Two triangles of height h = 1 cm, which yield at h over the radius of 2 cm: at 0.5 rad.
+    let points = vec![Vec3::zeros(), Vec3::x(), Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 0.0, -1.0)];
+    let points = points.into_iter().map(|p| p * 0.01).collect();
+    let scene = scene(PolygonMesh::from_triangles(points, &[[0, 2, 1], [0, 1, 3]]), true);
+    let mut forces = forces(&scene);
+    let mut x = start(&scene);
+    let moved = x.iter().position(|p| p.z > 0.0).expect("a vertex there");
+    let folded = |angle: f64| Vec3::new(0.005, 0.01 * angle.sin(), 0.01 * angle.cos());
+    let state = |forces: &[PartForce]| -> Vec<Vec<f64>> {
+        let mut rows = ElementRows::new(4, 2);
+        forces.iter().for_each(|(_, force)| force.remember(&mut rows));
+        rows.iter().map(|(_, values)| values.to_vec()).collect()
+    };
+    // (fold, rest angle, yield angle) after each: elastic; 0.3 beyond; elastic again; the other way; as far as it goes.
+    let cases: [(f64, Option<[f64; 2]>); 5] = [
+        (0.45, None),
+        (0.8, Some([0.3, 0.575])),
+        (0.7, Some([0.3, 0.575])),
+        (-0.5, Some([0.075, 0.63125])),
+        (2.5, Some([1.0, 0.63125 + 0.25 * (2.425 - 0.63125)])),
+    ];
+    for (fold, expected) in cases {
+        x[moved] = folded(fold);
+        forces.iter_mut().for_each(|(_, force)| force.yield_to(&x));
+        let rows = state(&forces);
+        assert_eq!(rows.len(), usize::from(expected.is_some()), "folded by {fold}");
+        for (found, expected) in rows.iter().flatten().zip(expected.iter().flatten()) {
+            assert!((found.abs() - expected.abs()).abs() < 1e-12, "folded by {fold}: {found}, not {expected}");
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! Ether drag: every vertex is pulled towards the velocity of a medium that fills space (method 1.10).
+//!
+//! ```toml
+//! [ether_drag]
+//! rate = 2.0                  # 1/s; a motion without other forces loses 63 % of its speed in 1/rate seconds
+//! velocity = [0, 0, 1.5]      # of the medium, m/s in solver axes; at rest if it is left out
+//! ```
+//!
+//! The force on a vertex of mass m is `rate · m · (W − v)`. The part of the cloth's own velocity v is implicit, so that no rate
+//! limits the time step. A free fall ends at `W + g / rate`, whatever the cloth weighs and however it is turned: that is the
+//! limit of this model. Air that streams along cloth and presses against it is another effect.
+
+#![cfg(feature = "effect-ether_drag")]
+
+use crate::Vec3;
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
+use crate::error::Problem;
+use crate::parallel::lanes::Lanes;
+use crate::settings::{Default, Dimension, Field, Settings};
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "ether_drag",
+    summary: "a medium everywhere slows all motion through it at one rate",
+    scope: Scope::Scene,
+    fields: &[
+        Field {
+            name: "rate",
+            dimension: Dimension::Rate,
+            default: Default::Required,
+            range: (0.0, 1e6),
+            help: "share of the speed relative to the medium that is lost per second; 0.5 calms, 5 is like water",
+        },
+        Field {
+            name: "velocity",
+            dimension: Dimension::Speed,
+            default: Default::Vector([0.0; 3]),
+            range: (-1e4, 1e4),
+            help: "velocity of the medium in solver axes (y up)",
+        },
+    ],
+    needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "vertices", step: 4.0, iteration: 1.0 },
+    section: None,
+    counts: &[],
+    build,
+};
+
+/// The drag on one part.
+struct EtherDrag {
+    /// Rate times mass of each vertex [kg/s].
+    drag: Vec<f64>,
+    /// Velocity of the medium [m/s].
+    velocity: Vec3,
+}
+
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let (rate, velocity) = (settings.number("rate"), Vec3::from(settings.vector("velocity")));
+    let (parts, masses) = (context.scene.parts(), context.scene.masses());
+    let drag = |part: &std::ops::Range<usize>| EtherDrag {
+        drag: masses[part.clone()].iter().map(|m| rate * m).collect(),
+        velocity,
+    };
+    let forces = parts.ranges().iter().map(drag).map(|drag| Box::new(drag) as Box<dyn Force>).enumerate().collect();
+    let bytes = parts.own().len() * size_of::<f64>() + parts.count() * size_of::<EtherDrag>();
+    Ok(Effect { forces, elements: parts.own().len(), bytes, ..Effect::default() })
+}
+
+impl Force for EtherDrag {
+    fn update(&mut self, _: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+        let velocity = Lanes::from(&self.velocity);
+        for (f, drag) in f.iter_mut().zip(&self.drag) {
+            *f += velocity * *drag;
+        }
+    }
+
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+        for ((f, drag), v) in f.iter_mut().zip(&self.drag).zip(motion.own_v) {
+            *f -= *v * *drag;
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The triangles of one part: those with at least one of its vertices, in the order of the scene. A triangle across a border
+//! is evaluated by all parts that own a corner, with the same operands; each adds to its own corners only.
+
+use std::ops::Range;
+
+use crate::Vec3;
+use crate::parallel::lanes::Lanes;
+use crate::scene::Scene;
+
+/// The triangles that one part looks at.
+#[derive(Debug, Default, Clone)]
+pub struct PartTriangles {
+    /// The part's vertices.
+    own: Range<usize>,
+    /// Corners, local vertices.
+    corners: Vec<[u32; 3]>,
+    /// Corners of other parts, ascending.
+    neighbours: Vec<u32>,
+}
+
+impl PartTriangles {
+    /// The triangles of these garments, part by part; parts without any are left out.
+    pub fn of(scene: &Scene, garments: Range<usize>) -> Vec<(usize, Self)> {
+        let parts = scene.parts();
+        let mut all: Vec<Self> =
+            parts.ranges().iter().map(|range| Self { own: range.clone(), ..Self::default() }).collect();
+        for garment in garments {
+            let first = parts.garment(garment).start;
+            for triangle in scene.meshes()[garment].triangles() {
+                let corners = triangle.map(|v| (first + v as usize) as u32);
+                let own = corners.iter().map(|v| *v as usize).filter(|v| parts.own().contains(v));
+                let mut holders: Vec<usize> = own.map(|v| parts.part_of(v)).collect();
+                holders.sort_unstable();
+                holders.dedup();
+                holders.into_iter().for_each(|part| all[part].corners.push(corners));
+            }
+        }
+        for part in &mut all {
+            let own = part.own.clone();
+            part.neighbours =
+                part.corners.iter().flatten().copied().filter(|v| !own.contains(&(*v as usize))).collect();
+            part.neighbours.sort_unstable();
+            part.neighbours.dedup();
+        }
+        all.into_iter().enumerate().filter(|(_, triangles)| !triangles.corners.is_empty()).collect()
+    }
+
+    /// Corners of every triangle, local vertices.
+    pub fn corners(&self) -> &[[u32; 3]] {
+        &self.corners
+    }
+
+    /// Corners of other parts, ascending.
+    pub fn neighbours(&self) -> &[u32] {
+        &self.neighbours
+    }
+
+    /// Number of triangles.
+    pub fn count(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Number of triangles that this part counts.
+    pub fn counted(&self) -> usize {
+        self.corners.iter().filter(|corners| self.counts(corners)).count()
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.corners.as_slice()) + size_of_val(self.neighbours.as_slice())
+    }
+
+    /// Adds `force` [N] to each corner that is the part's own; `f` are the part's vertices.
+    #[inline]
+    pub fn add(&self, corners: &[u32; 3], force: &Vec3, f: &mut [Lanes]) {
+        let force = Lanes::from(force);
+        for vertex in corners {
+            // Vertices of other parts wrap around to numbers that no part has.
+            if let Some(f) = f.get_mut((*vertex as usize).wrapping_sub(self.own.start)) {
+                *f += force;
+            }
+        }
+    }
+
+    /// Whether this part counts the triangle in sums over the cloth: it has the corner of the smallest number.
+    pub fn counts(&self, corners: &[u32; 3]) -> bool {
+        corners.iter().min().is_some_and(|first| self.own.contains(&(*first as usize)))
+    }
+}
+
+/// What belongs to the corners of a triangle.
+#[inline]
+pub fn at_corners(corners: &[u32; 3], of: &[Vec3]) -> [Vec3; 3] {
+    corners.map(|v| of[v as usize])
+}
+
+/// Half the cross product of two sides: its length is the area [m²], its direction the normal.
+#[inline]
+pub fn area_vector([a, b, c]: &[Vec3; 3]) -> Vec3 {
+    (b - a).cross(&(c - a)) * 0.5
+}

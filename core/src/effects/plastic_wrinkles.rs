@@ -1,0 +1,77 @@
+//! Plastic wrinkles: folds sharper than the cloth can spring back from stay in it (method 1.4, for angles).
+//!
+//! ```toml
+//! [garment.dihedral_bending]
+//! stiffness = "20 µN·m"
+//!
+//! [garment.plastic_wrinkles]
+//! yield_radius = "8 mm"      # what is bent more sharply than this, stays bent
+//! hardening = 0.2            # how much stiffer against further yielding a fold gets
+//! largest_angle = 2.5        # a fold keeps no more than this [rad]
+//! ```
+//!
+//! A hinge of mean height h yields at the angle `y = h / yield_radius`, so that the radius is that of the cloth and not of
+//! its mesh. At each state free of collisions, where the angle is off its rest by φ with |φ| > y, the rest angle moves to
+//! `θ − sign(φ) y`, but no further than `largest_angle` from that of the rest shape, and y grows by `hardening (|φ| − y)`.
+//! Between such states bending is elastic.
+//!
+//! It changes the rest angles of `dihedral_bending`, which the garment has to have; rest angles and yield angles that have
+//! changed are in the section `plastic_wrinkles` of checkpoints. Limits: folds never relax, and stretch stays elastic.
+
+#![cfg(feature = "effect-plastic_wrinkles")]
+
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
+use crate::error::Problem;
+use crate::settings::{Default, Dimension, Field, Settings};
+
+/// Angles that have yielded.
+const SECTION: Section = Section { name: "plastic_wrinkles", version: 1 };
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "plastic_wrinkles",
+    summary: "sharp folds stay in the cloth",
+    scope: Scope::Garment,
+    fields: FIELDS,
+    needs: &[Need::State],
+    requires: &["dihedral_bending"],
+    cost: Cost { elements: "hinges", step: 100.0, iteration: 0.0 },
+    section: Some(SECTION),
+    counts: &["hinges_yielded"],
+    build,
+};
+
+const FIELDS: &[Field] = &[
+    Field {
+        name: "yield_radius",
+        dimension: Dimension::Length,
+        default: Default::Required,
+        range: (0.0, 1e3),
+        help: "radius of a bend below which it stays; linen keeps what is bent below 10 mm, wool hardly anything",
+    },
+    Field {
+        name: "hardening",
+        dimension: Dimension::None,
+        default: Default::Number(0.0),
+        range: (0.0, 1.0),
+        help: "share of what a fold exceeds its yield angle by that this angle grows by; 0 gives way for ever",
+    },
+    Field {
+        name: "largest_angle",
+        dimension: Dimension::None,
+        default: Default::Number(2.5),
+        range: (0.0, 3.0),
+        help: "largest angle that stays [rad], from that of the rest shape; pi is a fold flat onto itself",
+    },
+];
+
+/// The law itself is in the hinges of `dihedral_bending`, which look for these settings.
+fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    match context.garment {
+        Some(_) => Ok(Effect { yields: Some(SECTION), ..Effect::default() }),
+        None => {
+            let advice = "move its table under a [[garment]]";
+            Err(Problem::scene(SPEC.name, "this effect acts on one garment", advice))
+        }
+    }
+}

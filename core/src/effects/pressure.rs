@@ -1,0 +1,236 @@
+//! Pressure inside a closed garment: balloons, cushions, quilted jackets.
+//!
+//! Every triangle of area A and outward normal N pushes each of its corners with `p A N/3`: exactly the gradient of the
+//! enclosed volume, so momentum is kept and `−p V` is the energy. `overpressure` is what the inside has more than the outside.
+//! With `gas = true` the amount of gas stays instead: at the rest shape's volume V₀ it has that overpressure, and at volume V
+//!
+//! ```text
+//! p = (p_ambient + overpressure) V₀ / V − p_ambient
+//! ```
+//!
+//! so that squeezing raises it. V is a sum over all triangles, found once before the forces of each solve.
+//!
+//! ```toml
+//! [garment.pressure]
+//! overpressure = "500 Pa"
+//! gas = true
+//! ```
+//!
+//! Limits: the gas has no weight and no flow; one volume for each garment, so a garment of several closed pieces shares its
+//! gas. Gas is stiff (the earth's air has 100 kPa): light cloth takes short steps. `open = true` lets the surface have edges,
+//! which then feel a net force, as a parachute does.
+
+#![cfg(feature = "effect-pressure")]
+
+use crate::Vec3;
+use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartView, Scope, Surroundings};
+use crate::error::Problem;
+use crate::parallel::lanes::Lanes;
+use crate::scene::{Scene, listed};
+use crate::settings::{Default, Dimension, Field, Settings};
+use crate::volumes::{Volume, own_in_mesh, unpaired_edges, volume_of};
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "pressure",
+    summary: "the inside of a closed garment pushes outwards",
+    scope: Scope::Garment,
+    fields: FIELDS,
+    needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 20.0, iteration: 0.0 },
+    section: None,
+    counts: &[],
+    build,
+};
+
+const FIELDS: &[Field] = &[
+    Field {
+        name: "overpressure",
+        dimension: Dimension::Pressure,
+        default: Default::Number(0.0),
+        range: (-1e6, 1e6),
+        help: "pressure inside less that outside; a cushion has 100 Pa, a toy balloon 2 kPa; negative sucks",
+    },
+    Field {
+        name: "gas",
+        dimension: Dimension::None,
+        default: Default::Flag(false),
+        range: (0.0, 0.0),
+        help: "whether the amount of gas stays, so that squeezing raises the pressure; false keeps the pressure",
+    },
+    Field {
+        name: "ambient",
+        dimension: Dimension::Pressure,
+        default: Default::Number(101_325.0),
+        range: (1.0, 1e7),
+        help: "with `gas`, the pressure outside: the larger, the stiffer the gas and the shorter the steps",
+    },
+    Field {
+        name: "open",
+        dimension: Dimension::None,
+        default: Default::Flag(false),
+        range: (0.0, 0.0),
+        help: "whether the garment may have edges; without `gas` only",
+    },
+];
+
+/// Share of its volume at rest below which gas is no longer squeezed: its pressure would leave the range of numbers.
+const SQUEEZED: f64 = 0.01;
+
+/// The pressure on one part.
+struct PartPressure {
+    garment: usize,
+    triangles: PartTriangles,
+    /// Inside less outside at rest [Pa].
+    overpressure: f64,
+    /// 1, or -1 if the faces look inwards.
+    side: f64,
+    /// If the amount of gas stays.
+    gas: Option<Gas>,
+    /// What each vertex adds to the step limit [N/m].
+    stiffness: Vec<f64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Gas {
+    /// Pressure outside [Pa].
+    ambient: f64,
+    /// Volume at rest [m³], negative if the faces look inwards.
+    rest_volume: f64,
+}
+
+impl Gas {
+    /// Inside less outside at this volume [Pa].
+    fn pressure(&self, overpressure: f64, volume: f64) -> f64 {
+        let share = (volume / self.rest_volume).max(SQUEEZED);
+        (self.ambient + overpressure) / share - self.ambient
+    }
+}
+
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let (scene, garment) = (context.scene, context.garment.unwrap_or(0));
+    let (parts, mesh) = (scene.parts(), &scene.meshes()[garment]);
+    let place = format!("garment \"{}\", pressure", scene.description().garments[garment].name);
+    let (open, has_gas) = (settings.flag("open"), settings.flag("gas"));
+    if open && has_gas {
+        return Err(Problem::scene(place, "an open garment holds no gas", "leave `gas` or `open` out"));
+    }
+    let own = own_in_mesh(parts, garment);
+    let number = |v: u32| parts.own_vertex(parts.garment(garment).start + v as usize).1;
+    let unpaired = unpaired_edges(mesh.triangles(), |v| own.contains(&v)).into_iter().map(|edge| {
+        let [a, b] = edge.map(number);
+        [a.min(b), a.max(b)]
+    });
+    let unpaired = listed(parts.ranks(), unpaired.collect());
+    if let Some(edges) = unpaired.filter(|_| !open) {
+        let what = format!("it is not closed, or its faces do not all look outwards: edges {edges}");
+        let advice = "close the holes, make the normals consistent, or write open = true";
+        return Err(Problem::data(place, what, advice));
+    }
+    let of_parts = PartTriangles::of(scene, garment..garment + 1);
+    let x = scene.rest_positions();
+    let mut volume = Volume::new(parts, garment, &of_parts);
+    volume.update(parts, &x);
+    let rest_volume = volume.value();
+    // Faces that all look inwards are as good as ones that look outwards.
+    let side = if rest_volume < 0.0 && !open { -1.0 } else { 1.0 };
+    let overpressure = settings.number("overpressure");
+    let gas = has_gas.then(|| Gas { ambient: settings.number("ambient"), rest_volume });
+    let mut effect = Effect { bytes: if has_gas { volume.bytes() } else { 0 }, ..Effect::default() };
+    let breathing = gas.map_or(0.0, |gas| breathing(scene, &of_parts, gas, overpressure, &x));
+    for (part, triangles) in of_parts {
+        let stiffness = stiffness(scene, part, &triangles, overpressure.abs(), breathing, &x);
+        effect.elements += triangles.counted();
+        effect.bytes += triangles.bytes() + size_of_val(stiffness.as_slice());
+        let force = PartPressure { garment, triangles, overpressure, side, gas, stiffness };
+        effect.forces.push((part, Box::new(force)));
+    }
+    effect.volume = has_gas.then_some(volume);
+    Ok(effect)
+}
+
+/// The square of the frequency at which gas lets a garment breathe [1/s²]: `P/V Σ |g|²/m` with g the area of each vertex.
+fn breathing(scene: &Scene, of_parts: &[(usize, PartTriangles)], gas: Gas, overpressure: f64, x: &[Vec3]) -> f64 {
+    let parts = scene.parts();
+    let mut sums = vec![0.0; parts.count()];
+    for (part, triangles) in of_parts {
+        let range = parts.ranges()[*part].clone();
+        let mut areas = vec![Lanes::ZERO; range.len()];
+        for corners in triangles.corners() {
+            triangles.add(corners, &(area_vector(&at_corners(corners, x)) / 3.0), &mut areas);
+        }
+        sums[*part] = areas.iter().zip(&scene.masses()[range]).map(|(g, m)| g.dot(*g) / m).sum();
+    }
+    let [sum] = parts.join_parts(&[&sums]);
+    (gas.ambient + overpressure).abs() / gas.rest_volume.abs() * sum
+}
+
+/// What each vertex of a part adds to the step limit [N/m].
+///
+/// A triangle that moves turns the pressure on it: a corner feels at most p/6 times its perimeter per way of the others, which
+/// is doubled for what inflates. Gas moves all vertices together: with `2 m ω²` at each the limit is 1.4/ω at the CFL number 4,
+/// where 2/ω is stable.
+fn stiffness(
+    scene: &Scene,
+    part: usize,
+    triangles: &PartTriangles,
+    pressure: f64,
+    breathing: f64,
+    x: &[Vec3],
+) -> Vec<f64> {
+    let range = scene.parts().ranges()[part].clone();
+    let mut sums = vec![0.0; range.len()];
+    for corners in triangles.corners() {
+        let [a, b, c] = at_corners(corners, x);
+        let perimeter = (b - a).norm() + (c - b).norm() + (a - c).norm();
+        for vertex in corners {
+            if let Some(sum) = sums.get_mut((*vertex as usize).wrapping_sub(range.start)) {
+                *sum += pressure * perimeter / 6.0;
+            }
+        }
+    }
+    // Only vertices of this garment have triangles of it.
+    let masses = sums.iter_mut().zip(&scene.masses()[range]).filter(|(sum, _)| breathing > 0.0 || **sum > 0.0);
+    masses.for_each(|(sum, mass)| *sum += 2.0 * mass * breathing);
+    sums
+}
+
+impl PartPressure {
+    /// Inside less outside [Pa].
+    fn pressure(&self, around: &Surroundings<'_>) -> f64 {
+        self.gas.map_or(self.overpressure, |gas| gas.pressure(self.overpressure, around.volumes.of(self.garment)))
+    }
+}
+
+impl Force for PartPressure {
+    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+        let share = self.side * self.pressure(&view.around) / 3.0;
+        for corners in self.triangles.corners() {
+            self.triangles.add(corners, &(area_vector(&at_corners(corners, view.x)) * share), f);
+        }
+    }
+
+    fn add_stiffness(&self, sums: &mut [f64]) {
+        sums.iter_mut().zip(&self.stiffness).for_each(|(sum, own)| *sum += own);
+    }
+
+    fn neighbours(&self) -> &[u32] {
+        self.triangles.neighbours()
+    }
+
+    fn energy(&self, view: &PartView<'_>) -> f64 {
+        let here = volume_of(self.triangles.corners(), |corners| self.triangles.counts(corners), view.x);
+        match self.gas {
+            None => -self.overpressure * self.side * here,
+            Some(Gas { ambient, rest_volume }) => {
+                // Work of the ambient air less that of the gas, shared out by what each part has of the volume.
+                let all = view.around.volumes.of(self.garment);
+                let share = (all / rest_volume).max(SQUEEZED);
+                let work = ambient * (share - 1.0) - (ambient + self.overpressure) * share.ln();
+                work * rest_volume.abs() * here / all
+            }
+        }
+    }
+}

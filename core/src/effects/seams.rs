@@ -1,0 +1,211 @@
+//! Seams: springs between vertices that are not neighbours on a mesh, of one garment or of two, which close over time and stay.
+//!
+//! A pair whose ends are `l` apart is pulled as a spring of the length L(t), which goes evenly from what the gap is at the start
+//! to what is to be left of it:
+//!
+//! ```text
+//! F₁ = [k (l − L) + c ((v₂ − v₁)·e − dL/dt)] e,   F₂ = −F₁,   c = 2 ζ √(k μ),   e from 1 to 2
+//! ```
+//!
+//! Damping is relative to the closing, so that it does not hold it up; momentum and angular momentum are kept.
+//!
+//! ```toml
+//! [[seam]]
+//! from = { garment = "front", where = { box = { min = [0.2, 0, -1], max = [0.3, 2, 1] } } }
+//! to = { garment = "back", where = { box = { min = [0.2, 0, -1], max = [0.3, 2, 1] } } }
+//! strength = "800 N/m"
+//! ```
+//!
+//! Limits: layers that touch keep their thickness also where they are sewn, so a scene with `self_repulsion` or
+//! `self_collision` closes its seams to the larger thickness of both garments, unless it says another `rest_gap`. A seam is not
+//! welded: strained strongly it opens by force over stiffness.
+
+#![cfg(feature = "effect-seams")]
+
+use crate::Vec3;
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
+use crate::error::Problem;
+use crate::parallel::lanes::Lanes;
+use crate::scene::{Scene, SeamDescription};
+use crate::settings::Settings;
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "seams",
+    summary: "vertices that are drawn together and stay together",
+    scope: Scope::Implied,
+    fields: &[],
+    needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "stitches", step: 40.0, iteration: 15.0 },
+    section: None,
+    counts: &[],
+    build,
+};
+
+/// How the length of a seam's pairs goes over time.
+#[derive(Debug, Clone, Copy)]
+struct Closing {
+    from: f64,
+    until: f64,
+    /// At the end [m].
+    rest_gap: f64,
+}
+
+impl Closing {
+    /// Length at a time, and its rate [m, m/s], of a pair that starts `gap` apart.
+    fn length(&self, gap: f64, time: f64) -> (f64, f64) {
+        if time >= self.until {
+            (self.rest_gap, 0.0)
+        } else if time <= self.from {
+            (gap, 0.0)
+        } else {
+            let rate = (self.rest_gap - gap) / (self.until - self.from);
+            (gap + rate * (time - self.from), rate)
+        }
+    }
+}
+
+/// A pair with an own end.
+#[derive(Debug, Clone, Copy)]
+struct Stitch {
+    /// Own end, counted from the part's first vertex.
+    own: usize,
+    /// Local vertices of the first and the second end.
+    ends: [usize; 2],
+    /// 1 if the own end is the first, otherwise -1.
+    side: f64,
+    /// How far apart the ends start [m].
+    gap: f64,
+    closing: Closing,
+    /// Stiffness [N/m].
+    stiffness: f64,
+    /// Damping [N s/m].
+    damping: f64,
+    /// Damping over squared length at the last update [N s/m³].
+    scaled_damping: f64,
+}
+
+/// The stitches of one part.
+struct PartSeams {
+    stitches: Vec<Stitch>,
+    /// Ends in other parts, ascending.
+    neighbours: Vec<u32>,
+}
+
+fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let (scene, parts) = (context.scene, context.scene.parts());
+    let seams = &scene.description().seams;
+    let closings: Vec<Closing> = seams.iter().map(|seam| closing(scene, seam)).collect();
+    let mut entries: Vec<(usize, Stitch)> = Vec::new();
+    for sewn in scene.sewn() {
+        let [Some(a), Some(b)] = sewn.ends.map(|end| parts.local(end)) else {
+            let what = "the other end of a sewn vertex is not known on its rank";
+            return Err(Problem::scene(format!("seam {}", sewn.seam), what, "report this"));
+        };
+        let (seam, ends) = (&seams[sewn.seam], [a, b]);
+        let [p, q] = ends.map(|end| scene.masses()[end]);
+        let damping = 2.0 * seam.damping_ratio * (seam.stiffness * p * q / (p + q)).sqrt();
+        for (own, side) in [(a, 1.0), (b, -1.0)].into_iter().filter(|(own, _)| parts.own().contains(own)) {
+            let part = parts.part_of(own);
+            let (own, stiffness) = (own - parts.ranges()[part].start, seam.stiffness);
+            let (gap, closing) = (sewn.gap, closings[sewn.seam]);
+            entries.push((part, Stitch { own, ends, side, gap, closing, stiffness, damping, scaled_damping: 0.0 }));
+        }
+    }
+    // The order of the seams, part by part.
+    entries.sort_by_key(|(part, _)| *part);
+    let mut effect = Effect::default();
+    for group in entries.chunk_by(|a, b| a.0 == b.0) {
+        let (part, stitches) = (group[0].0, group.iter().map(|(_, stitch)| *stitch).collect::<Vec<_>>());
+        let own = parts.ranges()[part].clone();
+        let mut neighbours: Vec<u32> =
+            stitches.iter().flat_map(|s| s.ends).filter(|end| !own.contains(end)).map(|end| end as u32).collect();
+        neighbours.sort_unstable();
+        neighbours.dedup();
+        effect.elements += stitches.iter().filter(|stitch| stitch.side > 0.0).count();
+        effect.bytes += size_of_val(stitches.as_slice()) + size_of_val(neighbours.as_slice());
+        effect.forces.push((part, Box::new(PartSeams { stitches, neighbours })));
+    }
+    effect.notes = notes(seams, &closings);
+    Ok(effect)
+}
+
+/// How a seam closes in this scene.
+fn closing(scene: &Scene, seam: &SeamDescription) -> Closing {
+    let description = scene.description();
+    let touches = description.effects.iter().any(|e| e.effect == "self_repulsion" || e.effect == "self_collision");
+    let [a, b] = seam.garments.map(|garment| description.garments[garment].thickness);
+    let rest_gap = seam.rest_gap.unwrap_or(if touches { a.max(b) } else { 0.0 });
+    Closing { from: seam.from, until: seam.until, rest_gap }
+}
+
+/// The gaps that are left, where the scene does not say them.
+fn notes(seams: &[SeamDescription], closings: &[Closing]) -> Vec<String> {
+    let chosen = seams.iter().zip(closings).enumerate().filter(|(_, (seam, _))| seam.rest_gap.is_none());
+    let note = |(s, (_, closing)): (usize, (_, &Closing))| {
+        format!("seam {s} closes to {} mm, the thickness that layers keep", 1e3 * closing.rest_gap)
+    };
+    chosen.filter(|(_, (_, closing))| closing.rest_gap > 0.0).map(note).collect()
+}
+
+impl Force for PartSeams {
+    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+        for stitch in &mut self.stitches {
+            let [a, b] = stitch.ends.map(|end| view.x[end]);
+            let (length, rate) = stitch.closing.length(stitch.gap, view.around.time);
+            let (apart, inverse) = direction(b - a);
+            let pull = stitch.stiffness * (apart.norm() - length) - stitch.damping * rate;
+            stitch.scaled_damping = stitch.damping * inverse * inverse;
+            f[stitch.own] += Lanes::from(&(apart * (stitch.side * pull * inverse)));
+        }
+    }
+
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+        for stitch in &self.stitches {
+            let [a, b] = stitch.ends;
+            let apart = motion.x[b] - motion.x[a];
+            let along = apart.dot(&(motion.v[b] - motion.v[a]));
+            f[stitch.own] += Lanes::from(&(apart * (stitch.side * stitch.scaled_damping * along)));
+        }
+    }
+
+    fn add_stiffness(&self, sums: &mut [f64]) {
+        self.stitches.iter().for_each(|stitch| sums[stitch.own] += stitch.stiffness);
+    }
+
+    fn neighbours(&self) -> &[u32] {
+        &self.neighbours
+    }
+
+    fn energy(&self, view: &PartView<'_>) -> f64 {
+        let energy = |stitch: &Stitch| {
+            let [a, b] = stitch.ends.map(|end| view.x[end]);
+            let stretch = (b - a).norm() - stitch.closing.length(stitch.gap, view.around.time).0;
+            // Both ends count their half.
+            0.25 * stitch.stiffness * stretch * stretch
+        };
+        self.stitches.iter().map(energy).sum()
+    }
+}
+
+/// The way between two ends, and one over its length; coinciding ends have no direction to pull along.
+fn direction(apart: Vec3) -> (Vec3, f64) {
+    let length = apart.norm();
+    (apart, if length > 0.0 { 1.0 / length } else { 0.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_closes_evenly_and_stays_closed() {
+        let closing = Closing { from: -1.0, until: 1.0, rest_gap: 0.1 };
+        assert_eq!(closing.length(0.5, -2.0), (0.5, 0.0));
+        assert_eq!(closing.length(0.5, 0.0), (0.3, -0.2));
+        assert_eq!(closing.length(0.5, 1.0), (0.1, 0.0));
+        let closed = Closing { from: 0.0, until: 0.0, rest_gap: 0.1 };
+        assert_eq!(closed.length(0.5, 0.0), (0.1, 0.0));
+    }
+}

@@ -1,0 +1,339 @@
+//! Wind and the drag of the air (method 1.10): what moves relative to the air feels it.
+//!
+//! With R = W − V the wind W relative to the cloth's velocity V, there are three forces, each only if it is asked for:
+//!
+//! * *tangential*: friction of the air along the surface. Each triangle of area A, unit normal N and mean velocity V gives
+//!   `ν (R − (R·N) N) A/3` to each corner.
+//! * *pressure*: the air that the cloth stops. Each triangle gives `ρ |R·N| (R·N) N A/3` to each corner. A plate across the
+//!   wind has a drag coefficient of 2 with the density of air, twice what is measured: `density` is that of the air times
+//!   half the drag coefficient wanted (0.77 kg/m³ for a plate in air).
+//! * *normal*: each vertex of mass m and normal n feels `c m (R·n) n`, the authors' linear form. It does not depend on how
+//!   heavy the cloth is.
+//!
+//! The part with W is explicit and the part with −V implicit, so that drag of any strength sets no limit to the time step
+//! and none is counted twice. The factor `|R·N|` is that of the velocity known before the solve, which in B.5 is the one
+//! foreseen for the middle of the step: second order in dt like everything else. In the authors' code this term is explicit
+//! as a whole, which blows light cloth up.
+//!
+//! ```toml
+//! [wind]
+//! velocity = [4, 0, 1]            # or keys = [[0, [0, 0, 0]], [2, [6, 0, 0]]]
+//! density = "0.77 kg/m³"
+//! tangential = "0.02 N s/m³"
+//! file = "gusts.h5"               # added to the velocity; docs/reference/wind_grid.md
+//! ```
+//!
+//! Limits: the air does not feel the cloth. There is no lee behind a body or a layer, no lift of streamlines and no mass of
+//! air that is carried along.
+
+#![cfg(feature = "effect-wind")]
+
+use std::sync::Arc;
+
+use crate::Vec3;
+use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
+use crate::effects::pins::along_path;
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope, Surroundings};
+use crate::error::Problem;
+use crate::parallel::lanes::Lanes;
+use crate::settings::{Default, Dimension, Field, Settings};
+
+/// Registry entry.
+pub static SPEC: EffectSpec = EffectSpec {
+    name: "wind",
+    summary: "the air pushes and drags cloth that moves relative to it",
+    scope: Scope::Scene,
+    fields: FIELDS,
+    needs: &[Need::State],
+    requires: &[],
+    cost: Cost { elements: "triangles", step: 60.0, iteration: 15.0 },
+    section: None,
+    counts: &[],
+    build,
+};
+
+const FIELDS: &[Field] = &[
+    Field {
+        name: "velocity",
+        dimension: Dimension::Speed,
+        default: Default::Vector([0.0, 0.0, 0.0]),
+        range: (-1e3, 1e3),
+        help: "velocity of the air in solver axes (y up); left out, it stands still and only drags",
+    },
+    Field {
+        name: "keys",
+        dimension: Dimension::Speed,
+        default: Default::Keys,
+        range: (-1e3, 1e3),
+        help: "velocity over time instead, [[seconds since the first frame, [x, y, z]], …], joined by straight lines",
+    },
+    Field {
+        name: "file",
+        dimension: Dimension::None,
+        default: Default::File,
+        range: (0.0, 0.0),
+        help: "an HDF5 file of velocities on a grid, added to the above; its layout is in wind_grid.md",
+    },
+    Field {
+        name: "density",
+        dimension: Dimension::Density,
+        default: Default::Absent,
+        range: (0.0, 1e4),
+        help: "pressure of the air that cloth stops, by the square of the speed; 0.77 for a plate in air, 1.2 at most",
+    },
+    Field {
+        name: "tangential",
+        dimension: Dimension::Drag,
+        default: Default::Absent,
+        range: (0.0, 1e6),
+        help: "friction of the air along the surface, by the speed; about 0.01 for cloth in a breeze",
+    },
+    Field {
+        name: "normal",
+        dimension: Dimension::Rate,
+        default: Default::Absent,
+        range: (0.0, 1e6),
+        help: "drag across the surface by mass and speed, as in the authors' scenes; there it is 2",
+    },
+];
+
+/// What is the same for all parts.
+struct Air {
+    velocity: Vec3,
+    keys: Vec<(f64, Vec3)>,
+    /// ν [N s/m³].
+    tangential: f64,
+    /// ρ [kg/m³].
+    density: f64,
+    /// c [1/s].
+    normal: f64,
+}
+
+impl Air {
+    /// Velocity of the air at a place [m/s]; `steady` is that which does not depend on the place.
+    fn at(around: &Surroundings<'_>, steady: &Vec3, place: &Vec3) -> Vec3 {
+        if around.wind.exists() { steady + around.wind.velocity(place, around.time) } else { *steady }
+    }
+}
+
+/// The wind on one part, with what the last update found.
+struct PartWind {
+    air: Arc<Air>,
+    triangles: PartTriangles,
+    /// For each triangle its unit normal, and the drag [N s/m] of a corner in all directions and more along the normal; empty
+    /// if triangles feel nothing.
+    drags: Vec<(Vec3, [f64; 2])>,
+    /// For each own vertex its unit normal times the root of its drag [(N s/m)^½]; empty if vertices feel nothing.
+    normals: Vec<Vec3>,
+}
+
+fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
+    let [tangential, density, normal] =
+        ["tangential", "density", "normal"].map(|name| settings.optional(name).unwrap_or(0.0));
+    let keys: Vec<(f64, Vec3)> = settings.keys("keys").iter().map(|(time, v)| (*time, Vec3::from(*v))).collect();
+    let velocity = Vec3::from(settings.vector("velocity"));
+    if tangential == 0.0 && density == 0.0 && normal == 0.0 {
+        let advice = "give `density`, `tangential` or `normal` a value above zero, or leave the table out";
+        return Err(Problem::scene("wind", "nothing feels it", advice));
+    }
+    if !keys.is_empty() && velocity != Vec3::zeros() {
+        return Err(Problem::scene("wind", "`velocity` and `keys` exclude each other", "leave one of them out"));
+    }
+    if settings.text("file").is_some() != context.scene.description().wind.is_some() {
+        return Err(Problem::scene(
+            "wind",
+            "a grid of wind needs its `file`, and a file its grid",
+            "give both or none",
+        ));
+    }
+    let air = Arc::new(Air { velocity, keys, tangential, density, normal });
+    let scene = context.scene;
+    let mut effect = Effect { sees_velocities: density > 0.0, ..Effect::default() };
+    for (part, triangles) in PartTriangles::of(scene, 0..scene.meshes().len()) {
+        let by_area = tangential > 0.0 || density > 0.0;
+        let drags = vec![(Vec3::zeros(), [0.0; 2]); if by_area { triangles.count() } else { 0 }];
+        let normals = vec![Vec3::zeros(); if normal > 0.0 { scene.parts().ranges()[part].len() } else { 0 }];
+        effect.elements += triangles.counted();
+        effect.bytes += triangles.bytes() + size_of_val(drags.as_slice()) + size_of_val(normals.as_slice());
+        effect.forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, drags, normals })));
+    }
+    Ok(effect)
+}
+
+/// Mean of what belongs to the corners.
+fn mean(of: &[Vec3; 3]) -> Vec3 {
+    (of[0] + of[1] + of[2]) / 3.0
+}
+
+impl PartWind {
+    /// Tangential drag and pressure.
+    fn push_triangles(&mut self, view: &PartView<'_>, steady: &Vec3, f: &mut [Lanes]) {
+        let Self { air, triangles, drags, .. } = self;
+        for (corners, (normal, drag)) in triangles.corners().iter().zip(drags) {
+            let x = at_corners(corners, view.x);
+            let across = area_vector(&x);
+            let area = across.norm();
+            // A triangle without area stops no air.
+            *normal = if area > 0.0 { across / area } else { Vec3::zeros() };
+            let wind = Air::at(&view.around, steady, &mean(&x));
+            let mut along_normal = -air.tangential;
+            if air.density > 0.0 {
+                let relative = wind - mean(&at_corners(corners, view.around.v));
+                along_normal += air.density * relative.dot(normal).abs();
+            }
+            *drag = [air.tangential * area / 3.0, along_normal * area / 3.0];
+            triangles.add(corners, &dragged(&wind, normal, drag), f);
+        }
+    }
+
+    /// Drag across the surface at the vertices.
+    fn push_vertices(&mut self, view: &PartView<'_>, steady: &Vec3, f: &mut [Lanes]) {
+        self.normals.fill(Vec3::zeros());
+        for corners in self.triangles.corners() {
+            let across = area_vector(&at_corners(corners, view.x));
+            for vertex in corners {
+                if let Some(sum) = self.normals.get_mut((*vertex as usize).wrapping_sub(view.start)) {
+                    *sum += across;
+                }
+            }
+        }
+        for (i, (normal, mass)) in self.normals.iter_mut().zip(view.masses).enumerate() {
+            let length = normal.norm();
+            *normal *= if length > 0.0 { (self.air.normal * mass).sqrt() / length } else { 0.0 };
+            let wind = Air::at(&view.around, steady, &view.x[view.start + i]);
+            f[i] += Lanes::from(&*normal) * wind.dot(normal);
+        }
+    }
+}
+
+/// Drag of a triangle's corner at this relative velocity [N].
+#[inline]
+fn dragged(v: &Vec3, normal: &Vec3, [all, along]: &[f64; 2]) -> Vec3 {
+    v * *all + normal * (along * v.dot(normal))
+}
+
+impl Force for PartWind {
+    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+        let steady = self.air.velocity + along_path(&self.air.keys, view.around.time);
+        if !self.drags.is_empty() {
+            self.push_triangles(view, &steady, f);
+        }
+        if !self.normals.is_empty() {
+            self.push_vertices(view, &steady, f);
+        }
+    }
+
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+        for (corners, (normal, drag)) in self.triangles.corners().iter().zip(&self.drags) {
+            let v = mean(&at_corners(corners, motion.v));
+            self.triangles.add(corners, &-dragged(&v, normal, drag), f);
+        }
+        for ((f, normal), v) in f.iter_mut().zip(&self.normals).zip(motion.own_v) {
+            let normal = Lanes::from(normal);
+            *f -= normal * normal.dot(*v);
+        }
+    }
+
+    fn neighbours(&self) -> &[u32] {
+        self.triangles.neighbours()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::build_all;
+    use crate::effects::pins::PinTargets;
+    use crate::mesh::PolygonMesh;
+    use crate::parallel::parts::PART_SIZE;
+    use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+    use crate::volumes::Volumes;
+    use crate::wind_grid::WindGrid;
+
+    /// A strip of two triangles, bent along their common edge.
+    fn strip(request: EffectRequest) -> Scene {
+        let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.2], [0.1, 0.1, 1.0], [1.2, 0.5, 0.9]].map(Vec3::from);
+        let mesh = PolygonMesh::from_triangles(points.to_vec(), &[[0, 2, 1], [1, 2, 3]]);
+        let mut description = SceneDescription::new("strip");
+        description.garments.push(GarmentDescription::new("strip", mesh, 0.2));
+        description.effects.push(request);
+        Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
+    }
+
+    /// The explicit force and the damping force at these velocities.
+    fn forces(scene: &Scene, v: &[Vec3]) -> (Vec<Vec3>, Vec<Vec3>) {
+        let x = scene.start_state()[0].clone();
+        let (targets, wind) = (PinTargets::default(), WindGrid::default());
+        let around = Surroundings { time: 0.0, targets: &targets, v, wind: &wind, volumes: &Volumes::default() };
+        let view = PartView { start: 0, masses: scene.masses(), x: &x, fraction: 0.0, around };
+        let effects = build_all(scene).unwrap_or_else(|problems| panic!("{problems}"));
+        let mut all: Vec<Box<dyn Force>> =
+            effects.into_iter().flat_map(|(_, effect)| effect.forces).map(|(_, force)| force).collect();
+        let mut f = [Lanes::ZERO; PART_SIZE];
+        let explicit = view.update(&mut all, &mut f).iter().map(|f| Vec3::from(*f)).collect();
+        let mut damping = vec![Lanes::ZERO; x.len()];
+        PartMotion::with(0..x.len(), &x, v, |motion| all.iter().for_each(|f| f.add_damping(motion, &mut damping)));
+        (explicit, damping.into_iter().map(Vec3::from).collect())
+    }
+
+    #[test]
+    fn every_term_is_symmetric_takes_energy_and_depends_on_the_relative_velocity_alone() {
+        let wave = |seed: f64| -> Vec<Vec3> {
+            let at = |k: usize| (seed + 1.7 * k as f64).sin();
+            (0..4).map(|k| Vec3::new(at(k), at(k + 5), at(k + 11))).collect()
+        };
+        let product = |a: &[Vec3], b: &[Vec3]| -> f64 { a.iter().zip(b).map(|(a, b)| a.dot(b)).sum() };
+        for term in ["tangential", "density", "normal"] {
+            let scene = strip(EffectRequest::of_scene("wind").with(term, 3.0));
+            let (v, u) = (wave(0.3), wave(2.0));
+            // The pressure's factor is that of the velocities seen: the product has to be taken with the same ones.
+            if term != "density" {
+                let (_, of_v) = forces(&scene, &v);
+                let (_, of_u) = forces(&scene, &u);
+                assert!((product(&u, &of_v) - product(&v, &of_u)).abs() < 1e-14, "{term}");
+            }
+            assert!(product(&v, &forces(&scene, &v).1) < 0.0, "{term}");
+            let blown =
+                strip(EffectRequest::of_scene("wind").with(term, 3.0).with_vector("velocity", [0.4, -1.0, 2.0]));
+            let carried: Vec<Vec3> = vec![Vec3::new(0.4, -1.0, 2.0); 4];
+            let (explicit, damping) = forces(&blown, &carried);
+            for (a, b) in explicit.iter().zip(&damping) {
+                assert!((a + b).norm() < 1e-15, "{term}: cloth that the wind carries feels none");
+            }
+        }
+    }
+
+    #[test]
+    fn a_flat_triangle_feels_what_the_formulas_say() {
+        let mut scene = SceneDescription::new("triangle");
+        let points = [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0], [1.0, 0.0, 0.0]].map(Vec3::from);
+        let mesh = PolygonMesh::from_triangles(points.to_vec(), &[[0, 1, 2]]);
+        scene.garments.push(GarmentDescription::new("triangle", mesh, 0.3));
+        let wind = [3.0, -2.0, 0.5];
+        for (term, expected) in [
+            ("tangential", Vec3::new(3.0, 0.0, 0.5) * 0.7 / 3.0),
+            ("density", Vec3::new(0.0, -4.0, 0.0) * 0.7 / 3.0),
+            ("normal", Vec3::new(0.0, -2.0, 0.0) * 0.7 * 0.1),
+        ] {
+            let mut scene = scene.clone();
+            scene.effects.push(EffectRequest::of_scene("wind").with(term, 0.7).with_vector("velocity", wind));
+            let scene = Scene::validate(scene).unwrap_or_else(|problems| panic!("{problems}"));
+            for force in forces(&scene, &[Vec3::zeros(); 3]).0 {
+                assert!((force - expected).norm() < 1e-15, "{term}: {force:?}, not {expected:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn wind_that_nothing_feels_and_two_velocities_are_refused() {
+        for request in [
+            EffectRequest::of_scene("wind").with_vector("velocity", [1.0, 0.0, 0.0]),
+            EffectRequest::of_scene("wind")
+                .with("density", 1.0)
+                .with_vector("velocity", [1.0, 0.0, 0.0])
+                .with_keys("keys", vec![(0.0, [0.0; 3])]),
+        ] {
+            assert!(build_all(&strip(request)).is_err());
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Volumes that garments enclose: sums over all their triangles, joined over parts and ranks before forces need them.
+
+use std::ops::Range;
+
+use crate::Vec3;
+use crate::effects::part_triangles::{PartTriangles, at_corners};
+use crate::parallel::parts::Parts;
+use crate::parallel::split::PerPart;
+
+/// The volume of one garment, in the positions of the last update.
+#[derive(Debug)]
+pub struct Volume {
+    garment: usize,
+    /// For each own part the corners of the triangles that it counts, local vertices.
+    triangles: Vec<Vec<[u32; 3]>>,
+    sums: Vec<f64>,
+    /// The last one [m³].
+    value: f64,
+}
+
+/// Six times the volume between a triangle and the origin [m³], positive where the origin lies behind it.
+#[inline]
+fn beneath([a, b, c]: &[Vec3; 3]) -> f64 {
+    a.dot(&b.cross(c))
+}
+
+impl Volume {
+    /// The volume of a garment, from the triangles that its parts look at; nothing is known of it before the first update.
+    pub fn new(parts: &Parts, garment: usize, of_parts: &[(usize, PartTriangles)]) -> Self {
+        let mut triangles = vec![Vec::new(); parts.count()];
+        for (part, all) in of_parts {
+            triangles[*part] = all.corners().iter().copied().filter(|corners| all.counts(corners)).collect();
+        }
+        Self { garment, triangles, sums: vec![0.0; parts.count()], value: 0.0 }
+    }
+
+    /// Finds the volume at the positions `x` of all local vertices [m]. All ranks call it together.
+    pub fn update(&mut self, parts: &Parts, x: &[Vec3]) {
+        let triangles = &self.triangles;
+        parts.for_each(PerPart(&mut self.sums), &|part, sum| {
+            sum.0[0] = triangles[part].iter().map(|corners| beneath(&at_corners(corners, x))).sum::<f64>() / 6.0;
+        });
+        [self.value] = parts.join_parts(&[&self.sums]);
+    }
+
+    /// The volume at the last update [m³]; negative where faces are wound the wrong way.
+    pub fn value(&self) -> f64 {
+        self.value
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        self.triangles.iter().map(|part| size_of_val(part.as_slice())).sum::<usize>()
+            + size_of_val(self.sums.as_slice())
+    }
+}
+
+/// Volumes of all garments whose forces ask for them.
+#[derive(Debug, Default)]
+pub struct Volumes(pub Vec<Volume>);
+
+impl Volumes {
+    /// Finds all volumes at the positions `x` of all local vertices [m]. All ranks call it together.
+    pub fn update(&mut self, parts: &Parts, x: &[Vec3]) {
+        self.0.iter_mut().for_each(|volume| volume.update(parts, x));
+    }
+
+    /// Volume of a garment at the last update [m³]; zero if nobody asked for it.
+    pub fn of(&self, garment: usize) -> f64 {
+        self.0.iter().find(|volume| volume.garment == garment).map_or(0.0, |volume| volume.value)
+    }
+}
+
+/// Edges, by their ends, that do not belong to exactly two triangles which run along them in opposite directions: where a
+/// surface is open, branches, or turns its other side out. Looks at edges whose first vertex `is_own`.
+pub fn unpaired_edges(triangles: &[[u32; 3]], is_own: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
+    let mut sides: Vec<([u32; 2], bool)> = triangles
+        .iter()
+        .flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]])
+        .map(|[p, q]| ([p.min(q), p.max(q)], p < q))
+        .filter(|(edge, _)| is_own(edge[0]))
+        .collect();
+    sides.sort_unstable();
+    let paired = |of_edge: &[([u32; 2], bool)]| of_edge.len() == 2 && of_edge[0].1 != of_edge[1].1;
+    sides.chunk_by(|a, b| a.0 == b.0).filter(|of_edge| !paired(of_edge)).map(|of_edge| of_edge[0].0).collect()
+}
+
+/// Volume between the triangles of a part's range and the origin [m³].
+pub fn volume_of(corners: &[[u32; 3]], counts: impl Fn(&[u32; 3]) -> bool, x: &[Vec3]) -> f64 {
+    corners.iter().filter(|c| counts(c)).map(|c| beneath(&at_corners(c, x))).sum::<f64>() / 6.0
+}
+
+/// Own vertices of a garment as numbers in its mesh.
+pub fn own_in_mesh(parts: &Parts, garment: usize) -> Range<u32> {
+    let (all, own) = (parts.garment(garment), parts.own_of_garment(garment));
+    (own.start - all.start) as u32..(own.end - all.start) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn open_and_turned_edges_are_found() {
+        let closed = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
+        assert!(unpaired_edges(&closed, |_| true).is_empty());
+        assert_eq!(unpaired_edges(&closed[..3], |_| true), [[0, 2], [0, 3], [2, 3]]);
+        let turned = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 3, 2]];
+        assert_eq!(unpaired_edges(&turned, |_| true), [[0, 2], [0, 3], [2, 3]]);
+        assert_eq!(unpaired_edges(&turned, |v| v == 2), [[2, 3]]);
+    }
+}

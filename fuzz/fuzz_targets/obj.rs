@@ -1,0 +1,26 @@
+//! Wavefront OBJ, and what is made of any mesh: its checks and its triangles.
+#![no_main]
+
+use drapery_core::Vec3;
+use drapery_core::scene::{EffectRequest, GarmentDescription, Mass, Scene, SceneDescription};
+use drapery_fuzz::{memory, scratch};
+use drapery_io::formats;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|data: &[u8]| {
+    let path = scratch::file("mesh.obj", data);
+    memory::bounded(|| {
+        let _ = drapery_io::inspect::inspect(&path);
+        let Ok(reader) = formats::open_mesh(&path, None) else { return };
+        let mesh = reader.mesh_at(0.0).expect("a mesh that was read is there").mesh;
+        let mut scene = SceneDescription::new("fuzz");
+        scene.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
+        scene.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 1.0));
+        let (name, velocity) = ("garment".to_owned(), Vec3::zeros());
+        let mass = Mass::Density(0.2);
+        let garment =
+            GarmentDescription { name, mesh, start: None, velocity, start_velocities: None, mass, thickness: 1e-3 };
+        scene.garments.push(garment);
+        let _ = Scene::validate(scene);
+    });
+});

@@ -1,0 +1,51 @@
+//! The small files of a run and of a site: manifest, record, lock, site file, material file, durations. The
+//! first byte says which one the rest is.
+#![no_main]
+
+use std::time::{Duration, SystemTime};
+
+use drapery_fuzz::{memory, scratch};
+use drapery_io::farm::{duration, lock};
+use drapery_io::report::folder::RunFolder;
+use drapery_io::report::status::Status;
+use drapery_io::run_record::{MANIFEST, RECORD};
+use drapery_io::site_file::SiteFile;
+use drapery_io::{report, run_record, scene_file};
+use libfuzzer_sys::fuzz_target;
+
+/// A manifest for records of any content.
+const PLAIN: &str = "{\"shot\":\"s\",\"state\":\"running\",\"first_frame\":1,\"last_frame\":4,\"fps\":\"24/1\"}";
+
+fuzz_target!(|data: &[u8]| {
+    let Some((kind, text)) = data.split_first() else { return };
+    memory::bounded(|| match kind % 6 {
+        0 => page(text, b""),
+        1 => page(PLAIN.as_bytes(), text),
+        2 => {
+            scratch::file(lock::LOCK, text);
+            let _ = lock::holder(scratch::folder(), now()).map(|holder| holder.map(|holder| holder.to_string()));
+        }
+        3 => drop(SiteFile::read(&scratch::file("site.toml", text)).map_err(|error| error.to_string())),
+        4 => drop(scene_file::read_material(&scratch::file("cloth.toml", text)).map_err(|error| error.to_string())),
+        _ => {
+            let Ok(text) = std::str::from_utf8(text) else { return };
+            let _ = duration::parse_duration(text).map_err(|error| error.to_string());
+            let _ = duration::parse_epoch(text).map_err(|error| error.to_string());
+            let _ = text.parse::<drapery_io::checkpoint::Every>();
+        }
+    });
+});
+
+/// What `drapery report` and `drapery status` make of a manifest and a record.
+fn page(manifest: &[u8], record: &[u8]) {
+    scratch::file(MANIFEST, manifest);
+    let record = scratch::file(RECORD, record);
+    let _ = run_record::listed_files(scratch::folder());
+    let _ = run_record::frame_counts(&record, "crossings");
+    let _ = RunFolder::read(scratch::folder()).map(|run| report::page(&run));
+    let _ = Status::of(scratch::folder(), now()).map_err(|error| error.to_string());
+}
+
+fn now() -> SystemTime {
+    SystemTime::UNIX_EPOCH + Duration::from_secs(2_000_000_000)
+}

@@ -1,0 +1,107 @@
+//! Seams: which vertices of which garments, and when they close.
+
+use drapery_core::Vec3;
+use drapery_core::scene::SeamDescription;
+use drapery_core::settings::Dimension;
+
+use super::deserialize::suggestion;
+use super::pins::{Named, existing};
+use super::raw::{Pairing, Seam, SeamSide};
+use super::resolve::Resolver;
+use super::tree::Path;
+
+/// Seconds over which a seam closes that does not say when, in a shot without a pre-roll.
+const CLOSING: f64 = 1.0;
+
+/// Vertices of one side, and where they start.
+struct Side {
+    garment: usize,
+    vertices: Vec<u32>,
+    start: Vec<Vec3>,
+}
+
+impl Resolver<'_> {
+    /// Resolves one seam. Problems are recorded, and the seam is then left out.
+    pub(super) fn seam(&mut self, seam: &Seam, path: &Path) {
+        let from = self.seam_side(&seam.from, &path.clone().key("from"));
+        let to = self.seam_side(&seam.to, &path.clone().key("to"));
+        let here = path.clone().key("strength");
+        let strength = self.quantity(&here, &seam.strength, Dimension::Stiffness).and_then(|s| self.positive(&here, s));
+        let gap =
+            seam.rest_gap.as_ref().map(|gap| self.quantity(&path.clone().key("rest_gap"), gap, Dimension::Length));
+        let (Some(from), Some(to), Some(stiffness)) = (from, to, strength) else { return };
+        let rest_gap = match gap {
+            Some(None) => return,
+            Some(Some(gap)) => Some(gap),
+            None => None,
+        };
+        let both_listed = seam.from.vertices.is_some() && seam.to.vertices.is_some();
+        let in_order = seam.pairing == Pairing::Order || (seam.pairing == Pairing::Auto && both_listed);
+        if in_order && from.vertices.len() != to.vertices.len() {
+            let (a, b) = (from.vertices.len(), to.vertices.len());
+            let help = "give both sides as many vertices, or write pairing = \"nearest\"".to_owned();
+            self.error_with(path, format!("one side of this seam has {a} vertices, the other {b}"), help);
+            return;
+        }
+        let timeline = self.description.timeline;
+        let start = timeline.time(timeline.start);
+        let closed = if timeline.start < timeline.origin { 0.0 } else { CLOSING };
+        self.description.seams.push(SeamDescription {
+            garments: [from.garment, to.garment],
+            pairs: if in_order { in_turn(&from, &to) } else { to_nearest(&from, &to) },
+            from: seam.start.unwrap_or(start),
+            until: seam.closed.unwrap_or(closed),
+            rest_gap,
+            stiffness,
+            damping_ratio: seam.damping_ratio,
+        });
+    }
+
+    fn seam_side(&mut self, side: &SeamSide, path: &Path) -> Option<Side> {
+        let names: Vec<&str> = self.description.garments.iter().map(|garment| garment.name.as_str()).collect();
+        let Some(garment) = names.iter().position(|name| *name == side.garment) else {
+            // A garment that could not be read has been reported already.
+            let written: Vec<&str> = self.scene.document.garment.iter().map(|g| g.name.as_str()).collect();
+            if !written.contains(&side.garment.as_str()) {
+                let help = suggestion(&side.garment, &written);
+                self.error_with(
+                    &path.clone().key("garment"),
+                    format!("there is no garment \"{}\"", side.garment),
+                    help,
+                );
+            }
+            return None;
+        };
+        let named = Named {
+            vertices: side.vertices.as_deref(),
+            corners: side.corners.as_deref(),
+            nodes: side.nodes.as_deref(),
+            region: side.region,
+        };
+        if named.ways() != 1 {
+            self.error(path, "a side of a seam needs exactly one of `vertices`, `corners`, `nodes` and `where`");
+            return None;
+        }
+        let description = &self.description.garments[garment];
+        let all = description.start.as_ref().unwrap_or(&description.mesh.points);
+        let found = named.find(all, self.grids[garment]).and_then(|chosen| existing(chosen, all.len(), "seam"));
+        let places = |vertices: &Vec<u32>| vertices.iter().map(|v| all[*v as usize]).collect();
+        let with_places = found.map(|vertices| (places(&vertices), vertices));
+        let (start, vertices) = self.check(path, with_places)?;
+        Some(Side { garment, vertices, start })
+    }
+}
+
+/// The first with the first, and so on.
+fn in_turn(from: &Side, to: &Side) -> Vec<[u32; 2]> {
+    from.vertices.iter().zip(&to.vertices).map(|(a, b)| [*a, *b]).collect()
+}
+
+/// Each vertex of one side with the nearest of the other; of equally near ones the first.
+fn to_nearest(from: &Side, to: &Side) -> Vec<[u32; 2]> {
+    let nearest = |place: &Vec3| {
+        let distance = |k: &usize| (to.start[*k] - place).norm_squared();
+        (0..to.vertices.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|k| to.vertices[k])
+    };
+    from.vertices.iter().zip(&from.start).filter_map(|(vertex, place)| Some([*vertex, nearest(place)?])).collect()
+}

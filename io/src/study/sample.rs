@@ -1,0 +1,290 @@
+//! One run of a study: the scene with its changes, simulated to the last frame, with its costs and its states.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::Instant;
+
+use drapery_core::Vec3;
+use drapery_core::metrics::Metrics;
+use drapery_core::simulation::FrameSummary;
+
+use crate::farm::process;
+use crate::scene_file::{self, SceneFile, SearchPaths};
+use crate::shot::steps::{SteppedFrame, SteppedShot};
+use crate::shot::{ShotDescription, ShotError};
+use crate::study::StudyError;
+use crate::study::cloth::Cloth;
+use crate::study::record::{Cost, Failure, Figures, Sample, StageCost};
+use crate::study::space::Wish;
+use crate::study::states::{FrameState, StatesWriter};
+
+/// How far the positions of shifted copies are moved at most, by the size of the cloth.
+pub const SHIFT: f64 = 1e-10;
+
+/// What all runs of a study have in common.
+#[derive(Debug)]
+pub struct Bench<'a> {
+    /// Scene file.
+    pub scene: &'a Path,
+    /// `--set` arguments for all runs.
+    pub settings: &'a [(String, String)],
+    /// Where files are found.
+    pub search: &'a SearchPaths,
+    /// Size of the cloth at the start [m].
+    pub size: f64,
+    /// Thickness of the thinnest garment [m].
+    pub thickness: f64,
+}
+
+/// Which frames a run simulates and compares.
+#[derive(Debug)]
+pub enum Pace<'a> {
+    /// These, ascending; the last one is the end.
+    Fixed(&'a [i64]),
+    /// As many as there is time for until `until`, and no more than up to `last`; at most `most` of them are compared.
+    Trial {
+        /// When it is enough.
+        until: Instant,
+        /// Last frame.
+        last: i64,
+        /// Compared frames at most.
+        most: usize,
+    },
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub enum Ended {
+    /// It came to its last frame or the solver gave up; with the compared frames of a trial.
+    Sample(Box<(Sample, Vec<i64>)>),
+    /// Its time was up after this frame.
+    OutOfTime(i64),
+}
+
+/// The scene file with the settings of a run.
+///
+/// # Errors
+/// The scene does not take them.
+pub fn load(bench: &Bench<'_>, wish: &Wish) -> Result<SceneFile, StudyError> {
+    let settings: Vec<_> = bench.settings.iter().chain(&wish.setting.settings).cloned().collect();
+    scene_file::load_with(bench.scene, &settings, bench.search).map_err(|error| StudyError::Scene(vec![error]))
+}
+
+/// The scene with the changes of a run.
+///
+/// # Errors
+/// The scene does not take them.
+fn describe(bench: &Bench<'_>, wish: &Wish) -> Result<ShotDescription, StudyError> {
+    let mut description = load(bench, wish)?.resolve().map_err(StudyError::Scene)?;
+    let scene = &mut description.scene;
+    scene.effects.retain(|request| !wish.setting.without.contains(&request.effect));
+    if wish.copy > 0 {
+        let mut random = Random(u64::from(wish.copy));
+        for garment in &mut scene.garments {
+            let start = garment.start.get_or_insert_with(|| garment.mesh.points.clone());
+            start.iter_mut().for_each(|x| *x += random.vector() * (SHIFT * bench.size));
+        }
+    }
+    Ok(description)
+}
+
+/// Numbers that look random and are the same everywhere (SplitMix64, Steele and others 2014).
+struct Random(u64);
+
+impl Random {
+    /// Between -1 and 1.
+    fn number(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = self.0;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (bits ^ (bits >> 31)) as f64 / (u64::MAX as f64 / 2.0) - 1.0
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.number(), self.number(), self.number())
+    }
+}
+
+/// Runs a wish. States of the compared frames are written to `states`, if it is given. At `deadline` the run is given up.
+///
+/// # Errors
+/// The scene cannot be read or started, a file breaks. A solver that gives up is a failure in the sample.
+pub fn run(
+    bench: &Bench<'_>,
+    wish: &Wish,
+    pace: &Pace<'_>,
+    (states, deadline): (Option<&Path>, Instant),
+) -> Result<Ended, StudyError> {
+    let begun = Instant::now();
+    let description = describe(bench, wish)?;
+    process::forget_peak();
+    let sample = Sample { role: wish.role, setting: wish.setting.clone(), ..Sample::default() };
+    let sample = Sample { copy: wish.copy, repeat: wish.repeat, ..sample };
+    let failed = |frame, what| {
+        let failure = Some(Failure { frame, what });
+        Ok(Ended::Sample(Box::new((Sample { failure, ..sample.clone() }, Vec::new()))))
+    };
+    // A panic is a fault of the program: the study lists it and goes on.
+    let reached = Cell::new(None);
+    let guarded = catch_unwind(AssertUnwindSafe(|| {
+        let mut shot = SteppedShot::start(description, wish.setting.body_frames)?;
+        let cloth = Cloth::of(shot.simulation(), bench.size, bench.thickness);
+        let mut course = Course::new(cloth, pace);
+        course.run(&mut shot, deadline, &reached).map(|stop| (course, stop))
+    }));
+    let next = reached.get().map(|frame: i64| frame + 1);
+    let (mut course, stop) = match guarded {
+        Err(_) => return failed(next, "a fault of the program, which printed it".to_owned()),
+        Ok(Err(ShotError::Problems(problems))) => return failed(None, problems.to_string()),
+        Ok(Err(ShotError::Step(error))) => return failed(next, error.to_string()),
+        Ok(Err(other)) => return Err(other.into()),
+        Ok(Ok(done)) => done,
+    };
+    if stop == Stop::OutOfTime {
+        return Ok(Ended::OutOfTime(next.unwrap_or_default() - 1));
+    }
+    if let Some(path) = states {
+        let mut writer = StatesWriter::create(path, &course.cloth)?;
+        course.kept.iter().try_for_each(|kept| writer.frame(&kept.state))?;
+        writer.finish()?;
+    }
+    let mut sample = sample;
+    course.fill(&mut sample);
+    sample.cost.peak_bytes = process::peak_bytes();
+    sample.cost.with_overhead = begun.elapsed().as_secs_f64();
+    Ok(Ended::Sample(Box::new((sample, course.kept.iter().map(|kept| kept.frame).collect()))))
+}
+
+/// Why a course is over.
+#[derive(Debug, PartialEq, Eq)]
+enum Stop {
+    Whole,
+    OutOfTime,
+}
+
+/// A frame that is compared.
+struct Kept {
+    frame: i64,
+    state: FrameState,
+    figures: Figures,
+}
+
+/// What one frame took.
+struct Spent {
+    frame: i64,
+    seconds: f64,
+    processor_seconds: f64,
+    summary: FrameSummary,
+}
+
+/// A run from its start to its end.
+struct Course<'a> {
+    cloth: Cloth,
+    pace: &'a Pace<'a>,
+    /// A trial keeps every so many frames, twice as many whenever there are too many.
+    stride: i64,
+    spent: Vec<Spent>,
+    kept: Vec<Kept>,
+}
+
+impl<'a> Course<'a> {
+    fn new(cloth: Cloth, pace: &'a Pace<'a>) -> Self {
+        Self { cloth, pace, stride: 1, spent: Vec::new(), kept: Vec::new() }
+    }
+
+    /// Simulates to the end of the pace.
+    fn run(
+        &mut self,
+        shot: &mut SteppedShot,
+        deadline: Instant,
+        reached: &Cell<Option<i64>>,
+    ) -> Result<Stop, ShotError> {
+        let start = shot.timeline().start;
+        reached.set(Some(start));
+        let last = match self.pace {
+            Pace::Fixed(frames) => frames.last().copied().unwrap_or(start),
+            Pace::Trial { last, .. } => *last,
+        };
+        while shot.simulation().frame() < last {
+            // A trial needs something to compare before it may be enough.
+            let until = match self.pace {
+                Pace::Trial { until, .. } if !self.kept.is_empty() => (*until).min(deadline),
+                _ => deadline,
+            };
+            let before = process::processor_seconds();
+            let Some(SteppedFrame { summary, seconds }) = shot.next_frame(&mut || Instant::now() >= until)? else {
+                let enough = matches!(self.pace, Pace::Trial { .. }) && !self.kept.is_empty();
+                return Ok(if enough { Stop::Whole } else { Stop::OutOfTime });
+            };
+            let processor_seconds = process::processor_seconds() - before;
+            let frame = summary.frame;
+            reached.set(Some(frame));
+            if self.is_compared(frame, start) {
+                let (figures, state) = self.cloth.measure(shot.simulation(), &summary);
+                self.kept.push(Kept { frame, state, figures });
+            }
+            self.spent.push(Spent { frame, seconds, processor_seconds, summary });
+        }
+        Ok(Stop::Whole)
+    }
+
+    fn is_compared(&mut self, frame: i64, start: i64) -> bool {
+        match self.pace {
+            Pace::Fixed(frames) => frames.binary_search(&frame).is_ok(),
+            Pace::Trial { most, .. } => {
+                if self.kept.len() >= *most {
+                    self.stride *= 2;
+                    let stride = self.stride;
+                    self.kept.retain(|kept| (kept.frame - start) % stride == 0);
+                }
+                (frame - start) % self.stride == 0
+            }
+        }
+    }
+
+    /// Puts what was measured up to the last compared frame into the sample.
+    fn fill(&mut self, sample: &mut Sample) {
+        let last = self.kept.last().map_or(i64::MAX, |kept| kept.frame);
+        self.spent.retain(|spent| spent.frame <= last);
+        let mut cost = Cost { frames: self.spent.len() as u64, dt: [f64::INFINITY, 0.0], ..Cost::default() };
+        let mut metrics = Metrics::default();
+        for Spent { seconds, processor_seconds, summary, .. } in &self.spent {
+            cost.seconds += seconds;
+            cost.processor_seconds += processor_seconds;
+            cost.steps += summary.steps;
+            cost.cg_iterations += summary.cg_iterations;
+            cost.dt = [cost.dt[0].min(summary.dt_min), cost.dt[1].max(summary.dt_max)];
+            metrics.add(&summary.metrics);
+        }
+        if !cost.dt[0].is_finite() {
+            cost.dt[0] = 0.0;
+        }
+        sample.cost = cost;
+        let stage =
+            |stage: &drapery_core::metrics::Stage| StageCost { stage: stage.name.to_string(), seconds: stage.seconds };
+        sample.stages = metrics.stages().iter().map(stage).collect();
+        sample.counts =
+            metrics.counts().iter().map(|(name, count)| (name.to_string(), *count)).collect::<BTreeMap<_, _>>();
+        sample.figures = self.kept.iter().map(|kept| kept.figures).collect();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shifts_are_small_spread_over_both_signs_and_the_same_every_time() {
+        let mut random = Random(3);
+        let numbers: Vec<f64> = (0..1000).map(|_| random.number()).collect();
+        assert!(numbers.iter().all(|number| number.abs() <= 1.0));
+        let mean = numbers.iter().sum::<f64>() / 1000.0;
+        // The mean of 1000 numbers that are spread evenly over [-1, 1] has a standard deviation of 0.018.
+        assert!(mean.abs() < 0.06, "{mean}");
+        assert_eq!(Random(3).number(), numbers[0]);
+        assert!(Random(4).number() != numbers[0]);
+    }
+}

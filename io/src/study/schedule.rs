@@ -1,0 +1,253 @@
+//! One run after the other, the most useful first, never beyond the limit of time.
+//!
+//! The scene as it is runs first, for a fixed share of the time: how far it comes is how many frames are studied, unless
+//! somebody says. What another run will take is foretold from those that are done; one that would not fit is left out,
+//! and one that takes much longer than was foretold is given up.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use crate::error::IoError;
+use crate::study::compare::Comparison;
+use crate::study::record::{Omission, Role, Sample, Setting, Study};
+use crate::study::sample::{self, Bench, Ended, Pace};
+use crate::study::space::Wish;
+use crate::study::{Observer, StudyError};
+
+/// Folder of the states inside that of the study.
+const STATES: &str = "states";
+
+/// Share of the time that is kept for the pages, and the least of it [s].
+const RESERVE: (f64, f64) = (0.03, 0.5);
+
+/// Seconds that comparing a vertex of a frame with others takes, roughly: the last run must not come too late for that.
+const COMPARE: f64 = 5e-7;
+
+/// Frames that are compared at most, and at least where states are large.
+const COMPARED: (usize, usize) = (24, 6);
+
+/// Bytes of the states of a run at most, if that leaves enough frames.
+const STATES_BYTES: usize = 64 << 20;
+
+/// Share of the wanted runs, without repeats, that should fit into the time.
+const FITTING: f64 = 0.9;
+
+/// How much longer than foretold a run may take before it is given up, and how many seconds in any case.
+const PATIENCE: (f64, f64) = (3.0, 3.0);
+
+/// The runs of one attempt at a study.
+#[derive(Debug)]
+pub struct Schedule<'a> {
+    /// What all runs have in common.
+    pub bench: &'a Bench<'a>,
+    /// Folder of the study.
+    pub folder: &'a Path,
+    /// When the attempt began.
+    pub begun: Instant,
+    /// Time that it may take.
+    pub limit: Duration,
+    /// Seconds of earlier attempts.
+    pub before: f64,
+}
+
+impl Schedule<'_> {
+    /// Runs all wishes that are not in the record and fit into the time; the record is written after each.
+    ///
+    /// # Errors
+    /// The base does not come to a single frame to compare; files cannot be read or written.
+    pub fn run_all(
+        &mut self,
+        wishes: &[Wish],
+        study: &mut Study,
+        observer: &mut dyn Observer,
+    ) -> Result<(), StudyError> {
+        let folder = self.folder.join(STATES);
+        std::fs::create_dir_all(&folder).map_err(|error| IoError::creating(&folder, error))?;
+        study.omitted.clear();
+        let mut comparison = Comparison::of(study, self.folder)?;
+        for (number, wish) in wishes.iter().enumerate() {
+            if study.samples.iter().any(|sample| is_of(sample, wish)) {
+                continue;
+            }
+            let omit = |why: String| Omission { label: wish.label(), why };
+            let foretold = foretell(wish, wishes, study);
+            let left = self.left(study);
+            if study.base().is_some_and(|base| !base.is_whole()) {
+                study.omitted.push(omit("the scene as it is does not run".to_owned()));
+                continue;
+            }
+            if foretold.is_some_and(|seconds| seconds > left) || left <= 0.0 {
+                let needs = foretold.map_or(String::new(), |seconds| format!("about {seconds:.0} s were needed, "));
+                study.omitted.push(omit(format!("no time: {needs}{:.0} s were left", left.max(0.0))));
+                continue;
+            }
+            observer.begins(wish, number + 1, wishes.len(), foretold);
+            match self.run_one(wish, wishes, study, (left, foretold))? {
+                Ended::OutOfTime(frame) if wish.role == Role::Base && wish.is_first() => {
+                    return Err(StudyError::Asked(format!(
+                        "there is no time for a study: after {:.0} s the scene as it is had come to frame {frame}\n  \
+                         help: give more time with --max-wall, or fewer frames with --frames",
+                        self.begun.elapsed().as_secs_f64()
+                    )));
+                }
+                Ended::OutOfTime(frame) => {
+                    study.omitted.push(omit(format!("given up after frame {frame}: it took longer than foretold")));
+                }
+                Ended::Sample(ended) => {
+                    let (sample, compared) = *ended;
+                    if study.compared.is_empty() {
+                        study.compared = compared;
+                    }
+                    study.samples.push(sample);
+                    comparison.latest(study)?;
+                }
+            }
+            study.seconds = self.before + self.begun.elapsed().as_secs_f64();
+            study.write(self.folder)?;
+        }
+        Ok(())
+    }
+
+    /// Seconds that are left for runs.
+    fn left(&self, study: &Study) -> f64 {
+        let limit = self.limit.as_secs_f64();
+        let compare = COMPARE * (study.scene.points as usize * study.compared.len()) as f64;
+        let reserve = (RESERVE.0 * limit).max(RESERVE.1) + compare.min(limit / 4.0);
+        limit - reserve - self.begun.elapsed().as_secs_f64()
+    }
+
+    fn run_one(
+        &self,
+        wish: &Wish,
+        wishes: &[Wish],
+        study: &Study,
+        (left, foretold): (f64, Option<f64>),
+    ) -> Result<Ended, StudyError> {
+        let now = Instant::now();
+        let patience = foretold.map_or(left, |seconds| (PATIENCE.0 * seconds).max(seconds + PATIENCE.1).min(left));
+        let deadline = now + Duration::from_secs_f64(patience);
+        // Copies are compared with the base at once; repeats are not compared.
+        let name = format!("{STATES}/{}.states", study.samples.len());
+        let states = (wish.repeat == 0).then(|| self.folder.join(&name));
+        let run = |pace: &Pace<'_>| sample::run(self.bench, wish, pace, (states.as_deref(), deadline));
+        let last = study.scene.frames[1];
+        let mut ended = match (study.compared.as_slice(), study.asked.frames) {
+            ([], None) => {
+                let all: f64 = wishes.iter().filter(|wish| wish.repeat == 0).map(|wish| wish.times).sum();
+                let until = now + Duration::from_secs_f64(left / (FITTING * all));
+                run(&Pace::Trial { until, last, most: compared_at_most(study) })?
+            }
+            ([], Some([_, asked])) => {
+                let last = asked.min(last);
+                run(&Pace::Fixed(&spread(study.scene.start, last, compared_at_most(study))))?
+            }
+            (compared, _) => run(&Pace::Fixed(compared))?,
+        };
+        if let Ended::Sample(ended) = &mut ended
+            && ended.0.is_whole()
+            && wish.repeat == 0
+        {
+            ended.0.states = name;
+        }
+        Ok(ended)
+    }
+}
+
+impl Wish {
+    fn is_first(&self) -> bool {
+        self.copy == 0 && self.repeat == 0
+    }
+}
+
+/// Whether a sample is what a wish asks for.
+fn is_of(sample: &Sample, wish: &Wish) -> bool {
+    // The role may have turned out to be another one: a parameter that changes the mesh.
+    is_same(&sample.setting, &wish.setting)
+        && (sample.copy, sample.repeat) == (wish.copy, wish.repeat)
+        && is_reference(sample.role) == is_reference(wish.role)
+}
+
+fn is_same(a: &Setting, b: &Setting) -> bool {
+    (&a.settings, &a.without, a.body_frames) == (&b.settings, &b.without, b.body_frames)
+}
+
+fn is_reference(role: Role) -> bool {
+    matches!(role, Role::Reference | Role::ReferenceCheck | Role::ReferenceCoarse)
+}
+
+/// Seconds that a wish will take; `None` before anything has run. Known from a run of the same settings, else from the base
+/// and the rough factor of the wish, corrected by what the latest run of the same kind took.
+fn foretell(wish: &Wish, wishes: &[Wish], study: &Study) -> Option<f64> {
+    let whole = |sample: &&Sample| sample.is_whole();
+    let same = study.samples.iter().filter(whole).rfind(|sample| is_same(&sample.setting, &wish.setting));
+    if let Some(same) = same {
+        return Some(same.cost.with_overhead);
+    }
+    let base = study.base()?.cost.with_overhead;
+    let rough = |sample: &Sample| wishes.iter().find(|wish| is_of(sample, wish)).map(|wish| wish.times);
+    let kind = |role: Role| if is_reference(role) { Role::Reference } else { role };
+    let alike = study
+        .samples
+        .iter()
+        .filter(whole)
+        .rfind(|sample| kind(sample.role) == kind(wish.role) && sample.role != Role::Base && sample.is_own());
+    let correction = alike.and_then(|sample| Some(sample.cost.with_overhead / (base * rough(sample)?)));
+    Some(base * wish.times * correction.unwrap_or(1.0))
+}
+
+fn compared_at_most(study: &Study) -> usize {
+    let frame = study.scene.points as usize * 2 * 3 * size_of::<f64>();
+    (STATES_BYTES / frame.max(1)).clamp(COMPARED.1, COMPARED.0)
+}
+
+/// At most `most` frames from `start`, which is not one of them, to `last`, evenly spread.
+fn spread(start: i64, last: i64, most: usize) -> Vec<i64> {
+    let stride = (last - start).unsigned_abs().div_ceil(most as u64).max(1);
+    let mut frames: Vec<i64> = (start + 1..=last).rev().step_by(stride as usize).collect();
+    frames.reverse();
+    frames
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::record::Cost;
+
+    fn wish(role: Role, label: &str, times: f64) -> Wish {
+        let settings = vec![("key".to_owned(), label.to_owned())];
+        Wish { role, setting: Setting { settings, ..Setting::default() }, times, ..Wish::default() }
+    }
+
+    fn sample(wish: &Wish, seconds: f64) -> Sample {
+        let cost = Cost { with_overhead: seconds, ..Cost::default() };
+        Sample { role: wish.role, setting: wish.setting.clone(), cost, ..Sample::default() }
+    }
+
+    #[test]
+    fn what_a_run_will_take_is_learnt_from_those_that_are_done() {
+        let wishes = [
+            wish(Role::Base, "base", 1.0),
+            wish(Role::Accuracy, "half", 2.0),
+            wish(Role::Accuracy, "quarter", 4.0),
+            wish(Role::ReferenceCheck, "check", 8.0),
+        ];
+        let mut study = Study::default();
+        assert_eq!(foretell(&wishes[0], &wishes, &study), None);
+        study.samples.push(sample(&wishes[0], 3.0));
+        assert_eq!(foretell(&wishes[1], &wishes, &study), Some(6.0));
+        // It took half as long as was thought: so will the next one of its kind.
+        study.samples.push(sample(&wishes[1], 3.0));
+        assert_eq!(foretell(&wishes[2], &wishes, &study), Some(6.0));
+        assert_eq!(foretell(&wishes[3], &wishes, &study), Some(24.0));
+        let repeat = Wish { repeat: 1, ..wishes[1].clone() };
+        assert_eq!(foretell(&repeat, &wishes, &study), Some(3.0));
+    }
+
+    #[test]
+    fn compared_frames_end_with_the_last_one() {
+        assert_eq!(spread(1000, 1004, 24), [1001, 1002, 1003, 1004]);
+        let frames = spread(0, 100, 24);
+        assert!(frames.len() <= 24 && frames.last() == Some(&100) && frames[0] > 0, "{frames:?}");
+        assert!(frames.windows(2).all(|pair| pair[1] - pair[0] == 5));
+    }
+}

@@ -1,0 +1,358 @@
+//! What a case works with: simulations that are watched, the command, a folder of its own.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+
+use drapery_core::Vec3;
+use drapery_core::parallel::communicator::Communicator;
+use drapery_core::parallel::local_ranks::LocalRanks;
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
+use drapery_core::snapshot::Snapshot;
+use drapery_io::shot::quality::LIMITS;
+
+use crate::case::Tier;
+
+/// Ranks and threads of each on which every scene has to come to the same bits; the first run is the one that is
+/// measured.
+const COUNTS: [[usize; 2]; 3] = [[1, 2], [4, 1], [7, 1]];
+
+/// Energy below which rounding is all there is [J].
+const SPECK: f64 = 1e-15;
+
+/// Frames after the start at which runs on several numbers of ranks are compared.
+const COMPARED: i64 = 8;
+
+/// Counts that say that something was not as it should be although they are no limits.
+const NOTED: [&str; 10] = [
+    "body_squeezed",
+    "zones_rigid",
+    "crossings_reverted",
+    "collision_steps_shortened",
+    "retried_shorter",
+    "retried_tighter",
+    "retried_more_attempts",
+    "retried_zones",
+    "retried_thinner",
+    "parts_reassigned",
+];
+
+/// Variables of the environment that could change what a command does.
+const VARIABLES: [&str; 10] = [
+    "DRAPERY_THREADS",
+    "OMP_NUM_THREADS",
+    "CUE_THREADS",
+    "SLURM_CPUS_PER_TASK",
+    "DRAPERY_LOG",
+    "DRAPERY_PROGRESS",
+    "DRAPERY_CONFIG",
+    "DRAPERY_MATERIALS",
+    "DRAPERY_STOP_AT",
+    "SLURM_JOB_END_TIME",
+];
+
+/// Gives the bodies and tracks of a frame.
+pub type Input<'a> = Box<dyn Fn(i64) -> FrameInput + Sync + 'a>;
+
+/// A scene that is run and watched.
+pub struct Trial<'a> {
+    /// What is simulated.
+    pub description: SceneDescription,
+    /// Bodies and tracks of each frame.
+    pub input: Input<'a>,
+    /// Frames after the first one.
+    pub frames: i64,
+    /// Whether it starts with crossings, or a body forces some on it; otherwise none may appear.
+    pub may_cross: bool,
+    /// Whether nothing outside works on the cloth, so that its energy may not grow by more than 1 % a second.
+    pub is_isolated: bool,
+}
+
+impl Trial<'_> {
+    /// A scene without moving inputs.
+    pub fn still(description: SceneDescription, frames: i64) -> Self {
+        Self { description, input: Box::new(FrameInput::to_frame), frames, may_cross: false, is_isolated: false }
+    }
+}
+
+/// One frame of a run.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// What the solver says of it.
+    pub summary: FrameSummary,
+    /// Positions of each garment in its own order [m].
+    pub positions: Vec<Vec<Vec3>>,
+    /// Velocities likewise [m/s].
+    pub velocities: Vec<Vec<Vec3>>,
+    /// Edges through triangles, where the scene asks for `self_collision`.
+    pub crossings: usize,
+}
+
+/// A run.
+#[derive(Debug, Clone)]
+pub struct Record {
+    /// Every frame; the first is the start.
+    pub frames: Vec<Frame>,
+    /// Masses of each garment's vertices in its own order [kg].
+    pub masses: Vec<Vec<f64>>,
+}
+
+impl Record {
+    /// The last frame.
+    pub fn last(&self) -> &Frame {
+        // A run has at least its start.
+        &self.frames[self.frames.len() - 1]
+    }
+
+    /// A count of all frames.
+    pub fn counted(&self, name: &str) -> f64 {
+        self.frames.iter().map(|frame| frame.summary.metrics.counted(name)).sum::<u64>() as f64
+    }
+
+    /// Largest strain of an edge in any frame.
+    pub fn strain(&self) -> f64 {
+        let strain = |frame: &Frame| frame.summary.max_strain.as_ref().map_or(0.0, |s| s.strain);
+        self.frames.iter().map(strain).fold(0.0, f64::max)
+    }
+
+    /// Largest kinetic energy in any frame [J].
+    pub fn kinetic(&self) -> f64 {
+        self.frames.iter().map(|frame| frame.summary.kinetic_energy).fold(0.0, f64::max)
+    }
+}
+
+/// How a command ended.
+#[derive(Debug, Clone)]
+pub struct Ended {
+    /// Its exit code; `None` if a signal ended it.
+    pub code: Option<i32>,
+    /// What it printed.
+    pub stdout: String,
+    /// What it complained about.
+    pub stderr: String,
+}
+
+impl Ended {
+    /// The exit code as a figure; -1 if a signal ended it.
+    pub fn code(&self) -> f64 {
+        f64::from(self.code.unwrap_or(-1))
+    }
+
+    /// How many of these texts neither stream has.
+    pub fn missing(&self, parts: &[&str]) -> f64 {
+        parts.iter().filter(|part| !self.stderr.contains(*part) && !self.stdout.contains(*part)).count() as f64
+    }
+}
+
+/// What a case works with.
+pub struct Bench<'a> {
+    drapery: &'a Path,
+    tier: Tier,
+    folder: tempfile::TempDir,
+    degradations: BTreeMap<String, u64>,
+}
+
+impl<'a> Bench<'a> {
+    /// A bench with an empty folder; `drapery` is the command.
+    ///
+    /// # Errors
+    /// There is no room for a folder.
+    pub fn new(drapery: &'a Path, tier: Tier) -> Result<Self, String> {
+        let folder = tempfile::tempdir().map_err(|e| format!("no folder for temporary files: {e}"))?;
+        Ok(Self { drapery, tier, folder, degradations: BTreeMap::new() })
+    }
+
+    /// How much is asked for.
+    pub fn tier(&self) -> Tier {
+        self.tier
+    }
+
+    /// `quick` in the quick tier, `full` in the others.
+    pub fn by_tier<T>(&self, quick: T, full: T) -> T {
+        if self.tier == Tier::Quick { quick } else { full }
+    }
+
+    /// What was counted that should not have happened.
+    pub fn into_degradations(self) -> Vec<(String, u64)> {
+        self.degradations.into_iter().collect()
+    }
+
+    /// The case's own folder.
+    pub fn folder(&self) -> PathBuf {
+        self.folder.path().to_owned()
+    }
+
+    /// Writes a file into the case's folder.
+    ///
+    /// # Errors
+    /// The disk is full.
+    pub fn write(&self, name: &str, text: &str) -> Result<(), String> {
+        std::fs::write(self.folder.path().join(name), text).map_err(|e| format!("{name} cannot be written: {e}"))
+    }
+
+    /// Runs the command in the case's folder and waits.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn command(&self, arguments: &[&str]) -> Result<Ended, String> {
+        let mut command = Command::new(self.drapery);
+        command.args(arguments);
+        self.wait(command)
+    }
+
+    /// Runs a script of the shell in which `drapery` is the command.
+    ///
+    /// # Errors
+    /// There is no shell.
+    pub fn shell(&self, script: &str) -> Result<Ended, String> {
+        let mut command = Command::new("sh");
+        command.args(["-c", &format!("drapery() {{ \"$DRAPERY\" \"$@\"; }}\n{script}")]).env("DRAPERY", self.drapery);
+        self.wait(command)
+    }
+
+    fn wait(&self, mut command: Command) -> Result<Ended, String> {
+        command.current_dir(self.folder.path()).stdin(Stdio::null());
+        for name in VARIABLES {
+            command.env_remove(name);
+        }
+        let output = command.output().map_err(|e| format!("{} cannot be started: {e}", self.drapery.display()))?;
+        let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+        let ended = Ended { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) };
+        if ended.code == Some(70) || ended.stderr.contains("panicked") {
+            return Err(format!("the command has panicked\n{}", ended.stderr));
+        }
+        Ok(ended)
+    }
+
+    /// Runs a scene on one rank, and its beginning on several numbers of ranks and threads, and holds it to what is asked of
+    /// every case.
+    ///
+    /// # Errors
+    /// The scene is refused, the solver gives up or panics, a number is not finite, the bits differ, cloth crosses, or
+    /// energy grows.
+    pub fn simulate(&mut self, trial: &Trial<'_>) -> Result<Record, String> {
+        let [first, others @ ..] = &COUNTS;
+        let (record, snapshot) = run_on(trial, *first, trial.frames)?;
+        self.note(&record);
+        judge_all(trial, &record)?;
+        for count in others {
+            let (_, other) = run_on(trial, *count, 0)?;
+            if other != snapshot {
+                return Err(format!("{} ranks come to other bits than one", count[0]));
+            }
+        }
+        Ok(record)
+    }
+
+    /// Runs a scene once, on one rank, for figures that compare runs of the same kind.
+    ///
+    /// # Errors
+    /// As [`Bench::simulate`].
+    pub fn simulate_once(&mut self, trial: &Trial<'_>) -> Result<Record, String> {
+        let (record, _) = run_on(trial, COUNTS[0], trial.frames)?;
+        self.note(&record);
+        judge_all(trial, &record)?;
+        Ok(record)
+    }
+
+    fn note(&mut self, record: &Record) {
+        for name in LIMITS.iter().map(|(name, _)| *name).chain(NOTED) {
+            let count: u64 = record.frames.iter().map(|frame| frame.summary.metrics.counted(name)).sum();
+            if count > 0 {
+                *self.degradations.entry(name.to_owned()).or_default() += count;
+            }
+        }
+    }
+}
+
+/// One run: every frame up to `watched`, on one rank, and the state at the frame at which runs are compared.
+fn run_on(trial: &Trial<'_>, [ranks, threads]: [usize; 2], watched: i64) -> Result<(Record, Snapshot), String> {
+    let work = |communicator| one_rank(trial, communicator, watched);
+    let all = LocalRanks::run(ranks, threads, work).map_err(|e| format!("on {ranks} ranks: panic: {e}"))?;
+    // There is a first rank.
+    all.into_iter().next().unwrap_or_else(|| Err("no rank has run".to_owned()))
+}
+
+fn one_rank(
+    trial: &Trial<'_>,
+    communicator: Arc<dyn Communicator>,
+    watched: i64,
+) -> Result<(Record, Snapshot), String> {
+    let ranks = Ranks::new(communicator);
+    let first = || ranks.is_first();
+    let start = trial.description.timeline.start;
+    let scene =
+        Scene::distribute(&ranks, first().then(|| trial.description.clone())).map_err(|e| format!("refused: {e}"))?;
+    let input = |scene: &Scene, frame: i64| scene.share_input(first().then(|| (trial.input)(frame)));
+    let at_start = input(&scene, start);
+    let mut simulation = Simulation::new(scene, &at_start).map_err(|e| format!("refused: {e}"))?;
+    let mut record = Record { frames: Vec::new(), masses: Vec::new() };
+    if watched > 0 {
+        record.masses = masses(&simulation);
+        record.frames.push(see(&simulation, FrameSummary::empty(start)));
+    }
+    let compared = trial.frames.min(COMPARED);
+    let mut snapshot = Snapshot::default();
+    for frame in 1..=compared.max(watched) {
+        let input = input(simulation.scene(), start + frame);
+        let summary = simulation.advance(&input).map_err(|e| format!("gave up: {e}"))?;
+        if frame <= watched {
+            record.frames.push(see(&simulation, summary));
+        }
+        if frame == compared {
+            snapshot = simulation.snapshot();
+        }
+    }
+    Ok((record, snapshot))
+}
+
+/// Masses of each garment's vertices in its own order [kg]; of a simulation on one rank.
+fn masses(simulation: &Simulation) -> Vec<Vec<f64>> {
+    let parts = simulation.scene().parts();
+    let of_garment = |garment: usize| {
+        let own = parts.own_of_garment(garment);
+        let mut all = vec![0.0; own.len()];
+        for (number, vertex) in parts.own_numbers()[own.clone()].iter().zip(own) {
+            all[*number as usize] = simulation.scene().masses()[vertex];
+        }
+        all
+    };
+    (0..simulation.scene().meshes().len()).map(of_garment).collect()
+}
+
+fn see(simulation: &Simulation, summary: FrameSummary) -> Frame {
+    let (mut positions, mut velocities) = (Vec::new(), Vec::new());
+    for garment in 0..simulation.scene().meshes().len() {
+        let (mut x, mut v) = (Vec::new(), Vec::new());
+        simulation.garment_positions(garment, &mut x);
+        simulation.garment_velocities(garment, &mut v);
+        positions.push(x);
+        velocities.push(v);
+    }
+    Frame { summary, positions, velocities, crossings: simulation.crossings().len() }
+}
+
+/// What is asked of every scene.
+fn judge_all(trial: &Trial<'_>, record: &Record) -> Result<(), String> {
+    let energy = |frame: &Frame| frame.summary.kinetic_energy + frame.summary.potential_energy;
+    let seconds = trial.description.timeline.frame_duration();
+    for (before, frame) in record.frames.iter().zip(&record.frames[1..]) {
+        let number = frame.summary.frame;
+        let all = frame.positions.iter().chain(&frame.velocities).flatten();
+        if all.flat_map(|x| x.iter()).any(|c| !c.is_finite()) {
+            return Err(format!("frame {number}: not finite"));
+        }
+        if !trial.may_cross && frame.crossings > 0 {
+            return Err(format!("frame {number}: {} crossings", frame.crossings));
+        }
+        // The start has no energies of its own.
+        let (was, is) = (energy(before), energy(frame));
+        if trial.is_isolated && before.summary.steps > 0 && is > was + 0.01 * seconds * was.abs() + SPECK {
+            return Err(format!("frame {number}: energy grows from {was:e} to {is:e} J"));
+        }
+    }
+    Ok(())
+}

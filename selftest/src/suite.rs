@@ -1,0 +1,62 @@
+//! Running cases one after the other.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::Instant;
+
+use crate::bench::Bench;
+use crate::case::{Case, Figure, Tier};
+
+/// What became of a case.
+#[derive(Debug, Clone)]
+pub struct Verdict {
+    /// The case.
+    pub case: Case,
+    /// Its figures; none if it could not be finished.
+    pub figures: Vec<Figure>,
+    /// Why it could not be finished, or what broke a rule of every case.
+    pub trouble: Option<String>,
+    /// Counts of what was not as it should be.
+    pub degradations: Vec<(String, u64)>,
+    /// How long it took [s].
+    pub seconds: f64,
+}
+
+impl Verdict {
+    /// Whether everything is as it must be.
+    pub fn passed(&self) -> bool {
+        self.trouble.is_none() && !self.figures.is_empty() && self.figures.iter().all(Figure::holds)
+    }
+}
+
+/// Runs a case. A panic is one of the ways to fail.
+pub fn judge(case: &Case, tier: Tier, drapery: &Path) -> Verdict {
+    let clock = Instant::now();
+    let (outcome, degradations) = match Bench::new(drapery, tier) {
+        Err(trouble) => (Err(trouble), Vec::new()),
+        Ok(mut bench) => {
+            let outcome = catch_unwind(AssertUnwindSafe(|| (case.judge)(&mut bench)));
+            (outcome.unwrap_or_else(|panic| Err(format!("panic: {}", words(&*panic)))), bench.into_degradations())
+        }
+    };
+    let (figures, trouble) = match outcome {
+        Ok(figures) => (figures, None),
+        Err(trouble) => (Vec::new(), Some(trouble)),
+    };
+    Verdict { case: *case, figures, trouble, degradations, seconds: clock.elapsed().as_secs_f64() }
+}
+
+/// What a panic said.
+fn words(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without words".to_owned())
+}
+
+/// How many cases passed, which did not, and how long all took.
+pub fn summary(verdicts: &[Verdict]) -> String {
+    let failed: Vec<&str> = verdicts.iter().filter(|v| !v.passed()).map(|v| v.case.id).collect();
+    let seconds: f64 = verdicts.iter().map(|v| v.seconds).sum();
+    let passed = verdicts.len() - failed.len();
+    let which = if failed.is_empty() { String::new() } else { format!("; failed: {}", failed.join(", ")) };
+    format!("{passed} of {} cases passed in {seconds:.0} s{which}", verdicts.len())
+}
