@@ -93,15 +93,15 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
+    /// Settings that `drapery study --write-preset` has written; --set goes over them
+    #[arg(long, value_name = "FILE")]
+    pub(crate) preset: Option<PathBuf>,
     /// Effects to do without, for example wind,self_collision; takes the place of `effects.without` of the scene
     #[arg(long, value_name = "NAMES", value_delimiter = ',', conflicts_with = "only")]
     pub(crate) without: Vec<String>,
     /// The only effects to run, of those that the scene asks for; takes the place of `effects.only` of the scene
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
-    /// Settings that `drapery study --write-preset` has written; --set goes over them
-    #[arg(long, value_name = "FILE")]
-    pub(crate) preset: Option<PathBuf>,
     /// Number of threads of each process [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK,
     /// the site file, or all cores, shared by the processes of mpirun on a machine]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
@@ -267,8 +267,11 @@ pub(crate) struct DiffArgs {
 #[derive(Debug, Args)]
 pub(crate) struct SelftestArgs {
     /// The hard cases: `quick` takes minutes, `full` takes larger scenes and combinations of cases, `soak` a weekend
-    #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick", required = true)]
+    #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick")]
     pub(crate) hard: Option<HardTier>,
+    /// The drape test of these preset materials, or of all: a disc hangs over its support at three mesh densities
+    #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present = "hard", conflicts_with = "hard")]
+    pub(crate) drape: Option<Vec<String>>,
     /// Only these cases, for example H23; repeatable
     #[arg(long = "case", value_name = "ID")]
     pub(crate) cases: Vec<String>,

@@ -5,6 +5,7 @@
 //! that every index is in range, every number finite and every rest edge longer than zero.
 
 mod left_out;
+pub mod painted;
 pub mod sewn;
 mod share;
 mod validate;
@@ -21,6 +22,7 @@ use crate::geometry::shapes::Shape;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
+use painted::PaintedMaps;
 use sewn::Sewn;
 
 /// A scene as plain data, in SI units. Nothing in it is checked.
@@ -158,6 +160,8 @@ pub struct GarmentDescription {
     /// Distance that repulsions keep between its layers, and from other garments [m]; short edges lower it
     /// (`self_repulsion`).
     pub thickness: f64,
+    /// Quantities that differ among the vertices.
+    pub maps: PaintedMaps,
 }
 
 /// Mass of a garment's points.
@@ -312,6 +316,8 @@ pub enum PinHold {
         stiffness: f64,
         /// Damping as a fraction of critical damping of the vertex on this spring.
         damping_ratio: f64,
+        /// Force at which it breaks and lets go for good [N]; `None` holds whatever pulls.
+        break_force: Option<f64>,
     },
 }
 
@@ -344,6 +350,16 @@ pub struct WindGridShape {
     pub spacing: Vec3,
     /// Number of nodes along x, y and z.
     pub counts: [usize; 3],
+}
+
+impl PinHold {
+    /// The force at which it breaks [N]; `None` if it never does.
+    pub(crate) fn break_force(&self) -> Option<f64> {
+        match self {
+            Self::Spring { break_force, .. } => *break_force,
+            Self::Hard => None,
+        }
+    }
 }
 
 /// An effect that the scene asks for.
@@ -432,6 +448,7 @@ impl GarmentDescription {
             start_velocities: None,
             mass: Mass::Density(density),
             thickness: DEFAULT_THICKNESS,
+            maps: PaintedMaps::new(),
         }
     }
 }
@@ -462,6 +479,8 @@ pub struct Scene {
     pinned: Vec<Pinned>,
     pin_targets: usize,
     sewn: Vec<Sewn>,
+    /// Maps of each garment, over the vertices of this rank's piece of its mesh.
+    painted: Vec<PaintedMaps>,
 }
 
 /// A vertex that a pin holds.
@@ -520,6 +539,14 @@ impl Scene {
     pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
         let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
         self.pinned.iter().filter(follows).map(|pinned| pinned.row as u32).collect()
+    }
+
+    /// Stiffness of the spring of a pinned vertex [N/m]; zero for one that is held hard.
+    pub(crate) fn pin_stiffness(&self, pinned: &Pinned) -> f64 {
+        let PinHold::Spring { stiffness, .. } = self.description.pins[pinned.pin].hold else { return 0.0 };
+        let garment = self.description.pins[pinned.pin].garment;
+        let vertex = pinned.vertex as usize - self.parts.garment(garment).start;
+        self.painted(garment, "pins").map_or(stiffness, |map| map.at(vertex, stiffness))
     }
 
     /// Number of all pin targets of the scene.

@@ -70,6 +70,17 @@ pub struct StrainRecord {
     pub strain: f64,
 }
 
+/// An attachment that broke.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrokenAttachment {
+    /// Name of the garment.
+    pub garment: String,
+    /// Its vertex in the garment's own order.
+    pub vertex: u32,
+    /// Number of the pin in the scene.
+    pub pin: usize,
+}
+
 /// What happened in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameSummary {
@@ -95,6 +106,8 @@ pub struct FrameSummary {
     pub body_self_crossings: u64,
     /// The first of the steps that went wrong, and what was done about them.
     pub recoveries: Vec<Recovery>,
+    /// Attachments that broke on the way to the frame, by their vertices.
+    pub broken: Vec<BrokenAttachment>,
 }
 
 impl FrameSummary {
@@ -112,6 +125,7 @@ impl FrameSummary {
             potential_energy: 0.0,
             body_self_crossings: 0,
             recoveries: Vec::new(),
+            broken: Vec::new(),
         }
     }
 

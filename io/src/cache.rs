@@ -8,7 +8,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-pub use drapery_alembic::{DataType, Scope};
+pub use drapery_alembic::{DataType, PodType, Scope};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;

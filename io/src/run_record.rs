@@ -8,7 +8,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::FrameSummary;
+use drapery_core::simulation::{BrokenAttachment, FrameSummary};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -259,6 +259,10 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
     });
     if !summary.recoveries.is_empty() {
         record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
+    }
+    if !summary.broken.is_empty() {
+        let broken = |b: &BrokenAttachment| json!({"garment": b.garment, "vertex": b.vertex, "pin": b.pin});
+        record["broken_attachments"] = summary.broken.iter().map(broken).collect();
     }
     record
 }

@@ -8,6 +8,7 @@
 pub mod bench;
 pub mod case;
 mod cases;
+pub mod drape;
 pub mod files;
 pub mod report;
 pub mod scenes;

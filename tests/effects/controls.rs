@@ -58,7 +58,7 @@ fn held_by_springs() -> SceneDescription {
         axes: [true; 3],
         from: f64::NEG_INFINITY,
         until: f64::INFINITY,
-        hold: PinHold::Spring { stiffness: 50.0, damping_ratio: 1.0 },
+        hold: PinHold::Spring { stiffness: 50.0, damping_ratio: 1.0, break_force: None },
     });
     description.effects.push(EffectRequest::of_scene("attachments"));
     description

@@ -8,6 +8,7 @@ use drapery_core::mesh::PolygonMesh;
 use drapery_core::parallel::communicator::Communicator;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::painted::PaintedMap;
 use drapery_core::scene::{
     BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription,
     PinHold, PinTarget, RigidMotion, Scene, SceneDescription, SeamDescription, WindGridShape,
@@ -152,7 +153,7 @@ fn a_hanging_sheet_with_springs_and_late_pins() {
         axes: [true; 3],
         from: 0.004,
         until: f64::INFINITY,
-        hold: PinHold::Spring { stiffness: 30.0, damping_ratio: 0.5 },
+        hold: PinHold::Spring { stiffness: 30.0, damping_ratio: 0.5, break_force: Some(0.4) },
     });
     description.effects.push(EffectRequest::of_scene("attachments"));
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
@@ -366,4 +367,24 @@ fn variants_of_the_method_on_a_deforming_ball() {
     let counted = |name: &str| summaries.iter().map(|summary| summary.metrics.counted(name)).sum::<u64>();
     assert!(counted("repulsions") > 0 && counted("collision_hits") > 0, "the sheets meet");
     shot.has_the_same_bits_everywhere();
+}
+
+#[test]
+fn a_painted_sheet_that_is_blown_over_a_floor() {
+    let mut description = cloth(0.003);
+    description.garments[0].thickness = 0.002;
+    description.garments[0].velocity = Vec3::new(1.0, -0.5, 0.3);
+    add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), 0.3);
+    description.effects.push(EffectRequest::of_scene("self_repulsion"));
+    let wind = EffectRequest::of_scene("wind").with("density", 1.0).with_vector("velocity", [2.0, 1.0, 0.0]);
+    description.effects.push(wind);
+    for (name, absolute, step) in
+        [("density", false, 1e-4), ("thickness", true, 1e-7), ("friction", true, 1e-4), ("stretch", false, 1e-4)]
+    {
+        let values = (0..81 * 81).map(|v| step * (2000 + v) as f64).collect();
+        description.garments[0].maps.insert(name.into(), PaintedMap { values, absolute });
+    }
+    let values = (0..81 * 81).map(|v| f64::from(v % 3)).collect();
+    description.garments[0].maps.insert("wind".into(), PaintedMap { values, absolute: false });
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }

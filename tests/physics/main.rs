@@ -6,6 +6,7 @@ mod drag;
 mod fit;
 mod free_motion;
 mod friction;
+mod maps;
 mod membrane;
 mod orders;
 mod oscillators;

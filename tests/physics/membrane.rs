@@ -75,13 +75,13 @@ fn a_strip_that_springs_pull_carries_its_modulus_times_its_strain_in_every_eleme
         // The springs carry the tension of the strip, each that of its share of the width.
         let beyond = stiffness * width * strain / pull;
         for corner in [true, false] {
-            let is_corner = |vertex: &usize| (at(*vertex)[1] % CELLS[1] == 0) == corner;
+            let is_corner = |vertex: &usize| (at(*vertex)[1].is_multiple_of(CELLS[1])) == corner;
             let vertices = all.clone().filter(column(CELLS[0])).filter(is_corner);
             for vertex in vertices {
                 add_pins(&mut description, vec![vertex as u32]);
                 let Some(pin) = description.pins.last_mut() else { continue };
                 let share = if corner { 0.5 } else { 1.0 } / CELLS[1] as f64;
-                pin.hold = PinHold::Spring { stiffness: pull * share, damping_ratio: 1.0 };
+                pin.hold = PinHold::Spring { stiffness: pull * share, damping_ratio: 1.0, break_force: None };
                 let target = expected[vertex] + Vec3::x() * beyond;
                 let offset = target - description.garments[0].mesh.points[vertex];
                 if let PinTarget::Path { offsets, .. } = &mut pin.target {

@@ -24,7 +24,7 @@ fn oscillator(omega: f64, zeta: f64, amplitude: f64, steps_per_second: u32) -> S
     if let drapery_core::scene::PinTarget::Path { offsets, .. } = &mut description.pins[0].target {
         offsets.push((0.0, Vec3::new(0.0, -amplitude, 0.0)));
     }
-    description.pins[0].hold = PinHold::Spring { stiffness: omega * omega, damping_ratio: zeta };
+    description.pins[0].hold = PinHold::Spring { stiffness: omega * omega, damping_ratio: zeta, break_force: None };
     description.effects[0].effect = "attachments".into();
     start(description)
 }

@@ -104,3 +104,36 @@ fn solve_catenary(ratio: f64) -> f64 {
     }
     0.5 * (low + high)
 }
+
+/// A triangle that falls from its places into springs of 10 rad/s, critically damped, that break at a share of its weight.
+fn hung_until(share: f64) -> drapery_core::simulation::Simulation {
+    let points = vec![Vec3::zeros(), Vec3::z() * 0.1, Vec3::x() * 0.1];
+    let mesh = drapery_core::mesh::PolygonMesh::from_triangles(points, &[[0, 1, 2]]);
+    let mass = 0.2 * 0.005 / 3.0;
+    let mut description = scene_of(GarmentDescription::new("triangle", mesh, 0.2), 100);
+    description.solver.max_dt = Some(1e-3);
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    add_pins(&mut description, vec![0, 1, 2]);
+    let break_force = Some(share * mass * 9.81);
+    description.pins[0].hold =
+        drapery_core::scene::PinHold::Spring { stiffness: 100.0 * mass, damping_ratio: 1.0, break_force };
+    description.effects[1] = drapery_core::scene::EffectRequest::of_scene("attachments");
+    start(description)
+}
+
+#[test]
+fn an_attachment_holds_less_than_its_breaking_force_and_lets_go_for_good_at_more() {
+    let mut held = hung_until(1.01);
+    assert!(run(&mut held, 300).broken.is_empty());
+    assert!((positions(&held)[0].y + 9.81 / 100.0).abs() < 1e-6, "it hangs where the spring carries it");
+    // (1 + ωt) e^(-ωt) = 0.2 at ωt = 2.994: in the 30th hundredth of a second.
+    let mut loose = hung_until(0.8);
+    assert!(run(&mut loose, 29).broken.is_empty());
+    let summary = run(&mut loose, 1);
+    let vertices: Vec<u32> = summary.broken.iter().map(|broken| broken.vertex).collect();
+    assert_eq!((vertices.as_slice(), summary.metrics.counted("attachments_broken")), (&[0, 1, 2][..], 3));
+    assert_eq!(summary.broken[0].garment, "triangle");
+    let before = velocities(&loose)[0].y;
+    assert!(run(&mut loose, 10).broken.is_empty());
+    assert!((velocities(&loose)[0].y - before + 0.981).abs() < 1e-9, "it falls freely");
+}

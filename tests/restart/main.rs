@@ -92,7 +92,7 @@ fn everything() -> SceneDescription {
     description.bodies.push(BodyDescription { friction: 0.4, thickness: 2e-3, ..body });
     let pin = |target, (from, until), hold| PinDescription { garment: 0, target, axes: [true; 3], from, until, hold };
     let always = (f64::NEG_INFINITY, f64::INFINITY);
-    let spring = PinHold::Spring { stiffness: 50.0, damping_ratio: 0.5 };
+    let spring = PinHold::Spring { stiffness: 50.0, damping_ratio: 0.5, break_force: Some(0.5) };
     let here = PinTarget::Path { anchor: PinAnchor::WhenHeld, vertices: vec![440], offsets: Vec::new() };
     description.pins = vec![
         pin(PinTarget::Track { vertices: vec![0, 420], track: 0 }, always, PinHold::Hard),

@@ -24,7 +24,9 @@ const TOLERANCES: [&str; 3] =
     ["core/src/tolerances.rs", "core/src/contact/tolerances.rs", "core/src/geometry/tolerances.rs"];
 
 /// Small numbers elsewhere: file, number, and why it is no tolerance.
-const EXCEPTIONS: [(&str, &str, &str); 5] = [
+const EXCEPTIONS: [(&str, &str, &str); 7] = [
+    ("core/src/settings.rs", "1e-6", "a micronewton metre"),
+    ("core/src/settings.rs", "9.80665e-5", "a gram-force square centimetre over a centimetre in newton metres"),
     ("core/src/settings.rs", "1e-2", "a centimetre"),
     ("core/src/settings.rs", "1e-3", "a millimetre, a gram, a millisecond"),
     ("core/src/settings.rs", "9.80665e-3", "a gram-force in newtons"),

@@ -41,8 +41,16 @@ pub fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, friction: f
 /// Moves a vertex that ended a step at `x` (from `x_old`, both in m) too close to a body, and corrects `velocity` [m/s].
 ///
 /// The position is corrected in the frame that the body's material carries along: what is left of the relative motion after
-/// friction is the slip, and a vertex that sticks ends exactly where the body carried it.
-pub fn respond(body: &Body, at: &BodyPoint, x: &Vec3, x_old: &Vec3, velocity: &Vec3, dt: f64) -> Response {
+/// friction is the slip, and a vertex that sticks ends exactly where the body carried it. `friction` is the coefficient of this
+/// vertex on the body.
+pub fn respond(
+    (body, friction): (&Body, f64),
+    at: &BodyPoint,
+    x: &Vec3,
+    x_old: &Vec3,
+    velocity: &Vec3,
+    dt: f64,
+) -> Response {
     let n = &at.normal;
     let carried = x_old + at.displacement;
     let depth = body.offset - at.phi;
@@ -56,11 +64,11 @@ pub fn respond(body: &Body, at: &BodyPoint, x: &Vec3, x_old: &Vec3, velocity: &V
         // a vertex pulled hard against a body does not sink in.
         (0.0, carried + n * depth_at_start.min(dt * body.max_push_speed))
     };
-    let slip = coulomb(&relative, &Vec3::zeros(), n, body.friction);
+    let slip = coulomb(&relative, &Vec3::zeros(), n, friction);
     let normal_slip = slip.dot(n);
     Response {
         position: contact + (slip - n * normal_slip) * ((1.0 - fraction) * dt),
-        velocity: coulomb(velocity, &at.velocity, n, body.friction),
+        velocity: coulomb(velocity, &at.velocity, n, friction),
         normal_velocity: normal_slip + at.displacement.dot(n) / dt,
     }
 }

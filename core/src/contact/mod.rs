@@ -25,6 +25,7 @@ pub mod search;
 pub mod self_contact;
 pub mod share;
 pub mod shared;
+mod step_control;
 pub mod surface;
 #[cfg(test)]
 pub(crate) mod testing;

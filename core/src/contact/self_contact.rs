@@ -15,6 +15,7 @@ use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
 use crate::contact::repulsion::{Laws, Moment, Passes, Repulsions};
 use crate::contact::search::PairSearch;
+use crate::contact::step_control::StepControl;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::contact::untangle::push_apart;
@@ -32,18 +33,12 @@ use crate::state::State;
 /// What both halves of self-contact remember.
 pub const SECTION: Section = Section { name: "self_contact", version: 1 };
 
-/// Collision steps without a rewind after which K is doubled (method 2.1).
-const GROWTH_PERIOD: u32 = 3;
-
 /// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
 const STEP_COUNTS: [&str; 5] =
     ["collision_steps_k1", "collision_steps_k2", "collision_steps_k4", "collision_steps_k8", "collision_steps_k16"];
 
 /// Rounds in which what would cross more stays where it was; then everything does.
 const REVERT_ROUNDS: u32 = 6;
-
-/// Shortest share of a time step to which hard contact shortens it.
-const SHORTEST_STEP: f64 = 0.125;
 
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LONGEST_WAY: f64 = 0.5;
@@ -69,40 +64,6 @@ pub struct CollisionSettings {
     /// Whether collisions are resolved after the position half of every step, as in the authors' later code, instead of
     /// after whole steps.
     pub after_position: bool,
-}
-
-/// Number and length of the time steps per collision step, found by trying.
-#[derive(Debug)]
-struct StepControl {
-    steps: u32,
-    max_steps: u32,
-    /// Share of the step that the cloth would allow.
-    share: f64,
-    successes: u32,
-}
-
-impl StepControl {
-    fn succeeded(&mut self) {
-        // Only whether it is a multiple matters, and a state from elsewhere may begin anywhere.
-        self.successes = self.successes.wrapping_add(1);
-        if self.successes.is_multiple_of(GROWTH_PERIOD) {
-            if self.share < 1.0 {
-                self.share = (2.0 * self.share).min(1.0);
-            } else {
-                self.steps = (2 * self.steps).min(self.max_steps);
-            }
-        }
-    }
-
-    /// Where zones are needed even after single steps, contact changes faster than the steps resolve.
-    fn failed(&mut self) {
-        self.successes = 0;
-        if self.steps > 1 {
-            self.steps /= 2;
-        } else {
-            self.share = (0.5 * self.share).max(SHORTEST_STEP);
-        }
-    }
 }
 
 /// The geometric half.
@@ -171,7 +132,7 @@ impl SelfContact {
         let neighbours = Neighbours::new(&surface, repulsion.is_some());
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
-            control: StepControl { steps: 1, max_steps: settings.max_steps, share: 1.0, successes: 0 },
+            control: StepControl::new(settings.max_steps),
             work: CollisionLoop::default(),
             velocities: Vec::new(),
             crossings: Vec::new(),
@@ -502,9 +463,7 @@ impl SelfContact {
         }
         let Some(geometric) = &mut self.geometric else { return Ok(()) };
         let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
-        geometric.control.steps = count("steps").clamp(1, geometric.control.max_steps);
-        geometric.control.share = memory.number("step_share").clamp(SHORTEST_STEP, 1.0);
-        geometric.control.successes = count("successes");
+        geometric.control.go_on(count("steps"), memory.number("step_share"), count("successes"));
         let rows = memory.numbers("crossings").as_chunks::<5>().0;
         let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
         geometric.crossings = rows.iter().map(crossing).collect();

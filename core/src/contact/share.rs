@@ -78,10 +78,12 @@ impl ClothShare {
         let touches = |corners: &&[u32; 3]| corners.iter().any(|v| own(*v).is_some());
         let number = |v: u32| parts.number(first + v as usize);
         self.triangles.extend(mesh.triangles().iter().filter(touches).map(|t| t.map(number)));
-        for (v, rest) in (0..).zip(mesh.rest_positions()) {
-            if let Some(v) = own(v) {
+        let thickness = scene.description().garments[garment].thickness;
+        let painted = scene.painted(garment, "thickness");
+        for (place, rest) in mesh.rest_positions().iter().enumerate() {
+            if let Some(v) = own(place as u32) {
                 self.rest[v] = *rest;
-                self.thickness[v] = scene.description().garments[garment].thickness;
+                self.thickness[v] = painted.map_or(thickness, |map| map.at(place, thickness));
             }
         }
         for edge in mesh.edges() {

@@ -7,7 +7,11 @@
 //! mode = "spring"
 //! stiffness = "200 N/m"
 //! damping_ratio = 1.0
+//! break_force = "60 N"
 //! ```
+//!
+//! An attachment whose spring pulls with more than `break_force` at a state free of collisions lets its vertex go for good: it
+//! is counted (`attachments_broken`) and named with its vertex in the record of that frame.
 
 #![cfg(feature = "effect-attachments")]
 
@@ -27,7 +31,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     requires: &[],
     cost: Cost { elements: "springs", step: 20.0, iteration: 3.0 },
     section: Some(pins::SECTION),
-    counts: &[],
+    counts: &["attachments_broken"],
     build,
 };
 
@@ -54,7 +58,8 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let (scene, parts) = (context.scene, context.scene.parts());
     let mut entries = Vec::new();
     for (target, pinned) in scene.pinned().iter().enumerate() {
-        if let PinHold::Spring { stiffness, damping_ratio } = scene.description().pins[pinned.pin].hold {
+        if let PinHold::Spring { damping_ratio, .. } = scene.description().pins[pinned.pin].hold {
+            let stiffness = scene.pin_stiffness(pinned);
             let own = pinned.vertex as usize;
             let part = parts.part_of(own);
             let damping = 2.0 * damping_ratio * (stiffness * scene.masses()[own]).sqrt();
@@ -100,7 +105,7 @@ impl Force for PartAttachments {
     }
 
     fn energy(&self, view: &PartView<'_>) -> f64 {
-        let active = self.springs.iter().filter(|a| a.active);
+        let active = self.springs.iter().filter(|a| view.around.targets.is_active(a.target));
         let apart =
             |a: &Attachment| view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
         active.map(|a| 0.5 * a.stiffness * apart(a).norm_squared()).sum()

@@ -16,7 +16,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::bodies::{Bodies, BodyPoint};
+use crate::bodies::{Bodies, Body, BodyPoint};
 use crate::contact::friction::{coulomb, respond};
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
 use crate::error::Problem;
@@ -99,6 +99,8 @@ pub struct BodyCollision {
     surfaces: usize,
     /// Whether pins hold the vertex in all directions, so that no body can move it.
     held: Vec<bool>,
+    /// Painted friction: what multiplies that of a body, and what is added; empty if none is painted.
+    painted: Vec<[f64; 2]>,
     /// Local number of the first own vertex.
     first: usize,
     search: f64,
@@ -136,11 +138,13 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
         memory_slot,
         surfaces,
         held: vec![false; vertices],
+        painted: scene.painted_everywhere("friction").map_or_else(Vec::new, |all| all[own.clone()].to_vec()),
         first: own.start,
         search: SEARCH_EDGES * scene.mean_edge(),
     };
     let bytes = vertices * (size_of::<VertexContact>() + 1 + surfaces * size_of::<Memory>())
-        + collision.marks.len() * size_of::<Marks>();
+        + collision.marks.len() * size_of::<Marks>()
+        + size_of_val(collision.painted.as_slice());
     Ok(Effect { body_collision: Some(collision), elements: vertices, bytes, ..Effect::default() })
 }
 
@@ -190,7 +194,7 @@ impl BodyCollision {
     /// First the velocity alone (`v_star`), from where the vertex would go with `v_half`; then the position, from where it
     /// goes with the corrected velocity plus what the half step added.
     pub fn positions(&mut self, step: &CollisionStep<'_>, x1: &mut [Vec3], v_star: &mut [Vec3], metrics: &mut Metrics) {
-        let slots = &self.memory_slot;
+        let (slots, painted) = (&self.memory_slot, self.painted.as_slice());
         let (search, surfaces) = (self.search, self.surfaces);
         let chunks = x1.par_chunks_mut(CHUNK).zip(v_star.par_chunks_mut(CHUNK));
         let contacts = self.contacts.par_chunks_mut(CHUNK).zip(&mut self.marks);
@@ -207,7 +211,8 @@ impl BodyCollision {
                     let memory = &mut memory[i * surfaces..(i + 1) * surfaces];
                     let own_way = (step.v[vertex].norm() + step.v_half[vertex].norm()) * step.dt;
                     let known = [Known::NOTHING; CACHED];
-                    let mut search = Search { step, slots, search, memory, counts: &mut counts, own_way, known };
+                    let counts = &mut counts;
+                    let mut search = Search { step, slots, painted, search, memory, counts, own_way, known };
                     if search.is_far_from_all(&step.x[vertex], &x1[i]) {
                         search.remember(&step.x[vertex], &x1[i]);
                     } else {
@@ -263,14 +268,15 @@ impl BodyCollision {
     /// B.7: no vertex approaches a body that it would touch in the next step, and if `rubs` friction acts with the full load.
     /// The look-ahead is relative to the body (method 5.4). `v` are those of own vertices.
     pub fn final_velocity(&self, bodies: &Bodies, dt: f64, rubs: bool, v: &mut [Vec3]) {
-        let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks);
-        chunks.for_each(|((v, contacts), marks)| {
+        let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks).enumerate();
+        chunks.for_each(|(c, ((v, contacts), marks))| {
             for i in marked(marks.near) {
                 let v = &mut v[i];
                 for hold in contacts[i].holds.iter().flatten() {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
                     if ahead < hold.offset {
-                        let friction = if rubs { bodies.list()[hold.body].friction } else { 0.0 };
+                        let body = &bodies.list()[hold.body];
+                        let friction = if rubs { friction(&self.painted, c * CHUNK + i, body) } else { 0.0 };
                         *v = coulomb(v, &hold.at.velocity, &hold.at.normal, friction);
                     }
                 }
@@ -355,10 +361,16 @@ struct Touch {
     outside: Vec3,
 }
 
+/// Friction of an own vertex on a body.
+fn friction(painted: &[[f64; 2]], vertex: usize, body: &Body) -> f64 {
+    painted.get(vertex).map_or(body.friction, |[times, more]| times * body.friction + more)
+}
+
 /// The search for contacts of one vertex.
 struct Search<'a> {
     step: &'a CollisionStep<'a>,
     slots: &'a [Option<usize>],
+    painted: &'a [[f64; 2]],
     search: f64,
     memory: &'a mut [Memory],
     counts: &'a mut Counts,
@@ -376,7 +388,9 @@ impl Search<'_> {
         let mut met = false;
         for body in 0..step.bodies.list().len() {
             if let Some(at) = self.contact(body, x, &before) {
-                *v_star = respond(&step.bodies.list()[body], &at, &before, x, v_star, dt).velocity;
+                let properties = &step.bodies.list()[body];
+                let friction = friction(self.painted, vertex, properties);
+                *v_star = respond((properties, friction), &at, &before, x, v_star, dt).velocity;
                 met = true;
             }
         }
@@ -388,7 +402,8 @@ impl Search<'_> {
             if let Some(at) = self.contact(body, x, x1) {
                 let properties = &step.bodies.list()[body];
                 let outside = *x1 + at.normal * (properties.offset - properties.thickness - at.phi);
-                let response = respond(properties, &at, x1, x, v_star, dt);
+                let friction = friction(self.painted, vertex, properties);
+                let response = respond((properties, friction), &at, x1, x, v_star, dt);
                 *x1 = response.position;
                 touched = Some(Touch { body, at, outside });
                 contact.add(Hold { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });

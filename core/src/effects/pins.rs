@@ -77,6 +77,12 @@ pub struct PinTargets {
     at_t0: Vec<Vec3>,
     at_t1: Vec<Vec3>,
     active: Vec<bool>,
+    /// Whether some pin of the scene can break: alike on all ranks, also where none is pinned.
+    breakable: bool,
+    /// How far each target may be from its vertex before it breaks [m]; empty if none can.
+    reaches: Vec<f64>,
+    /// When each target broke [s], infinite for those that hold; empty if none can.
+    broken_at: Vec<f64>,
     dt: f64,
 }
 
@@ -130,6 +136,15 @@ impl PinTargets {
         built.at_t1 = built.targets.iter().map(|t| built.evaluate(t, bodies, tracks, time)).collect();
         built.at_t0 = built.at_t1.clone();
         built.active = vec![false; built.targets.len()];
+        built.breakable = scene.description().pins.iter().any(|pin| pin.hold.break_force().is_some());
+        if built.breakable {
+            let reach = |pinned: &Pinned| {
+                let force = scene.description().pins[pinned.pin].hold.break_force();
+                force.map_or(f64::INFINITY, |force| force / scene.pin_stiffness(pinned))
+            };
+            built.reaches = scene.pinned().iter().map(reach).collect();
+            built.broken_at = vec![f64::INFINITY; built.targets.len()];
+        }
         Ok(built)
     }
 
@@ -139,13 +154,37 @@ impl PinTargets {
         std::mem::swap(&mut self.at_t0, &mut self.at_t1);
         for i in 0..self.targets.len() {
             let (from, until) = self.windows[self.targets[i].pin];
-            let holds = from <= t0 && t0 < until;
+            let holds = from <= t0 && t0 < until && !self.is_broken(i);
             if holds && !self.active[i] && self.targets[i].taken_when_held {
                 self.take_place(i, x, t0);
             }
             self.active[i] = holds;
             self.at_t1[i] = self.evaluate(&self.targets[i], bodies, tracks, t1);
         }
+    }
+
+    /// Whether the target has let go for good.
+    fn is_broken(&self, target: usize) -> bool {
+        self.broken_at.get(target).is_some_and(|time| time.is_finite())
+    }
+
+    /// Lets go, at the end of a step, what is farther from its vertex than its spring can hold; returns how many.
+    pub(crate) fn break_overloaded(&mut self, x: &[Vec3], time: f64) -> u64 {
+        let mut broken = 0;
+        for i in 0..self.reaches.len() {
+            let overloaded = (self.at_t1[i] - x[self.targets[i].vertex]).norm() > self.reaches[i];
+            if self.active[i] && overloaded {
+                (self.active[i], self.broken_at[i]) = (false, time);
+                broken += 1;
+            }
+        }
+        broken
+    }
+
+    /// Own vertices that were let go after `start` and up to `end` [s], each with the number of its pin.
+    pub(crate) fn broken_between(&self, start: f64, end: f64) -> Vec<(usize, usize)> {
+        let then = |(_, time): &(&Target, &f64)| **time > start && **time <= end;
+        self.targets.iter().zip(&self.broken_at).filter(then).map(|(t, _)| (t.vertex, t.pin)).collect()
     }
 
     /// Moves a target's place so that it is where its vertex is now.
@@ -171,13 +210,18 @@ impl PinTargets {
         let attachments = || self.targets.iter().map(attachment);
         let vectors = |values: Vec<Vec3>| Field::Targets(3, Values::F64(bytemuck::cast_slice(&values).to_vec()));
         let active = self.active.iter().map(|active| u8::from(*active)).collect();
-        Remembered::new(SECTION)
+        let memory = Remembered::new(SECTION)
             .with("places", vectors(self.targets.iter().map(place).collect()))
             .with("body_points", Field::Targets(3, Values::U32(attachments().flat_map(|a| a.body_points).collect())))
             .with("weights", Field::Targets(3, Values::F64(attachments().flat_map(|a| a.weights).collect())))
             .with("offsets", vectors(attachments().map(|a| a.offset).collect()))
             .with("at_end", vectors(self.at_t1.clone()))
-            .with("active", Field::Targets(1, Values::U8(active)))
+            .with("active", Field::Targets(1, Values::U8(active)));
+        // Scenes in which nothing can break have no such field.
+        match self.breakable {
+            false => memory,
+            true => memory.with("broken_at", Field::Targets(1, Values::F64(self.broken_at.clone()))),
+        }
     }
 
     /// Goes on from what was remembered.
@@ -213,6 +257,9 @@ impl PinTargets {
         self.at_t1 = at_end.iter().map(|place| Vec3::from(*place)).collect();
         if let Some(Values::U8(active)) = memory.targets("active") {
             self.active = active.iter().map(|mark| *mark != 0).collect();
+        }
+        if let Some(Values::F64(times)) = memory.targets("broken_at") {
+            self.broken_at.clone_from(times);
         }
         Ok(())
     }

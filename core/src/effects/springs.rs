@@ -12,6 +12,7 @@ use crate::effects::{BuildContext, Effect};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::parallel::ranks::Ranks;
+use crate::scene::painted::PaintedMap;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// How the stiffness of each spring follows from a setting.
@@ -137,7 +138,8 @@ pub(super) fn stiffnesses_of(
         Problem::scene(place, e, "give one of them")
     })?;
     let ranks = context.scene.parts().ranks();
-    Ok(stiffnesses(elements, lengths, stiffness, settings.optional("short_edges"), ranks))
+    let painted = context.garment.and_then(|garment| context.scene.painted(garment, name));
+    Ok(stiffnesses(elements, lengths, (stiffness, painted), settings.optional("short_edges"), ranks))
 }
 
 /// Stiffness of each spring [N/m], the length to which the shorter ones are softened [m], and a note on those (method 1.4: a
@@ -145,7 +147,7 @@ pub(super) fn stiffnesses_of(
 fn stiffnesses(
     elements: &[SpringElement],
     lengths: &[f64],
-    stiffness: Stiffness,
+    (stiffness, painted): (Stiffness, Option<&PaintedMap>),
     short_edges: Option<f64>,
     ranks: &Ranks,
 ) -> (Vec<f64>, f64, Vec<String>) {
@@ -156,9 +158,11 @@ fn stiffnesses(
     let [softened] = ranks.sum_of([lengths.iter().filter(|l| **l < shortest).count() as u64]);
     let of = |element: &SpringElement| {
         let length = element.rest_length.max(shortest);
+        // A spring has the mean of what is painted at its ends.
+        let local = |of_garment: f64| painted.map_or(of_garment, |map| map.mean(&element.vertices, of_garment));
         match stiffness {
-            Stiffness::Membrane(y) => y * element.area / (length * length),
-            Stiffness::Constant(e) => e / length,
+            Stiffness::Membrane(y) => local(y) * element.area / (length * length),
+            Stiffness::Constant(e) => local(e) / length,
         }
     };
     let note = format!(

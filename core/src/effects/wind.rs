@@ -36,6 +36,7 @@ use crate::effects::pins::along_path;
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope, Surroundings};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
+use crate::scene::Scene;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
@@ -120,6 +121,8 @@ impl Air {
 struct PartWind {
     air: Arc<Air>,
     triangles: PartTriangles,
+    /// Painted share of the wind of each triangle, and of each own vertex; empty if none is painted.
+    shares: [Vec<f64>; 2],
     /// For each triangle its unit normal, and the drag [N s/m] of a corner in all directions and more along the normal; empty
     /// if triangles feel nothing.
     drags: Vec<(Vec3, [f64; 2])>,
@@ -148,16 +151,27 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     }
     let air = Arc::new(Air { velocity, keys, tangential, density, normal });
     let scene = context.scene;
+    let painted = scene.painted_everywhere("wind");
     let mut effect = Effect { sees_velocities: density > 0.0, ..Effect::default() };
     for (part, triangles) in PartTriangles::of(scene, 0..scene.meshes().len()) {
         let by_area = tangential > 0.0 || density > 0.0;
         let drags = vec![(Vec3::zeros(), [0.0; 2]); if by_area { triangles.count() } else { 0 }];
         let normals = vec![Vec3::zeros(); if normal > 0.0 { scene.parts().ranges()[part].len() } else { 0 }];
+        let shares =
+            painted.as_ref().map_or_else(<[Vec<f64>; 2]>::default, |painted| shares(scene, part, &triangles, painted));
         effect.elements += triangles.counted();
         effect.bytes += triangles.bytes() + size_of_val(drags.as_slice()) + size_of_val(normals.as_slice());
-        effect.forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, drags, normals })));
+        effect.bytes += shares.iter().map(|share| size_of_val(share.as_slice())).sum::<usize>();
+        effect.forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, shares, drags, normals })));
     }
     Ok(effect)
+}
+
+/// What is painted of the wind, on the triangles of a part and on its vertices.
+fn shares(scene: &Scene, part: usize, triangles: &PartTriangles, painted: &[[f64; 2]]) -> [Vec<f64>; 2] {
+    let of_triangle = |corners: &[u32; 3]| corners.iter().map(|v| painted[*v as usize][0]).sum::<f64>() / 3.0;
+    let own = scene.parts().ranges()[part].clone();
+    [triangles.corners().iter().map(of_triangle).collect(), painted[own].iter().map(|share| share[0]).collect()]
 }
 
 /// Mean of what belongs to the corners.
@@ -168,8 +182,8 @@ fn mean(of: &[Vec3; 3]) -> Vec3 {
 impl PartWind {
     /// Tangential drag and pressure.
     fn push_triangles(&mut self, view: &PartView<'_>, steady: &Vec3, f: &mut [Lanes]) {
-        let Self { air, triangles, drags, .. } = self;
-        for (corners, (normal, drag)) in triangles.corners().iter().zip(drags) {
+        let Self { air, triangles, shares, drags, .. } = self;
+        for (t, (corners, (normal, drag))) in triangles.corners().iter().zip(drags).enumerate() {
             let x = at_corners(corners, view.x);
             let across = area_vector(&x);
             let area = across.norm();
@@ -181,7 +195,9 @@ impl PartWind {
                 let relative = wind - mean(&at_corners(corners, view.around.v));
                 along_normal += air.density * relative.dot(normal).abs();
             }
-            *drag = [air.tangential * area / 3.0, along_normal * area / 3.0];
+            // A third of the triangle for each corner, and of that what is painted.
+            let share = shares[0].get(t).map_or(area / 3.0, |share| share * area / 3.0);
+            *drag = [air.tangential * share, along_normal * share];
             triangles.add(corners, &dragged(&wind, normal, drag), f);
         }
     }
@@ -199,7 +215,8 @@ impl PartWind {
         }
         for (i, (normal, mass)) in self.normals.iter_mut().zip(view.masses).enumerate() {
             let length = normal.norm();
-            *normal *= if length > 0.0 { (self.air.normal * mass).sqrt() / length } else { 0.0 };
+            let drag = self.shares[1].get(i).map_or(mass * self.air.normal, |share| share * mass * self.air.normal);
+            *normal *= if length > 0.0 { drag.sqrt() / length } else { 0.0 };
             let wind = Air::at(&view.around, steady, &view.x[view.start + i]);
             f[i] += Lanes::from(&*normal) * wind.dot(normal);
         }

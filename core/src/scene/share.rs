@@ -14,6 +14,7 @@ use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
+use crate::scene::painted::{PaintedMap, PaintedMaps};
 use crate::scene::sewn::{Sewn, partners, sewn_pairs, sewn_to};
 use crate::scene::{GarmentDescription, PinTarget, Pinned, Scene, SceneDescription};
 
@@ -27,6 +28,8 @@ pub(super) struct Piece {
     start: Vec<Vec3>,
     /// Velocities of own vertices at the start, where they differ among each other [m/s].
     velocities: Vec<Vec3>,
+    /// Painted values of all vertices, map after map in the order of their names.
+    maps: Vec<Vec<f64>>,
     /// Polygon and corners (numbers in the scene), ascending: the order in which triangles stand on every rank.
     triangles: Vec<[u32; 4]>,
 }
@@ -117,28 +120,32 @@ impl<'a> Handout<'a> {
         let mut triangles: Vec<[u32; 4]> = near.iter().map(triangle).collect();
         triangles.sort_unstable();
         let (start, velocities) = (of_own(&self.garment.start), of_own(&self.garment.start_velocities));
-        Piece { vertices, rest, start, velocities, triangles }
+        let painted = |map: &PaintedMap| vertices.iter().map(|[_, v]| map.values[*v as usize]).collect();
+        let maps = self.garment.maps.values().map(painted).collect();
+        Piece { vertices, rest, start, velocities, maps, triangles }
     }
 }
 
 impl Piece {
     fn to_bytes(&self) -> Vec<u8> {
-        let Self { vertices, rest, start, velocities, triangles } = self;
-        let mut bytes = [vertices.len(), start.len(), velocities.len(), triangles.len()].to_bytes();
+        let Self { vertices, rest, start, velocities, maps, triangles } = self;
+        let mut bytes = [vertices.len(), start.len(), velocities.len(), maps.len(), triangles.len()].to_bytes();
         bytes.reserve(size_of_val(vertices.as_slice()) + size_of_val(rest.as_slice()));
         bytes.extend_from_slice(bytemuck::cast_slice(vertices));
         [rest, start, velocities].iter().for_each(|vectors| bytes.extend_from_slice(bytemuck::cast_slice(vectors)));
+        maps.iter().for_each(|map| bytes.extend_from_slice(bytemuck::cast_slice(map)));
         bytes.extend_from_slice(bytemuck::cast_slice(triangles));
         bytes
     }
 
     fn from_bytes(mut bytes: &[u8]) -> Option<Self> {
-        let [vertices, start, velocities, triangles] = <[usize; 4]>::take(&mut bytes)?;
+        let [vertices, start, velocities, maps, triangles] = <[usize; 5]>::take(&mut bytes)?;
         Some(Self {
             vertices: next(&mut bytes, vertices)?,
             rest: next(&mut bytes, vertices)?,
             start: next(&mut bytes, start)?,
             velocities: next(&mut bytes, velocities)?,
+            maps: (0..maps).map(|_| next(&mut bytes, vertices)).collect::<Option<_>>()?,
             triangles: next(&mut bytes, triangles)?,
         })
     }
@@ -176,6 +183,7 @@ impl Piece {
         Self {
             rest: vertices.iter().map(|v| mesh.rest_positions()[*v as usize]).collect(),
             vertices: vertices.iter().map(|v| [number(*v), parts.own_numbers()[first + *v as usize]]).collect(),
+            maps: scene.painted[garment].values().map(|map| painted(map, &vertices)).collect(),
             triangles,
             ..Self::default()
         }
@@ -183,15 +191,19 @@ impl Piece {
 
     /// Joins the pieces of neighbouring runs of vertices.
     fn joined(pieces: Vec<Self>) -> Self {
-        let mut vertices: Vec<([u32; 2], Vec3)> =
-            pieces.iter().flat_map(|piece| piece.vertices.iter().copied().zip(piece.rest.iter().copied())).collect();
-        vertices.sort_unstable_by_key(|(numbers, _)| *numbers);
-        vertices.dedup_by_key(|(numbers, _)| *numbers);
+        // Each vertex from the first piece that has it.
+        let all = pieces.iter().enumerate().flat_map(|(p, piece)| (0..piece.vertices.len()).map(move |row| (p, row)));
+        let mut places: Vec<(usize, usize)> = all.collect();
+        places.sort_unstable_by_key(|(p, row)| (pieces[*p].vertices[*row], *p));
+        places.dedup_by_key(|(p, row)| pieces[*p].vertices[*row]);
+        let vertices = places.iter().map(|(p, row)| pieces[*p].vertices[*row]).collect();
+        let rest = places.iter().map(|(p, row)| pieces[*p].rest[*row]).collect();
+        let map = |m: usize| places.iter().map(|(p, row)| pieces[*p].maps[m][*row]).collect();
+        let maps = (0..pieces.first().map_or(0, |piece| piece.maps.len())).map(map).collect();
         let mut triangles: Vec<[u32; 4]> = pieces.into_iter().flat_map(|piece| piece.triangles).collect();
         triangles.sort_unstable();
         triangles.dedup();
-        let (vertices, rest) = vertices.into_iter().unzip();
-        Self { vertices, rest, triangles, ..Self::default() }
+        Self { vertices, rest, maps, triangles, ..Self::default() }
     }
 
     /// The mesh of this piece.
@@ -201,6 +213,11 @@ impl Piece {
         let polygons = self.triangles.iter().map(|triangle| triangle[0]).collect();
         TriangleMesh::of_triangles(self.rest, corners, polygons)
     }
+}
+
+/// Values of a map at these vertices.
+fn painted(map: &PaintedMap, vertices: &[u32]) -> Vec<f64> {
+    vertices.iter().map(|v| map.values[*v as usize]).collect()
 }
 
 /// The next so many values of a message.
@@ -222,6 +239,7 @@ pub(super) struct Received {
     pub(super) pinned: Vec<Pinned>,
     pub(super) pin_targets: usize,
     pub(super) sewn: Vec<Sewn>,
+    pub(super) painted: Vec<PaintedMaps>,
 }
 
 /// Rank 0's side of the handing out: it keeps nothing of the garments but its own pieces.
@@ -290,7 +308,7 @@ fn settle(
     ranks: &Ranks,
     description: SceneDescription,
     (partition, assignment): (Partition, Vec<usize>),
-    pieces: Vec<Piece>,
+    mut pieces: Vec<Piece>,
     Held { mut pinned, pin_targets, sewn }: Held,
 ) -> Received {
     let starts = partition.starts();
@@ -325,8 +343,13 @@ fn settle(
         parts.halo().refresh(ranks, &mut v);
         v
     });
+    let painted = pieces.iter_mut().zip(&description.garments).map(|(piece, garment)| {
+        let maps = garment.maps.iter().zip(std::mem::take(&mut piece.maps));
+        maps.map(|((name, map), values)| (name.clone(), PaintedMap { values, absolute: map.absolute })).collect()
+    });
+    let painted = painted.collect();
     let meshes = pieces.into_iter().map(Piece::mesh).collect();
-    Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn }
+    Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn, painted }
 }
 
 /// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
@@ -411,7 +434,11 @@ fn pinned_vertices(description: &SceneDescription, partition: &Partition, orders
 fn take_arrays(garment: &mut GarmentDescription) -> GarmentDescription {
     let (mesh, start) = (std::mem::take(&mut garment.mesh), garment.start.take());
     let start_velocities = garment.start_velocities.take();
-    GarmentDescription { mesh, start, start_velocities, ..garment.clone() }
+    // What is painted stays known, and how.
+    let shell = |(name, map): (&String, &PaintedMap)| (name.clone(), PaintedMap { values: Vec::new(), ..*map });
+    let shells = garment.maps.iter().map(shell).collect();
+    let maps = std::mem::replace(&mut garment.maps, shells);
+    GarmentDescription { mesh, start, start_velocities, maps, ..garment.clone() }
 }
 
 /// Which vertices a pin holds is known to the ranks that own them.

@@ -10,6 +10,7 @@ use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
+use crate::scene::painted::{MAPS, PaintedMaps};
 use crate::scene::share::{self, Received};
 use crate::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription,
@@ -56,10 +57,10 @@ impl Scene {
 
     /// What follows from a rank's pieces.
     fn derive(received: Received) -> Self {
-        let Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn } = received;
-        let masses = masses(&description, &parts, &meshes);
+        let Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn, painted } = received;
+        let masses = masses(&description, &parts, &meshes, &painted);
         let mean_edge = mean_edge(&parts, &meshes);
-        Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets, sewn }
+        Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets, sewn, painted }
     }
 }
 
@@ -96,15 +97,17 @@ pub(crate) fn agree(ranks: &Ranks, problems: Vec<Problem>) -> Result<(), Problem
 }
 
 /// Mass of each local vertex [kg].
-fn masses(description: &SceneDescription, parts: &Parts, meshes: &[TriangleMesh]) -> Vec<f64> {
+fn masses(description: &SceneDescription, parts: &Parts, meshes: &[TriangleMesh], painted: &[PaintedMaps]) -> Vec<f64> {
     let mut masses = vec![0.0; parts.local_count()];
     for (g, (garment, mesh)) in description.garments.iter().zip(meshes).enumerate() {
         let of_garment = &mut masses[parts.garment(g)];
         match garment.mass {
             Mass::UniformTotal(total) => of_garment.fill(total / parts.partition().garments()[g].len() as f64),
             Mass::Density(density) => {
+                let map = painted[g].get("density");
+                let of = |v: u32| map.map_or(density, |map| map.at(v as usize, density));
                 for (triangle, area) in mesh.triangles().iter().zip(mesh.rest_areas()) {
-                    triangle.iter().for_each(|v| of_garment[*v as usize] += density * area / 3.0);
+                    triangle.iter().for_each(|v| of_garment[*v as usize] += of(*v) * area / 3.0);
                 }
             }
         }
@@ -216,6 +219,7 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
         }
         finite_points(&place(", start velocities"), velocities, problems);
     }
+    check_maps(garment, problems);
     check_mesh(&garment.name, &garment.mesh, problems);
     if let Some(start) = &garment.start {
         if start.len() != garment.mesh.points.len() {
@@ -224,6 +228,40 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
             problems.push(Problem::data(place(""), what, "use a start pose of the same mesh"));
         }
         finite_points(&place(", start pose"), start, problems);
+    }
+}
+
+/// Names and values of painted maps.
+fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
+    for (name, map) in &garment.maps {
+        let place = format!("garment \"{}\", map of {name}", garment.name);
+        if MAPS.iter().all(|(known, _)| known != name) {
+            let names: Vec<&str> = MAPS.iter().map(|(known, _)| *known).collect();
+            let advice = format!("there are maps of {}", names.join(", "));
+            problems.push(Problem::scene(&place, "this quantity cannot be painted", advice));
+        }
+        let (values, points) = (map.values.len(), garment.mesh.points.len());
+        if values != points {
+            let what = format!("it has {values} values for {points} vertices");
+            problems.push(Problem::data(&place, what, "paint it on the rest shape of this garment"));
+        }
+        // Cloth without mass would move infinitely fast.
+        let least_is_possible = name != "density";
+        let possible = |value: f64| value.is_finite() && (value > 0.0 || (value == 0.0 && least_is_possible));
+        let broken = (0..values).filter(|v| !possible(map.values[*v]));
+        report(broken, problems, |list| {
+            let least = if least_is_possible { "zero or more" } else { "above zero" };
+            let what = format!("the values of vertices {list} are not numbers {least}");
+            Problem::data(&place, what, "paint these vertices anew")
+        });
+        if name == "wind" && map.absolute {
+            let what = "a map of wind is a share of what the wind does";
+            problems.push(Problem::scene(&place, what, "leave it out of `absolute_maps`"));
+        }
+        if name == "density" && matches!(garment.mass, Mass::UniformTotal(_)) {
+            let what = "it contradicts a total mass, which is the same for every vertex";
+            problems.push(Problem::scene(&place, what, "give the garment a `density`"));
+        }
     }
 }
 
@@ -433,13 +471,18 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
             problems.push(Problem::scene(&place, "it lets go before it holds", "make `from` smaller than `until`"));
         }
         match pin.hold {
-            PinHold::Spring { stiffness, damping_ratio } => {
-                if !(stiffness > 0.0 && stiffness.is_finite() && damping_ratio >= 0.0 && damping_ratio.is_finite()) {
+            PinHold::Spring { stiffness, damping_ratio, break_force } => {
+                let positive = |value: f64| value > 0.0 && value.is_finite();
+                if !(positive(stiffness) && damping_ratio >= 0.0 && damping_ratio.is_finite()) {
                     problems.push(Problem::scene(
                         &place,
                         "its spring needs a positive stiffness",
                         "write for example stiffness = \"200 N/m\"",
                     ));
+                }
+                if !break_force.is_none_or(positive) {
+                    let what = "the force at which it breaks is not positive";
+                    problems.push(Problem::scene(&place, what, "leave it out to hold whatever pulls"));
                 }
             }
             PinHold::Hard => {
@@ -545,6 +588,18 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
         }
     }
     let has = |name: &str| description.effects.iter().any(|e| e.effect == name);
+    for (g, garment) in description.garments.iter().enumerate() {
+        let asked = |name: &&str| {
+            description.effects.iter().any(|e| e.effect == *name && e.garment.is_none_or(|garment| garment == g))
+        };
+        for (name, lookers) in MAPS.iter().filter(|(name, _)| garment.maps.contains_key(*name)) {
+            if !lookers.is_empty() && !lookers.iter().any(asked) {
+                let place = format!("garment \"{}\", map of {name}", garment.name);
+                let advice = format!("leave it out, or ask for {}", lookers.join(" or "));
+                problems.push(Problem::scene(place, "nothing in this scene looks at it", advice));
+            }
+        }
+    }
     let by_springs = |p: &crate::scene::PinDescription| matches!(p.hold, PinHold::Spring { .. });
     let implied = [
         ("body_collision", !description.bodies.is_empty(), "a body"),

@@ -6,6 +6,7 @@ use crate::error::{Problem, ProblemKind};
 use crate::geometry::shapes::Shape;
 use crate::mesh::PolygonMesh;
 use crate::parallel::wire::{Wire, wire};
+use crate::scene::painted::PaintedMap;
 use crate::scene::sewn::Sewn;
 use crate::scene::{
     BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, PinAnchor,
@@ -22,7 +23,8 @@ wire!(struct SolverSettings {
 });
 wire!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 wire!(struct PolygonMesh { points, face_counts, face_indices });
-wire!(struct GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness });
+wire!(struct GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness, maps });
+wire!(struct PaintedMap { values, absolute });
 wire!(enum Shape {
     0 => HalfSpace,
     1 => Sphere { radius },
@@ -34,7 +36,7 @@ wire!(enum BodyShape { 0 => Rigid(shape), 1 => Surface { triangles, point_count 
 wire!(struct RigidMotion { path, rotation, angular_velocity, spin_start });
 wire!(struct BodyDescription { name, shape, motion, friction, thickness, max_push_speed });
 wire!(enum PinAnchor { 0 => Start, 1 => WhenHeld });
-wire!(enum PinHold { 0 => Hard, 1 => Spring { stiffness, damping_ratio } });
+wire!(enum PinHold { 0 => Hard, 1 => Spring { stiffness, damping_ratio, break_force } });
 wire!(struct SurfaceAttachment { vertex, body_points, weights, offset });
 wire!(enum PinTarget {
     0 => Path { anchor, vertices, offsets },
@@ -101,7 +103,7 @@ mod tests {
             let axes = [true, false, true];
             description.pins.push(PinDescription { garment: 0, target, axes, from: -1.0, until: 2.0, hold });
         }
-        description.pins[0].hold = PinHold::Spring { stiffness: 3.0, damping_ratio: 1.0 };
+        description.pins[0].hold = PinHold::Spring { stiffness: 3.0, damping_ratio: 1.0, break_force: Some(2.0) };
         let gravity = EffectRequest::of_scene("gravity").with_vector("acceleration", [0.0, -9.81, 0.0]);
         description.effects.push(gravity.with_flag("flag", true).with("number", 4.0));
         let bytes = description.to_bytes();

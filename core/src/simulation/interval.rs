@@ -53,12 +53,21 @@ impl Simulation {
                 if self.yields.is_some() {
                     self.give_way();
                 }
+                self.break_attachments();
             }
             if pause(self.state.time) {
                 return Ok(true);
             }
         }
         Ok(false)
+    }
+
+    /// Lets go what is pulled too hard. Only here, where nothing is taken back any more.
+    fn break_attachments(&mut self) {
+        let broken = self.targets.break_overloaded(&self.state.x, self.state.time);
+        if broken > 0 {
+            self.metrics.count("attachments_broken", broken);
+        }
     }
 
     /// A: returns how many time steps may follow until C.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::recovery::is_finite;
-use super::{FrameSummary, Simulation, StrainRecord};
+use super::{BrokenAttachment, FrameSummary, Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::{PartView, Surroundings};
 use crate::error::StepError;
@@ -34,6 +34,7 @@ impl Simulation {
         if self.self_contact.as_ref().is_some_and(SelfContact::keeps_free) {
             self.metrics.count_once(&ranks, "crossings", self.crossings.len() as u64);
         }
+        summary.broken = self.broken_in(summary.frame);
         summary.body_self_crossings = self.bodies.self_crossings() as u64;
         self.count_traffic();
         self.take_counts();
@@ -53,6 +54,30 @@ impl Simulation {
         let Self { forces, metrics, .. } = self;
         let mut add = |name, amount| metrics.count(name, amount);
         forces.iter_mut().flatten().for_each(|force| force.take_counts(&mut add));
+    }
+
+    /// Attachments of all ranks that broke on the way to a frame, by pin and vertex.
+    fn broken_in(&self, frame: i64) -> Vec<BrokenAttachment> {
+        let description = self.scene.description();
+        if description.pins.iter().all(|pin| pin.hold.break_force().is_none()) {
+            return Vec::new();
+        }
+        let (parts, timeline) = (self.scene.parts(), description.timeline);
+        let here = self.targets.broken_between(timeline.time(frame - 1), timeline.time(frame)).into_iter();
+        let here: Vec<[u64; 3]> = here
+            .map(|(vertex, pin)| {
+                let (garment, own) = parts.own_vertex(vertex);
+                [pin as u64, garment as u64, own.into()]
+            })
+            .collect();
+        let mut all = self.ranks().all_gather_each(&here).concat();
+        all.sort_unstable();
+        let named = |[pin, garment, vertex]: [u64; 3]| BrokenAttachment {
+            garment: description.garments[garment as usize].name.clone(),
+            vertex: vertex as u32,
+            pin: pin as usize,
+        };
+        all.into_iter().map(named).collect()
     }
 
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.

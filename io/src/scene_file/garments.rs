@@ -37,11 +37,12 @@ impl Resolver<'_> {
         let thickness =
             self.quantity(&here, &garment.thickness, Dimension::Length).and_then(|t| self.positive(&here, t));
         let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
+        let maps = self.maps(garment, path, &data);
         self.garments.push(data);
         self.grids.push(grid);
         let velocity = Vec3::from(garment.velocity);
         let name = garment.name.clone();
-        let garment = GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness };
+        let garment = GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness, maps };
         self.description.garments.push(garment);
     }
 

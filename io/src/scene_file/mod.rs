@@ -24,6 +24,7 @@ mod deserialize;
 mod diagnostics;
 mod effects;
 mod garments;
+mod maps;
 mod material_files;
 mod parameters;
 mod pins;
@@ -172,3 +173,6 @@ impl SceneFile {
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod effects_tests;

@@ -185,10 +185,10 @@ impl Resolver<'_> {
 
     fn hold(&mut self, pin: &Pin, path: &Path) -> Option<PinHold> {
         match (pin.mode, &pin.stiffness) {
-            (PinMode::Hard, None) if pin.damping_ratio.is_none() => Some(PinHold::Hard),
+            (PinMode::Hard, None) if pin.damping_ratio.is_none() && pin.break_force.is_none() => Some(PinHold::Hard),
             (PinMode::Hard, _) => {
-                let help = "add mode = \"spring\", or leave stiffness and damping_ratio out".to_owned();
-                self.error_with(path, "a hard pin has no stiffness and no damping", help);
+                let help = "add mode = \"spring\", or leave stiffness, damping_ratio and break_force out".to_owned();
+                self.error_with(path, "a hard pin has no stiffness, no damping and no force at which it breaks", help);
                 None
             }
             (PinMode::Spring, None) => {
@@ -198,7 +198,15 @@ impl Resolver<'_> {
             }
             (PinMode::Spring, Some(stiffness)) => {
                 let stiffness = self.quantity(&path.clone().key("stiffness"), stiffness, Dimension::Stiffness)?;
-                Some(PinHold::Spring { stiffness, damping_ratio: pin.damping_ratio.unwrap_or(1.0) })
+                let break_force = match &pin.break_force {
+                    Some(force) => {
+                        let here = path.clone().key("break_force");
+                        let force = self.quantity(&here, force, Dimension::Force)?;
+                        Some(self.positive(&here, force)?)
+                    }
+                    None => None,
+                };
+                Some(PinHold::Spring { stiffness, damping_ratio: pin.damping_ratio.unwrap_or(1.0), break_force })
             }
         }
     }

@@ -267,7 +267,7 @@ fn a_body_and_a_garment_from_files_keep_their_units() {
     assert_eq!((body.friction, body.thickness), (0.5, 0.66e-3), "those of denim");
     let pins = &shot.scene.pins;
     assert!(matches!(&pins[0].target, PinTarget::BodyNearest { body: 0, vertices } if vertices == &[0]));
-    assert_eq!(pins[0].hold, PinHold::Spring { stiffness: 200.0, damping_ratio: 1.0 });
+    assert_eq!(pins[0].hold, PinHold::Spring { stiffness: 200.0, damping_ratio: 1.0, break_force: None });
     let PinTarget::Body { attachments, .. } = &pins[1].target else { panic!("the pins of the file") };
     assert_eq!((attachments[0].vertex, attachments[0].body_points), (2, [2, 0, 1]));
     assert!((attachments[0].weights.iter().sum::<f64>() - 1.0).abs() < 1e-15, "rounded weights are completed");

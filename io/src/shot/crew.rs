@@ -116,6 +116,16 @@ impl Crew {
         advance(&self.ranks, &mut self.simulation, input, ask)
     }
 
+    /// Goes on towards the frame that was shared last, on one rank alone, unless `give_up` says so at a state free of
+    /// collisions.
+    pub(super) fn advance_unless(
+        &mut self,
+        input: &FrameInput,
+        give_up: &mut (dyn FnMut() -> bool + Send),
+    ) -> Result<Advance, StepError> {
+        self.simulation.advance_or_pause(input, &mut |_| give_up())
+    }
+
     /// Goes on by these frames, all of them on this rank; returns what one has cost in the mean.
     pub(super) fn trial(
         &mut self,
@@ -129,16 +139,6 @@ impl Crew {
         let mut cost = self.simulation.measured_cost(&all).map_err(ShotError::Problems)?;
         cost.divide(frames);
         Ok(cost)
-    }
-
-    /// Goes on towards the frame that was shared last, on one rank alone, unless `give_up` says so at a state free of
-    /// collisions.
-    pub(super) fn advance_unless(
-        &mut self,
-        input: &FrameInput,
-        give_up: &mut (dyn FnMut() -> bool + Send),
-    ) -> Result<Advance, StepError> {
-        self.simulation.advance_or_pause(input, &mut |_| give_up())
     }
 
     /// What all ranks agree on when this is asked for here.

@@ -12,13 +12,19 @@ const WITHOUT: &str = "without";
 const BODY_FRAMES: &str = "body_frames";
 
 /// Short names of keys of the scene.
-const SHORT: [(&str, &str); 5] = [
+const SHORT: [(&str, &str); 8] = [
     ("cfl", "solver.cfl"),
     ("max_dt", "solver.max_dt"),
     ("cg_tolerance", "solver.cg_tolerance"),
     ("strain_per_step", "solver.strain_per_step"),
     ("max_steps", "self_collision.max_steps"),
+    ("integrator", "solver.integrator"),
+    ("body_friction", "solver.body_friction"),
+    ("per_collision_step", "self_repulsion.per_collision_step"),
 ];
+
+/// Keys of `[solver]` that are another method, not another accuracy.
+const METHODS: [&str; 2] = ["solver.integrator", "solver.body_friction"];
 
 /// Name of the thickness of all garments.
 const THICKNESS: &str = "thickness";
@@ -150,6 +156,7 @@ fn role_of(name: &str) -> Role {
     match name {
         WITHOUT => Role::Without,
         BODY_FRAMES => Role::Accuracy,
+        _ if METHODS.contains(&key) => Role::Model,
         _ if key.starts_with("solver.") || key == "self_collision.max_steps" => Role::Accuracy,
         _ => Role::Model,
     }
@@ -252,6 +259,14 @@ fn default_space(ground: &Ground) -> Vec<Wish> {
     }
     if ground.has_surfaces {
         space.push(one(BODY_FRAMES, "2"));
+    }
+    // What the method's own choices bring.
+    space.push(one("integrator", "implicit"));
+    if has("self_repulsion") {
+        space.push(one("per_collision_step", "true"));
+    }
+    if has("body_collision") {
+        space.push(one("body_friction", "position_half"));
     }
     space
 }

@@ -103,11 +103,10 @@ pub(super) const H45: Case = Case {
     must: "cloth stays outside the first two; the third leaves it whole",
     judge: |bench| {
         let mut figures = Vec::new();
-        let sizes: [(&str, fn(f64) -> f64); 3] =
-            [("still", |_| 1.0), ("growing", |t| 1.0 + 2.0 * t), ("inside out", |t| 1.0 - 2.4 * t)];
-        for (what, size) in sizes {
+        for (what, growth) in [("still", 0.0), ("growing", 2.0), ("inside out", -2.4)] {
             let (triangles, unit) = unit_ball(12, 24);
-            let place = move |time: f64| -> Vec<Vec3> { unit.iter().map(|p| p * (0.1 * size(time))).collect() };
+            let place =
+                move |time: f64| -> Vec<Vec3> { unit.iter().map(|p| p * (0.1 * (1.0 + growth * time))).collect() };
             let mut description = cloth(10, 0.04, 100.0);
             description.garments[0].mesh.points.iter_mut().for_each(|p| p.y = 0.11);
             add_weight(&mut description);
@@ -120,7 +119,7 @@ pub(super) const H45: Case = Case {
             figures.push(Figure::at_most(format!("strain, {what}"), record.strain(), 0.5));
             if !inside_out {
                 // The facets lie inside the ball.
-                let radius = 0.1 * size(20.0 / 24.0) * (std::f64::consts::PI / 24.0).cos().powi(2);
+                let radius = 0.1 * (1.0 + growth * 20.0 / 24.0) * (std::f64::consts::PI / 24.0).cos().powi(2);
                 let nearest = record.last().positions[0].iter().map(|x| x.norm()).fold(f64::INFINITY, f64::min);
                 figures.push(Figure::at_least(
                     format!("distance from the centre over the radius, {what}"),

@@ -1,5 +1,6 @@
 //! `drapery selftest`: what this build has to withstand.
 
+mod drape;
 mod hard;
 
 use crate::args::SelftestArgs;
@@ -8,9 +9,10 @@ use crate::failure::Failure;
 
 /// Runs the tests that are asked for.
 pub(crate) fn selftest(args: &SelftestArgs) -> Result<ExitCode, Failure> {
-    match args.hard {
-        Some(tier) => hard::run(args, tier),
+    match (args.hard, &args.drape) {
+        (Some(tier), _) => hard::run(args, tier),
+        (None, Some(materials)) => drape::run(materials, args.json),
         // The arguments ask for one of the suites.
-        None => Ok(ExitCode::Usage),
+        (None, None) => Ok(ExitCode::Usage),
     }
 }

@@ -22,6 +22,22 @@ pub(crate) fn place_of(dataset: &Dataset, length: u64) -> hdf5::Result<Option<u6
     }
 }
 
+/// How many times smaller than its values a compressed dataset may be; zlib reaches 1032.
+const DENSEST: u64 = 4096;
+
+/// Refuses a dataset that other programs have written, perhaps compressed, if its values cannot all have been stored.
+///
+/// # Errors
+/// They have not.
+pub(crate) fn check_stored(dataset: &Dataset) -> hdf5::Result<()> {
+    let size = dataset.dtype()?.size() as u64;
+    let bytes = dataset.shape().iter().try_fold(size, |bytes, extent| bytes.checked_mul(*extent as u64));
+    match bytes {
+        Some(bytes) if bytes <= dataset.storage_size().saturating_mul(DENSEST) => Ok(()),
+        _ => Err(format!("dataset {} is larger than what is stored of it", dataset.name()).into()),
+    }
+}
+
 /// The dataset of this name, with as many extents as it has to have. All of its values are in the file.
 ///
 /// # Errors
@@ -65,6 +81,9 @@ mod tests {
         }
         assert_eq!(values::<f32>(&file, "held").unwrap(), [1.0, 2.0]);
         assert_eq!(values::<f32>(&file, "empty").unwrap(), [0.0; 0]);
+        for (name, is_stored) in [("promised", false), ("scattered", true), ("held", true), ("empty", true)] {
+            assert_eq!(check_stored(&file.dataset(name).unwrap()).is_ok(), is_stored, "{name}");
+        }
         assert!(dataset::<2>(&file, "held").unwrap_err().to_string().contains("1 extents instead of 2"));
     }
 }

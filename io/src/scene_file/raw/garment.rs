@@ -59,6 +59,14 @@ pub(in crate::scene_file) struct Garment {
     /// where edges are short. Left out: that of the material, or 0.5 mm.
     #[serde(default = "default_thickness")]
     pub(in crate::scene_file) thickness: Quantity,
+    /// Quantities that differ among the vertices, each the name of an attribute of the rest shape with one value for each
+    /// point (of a colour, its red), or "file:" and a text file with one number for each vertex. Values multiply the number for
+    /// the garment.
+    #[serde(default, skip_serializing_if = "Maps::is_empty")]
+    pub(in crate::scene_file) maps: Maps,
+    /// Maps whose values take the place of the number for the garment, in its SI unit.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) absolute_maps: Vec<String>,
     /// Velocity at the start in m/s.
     #[serde(default)]
     pub(in crate::scene_file) velocity: [f64; 3],
@@ -68,6 +76,54 @@ pub(in crate::scene_file) struct Garment {
     /// Vertices that are held.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) pin: Vec<Pin>,
+}
+
+/// Painted maps.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(in crate::scene_file) struct Maps {
+    /// Mass per area.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) density: Option<String>,
+    /// Distance that `self_repulsion` keeps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) thickness: Option<String>,
+    /// Friction on bodies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) friction: Option<String>,
+    /// Stiffness of `[garment.stretch]`; a spring has the mean of its ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) stretch: Option<String>,
+    /// Stiffness of `[garment.bending]`; a spring has the mean of its ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) bending: Option<String>,
+    /// Stiffness of pins with `mode = "spring"`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) pins: Option<String>,
+    /// Share of the wind that is felt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) wind: Option<String>,
+}
+
+impl Maps {
+    /// What is painted, and by which name.
+    pub(in crate::scene_file) fn written(&self) -> Vec<(&'static str, &str)> {
+        let Self { density, thickness, friction, stretch, bending, pins, wind } = self;
+        let all = [
+            ("density", density),
+            ("thickness", thickness),
+            ("friction", friction),
+            ("stretch", stretch),
+            ("bending", bending),
+            ("pins", pins),
+            ("wind", wind),
+        ];
+        all.into_iter().filter_map(|(of, name)| name.as_deref().map(|name| (of, name))).collect()
+    }
+
+    fn is_empty(&self) -> bool {
+        self.written().is_empty()
+    }
 }
 
 /// A rectangular panel of right triangles with herring-bone diagonals.
@@ -279,6 +335,9 @@ pub(in crate::scene_file) struct Pin {
     /// With `mode = "spring"`: damping as a fraction of critical; 1 if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) damping_ratio: Option<f64>,
+    /// With `mode = "spring"`: a vertex that is pulled with more, in N or as "60 N", is let go for good.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) break_force: Option<Quantity>,
 }
 
 fn default_to() -> String {

@@ -39,12 +39,12 @@ pub(in crate::scene_file) struct Document {
     /// Garments, in the order of the output.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) garment: Vec<Garment>,
-    /// Which of the effects that the scene asks for run. Leave it out to run them all.
-    #[serde(default, skip_serializing_if = "EffectChoice::is_everything")]
-    pub(in crate::scene_file) effects: EffectChoice,
     /// Vertices that are drawn together.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) seam: Vec<Seam>,
+    /// Which of the effects that the scene asks for run. Leave it out to run them all.
+    #[serde(default, skip_serializing_if = "EffectChoice::is_everything")]
+    pub(in crate::scene_file) effects: EffectChoice,
     /// What is written.
     #[serde(default)]
     pub(in crate::scene_file) output: Output,

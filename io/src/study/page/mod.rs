@@ -164,7 +164,7 @@ mod tests {
             "Error over time step",
             "Where the time goes",
             "How far trajectories can be told",
-            "What each effect takes, and what it changes",
+            "What each effect and choice takes, and what it changes",
             "Losses of quality",
             "Runs that failed or are missing",
             "Provenance",

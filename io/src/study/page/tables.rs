@@ -143,7 +143,7 @@ pub(super) fn changes(study: &Study, analysis: &Analysis<'_>) -> String {
     ];
     let note =
         "<p>Against the scene as it is, over all compared frames. The share is what the effect takes of a frame.</p>";
-    section("What each effect takes, and what it changes", note, &heads, &lines)
+    section("What each effect and choice takes, and what it changes", note, &heads, &lines)
 }
 
 fn crossings_of(sample: &Sample) -> String {

@@ -1,0 +1,155 @@
+//! Painted maps of garments: attributes of the rest shape, or lists of numbers in files.
+
+use drapery_core::scene::painted::{PaintedMap, PaintedMaps};
+
+use crate::cache::{DataType, MeshData, MeshParam, Scope};
+use crate::error::IoError;
+
+use super::deserialize::suggestion;
+use super::raw::Garment;
+use super::resolve::Resolver;
+use super::tree::Path;
+
+/// What a name of a map begins with that is a file.
+const FILE: &str = "file:";
+
+impl Resolver<'_> {
+    /// Resolves the maps of a garment with so many points. Problems are recorded, and the map is then left out.
+    pub(super) fn maps(&mut self, garment: &Garment, path: &Path, data: &MeshData) -> PaintedMaps {
+        let mut maps = PaintedMaps::new();
+        let written = garment.maps.written();
+        for (of, name) in &written {
+            let here = path.clone().key("maps").key(of);
+            let values = match name.strip_prefix(FILE) {
+                Some(file) => self.map_file(&here, file),
+                None => self.check(&here, attribute(data, name)),
+            };
+            if let Some(values) = values {
+                let absolute = garment.absolute_maps.iter().any(|absolute| absolute == of);
+                maps.insert((*of).to_owned(), PaintedMap { values, absolute });
+            }
+        }
+        for (index, absolute) in garment.absolute_maps.iter().enumerate() {
+            if written.iter().all(|(of, _)| of != absolute) {
+                let here = path.clone().key("absolute_maps").index(index);
+                let names: Vec<&str> = written.iter().map(|(of, _)| *of).collect();
+                self.error_with(&here, format!("there is no map of `{absolute}`"), suggestion(absolute, &names));
+            }
+        }
+        maps
+    }
+
+    /// The numbers of a text file, separated by commas, blanks or lines; a list in brackets, as of JSON, is one too.
+    fn map_file(&mut self, path: &Path, file: &str) -> Option<Vec<f64>> {
+        let file = self.scene.folder.join(file);
+        let read = std::fs::read_to_string(&file).map_err(|error| IoError::reading(&file, error));
+        let numbers = read.and_then(|text| {
+            numbers(&text).map_err(|(line, what)| {
+                let advice = "a map holds one number for each vertex, separated by commas or lines";
+                IoError::data(&file, format!("line {line}"), what, advice)
+            })
+        });
+        if !self.input_files.contains(&file) {
+            self.input_files.push(file);
+        }
+        self.of_file(path, numbers)
+    }
+}
+
+/// All numbers of a text, or the line of the first word that is none.
+fn numbers(text: &str) -> Result<Vec<f64>, (usize, String)> {
+    let mut found = Vec::new();
+    for (line, text) in text.lines().enumerate() {
+        let words = text.split(|c: char| c.is_whitespace() || ",;[]".contains(c)).filter(|word| !word.is_empty());
+        for word in words {
+            found.push(word.parse().map_err(|_| (line + 1, format!("`{word}` is not a number")))?);
+        }
+    }
+    Ok(found)
+}
+
+/// The values of an attribute for each point.
+fn attribute(data: &MeshData, name: &str) -> Result<Vec<f64>, String> {
+    let usable = |param: &&MeshParam| matches!(param.scope, Scope::Vertex | Scope::Varying | Scope::Constant);
+    let Some(param) = data.params.iter().filter(usable).find(|param| param.name == name) else {
+        let names: Vec<&str> = data.params.iter().filter(usable).map(|param| param.name.as_str()).collect();
+        return Err(match (names.is_empty(), data.params.iter().any(|param| param.name == name)) {
+            (_, true) => format!("the attribute `{name}` does not have one value for each point"),
+            (true, _) => format!("the rest shape has no attribute `{name}`, nor any other for its points"),
+            (false, _) => format!("the rest shape has no attribute `{name}`; {}", suggestion(name, &names)),
+        });
+    };
+    let values = components(param).ok_or_else(|| format!("the attribute `{name}` does not hold numbers"))?;
+    let at = |index: u32| values.get(index as usize).copied();
+    let shared = match &param.indices {
+        Some(indices) => indices.iter().map(|index| at(*index)).collect(),
+        None => Some(values.clone()),
+    };
+    let values = shared.ok_or_else(|| format!("the attribute `{name}` refers to values that it does not have"))?;
+    let points = data.mesh.points.len();
+    match values.as_slice() {
+        [value] if param.scope == Scope::Constant => Ok(vec![*value; points]),
+        _ => Ok(values),
+    }
+}
+
+/// The first component of every value: what is painted in a colour is its red.
+fn components(param: &MeshParam) -> Option<Vec<f64>> {
+    use crate::cache::PodType::{F32, F64, I8, I16, I32, U8, U16, U32};
+    let DataType { pod, extent } = param.data_type;
+    let bytes = &param.values;
+    let all: Vec<f64> = match pod {
+        F32 => bytes.as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect(),
+        F64 => bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
+        I32 => bytes.as_chunks().0.iter().map(|b| f64::from(i32::from_le_bytes(*b))).collect(),
+        U32 => bytes.as_chunks().0.iter().map(|b| f64::from(u32::from_le_bytes(*b))).collect(),
+        I16 => bytes.as_chunks().0.iter().map(|b| f64::from(i16::from_le_bytes(*b))).collect(),
+        U16 => bytes.as_chunks().0.iter().map(|b| f64::from(u16::from_le_bytes(*b))).collect(),
+        I8 => bytes.iter().map(|b| f64::from(*b as i8)).collect(),
+        U8 => bytes.iter().map(|b| f64::from(*b)).collect(),
+        _ => return None,
+    };
+    Some(all.into_iter().step_by(usize::from(extent).max(1)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use drapery_core::Vec3;
+    use drapery_core::mesh::PolygonMesh;
+
+    #[test]
+    fn lists_of_numbers_are_read_from_lines_commas_and_brackets() {
+        assert_eq!(numbers("1\n0.5, 2e-1\n").unwrap(), [1.0, 0.5, 0.2]);
+        assert_eq!(numbers("[1, 2,\n 3]").unwrap(), [1.0, 2.0, 3.0]);
+        assert_eq!(numbers("1\n2 x").unwrap_err().0, 2);
+    }
+
+    #[test]
+    fn attributes_of_points_are_found_by_name_and_colours_give_their_red() {
+        let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);
+        let param = |name: &str, scope, extent, values: &[f32], indices| MeshParam {
+            name: name.into(),
+            scope,
+            data_type: DataType { pod: crate::cache::PodType::F32, extent },
+            interpretation: String::new(),
+            source_name: None,
+            values: values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            indices,
+        };
+        let params = vec![
+            param("thick", Scope::Vertex, 1, &[1.0, 0.5, 0.25], None),
+            param("shared", Scope::Varying, 1, &[2.0, 3.0], Some(vec![1, 0, 1])),
+            param("red", Scope::Vertex, 3, &[0.1, 9.0, 9.0, 0.2, 9.0, 9.0, 0.3, 9.0, 9.0], None),
+            param("all", Scope::Constant, 1, &[4.0], None),
+            param("corner", Scope::FaceVarying, 1, &[1.0; 3], None),
+        ];
+        let data = MeshData { params, ..MeshData::new(mesh) };
+        assert_eq!(attribute(&data, "thick").unwrap(), [1.0, 0.5, 0.25]);
+        assert_eq!(attribute(&data, "shared").unwrap(), [3.0, 2.0, 3.0]);
+        assert_eq!(attribute(&data, "red").unwrap(), [0.1_f32, 0.2, 0.3].map(f64::from));
+        assert_eq!(attribute(&data, "all").unwrap(), [4.0; 3]);
+        assert!(attribute(&data, "thik").unwrap_err().contains("thick"));
+        assert!(attribute(&data, "corner").unwrap_err().contains("for each point"));
+    }
+}
