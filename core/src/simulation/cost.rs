@@ -63,7 +63,7 @@ impl Simulation {
                 let watch = Watch::start();
                 force.update(&view, own_x, f);
                 fastest[0] = fastest[0].min(watch.nanoseconds());
-                PartMotion::with(range.clone(), x, v, |motion| {
+                PartMotion::with(range.clone(), x, &self.state.v, |motion| {
                     let watch = Watch::start();
                     force.add_damping(motion, f);
                     fastest[1] = fastest[1].min(watch.nanoseconds());
