@@ -177,7 +177,7 @@ fn where_a_damped_strip_comes_to_rest_depends_neither_on_the_step_nor_on_the_int
 fn a_plane_wave_runs_with_the_speed_of_sound_to_second_order_of_the_mesh() {
     // Vertices move along x alone, between held ends: half a wave of u = A sin(πx). Per length across, sides give the stiffness
     // Y and diagonals Y/4 (the projection of Y/2 on x, twice).
-    let (stiffness, density, amplitude) = (100.0, 0.2, 1e-7);
+    let (stiffness, density, amplitude): (f64, f64, f64) = (100.0, 0.2, 1e-7);
     let speed = (1.25 * stiffness / density).sqrt();
     // A quarter and a bit of a period: the displacement then changes as fast as it can.
     let time = 0.6 / speed;
