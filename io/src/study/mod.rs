@@ -119,7 +119,7 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
         size: study.scene.size,
         thickness: study.scene.thickness,
     };
-    let wishes = space::wishes(&options.asked, &ground, space::FINE);
+    let wishes = space::wishes(&options.asked, &ground, space::FINENESS[0]);
     check(&bench, &wishes, &ground)?;
     let schedule = schedule::Schedule { bench: &bench, folder: &options.out, begun, limit: options.limit, before };
     schedule.run_base(&wishes, &mut study, observer)?;

@@ -32,8 +32,8 @@ const STATES_BYTES: usize = 64 << 20;
 /// Share of the wanted runs, without repeats, that should fit into the time.
 const FITTING: f64 = 0.9;
 
-/// Times the base that have to be left for the fine reference.
-const ENOUGH: f64 = 36.0;
+/// Times the base that have to be left besides the reference.
+const BESIDES: f64 = 10.0;
 
 /// How much longer than foretold a run may take before it is given up, and how many seconds in any case.
 const PATIENCE: (f64, f64) = (3.0, 3.0);
@@ -65,8 +65,9 @@ impl Schedule<'_> {
         self.run_wish(0, wishes, (study, &mut comparison), observer)?;
         if study.fineness == 0 {
             let base = study.base().map_or(0.0, |base| base.cost.with_overhead);
-            let has_time = self.left(study) > ENOUGH * base;
-            study.fineness = if has_time { space::FINE } else { space::LESS_FINE };
+            let left = self.left(study);
+            let fits = |fineness: &u32| left > (space::REFERENCE_TIMES * f64::from(*fineness) + BESIDES) * base;
+            study.fineness = space::FINENESS.into_iter().find(fits).unwrap_or(space::FINENESS[2]);
         }
         Ok(())
     }

@@ -32,11 +32,11 @@ const THICKNESS: &str = "thickness";
 /// Parameter that is taken for the fineness of the mesh.
 pub const RESOLUTION: &str = "resolution";
 
-/// How much finer in time than the scene the reference is, where there is time for that.
-pub const FINE: u32 = 8;
+/// How much finer in time than the scene the reference is, the finest that there is time for.
+pub const FINENESS: [u32; 3] = [16, 8, 4];
 
-/// How much finer it is where there is not.
-pub const LESS_FINE: u32 = 4;
+/// Time of a reference and its checks by that of the scene as it is, for each time that it is finer.
+pub const REFERENCE_TIMES: f64 = 1.5 * (1.0 + 0.5 + 0.25);
 
 /// Tolerance of the velocity solves of the reference [m/s].
 const REFERENCE_TOLERANCE: &str = "1e-9";
@@ -348,16 +348,16 @@ mod tests {
     #[test]
     fn the_reference_is_finer_than_all_that_is_compared_with_it() {
         let cfl = |asked: &Asked| {
-            let wish = references(asked, &ground(), FINE).pop().unwrap();
+            let wish = references(asked, &ground(), FINENESS[0]).pop().unwrap();
             wish.setting.settings[0].1.parse::<f64>().unwrap()
         };
-        assert_eq!(cfl(&asked(&[], false)), 0.5);
-        assert_eq!(cfl(&asked(&["cfl=4,0.5"], false)), 0.25);
+        assert_eq!(cfl(&asked(&[], false)), 0.25);
+        assert_eq!(cfl(&asked(&["cfl=4,0.25"], false)), 0.125);
     }
 
     #[test]
     fn base_copy_and_references_come_before_what_only_measures_time_again() {
-        let all = wishes(&asked(&[], false), &ground(), FINE);
+        let all = wishes(&asked(&[], false), &ground(), FINENESS[0]);
         let at = |found: &dyn Fn(&Wish) -> bool| all.iter().position(found).unwrap();
         assert_eq!(at(&|wish| wish.role == Role::Base), 0);
         assert_eq!(at(&|wish| wish.copy == 1), 1);
