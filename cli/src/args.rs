@@ -275,6 +275,9 @@ pub(crate) struct SelftestArgs {
     /// Only these cases, for example H23; repeatable
     #[arg(long = "case", value_name = "ID")]
     pub(crate) cases: Vec<String>,
+    /// Only the combinations of three cases that these seeds draw, for example 17 or 0-199
+    #[arg(long = "seed", value_name = "A-B", value_parser = parse_seeds, conflicts_with = "cases")]
+    pub(crate) seeds: Option<SeedRange>,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -382,6 +385,20 @@ pub(crate) enum OnTerm {
 pub(crate) struct FrameRange {
     pub(crate) first: i64,
     pub(crate) last: i64,
+}
+
+/// First and last seed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct SeedRange {
+    pub(crate) first: u64,
+    pub(crate) last: u64,
+}
+
+fn parse_seeds(text: &str) -> Result<SeedRange, String> {
+    let number = |word: &str| word.trim().parse::<u64>().map_err(|_| format!("`{word}` is not a seed"));
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let (first, last) = (number(first)?, number(last)?);
+    if last < first { Err(format!("{last} comes before {first}")) } else { Ok(SeedRange { first, last }) }
 }
 
 fn parse_frames(text: &str) -> Result<FrameRange, String> {

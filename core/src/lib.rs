@@ -53,4 +53,4 @@ pub type Vec3 = nalgebra::Vector3<f64>;
 
 /// Raised with every change of the program that changes results, by however little. A run that another version began is
 /// not continued unasked: its frames would not be those of one program.
-pub const SOLVER_VERSION: u32 = 2;
+pub const SOLVER_VERSION: u32 = 3;

@@ -259,7 +259,7 @@ impl StepContext<'_> {
         let Self { parts, state, filters, scratch, metrics, .. } = self;
         for filter in &mut **filters {
             let motion = (&state.x[..], &mut scratch.v_half[..]);
-            metrics.stage("B.2 filters", |m| filter.apply(parts, motion, dt, Purpose::Positions, m));
+            metrics.stage(filter.stages()[0], |m| filter.apply(parts, motion, dt, Purpose::Positions, m));
         }
     }
 
@@ -268,7 +268,7 @@ impl StepContext<'_> {
         let Self { parts, state, filters, metrics, .. } = self;
         for filter in &mut **filters {
             let motion = (&state.x[..], &mut state.v[..]);
-            metrics.stage("B.8 filters", |m| filter.apply(parts, motion, dt, Purpose::Motion, m));
+            metrics.stage(filter.stages()[1], |m| filter.apply(parts, motion, dt, Purpose::Motion, m));
         }
     }
 

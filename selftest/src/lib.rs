@@ -8,6 +8,7 @@
 pub mod bench;
 pub mod case;
 mod cases;
+pub mod combine;
 pub mod drape;
 pub mod files;
 pub mod report;

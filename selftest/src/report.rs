@@ -10,7 +10,7 @@ pub const HEAD: &str = "| case | | figure | found | bound | | s | degradations |
 
 /// The rows of a case: one for each figure.
 pub fn rows(verdict: &Verdict) -> Vec<String> {
-    let (id, title) = (verdict.case.id, verdict.case.title);
+    let (id, title) = (verdict.id.as_str(), verdict.title.as_str());
     let counts: Vec<String> = verdict.degradations.iter().map(|(name, count)| format!("{name} {count}")).collect();
     let (seconds, counts) = (format!("{:.1}", verdict.seconds), counts.join(", "));
     if let Some(trouble) = &verdict.trouble {
@@ -39,9 +39,9 @@ pub fn value(verdict: &Verdict) -> Value {
     let counts: serde_json::Map<String, Value> =
         verdict.degradations.iter().map(|(name, count)| (name.clone(), json!(count))).collect();
     json!({
-        "case": verdict.case.id,
-        "title": verdict.case.title,
-        "must": verdict.case.must,
+        "case": verdict.id,
+        "title": verdict.title,
+        "must": verdict.must,
         "passed": verdict.passed(),
         "figures": verdict.figures.iter().map(figure).collect::<Vec<_>>(),
         "trouble": verdict.trouble,

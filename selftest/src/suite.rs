@@ -6,12 +6,17 @@ use std::time::Instant;
 
 use crate::bench::Bench;
 use crate::case::{Case, Figure, Tier};
+use crate::combine;
 
 /// What became of a case.
 #[derive(Debug, Clone)]
 pub struct Verdict {
-    /// The case.
-    pub case: Case,
+    /// Number of the case, or the seed of a combination of cases.
+    pub id: String,
+    /// What is hard.
+    pub title: String,
+    /// What must happen.
+    pub must: String,
     /// Its figures; none if it could not be finished.
     pub figures: Vec<Figure>,
     /// Why it could not be finished, or what broke a rule of every case.
@@ -29,13 +34,29 @@ impl Verdict {
     }
 }
 
-/// Runs a case. A panic is one of the ways to fail.
+/// Runs a case.
 pub fn judge(case: &Case, tier: Tier, drapery: &Path) -> Verdict {
+    measured([case.id, case.title, case.must], (tier, drapery), case.judge)
+}
+
+/// Runs the combination of three cases of a seed.
+pub fn judge_combination(seed: u64, tier: Tier, drapery: &Path) -> Verdict {
+    let (id, title) = (format!("seed {seed}"), combine::title(seed));
+    let must = "what holds for every case holds for the three together";
+    measured([&id, &title, must], (tier, drapery), |bench| combine::judge(bench, seed))
+}
+
+/// Runs what judges. A panic is one of the ways to fail.
+fn measured(
+    [id, title, must]: [&str; 3],
+    (tier, drapery): (Tier, &Path),
+    judge: impl FnOnce(&mut Bench<'_>) -> Result<Vec<Figure>, String>,
+) -> Verdict {
     let clock = Instant::now();
     let (outcome, degradations) = match Bench::new(drapery, tier) {
         Err(trouble) => (Err(trouble), Vec::new()),
         Ok(mut bench) => {
-            let outcome = catch_unwind(AssertUnwindSafe(|| (case.judge)(&mut bench)));
+            let outcome = catch_unwind(AssertUnwindSafe(|| judge(&mut bench)));
             (outcome.unwrap_or_else(|panic| Err(format!("panic: {}", words(&*panic)))), bench.into_degradations())
         }
     };
@@ -43,7 +64,8 @@ pub fn judge(case: &Case, tier: Tier, drapery: &Path) -> Verdict {
         Ok(figures) => (figures, None),
         Err(trouble) => (Vec::new(), Some(trouble)),
     };
-    Verdict { case: *case, figures, trouble, degradations, seconds: clock.elapsed().as_secs_f64() }
+    let [id, title, must] = [id, title, must].map(str::to_owned);
+    Verdict { id, title, must, figures, trouble, degradations, seconds: clock.elapsed().as_secs_f64() }
 }
 
 /// What a panic said.
@@ -54,7 +76,7 @@ fn words(panic: &(dyn std::any::Any + Send)) -> String {
 
 /// How many cases passed, which did not, and how long all took.
 pub fn summary(verdicts: &[Verdict]) -> String {
-    let failed: Vec<&str> = verdicts.iter().filter(|v| !v.passed()).map(|v| v.case.id).collect();
+    let failed: Vec<&str> = verdicts.iter().filter(|v| !v.passed()).map(|v| v.id.as_str()).collect();
     let seconds: f64 = verdicts.iter().map(|v| v.seconds).sum();
     let passed = verdicts.len() - failed.len();
     let which = if failed.is_empty() { String::new() } else { format!("; failed: {}", failed.join(", ")) };

@@ -1,6 +1,7 @@
 //! What a scene does not ask for does not exist, and what it asks for does something.
 
 mod controls;
+mod sleeping;
 
 use std::collections::BTreeSet;
 
@@ -14,6 +15,9 @@ use drapery_core::snapshot::Snapshot;
 use drapery_tests::{positions, run, start};
 
 use controls::CONTROLS;
+
+/// Effects that only count what they could not do.
+const COUNTS_FAULTS: [&str; 1] = ["dihedral_bending"];
 
 /// Frames that a control runs.
 const FRAMES: usize = 6;
@@ -29,9 +33,7 @@ struct Outcome {
 
 fn outcome(description: SceneDescription) -> Outcome {
     let mut simulation = start(description);
-    let first = run(&mut simulation, FRAMES - 1);
-    let summary = run(&mut simulation, 1);
-    let summary = FrameSummary { metrics: summary.after(&first).metrics, ..FrameSummary::empty(0) };
+    let summary = (0..FRAMES).fold(FrameSummary::empty(0), |all, _| run(&mut simulation, 1).after(&all));
     let names: BTreeSet<&str> = simulation.plan().iter().map(|effect| effect.name).collect();
     let effects = REGISTRY.iter().copied().filter(|spec| names.contains(spec.name)).collect();
     Outcome { summary, positions: positions(&simulation), snapshot: simulation.snapshot(), effects }
@@ -74,7 +76,11 @@ fn every_effect_that_is_switched_on_changes_positions_or_counts() {
         let counted = counts.iter().any(|count| on.summary.metrics.counted(count) > 0);
         println!("{}: moved {moved}, counted {counted} of {counts:?}", spec.name);
         assert!(moved || counted, "{} has no effect on its control", spec.name);
-        assert!(counts.is_empty() || counted, "{} counts nothing on its control, of {counts:?}", spec.name);
+        assert!(
+            counts.is_empty() || counted || COUNTS_FAULTS.contains(&spec.name),
+            "{} counts nothing on its control, of {counts:?}",
+            spec.name
+        );
     }
 }
 

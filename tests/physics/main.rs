@@ -11,6 +11,7 @@ mod membrane;
 mod orders;
 mod oscillators;
 mod pressure;
+mod recovery;
 mod seams;
 mod shear;
 mod statics;

@@ -227,13 +227,14 @@ fn every_state_free_of_collisions_between_two_frames_can_be_gone_on_from() {
 
 #[test]
 fn the_scenes_hold_what_has_to_be_remembered() {
-    let names = |shot: &Shot| -> Vec<String> {
+    let shots = shots();
+    let names = |name: &str| -> Vec<String> {
+        let shot = shots.iter().find(|shot| shot.name == name).expect("it is one of the shots");
         uninterrupted(shot).remove(FRAMES as usize).0.sections.into_iter().map(|s| s.name).collect()
     };
-    let shots = shots();
-    assert_eq!(names(&shots[0]), ["state", "pins"]);
-    assert_eq!(names(&shots[3]), ["state", "self_contact"]);
-    assert_eq!(names(&shots[5]), ["state", "pins", "body_collision", "self_contact"]);
+    assert_eq!(names("hanging"), ["state", "pins"]);
+    assert_eq!(names("collision alone"), ["state", "self_contact"]);
+    assert_eq!(names("everything"), ["state", "pins", "body_collision", "self_contact"]);
     for shot in &shots[1..] {
         let mut all = Metrics::default();
         uninterrupted(shot).iter().for_each(|(_, metrics)| all.add(metrics));

@@ -3,6 +3,7 @@
 mod bad_input;
 mod effects;
 mod inspection;
+mod replay;
 mod run;
 mod site;
 mod stop;

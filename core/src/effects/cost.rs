@@ -28,11 +28,15 @@ pub(crate) const NANOSECONDS: f64 = 1e9;
 
 /// Stages of a step that belong to one effect. The list of neighbours serves both halves of self-contact; its time goes to
 /// the first that is there.
-const STAGES: [(&str, &[&str]); 7] = [
+const STAGES: [(&str, &[&str]); 11] = [
     ("B.2 self-repulsion", &["self_repulsion"]),
+    ("B.2 strain limit", &["strain_limit"]),
     ("B.4 body collision", &["body_collision"]),
     ("B.7 body friction", &["body_collision"]),
     ("B.8 self-repulsion", &["self_repulsion"]),
+    ("B.8 strain limit", &["strain_limit"]),
+    ("C self-repulsion", &["self_repulsion"]),
+    ("yield", &["plastic_wrinkles"]),
     ("C collisions", &["self_collision"]),
     ("A neighbours", &["self_repulsion", "self_collision"]),
     ("bodies and pins", &["body_collision", "pins", "attachments"]),

@@ -328,6 +328,9 @@ pub enum Purpose {
 
 /// A change of velocities after self-repulsion, in B.2 and B.8.
 pub trait VelocityFilter: Send + Sync {
+    /// Names of its stages in B.2 and in B.8.
+    fn stages(&self) -> [&'static str; 2];
+
     /// Takes note of the vertices that pins hold in this step.
     fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &pins::HardPins, targets: &pins::PinTargets);
 

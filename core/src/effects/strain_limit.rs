@@ -150,6 +150,10 @@ impl StrainLimit {
 }
 
 impl VelocityFilter for StrainLimit {
+    fn stages(&self) -> [&'static str; 2] {
+        ["B.2 strain limit", "B.8 strain limit"]
+    }
+
     fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &HardPins, targets: &PinTargets) {
         for (vertex, ..) in pins.axes() {
             self.mobility[vertex] = Vec3::repeat(1.0 / masses[vertex]);

@@ -6,7 +6,7 @@ use crate::scene::{PinHold, PinTarget, SceneDescription};
 use crate::settings::nearest;
 
 impl SceneDescription {
-    /// Takes these effects out, on all garments, and what only they were for: pins, and bodies that no pin follows.
+    /// Takes these effects out, on all garments, and what only they were for: pins, seams, the grid of the wind, and bodies that no pin follows.
     ///
     /// # Errors
     /// Names of no effect, and effects that the scene does not ask for; the description is then as it was.
@@ -15,6 +15,12 @@ impl SceneDescription {
         let is_out = |name: &str| names.iter().any(|out| out == name);
         self.effects.retain(|request| !is_out(&request.effect));
         self.pins.retain(|pin| !is_out(if pin.hold == PinHold::Hard { "pins" } else { "attachments" }));
+        if is_out("seams") {
+            self.seams.clear();
+        }
+        if is_out("wind") {
+            self.wind = None;
+        }
         let follows = |target: &PinTarget| matches!(target, PinTarget::Body { .. } | PinTarget::BodyNearest { .. });
         if is_out("body_collision") && !self.pins.iter().any(|pin| follows(&pin.target)) {
             self.bodies.clear();

@@ -2,12 +2,11 @@
 
 use super::{FrameSummary, Simulation};
 use crate::effects::cost::{FrameCost, NANOSECONDS};
-use crate::effects::{Effect, PartForce, PartMotion, PartView, Surroundings, build_all};
+use crate::effects::{Effect, PartForce, PartMotion, PartView, build_all};
 use crate::error::Problems;
 use crate::metrics::Watch;
 use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::PART_SIZE;
-use crate::state::State;
 
 /// Times that each force is evaluated to see how long it takes.
 const REPEATS: u32 = 8;
@@ -50,12 +49,11 @@ impl Simulation {
     /// Seconds of one update and of one damping product of these forces.
     fn time_forces(&self, forces: &mut [PartForce]) -> [f64; 2] {
         let (parts, masses) = (self.scene.parts(), self.scene.masses());
+        let around = self.surroundings();
         let mut nanoseconds = [0; 2];
         for (part, force) in forces.iter_mut() {
             let range = parts.ranges()[*part].clone();
-            let State { time, x, v } = &self.state;
-            let (targets, wind, volumes) = (&self.targets, &self.wind, &self.volumes);
-            let around = Surroundings { time: *time, targets, v, wind, volumes };
+            let x = &self.state.x[..];
             let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, around };
             let (mut own_x, mut f) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
             let (own_x, f) = (Lanes::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
@@ -65,7 +63,7 @@ impl Simulation {
                 let watch = Watch::start();
                 force.update(&view, own_x, f);
                 fastest[0] = fastest[0].min(watch.nanoseconds());
-                PartMotion::with(range.clone(), x, v, |motion| {
+                PartMotion::with(range.clone(), x, &self.state.v, |motion| {
                     let watch = Watch::start();
                     force.add_damping(motion, f);
                     fastest[1] = fastest[1].min(watch.nanoseconds());

@@ -19,9 +19,8 @@ impl Simulation {
             return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
         }
         let masses = scene.masses();
-        let State { time, x, v } = &self.state;
-        self.volumes.update(parts, x);
-        let around = Surroundings { time: *time, targets: &self.targets, v, wind: &self.wind, volumes: &self.volumes };
+        self.volumes.update(parts, &self.state.x);
+        let around = self.surroundings();
         let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
         for (range, forces) in parts.ranges().iter().zip(&self.forces) {
             let (own, v) = (&masses[range.clone()], &self.state.v[range.clone()]);
@@ -42,6 +41,12 @@ impl Simulation {
         summary.metrics = self.metrics.take().over_ranks(&ranks);
         summary.recoveries = std::mem::take(&mut self.care.events);
         Ok(())
+    }
+
+    /// What forces may look at besides positions, now.
+    pub(super) fn surroundings(&self) -> Surroundings<'_> {
+        let Self { state: State { time, v, .. }, targets, wind, volumes, .. } = self;
+        Surroundings { time: *time, targets, v, wind, volumes }
     }
 
     /// Takes what forces have counted.

@@ -185,10 +185,11 @@ impl Care {
             return Some(Rung::Shorter);
         }
         let is_finite = !matches!(trouble, Trouble::NotFinite(_));
+        let by_contact = collides && matches!(trouble, Trouble::Stopped | Trouble::NotFinite(_));
         let rungs = [
             (Rung::Tighter, trouble != Trouble::Stopped),
-            (Rung::MoreAttempts, collides),
-            (Rung::Zones, collides),
+            (Rung::MoreAttempts, by_contact),
+            (Rung::Zones, by_contact),
             (Rung::Thinner, repels),
             (Rung::Held, !is_finite),
             (Rung::Accepted, is_finite),
@@ -371,4 +372,44 @@ fn own_names(numbers: &[u32], parts: &crate::parallel::parts::Parts) -> Vec<[u32
 /// Whether no component is infinite or not a number.
 pub(super) fn is_finite(v: &Vec3) -> bool {
     v.iter().all(|c| c.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The rungs taken until none is left or the state is accepted.
+    fn rungs(trouble: Trouble, scene: [bool; 2]) -> Vec<Rung> {
+        let mut care = Care::default();
+        let mut taken = Vec::new();
+        while let Some(rung) = care.next(trouble, scene) {
+            taken.push(rung);
+            care.rung = Some(rung);
+            if rung == Rung::Shorter {
+                (care.halvings, care.halved) = (care.halvings + 1, care.halved + 1);
+            }
+        }
+        taken
+    }
+
+    #[test]
+    fn every_ladder_ends_and_only_what_is_not_finite_holds_vertices_or_gives_up() {
+        use Rung::{Accepted, Held, MoreAttempts, Shorter, Thinner, Tighter, Zones};
+        let broken = Trouble::NotFinite("B.1");
+        assert_eq!(rungs(broken, [false; 2]), [vec![Shorter; 6], vec![Tighter, Held]].concat());
+        let all = vec![Tighter, MoreAttempts, Zones, Thinner, Held];
+        assert_eq!(rungs(broken, [true; 2]), [vec![Shorter; 6], all].concat());
+        let contact = vec![MoreAttempts, Zones, Thinner, Accepted];
+        assert_eq!(rungs(Trouble::Stopped, [true; 2]), [vec![Shorter; 2], contact].concat());
+        assert_eq!(rungs(Trouble::Wild, [false; 2]), [vec![Shorter; 6], vec![Tighter, Accepted]].concat());
+    }
+
+    #[test]
+    fn the_step_is_doubled_again_after_calm_collision_steps() {
+        let mut care = Care::default();
+        care.go_on([2, 0]);
+        assert_eq!(care.part(), 0.25);
+        care.go_on([u64::MAX, u64::MAX]);
+        assert_eq!((care.saved(), care.part()), ([6, 3], 1.0 / 64.0));
+    }
 }

@@ -312,6 +312,7 @@ impl Resolver<'_> {
         if self.description.bodies.is_empty() {
             self.bodies.clear();
         }
+        self.wind.take_if(|_| self.description.wind.is_none());
         self.drop_idle_tracks();
     }
 

@@ -119,9 +119,11 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
         size: study.scene.size,
         thickness: study.scene.thickness,
     };
-    let wishes = space::wishes(&options.asked, &ground);
+    let wishes = space::wishes(&options.asked, &ground, space::FINENESS[0]);
     check(&bench, &wishes, &ground)?;
-    let mut schedule = schedule::Schedule { bench: &bench, folder: &options.out, begun, limit: options.limit, before };
+    let schedule = schedule::Schedule { bench: &bench, folder: &options.out, begun, limit: options.limit, before };
+    schedule.run_base(&wishes, &mut study, observer)?;
+    let wishes = space::wishes(&options.asked, &ground, study.fineness);
     schedule.run_all(&wishes, &mut study, observer)?;
     lock.check()?;
     study.seconds = before + begun.elapsed().as_secs_f64();

@@ -35,6 +35,8 @@ pub struct Study {
     pub asked: Asked,
     /// Frames at which states are compared, ascending.
     pub compared: Vec<i64>,
+    /// How many times as fine as the scene the reference is at least; 0 before that is decided.
+    pub fineness: u32,
     /// Own error of the reference at the compared frames [m]; empty where it was not checked.
     pub own_error: Vec<f64>,
     /// Order with which the reference was extrapolated to steps of no length at the compared frames; 0 where it was not.

@@ -11,7 +11,7 @@ use crate::error::IoError;
 use crate::study::compare::Comparison;
 use crate::study::record::{Omission, Role, Sample, Setting, Study};
 use crate::study::sample::{self, Bench, Ended, Pace};
-use crate::study::space::Wish;
+use crate::study::space::{self, Wish};
 use crate::study::{Observer, StudyError};
 
 /// Folder of the states inside that of the study.
@@ -32,6 +32,9 @@ const STATES_BYTES: usize = 64 << 20;
 /// Share of the wanted runs, without repeats, that should fit into the time.
 const FITTING: f64 = 0.9;
 
+/// Times the base that have to be left besides the reference.
+const BESIDES: f64 = 10.0;
+
 /// How much longer than foretold a run may take before it is given up, and how many seconds in any case.
 const PATIENCE: (f64, f64) = (3.0, 3.0);
 
@@ -51,61 +54,91 @@ pub struct Schedule<'a> {
 }
 
 impl Schedule<'_> {
+    /// Runs the scene as it is, the first of the wishes, and decides how fine the reference can be.
+    ///
+    /// # Errors
+    /// It does not come to a single frame to compare; files cannot be read or written.
+    pub fn run_base(&self, wishes: &[Wish], study: &mut Study, observer: &mut dyn Observer) -> Result<(), StudyError> {
+        let folder = self.folder.join(STATES);
+        std::fs::create_dir_all(&folder).map_err(|error| IoError::creating(&folder, error))?;
+        let mut comparison = Comparison::of(study, self.folder)?;
+        self.run_wish(0, wishes, (study, &mut comparison), observer)?;
+        if study.fineness == 0 {
+            let base = study.base().map_or(0.0, |base| base.cost.with_overhead);
+            let left = self.left(study);
+            let fits = |fineness: &u32| left > (space::REFERENCE_TIMES * f64::from(*fineness) + BESIDES) * base;
+            study.fineness = space::FINENESS.into_iter().find(fits).unwrap_or(space::FINENESS[2]);
+        }
+        Ok(())
+    }
+
     /// Runs all wishes that are not in the record and fit into the time; the record is written after each.
     ///
     /// # Errors
-    /// The base does not come to a single frame to compare; files cannot be read or written.
-    pub fn run_all(
-        &mut self,
-        wishes: &[Wish],
-        study: &mut Study,
-        observer: &mut dyn Observer,
-    ) -> Result<(), StudyError> {
-        let folder = self.folder.join(STATES);
-        std::fs::create_dir_all(&folder).map_err(|error| IoError::creating(&folder, error))?;
+    /// Files cannot be read or written.
+    pub fn run_all(&self, wishes: &[Wish], study: &mut Study, observer: &mut dyn Observer) -> Result<(), StudyError> {
         study.omitted.clear();
         let mut comparison = Comparison::of(study, self.folder)?;
-        for (number, wish) in wishes.iter().enumerate() {
-            if study.samples.iter().any(|sample| is_of(sample, wish)) {
-                continue;
+        let mut repeats = 0;
+        for number in 0..wishes.len() {
+            match self.run_wish(number, wishes, (study, &mut comparison), observer)? {
+                Some(_) if wishes[number].repeat > 0 => repeats += 1,
+                Some(why) => study.omitted.push(Omission { label: wishes[number].label(), why }),
+                None => {}
             }
-            let omit = |why: String| Omission { label: wish.label(), why };
-            let foretold = foretell(wish, wishes, study);
-            let left = self.left(study);
-            if study.base().is_some_and(|base| !base.is_whole()) {
-                study.omitted.push(omit("the scene as it is does not run".to_owned()));
-                continue;
-            }
-            if foretold.is_some_and(|seconds| seconds > left) || left <= 0.0 {
-                let needs = foretold.map_or(String::new(), |seconds| format!("about {seconds:.0} s were needed, "));
-                study.omitted.push(omit(format!("no time: {needs}{:.0} s were left", left.max(0.0))));
-                continue;
-            }
-            observer.begins(wish, number + 1, wishes.len(), foretold);
-            match self.run_one(wish, wishes, study, (left, foretold))? {
-                Ended::OutOfTime(frame) if wish.role == Role::Base && wish.is_first() => {
-                    return Err(StudyError::Asked(format!(
-                        "there is no time for a study: after {:.0} s the scene as it is had come to frame {frame}\n  \
-                         help: give more time with --max-wall, or fewer frames with --frames",
-                        self.begun.elapsed().as_secs_f64()
-                    )));
-                }
-                Ended::OutOfTime(frame) => {
-                    study.omitted.push(omit(format!("given up after frame {frame}: it took longer than foretold")));
-                }
-                Ended::Sample(ended) => {
-                    let (sample, compared) = *ended;
-                    if study.compared.is_empty() {
-                        study.compared = compared;
-                    }
-                    study.samples.push(sample);
-                    comparison.latest(study)?;
-                }
-            }
-            study.seconds = self.before + self.begun.elapsed().as_secs_f64();
-            study.write(self.folder)?;
+        }
+        if repeats > 0 {
+            let (label, why) = (format!("{repeats} repeats, for their times"), "no time".to_owned());
+            study.omitted.push(Omission { label, why });
         }
         Ok(())
+    }
+
+    /// Runs a wish if it is not in the record; returns why it is left out, if it is.
+    fn run_wish(
+        &self,
+        number: usize,
+        wishes: &[Wish],
+        (study, comparison): (&mut Study, &mut Comparison<'_>),
+        observer: &mut dyn Observer,
+    ) -> Result<Option<String>, StudyError> {
+        let wish = &wishes[number];
+        if study.samples.iter().any(|sample| is_of(sample, wish)) {
+            return Ok(None);
+        }
+        let foretold = foretell(wish, wishes, study);
+        let left = self.left(study);
+        if study.base().is_some_and(|base| !base.is_whole()) {
+            return Ok(Some("the scene as it is does not run".to_owned()));
+        }
+        if foretold.is_some_and(|seconds| seconds > left) || left <= 0.0 {
+            let needs = foretold.map_or(String::new(), |seconds| format!("about {seconds:.0} s were needed, "));
+            return Ok(Some(format!("no time: {needs}{:.0} s were left", left.max(0.0))));
+        }
+        observer.begins(wish, number + 1, wishes.len(), foretold);
+        match self.run_one(wish, wishes, study, (left, foretold))? {
+            Ended::OutOfTime(frame) if wish.role == Role::Base && wish.is_first() => {
+                return Err(StudyError::Asked(format!(
+                    "there is no time for a study: after {:.0} s the scene as it is had come to frame {frame}\n  \
+                     help: give more time with --max-wall, or fewer frames with --frames",
+                    self.begun.elapsed().as_secs_f64()
+                )));
+            }
+            Ended::OutOfTime(frame) => {
+                return Ok(Some(format!("given up after frame {frame}: it took longer than foretold")));
+            }
+            Ended::Sample(ended) => {
+                let (sample, compared) = *ended;
+                if study.compared.is_empty() {
+                    study.compared = compared;
+                }
+                study.samples.push(sample);
+                comparison.latest(study)?;
+            }
+        }
+        study.seconds = self.before + self.begun.elapsed().as_secs_f64();
+        study.write(self.folder)?;
+        Ok(None)
     }
 
     /// Seconds that are left for runs.

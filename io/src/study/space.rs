@@ -32,8 +32,11 @@ const THICKNESS: &str = "thickness";
 /// Parameter that is taken for the fineness of the mesh.
 pub const RESOLUTION: &str = "resolution";
 
-/// How much finer in time than the scene the reference is.
-const REFERENCE: f64 = 16.0;
+/// How much finer in time than the scene the reference is, the finest that there is time for.
+pub const FINENESS: [u32; 3] = [16, 8, 4];
+
+/// Time of a reference and its checks by that of the scene as it is, for each time that it is finer.
+pub const REFERENCE_TIMES: f64 = 1.5 * (1.0 + 0.5 + 0.25);
 
 /// Tolerance of the velocity solves of the reference [m/s].
 const REFERENCE_TOLERANCE: &str = "1e-9";
@@ -176,8 +179,9 @@ fn rough_times(name: &str, value: &str, ground: &Ground) -> f64 {
     }
 }
 
-/// All runs of a study, the most useful first: when time runs out, the last are missing.
-pub fn wishes(asked: &Asked, ground: &Ground) -> Vec<Wish> {
+/// All runs of a study, the most useful first: when time runs out, the last are missing. The reference is at least `fineness`
+/// times as fine as the scene.
+pub fn wishes(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
     let mut all = vec![Wish::new(Role::Base, as_is(), 1.0)];
     let copy = |number: u32| Wish { copy: number, ..all[0].clone() };
     let copies: Vec<Wish> = (1..=asked.copies).map(copy).collect();
@@ -191,7 +195,7 @@ pub fn wishes(asked: &Asked, ground: &Ground) -> Vec<Wish> {
     let mut accuracy = accuracy.into_iter();
     // One finer setting, then what it is to be compared with; the rest of the front after it.
     all.extend(accuracy.next());
-    all.extend(references(asked, ground));
+    all.extend(references(asked, ground, fineness));
     all.extend(accuracy);
     all.extend(copies.next());
     all.extend(other);
@@ -202,21 +206,22 @@ pub fn wishes(asked: &Asked, ground: &Ground) -> Vec<Wish> {
 }
 
 /// The reference and the runs that tell how far it has converged, the coarsest first.
-fn references(asked: &Asked, ground: &Ground) -> Vec<Wish> {
+fn references(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
+    let fineness = f64::from(fineness);
     let finest = |name: &str, from: f64| {
         let values = asked.vary.iter().filter(|(varied, _)| varied == name).flat_map(|(_, values)| values);
         values.filter_map(|value| value.parse::<f64>().ok()).filter(|v| *v > 0.0).fold(from, f64::min)
     };
-    // At least four times as fine as anything that is compared with it.
-    let cfl = (ground.cfl / REFERENCE).min(finest("cfl", ground.cfl) / 4.0);
+    // At least twice as fine as anything that is compared with it.
+    let cfl = (ground.cfl / fineness).min(finest("cfl", ground.cfl) / 2.0);
     let longest = ground.max_dt.or_else(|| {
         let asked = finest("max_dt", f64::INFINITY);
-        asked.is_finite().then_some(asked * REFERENCE / 4.0)
+        asked.is_finite().then_some(asked * fineness / 2.0)
     });
     let finer = |coarser: f64| {
         let mut setting = changed(&as_is(), "cfl", &(cfl * coarser).to_string(), ground);
         if let Some(dt) = longest {
-            let dt = (dt / REFERENCE).min(finest("max_dt", f64::INFINITY) / 4.0) * coarser;
+            let dt = (dt / fineness).min(finest("max_dt", f64::INFINITY) / 2.0) * coarser;
             setting = changed(&setting, "max_dt", &dt.to_string(), ground);
         }
         setting = changed(&setting, "cg_tolerance", REFERENCE_TOLERANCE, ground);
@@ -343,16 +348,16 @@ mod tests {
     #[test]
     fn the_reference_is_finer_than_all_that_is_compared_with_it() {
         let cfl = |asked: &Asked| {
-            let wish = references(asked, &ground()).pop().unwrap();
+            let wish = references(asked, &ground(), FINENESS[0]).pop().unwrap();
             wish.setting.settings[0].1.parse::<f64>().unwrap()
         };
         assert_eq!(cfl(&asked(&[], false)), 0.25);
-        assert_eq!(cfl(&asked(&["cfl=4,0.5"], false)), 0.125);
+        assert_eq!(cfl(&asked(&["cfl=4,0.25"], false)), 0.125);
     }
 
     #[test]
     fn base_copy_and_references_come_before_what_only_measures_time_again() {
-        let all = wishes(&asked(&[], false), &ground());
+        let all = wishes(&asked(&[], false), &ground(), FINENESS[0]);
         let at = |found: &dyn Fn(&Wish) -> bool| all.iter().position(found).unwrap();
         assert_eq!(at(&|wish| wish.role == Role::Base), 0);
         assert_eq!(at(&|wish| wish.copy == 1), 1);

@@ -256,7 +256,7 @@ fn stack(count: usize, cells: usize, dx: f64, (height, gap): (f64, f64)) -> Scen
         let turn = nalgebra::Rotation3::from_axis_angle(&Vec3::y_axis(), 0.05 * layer as f64);
         mesh.points.iter_mut().for_each(|p| *p = turn * *p + Vec3::y() * (height + gap * layer as f64));
         description.garments.push(GarmentDescription::new(&format!("layer{layer}"), mesh, 0.2));
-        add_cloth(&mut description, layer, 100.0);
+        add_cloth(&mut description, layer, 20.0);
     }
     add_weight(&mut description);
     add_self_contact(&mut description);
@@ -268,7 +268,7 @@ pub(super) const H28: Case = Case {
     title: "a stack of ten sheets that drops on the floor",
     must: "it settles in 3 s, in order",
     judge: |bench| {
-        let (count, cells) = bench.by_tier((10, 5), (50, 20));
+        let (count, cells) = bench.by_tier((10, 3), (50, 20));
         let mut description = stack(count, cells, 0.03, (0.05, 0.004));
         add_floor(&mut description, 0.5);
         description.bodies[0].thickness = 0.001;
@@ -290,7 +290,7 @@ pub(super) const H29: Case = Case {
     title: "ten layers on a ball",
     must: "they keep their order",
     judge: |bench| {
-        let (count, cells) = bench.by_tier((10, 6), (10, 40));
+        let (count, cells) = bench.by_tier((10, 4), (10, 40));
         let mut description = stack(count, cells, 0.24 / cells as f64, (0.105, 0.003));
         let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.1 });
         add_body(&mut description, ball, RigidMotion::at(Vec3::zeros()), 0.5);
@@ -471,13 +471,17 @@ pub(super) const H36: Case = Case {
         needle.garments[0].mesh.points.iter_mut().for_each(|p| p.y = 0.11);
         add_weight(&mut needle);
         add_self_contact(&mut needle);
-        let shape = BodyShape::Rigid(Shape::Capsule { radius: 1e-4, half_length: 0.1 });
-        add_body(&mut needle, shape, RigidMotion::at(Vec3::new(0.003, 0.0, 0.002)), 0.3);
+        // As a mesh: of an ideal shape only vertices of cloth know.
+        let (points, triangles) = box_mesh(Vec3::new(1e-4, 0.1, 1e-4), 1);
+        let place = move |_: f64| points.iter().map(|p| p + Vec3::new(0.011, 0.0, 0.007)).collect();
+        let input = add_mesh_body(&mut needle, triangles, place);
         needle.bodies[0].thickness = 0.001;
-        let needle = bench.simulate(&Trial::still(needle, 12))?;
+        let needle = bench.simulate(&Trial { input, ..Trial::still(needle, 12) })?;
+        let highest = needle.last().positions[0].iter().map(|x| x.y).fold(f64::NEG_INFINITY, f64::max);
         let mut slit = scene_of(upright(8, 0.03), 24);
         add_cloth(&mut slit, 0, 100.0);
         add_weight(&mut slit);
+        add_pins(&mut slit, (72..81).collect());
         for side in [-1.0, 1.0] {
             let block = BodyShape::Rigid(Shape::Box { half_extents: [0.05, 0.5, 0.5] });
             // The slit closes from 8 to 2 mm, and the bodies keep 3 mm each.
@@ -491,6 +495,7 @@ pub(super) const H36: Case = Case {
         let widest = slit.last().positions[0].iter().map(|x| x.x.abs()).fold(0.0, f64::max);
         Ok(vec![
             Figure::at_most("strain on the needle", needle.strain(), 0.5),
+            Figure::at_least("highest vertex, over a tip at 0.1 m [m]", highest, 0.08),
             Figure::at_most("strain in the slit", slit.strain(), 0.5),
             Figure::at_most("farthest vertex from the middle of the slit [m]", widest, 0.001 + 1e-6),
             Figure::at_least("vertices between two surfaces, counted", slit.counted("body_squeezed"), 1.0),

@@ -2,7 +2,7 @@
 
 use drapery_selftest::CATALOGUE;
 use drapery_selftest::case::{Case, Tier};
-use drapery_selftest::suite::{Verdict, judge};
+use drapery_selftest::suite::{Verdict, judge, judge_combination};
 use drapery_selftest::{report, suite};
 
 use crate::args::{HardTier, SelftestArgs};
@@ -10,13 +10,20 @@ use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::say;
 
-/// Runs the cases and prints a row for each figure as soon as its case is done.
+/// Combinations of the full and of the soak tier.
+const COMBINATIONS: [u64; 2] = [200, 2000];
+
+/// Runs cases and combinations, and prints a row for each figure as soon as it is known.
 pub(crate) fn run(args: &SelftestArgs, tier: HardTier) -> Result<ExitCode, Failure> {
-    let cases = chosen(&args.cases)?;
-    let tier = match tier {
-        HardTier::Quick => Tier::Quick,
-        HardTier::Full => Tier::Full,
-        HardTier::Soak => Tier::Soak,
+    let (tier, combinations) = match tier {
+        HardTier::Quick => (Tier::Quick, 0),
+        HardTier::Full => (Tier::Full, COMBINATIONS[0]),
+        HardTier::Soak => (Tier::Soak, COMBINATIONS[1]),
+    };
+    let (cases, seeds) = match (&args.seeds, args.cases.is_empty()) {
+        (Some(seeds), _) => (Vec::new(), seeds.first..seeds.last + 1),
+        (None, false) => (chosen(&args.cases)?, 0..0),
+        (None, true) => (CATALOGUE.iter().collect(), 0..combinations),
     };
     // Cases of the command start this very program.
     let drapery = std::env::current_exe()
@@ -25,14 +32,15 @@ pub(crate) fn run(args: &SelftestArgs, tier: HardTier) -> Result<ExitCode, Failu
         say::line(report::HEAD);
     }
     let mut verdicts: Vec<Verdict> = Vec::new();
-    for case in cases {
-        let verdict = judge(case, tier, &drapery);
+    let mut see = |verdict: Verdict| {
         if !args.json {
             report::rows(&verdict).into_iter().for_each(say::line);
             trouble(&verdict);
         }
         verdicts.push(verdict);
-    }
+    };
+    cases.into_iter().for_each(|case| see(judge(case, tier, &drapery)));
+    seeds.for_each(|seed| see(judge_combination(seed, tier, &drapery)));
     if args.json {
         let all: Vec<_> = verdicts.iter().map(report::value).collect();
         // Texts and numbers always have a JSON form.
@@ -46,7 +54,7 @@ pub(crate) fn run(args: &SelftestArgs, tier: HardTier) -> Result<ExitCode, Failu
 /// The rest of what went wrong, where one line does not hold it.
 fn trouble(verdict: &Verdict) {
     let lines = verdict.trouble.iter().flat_map(|text| text.lines().skip(1));
-    lines.for_each(|line| say::complaint(format_args!("{}: {line}", verdict.case.id)));
+    lines.for_each(|line| say::complaint(format_args!("{}: {line}", verdict.id)));
 }
 
 /// The cases of these numbers; all of them if there are none.

@@ -215,10 +215,10 @@ impl PartHinges {
     }
 
     /// Moment of a hinge of the part [N·m].
-    fn moment(&self, hinge: usize, angles: &[f64]) -> f64 {
+    fn moment(&self, hinge: usize, angle: impl Fn(usize) -> f64) -> f64 {
         let start = if hinge == 0 { 0 } else { self.rows[hinge - 1] };
         let row = &self.moments[start as usize..self.rows[hinge] as usize];
-        row.iter().map(|(other, moment)| moment * angles[*other as usize]).sum()
+        row.iter().map(|(other, moment)| moment * angle(*other as usize)).sum()
     }
 
     /// Adds a pull along the gradient of a hinge to the part's own vertices.
@@ -262,7 +262,7 @@ impl Force for PartHinges {
         let is_out = |hinge: &usize| self.gradients[*hinge].u[0] == Vec3::zeros() && self.counts(*hinge);
         self.left_out += (0..self.gradients.len()).filter(is_out).count() as u64;
         for hinge in 0..self.gradients.len() {
-            self.pull(hinge, -self.moment(hinge, &self.angles), f);
+            self.pull(hinge, -self.moment(hinge, |other| self.angles[other]), f);
         }
     }
 
@@ -278,9 +278,10 @@ impl Force for PartHinges {
     }
 
     fn energy(&self, view: &PartView<'_>) -> f64 {
-        let angles: Vec<f64> = self.hinges.iter().map(|hinge| bent(hinge, view.x).0).collect();
+        let angle = |hinge: usize| bent(&self.hinges[hinge], view.x).0;
         let own = |n: usize| self.hinges[n].vertices.iter().filter(|v| self.place(**v as usize).is_some()).count();
-        let quarter = |n: usize| 0.125 * own(n) as f64 * angles[n] * self.moment(n, &angles);
+        // Half of angle times moment, of which each of the four vertices brings a quarter.
+        let quarter = |n: usize| 0.125 * own(n) as f64 * angle(n) * self.moment(n, angle);
         (0..self.gradients.len()).map(quarter).sum()
     }
 

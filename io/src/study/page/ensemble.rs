@@ -39,8 +39,8 @@ fn percent(value: f64) -> String {
     format!("{:.2} %", 100.0 * value)
 }
 
-/// Differences of means that are rounding.
-const ROUNDING: f64 = 1e-12;
+/// Differences of means that nobody sees, by the mean.
+const SAME: f64 = 1e-3;
 
 /// Mean of a quantity over the last compared frames of a run.
 fn mean_of(sample: &Sample, from: usize, value: fn(&Figures) -> f64) -> Option<f64> {
@@ -74,8 +74,7 @@ pub(super) fn section(study: &Study, analysis: &Analysis<'_>) -> String {
         let of_row = |(_, value, write): &Quantity| -> Cell {
             let (mean, deviation, _) = spread(*value);
             let Some(found) = mean_of(row.sample, from, *value) else { return number("-") };
-            // Means of equal numbers differ by rounding.
-            let is_within = (found - mean).abs() <= (2.0 * deviation).max(ROUNDING * mean.abs());
+            let is_within = (found - mean).abs() <= (2.0 * deviation).max(SAME * mean.abs());
             match (is_within, mean == 0.0) {
                 (true, _) => number("="),
                 (false, true) => (format!("<b>{}</b>", write(found)), true),
@@ -94,7 +93,7 @@ pub(super) fn section(study: &Study, analysis: &Analysis<'_>) -> String {
     let last = study.compared.last().copied().unwrap_or_default();
     let beyond = if analysis.has_horizon { "beyond the horizon" } else { "the second half: there is no horizon" };
     let note = format!(
-        "<p>Means over frames {first} to {last} ({beyond}). = is within two standard deviations of the \
+        "<p>Means over frames {first} to {last} ({beyond}). = is within a thousandth or two standard deviations of the \
          shifted copies, which cannot be told from them; elsewhere the difference from their mean is given.</p>"
     );
     table::section("How the cloth is, where trajectories cannot be compared", &note, &heads, &lines)

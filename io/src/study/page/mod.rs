@@ -25,7 +25,7 @@ pub fn page(study: &Study) -> String {
     body += &charts::stages(study, &analysis);
     body += &charts::horizon(study, &analysis);
     body += &ensemble::section(study, &analysis);
-    body += &tables::changes(study, &analysis);
+    body += &tables::changes(study);
     body += &tables::closed_forms(study, &analysis);
     body += &tables::counters(&analysis);
     body += &tables::left_out(study);

@@ -74,6 +74,7 @@ fn more(analysis: &Analysis<'_>) -> String {
         vec![
             (name(row, false), false),
             number(text::seconds(row.seconds)),
+            number(row.error.map_or("-".to_owned(), |error| millimetres(error.rms + analysis.own.unwrap_or(0.0)))),
             length(&|error| Some(error.max)),
             length(&|error| error.surface),
             number(told.map_or("-".to_owned(), |error| text::scaled(error.velocity_rms, "m/s"))),
@@ -88,6 +89,7 @@ fn more(analysis: &Analysis<'_>) -> String {
     let heads = [
         words("setting"),
         number("time a frame"),
+        number("error RMS at most"),
         number("largest error"),
         number("surfaces apart"),
         number("velocity RMS"),
@@ -104,14 +106,17 @@ fn more(analysis: &Analysis<'_>) -> String {
 }
 
 /// What other models and left-out effects take and change.
-pub(super) fn changes(study: &Study, analysis: &Analysis<'_>) -> String {
-    let base = analysis.rows.first().map(|row| row.seconds).filter(|seconds| *seconds > 0.0);
+pub(super) fn changes(study: &Study) -> String {
+    // Processor seconds: a single run tells little about time on a machine that does other things as well.
+    let processor = |sample: &Sample| sample.cost.processor_seconds / sample.cost.frames.max(1) as f64;
+    let base = study.base().map(processor).filter(|seconds| *seconds > 0.0);
     let own = study.samples.iter().filter(|sample| sample.is_own() && sample.is_whole());
     let lines: Vec<Vec<Cell>> = own
         .filter(|sample| matches!(sample.role, Role::Without | Role::Model))
         .map(|sample| {
             let seconds = sample.seconds_a_frame();
-            let share = base.map_or("-".to_owned(), |base| format!("{:+.0} %", 100.0 * (base - seconds) / base));
+            let share = |base: f64| format!("{:+.0} %", 100.0 * (base - processor(sample)) / base);
+            let share = base.map_or("-".to_owned(), share);
             let change = error_over(&sample.from_base, study.compared.len());
             let length = |of: fn(&Error) -> f64| {
                 number(change.as_ref().map_or("-".to_owned(), |change| millimetres(of(change))))
@@ -134,15 +139,15 @@ pub(super) fn changes(study: &Study, analysis: &Analysis<'_>) -> String {
     let heads = [
         words("change"),
         number("time a frame"),
-        number("share of the time"),
+        number("share of processor time"),
         number("change in the picture, RMS"),
         number("99th percentile"),
         number("drape area at the end"),
         number("folds over 60° at the end"),
         words("crossings"),
     ];
-    let note =
-        "<p>Against the scene as it is, over all compared frames. The share is what the effect takes of a frame.</p>";
+    let note = "<p>Against the scene as it is, over all compared frames. The share is what the effect takes of the processor \
+         time of a frame.</p>";
     section("What each effect and choice takes, and what it changes", note, &heads, &lines)
 }
 

@@ -1,0 +1,88 @@
+//! Checks of painted maps and of seams.
+
+use super::report;
+use crate::error::Problem;
+use crate::scene::painted::MAPS;
+use crate::scene::{GarmentDescription, Mass, SceneDescription};
+
+/// Names and values of painted maps.
+pub(super) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
+    for (name, map) in &garment.maps {
+        let place = format!("garment \"{}\", map of {name}", garment.name);
+        if MAPS.iter().all(|(known, _)| known != name) {
+            let names: Vec<&str> = MAPS.iter().map(|(known, _)| *known).collect();
+            let advice = format!("there are maps of {}", names.join(", "));
+            problems.push(Problem::scene(&place, "this quantity cannot be painted", advice));
+        }
+        let (values, points) = (map.values.len(), garment.mesh.points.len());
+        if values != points {
+            let what = format!("it has {values} values for {points} vertices");
+            problems.push(Problem::data(&place, what, "paint it on the rest shape of this garment"));
+        }
+        // Cloth without mass would move infinitely fast.
+        let least_is_possible = name != "density";
+        let possible = |value: f64| value.is_finite() && (value > 0.0 || (value == 0.0 && least_is_possible));
+        let broken = (0..values).filter(|v| !possible(map.values[*v]));
+        report(broken, problems, |list| {
+            let least = if least_is_possible { "zero or more" } else { "above zero" };
+            let what = format!("the values of vertices {list} are not numbers {least}");
+            Problem::data(&place, what, "paint these vertices anew")
+        });
+        if name == "wind" && map.absolute {
+            let what = "a map of wind is a share of what the wind does";
+            problems.push(Problem::scene(&place, what, "leave it out of `absolute_maps`"));
+        }
+        if name == "density" && matches!(garment.mass, Mass::UniformTotal(_)) {
+            let what = "it contradicts a total mass, which is the same for every vertex";
+            problems.push(Problem::scene(&place, what, "give the garment a `density`"));
+        }
+    }
+}
+
+/// Maps of what nothing in the scene looks at.
+pub(super) fn check_maps_are_used(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    for (g, garment) in description.garments.iter().enumerate() {
+        let asked = |name: &&str| {
+            description.effects.iter().any(|e| e.effect == *name && e.garment.is_none_or(|garment| garment == g))
+        };
+        for (name, lookers) in MAPS.iter().filter(|(name, _)| garment.maps.contains_key(*name)) {
+            // A map of what was left out is left out with it.
+            let is_out = |name: &&str| description.left_out.iter().any(|out| out == name);
+            if !lookers.is_empty() && !lookers.iter().any(|name| asked(name) || is_out(name)) {
+                let place = format!("garment \"{}\", map of {name}", garment.name);
+                let advice = format!("leave it out, or ask for {}", lookers.join(" or "));
+                problems.push(Problem::scene(place, "nothing in this scene looks at it", advice));
+            }
+        }
+    }
+}
+
+/// Names, pairs, numbers and times of seams.
+pub(super) fn check_seams(description: &SceneDescription, problems: &mut Vec<Problem>) {
+    for (s, seam) in description.seams.iter().enumerate() {
+        let mut refuse = |what: String, advice: &str| {
+            problems.push(Problem::scene(format!("seam {s}"), what, advice));
+        };
+        let counts = seam.garments.map(|g| description.garments.get(g).map(|garment| garment.mesh.points.len()));
+        let [Some(a), Some(b)] = counts else {
+            refuse("it names a garment that does not exist".into(), "correct its garments");
+            continue;
+        };
+        if let Some([p, q]) = seam.pairs.iter().find(|[p, q]| *p as usize >= a || *q as usize >= b) {
+            refuse(
+                format!("vertices {p} and {q} are sewn, but its garments have {a} and {b} vertices"),
+                "correct the numbers; they count from 0",
+            );
+        } else if let Some([p, _]) = seam.pairs.iter().find(|[p, q]| seam.garments[0] == seam.garments[1] && p == q) {
+            refuse(format!("vertex {p} is sewn to itself"), "sew it to another one, or to none");
+        }
+        let numbers = [seam.stiffness, seam.damping_ratio, seam.rest_gap.unwrap_or(0.0)];
+        if seam.pairs.is_empty() || numbers.iter().any(|n| !(*n >= 0.0 && n.is_finite())) || seam.stiffness == 0.0 {
+            let what = "it has no pairs, or its stiffness, damping or gap is not a positive number";
+            refuse(what.into(), "give it pairs, and a stiffness such as 800 N/m");
+        }
+        if !(seam.from.is_finite() && seam.until.is_finite()) {
+            refuse("its times are not finite".into(), "say when it starts to close and when it is closed");
+        }
+    }
+}
