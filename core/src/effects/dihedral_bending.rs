@@ -51,7 +51,7 @@ const FIELDS: &[Field] = &[
         dimension: Dimension::BendingRigidity,
         default: Default::Required,
         range: (0.0, 1e3),
-        help: "bending rigidity, the same at every mesh density; silk has 3, denim 70, paper 400 µN·m",
+        help: "bending rigidity, the same at every mesh density; silk has 1, denim 70, paper 400 µN·m",
     },
     Field {
         name: "damping_ratio",
