@@ -23,7 +23,7 @@ const COUNTS: [[usize; 2]; 3] = [[1, 2], [4, 1], [7, 1]];
 /// Energy below which rounding is all there is [J].
 const SPECK: f64 = 1e-15;
 
-/// Frames after the start at which runs on several numbers of ranks are compared.
+/// Frames after the start at which runs on several numbers of ranks are compared, unless a case says otherwise.
 const COMPARED: i64 = 8;
 
 /// Counts that say that something was not as it should be although they are no limits.
@@ -65,6 +65,8 @@ pub struct Trial<'a> {
     pub input: Input<'a>,
     /// Frames after the first one.
     pub frames: i64,
+    /// Frames after the first one at which runs on several numbers of ranks are compared.
+    pub compared: i64,
     /// Whether it starts with crossings, or a body forces some on it; otherwise none may appear.
     pub may_cross: bool,
     /// Whether nothing outside works on the cloth, so that its energy may not grow by more than 1 % a second.
@@ -74,7 +76,9 @@ pub struct Trial<'a> {
 impl Trial<'_> {
     /// A scene without moving inputs.
     pub fn still(description: SceneDescription, frames: i64) -> Self {
-        Self { description, input: Box::new(FrameInput::to_frame), frames, may_cross: false, is_isolated: false }
+        let compared = frames.min(COMPARED);
+        let input = Box::new(FrameInput::to_frame);
+        Self { description, input, frames, compared, may_cross: false, is_isolated: false }
     }
 }
 
@@ -294,7 +298,7 @@ fn one_rank(
         record.masses = masses(&simulation);
         record.frames.push(see(&simulation, FrameSummary::empty(start)));
     }
-    let compared = trial.frames.min(COMPARED);
+    let compared = trial.compared;
     let mut snapshot = Snapshot::default();
     for frame in 1..=compared.max(watched) {
         let input = input(simulation.scene(), start + frame);
