@@ -18,7 +18,6 @@ fn loose_sheet(wind: EffectRequest) -> SceneDescription {
 /// Velocity of all vertices, which have to have the same.
 fn common_velocity(simulation: &Simulation) -> Vec3 {
     let all = velocities(simulation);
-    // Rounding tilts loose triangles a little, and they glide apart.
     assert!(all.iter().all(|v| (v - all[0]).norm() < 1e-9), "the sheet moves as one");
     all[0]
 }
@@ -41,7 +40,8 @@ fn a_flat_sheet_falls_as_the_closed_form_says_up_to_its_terminal_speed() {
     let errors = [0.005, 0.0025].map(|dt| (fallen(dt, 10) - at(0.1)).abs());
     // Second order: half the step leaves a quarter of the error.
     assert!(errors[0] < 1e-3 && (errors[0] / errors[1]).log2() > 1.8, "{errors:?}");
-    assert!((fallen(0.01, 300) - terminal).abs() < 1e-8);
+    // After a second 2 exp(-2 g t / v∞) = 4e-7 is missing. Later, rounding has tilted the loose triangles, and they glide apart.
+    assert!((fallen(0.01, 100) - terminal).abs() < 2e-6);
 }
 
 #[test]

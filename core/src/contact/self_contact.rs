@@ -4,6 +4,8 @@
 //! are close, K time steps follow with repulsions in B.2 and B.8, and C stops what would pass through something on the way.
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
+mod per_collision_step;
+
 use rayon::prelude::*;
 
 use crate::Vec3;
