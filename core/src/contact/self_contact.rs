@@ -32,8 +32,6 @@ use crate::scene::Scene;
 use crate::snapshot::SnapshotError;
 use crate::state::State;
 
-mod repel_once;
-
 /// What both halves of self-contact remember.
 pub const SECTION: Section = Section { name: "self_contact", version: 1 };
 
