@@ -51,7 +51,7 @@ fn every_sample_scene_is_accepted_by_the_solver_at_any_resolution() {
         .filter(|path| path.extension().is_some_and(|e| e == "toml") && !path.ends_with("dressed_mannequin.toml"))
         .collect();
     names.sort();
-    assert_eq!(names.len(), 12);
+    assert_eq!(names.len(), 15);
     let tests = ["belt", "folded_stack", "soft_cloth", "storm", "two_sheets"];
     names.extend(tests.map(|name| project().join("tests/scenes").join(format!("{name}.toml"))));
     for path in names {

@@ -116,13 +116,13 @@ fn a_study_takes_no_longer_than_its_limit_and_says_what_is_missing() {
     let folder = folder_with(HANGING);
     let limit = 3.0;
     let watch = Instant::now();
-    // Far more than fits: hundreds of times the steps.
-    let arguments = ["study", "scene.toml", "--out", "s", "--vary", "cfl=2,0.01,0.005", "--max-wall", "3s"];
+    // Far more than fits: ten thousand times the steps.
+    let arguments = ["study", "scene.toml", "--out", "s", "--vary", "cfl=2,0.0004,0.0002", "--max-wall", "3s"];
     let study = command(folder.path(), &arguments).output().unwrap();
     let taken = watch.elapsed().as_secs_f64();
     assert_eq!(study.status.code(), Some(0), "{}", String::from_utf8_lossy(&study.stderr));
-    // Starting the program is not part of the study.
-    assert!(taken < limit + 0.5, "{taken} s");
+    // Starting the program, on a busy machine, is not part of the study.
+    assert!(taken < limit + 1.0, "{taken} s");
     let text = String::from_utf8_lossy(&study.stdout).into_owned();
     assert!(text.contains("left out: ") && text.contains("wrote s/report.html"), "{text}");
     assert!(record(folder.path())["samples"].as_array().is_some_and(|samples| !samples.is_empty()));

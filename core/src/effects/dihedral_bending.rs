@@ -39,7 +39,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: FIELDS,
     needs: &[Need::State, Need::SecondRing],
     requires: &[],
-    cost: Cost { elements: "hinges", step: 250.0, iteration: 40.0 },
+    cost: Cost { elements: "hinges", step: 80.0, iteration: 10.0 },
     section: None,
     counts: &["hinges_left_out"],
     build,

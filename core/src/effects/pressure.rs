@@ -39,7 +39,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: FIELDS,
     needs: &[Need::State],
     requires: &[],
-    cost: Cost { elements: "triangles", step: 20.0, iteration: 0.0 },
+    cost: Cost { elements: "triangles", step: 7.0, iteration: 0.0 },
     section: None,
     counts: &[],
     build,

@@ -37,7 +37,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: &[],
     needs: &[Need::State],
     requires: &[],
-    cost: Cost { elements: "stitches", step: 40.0, iteration: 15.0 },
+    cost: Cost { elements: "stitches", step: 25.0, iteration: 5.0 },
     section: None,
     counts: &[],
     build,

@@ -48,7 +48,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     ],
     needs: &[Need::State],
     requires: &[],
-    cost: Cost { elements: "triangles", step: 50.0, iteration: 8.0 },
+    cost: Cost { elements: "triangles", step: 40.0, iteration: 6.5 },
     section: None,
     counts: &[],
     build,

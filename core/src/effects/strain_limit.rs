@@ -65,7 +65,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     ],
     needs: &[Need::State],
     requires: &[],
-    cost: Cost { elements: "edges", step: 40.0, iteration: 0.0 },
+    cost: Cost { elements: "edges", step: 300.0, iteration: 0.0 },
     section: None,
     counts: &["strain_limit_sweeps", "strain_over_limit"],
     build,

@@ -47,7 +47,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: FIELDS,
     needs: &[Need::State],
     requires: &[],
-    cost: Cost { elements: "triangles", step: 60.0, iteration: 15.0 },
+    cost: Cost { elements: "triangles", step: 25.0, iteration: 5.0 },
     section: None,
     counts: &[],
     build,

@@ -61,7 +61,8 @@ fn what_moves_and_joins_cloth_is_read_as_it_is_written() {
     assert_eq!((seam.garments, seam.stiffness, seam.rest_gap), ([0, 1], 800.0, None));
     assert_eq!((seam.from, seam.until), (-0.5, 0.0), "over the pre-roll");
     let thickness = &scene.garments[0].maps["thickness"];
-    assert_eq!((thickness.absolute, thickness.values.len(), thickness.values[24]), (true, 25, 0.0034));
+    assert_eq!((thickness.absolute, thickness.values.len()), (true, 25));
+    assert!((thickness.values[24] - 0.0034).abs() < 1e-15);
     assert!(!scene.garments[0].maps["wind"].absolute);
     assert!(shot.input_files.iter().any(|file| file.ends_with("thick.txt")));
     let names: Vec<_> = scene.effects.iter().filter(|e| e.garment.is_none()).map(|e| e.effect.as_str()).collect();

@@ -166,7 +166,7 @@ mod tests {
     use crate::shot::ShotDescription;
 
     const VELVET: &str = "density = \"420 g/m²\"\nthickness = \"1.2 mm\"\nstretch_stiffness = \"300 N/m\"\n\
-                          bending_rigidity = \"40 µN·m\"\ndamping_ratio = 2\nfriction = 0.45\n";
+                          bending_rigidity = \"0.04 mN·m\"\ndamping_ratio = 2\nfriction = 0.45\n";
 
     const SCENE: &str = "drapery = 1\n[shot]\nframes = \"1-2\"\n[gravity]\n[[body]]\nname = \"ball\"\n\
                          shape = { sphere = { radius = 0.2 } }\n[[garment]]\nname = \"curtain\"\n\
@@ -195,7 +195,7 @@ mod tests {
         let folder = folder(SCENE, &[("velvet.toml", VELVET)]);
         let shot = resolve(&folder, &["nowhere", "cloth"]).unwrap_or_else(|error| panic!("{error}"));
         for line in
-            ["density = 0.42 ", "thickness = 0.0012 ", "stiffness = 300.0 ", "stiffness = 0.00004 ", "friction = 0.45 "]
+            ["density = 0.42 ", "thickness = 0.0012 ", "stiffness = 300.0 ", "stiffness = 4e-5 ", "friction = 0.45 "]
         {
             let found = shot.resolved.lines().find(|text| text.starts_with(line));
             assert!(found.is_some_and(|text| text.ends_with("# material velvet")), "{line}\n{}", shot.resolved);

@@ -56,7 +56,7 @@ fn a_sheet_needs_no_files_and_becomes_si() {
     let PinTarget::Path { vertices, .. } = &description.pins[0].target else { panic!("a path") };
     assert_eq!((vertices.as_slice(), description.pins[0].hold), ([0, 28].as_slice(), PinHold::Hard));
     let names: Vec<_> = description.effects.iter().map(|e| (e.effect.as_str(), e.garment)).collect();
-    assert_eq!(names, [("gravity", None), ("stretch", Some(0)), ("bending", Some(0)), ("pins", None)]);
+    assert_eq!(names, [("gravity", None), ("stretch", Some(0)), ("dihedral_bending", Some(0)), ("pins", None)]);
     assert_eq!(description.effects[1].settings["stiffness"], SettingValue::Number(261.0));
     assert_eq!(description.effects[3].because, "garment \"sheet\" has 2 pinned vertices");
     let uvs = scene.garments[0].uvs.as_ref().expect("a panel has texture coordinates");
@@ -273,7 +273,7 @@ fn a_body_and_a_garment_from_files_keep_their_units() {
     assert!((attachments[0].weights.iter().sum::<f64>() - 1.0).abs() < 1e-15, "rounded weights are completed");
     assert_eq!(attachments[0].offset, Vec3::new(0.0, 0.01, 0.02), "in the unit of the body");
     let names: Vec<_> = shot.scene.effects.iter().map(|e| e.effect.as_str()).collect();
-    assert_eq!(names, ["stretch", "bending", "attachments", "pins", "body_collision"]);
+    assert_eq!(names, ["stretch", "dihedral_bending", "attachments", "pins", "body_collision"]);
     assert_eq!((shot.output.formats.as_slice(), shot.output.velocities), (["abc".to_owned()].as_slice(), false));
     assert_eq!(shot.input_files.len(), 3);
 }
