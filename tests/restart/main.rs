@@ -276,7 +276,8 @@ fn the_snapshot_of_another_scene_is_refused() {
     assert!(contact("crossings", &[1, 5], Values::U32(vec![0, 1, 2, 3, u32::MAX])).contains("`crossings` names node"));
     assert!(contact("step_share", &[1], Values::F64(vec![f64::NAN])).contains("`step_share` is NaN"));
     let mut broken = snapshot;
-    if let Values::F64(x) = &mut broken.sections[0].datasets[2].values {
+    let positions = broken.sections[0].datasets.iter_mut().find(|dataset| dataset.name == "positions");
+    if let Some(Values::F64(x)) = positions.map(|dataset| &mut dataset.values) {
         x[4] = f64::NAN;
     }
     assert!(refused(&shots[3], 0, &broken).contains("row 1 of `positions` is not finite"));
