@@ -19,7 +19,7 @@ from slurm_stand_in import NOTICE, Slurm, frame_of, make_foreign, wait_for_frame
 FARM = ROOT / "docs" / "farm"
 SCENE = ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml"
 FIRST, LAST = 1001, 1030
-RESOLUTION, SLOW = 40, 70
+RESOLUTION, SLOW = 30, 50
 ARGUMENTS = [str(SCENE), "--frames", f"{FIRST}-{LAST}", "--set", f"resolution={RESOLUTION}"]
 PLAIN = FARM / "plain.sh"
 
