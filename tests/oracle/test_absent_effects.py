@@ -132,7 +132,8 @@ def test_a_build_with_all_effects_runs_the_instructions_of_one_without(tmp_path,
     report_figure(f"{everything} instructions with all effects in the build, {nothing} without: {100 * apart:.4f} % apart")
     assert "100 steps" in said and said == said_by_bare
     assert apart < LIMIT
-    assert allocations(functions) == allocations(bare_functions) > 0
+    # The same build takes one more or fewer from run to run, as its threads happen to wake; one a step would be a hundred.
+    assert abs(allocations(functions) - allocations(bare_functions)) <= 2 < allocations(functions)
     # The probe sees functions of an effect that runs.
     assert "drapery_core::effects::gravity" in functions
     for effect in optional_effects():
