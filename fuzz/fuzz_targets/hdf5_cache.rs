@@ -2,6 +2,8 @@
 #![no_main]
 
 use drapery_core::Vec3;
+use std::sync::Arc;
+
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
 use drapery_fuzz::edits::Bytes;
@@ -67,7 +69,7 @@ fuzz_target!(|data: &[u8]| {
             }
         }
         let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y()];
-        let mesh = MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]]));
+        let mesh = Arc::new(MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]])));
         let plan = CachePlan {
             garment: "flag",
             mesh: &mesh,
