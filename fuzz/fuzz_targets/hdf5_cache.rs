@@ -1,9 +1,9 @@
 //! HDF5 caches of any layout: what `info` and `diff` look at, and going on with one. The bytes are edits of a good cache.
 #![no_main]
 
-use drapery_core::Vec3;
 use std::sync::Arc;
 
+use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
 use drapery_fuzz::edits::Bytes;

@@ -18,8 +18,16 @@ fuzz_target!(|data: &[u8]| {
         scene.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 1.0));
         let (name, velocity) = ("garment".to_owned(), Vec3::zeros());
         let mass = Mass::Density(0.2);
-        let garment =
-            GarmentDescription { name, mesh, start: None, velocity, start_velocities: None, mass, thickness: 1e-3 };
+        let garment = GarmentDescription {
+            name,
+            mesh,
+            start: None,
+            velocity,
+            start_velocities: None,
+            mass,
+            thickness: 1e-3,
+            maps: Default::default(),
+        };
         scene.garments.push(garment);
         let _ = Scene::validate(scene);
     });
