@@ -41,7 +41,7 @@ const NOTED: [&str; 10] = [
 ];
 
 /// Variables of the environment that could change what a command does.
-const VARIABLES: [&str; 10] = [
+pub const VARIABLES: [&str; 10] = [
     "DRAPERY_THREADS",
     "OMP_NUM_THREADS",
     "CUE_THREADS",

@@ -3,6 +3,8 @@
 
 use std::path::Path;
 
+use drapery_selftest::files::{BODY, SKIRT};
+
 use crate::{SHEET, drapery, folder_with};
 
 /// A garment from an OBJ file over a body from an OBJ file.
@@ -23,12 +25,6 @@ density = "0.15 kg/m²"
 [output]
 format = ["abc"]
 "#;
-
-/// A closed body 1.7 m high, faces outwards.
-const BODY: &str = "v 0 0 0\nv 0.5 0 0\nv 0 0 0.5\nv 0 1.7 0\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";
-
-/// A square of cloth beside the body.
-const SKIRT: &str = "v 2 1 0\nv 3 1 0\nv 3 1 1\nv 2 1 1\nf 1 4 3 2\n";
 
 /// Runs `check` and `run`; both have to end with `code` and say all `parts`, and no output may appear.
 fn refused(folder: &Path, code: i32, parts: &[&str]) {

@@ -12,6 +12,9 @@ mod study;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use drapery_selftest::bench::VARIABLES;
+use drapery_selftest::files::SHEET;
+
 /// What a command printed and how it ended.
 pub(crate) struct Outcome {
     pub(crate) code: Option<i32>,
@@ -39,47 +42,10 @@ pub(crate) fn command(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// Variables of the environment that could change what a command does.
-const VARIABLES: [&str; 10] = [
-    "DRAPERY_THREADS",
-    "OMP_NUM_THREADS",
-    "CUE_THREADS",
-    "SLURM_CPUS_PER_TASK",
-    "DRAPERY_LOG",
-    "DRAPERY_PROGRESS",
-    "DRAPERY_CONFIG",
-    "DRAPERY_MATERIALS",
-    "DRAPERY_STOP_AT",
-    "SLURM_JOB_END_TIME",
-];
-
 /// Runs `drapery` in a folder and waits.
 pub(crate) fn drapery(folder: &Path, arguments: &[&str]) -> Outcome {
     command(folder, arguments).output().expect("the command can be started").into()
 }
-
-/// A falling panel over a ball, frames 1001 to 1004.
-pub(crate) const SHEET: &str = r#"drapery = 1
-[parameters]
-resolution = 6
-[shot]
-name = "sheet"
-frames = "1001-1004"
-[gravity]
-[[body]]
-name = "ball"
-shape = { sphere = { radius = 0.2 } }
-position = [0.8, 0.0, 0.5]
-friction = 0.4
-[[garment]]
-name = "sheet"
-panel = { resolution = "$resolution" }
-density = "0.15 kg/m²"
-[garment.stretch]
-stiffness = "100 N/m"
-[output]
-format = ["abc"]
-"#;
 
 /// A folder with a scene in it.
 pub(crate) fn folder_with(scene: &str) -> tempfile::TempDir {

@@ -4,11 +4,12 @@
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::effects::corners;
 use crate::parallel::lanes::Lanes;
 use crate::scene::Scene;
 
 /// The triangles that one part looks at.
-#[derive(Debug, Default, Clone)]
+#[derive(Debug, Clone)]
 pub struct PartTriangles {
     /// The part's vertices.
     own: Range<usize>,
@@ -22,27 +23,20 @@ impl PartTriangles {
     /// The triangles of these garments, part by part; parts without any are left out.
     pub fn of(scene: &Scene, garments: Range<usize>) -> Vec<(usize, Self)> {
         let parts = scene.parts();
-        let mut all: Vec<Self> =
-            parts.ranges().iter().map(|range| Self { own: range.clone(), ..Self::default() }).collect();
-        for garment in garments {
+        let of_garment = |garment: usize| {
             let first = parts.garment(garment).start;
-            for triangle in scene.meshes()[garment].triangles() {
-                let corners = triangle.map(|v| (first + v as usize) as u32);
-                let own = corners.iter().map(|v| *v as usize).filter(|v| parts.own().contains(v));
-                let mut holders: Vec<usize> = own.map(|v| parts.part_of(v)).collect();
-                holders.sort_unstable();
-                holders.dedup();
-                holders.into_iter().for_each(|part| all[part].corners.push(corners));
-            }
-        }
-        for part in &mut all {
-            let own = part.own.clone();
-            part.neighbours =
-                part.corners.iter().flatten().copied().filter(|v| !own.contains(&(*v as usize))).collect();
-            part.neighbours.sort_unstable();
-            part.neighbours.dedup();
-        }
-        all.into_iter().enumerate().filter(|(_, triangles)| !triangles.corners.is_empty()).collect()
+            let triangles = scene.meshes()[garment].triangles().iter();
+            triangles.map(move |triangle| triangle.map(|v| (first + v as usize) as u32))
+        };
+        let triangles: Vec<[u32; 3]> = garments.flat_map(of_garment).collect();
+        let entries = corners::by_part(parts, triangles.iter().map(|corners| corners.map(|v| v as usize)));
+        let of_part = |group: &[(usize, usize)]| {
+            let own = parts.ranges()[group[0].0].clone();
+            let corners: Vec<[u32; 3]> = group.iter().map(|(_, number)| triangles[*number]).collect();
+            let neighbours = corners::outside(&own, corners.iter().copied());
+            (group[0].0, Self { own, corners, neighbours })
+        };
+        entries.chunk_by(|a, b| a.0 == b.0).map(of_part).collect()
     }
 
     /// Corners of every triangle, local vertices.
@@ -73,13 +67,7 @@ impl PartTriangles {
     /// Adds `force` [N] to each corner that is the part's own; `f` are the part's vertices.
     #[inline]
     pub fn add(&self, corners: &[u32; 3], force: &Vec3, f: &mut [Lanes]) {
-        let force = Lanes::from(force);
-        for vertex in corners {
-            // Vertices of other parts wrap around to numbers that no part has.
-            if let Some(f) = f.get_mut((*vertex as usize).wrapping_sub(self.own.start)) {
-                *f += force;
-            }
-        }
+        corners::add(self.own.start, *corners, [Lanes::from(force); 3], f);
     }
 
     /// Whether this part counts the triangle in sums over the cloth: it has the corner of the smallest number.
