@@ -7,6 +7,7 @@ mod tables;
 
 use crate::page::text::{self, escape};
 use crate::page::{document, tile};
+use crate::study::allowed;
 use crate::study::analysis::{Analysis, NOISY, analyse};
 use crate::study::record::Study;
 use crate::study::table::{error_words, millimetres, recommendation, reference_words, window_words};
@@ -20,6 +21,7 @@ pub fn page(study: &Study) -> String {
     let mut body = header(study, &analysis);
     body += &tiles(study, &analysis);
     body += &tables::settings(study, &analysis);
+    body += &tables::checked(study, &analysis);
     body += &charts::error_over_seconds(study, &analysis);
     body += &charts::error_over_step(&analysis);
     body += &charts::stages(study, &analysis);
@@ -51,6 +53,9 @@ fn header(study: &Study, analysis: &Analysis<'_>) -> String {
     for warning in warnings(study, analysis) {
         header += &format!("<p class=\"warn\">{}</p>", escape(&warning));
     }
+    for sentence in allowed::words(study) {
+        header += &format!("<p>{}</p>", escape(&sentence));
+    }
     header + "</header>\n"
 }
 
@@ -58,8 +63,7 @@ fn header(study: &Study, analysis: &Analysis<'_>) -> String {
 fn warnings(study: &Study, analysis: &Analysis<'_>) -> Vec<String> {
     let mut warnings = Vec::new();
     if study.reference().is_none() {
-        warnings
-            .push("There was no time for a reference: no error is known. Give more time and run it again.".to_owned());
+        warnings.push("No error is known: there is no reference.".to_owned());
     } else if analysis.own.is_none() {
         warnings.push("The reference was not checked: errors are marked ~.".to_owned());
     } else if analysis.rows.first().is_some_and(|row| error_words(row.error.as_ref()).starts_with("ref.")) {
@@ -69,11 +73,6 @@ fn warnings(study: &Study, analysis: &Analysis<'_>) -> Vec<String> {
         let percent = format!("{:.0} %", 100.0 * noise);
         warnings
             .push(format!("Noisy machine: times of the same run spread by {percent}; errors are not touched by that."));
-    }
-    if !study.omitted.is_empty() {
-        let count = study.omitted.len();
-        warnings
-            .push(format!("{count} runs were left out for lack of time: see below, or run the study again to go on."));
     }
     warnings
 }
@@ -135,7 +134,8 @@ mod tests {
         (without.role, without.setting.label) = (Role::Without, "without wind".into());
         study.samples.push(without);
         study.samples.iter_mut().for_each(|sample| sample.figures = vec![Figures::default(); 10]);
-        study.omitted.push(Omission { label: "cfl 0.5".into(), why: "no time".into() });
+        let (label, why) = ("cfl 0.5".into(), "no time".into());
+        study.omitted.push(Omission { label, why, ..Omission::default() });
         study
     }
 
@@ -160,6 +160,7 @@ mod tests {
         let page = page(&study);
         for title in [
             "Settings",
+            "Whether these figures can be believed",
             "Error over seconds",
             "Error over time step",
             "Where the time goes",
@@ -180,6 +181,6 @@ mod tests {
 
     #[test]
     fn a_study_in_which_nothing_has_run_has_a_page() {
-        assert!(page(&Study::default()).contains("There was no time for a reference"));
+        assert!(page(&Study::default()).contains("No error is known"));
     }
 }
