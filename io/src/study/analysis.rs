@@ -62,6 +62,8 @@ pub struct Error {
     pub max: f64,
     /// As `rms`, of velocities [m/s].
     pub velocity_rms: f64,
+    /// As `rms`, of the angles between normals [rad].
+    pub normal_rms: f64,
     /// Largest distance of the surfaces, where meshes differ [m].
     pub surface: Option<f64>,
     /// What can be said of it.
@@ -222,6 +224,7 @@ pub fn error_over(distances: &[Distance], window: usize) -> Option<Error> {
         p99: largest(|distance| distance.p99),
         max: largest(|distance| distance.max),
         velocity_rms: over(&all(|distance| distance.velocity_rms)),
+        normal_rms: over(&all(|distance| distance.normal_rms)),
         surface: surfaces.into_iter().max_by(f64::total_cmp),
         told: Told::Yes,
     })

@@ -2,7 +2,7 @@
 
 use crate::page::text;
 use crate::study::analysis::{Analysis, NOISY, Row, Told, error_over, mean_step};
-use crate::study::record::{Role, Sample, Study};
+use crate::study::record::{Machine, Role, Sample, Study};
 use crate::study::table::millimetres;
 
 /// Least number of compared frames that can be split into earlier and later ones.
@@ -16,6 +16,9 @@ const HELD_OUT: f64 = 2.0;
 
 /// Share of its time that a finer run may be faster than a coarser one, at least: less is nothing.
 const SAME_TIME: f64 = 0.1;
+
+/// Running processes for each processor before the study from which times are not to be trusted.
+const BUSY: f64 = 0.5;
 
 /// What a check came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,7 +57,7 @@ pub fn checks(study: &Study, analysis: &Analysis<'_>) -> Vec<Check> {
         held_out(study, analysis),
         same_bits(study),
         dearer(study, analysis),
-        steady(analysis),
+        steady(study, analysis),
     ]
 }
 
@@ -184,9 +187,18 @@ fn dearer(study: &Study, analysis: &Analysis<'_>) -> Check {
 }
 
 /// Times of equal runs agree.
-fn steady(analysis: &Analysis<'_>) -> Check {
+fn steady(study: &Study, analysis: &Analysis<'_>) -> Check {
     let name = "Times of equal runs agree";
+    let Machine { load, processors, .. } = study.machine;
     match analysis.noise {
+        None if load > BUSY * processors as f64 => {
+            let why = format!(
+                "the machine did other things: load {} on {processors} processors before the study; processor times tell \
+                 more than times",
+                text::digits(load)
+            );
+            Check::new(name, Some(false), why)
+        }
         None => Check::new(name, None, "no setting has run three times".to_owned()),
         Some(noise) => {
             let why = format!("they spread by {} %, {} % is allowed", percent(noise), percent(NOISY));
@@ -233,6 +245,9 @@ mod tests {
         late.budget = Some(1.5);
         late.samples[0].from_reference[8..].iter_mut().for_each(|distance| distance.rms *= 3.0);
         assert_eq!(verdict(&late, "later frames"), Verdict::Fails);
+        let mut busy = convergent();
+        (busy.machine.load, busy.machine.processors) = (3.0, 2);
+        assert_eq!(verdict(&busy, "Times"), Verdict::Fails);
         let mut cheap = convergent();
         cheap.samples[2].cost.seconds *= 0.2;
         assert_eq!(verdict(&cheap, "more time"), Verdict::Fails);

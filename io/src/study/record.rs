@@ -274,6 +274,8 @@ pub struct Distance {
     pub max: f64,
     /// As `rms`, of velocities [m/s].
     pub velocity_rms: f64,
+    /// As `rms`, of the angles between normals of triangles [rad].
+    pub normal_rms: f64,
     /// Largest distance from a vertex of either surface to the other [m]; where meshes differ.
     pub surface: Option<f64>,
 }

@@ -8,7 +8,8 @@ mod tables;
 use crate::page::text::{self, escape};
 use crate::page::{document, tile};
 use crate::study::allowed;
-use crate::study::analysis::{Analysis, NOISY, analyse};
+use crate::study::analysis::{Analysis, analyse};
+use crate::study::checks::{Verdict, checks};
 use crate::study::record::Study;
 use crate::study::table::{error_words, millimetres, recommendation, reference_words, window_words};
 
@@ -66,15 +67,15 @@ fn warnings(study: &Study, analysis: &Analysis<'_>) -> Vec<String> {
         warnings.push("No error is known: there is no reference.".to_owned());
     } else if analysis.own.is_none() {
         warnings.push("The reference was not checked: errors are marked ~.".to_owned());
-    } else if analysis.rows.first().is_some_and(|row| error_words(row.error.as_ref()).starts_with("ref.")) {
-        warnings.push("Reference not converged: no error of the scene as it is can be told.".to_owned());
     }
-    if let Some(noise) = analysis.noise.filter(|noise| *noise > NOISY) {
-        let percent = format!("{:.0} %", 100.0 * noise);
-        warnings
-            .push(format!("Noisy machine: times of the same run spread by {percent}; errors are not touched by that."));
-    }
+    let failing = checks(study, analysis).into_iter().filter(|check| check.verdict == Verdict::Fails);
+    warnings.extend(failing.map(|check| format!("This does not hold: {}: {}.", lower(check.name), check.why)));
     warnings
+}
+
+fn lower(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_lowercase().chain(letters).collect())
 }
 
 fn capital(text: &str) -> String {
