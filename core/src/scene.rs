@@ -5,6 +5,7 @@
 //! that every index is in range, every number finite and every rest edge longer than zero: what of a garment has no area takes
 //! no part, and the scene says so in its warnings.
 
+mod coincident;
 pub(crate) mod inert;
 mod left_out;
 pub mod painted;
@@ -13,6 +14,7 @@ mod share;
 mod validate;
 mod wire;
 
+pub use inert::simulated_triangles;
 pub(crate) use validate::agree;
 
 use std::collections::BTreeMap;

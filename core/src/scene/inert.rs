@@ -5,7 +5,6 @@
 
 use crate::Vec3;
 use crate::mesh::PolygonMesh;
-use crate::scene::GarmentDescription;
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 
 /// Elements of one kind that a warning lists before the rest is only counted.
@@ -35,11 +34,11 @@ pub(super) struct Sound {
 
 impl Sound {
     /// The triangles with an area, each once. Of faces on the same corners, the first stays.
-    pub(super) fn of(garment: &GarmentDescription) -> Self {
-        let points = &garment.mesh.points;
-        let (all, polygons) = garment.mesh.triangulate();
+    pub(super) fn of(name: &str, mesh: &PolygonMesh) -> Self {
+        let points = &mesh.points;
+        let (all, polygons) = mesh.triangulate();
         let shortest = DEGENERATE_EDGE * size(points);
-        let mut repeated = repeated_polygons(&garment.mesh);
+        let mut repeated = repeated_polygons(mesh);
         let (mut sound, mut flat) = (Self::default(), Vec::new());
         let once = |(_, polygon): &([u32; 3], u32)| repeated.binary_search(polygon).is_err();
         for (corners, polygon) in all.into_iter().zip(polygons).filter(once) {
@@ -54,7 +53,7 @@ impl Sound {
         let mut lives = vec![false; points.len()];
         sound.triangles.iter().flatten().for_each(|v| lives[*v as usize] = true);
         sound.follows = leaders(points, &flat, &lives);
-        sound.warn(garment, repeated, flat.into_iter().map(|(_, polygon)| polygon).collect(), &lives);
+        sound.warn((name, mesh), repeated, flat.into_iter().map(|(_, polygon)| polygon).collect(), &lives);
         sound
     }
 
@@ -77,7 +76,7 @@ impl Sound {
         dropped
     }
 
-    fn warn(&mut self, garment: &GarmentDescription, repeated: Vec<u32>, flat: Vec<u32>, lives: &[bool]) {
+    fn warn(&mut self, (name, mesh): (&str, &PolygonMesh), repeated: Vec<u32>, flat: Vec<u32>, lives: &[bool]) {
         let goes = |v: &u32| self.follows.binary_search_by_key(v, |[follower, _]| *follower).is_ok();
         let inert = (0..lives.len() as u32).filter(|v| !lives[*v as usize]);
         let (follow, stay): (Vec<u32>, Vec<u32>) = inert.partition(goes);
@@ -87,8 +86,8 @@ impl Sound {
             ("vertices", follow, "are in no other face, and go with the nearest corner of these: delete such faces"),
             ("vertices", stay, "belong to no face that has an area, and stay where they start: delete loose vertices"),
         ];
-        let place = format!("garment \"{}\"", garment.name);
-        if garment.mesh.face_counts.is_empty() {
+        let place = format!("garment \"{name}\"");
+        if mesh.face_counts.is_empty() {
             self.warnings
                 .push(format!("{place}: it has no faces, so nothing of it moves: export a mesh with polygons"));
         }
@@ -96,6 +95,11 @@ impl Sound {
             self.warnings.extend(listed(list).map(|list| format!("{place}: {what} {list} {is}")));
         }
     }
+}
+
+/// The triangles of a mesh that a scene simulates: those with an area, each once, in the order of their polygons.
+pub fn simulated_triangles(mesh: &PolygonMesh) -> Vec<[u32; 3]> {
+    Sound::of("", mesh).triangles
 }
 
 /// Diagonal of the bounds [m].
@@ -176,13 +180,13 @@ fn listed(mut numbers: Vec<u32>) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn garment(points: &[[f64; 3]], faces: &[&[u32]]) -> GarmentDescription {
+    fn sound(points: &[[f64; 3]], faces: &[&[u32]]) -> Sound {
         let mesh = PolygonMesh {
             points: points.iter().map(|p| Vec3::from(*p)).collect(),
             face_counts: faces.iter().map(|face| face.len() as u32).collect(),
             face_indices: faces.concat(),
         };
-        GarmentDescription::new("skirt", mesh, 0.2)
+        Sound::of("skirt", &mesh)
     }
 
     /// A square, a point on the line through its first two corners, one in the place of the third, and one far away.
@@ -198,12 +202,12 @@ mod tests {
 
     #[test]
     fn what_is_repeated_flat_or_loose_is_left_out_and_named_and_the_rest_is_that_of_the_clean_mesh() {
-        let clean = Sound::of(&garment(&POINTS[..4], &[&[0, 1, 2, 3]]));
+        let clean = sound(&POINTS[..4], &[&[0, 1, 2, 3]]);
         assert!(clean.warnings.is_empty() && clean.follows.is_empty(), "{clean:?}");
         // Turned, so that its shorter diagonal is another on a tie; flipped; the half of it; without area in three ways.
         let faces: [&[u32]; 7] =
             [&[0, 1, 2, 3], &[1, 2, 3, 0], &[3, 2, 1, 0], &[2, 1, 0], &[0, 1, 4], &[2, 5, 3], &[0, 0, 3]];
-        let odd = Sound::of(&garment(&POINTS, &faces));
+        let odd = sound(&POINTS, &faces);
         assert_eq!(odd.triangles, clean.triangles);
         assert_eq!(odd.polygons, [0, 0]);
         assert_eq!(odd.follows, [[4, 1], [5, 2]]);
@@ -217,7 +221,7 @@ mod tests {
     #[test]
     fn faces_that_share_some_corners_are_not_repeated() {
         let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 1.0]];
-        let sound = Sound::of(&garment(&points, &[&[0, 1, 2, 3], &[0, 1, 2, 4]]));
+        let sound = sound(&points, &[&[0, 1, 2, 3], &[0, 1, 2, 4]]);
         assert_eq!(sound.triangles.len(), 4);
         assert!(sound.warnings.is_empty(), "{:?}", sound.warnings);
     }
@@ -225,7 +229,7 @@ mod tests {
     #[test]
     fn a_mesh_without_faces_or_points_is_said_to_be_one() {
         for points in [&POINTS[..3], &[]] {
-            let sound = Sound::of(&garment(points, &[]));
+            let sound = sound(points, &[]);
             assert!(sound.triangles.is_empty() && sound.warnings[0].contains("it has no faces"), "{sound:?}");
         }
     }

@@ -14,6 +14,7 @@ use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
+use crate::scene::coincident::set_apart;
 use crate::scene::inert::{Follower, Sound};
 use crate::scene::painted::{PaintedMap, PaintedMaps};
 use crate::scene::sewn::{Sewn, partners, sewn_pairs, sewn_to};
@@ -58,8 +59,7 @@ fn rings(description: &SceneDescription, garment: usize) -> usize {
 }
 
 impl<'a> Handout<'a> {
-    fn new(garment: &'a GarmentDescription, order: Vec<u32>, first: usize, rings: usize) -> Self {
-        let sound = Sound::of(garment);
+    fn new(garment: &'a GarmentDescription, sound: Sound, order: Vec<u32>, first: usize, rings: usize) -> Self {
         let triangles = &sound.triangles;
         let mut places = vec![0; order.len()];
         order.iter().zip(0..).for_each(|(vertex, place)| places[*vertex as usize] = place);
@@ -284,8 +284,14 @@ pub(super) fn hand_out(ranks: &Ranks, mut description: SceneDescription) -> Rece
     held.sort_unstable();
     let (mut pieces, mut followers, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     // One garment after the other, and each is forgotten when it is handed out.
-    for (g, ((garment, order), place)) in garments.into_iter().zip(orders).zip(partition.garments()).enumerate() {
-        let handout = Handout::new(&garment, order, place.start, rings(&description, g));
+    let touches = description
+        .effects
+        .iter()
+        .any(|request| matches!(request.effect.as_str(), "self_repulsion" | "self_collision"));
+    for (g, ((mut garment, order), place)) in garments.into_iter().zip(orders).zip(partition.garments()).enumerate() {
+        let sound = Sound::of(&garment.name, &garment.mesh);
+        let apart = if touches { set_apart(&mut garment, &sound.triangles) } else { None };
+        let handout = Handout::new(&garment, sound, order, place.start, rings(&description, g));
         let piece = |own: &Range<usize>| handout.piece(own, &partners(&sewn, own, place));
         for rank in 1..ranks.count() {
             let message = Message { to: rank, bytes: piece(&own(rank)).to_bytes() };
@@ -293,7 +299,7 @@ pub(super) fn hand_out(ranks: &Ranks, mut description: SceneDescription) -> Rece
         }
         pieces.push(piece(&own(0)));
         followers.extend(handout.followers(&held));
-        warnings.extend(handout.sound.warnings);
+        warnings.extend(handout.sound.warnings.into_iter().chain(apart));
     }
     for rank in 1..ranks.count() {
         let mut bytes = (pins_of(&pinned, &own(rank)), sewn_to(&sewn, &own(rank))).to_bytes();
