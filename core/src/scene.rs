@@ -2,8 +2,11 @@
 //! ([`Scene`]).
 //!
 //! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
-//! that every index is in range, every number finite and every rest edge longer than zero.
+//! that every index is in range, every number finite and every rest edge longer than zero: what of a garment has no area takes
+//! no part, and the scene says so in its warnings.
 
+mod coincident;
+pub(crate) mod inert;
 mod left_out;
 pub mod painted;
 pub mod sewn;
@@ -11,7 +14,8 @@ mod share;
 mod validate;
 mod wire;
 
-pub(crate) use validate::{agree, listed};
+pub use inert::simulated_triangles;
+pub(crate) use validate::agree;
 
 use std::collections::BTreeMap;
 
@@ -22,6 +26,7 @@ use crate::geometry::shapes::Shape;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
+use inert::Follower;
 use painted::PaintedMaps;
 use sewn::Sewn;
 
@@ -479,6 +484,12 @@ pub struct Scene {
     pinned: Vec<Pinned>,
     pin_targets: usize,
     sewn: Vec<Sewn>,
+    /// Own vertices that no triangle has, ascending, if any rank has such: they are held where they are.
+    inert: Option<Vec<u32>>,
+    /// Those of all ranks that go with another vertex in the output.
+    followers: Vec<Follower>,
+    /// What was left out of the garments; on rank 0.
+    warnings: Vec<String>,
     /// Maps of each garment, over the vertices of this rank's piece of its mesh.
     painted: Vec<PaintedMaps>,
 }
@@ -535,6 +546,21 @@ impl Scene {
         &self.sewn
     }
 
+    /// What of the garments takes no part, and why, a sentence each: on rank 0, nothing elsewhere.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Own vertices that no triangle has, ascending, if any rank has such.
+    pub(crate) fn inert(&self) -> Option<&[u32]> {
+        self.inert.as_deref()
+    }
+
+    /// Vertices of all ranks that take no part and go with another in the output.
+    pub(crate) fn followers(&self) -> &[Follower] {
+        &self.followers
+    }
+
     /// Rows of a track that own vertices follow, ascending.
     pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
         let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
@@ -567,6 +593,12 @@ impl Scene {
             };
             self.description.garments.iter().enumerate().flat_map(of_garment).collect()
         };
-        [self.start.clone().unwrap_or_else(|| self.rest_positions()), self.velocities.clone().unwrap_or_else(uniform)]
+        let x = self.start.clone().unwrap_or_else(|| self.rest_positions());
+        let mut v = self.velocities.clone().unwrap_or_else(uniform);
+        if let Some(inert) = &self.inert {
+            inert.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
+            self.parts.halo().refresh(self.parts.ranks(), &mut v);
+        }
+        [x, v]
     }
 }

@@ -52,9 +52,9 @@ pub struct Laws {
 /// Which passes run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Passes {
-    /// Friction, inelastic and elastic: B.2.
+    /// Inelastic and elastic, with friction: B.2.
     Full,
-    /// Friction and inelastic: B.8.
+    /// Inelastic, with friction: B.8.
     WithoutSprings,
 }
 
@@ -224,11 +224,6 @@ impl Repulsions {
         let law = |kind: usize, law: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)| self.sweep(kind, at, law);
         let laws = self.laws;
         let with_springs = passes == Passes::Full;
-        for kind in 0..2 {
-            if laws.friction > 0.0 || at.friction.is_some() {
-                law(kind, &|t, rel| laws.friction_change(t, rel, dt, with_springs));
-            }
-        }
         for kind in 0..2 {
             (0..INELASTIC_SWEEPS).for_each(|_| law(kind, &|t, rel| laws.inelastic_change(t, rel, dt)));
         }
@@ -419,18 +414,16 @@ impl Laws {
     fn elastic_change(&self, t: &Touching, relative: &Vec3, dt: f64) -> Option<Vec3> {
         let normal_velocity = relative.dot(&t.normal);
         let limit = self.speed_limit(t, dt);
-        (normal_velocity < limit).then(|| t.normal * (limit - normal_velocity).min(self.spring(t, dt)))
+        let change = || (limit - normal_velocity).min(self.spring(t, dt));
+        (normal_velocity < limit).then(|| self.with_friction(t, relative, change()))
     }
 
     /// Law (b): approach is stopped; pairs slightly apart may still approach slowly.
     fn inelastic_change(&self, t: &Touching, relative: &Vec3, dt: f64) -> Option<Vec3> {
-        let change = self.inelastic_amount(t, relative.dot(&t.normal), dt)?;
-        Some(t.normal * change)
-    }
-
-    fn inelastic_amount(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
+        let normal_velocity = relative.dot(&t.normal);
         let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
-        (normal_velocity < 0.0 && normal_velocity < limit).then_some(limit - normal_velocity)
+        let approaches = normal_velocity < 0.0 && normal_velocity < limit;
+        approaches.then(|| self.with_friction(t, relative, limit - normal_velocity))
     }
 
     /// Friction of a pair: the mean of what is painted on its two sides where they touch.
@@ -443,24 +436,13 @@ impl Laws {
         0.5 * nodes.into_iter().zip(weights).map(|(node, weight)| weight.abs() * at(node)).sum::<f64>()
     }
 
-    /// Law (c): Coulomb friction from the normal change that the other laws would make.
-    fn friction_change(&self, t: &Touching, relative: &Vec3, dt: f64, with_springs: bool) -> Option<Vec3> {
-        let normal_velocity = relative.dot(&t.normal);
-        let normal_change = if with_springs {
-            let limit = self.speed_limit(t, dt);
-            if normal_velocity >= limit {
-                return None;
-            }
-            (limit - normal_velocity).min(self.spring(t, dt) - normal_velocity.min(0.0))
-        } else {
-            self.inelastic_amount(t, normal_velocity, dt)?
-        };
-        let tangential = relative - t.normal * normal_velocity;
+    /// A change of the normal velocity, and with it law (c): Coulomb friction that this change bears. What other pairs of
+    /// the same vertices have borne already is no load any more.
+    fn with_friction(&self, t: &Touching, relative: &Vec3, change: f64) -> Vec3 {
+        let tangential = relative - t.normal * relative.dot(&t.normal);
         let speed = tangential.norm();
-        if speed <= NO_DIRECTION {
-            return None;
-        }
-        Some(tangential * -(t.friction * normal_change / speed).min(1.0))
+        let share = if speed > NO_DIRECTION { (t.friction * change / speed).min(1.0) } else { 0.0 };
+        t.normal * change - tangential * share
     }
 }
 
