@@ -69,6 +69,8 @@ pub struct Moment<'a> {
     pub x: &'a [Vec3],
     /// Inverse masses, zero where a vertex is held [1/kg].
     pub mobility: &'a [f64],
+    /// What the friction of the laws is multiplied by, and what is added to it; `None` if it is nowhere painted.
+    pub friction: Option<&'a [[f64; 2]]>,
 }
 
 /// A pair and its side.
@@ -93,6 +95,7 @@ struct Touching {
     /// Change of relative velocity per impulse [1/kg], as if all nodes were free.
     response: f64,
     mean_mobility: f64,
+    friction: f64,
 }
 
 /// All pairs of one kind.
@@ -239,11 +242,11 @@ impl Repulsions {
 
     /// Finds the active pairs and their geometry.
     fn refresh(&mut self, at: &Moment<'_>) {
-        let (laws, x, mobility) = (self.laws, at.x, at.mobility);
+        let laws = self.laws;
         for of_kind in &mut self.kinds {
             let chunks = of_kind.touching.par_chunks_mut(CHUNK).zip(of_kind.sided.par_chunks(CHUNK));
             chunks.for_each(|(touching, sided)| {
-                touching.iter_mut().zip(sided).for_each(|(t, s)| *t = s.touching(&laws, x, mobility));
+                touching.iter_mut().zip(sided).for_each(|(t, s)| *t = s.touching(&laws, at));
             });
             of_kind.live.clear();
             of_kind.live.extend((0..of_kind.touching.len() as u32).filter(|&i| of_kind.touching[i as usize].is_some()));
@@ -331,8 +334,8 @@ fn sided(neighbour: &Neighbour, x: &[Vec3], limit: f64) -> Option<Sided> {
 impl Sided {
     /// The pair at `x`, if it is within touching distance and in front of each other (method 3.5).
     #[inline]
-    fn touching(&self, laws: &Laws, x: &[Vec3], mobility: &[f64]) -> Option<Touching> {
-        let at = self.pair.positions(x);
+    fn touching(&self, laws: &Laws, moment: &Moment<'_>) -> Option<Touching> {
+        let at = self.pair.positions(moment.x);
         let reach = ACTIVE * self.thickness;
         let (weights, normal, distance) = match self.pair.kind {
             PairKind::PointTriangle => self.point_triangle(laws, &at, reach)?,
@@ -341,14 +344,24 @@ impl Sided {
         let nodes = self.pair.nodes;
         // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
         // small.
-        let [a, b, c, d] = nodes.map(|node| mobility[node as usize]);
+        let [a, b, c, d] = nodes.map(|node| moment.mobility[node as usize]);
         let free = a.max(b).max(c).max(d);
         let (mut response, sum) = (0.0, a + b + c + d);
         for (own, w) in [a, b, c, d].into_iter().zip(weights) {
             response += w * w * if own > 0.0 { own } else { free };
         }
         let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
-        (response > 0.0).then_some(Touching { nodes, weights, normal, distance, thickness, response, mean_mobility })
+        let friction = moment.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
+        (response > 0.0).then_some(Touching {
+            nodes,
+            weights,
+            normal,
+            distance,
+            thickness,
+            response,
+            mean_mobility,
+            friction,
+        })
     }
 
     #[inline]
@@ -413,12 +426,22 @@ impl Laws {
         approaches.then(|| self.with_friction(t, relative, limit - normal_velocity))
     }
 
+    /// Friction of a pair: the mean of what is painted on its two sides where they touch.
+    fn mean_friction(&self, painted: &[[f64; 2]], nodes: [u32; 4], weights: [f64; 4]) -> f64 {
+        let at = |node: u32| {
+            let [times, more] = painted[node as usize];
+            times * self.friction + more
+        };
+        // The weights of each side add up to one, or to minus one.
+        0.5 * nodes.into_iter().zip(weights).map(|(node, weight)| weight.abs() * at(node)).sum::<f64>()
+    }
+
     /// A change of the normal velocity, and with it law (c): Coulomb friction that this change bears. What other pairs of
     /// the same vertices have borne already is no load any more.
     fn with_friction(&self, t: &Touching, relative: &Vec3, change: f64) -> Vec3 {
         let tangential = relative - t.normal * relative.dot(&t.normal);
         let speed = tangential.norm();
-        let share = if speed > NO_DIRECTION { (self.friction * change / speed).min(1.0) } else { 0.0 };
+        let share = if speed > NO_DIRECTION { (t.friction * change / speed).min(1.0) } else { 0.0 };
         t.normal * change - tangential * share
     }
 }

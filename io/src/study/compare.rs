@@ -26,15 +26,19 @@ impl Run {
     /// How far it is from another run at every frame, on the mesh of that one.
     fn from(&self, other: &Self) -> Vec<Distance> {
         let frames = self.states.iter().zip(&other.states);
+        let between = |own: &FrameState, other_state: &FrameState| Distance {
+            normal_rms: distance::normals(&other.cloth, own, other_state),
+            ..distance::between(&other.cloth.areas, own, other_state)
+        };
         if self.cloth.is_like(&other.cloth) {
-            return frames.map(|(own, other_state)| distance::between(&other.cloth.areas, own, other_state)).collect();
+            return frames.map(|(own, other_state)| between(own, other_state)).collect();
         }
         // Without the same garments there is no correspondence, and nothing to say.
         let Some(map) = MeshMap::new(&self.cloth, &other.cloth) else { return Vec::new() };
         let at = |(own, other_state): (&FrameState, &FrameState)| {
             let carried = map.carry(&self.cloth, own);
             let surface = distance::surfaces((&self.cloth, own), (&other.cloth, other_state));
-            Distance { surface: Some(surface), ..distance::between(&other.cloth.areas, &carried, other_state) }
+            Distance { surface: Some(surface), ..between(&carried, other_state) }
         };
         frames.map(at).collect()
     }

@@ -65,7 +65,7 @@ impl Pushed {
 
     fn apply(&mut self, passes: Passes, dt: f64) -> Metrics {
         let mut metrics = Metrics::default();
-        let at = Moment { nodes: &self.nodes, dt, x: &self.x, mobility: &self.mobility };
+        let at = Moment { nodes: &self.nodes, dt, x: &self.x, mobility: &self.mobility, friction: None };
         self.repulsions.apply(passes, &at, &mut self.v, &mut metrics);
         metrics
     }
@@ -78,7 +78,8 @@ impl Pushed {
 
     /// The signed distance of the only pair that is active.
     fn distance(&mut self) -> Option<f64> {
-        self.repulsions.refresh(&Moment { nodes: &self.nodes, dt: 1.0, x: &self.x, mobility: &self.mobility });
+        let at = Moment { nodes: &self.nodes, dt: 1.0, x: &self.x, mobility: &self.mobility, friction: None };
+        self.repulsions.refresh(&at);
         let kinds = &self.repulsions.kinds;
         kinds.iter().flat_map(|k| &k.touching).flatten().map(|t| t.distance).min_by(f64::total_cmp)
     }
