@@ -10,6 +10,7 @@ pub(crate) enum ExitCode {
     BadInput = 65,
     MissingInput = 66,
     Internal = 70,
+    NoMemory = 71,
     CannotCreate = 73,
     Io = 74,
     Stopped = 75,
@@ -27,6 +28,7 @@ pub(crate) const TABLE: &str = "Exit codes:
   65  an input file holds data that cannot be used
   66  an input file is missing
   70  internal error
+  71  the machine has too little memory for the shot
   73  an output could not be created, or holds another run
   74  reading or writing failed (disk full)
   75  stopped early at a checkpoint: run the same command again (run --resumable-exit-code)

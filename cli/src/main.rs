@@ -6,6 +6,7 @@ mod config;
 mod exit_code;
 mod failure;
 mod log;
+mod memory;
 mod plan;
 mod progress;
 mod ranks;
@@ -35,6 +36,10 @@ impl From<ExitCode> for Ended {
 }
 
 fn main() -> std::process::ExitCode {
+    if let Err(failure) = memory::watch() {
+        failure.report();
+        return failure.code.into();
+    }
     let parsed = Cli::try_parse();
     let ranks = match ranks::join(parsed.as_ref().ok().map(|cli| &cli.command)) {
         Ok(ranks) => ranks,

@@ -2,8 +2,11 @@
 //! ([`Scene`]).
 //!
 //! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
-//! that every index is in range, every number finite and every rest edge longer than zero.
+//! that every index is in range, every number finite and every rest edge longer than zero: what of a garment has no area takes
+//! no part, and the scene says so in its warnings.
 
+mod coincident;
+pub(crate) mod inert;
 mod left_out;
 pub mod painted;
 pub mod sewn;
@@ -11,7 +14,8 @@ mod share;
 mod validate;
 mod wire;
 
-pub(crate) use validate::{agree, listed};
+pub use inert::simulated_triangles;
+pub(crate) use validate::agree;
 
 use std::collections::BTreeMap;
 
@@ -22,6 +26,7 @@ use crate::geometry::shapes::Shape;
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
+use inert::Follower;
 use painted::PaintedMaps;
 use sewn::Sewn;
 
@@ -188,6 +193,9 @@ pub struct BodyDescription {
     pub thickness: f64,
     /// Fastest speed at which a vertex that is already too deep is pushed out [m/s]; infinite corrects in one step.
     pub max_push_speed: f64,
+    /// Whether the triangles of a closed surface face what they enclose, as those of a room do; a surface that faces outwards and
+    /// comes to enclose the outside has turned inside out, and its sides are exchanged.
+    pub faces_inwards: bool,
 }
 
 /// Surface of a body, in its own frame.
@@ -456,7 +464,15 @@ impl GarmentDescription {
 impl BodyDescription {
     /// A frictionless body without thickness.
     pub fn new(name: &str, shape: BodyShape, motion: RigidMotion) -> Self {
-        Self { name: name.into(), shape, motion, friction: 0.0, thickness: 0.0, max_push_speed: f64::INFINITY }
+        Self {
+            name: name.into(),
+            shape,
+            motion,
+            friction: 0.0,
+            thickness: 0.0,
+            max_push_speed: f64::INFINITY,
+            faces_inwards: false,
+        }
     }
 }
 
@@ -479,6 +495,12 @@ pub struct Scene {
     pinned: Vec<Pinned>,
     pin_targets: usize,
     sewn: Vec<Sewn>,
+    /// Own vertices that no triangle has, ascending, if any rank has such: they are held where they are.
+    inert: Option<Vec<u32>>,
+    /// Those of all ranks that go with another vertex in the output.
+    followers: Vec<Follower>,
+    /// What was left out of the garments; on rank 0.
+    warnings: Vec<String>,
     /// Maps of each garment, over the vertices of this rank's piece of its mesh.
     painted: Vec<PaintedMaps>,
 }
@@ -567,6 +589,9 @@ impl Scene {
             };
             self.description.garments.iter().enumerate().flat_map(of_garment).collect()
         };
-        [self.start.clone().unwrap_or_else(|| self.rest_positions()), self.velocities.clone().unwrap_or_else(uniform)]
+        let x = self.start.clone().unwrap_or_else(|| self.rest_positions());
+        let mut v = self.velocities.clone().unwrap_or_else(uniform);
+        self.stop_inert(&mut v);
+        [x, v]
     }
 }

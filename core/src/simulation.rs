@@ -240,6 +240,9 @@ impl Simulation {
             volumes.0.extend(effect.volume);
             plan.push(planned);
         }
+        if let (Some(collision), Some(inert)) = (&mut collision, scene.inert()) {
+            collision.set_held(inert.iter().map(|vertex| (*vertex as usize, true)));
+        }
         let (solver, frame) = (&scene.description().solver, scene.description().timeline.frame_duration());
         let limit = StepLimit::new(parts, scene.masses(), &forces, solver, frame);
         let is_ghost = |vertex: &u32| !parts.own().contains(&(*vertex as usize));

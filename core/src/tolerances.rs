@@ -19,6 +19,11 @@ pub const DEGENERATE_EDGE: f64 = 1e-9;
 /// Smallest rest area of a triangle relative to the square of its longest edge. Guarded by the validation tests.
 pub const DEGENERATE_AREA: f64 = 1e-10;
 
+/// How far vertices in one place that nothing joins are drawn into their triangles, as a share of the way to their middles. Rounding
+/// to single precision a hundred edges away from the origin is less; the eye sees nothing of it. Guarded by
+/// `borders_in_one_place_move_into_their_own_panels_by_a_share_of_their_edges_and_are_named`.
+pub const SET_APART: f64 = 1e-4;
+
 /// Fraction of the remaining time that a step may take when two steps remain before the end of an interval; a little over
 /// a half, so that rounding leaves no sliver of a third step (method 2.7).
 pub const LAST_TWO_STEPS: f64 = 0.51;

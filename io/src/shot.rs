@@ -184,7 +184,10 @@ impl Shot {
                 problems.extend(found);
                 None
             }
-            Ok(scene) => inputs.start(ranks, scene, &mut problems)?,
+            Ok(scene) => {
+                warnings.extend_from_slice(scene.warnings());
+                inputs.start(ranks, scene, &mut problems)?
+            }
         };
         let Some(crew) = crew.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));

@@ -218,7 +218,7 @@ fn what_is_written_in_single_precision_does_not_cross() {
 }
 
 #[test]
-fn sheets_that_cross_at_the_start_run_and_never_cross_more() {
+fn sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart() {
     // The second sheet stands upright through the first.
     let mut description = with_contact(sheets(2, 8, 0.02, 0.0));
     let points = &mut description.garments[1].mesh.points;
@@ -226,13 +226,14 @@ fn sheets_that_cross_at_the_start_run_and_never_cross_more() {
     let mut simulation = start(description);
     let mut crossings = simulation.crossings().len();
     assert!(crossings > 10, "{crossings}");
-    for frame in 0..12 {
+    for frame in 0..36 {
         let summary = run(&mut simulation, 1);
         let now = simulation.crossings().len();
         assert!(now <= crossings, "frame {frame}: {now} after {crossings}");
         assert_eq!(summary.metrics.counted("crossings"), now as u64);
         crossings = now;
     }
+    assert_eq!(crossings, 0, "after 1.5 s");
 }
 
 #[test]
@@ -259,16 +260,10 @@ fn strange_meshes_run_with_self_contact() {
         let mut description = with_contact(scene_of(garment, 24));
         add_springs(&mut description, 20.0, 1.0);
         description.garments[0].velocity = Vec3::new(1.0, 2.0, 3.0);
-        // What has two faces in one place is refused with a reason, everything else runs.
+        // Of two faces in one place, one takes no part; everything runs.
         let doubled = triangles.len() == 2;
-        let scene = match Scene::validate(description) {
-            Ok(scene) => scene,
-            Err(problems) => {
-                assert!(doubled && problems.to_string().contains("lie on other faces"), "{problems}");
-                continue;
-            }
-        };
-        assert!(!doubled);
+        let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
+        assert_eq!(scene.warnings().iter().any(|warning| warning.contains("lie on other faces")), doubled);
         let mut simulation = Simulation::new(scene, &FrameInput::to_frame(0)).unwrap_or_else(|p| panic!("{p}"));
         run(&mut simulation, 3);
         assert!(all_positions(&simulation).iter().all(|p| p.iter().all(|c| c.is_finite())));

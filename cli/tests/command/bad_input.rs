@@ -85,22 +85,33 @@ fn a_thickness_that_is_no_length() {
 
 #[test]
 fn meshes_that_cannot_be_simulated() {
-    let cases: [(&str, &str, &[&str]); 7] = [
-        ("no faces", "v 2 1 0\nv 3 1 0\nv 3 1 1\n", &["garment \"skirt\"", "no faces"]),
+    let cases: [(&str, &str, &[&str]); 2] = [
         ("not a number", &SKIRT.replace("v 3 1 1", "v 3 nan 1"), &["garment \"skirt\"", "vertices 2", "not finite"]),
-        ("zero area", &format!("{SKIRT}v 4 1 0\nf 1 2 5\n"), &["garment \"skirt\"", "faces 1 have no area"]),
-        ("duplicate", &format!("{SKIRT}f 1 4 3 2\n"), &["garment \"skirt\"", "faces 1 lie on other faces"]),
-        (
-            "isolated",
-            &format!("v 9 9 9\n{}", SKIRT.replace("f 1 4 3 2", "f 2 5 4 3")),
-            &["garment \"skirt\"", "vertices 0 belong to no face"],
-        ),
         ("cut off", &SKIRT.replace("f 1 4 3 2", "f 1 4 3 7"), &["skirt.obj", "line 5", "point 7 does not exist"]),
-        ("corner twice", &SKIRT.replace("f 1 4 3 2", "f 1 4 4 2"), &["garment \"skirt\"", "faces 0 have no area"]),
     ];
     for (name, skirt, parts) in cases {
         println!("{name}");
         refused(with_files(BODY, skirt).path(), 65, parts);
+    }
+}
+
+#[test]
+fn elements_that_take_no_part_are_warnings_of_check_and_of_run() {
+    let cases: [(&str, &str, &str); 5] = [
+        ("no faces", "v 2 1 0\nv 3 1 0\nv 3 1 1\n", "it has no faces"),
+        ("zero area", &format!("{SKIRT}v 4 1 0\nf 1 2 5\n"), "faces 1 have no area"),
+        ("duplicate", &format!("{SKIRT}f 1 4 3 2\n"), "faces 1 lie on other faces"),
+        ("isolated", &format!("v 9 9 9\n{}", SKIRT.replace("f 1 4 3 2", "f 2 5 4 3")), "vertices 0 belong to no face"),
+        ("corner twice", &SKIRT.replace("f 1 4 3 2", "f 1 4 4 2"), "faces 0 have no area"),
+    ];
+    for (name, skirt, says) in cases {
+        let folder = with_files(BODY, skirt);
+        for arguments in [&["check", "scene.toml"][..], &["run", "scene.toml", "--out", "out"][..]] {
+            let outcome = drapery(folder.path(), arguments);
+            assert_eq!(outcome.code, Some(0), "{name}, {arguments:?}\n{}", outcome.stderr);
+            let said = outcome.stderr.lines().any(|line| line.contains("garment \"skirt\"") && line.contains(says));
+            assert!(said, "{name}, {arguments:?}: `{says}` is missing in\n{}", outcome.stderr);
+        }
     }
 }
 

@@ -211,7 +211,7 @@ fn help_holds_the_exit_codes_and_the_log_can_be_json() {
     let folder = folder_with(SHEET);
     let help = drapery(folder.path(), &["--help"]);
     assert_eq!(help.code, Some(0));
-    for code in [0, 2, 65, 66, 70, 73, 74, 75, 78, 80, 81, 82] {
+    for code in [0, 2, 65, 66, 70, 71, 73, 74, 75, 78, 80, 81, 82] {
         assert!(help.stdout.contains(&format!("{code:>4}  ")), "{code}\n{}", help.stdout);
     }
     assert_eq!(drapery(folder.path(), &["run", "scene.toml", "-q", "--log-json", "log.jsonl"]).code, Some(0));

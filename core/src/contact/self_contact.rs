@@ -26,7 +26,6 @@ use crate::effects::pins::{HardPins, PinTargets};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::parallel::ranks::Ranks;
 use crate::remembered::{Field, Remembered};
 use crate::scene::Scene;
 use crate::snapshot::SnapshotError;
@@ -97,6 +96,8 @@ pub struct SelfContact {
     /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
     mobility: Vec<f64>,
     paths: NodePaths,
+    /// Whether some rank has vertices that no triangle has.
+    has_inert: bool,
     /// Positions and velocities of the nodes of cloth in B.2 and B.8, where there are ghosts.
     cloth: [Vec<Vec3>; 2],
     /// Distance that collisions keep in this collision step [m].
@@ -148,6 +149,7 @@ impl SelfContact {
             geometric,
             mobility: cloth_mobility(&surface),
             paths: NodePaths::default(),
+            has_inert: scene.inert().is_some(),
             cloth: Default::default(),
             gap: 0.0,
             start_time: 0.0,
@@ -236,7 +238,7 @@ impl SelfContact {
         let affordable = (LONGEST_WAY / per_step.max(f64::MIN_POSITIVE)) as u32;
         let steps = wanted.min(affordable).max(1);
         let way = per_step * f64::from(steps);
-        self.gap = gap(self.surface.ranks(), &self.paths.start);
+        self.gap = self.gap_now();
         self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
         if self.used + way > self.neighbours.reach() || self.used.is_nan() {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
@@ -264,6 +266,20 @@ impl SelfContact {
         steps
     }
 
+    /// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest distance
+    /// from the origin, which does not change when the scene is turned. What takes no part may lie anywhere.
+    fn gap_now(&self) -> f64 {
+        let (surface, x) = (&self.surface, &self.paths.start);
+        let farthest = |largest: f64, p: &Vec3| largest.max(p.norm());
+        let largest = if self.has_inert {
+            let corners = surface.cloth().triangles().iter().flatten().map(|node| &x[*node as usize]);
+            corners.chain(&x[surface.nodes().cloth()..]).fold(0.0, farthest)
+        } else {
+            x.iter().fold(0.0, farthest)
+        };
+        GAP_ROUNDINGS * f64::from(f32::EPSILON) * surface.ranks().max(largest)
+    }
+
     /// Makes the list of neighbours anew around the collision-free state.
     fn rebuild(&mut self, reach: f64) {
         let Self { surface, search, neighbours, paths, mobility, gap, .. } = self;
@@ -288,9 +304,9 @@ impl SelfContact {
 
     fn repel(&mut self, passes: Passes, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         let Some(repulsions) = &mut self.repulsions else { return };
-        let (nodes, place) = (self.surface.nodes(), self.surface.place());
+        let (nodes, place, friction) = (self.surface.nodes(), self.surface.place(), self.surface.friction());
         if nodes.ranks().is_alone() {
-            repulsions.apply(passes, &Moment { nodes, dt, x, mobility: &self.mobility }, v, metrics);
+            repulsions.apply(passes, &Moment { nodes, dt, x, mobility: &self.mobility, friction }, v, metrics);
             return;
         }
         let [contact_x, contact_v] = &mut self.cloth;
@@ -299,7 +315,7 @@ impl SelfContact {
             all[nodes.own()].copy_from_slice(&own[place.clone()]);
         }
         nodes.refresh(contact_x);
-        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility };
+        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility, friction };
         repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);
     }
@@ -426,7 +442,7 @@ impl SelfContact {
             nodes.refresh(start);
             let reach = memory.number("list_reach");
             // The list follows from the positions it was made around, to the last bit and in the same order.
-            self.gap = gap(self.surface.ranks(), &self.paths.start);
+            self.gap = self.gap_now();
             self.rebuild(reach);
         }
         let Some(geometric) = &mut self.geometric else { return Ok(()) };
@@ -565,13 +581,6 @@ impl Geometric {
         self.pinched = pinched_vertices(surface, &crossings, bodies);
         self.crossings = crossings;
     }
-}
-
-/// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest distance from
-/// the origin, which does not change when the scene is turned.
-fn gap(ranks: &Ranks, x: &[Vec3]) -> f64 {
-    let largest = x.iter().fold(0.0_f64, |largest, p| largest.max(p.norm()));
-    GAP_ROUNDINGS * f64::from(f32::EPSILON) * ranks.max(largest)
 }
 
 /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].

@@ -14,9 +14,11 @@ use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
+use crate::scene::coincident::set_apart;
+use crate::scene::inert::{Follower, Sound};
 use crate::scene::painted::{PaintedMap, PaintedMaps};
 use crate::scene::sewn::{Sewn, partners, sewn_pairs, sewn_to};
-use crate::scene::{GarmentDescription, PinTarget, Pinned, Scene, SceneDescription};
+use crate::scene::{GarmentDescription, PinHold, PinTarget, Pinned, Scene, SceneDescription};
 
 /// What a rank needs of a garment, vertices ascending by their numbers in the scene.
 #[derive(Debug, Default)]
@@ -37,8 +39,7 @@ pub(super) struct Piece {
 /// A garment on rank 0 while it is handed out.
 struct Handout<'a> {
     garment: &'a GarmentDescription,
-    triangles: Vec<[u32; 3]>,
-    polygons: Vec<u32>,
+    sound: Sound,
     /// Vertex of the garment at each place of the scene's numbering, from the garment's first on; and the inverse.
     order: Vec<u32>,
     places: Vec<u32>,
@@ -58,8 +59,8 @@ fn rings(description: &SceneDescription, garment: usize) -> usize {
 }
 
 impl<'a> Handout<'a> {
-    fn new(garment: &'a GarmentDescription, order: Vec<u32>, first: usize, rings: usize) -> Self {
-        let (triangles, polygons) = garment.mesh.triangulate();
+    fn new(garment: &'a GarmentDescription, sound: Sound, order: Vec<u32>, first: usize, rings: usize) -> Self {
+        let triangles = &sound.triangles;
         let mut places = vec![0; order.len()];
         order.iter().zip(0..).for_each(|(vertex, place)| places[*vertex as usize] = place);
         let mut rows = vec![0u32; order.len() + 1];
@@ -73,7 +74,20 @@ impl<'a> Handout<'a> {
                 next[*v as usize] += 1;
             }
         }
-        Self { garment, triangles, polygons, order, places, stars, rows, first, rings }
+        Self { garment, sound, order, places, stars, rows, first, rings }
+    }
+
+    /// What takes no part and follows another vertex, but for those that a pin moves (numbers of the scene, ascending).
+    fn followers(&self, pinned: &[u32]) -> Vec<Follower> {
+        let start = self.garment.start.as_ref().unwrap_or(&self.garment.mesh.points);
+        let number = |vertex: u32| self.first as u32 + self.places[vertex as usize];
+        let follower = |&[vertex, leader]: &[u32; 2]| Follower {
+            vertex: number(vertex),
+            leader: number(leader),
+            offset: start[vertex as usize] - start[leader as usize],
+        };
+        let is_free = |follower: &Follower| pinned.binary_search(&follower.vertex).is_err();
+        self.sound.follows.iter().map(follower).filter(is_free).collect()
     }
 
     fn star(&self, vertex: u32) -> &[u32] {
@@ -88,8 +102,9 @@ impl<'a> Handout<'a> {
         near.sort_unstable();
         near.dedup();
         let across = |&t: &u32| {
-            let [a, b, c] = self.triangles[t as usize];
-            let with = move |other: u32| move |s: &&u32| self.triangles[**s as usize].contains(&other);
+            let triangles = &self.sound.triangles;
+            let [a, b, c] = triangles[t as usize];
+            let with = move |other: u32| move |s: &&u32| triangles[**s as usize].contains(&other);
             [(a, b), (b, c), (c, a)].into_iter().flat_map(move |(p, q)| self.star(p).iter().filter(with(q)).copied())
         };
         for _ in 0..self.rings {
@@ -101,7 +116,7 @@ impl<'a> Handout<'a> {
         let number = |vertex: &u32| (self.first as u32) + self.places[*vertex as usize];
         let mut vertices: Vec<[u32; 2]> = near
             .iter()
-            .flat_map(|t| &self.triangles[*t as usize])
+            .flat_map(|t| &self.sound.triangles[*t as usize])
             .chain(&self.order[own.clone()])
             .chain(partners.iter().map(|number| &self.order[*number as usize - self.first]))
             .map(|v| [number(v), *v])
@@ -114,8 +129,8 @@ impl<'a> Handout<'a> {
             values.as_ref().map_or_else(Vec::new, |values| own.iter().map(|v| values[*v as usize]).collect())
         };
         let triangle = |&t: &u32| {
-            let [a, b, c] = self.triangles[t as usize].map(|v| number(&v));
-            [self.polygons[t as usize], a, b, c]
+            let [a, b, c] = self.sound.triangles[t as usize].map(|v| number(&v));
+            [self.sound.polygons[t as usize], a, b, c]
         };
         let mut triangles: Vec<[u32; 4]> = near.iter().map(triangle).collect();
         triangles.sort_unstable();
@@ -239,6 +254,9 @@ pub(super) struct Received {
     pub(super) pinned: Vec<Pinned>,
     pub(super) pin_targets: usize,
     pub(super) sewn: Vec<Sewn>,
+    pub(super) followers: Vec<Follower>,
+    /// What was left out of the garments; on rank 0.
+    pub(super) warnings: Vec<String>,
     pub(super) painted: Vec<PaintedMaps>,
 }
 
@@ -261,23 +279,36 @@ pub(super) fn hand_out(ranks: &Ranks, mut description: SceneDescription) -> Rece
         (assignment.clone(), pin_targets).put(&mut all);
         ranks.broadcast(&mut all);
     }
-    let mut pieces = Vec::new();
+    let is_hard = |pinned: &&Pinned| description.pins[pinned.pin].hold == PinHold::Hard;
+    let mut held: Vec<u32> = pinned.iter().filter(is_hard).map(|pinned| pinned.vertex).collect();
+    held.sort_unstable();
+    let (mut pieces, mut followers, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     // One garment after the other, and each is forgotten when it is handed out.
-    for (g, ((garment, order), place)) in garments.into_iter().zip(orders).zip(partition.garments()).enumerate() {
-        let handout = Handout::new(&garment, order, place.start, rings(&description, g));
+    let touches = description
+        .effects
+        .iter()
+        .any(|request| matches!(request.effect.as_str(), "self_repulsion" | "self_collision"));
+    for (g, ((mut garment, order), place)) in garments.into_iter().zip(orders).zip(partition.garments()).enumerate() {
+        let sound = Sound::of(&garment.name, &garment.mesh);
+        let apart = if touches { set_apart(&mut garment, &sound.triangles) } else { None };
+        let handout = Handout::new(&garment, sound, order, place.start, rings(&description, g));
         let piece = |own: &Range<usize>| handout.piece(own, &partners(&sewn, own, place));
         for rank in 1..ranks.count() {
             let message = Message { to: rank, bytes: piece(&own(rank)).to_bytes() };
             ranks.start(vec![message], &[]).finish();
         }
         pieces.push(piece(&own(0)));
+        followers.extend(handout.followers(&held));
+        warnings.extend(handout.sound.warnings.into_iter().chain(apart));
     }
     for rank in 1..ranks.count() {
-        let bytes = (pins_of(&pinned, &own(rank)), sewn_to(&sewn, &own(rank))).to_bytes();
+        let mut bytes = (pins_of(&pinned, &own(rank)), sewn_to(&sewn, &own(rank))).to_bytes();
+        followers.put(&mut bytes);
         ranks.start(vec![Message { to: rank, bytes }], &[]).finish();
     }
-    let held = Held { pinned: pins_of(&pinned, &own(0)), pin_targets, sewn: sewn_to(&sewn, &own(0)) };
-    settle(ranks, description, (partition, assignment), pieces, held)
+    let (pinned, sewn) = (pins_of(&pinned, &own(0)), sewn_to(&sewn, &own(0)));
+    let held = Held { pinned, pin_targets, sewn, followers };
+    Received { warnings, ..settle(ranks, description, (partition, assignment), pieces, held) }
 }
 
 /// The other ranks' side. `None` if the messages are not those of [`hand_out`].
@@ -290,9 +321,12 @@ pub(super) fn receive(ranks: &Ranks) -> Option<Received> {
     let (assignment, pin_targets) = <(Vec<usize>, usize)>::take(&mut bytes)?;
     let next = || ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish().pop();
     let pieces: Option<Vec<Piece>> = garments.iter().map(|_| Piece::from_bytes(&next()?)).collect();
-    let (pinned, sewn) = <(Vec<Pinned>, Vec<Sewn>)>::take(&mut next()?.as_slice())?;
+    let last = next()?;
+    let mut bytes = last.as_slice();
+    let (pinned, sewn) = <(Vec<Pinned>, Vec<Sewn>)>::take(&mut bytes)?;
+    let followers = Vec::take(&mut bytes)?;
     let partition = Partition::new(parts, garments.into_iter().map(|(start, end)| start..end).collect());
-    let held = Held { pinned, pin_targets, sewn };
+    let held = Held { pinned, pin_targets, sewn, followers };
     Some(settle(ranks, description, (partition, assignment), pieces?, held))
 }
 
@@ -301,6 +335,7 @@ struct Held {
     pinned: Vec<Pinned>,
     pin_targets: usize,
     sewn: Vec<Sewn>,
+    followers: Vec<Follower>,
 }
 
 /// Builds what a rank keeps from its pieces.
@@ -309,7 +344,7 @@ fn settle(
     description: SceneDescription,
     (partition, assignment): (Partition, Vec<usize>),
     mut pieces: Vec<Piece>,
-    Held { mut pinned, pin_targets, sewn }: Held,
+    Held { mut pinned, pin_targets, sewn, followers }: Held,
 ) -> Received {
     let starts = partition.starts();
     let own = starts[assignment[ranks.rank()]] as u32..starts[assignment[ranks.rank() + 1]] as u32;
@@ -349,7 +384,8 @@ fn settle(
     });
     let painted = painted.collect();
     let meshes = pieces.into_iter().map(Piece::mesh).collect();
-    Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn, painted }
+    let warnings = Vec::new();
+    Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn, followers, warnings, painted }
 }
 
 /// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
@@ -391,8 +427,9 @@ pub(super) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
     // Both owners of a pair may have sent it.
     sewn.sort_unstable_by_key(|pair| pair.number);
     sewn.dedup_by_key(|pair| pair.number);
-    let held = Held { pinned, pin_targets: scene.pin_targets, sewn };
-    settle(ranks, scene.description.clone(), (partition, assignment), pieces, held)
+    let held = Held { pinned, pin_targets: scene.pin_targets, sewn, followers: scene.followers.clone() };
+    let received = settle(ranks, scene.description.clone(), (partition, assignment), pieces, held);
+    Received { warnings: scene.warnings.clone(), ..received }
 }
 
 /// The pinned vertices among `own`, which are numbers of the scene.

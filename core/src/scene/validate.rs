@@ -1,8 +1,10 @@
-//! From a description to a scene: every problem is reported, none is repaired.
+//! From a description to a scene: every problem is reported. Elements that cannot be simulated are left out
+//! (`crate::scene::inert`), and nothing is repaired.
 
 mod maps_and_seams;
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use crate::Vec3;
 use crate::effects::{self, Scope};
@@ -13,12 +15,12 @@ use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
 use crate::scene::painted::PaintedMaps;
+use crate::scene::sewn::Sewn;
 use crate::scene::share::{self, Received};
 use crate::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription,
 };
 use crate::settings::nearest;
-use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
 
 /// Elements of one kind that are listed before the rest is only counted.
@@ -46,10 +48,9 @@ impl Scene {
         };
         let broken = || Problem::scene("scene", "its pieces did not arrive as they were sent", "report this");
         let Some(received) = received else { return Err(Problems(vec![broken()])) };
-        let Received { description, parts, meshes, .. } = &received;
-        let elements = meshes.iter().enumerate().flat_map(|(g, mesh)| check_elements(description, parts, g, mesh));
-        agree(ranks, elements.collect())?;
-        Ok(Self::derive(received))
+        let scene = Self::derive(received);
+        agree(ranks, check_inert(&scene.description, &scene.parts, &scene.sewn, scene.inert()))?;
+        Ok(scene)
     }
 
     /// The scene with another assignment of the parts to the ranks (first part of every rank, and the number of all). All ranks
@@ -60,10 +61,38 @@ impl Scene {
 
     /// What follows from a rank's pieces.
     fn derive(received: Received) -> Self {
-        let Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn, painted } = received;
-        let masses = masses(&description, &parts, &meshes, &painted);
+        let Received {
+            description,
+            parts,
+            meshes,
+            start,
+            velocities,
+            pinned,
+            pin_targets,
+            sewn,
+            followers,
+            warnings,
+            painted,
+        } = received;
+        let inert = inert(&parts, &meshes);
+        let masses = masses(&description, &parts, &meshes, &painted, inert.as_deref());
         let mean_edge = mean_edge(&parts, &meshes);
-        Self { description, meshes, parts, masses, mean_edge, start, velocities, pinned, pin_targets, sewn, painted }
+        Self {
+            description,
+            meshes,
+            parts,
+            masses,
+            mean_edge,
+            start,
+            velocities,
+            pinned,
+            pin_targets,
+            sewn,
+            inert,
+            followers,
+            warnings,
+            painted,
+        }
     }
 }
 
@@ -99,8 +128,25 @@ pub(crate) fn agree(ranks: &Ranks, problems: Vec<Problem>) -> Result<(), Problem
     Err(Problems(together))
 }
 
-/// Mass of each local vertex [kg].
-fn masses(description: &SceneDescription, parts: &Parts, meshes: &[TriangleMesh], painted: &[PaintedMaps]) -> Vec<f64> {
+/// Own vertices that no triangle has, ascending, if any rank has such.
+fn inert(parts: &Parts, meshes: &[TriangleMesh]) -> Option<Vec<u32>> {
+    let mut is_inert = vec![true; parts.local_count()];
+    for (g, mesh) in meshes.iter().enumerate() {
+        let of_garment = &mut is_inert[parts.garment(g)];
+        mesh.triangles().iter().flatten().for_each(|v| of_garment[*v as usize] = false);
+    }
+    let inert: Vec<u32> = parts.own().filter(|v| is_inert[*v]).map(|v| v as u32).collect();
+    parts.ranks().any(!inert.is_empty()).then_some(inert)
+}
+
+/// Mass of each local vertex [kg]. What takes no part has none of the garment's, and formally that of a vertex in the mean.
+fn masses(
+    description: &SceneDescription,
+    parts: &Parts,
+    meshes: &[TriangleMesh],
+    painted: &[PaintedMaps],
+    inert: Option<&[u32]>,
+) -> Vec<f64> {
     let mut masses = vec![0.0; parts.local_count()];
     for (g, (garment, mesh)) in description.garments.iter().zip(meshes).enumerate() {
         let of_garment = &mut masses[parts.garment(g)];
@@ -115,12 +161,37 @@ fn masses(description: &SceneDescription, parts: &Parts, meshes: &[TriangleMesh]
             }
         }
     }
+    if let Some(inert) = inert {
+        share_among_the_rest(description, parts, inert, &mut masses);
+    }
     // Ghosts have triangles that are not here.
     parts.halo().refresh(parts.ranks(), &mut masses);
     masses
 }
 
-/// Mean rest length of all edges [m]; each belongs to the part of its first vertex.
+/// Gives a total mass to the vertices that take part alone, and the others the mean of these.
+fn share_among_the_rest(description: &SceneDescription, parts: &Parts, inert: &[u32], masses: &mut [f64]) {
+    let takes_part = |v: usize| inert.binary_search(&(v as u32)).is_err();
+    for (g, garment) in description.garments.iter().enumerate() {
+        let own = parts.own_of_garment(g);
+        let in_part =
+            |part: &Range<usize>| part.clone().filter(|v| own.contains(v) && takes_part(*v)).collect::<Vec<_>>();
+        let parts_of: Vec<Vec<usize>> = parts.ranges().iter().map(in_part).collect();
+        let counts: Vec<f64> = parts_of.iter().map(|part| part.len() as f64).collect();
+        let sums: Vec<f64> = parts_of.iter().map(|part| part.iter().map(|v| masses[*v]).sum()).collect();
+        let [count, sum] = parts.join_parts(&[&counts, &sums]);
+        let mean = match garment.mass {
+            // Without cloth any mass will do.
+            _ if count == 0.0 => 1.0,
+            Mass::UniformTotal(total) => total / count,
+            Mass::Density(_) => sum / count,
+        };
+        let uniform = matches!(garment.mass, Mass::UniformTotal(_));
+        own.filter(|v| uniform || !takes_part(*v)).for_each(|v| masses[v] = mean);
+    }
+}
+
+/// Mean rest length of all edges [m], one metre if there are none; each belongs to the part of its first vertex.
 fn mean_edge(parts: &Parts, meshes: &[TriangleMesh]) -> f64 {
     let (mut sums, mut count) = (vec![0.0; parts.count()], 0);
     for (g, mesh) in meshes.iter().enumerate() {
@@ -134,7 +205,7 @@ fn mean_edge(parts: &Parts, meshes: &[TriangleMesh]) -> f64 {
         }
     }
     let ([sum], [count]) = (parts.join_parts(&[&sums]), parts.ranks().sum_of([count]));
-    sum / count as f64
+    if count > 0 { sum / count as f64 } else { 1.0 }
 }
 
 fn check_solver(description: &SceneDescription, problems: &mut Vec<Problem>) {
@@ -239,9 +310,7 @@ fn check_mesh(name: &str, mesh: &PolygonMesh, problems: &mut Vec<Problem>) {
     let place = |what: String| format!("garment \"{name}\"{what}");
     finite_points(&place(String::new()), &mesh.points, problems);
     let corners: u64 = mesh.face_counts.iter().map(|c| u64::from(*c)).sum();
-    if mesh.face_counts.is_empty() {
-        problems.push(Problem::data(place(String::new()), "it has no faces", "export a mesh with polygons"));
-    } else if corners != mesh.face_indices.len() as u64 {
+    if corners != mesh.face_indices.len() as u64 {
         let what = format!("its faces have {corners} corners, but {} indices are given", mesh.face_indices.len());
         problems.push(Problem::data(place(String::new()), what, "export the mesh again"));
     } else {
@@ -268,75 +337,17 @@ fn finite_points(place: &str, points: &[Vec3], problems: &mut Vec<Problem>) {
     });
 }
 
-/// Degenerate, duplicate and missing elements. Every element is looked at by the rank that owns its first vertex; the
-/// problems are those of all ranks, on rank 0.
-fn check_elements(description: &SceneDescription, parts: &Parts, garment: usize, mesh: &TriangleMesh) -> Vec<Problem> {
-    let place = format!("garment \"{}\"", description.garments[garment].name);
-    let first = parts.garment(garment).start;
-    let is_own = |vertices: &[u32]| {
-        vertices.iter().min().is_some_and(|vertex| parts.own().contains(&(first + *vertex as usize)))
+/// Seams at vertices that take no part: nothing would draw the cloth there.
+fn check_inert(description: &SceneDescription, parts: &Parts, sewn: &[Sewn], inert: Option<&[u32]>) -> Vec<Problem> {
+    let mut ends: Vec<u32> = sewn.iter().flat_map(|pair| pair.ends).collect();
+    ends.sort_unstable();
+    let inert = inert.unwrap_or_default().iter().filter(|v| ends.binary_search(&parts.number(**v as usize)).is_ok());
+    let problem = |local: &u32| {
+        let (garment, vertex) = parts.own_vertex(*local as usize);
+        let place = format!("garment \"{}\", vertex {vertex}", description.garments[garment].name);
+        Problem::data(place, "it is sewn, but belongs to no face that has an area", "sew a vertex of the cloth instead")
     };
-    let points = mesh.rest_positions();
-    let [low, high] = bounds(parts.ranks(), points);
-    let size = (high - low).norm();
-    let number = |vertex: u32| parts.own_numbers()[first + vertex as usize];
-    let short = mesh.edges().iter().filter(|e| is_own(&e.vertices) && mesh.rest_length(**e) <= DEGENERATE_EDGE * size);
-    let short = short.map(|e| {
-        let [a, b] = e.vertices.map(number);
-        [a.min(b), a.max(b)]
-    });
-    let longest = |t: &[u32; 3]| {
-        (0..3).map(|i| (points[t[i] as usize] - points[t[(i + 1) % 3] as usize]).norm_squared()).fold(0.0, f64::max)
-    };
-    let own = || mesh.triangles().iter().zip(mesh.rest_areas()).zip(mesh.polygons()).filter(|((t, _), _)| is_own(*t));
-    let flat = own().filter(|((t, area), _)| **area <= DEGENERATE_AREA * longest(t)).map(|(_, f)| [*f; 2]);
-    let mut corners: Vec<([u32; 3], u32)> = own()
-        .map(|((t, _), polygon)| {
-            let mut key = *t;
-            key.sort_unstable();
-            (key, *polygon)
-        })
-        .collect();
-    corners.sort_unstable();
-    let twice = corners.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| [w[1].1; 2]);
-    let mut used = vec![false; points.len()];
-    mesh.triangles().iter().flatten().for_each(|v| used[*v as usize] = true);
-    let loose = (0..used.len() as u32).filter(|v| !used[*v as usize] && is_own(&[*v])).map(|v| [number(v); 2]);
-    let lists = [short.collect(), flat.collect(), twice.collect(), loose.collect()].map(|l| listed(parts.ranks(), l));
-    let says = [
-        ("edges", "have no length", "merge coinciding points (merge by distance)"),
-        ("faces", "have no area", "delete these faces or dissolve their corners"),
-        ("faces", "lie on other faces of the same corners", "delete the duplicate faces"),
-        ("vertices", "belong to no face", "delete loose vertices (clean up the mesh)"),
-    ];
-    let found = lists.into_iter().zip(says).filter_map(|(list, says)| list.map(|list| (list, says)));
-    found.map(|(list, (what, is, advice))| Problem::data(&place, format!("{what} {list} {is}"), advice)).collect()
-}
-
-/// Bounds of the points of all ranks.
-fn bounds(ranks: &Ranks, points: &[Vec3]) -> [Vec3; 2] {
-    let none = Vec3::repeat(f64::NEG_INFINITY);
-    let (low, high) = points.iter().fold((none, none), |(l, h), p| (l.sup(&-p), h.sup(p)));
-    let all = ranks.max_of([low.x, low.y, low.z, high.x, high.y, high.z]);
-    [-Vec3::new(all[0], all[1], all[2]), Vec3::new(all[3], all[4], all[5])]
-}
-
-/// The elements of all ranks as text, those with the smallest numbers first; `None` when there are none. Two numbers that
-/// differ are the ends of an edge.
-pub(crate) fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
-    elements.sort_unstable();
-    elements.dedup();
-    let [count] = ranks.sum_of([elements.len() as u64]);
-    if count == 0 {
-        return None;
-    }
-    elements.truncate(LISTED);
-    let mut all = ranks.all_gather_each(&elements).concat();
-    all.sort_unstable();
-    let name = |[a, b]: &[u32; 2]| if a == b { a.to_string() } else { format!("{a}-{b}") };
-    let names: Vec<String> = all.iter().take(LISTED).map(name).collect();
-    let more = count.saturating_sub(LISTED as u64);
-    Some(if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") })
+    inert.take(LISTED).map(problem).collect()
 }
 
 /// Adds one problem for a list of elements, if there are any; long lists are cut.

@@ -6,6 +6,7 @@ use crate::error::{Problem, ProblemKind};
 use crate::geometry::shapes::Shape;
 use crate::mesh::PolygonMesh;
 use crate::parallel::wire::{Wire, wire};
+use crate::scene::inert::Follower;
 use crate::scene::painted::PaintedMap;
 use crate::scene::sewn::Sewn;
 use crate::scene::{
@@ -34,7 +35,7 @@ wire!(enum Shape {
 });
 wire!(enum BodyShape { 0 => Rigid(shape), 1 => Surface { triangles, point_count } });
 wire!(struct RigidMotion { path, rotation, angular_velocity, spin_start });
-wire!(struct BodyDescription { name, shape, motion, friction, thickness, max_push_speed });
+wire!(struct BodyDescription { name, shape, motion, friction, thickness, max_push_speed, faces_inwards });
 wire!(enum PinAnchor { 0 => Start, 1 => WhenHeld });
 wire!(enum PinHold { 0 => Hard, 1 => Spring { stiffness, damping_ratio, break_force } });
 wire!(struct SurfaceAttachment { vertex, body_points, weights, offset });
@@ -51,6 +52,7 @@ wire!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness
 wire!(struct WindGridShape { origin, spacing, counts });
 wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, seams, wind, effects, left_out });
 wire!(struct Pinned { number, pin, row, vertex, attachment });
+wire!(struct Follower { vertex, leader, offset });
 wire!(struct Sewn { number, seam, ends, gap });
 wire!(enum ProblemKind { 0 => Scene, 1 => Data });
 wire!(struct Problem { place, what, advice, kind });

@@ -170,7 +170,7 @@ impl Simulation {
             stop,
             integrator: settings.integrator,
             body_friction: settings.body_friction,
-            held: self.care.held(),
+            held: self.care.held().or(scene.inert()),
             metrics: &mut self.metrics,
         };
         let report = advance(&mut context, choice.dt);

@@ -6,6 +6,7 @@ use crate::Vec3;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::{Wire, wire};
 use crate::scene::Scene;
+use crate::scene::inert::Follower;
 use crate::wind_grid::WindSample;
 
 /// A field of the vertices of a garment.
@@ -124,6 +125,40 @@ impl Simulation {
                 }
             }
         }
+        self.put_followers(garment, field, convert, &mut all);
         ranks.is_first().then_some(all)
+    }
+
+    /// Puts what takes no part to where the vertex is that it follows.
+    fn put_followers<T>(&self, garment: usize, field: Field, convert: &(dyn Fn(&Vec3) -> T + Sync), all: &mut [T]) {
+        let (parts, ranks, state) = (self.scene().parts(), self.ranks(), self.state());
+        let place = parts.partition().garments()[garment].clone();
+        let of_garment = self.scene().followers().iter().filter(|follower| place.contains(&(follower.vertex as usize)));
+        let followers: Vec<&Follower> = of_garment.collect();
+        if followers.is_empty() {
+            return;
+        }
+        let own = parts.own();
+        // The row of a follower, its number in the garment where that is known, and the leader where that is.
+        let (mut names, mut values) = (Vec::new(), Vec::new());
+        for (row, follower) in followers.iter().enumerate() {
+            let local = |number: u32| parts.local(number).filter(|local| own.contains(local));
+            names.extend(local(follower.vertex).map(|local| [row as u32, parts.own_numbers()[local]]));
+            values.extend(local(follower.leader).map(|local| match field {
+                Field::Positions => (row, state.x[local] + follower.offset),
+                Field::Velocities => (row, state.v[local]),
+            }));
+        }
+        let names = ranks.all_gather_each(&names).concat();
+        let rows: Vec<[f64; 3]> = values.iter().map(|(_, value)| (*value).into()).collect();
+        let numbers: Vec<u32> = values.iter().map(|(row, _)| *row as u32).collect();
+        let (numbers, rows) = (ranks.all_gather_each(&numbers).concat(), ranks.all_gather_each(&rows).concat());
+        let mut of_rows = vec![0; followers.len()];
+        names.iter().for_each(|[row, number]| of_rows[*row as usize] = *number);
+        if ranks.is_first() {
+            numbers.iter().zip(&rows).for_each(|(row, value)| {
+                all[of_rows[*row as usize] as usize] = convert(&Vec3::from(*value));
+            });
+        }
     }
 }

@@ -303,7 +303,9 @@ impl Simulation {
         if rung == Rung::Held {
             let parts = scene.parts();
             let is_held = |i: &usize| care.concerned.binary_search(&parts.number(*i)).is_ok();
-            care.held = Some(parts.own().filter(is_held).map(|i| i as u32).collect());
+            let takes_no_part =
+                |i: &usize| scene.inert().is_some_and(|inert| inert.binary_search(&(*i as u32)).is_ok());
+            care.held = Some(parts.own().filter(|i| is_held(i) || takes_no_part(i)).map(|i| i as u32).collect());
         }
         if let Some(contact) = self_contact {
             let effort = match rung {

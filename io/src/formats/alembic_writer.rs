@@ -109,7 +109,7 @@ impl AlembicWriter {
             ("up_axis", format!("{:?}", plan.units.up)),
             ("fps", format!("{numerator}/{denominator}")),
         ];
-        let cut = if has_larger_faces(plan.mesh) { plan.triangles } else { &[] };
+        let cut = told(plan);
         Ok(Self {
             path: path.to_owned(),
             object_path: plan.object_path(),
@@ -186,7 +186,7 @@ impl AlembicWriter {
         let frame = CacheFrame { frame: plan.first_frame, positions: &points, velocities: &points, crossings: None };
         with_first_sample(plan.mesh, self.sample(&frame), |sample| declared.mesh.check_continued(archive, sample))?;
         archive.add_archive_bounds(declared.sampling)?;
-        self.write_attributes(archive, &mut declared, (plan.mesh, plan.triangles), None)?;
+        self.write_attributes(archive, &mut declared, (plan.mesh, told(plan)), None)?;
         let held = declared.mesh.sample_count(archive);
         let counted = declared.crossings.map_or(held, |property| archive.sample_count(property));
         if held != frames || counted != frames {
@@ -232,7 +232,7 @@ impl AlembicWriter {
             archive.write_static_string(properties, name, text)?;
         }
         archive.write_static_scalar(properties, "metres_per_unit", &[self.units.length.metres()])?;
-        if has_larger_faces(mesh) {
+        if !triangles.is_empty() {
             let (kind, none) = (DataType::new(PodType::I32, 3), MetaData::new());
             let property = archive.add_array_property(properties, TRIANGLES, &none, kind, 0)?;
             let bytes: Vec<u8> = triangles.iter().flatten().flat_map(|&v| (v as i32).to_le_bytes()).collect();
@@ -347,9 +347,11 @@ impl CacheWriter for AlembicWriter {
     }
 }
 
-/// Whether it has faces that the scene has cut into triangles.
-fn has_larger_faces(mesh: &MeshData) -> bool {
-    mesh.mesh.face_counts.iter().any(|&count| count != 3)
+/// The triangles that are simulated, where they are not just the faces.
+fn told<'a>(plan: &CachePlan<'a>) -> &'a [[u32; 3]] {
+    let faces = &plan.mesh.mesh.face_counts;
+    let are_faces = faces.len() == plan.triangles.len() && faces.iter().all(|count| *count == 3);
+    if are_faces { &[] } else { plan.triangles }
 }
 
 /// A frame with everything that is written with the first one only.

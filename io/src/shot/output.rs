@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use drapery_core::metrics::Metrics;
+use drapery_core::scene::simulated_triangles;
 use drapery_core::simulation::outside::Field;
 use serde_json::{Value, json};
 
@@ -274,7 +275,7 @@ fn of_garments(
 ) -> Result<Vec<Vec<Box<dyn CacheWriter>>>, IoError> {
     let of_garment = |(garment, data): (usize, &Arc<MeshData>)| {
         // As the scene has cut the faces; it may hold only a share of them here.
-        let (triangles, _) = data.mesh.triangulate();
+        let triangles = simulated_triangles(&data.mesh);
         let caches = planned.iter().filter(|cache| cache.garment == garment);
         caches.map(|cache| open(cache, cache_plan(shot, garment, &triangles))).collect()
     };

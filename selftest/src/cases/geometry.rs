@@ -2,9 +2,9 @@
 
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
-use drapery_core::scene::{GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget};
+use drapery_core::scene::{GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription};
 
-use crate::bench::{Bench, Ended, Trial};
+use crate::bench::{Bench, Ended, Record, Trial};
 use crate::case::{Case, Figure};
 use crate::files::{BODY, FROM_FILES, SKIRT, obj};
 use crate::scenes::*;
@@ -26,7 +26,7 @@ pub(super) const H11: Case = Case {
             bench.simulate(&Trial::still(description, 6))
         };
         let (plain, sliver) = (run(bench, false)?, run(bench, true)?);
-        let lowest = |record: &crate::bench::Record| record.last().positions[0].iter().map(|x| x.y).fold(0.0, f64::min);
+        let lowest = |record: &Record| record.last().positions[0].iter().map(|x| x.y).fold(0.0, f64::min);
         // Strain of the narrow cells has no meaning for the eye: what counts is the sheet.
         Ok(vec![Figure::at_most(
             "lowest vertex over that of the sheet without slivers",
@@ -58,9 +58,71 @@ pub(super) const H12: Case = Case {
             let lacking = ended.missing(&["garment \"skirt\"", "faces 1"]);
             figures.push(Figure::exactly(format!("words that the message lacks, {what}"), lacking, 0.0));
         }
+        let clean = bench.simulate(&Trial::still(hanging(|_, _| {}), 12))?;
+        let odd = bench.simulate(&Trial::still(hanging(add_flat_faces), 12))?;
+        let mass = |record: &Record, count: usize| record.masses[0][..count].iter().sum::<f64>();
+        figures.push(Figure::at_most("error of the mass", (mass(&odd, 121) / mass(&clean, 121) - 1.0).abs(), 1e-14));
+        figures.push(Figure::at_most("distance from the clean mesh [m]", farthest(&clean, &odd), 1e-9));
+        let x = &odd.last().positions[0];
+        figures.push(Figure::exactly("what lies on a vertex leaves it by [m]", (x[121] - x[60]).norm(), 0.0));
+        // Two panels whose common border is there twice, without being sewn: they fall, and do not repel each other.
+        let panels = Trial { is_isolated: true, ..Trial::still(two_panels(), 12) };
+        let record = bench.simulate(&panels)?;
+        figures.push(Figure::at_most(
+            "kinetic energy of two panels that lie edge to edge [J]",
+            record.kinetic(),
+            1e-12,
+        ));
+        figures.push(Figure::exactly("crossings of them", record.frames[0].crossings as f64, 0.0));
         Ok(figures)
     },
 };
+
+/// A sheet that hangs by two corners and touches itself, with what `change` does to its points and triangles.
+fn hanging(change: fn(&mut Vec<Vec3>, &mut Vec<[u32; 3]>)) -> SceneDescription {
+    let mut description = cloth(10, 0.02, 100.0);
+    let mesh = &mut description.garments[0].mesh;
+    let (mut points, mut triangles) = (mesh.points.clone(), triangles_of(mesh));
+    change(&mut points, &mut triangles);
+    *mesh = PolygonMesh::from_triangles(points, &triangles);
+    add_weight(&mut description);
+    add_self_contact(&mut description);
+    add_pins(&mut description, vec![0, 10]);
+    description
+}
+
+/// A point that lies on vertex 60, one beside the sheet, and faces without area: with these, with three vertices in a row, and
+/// with one of them twice.
+fn add_flat_faces(points: &mut Vec<Vec3>, triangles: &mut Vec<[u32; 3]>) {
+    points.extend([points[60], points[10] + Vec3::x()]);
+    triangles.extend([[60, 121, 61], [9, 10, 122], [55, 56, 57], [3, 3, 4]]);
+}
+
+/// Two sheets side by side in a plane, whose common border has two vertices in each place.
+fn two_panels() -> SceneDescription {
+    let mut mesh = sheet(6, 6, 0.02);
+    let mut triangles = triangles_of(&mesh);
+    let count = mesh.points.len() as u32;
+    let beside: Vec<Vec3> = mesh.points.iter().map(|p| p + Vec3::x() * 0.12).collect();
+    triangles.extend(triangles.clone().iter().map(|corners| corners.map(|v| v + count)));
+    mesh.points.extend(beside);
+    let mesh = PolygonMesh::from_triangles(mesh.points, &triangles);
+    let mut description = scene_of(GarmentDescription::new("panels", mesh, 0.2), 24);
+    add_cloth(&mut description, 0, 100.0);
+    add_self_contact(&mut description);
+    description
+}
+
+/// Largest distance of a vertex in one run from where it is in another, in any frame [m].
+fn farthest(run: &Record, other: &Record) -> f64 {
+    let pairs = run.frames.iter().zip(&other.frames).flat_map(|(a, b)| a.positions[0].iter().zip(&b.positions[0]));
+    pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+}
+
+/// The triangles of a mesh that has no other faces.
+fn triangles_of(mesh: &PolygonMesh) -> Vec<[u32; 3]> {
+    mesh.face_indices.as_chunks().0.to_vec()
+}
 
 pub(super) const H13: Case = Case {
     id: "H13",
@@ -108,6 +170,13 @@ pub(super) const H14: Case = Case {
                 0.0,
             ));
         }
+        let repeat = |_: &mut Vec<Vec3>, triangles: &mut Vec<[u32; 3]>| {
+            let [first, second] = [triangles[7], triangles[80]];
+            triangles.extend([first, [second[1], second[0], second[2]]]);
+        };
+        let clean = bench.simulate(&Trial::still(hanging(|_, _| {}), 12))?;
+        let odd = bench.simulate(&Trial::still(hanging(repeat), 12))?;
+        figures.push(Figure::exactly("distance from the mesh without them [m]", farthest(&clean, &odd), 0.0));
         Ok(figures)
     },
 };
@@ -118,14 +187,33 @@ pub(super) const H15: Case = Case {
     must: "points stay in the output; an empty garment is said to be one",
     judge: |bench| {
         let loose = run_mesh(bench, &format!("{SKIRT}v 9 9 9\n"))?;
+        let points = point_count(&bench.folder().join("out/skirt.abc")).map_err(|e| e.to_string())? as f64;
         let empty = run_mesh(bench, "v 2 1 0\nv 3 1 0\nv 3 1 1\n")?;
+        let nothing = run_mesh(bench, "")?;
+        let far = Vec3::new(9.0, 9.0, 9.0);
+        let clean = bench.simulate(&Trial::still(hanging(|_, _| {}), 12))?;
+        let odd = bench.simulate(&Trial::still(hanging(|points, _| points.push(Vec3::new(9.0, 9.0, 9.0))), 12))?;
         Ok(vec![
             Figure::exactly("exit code, a loose point", loose.code(), 0.0),
+            Figure::exactly(
+                "words that the message lacks, a loose point",
+                loose.missing(&["garment \"skirt\"", "vertices 4 belong to no face"]),
+                0.0,
+            ),
+            Figure::exactly("points in the cache of the skirt with a loose point", points, 5.0),
+            Figure::exactly("exit code, no faces", empty.code(), 0.0),
             Figure::exactly(
                 "words that the message lacks, no faces",
                 empty.missing(&["garment \"skirt\"", "no faces"]),
                 0.0,
             ),
+            Figure::exactly("exit code, no points", nothing.code(), 0.0),
+            Figure::at_most(
+                "distance of the others from the mesh without a loose point [m]",
+                farthest(&clean, &odd),
+                1e-9,
+            ),
+            Figure::exactly("way of the loose point [m]", (odd.last().positions[0][121] - far).norm(), 0.0),
         ])
     },
 };
@@ -154,6 +242,12 @@ pub(super) const H16: Case = Case {
         ])
     },
 };
+
+/// Points of the garment in a cache.
+fn point_count(path: &std::path::Path) -> Result<usize, drapery_alembic::AlembicError> {
+    let archive = drapery_alembic::Archive::open(path)?;
+    drapery_alembic::PolyMesh::all(&archive)?.first().map_or(Ok(0), |mesh| Ok(mesh.positions(0)?.len()))
+}
 
 /// Corners of each face of the garment in a cache.
 fn face_counts(path: &std::path::Path) -> Result<Vec<i32>, drapery_alembic::AlembicError> {

@@ -1,0 +1,61 @@
+//! Running out of memory: an exit code of its own, instead of the signal by which an allocation that fails ends a program.
+//!
+//! What the system refuses is known here. What it has promised and cannot keep ends the process by a signal that nobody can
+//! catch (137 in a shell): `drapery plan` says before how much a shot needs.
+
+#![allow(unsafe_code)] // A global allocator cannot be written without; this is the only place of the command.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use signal_hook::consts::SIGABRT;
+
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+
+/// Whether the system has refused memory.
+static REFUSED: AtomicBool = AtomicBool::new(false);
+
+/// The system's allocator, which takes note of what it refuses.
+struct Noting;
+
+#[global_allocator]
+static ALLOCATOR: Noting = Noting;
+
+fn noted(pointer: *mut u8) -> *mut u8 {
+    if pointer.is_null() {
+        REFUSED.store(true, Ordering::SeqCst);
+    }
+    pointer
+}
+
+// SAFETY: every call goes on to the system's allocator unchanged; what it answers is returned and never followed.
+unsafe impl GlobalAlloc for Noting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller keeps the promises of `alloc`, which are those of the system's allocator.
+        noted(unsafe { System.alloc(layout) })
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as for `alloc`.
+        noted(unsafe { System.alloc_zeroed(layout) })
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the block came from the system's allocator with this layout.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // SAFETY: the block came from the system's allocator with this layout, and the caller checked the size.
+        noted(unsafe { System.realloc(pointer, layout, size) })
+    }
+}
+
+/// From now on a program that aborts after memory was refused ends with its exit code. The standard library has then said how
+/// much was asked for.
+pub(crate) fn watch() -> Result<(), Failure> {
+    let failure = |error| Failure::new(ExitCode::Internal, format!("aborts cannot be watched: {error}"));
+    signal_hook::flag::register_conditional_shutdown(SIGABRT, ExitCode::NoMemory as i32, &REFUSED).map_err(failure)?;
+    Ok(())
+}
