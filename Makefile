@@ -62,6 +62,10 @@ measure-ranks: build ## what many ranks cost and bring, on the spinning ball; wr
 accuracy: build ## what repulsion with history, the integrator and friction cost and bring; writes docs/accuracy.md
 	@.venv/bin/python .ci/measure-accuracy $(MEASURE)
 
+.PHONY: study
+study: build ## what accuracy costs in time on the spinning ball and the dressed woman; writes docs/study.md
+	@.venv/bin/python .ci/measure-study $(MEASURE)
+
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check

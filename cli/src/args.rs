@@ -11,7 +11,7 @@ use drapery_core::effects::{self, LISTED};
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::duration::parse_duration;
 use drapery_io::shot::run::Resume;
-use drapery_io::study::space::parse_vary;
+use drapery_io::study::vary::parse_vary;
 
 use crate::exit_code;
 
@@ -315,6 +315,9 @@ pub(crate) struct StudyArgs {
     /// All combinations of what is varied, instead of one change at a time
     #[arg(long, requires = "vary")]
     pub(crate) grid: bool,
+    /// So many of the combinations, in which every value occurs equally often (Latin hypercube)
+    #[arg(long, value_name = "N", requires = "vary", conflicts_with = "grid", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) latin: Option<u32>,
     /// Frames to study, from the first frame of the scene on; as many as the time allows when left out
     #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameRange>,

@@ -418,13 +418,20 @@ fn a_painted_sheet_that_is_blown_over_a_floor() {
     description.effects.push(EffectRequest::of_scene("self_repulsion"));
     let wind = EffectRequest::of_scene("wind").with("density", 1.0).with_vector("velocity", [2.0, 1.0, 0.0]);
     description.effects.push(wind);
+    description.effects.push(EffectRequest::of_scene("ether_drag").with("rate", 1.0));
+    for effect in ["dihedral_bending", "shear"] {
+        description.effects.push(EffectRequest::of_garment(effect, 0).with("stiffness", 1e-5));
+    }
+    description.effects.push(EffectRequest::of_garment("strain_limit", 0).with("limit", 0.02).with("sweeps", 2.0));
     for (name, absolute, step) in
         [("density", false, 1e-4), ("thickness", true, 1e-7), ("friction", true, 1e-4), ("stretch", false, 1e-4)]
     {
         let values = (0..81 * 81).map(|v| step * (2000 + v) as f64).collect();
         description.garments[0].maps.insert(name.into(), PaintedMap { values, absolute });
     }
-    let values = (0..81 * 81).map(|v| f64::from(v % 3)).collect();
-    description.garments[0].maps.insert("wind".into(), PaintedMap { values, absolute: false });
+    for name in ["wind", "ether_drag", "dihedral_bending", "shear", "strain_limit", "self_friction"] {
+        let values = (0..81 * 81).map(|v| f64::from(v % 3)).collect();
+        description.garments[0].maps.insert(name.into(), PaintedMap { values, absolute: false });
+    }
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }

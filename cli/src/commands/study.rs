@@ -65,6 +65,7 @@ fn simulate(
         asked: Asked {
             vary: args.vary.clone(),
             grid: args.grid,
+            latin: args.latin.unwrap_or(0),
             frames: args.frames.map(|frames| [frames.first, frames.last]),
             copies: args.copies,
             repeats: args.repeats,

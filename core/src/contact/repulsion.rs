@@ -52,9 +52,9 @@ pub struct Laws {
 /// Which passes run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Passes {
-    /// Friction, inelastic and elastic: B.2.
+    /// Inelastic and elastic, with friction: B.2.
     Full,
-    /// Friction and inelastic: B.8.
+    /// Inelastic, with friction: B.8.
     WithoutSprings,
 }
 
@@ -69,6 +69,8 @@ pub struct Moment<'a> {
     pub x: &'a [Vec3],
     /// Inverse masses, zero where a vertex is held [1/kg].
     pub mobility: &'a [f64],
+    /// What the friction of the laws is multiplied by, and what is added to it; `None` if it is nowhere painted.
+    pub friction: Option<&'a [[f64; 2]]>,
 }
 
 /// A pair and its side.
@@ -93,6 +95,7 @@ struct Touching {
     /// Change of relative velocity per impulse [1/kg], as if all nodes were free.
     response: f64,
     mean_mobility: f64,
+    friction: f64,
 }
 
 /// All pairs of one kind.
@@ -222,11 +225,6 @@ impl Repulsions {
         let laws = self.laws;
         let with_springs = passes == Passes::Full;
         for kind in 0..2 {
-            if laws.friction > 0.0 {
-                law(kind, &|t, rel| laws.friction_change(t, rel, dt, with_springs));
-            }
-        }
-        for kind in 0..2 {
             (0..INELASTIC_SWEEPS).for_each(|_| law(kind, &|t, rel| laws.inelastic_change(t, rel, dt)));
         }
         if with_springs {
@@ -244,11 +242,11 @@ impl Repulsions {
 
     /// Finds the active pairs and their geometry.
     fn refresh(&mut self, at: &Moment<'_>) {
-        let (laws, x, mobility) = (self.laws, at.x, at.mobility);
+        let laws = self.laws;
         for of_kind in &mut self.kinds {
             let chunks = of_kind.touching.par_chunks_mut(CHUNK).zip(of_kind.sided.par_chunks(CHUNK));
             chunks.for_each(|(touching, sided)| {
-                touching.iter_mut().zip(sided).for_each(|(t, s)| *t = s.touching(&laws, x, mobility));
+                touching.iter_mut().zip(sided).for_each(|(t, s)| *t = s.touching(&laws, at));
             });
             of_kind.live.clear();
             of_kind.live.extend((0..of_kind.touching.len() as u32).filter(|&i| of_kind.touching[i as usize].is_some()));
@@ -336,8 +334,8 @@ fn sided(neighbour: &Neighbour, x: &[Vec3], limit: f64) -> Option<Sided> {
 impl Sided {
     /// The pair at `x`, if it is within touching distance and in front of each other (method 3.5).
     #[inline]
-    fn touching(&self, laws: &Laws, x: &[Vec3], mobility: &[f64]) -> Option<Touching> {
-        let at = self.pair.positions(x);
+    fn touching(&self, laws: &Laws, moment: &Moment<'_>) -> Option<Touching> {
+        let at = self.pair.positions(moment.x);
         let reach = ACTIVE * self.thickness;
         let (weights, normal, distance) = match self.pair.kind {
             PairKind::PointTriangle => self.point_triangle(laws, &at, reach)?,
@@ -346,14 +344,24 @@ impl Sided {
         let nodes = self.pair.nodes;
         // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
         // small.
-        let [a, b, c, d] = nodes.map(|node| mobility[node as usize]);
+        let [a, b, c, d] = nodes.map(|node| moment.mobility[node as usize]);
         let free = a.max(b).max(c).max(d);
         let (mut response, sum) = (0.0, a + b + c + d);
         for (own, w) in [a, b, c, d].into_iter().zip(weights) {
             response += w * w * if own > 0.0 { own } else { free };
         }
         let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
-        (response > 0.0).then_some(Touching { nodes, weights, normal, distance, thickness, response, mean_mobility })
+        let friction = moment.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
+        (response > 0.0).then_some(Touching {
+            nodes,
+            weights,
+            normal,
+            distance,
+            thickness,
+            response,
+            mean_mobility,
+            friction,
+        })
     }
 
     #[inline]
@@ -406,38 +414,35 @@ impl Laws {
     fn elastic_change(&self, t: &Touching, relative: &Vec3, dt: f64) -> Option<Vec3> {
         let normal_velocity = relative.dot(&t.normal);
         let limit = self.speed_limit(t, dt);
-        (normal_velocity < limit).then(|| t.normal * (limit - normal_velocity).min(self.spring(t, dt)))
+        let change = || (limit - normal_velocity).min(self.spring(t, dt));
+        (normal_velocity < limit).then(|| self.with_friction(t, relative, change()))
     }
 
     /// Law (b): approach is stopped; pairs slightly apart may still approach slowly.
     fn inelastic_change(&self, t: &Touching, relative: &Vec3, dt: f64) -> Option<Vec3> {
-        let change = self.inelastic_amount(t, relative.dot(&t.normal), dt)?;
-        Some(t.normal * change)
-    }
-
-    fn inelastic_amount(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
-        let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
-        (normal_velocity < 0.0 && normal_velocity < limit).then_some(limit - normal_velocity)
-    }
-
-    /// Law (c): Coulomb friction from the normal change that the other laws would make.
-    fn friction_change(&self, t: &Touching, relative: &Vec3, dt: f64, with_springs: bool) -> Option<Vec3> {
         let normal_velocity = relative.dot(&t.normal);
-        let normal_change = if with_springs {
-            let limit = self.speed_limit(t, dt);
-            if normal_velocity >= limit {
-                return None;
-            }
-            (limit - normal_velocity).min(self.spring(t, dt) - normal_velocity.min(0.0))
-        } else {
-            self.inelastic_amount(t, normal_velocity, dt)?
+        let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
+        let approaches = normal_velocity < 0.0 && normal_velocity < limit;
+        approaches.then(|| self.with_friction(t, relative, limit - normal_velocity))
+    }
+
+    /// Friction of a pair: the mean of what is painted on its two sides where they touch.
+    fn mean_friction(&self, painted: &[[f64; 2]], nodes: [u32; 4], weights: [f64; 4]) -> f64 {
+        let at = |node: u32| {
+            let [times, more] = painted[node as usize];
+            times * self.friction + more
         };
-        let tangential = relative - t.normal * normal_velocity;
+        // The weights of each side add up to one, or to minus one.
+        0.5 * nodes.into_iter().zip(weights).map(|(node, weight)| weight.abs() * at(node)).sum::<f64>()
+    }
+
+    /// A change of the normal velocity, and with it law (c): Coulomb friction that this change bears. What other pairs of
+    /// the same vertices have borne already is no load any more.
+    fn with_friction(&self, t: &Touching, relative: &Vec3, change: f64) -> Vec3 {
+        let tangential = relative - t.normal * relative.dot(&t.normal);
         let speed = tangential.norm();
-        if speed <= NO_DIRECTION {
-            return None;
-        }
-        Some(tangential * -(self.friction * normal_change / speed).min(1.0))
+        let share = if speed > NO_DIRECTION { (t.friction * change / speed).min(1.0) } else { 0.0 };
+        t.normal * change - tangential * share
     }
 }
 

@@ -304,9 +304,9 @@ impl SelfContact {
 
     fn repel(&mut self, passes: Passes, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         let Some(repulsions) = &mut self.repulsions else { return };
-        let (nodes, place) = (self.surface.nodes(), self.surface.place());
+        let (nodes, place, friction) = (self.surface.nodes(), self.surface.place(), self.surface.friction());
         if nodes.ranks().is_alone() {
-            repulsions.apply(passes, &Moment { nodes, dt, x, mobility: &self.mobility }, v, metrics);
+            repulsions.apply(passes, &Moment { nodes, dt, x, mobility: &self.mobility, friction }, v, metrics);
             return;
         }
         let [contact_x, contact_v] = &mut self.cloth;
@@ -315,7 +315,7 @@ impl SelfContact {
             all[nodes.own()].copy_from_slice(&own[place.clone()]);
         }
         nodes.refresh(contact_x);
-        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility };
+        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility, friction };
         repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);
     }

@@ -26,6 +26,8 @@ pub struct ClothShare {
     pub rest: Vec<Vec3>,
     /// Thickness that repulsions keep [m].
     pub thickness: Vec<f64>,
+    /// What the friction of cloth on cloth is multiplied by, and what is added to it, as painted; `None` if it is nowhere.
+    pub friction: Option<Vec<[f64; 2]>>,
     /// Mean rest length of the edges of each vertex [m].
     pub edge_length: Vec<f64>,
     /// Garment of each vertex.
@@ -54,6 +56,7 @@ impl ClothShare {
             triangles: Vec::new(),
             rest: vec![Vec3::zeros(); own.len()],
             thickness: vec![0.0; own.len()],
+            friction: scene.painted_everywhere("self_friction").map(|all| all[own.clone()].to_vec()),
             edge_length: vec![0.0; own.len()],
             garment: own.clone().map(|v| parts.garment_of(v) as u32).collect(),
             mobility: scene.masses()[own.clone()].iter().map(|m| 1.0 / m).collect(),

@@ -35,6 +35,8 @@ pub struct ContactSurface {
     samples: Samples,
     /// Arrays over the nodes: thickness that repulsions keep, zero for bodies [m].
     thickness: Vec<f64>,
+    /// What the friction of cloth on cloth is multiplied by, and what is added to it; `None` if it is nowhere painted.
+    friction: Option<Vec<[f64; 2]>>,
     /// Positions at rest, zero for bodies [m].
     rest: Vec<Vec3>,
     garment: Vec<u32>,
@@ -44,6 +46,9 @@ pub struct ContactSurface {
     mobility: Vec<Vec3>,
     longest_edge: f64,
 }
+
+/// Friction of what is not painted.
+const PLAIN: [f64; 2] = [1.0, 0.0];
 
 /// The surface of a deforming body.
 #[derive(Debug, Clone, Copy)]
@@ -99,6 +104,7 @@ impl ContactSurface {
         let mobility: Vec<Vec3> = share.mobility.iter().map(|w| Vec3::repeat(*w)).collect();
         let mut surface = Self {
             thickness: over_nodes(&nodes, share.thickness, 0.0),
+            friction: share.friction.map(|painted| over_nodes(&nodes, painted, PLAIN)),
             rest: over_nodes(&nodes, share.rest, Vec3::zeros()),
             garment: over_nodes(&nodes, share.garment, NO_GARMENT),
             edge_length: over_nodes(&nodes, share.edge_length, mean_edge),
@@ -120,6 +126,9 @@ impl ContactSurface {
     /// Brings what is known of the ghosts to what their owners know.
     fn refresh(&mut self) {
         self.nodes.refresh(&mut self.thickness);
+        if let Some(friction) = &mut self.friction {
+            self.nodes.refresh(friction);
+        }
         self.nodes.refresh(&mut self.rest);
         self.nodes.refresh(&mut self.garment);
         self.nodes.refresh(&mut self.edge_length);
@@ -151,6 +160,9 @@ impl ContactSurface {
         let edges = self.sides.iter_mut().flatten().map(|(edge, _)| edge);
         renumber.renumber(edges.flatten());
         renumber.apply(&mut self.thickness, 0.0);
+        if let Some(friction) = &mut self.friction {
+            renumber.apply(friction, PLAIN);
+        }
         renumber.apply(&mut self.rest, Vec3::zeros());
         renumber.apply(&mut self.garment, NO_GARMENT);
         renumber.apply(&mut self.edge_length, 0.0);
@@ -197,6 +209,12 @@ impl ContactSurface {
     /// Thickness of each node, zero for bodies [m].
     pub fn thickness(&self) -> &[f64] {
         &self.thickness
+    }
+
+    /// What the friction of cloth on cloth is multiplied by at each node, and what is added to it; `None` if it is nowhere
+    /// painted.
+    pub fn friction(&self) -> Option<&[[f64; 2]]> {
+        self.friction.as_deref()
     }
 
     /// Nodes at rest, bodies at zero [m].
@@ -288,7 +306,8 @@ impl ContactSurface {
     pub fn bytes(&self) -> usize {
         let sides = self.sides.iter().map(Vec::len).sum::<usize>() * size_of::<([u32; 2], u32)>();
         let traits = 2 * size_of::<f64>() + 2 * size_of::<Vec3>() + size_of::<u32>();
-        self.cloth.bytes() + self.bodies.bytes() + sides + self.nodes.count() * traits
+        let friction = self.friction.as_ref().map_or(0, |painted| size_of_val(painted.as_slice()));
+        self.cloth.bytes() + self.bodies.bytes() + sides + self.nodes.count() * traits + friction
     }
 }
 

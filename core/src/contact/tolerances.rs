@@ -49,7 +49,7 @@ pub const TRUSTED_SIDE: f64 = 0.5;
 pub const USABLE_REACH: f64 = 0.98;
 
 /// Sine of the angle between an edge and a triangle below which they have no clear way out of each other. Guarded by
-/// `sheets_that_cross_at_the_start_run_and_never_cross_more`.
+/// `sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart`.
 pub const ALONG_TRIANGLE: f64 = 1e-3;
 
 /// The gap that collisions keep, in roundings to single precision of the largest coordinate. Rounding moves a point by up to

@@ -5,7 +5,10 @@
 //! Volino, N. Magnenat-Thalmann, "Resolving surface collisions through intersection contour minimization", SIGGRAPH
 //! 2006). With e the direction of the edge, N the normal of the triangle, and R_i the unit directions of the line of
 //! intersection from the edge into the triangles that have it, a shift d of the edge moves the point where it crosses
-//! by d − (d·N)/(e·N) e, so the line gets shorter by d · Σ_i (R_i − (R_i·e)/(e·N) N).
+//! by d − (d·N)/(e·N) e, so the line gets shorter by d · Σ_i (R_i − (R_i·e)/(e·N) N). A line that ends at a border is drawn
+//! out along itself (`contours`).
+
+mod contours;
 
 use std::collections::BTreeMap;
 
@@ -13,6 +16,7 @@ use crate::Vec3;
 use crate::contact::packing::{Packed, Unpacked};
 use crate::contact::surface::ContactSurface;
 use crate::contact::tolerances::ALONG_TRIANGLE;
+use crate::contact::untangle::contours::along_lines;
 use crate::geometry::crossings::Crossing;
 
 /// Edge lengths per second at which cloth that crosses cloth is pushed apart [1/s].
@@ -38,12 +42,22 @@ pub fn push_apart(
     }
     let nodes = surface.nodes();
     let mut known = Known::of_all(surface, crossings, x, velocity, v);
-    for crossing in crossings {
-        let Some(push) = Push::new(&known, crossing) else { continue };
-        let rate = if surface.is_cloth(crossing) { PUSH_RATE } else { RELEASE_RATE };
-        let speed = rate * known.edges[&crossing.edge].length;
-        push.apply(&mut known, speed);
+    let (cloth, others): (Vec<Crossing>, Vec<Crossing>) = crossings.iter().partition(|c| surface.is_cloth(c));
+    let place = |crossing: &Crossing| Place::new(&known, crossing);
+    let places: Vec<Option<Place>> = cloth.iter().map(place).collect();
+    let mut pushes: Vec<(Push, f64)> = Vec::new();
+    let speed = |crossing: &Crossing, rate: f64| rate * known.edges[&crossing.edge].length;
+    for ((crossing, place), along) in cloth.iter().zip(&places).zip(along_lines(&known, &cloth, &places)) {
+        let Some(place) = place else { continue };
+        let Some(direction) = along.or_else(|| place.shortening()) else { continue };
+        pushes.push((place.pushed(direction), speed(crossing, PUSH_RATE)));
     }
+    for crossing in &others {
+        let Some(place) = place(crossing) else { continue };
+        let Some(direction) = place.shortening() else { continue };
+        pushes.push((place.pushed(direction), speed(crossing, RELEASE_RATE)));
+    }
+    pushes.iter().for_each(|(push, speed)| push.apply(&mut known, *speed));
     for (number, point) in known.points.range(nodes.owned()) {
         v[(number - nodes.owned().start) as usize] = point.v;
     }
@@ -63,8 +77,8 @@ struct Point {
 struct Edge {
     /// Mean rest length of the edges around its first node [m].
     length: f64,
-    /// Third corners of the triangles that have it [m].
-    corners: Vec<Vec3>,
+    /// Third corners of the triangles that have it: numbers, positions [m].
+    corners: Vec<(u32, Vec3)>,
 }
 
 /// What is known of the crossings, by the scene's numbers of the nodes; alike on all ranks.
@@ -106,7 +120,10 @@ impl Known {
             let corners: Vec<u32> = surface.triangles_of_edge(of).filter_map(opposite).collect();
             edge.iter().for_each(|number| packed.number(*number));
             packed.float(surface.edge_length()[of[0] as usize]);
-            packed.list(&corners, |packed, node| packed.vector(&x[*node as usize]));
+            packed.list(&corners, |packed, node| {
+                packed.number(nodes.number(*node));
+                packed.vector(&x[*node as usize]);
+            });
         });
         let mut known = Self { points: BTreeMap::new(), edges: BTreeMap::new() };
         for words in nodes.ranks().all_gather_each(packed.words()) {
@@ -118,7 +135,8 @@ impl Known {
             });
             unpacked.list(|unpacked| {
                 let edge = [(); 2].map(|()| unpacked.node());
-                let (length, corners) = (unpacked.float(), unpacked.list(Unpacked::vector));
+                let length = unpacked.float();
+                let corners = unpacked.list(|unpacked| (unpacked.node(), unpacked.vector()));
                 known.edges.insert(edge, Edge { length, corners })
             });
         }
@@ -126,15 +144,20 @@ impl Known {
     }
 }
 
-/// Where and how one crossing is pushed.
-struct Push {
+/// Where an edge crosses a triangle.
+struct Place {
     nodes: [u32; 5],
     /// Weights of the relative displacement: of the edge at the point where it crosses, less that of the triangle.
     weights: [f64; 5],
-    direction: Vec3,
+    /// The point [m].
+    point: Vec3,
+    /// A unit direction of the line of intersection.
+    line: Vec3,
+    /// The direction in which the edge has to go for the line to get shorter, not normalised; zero inside a straight line.
+    gradient: Vec3,
 }
 
-impl Push {
+impl Place {
     fn new(known: &Known, crossing: &Crossing) -> Option<Self> {
         let Crossing { edge: [p, q], triangle: [a, b, c] } = *crossing;
         let at = |number: u32| known.points[&number].x;
@@ -151,20 +174,46 @@ impl Push {
         let area = across.norm_squared();
         let wb = (point - at(a)).cross(&(at(c) - at(a))).dot(&across) / area;
         let wc = (at(b) - at(a)).cross(&(point - at(a))).dot(&across) / area;
-        let mut gradient = Vec3::zeros();
-        for corner in &known.edges[&crossing.edge].corners {
+        let (mut gradient, mut last) = (Vec3::zeros(), Vec3::zeros());
+        for (_, corner) in &known.edges[&crossing.edge].corners {
             let inwards = corner - point;
             let own_normal = along.cross(&inwards);
             let Some(line) = own_normal.cross(&normal).try_normalize(0.0) else { continue };
             // From the edge into the triangle that has it.
             let into = inwards - e * inwards.dot(&e);
-            let line = if line.dot(&into) < 0.0 { -line } else { line };
-            gradient += line - normal * (line.dot(&e) / steep);
+            last = if line.dot(&into) < 0.0 { -line } else { line };
+            gradient += last - normal * (last.dot(&e) / steep);
         }
-        let direction = gradient.try_normalize(ALONG_TRIANGLE)?;
-        Some(Self { nodes: [p, q, a, b, c], weights: [1.0 - share, share, wb + wc - 1.0, -wb, -wc], direction })
+        let weights = [1.0 - share, share, wb + wc - 1.0, -wb, -wc];
+        Some(Self { nodes: [p, q, a, b, c], weights, point, line: last, gradient })
     }
 
+    /// The unit direction in which the line gets shorter here, if there is one.
+    fn shortening(&self) -> Option<Vec3> {
+        self.gradient.try_normalize(ALONG_TRIANGLE)
+    }
+
+    /// The unit direction along the line away from another place on it; the opposite if it is the triangle that goes there.
+    fn away_from(&self, other: &Vec3, is_edge: bool) -> Option<Vec3> {
+        let ahead = self.line.dot(&(self.point - other)) >= 0.0;
+        let direction = if ahead == is_edge { self.line } else { -self.line };
+        (direction != Vec3::zeros()).then_some(direction)
+    }
+
+    fn pushed(&self, direction: Vec3) -> Push {
+        Push { nodes: self.nodes, weights: self.weights, direction }
+    }
+}
+
+/// Where and how one crossing is pushed.
+struct Push {
+    nodes: [u32; 5],
+    /// As of its place.
+    weights: [f64; 5],
+    direction: Vec3,
+}
+
+impl Push {
     /// Makes the two part with this speed [m/s], unless they do so faster.
     fn apply(&self, known: &mut Known, wanted: f64) {
         let nodes = self.nodes.iter().zip(self.weights);

@@ -544,27 +544,30 @@ impl Search<'_> {
         {
             return Some(touch.at.velocity);
         }
+        let mut squeezed = None;
         for body in 0..bodies.list().len() {
             let properties = &bodies.list()[body];
             let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
             let Some(mut at) = self.nearest(body, x, x1) else { continue };
-            let mut offset = properties.offset;
+            let mut offset = squeezed.unwrap_or(properties.offset).min(properties.offset);
             let facing = touched.filter(|t| at.phi < properties.thickness && at.normal.dot(&t.at.normal) < FACING);
-            if let Some(Touch { body: first, at: first_at, .. }) = facing {
+            if let Some(Touch { body: first, at: first_at, outside }) = facing {
                 let first = &bodies.list()[first];
-                let gap = first.offset + at.phi;
+                // Less than contact asks for where what was too deep before comes out at a limited speed.
+                let away = first.offset - first.thickness + (*x1 - outside).dot(&first_at.normal);
+                let gap = away + at.phi;
                 // In the apex of a crease there is no room for half a gap, but the surface itself is still outside.
                 let room = if gap > 0.0 { 0.5 * gap } else { first.offset - first.thickness };
-                let between = *x1 - first_at.normal * (first.offset - room);
+                let between = *x1 - first_at.normal * (away - room);
                 if gap <= 0.0 && bodies.contains(body, &between) {
                     return Some((first_at.velocity + at.velocity) * 0.5);
                 }
                 self.counts.squeezed += 1;
                 *x1 = between;
-                offset = room;
+                (offset, squeezed) = (room, Some(room));
                 let Some(found) = self.nearest(body, x, x1) else { continue };
                 at = found;
-            } else if constraint.is_some() && at.phi < properties.thickness {
+            } else if squeezed.is_none() && constraint.is_some() && at.phi < properties.thickness {
                 // The surface is curved: what the tangent plane left too deep is moved straight out.
                 let deep = (properties.offset - at.phi).min(self.step.dt * properties.max_push_speed);
                 *x1 += at.normal * deep;

@@ -86,11 +86,16 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         return Err(Problem::scene(SPEC.name, "this effect acts on one garment", advice));
     };
     let stiffness = settings.number("stiffness");
-    if stiffness == 0.0 {
+    let painted = context.scene.painted(garment, SPEC.name);
+    if stiffness == 0.0 && painted.is_none_or(|map| !map.absolute) {
         return Ok(Effect::default());
     }
     let mesh = &context.scene.meshes()[garment];
-    let elements = elements::of_mesh(mesh, Rigidity::isotropic(stiffness), settings.flag("flat"));
+    let rigidity = |triangle: usize| {
+        let here = painted.map_or(stiffness, |map| map.mean(&mesh.triangles()[triangle], stiffness));
+        (here > 0.0).then(|| Rigidity::isotropic(here))
+    };
+    let elements = elements::of_mesh(mesh, rigidity, settings.flag("flat"));
     let laws = Laws { damping_ratio: settings.number("damping_ratio"), yields: yields(context, garment) };
     let (forces, bytes) = part_hinges::build(context.scene, garment, &elements, laws);
     let parts = context.scene.parts();

@@ -58,8 +58,10 @@ struct EtherDrag {
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let (rate, velocity) = (settings.number("rate"), Vec3::from(settings.vector("velocity")));
     let (parts, masses) = (context.scene.parts(), context.scene.masses());
+    let painted = context.scene.painted_everywhere(SPEC.name);
+    let rate_at = |vertex: usize| painted.as_ref().map_or(rate, |all| all[vertex][0] * rate + all[vertex][1]);
     let drag = |part: &std::ops::Range<usize>| EtherDrag {
-        drag: masses[part.clone()].iter().map(|m| rate * m).collect(),
+        drag: part.clone().map(|vertex| rate_at(vertex) * masses[vertex]).collect(),
         velocity,
     };
     let forces = parts.ranges().iter().map(drag).map(|drag| Box::new(drag) as Box<dyn Force>).enumerate().collect();

@@ -148,6 +148,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let warp = |corners| turned(warp_at_rest(grain, corners), corners, settings.number("grain_angle"));
     let mut elements = elements(context, garment, &moduli, warp);
     let (count, notes) = soften(&mut elements, context, settings.number("thin_triangles"));
+    weigh(&mut elements, context, garment);
     let (forces, bytes) = part_membrane::build(context.scene, &elements, moduli, settings.number("damping_ratio"));
     Ok(Effect { forces, elements: count, bytes, notes, ..Effect::default() })
 }
@@ -217,4 +218,14 @@ fn soften(elements: &mut [TriangleElement], context: &BuildContext<'_>, share: f
     }
     let note = format!("the {softened} thinnest triangles are softened, so that they do not set the time step");
     (all.len(), if softened > 0 { vec![note] } else { Vec::new() })
+}
+
+/// Gives every triangle the share of the stiffness that is painted on its corners, on average.
+fn weigh(elements: &mut [TriangleElement], context: &BuildContext<'_>, garment: usize) {
+    let Some(map) = context.scene.painted(garment, SPEC.name) else { return };
+    let first = context.scene.parts().garment(garment).start;
+    for element in elements {
+        let share = map.mean(&element.corners.map(|corner| (corner - first) as u32), 1.0);
+        (element.weight, element.stiffness) = (element.weight * share, element.stiffness * share);
+    }
 }

@@ -95,7 +95,6 @@ struct Limits {
 /// The strain limit of one garment.
 #[derive(Debug)]
 struct StrainLimit {
-    limits: Limits,
     sweeps: usize,
     /// Edges of every own part.
     edges: Vec<PartEdges>,
@@ -123,13 +122,14 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     ends.iter().flatten().for_each(|end| valence[*end] += 1.0);
     // Not all edges of a ghost are here.
     parts.halo().refresh(parts.ranks(), &mut valence);
-    let edges = part_edges::of_parts(parts, mesh, &ends);
-    let limits = Limits {
-        longest: 1.0 + settings.number("limit"),
-        shortest: settings.optional("compression").map_or(0.0, |share| 1.0 - share),
+    let (longest, painted) = (settings.number("limit"), scene.painted(garment, SPEC.name));
+    let shortest = settings.optional("compression").map_or(0.0, |share| 1.0 - share);
+    let limits = |edge: usize| {
+        let longest = painted.map_or(longest, |map| map.mean(&mesh.edges()[edge].vertices, longest));
+        Limits { longest: 1.0 + longest, shortest }
     };
+    let edges = part_edges::of_parts(parts, mesh, &ends, limits);
     let limit = StrainLimit {
-        limits,
         sweeps: settings.number("sweeps") as usize,
         mobility: scene.masses().iter().map(|m| Vec3::repeat(1.0 / m)).collect(),
         valence,
@@ -190,7 +190,7 @@ impl VelocityFilter for StrainLimit {
         }
         metrics.count_once(parts.ranks(), "strain_limit_sweeps", sweeps as u64);
         if purpose == Purpose::Positions {
-            let over = self.edges.iter().map(|edges| edges.over_limit((x, v), dt, self.limits)).sum();
+            let over = self.edges.iter().map(|edges| edges.over_limit((x, v), dt)).sum();
             metrics.count("strain_over_limit", over);
         }
     }
@@ -200,11 +200,10 @@ impl StrainLimit {
     /// Begins a round of sweeps. Returns the largest excess over what is allowed, by rest length, and the sum of its squares.
     fn begin(&mut self, parts: &Parts, (x, v): (&[Vec3], &mut [Vec3]), dt: f64, purpose: Purpose) -> (f64, f64) {
         parts.halo().refresh(parts.ranks(), v);
-        let Self { limits, edges, mobility, valence, excess, squares, .. } = self;
+        let Self { edges, mobility, valence, excess, squares, .. } = self;
         let seen: &[Vec3] = v;
         parts.for_each((PerPart(edges), PerPart(excess), PerPart(squares)), &|_, (edges, excess, squares)| {
-            let step = (dt, *limits, purpose);
-            (excess.0[0], squares.0[0]) = edges.0[0].begin((x, seen), step, (mobility, valence));
+            (excess.0[0], squares.0[0]) = edges.0[0].begin((x, seen), (dt, purpose), (mobility, valence));
         });
         let [squares] = parts.join_parts(&[&self.squares]);
         (self.worst(parts), squares)

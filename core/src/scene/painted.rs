@@ -8,12 +8,21 @@ use crate::scene::Scene;
 pub const MAPS: &[(&str, &[&str])] = &[
     ("density", &[]),
     ("thickness", &["self_repulsion"]),
+    ("self_friction", &["self_repulsion"]),
     ("friction", &["body_collision"]),
     ("stretch", &["stretch"]),
+    ("shear", &["shear"]),
+    ("membrane", &["membrane"]),
     ("bending", &["bending"]),
+    ("dihedral_bending", &["dihedral_bending"]),
+    ("strain_limit", &["strain_limit"]),
     ("pins", &["attachments"]),
     ("wind", &["wind"]),
+    ("ether_drag", &["ether_drag"]),
 ];
+
+/// Maps of what has several numbers: they can only be shares of what the effect does.
+pub const SHARES: &[&str] = &["membrane", "wind"];
 
 /// Values of one quantity over the vertices of a garment.
 #[derive(Debug, Clone, PartialEq, Default)]

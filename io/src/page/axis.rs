@@ -72,9 +72,14 @@ impl Axis {
         let (low, high) = (low / ROOM, high * ROOM);
         let axis = Self::powers_of_ten(low, high, wanted);
         let inside = |tick: &f64| *tick >= low && *tick <= high;
-        let fine = |power: i32| [1.0, 2.0, 5.0].map(|digit| digit * 10.0_f64.powi(power));
         let powers = low.log10().floor() as i32..=high.log10().ceil() as i32;
-        let fine: Vec<f64> = powers.flat_map(fine).filter(inside).collect();
+        let at = |digits: &[f64]| -> Vec<f64> {
+            let of = |power: i32| digits.iter().map(move |digit| digit * 10.0_f64.powi(power)).collect::<Vec<_>>();
+            powers.clone().flat_map(of).filter(inside).collect()
+        };
+        let fine = at(&[1.0, 2.0, 5.0]);
+        // Values that are close together still have two labels, where that is possible.
+        let fine = if fine.len() < 3 { at(&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]) } else { fine };
         let coarse: Vec<f64> = axis.ticks.iter().copied().filter(inside).collect();
         let ticks = if fine.len() <= wanted.max(3) || coarse.len() < 2 { fine } else { coarse };
         Self { low, high, logarithmic: true, ticks }
@@ -140,6 +145,7 @@ mod tests {
         let axis = Axis::logarithmic([2.0, 4.0, 9.0].into_iter(), 6);
         assert_eq!(axis.ticks, [2.0, 5.0, 10.0]);
         assert!(axis.share(2.0) > 0.0 && axis.share(9.0) < 1.0);
+        assert_eq!(Axis::logarithmic([2.4, 3.3].into_iter(), 6).ticks, [2.0, 3.0, 4.0]);
         assert!(Axis::logarithmic([1e-6, 1.0].into_iter(), 4).ticks.len() <= 4);
         assert!(!Axis::logarithmic(std::iter::empty(), 4).ticks.is_empty());
     }

@@ -19,6 +19,12 @@ pub const REFERENCE_SHARE: f64 = 0.1;
 /// Spread of repeated times by their mean from which the machine counts as noisy.
 pub const NOISY: f64 = 0.05;
 
+/// An order below this is none: errors hardly depend on the steps.
+const LEAST_ORDER: f64 = 0.5;
+
+/// A straight line that explains less of the errors than this share says nothing.
+const LEAST_FIT: f64 = 0.9;
+
 /// Counts that forbid a recommendation when they are not zero.
 const FORBIDDEN: [&str; 3] = ["crossings", "cg_short", "zone_fallbacks"];
 
@@ -56,6 +62,8 @@ pub struct Error {
     pub max: f64,
     /// As `rms`, of velocities [m/s].
     pub velocity_rms: f64,
+    /// As `rms`, of the angles between normals [rad].
+    pub normal_rms: f64,
     /// Largest distance of the surfaces, where meshes differ [m].
     pub surface: Option<f64>,
     /// What can be said of it.
@@ -103,7 +111,9 @@ pub struct Analysis<'a> {
     pub window: usize,
     /// Own error of the reference over the window [m].
     pub own: Option<f64>,
-    /// Orders of convergence.
+    /// Rows that differ in their steps alone, group by group.
+    pub groups: Vec<Vec<usize>>,
+    /// Orders of convergence of those whose errors fall with their steps.
     pub ladders: Vec<Ladder>,
     /// Row with the knee of the front.
     pub knee: Option<usize>,
@@ -135,7 +145,7 @@ pub fn analyse(study: &Study) -> Analysis<'_> {
     if let Some(base) = rows.first().map(|row| row.seconds).filter(|seconds| *seconds > 0.0) {
         rows.iter_mut().for_each(|row| row.times_base = row.seconds / base);
     }
-    let ladders = ladders(study, &mut rows);
+    let (groups, ladders) = ladders(study, &mut rows);
     let knee = mark_front(&mut rows);
     let cv = |row: &Row<'_>| {
         let (mean, deviation) = fit::mean_and_deviation(&row.times);
@@ -143,7 +153,7 @@ pub fn analyse(study: &Study) -> Analysis<'_> {
     };
     let noise = rows.iter().filter_map(cv).max_by(f64::total_cmp);
     let has_horizon = predictable < frames;
-    Analysis { rows, floor, predictable, has_horizon, own_error, window, own, ladders, knee, noise }
+    Analysis { rows, floor, predictable, has_horizon, own_error, window, own, groups, ladders, knee, noise }
 }
 
 /// Root of the mean of squares.
@@ -191,7 +201,8 @@ fn horizon(study: &Study, floor: &[f64]) -> Option<usize> {
 }
 
 /// Number of compared frames over which errors are taken: inside the horizon, and as long as the own error of the reference
-/// stays below a tenth of the error of the scene as it is; if it never does, all inside the horizon.
+/// stays below a tenth of the error of the scene as it is; if it does so only for less than half of them, all inside the
+/// horizon: the first frames, in which little has happened, do not stand for the others.
 fn window(study: &Study, (own_error, floor): (&[f64], &[f64]), predictable: usize) -> usize {
     let Some(base) = study.base().filter(|base| !base.from_reference.is_empty()) else { return predictable };
     let errors: Vec<f64> = base.from_reference.iter().map(|distance| distance.rms).collect();
@@ -200,7 +211,7 @@ fn window(study: &Study, (own_error, floor): (&[f64], &[f64]), predictable: usiz
         let is_above_floor = floor.get(..*frames).is_none_or(|floor| error > over(floor));
         is_above_floor && own_error.get(..*frames).is_some_and(|own| over(own) <= REFERENCE_SHARE * error)
     };
-    (1..=predictable).rev().find(tells).unwrap_or(predictable)
+    (predictable.div_ceil(2).max(1)..=predictable).rev().find(tells).unwrap_or(predictable)
 }
 
 /// What a run is off over the first frames.
@@ -214,6 +225,7 @@ pub fn error_over(distances: &[Distance], window: usize) -> Option<Error> {
         p99: largest(|distance| distance.p99),
         max: largest(|distance| distance.max),
         velocity_rms: over(&all(|distance| distance.velocity_rms)),
+        normal_rms: over(&all(|distance| distance.normal_rms)),
         surface: surfaces.into_iter().max_by(f64::total_cmp),
         told: Told::Yes,
     })
@@ -244,12 +256,10 @@ fn row<'a>(study: &Study, sample: &'a Sample, (window, own, floor): (usize, Opti
     }
 }
 
-/// Times a frame of all runs of these settings [s]. The very first run of a study warms everything up: it counts only if
-/// there is no other.
+/// Times a frame of all runs of these settings [s]; shifted copies do the same work. The very first run of a study warms
+/// everything up: it counts only if there is no other.
 pub fn times(study: &Study, of: &Sample) -> Vec<f64> {
-    let same = |sample: &&Sample| {
-        sample.setting == of.setting && sample.role == of.role && sample.copy == 0 && sample.is_whole()
-    };
+    let same = |sample: &&Sample| sample.setting == of.setting && sample.role == of.role && sample.is_whole();
     let all: Vec<&Sample> = study.samples.iter().filter(same).collect();
     let is_warming = |sample: &Sample| sample.role == Role::Base && sample.is_own() && all.len() > 1;
     all.iter().filter(|sample| !is_warming(sample)).map(|sample| sample.seconds_a_frame()).collect()
@@ -272,8 +282,9 @@ pub fn mean_step(study: &Study, sample: &Sample) -> f64 {
     sample.cost.frames as f64 * study.scene.frame_seconds / sample.cost.steps.max(1) as f64
 }
 
-/// Fits orders through settings that differ in their steps alone, and tells every row its own.
-fn ladders(study: &Study, rows: &mut [Row<'_>]) -> Vec<Ladder> {
+/// Fits orders through settings that differ in their steps alone, and tells every row its own. Where errors do not fall with
+/// the steps, something else decides them, and no order is told.
+fn ladders(study: &Study, rows: &mut [Row<'_>]) -> (Vec<Vec<usize>>, Vec<Ladder>) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (index, row) in rows.iter().enumerate() {
         if !matches!(row.sample.role, Role::Base | Role::Accuracy) || row.error.is_none() {
@@ -285,7 +296,8 @@ fn ladders(study: &Study, rows: &mut [Row<'_>]) -> Vec<Ladder> {
         groups.entry(common.join(", ")).or_default().push(index);
     }
     let mut ladders = Vec::new();
-    for (common, mut indices) in groups {
+    for (common, indices) in &groups {
+        let mut indices = indices.clone();
         let step = |index: &usize| mean_step(study, rows[*index].sample);
         indices.sort_by(|a, b| step(b).total_cmp(&step(a)));
         let of_rows: Vec<(usize, f64, f64, Told)> = indices
@@ -293,18 +305,18 @@ fn ladders(study: &Study, rows: &mut [Row<'_>]) -> Vec<Ladder> {
             .filter_map(|i| rows[*i].error.map(|error| (*i, step(i), error.rms, error.told)))
             .filter(|(_, _, error, _)| *error > 0.0)
             .collect();
+        let points: Vec<(f64, f64)> =
+            of_rows.iter().filter(|(.., told)| *told == Told::Yes).map(|(_, dt, error, _)| (*dt, *error)).collect();
+        let fit = fit::order(&points).filter(|fit| fit.order >= LEAST_ORDER && fit.r_squared >= LEAST_FIT);
+        let Some(fit) = fit else { continue };
         for pair in of_rows.windows(2) {
             let ((_, coarse, large, _), (index, fine, small, told)) = (pair[0], pair[1]);
             let is_told = told == Told::Yes && coarse > fine * (1.0 + f64::EPSILON);
             rows[index].order = is_told.then(|| (large / small).ln() / (coarse / fine).ln());
         }
-        let points: Vec<(f64, f64)> =
-            of_rows.iter().filter(|(.., told)| *told == Told::Yes).map(|(_, dt, error, _)| (*dt, *error)).collect();
-        if let Some(fit) = fit::order(&points) {
-            ladders.push(Ladder { common, points, fit });
-        }
+        ladders.push(Ladder { common: common.clone(), points, fit });
     }
-    ladders
+    (groups.into_values().collect(), ladders)
 }
 
 /// Marks the rows that no other one beats; returns the knee.
@@ -332,15 +344,19 @@ fn mark_front(rows: &mut [Row<'_>]) -> Option<usize> {
 }
 
 impl Analysis<'_> {
-    /// The row to take: the smallest error among sound ones on the front that take no more than `budget` [s a frame], or
+    /// The row to take: the smallest error among sound ones on the front that take no more than `budget` [s a frame], the
+    /// fastest of those that are nearer than the reference can tell; or
     /// without a budget the knee, or the scene as it is where there is none.
     pub fn recommended(&self, budget: Option<f64>) -> Option<usize> {
         let fits = |row: &Row<'_>| row.on_front && row.is_sound && budget.is_none_or(|budget| row.seconds <= budget);
-        let error = |row: &Row<'_>| row.error.map_or(f64::INFINITY, |error| error.rms);
+        // What is nearer than the reference can tell is equally near.
+        let least = self.own.unwrap_or(0.0);
+        let error = |row: &Row<'_>| row.error.map_or(f64::INFINITY, |error| error.rms.max(least));
+        let better = |a: &Row<'_>, b: &Row<'_>| error(a).total_cmp(&error(b)).then(a.seconds.total_cmp(&b.seconds));
         match budget {
             Some(_) => (0..self.rows.len())
                 .filter(|i| fits(&self.rows[*i]))
-                .min_by(|i, j| error(&self.rows[*i]).total_cmp(&error(&self.rows[*j]))),
+                .min_by(|i, j| better(&self.rows[*i], &self.rows[*j])),
             None => self.knee.filter(|knee| self.rows[*knee].is_sound),
         }
     }
@@ -449,6 +465,9 @@ pub(crate) mod tests {
         // Late frames that are not converged are left out of the window.
         study.own_error = (0..10).map(|frame| if frame < 6 { 1e-6 } else { 1e-2 }).collect();
         assert_eq!(analyse(&study).window, 6);
+        // The first two of ten do not stand for all of them.
+        study.own_error = (0..10).map(|frame| if frame < 2 { 1e-6 } else { 1e-2 }).collect();
+        assert_eq!(analyse(&study).window, 10);
         study.own_error = Vec::new();
         assert_eq!(told(&study)[0], Told::Unchecked);
     }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use crate::study::record::{Distance, Figures, Study};
 
 const HEAD: &str = "setting,role,copy,repeat,seconds_a_frame,processor_seconds,peak_bytes,steps,cg_iterations,frame,time_s,\
-rms_m,p99_m,max_m,velocity_rms_m_s,surface_m,base_rms_m,base_p99_m,base_max_m,kinetic_energy_J,potential_energy_J,centre_x_m,\
+rms_m,p99_m,max_m,velocity_rms_m_s,normal_rms_rad,surface_m,base_rms_m,base_p99_m,base_max_m,kinetic_energy_J,potential_energy_J,centre_x_m,\
 centre_y_m,centre_z_m,momentum_x,momentum_y,momentum_z,max_strain,p99_strain,drape_area_m2,folds_30_m,folds_60_m,folds_90_m,\
 on_bodies_m2,on_cloth_m2,gap_m,depth_m,crossings";
 
@@ -44,6 +44,7 @@ fn distances(distance: Option<&Distance>, all: bool) -> Vec<String> {
     let mut fields = vec![field(|d| d.rms), field(|d| d.p99), field(|d| d.max)];
     if all {
         fields.push(field(|d| d.velocity_rms));
+        fields.push(field(|d| d.normal_rms));
         fields.push(optional(distance.and_then(|distance| distance.surface)));
     }
     fields

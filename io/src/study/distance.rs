@@ -16,7 +16,24 @@ pub fn between(areas: &[f64], a: &FrameState, b: &FrameState) -> Distance {
         (weighted_rms(areas, &a.positions, &b.positions), weighted_rms(areas, &a.velocities, &b.velocities));
     distances.sort_by(f64::total_cmp);
     let [max, p99] = [1.0, 0.99].map(|share| percentile(&distances, share));
-    Distance { rms, p99, max, velocity_rms, surface: None }
+    Distance { rms, p99, max, velocity_rms, ..Distance::default() }
+}
+
+/// Root of the area-weighted mean of the squared angles between normals of a mesh at two states [rad]; weights are the
+/// rest areas of the triangles.
+pub fn normals(cloth: &Cloth, a: &FrameState, b: &FrameState) -> f64 {
+    let normal = |x: &[Vec3], [i, j, k]: [u32; 3]| {
+        let [p, q, r] = [i, j, k].map(|v| x[v as usize]);
+        (q - p).cross(&(r - p))
+    };
+    let (mut sum, mut whole) = (0.0, 0.0);
+    for corners in &cloth.triangles {
+        let [m, n] = [a, b].map(|state| normal(&state.positions, *corners));
+        let area = normal(&cloth.rest, *corners).norm();
+        sum += area * m.cross(&n).norm().atan2(m.dot(&n)).powi(2);
+        whole += area;
+    }
+    (sum / f64::max(whole, f64::MIN_POSITIVE)).sqrt()
 }
 
 /// Root of the weighted mean of squared distances.
@@ -119,6 +136,20 @@ mod tests {
         let mut areas = vec![1.0 / 36.0; 10];
         areas[0] = 0.75;
         assert!((between(&areas, &here, &off).rms - 0.75_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn normals_turn_with_the_cloth_and_do_not_care_where_it_is() {
+        let cloth = strip(4);
+        let turn = nalgebra::Rotation3::from_axis_angle(&Vec3::x_axis(), 0.5);
+        let (here, moved) = (state(&cloth, |p| *p), state(&cloth, |p| p + Vec3::y()));
+        let turned = state(&cloth, |p| turn * p);
+        assert_eq!(normals(&cloth, &here, &moved), 0.0);
+        assert!((normals(&cloth, &here, &turned) - 0.5).abs() < 1e-12);
+        // Half of the strip upside down.
+        let folded = state(&cloth, |p| Vec3::new(if p.x > 0.5 { 1.0 - p.x } else { p.x }, 0.0, p.z));
+        let expected = std::f64::consts::PI * 0.5_f64.sqrt();
+        assert!((normals(&cloth, &here, &folded) - expected).abs() < 1e-12);
     }
 
     #[test]

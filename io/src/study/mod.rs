@@ -5,7 +5,9 @@
 //! and gone on with. Everything that people read is made from the record alone ([`write_pages`]): what follows from it
 //! ([`analysis`]), the table, `study.csv` and `report.html`.
 
+pub mod allowed;
 pub mod analysis;
+pub mod checks;
 pub mod closed_form;
 pub mod cloth;
 pub mod compare;
@@ -14,12 +16,14 @@ pub mod distance;
 pub mod fit;
 pub mod page;
 pub mod preset;
+mod random;
 pub mod record;
 pub mod sample;
 pub mod schedule;
 pub mod space;
 pub mod states;
 pub mod table;
+pub mod vary;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -31,9 +35,10 @@ use crate::farm::lock::RunLock;
 use crate::farm::process::Owner;
 use crate::scene_file::{SceneFileError, SearchPaths};
 use crate::shot::{Shot, ShotDescription, ShotError};
-use crate::study::record::{Asked, FORMAT, Machine, RECORD, SceneFacts, Study};
+use crate::study::record::{Asked, FORMAT, Machine, RECORD, Role, SceneFacts, Study};
 use crate::study::sample::Bench;
-use crate::study::space::{Ground, Wish};
+use crate::study::space::Wish;
+use crate::study::vary::Ground;
 
 /// File name of the table of all runs and frames.
 pub const CSV: &str = "study.csv";
@@ -120,8 +125,10 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
         thickness: study.scene.thickness,
     };
     let wishes = space::wishes(&options.asked, &ground, space::FINENESS[0]);
-    check(&bench, &wishes, &ground)?;
-    let schedule = schedule::Schedule { bench: &bench, folder: &options.out, begun, limit: options.limit, before };
+    check(&bench, &wishes, !options.asked.vary.is_empty())?;
+    let times = space::whole_times(&options.asked, &ground);
+    let schedule =
+        schedule::Schedule { bench: &bench, folder: &options.out, begun, limit: options.limit, before, times };
     schedule.run_base(&wishes, &mut study, observer)?;
     let wishes = space::wishes(&options.asked, &ground, study.fineness);
     schedule.run_all(&wishes, &mut study, observer)?;
@@ -132,15 +139,13 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
     Ok(study)
 }
 
-/// Refuses what a scene does not take before anything runs.
-fn check(bench: &Bench<'_>, wishes: &[Wish], ground: &Ground) -> Result<(), StudyError> {
+/// Refuses what a scene does not take before anything runs; what somebody asked for is looked at more closely than what this
+/// program came up with.
+fn check(bench: &Bench<'_>, wishes: &[Wish], is_asked: bool) -> Result<(), StudyError> {
     for wish in wishes.iter().filter(|wish| wish.copy == 0 && wish.repeat == 0) {
-        sample::load(bench, wish)?;
-        if let Some(absent) = wish.setting.without.iter().find(|name| !ground.effects.contains(name)) {
-            return Err(StudyError::Asked(format!(
-                "the scene has no effect `{absent}` that could be left out; it has {}",
-                ground.effects.join(", ")
-            )));
+        let file = sample::load(bench, wish)?;
+        if is_asked && wish.role != Role::Base {
+            file.resolve().map_err(StudyError::Scene)?;
         }
     }
     Ok(())
@@ -158,7 +163,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
     let file = sample::load(&bench, &Wish::default())?;
     let description = file.resolve().map_err(StudyError::Scene)?;
     let (mut scene, ground) = facts(options, &description);
-    let ground = Ground { resolution: file.number(space::RESOLUTION), ..ground };
+    let ground = Ground { resolution: file.number(vary::RESOLUTION), ..ground };
     let shot = Shot::prepare(description, options.asked.frames)?;
     shot.warnings().iter().for_each(|warning| observer.note(warning));
     scene.effects = shot.simulation().plan().iter().map(|effect| effect.name.to_owned()).collect();
@@ -176,6 +181,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
         digests: shot.digests()?,
         asked: options.asked.clone(),
         budget: options.budget,
+        limit: options.limit.as_secs_f64(),
         ..Study::default()
     };
     let path = options.out.join(RECORD);
@@ -194,7 +200,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
     if old.machine.processor != new.machine.processor || old.machine.threads != new.machine.threads {
         return differs("its times were measured on another machine, or with another number of threads");
     }
-    old.budget = options.budget;
+    (old.budget, old.limit) = (options.budget, options.limit.as_secs_f64());
     Ok((old, ground))
 }
 
@@ -223,9 +229,13 @@ fn facts(options: &Options, description: &ShotDescription) -> (SceneFacts, Groun
     let ground = Ground {
         cfl: scene.solver.cfl,
         max_dt: scene.solver.max_dt,
+        cg_tolerance: scene.solver.cg_tolerance,
         garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
         thicknesses: scene.garments.iter().map(|garment| garment.thickness).collect(),
+        bodies: scene.bodies.iter().map(|body| body.name.clone()).collect(),
         effects,
+        left_out: scene.left_out.clone(),
+        threads: options.threads,
         has_surfaces: description.bodies.iter().any(Option::is_some),
         resolution: None,
     };

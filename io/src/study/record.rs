@@ -47,6 +47,8 @@ pub struct Study {
     pub omitted: Vec<Omission>,
     /// Seconds of all attempts at the study.
     pub seconds: f64,
+    /// Seconds that the latest attempt was allowed.
+    pub limit: f64,
     /// What a frame may take with the recommended setting [s].
     pub budget: Option<f64>,
     /// Closed forms that the scene has.
@@ -107,6 +109,8 @@ pub struct Asked {
     pub vary: Vec<(String, Vec<String>)>,
     /// All combinations instead of one change at a time.
     pub grid: bool,
+    /// So many combinations that hold every value equally often; 0 for none.
+    pub latin: u32,
     /// First and last frame asked for; as many as the time allows when `None`.
     pub frames: Option<[i64; 2]>,
     /// Copies that tell the noise floor.
@@ -125,8 +129,8 @@ pub struct Setting {
     pub changes: Vec<(String, String)>,
     /// `--set` arguments that make it.
     pub settings: Vec<(String, String)>,
-    /// Effects left out.
-    pub without: Vec<String>,
+    /// Number of threads; 0 for that of the study.
+    pub threads: u32,
     /// Deforming bodies are shown at every so many frames; 0 and 1 take every sample.
     pub body_frames: u32,
 }
@@ -146,6 +150,8 @@ pub enum Role {
     Model,
     /// Without one effect: likewise.
     Without,
+    /// Another number of threads: it takes another time, and changes no bit.
+    Threads,
     /// What errors are measured against.
     Reference,
     /// Half as fine as the reference: how far that has converged.
@@ -178,6 +184,8 @@ pub struct Sample {
     pub counts: BTreeMap<String, u64>,
     /// What the cloth was like at the compared frames.
     pub figures: Vec<Figures>,
+    /// Digest of positions and velocities at the compared frames: runs of one setting have to agree in it.
+    pub bits: String,
     /// How far it was from the reference at the compared frames; empty without one.
     pub from_reference: Vec<Distance>,
     /// How far it was from the base.
@@ -266,6 +274,8 @@ pub struct Distance {
     pub max: f64,
     /// As `rms`, of velocities [m/s].
     pub velocity_rms: f64,
+    /// As `rms`, of the angles between normals of triangles [rad].
+    pub normal_rms: f64,
     /// Largest distance from a vertex of either surface to the other [m]; where meshes differ.
     pub surface: Option<f64>,
 }
@@ -278,6 +288,10 @@ pub struct Omission {
     pub label: String,
     /// Why.
     pub why: String,
+    /// Seconds that all the runs meant would take, as far as is known.
+    pub seconds: f64,
+    /// Whether they would only have measured times again.
+    pub are_repeats: bool,
 }
 
 /// A way of the centre of mass that is known without simulating.

@@ -1,14 +1,16 @@
 //! One run of a study: the scene with its changes, simulated to the last frame, with its costs and its states.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
-use std::time::Instant;
+use std::sync::atomic::{AtomicI64, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
-use drapery_core::Vec3;
 use drapery_core::metrics::Metrics;
+use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::simulation::FrameSummary;
+use sha2::{Digest, Sha256};
 
 use crate::farm::process;
 use crate::scene_file::{self, SceneFile, SearchPaths};
@@ -16,12 +18,19 @@ use crate::shot::steps::{SteppedFrame, SteppedShot};
 use crate::shot::{ShotDescription, ShotError};
 use crate::study::StudyError;
 use crate::study::cloth::Cloth;
+use crate::study::random::Random;
 use crate::study::record::{Cost, Failure, Figures, Sample, StageCost};
 use crate::study::space::Wish;
 use crate::study::states::{FrameState, StatesWriter};
 
+/// Bytes of a digest of states: enough that no two runs share them by accident.
+const DIGEST: usize = 8;
+
 /// How far the positions of shifted copies are moved at most, by the size of the cloth.
 pub const SHIFT: f64 = 1e-10;
+
+/// Frame of a run that has not started.
+const NOWHERE: i64 = i64::MIN;
 
 /// What all runs of a study have in common.
 #[derive(Debug)]
@@ -43,10 +52,14 @@ pub struct Bench<'a> {
 pub enum Pace<'a> {
     /// These, ascending; the last one is the end.
     Fixed(&'a [i64]),
-    /// As many as there is time for until `until`, and no more than up to `last`; at most `most` of them are compared.
+    /// As many as there is time for, and no more than up to `last`; at most `most` of them are compared.
     Trial {
-        /// When it is enough.
+        /// When it is enough, if there are as many frames as wanted.
         until: Instant,
+        /// When it is enough in any case.
+        longest: Instant,
+        /// Frames that are wanted.
+        wanted: usize,
         /// Last frame.
         last: i64,
         /// Compared frames at most.
@@ -79,7 +92,6 @@ pub fn load(bench: &Bench<'_>, wish: &Wish) -> Result<SceneFile, StudyError> {
 fn describe(bench: &Bench<'_>, wish: &Wish) -> Result<ShotDescription, StudyError> {
     let mut description = load(bench, wish)?.resolve().map_err(StudyError::Scene)?;
     let scene = &mut description.scene;
-    scene.effects.retain(|request| !wish.setting.without.contains(&request.effect));
     if wish.copy > 0 {
         let mut random = Random(u64::from(wish.copy));
         for garment in &mut scene.garments {
@@ -90,21 +102,19 @@ fn describe(bench: &Bench<'_>, wish: &Wish) -> Result<ShotDescription, StudyErro
     Ok(description)
 }
 
-/// Numbers that look random and are the same everywhere (SplitMix64, Steele and others 2014).
-struct Random(u64);
-
-impl Random {
-    /// Between -1 and 1.
-    fn number(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (bits ^ (bits >> 31)) as f64 / (u64::MAX as f64 / 2.0) - 1.0
+/// Does something with so many threads; 0 for those of the study.
+fn on_threads<T: Send>(threads: u32, work: impl FnOnce() -> Result<T, ShotError> + Send) -> Result<T, ShotError> {
+    if threads == 0 {
+        return work();
     }
-
-    fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.number(), self.number(), self.number())
+    let work = Mutex::new(Some(work));
+    let take = || work.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let done = LocalRanks::run(1, threads as usize, |_| take().map(|work| work()));
+    match done.map(|mut results| results.pop().flatten()) {
+        Ok(Some(result)) => result,
+        Ok(None) => unreachable!("the one rank does the work, once"),
+        // It panicked, which whoever calls this is prepared for; or there is no such number of threads.
+        Err(error) => resume_unwind(Box::new(error.message)),
     }
 }
 
@@ -128,14 +138,16 @@ pub fn run(
         Ok(Ended::Sample(Box::new((Sample { failure, ..sample.clone() }, Vec::new()))))
     };
     // A panic is a fault of the program: the study lists it and goes on.
-    let reached = Cell::new(None);
-    let guarded = catch_unwind(AssertUnwindSafe(|| {
+    let reached = AtomicI64::new(NOWHERE);
+    let simulate = || {
         let mut shot = SteppedShot::start(description, wish.setting.body_frames)?;
         let cloth = Cloth::of(shot.simulation(), bench.size, bench.thickness);
         let mut course = Course::new(cloth, pace);
         course.run(&mut shot, deadline, &reached).map(|stop| (course, stop))
-    }));
-    let next = reached.get().map(|frame: i64| frame + 1);
+    };
+    let guarded = catch_unwind(AssertUnwindSafe(|| on_threads(wish.setting.threads, simulate)));
+    let reached = reached.load(Relaxed);
+    let next = (reached != NOWHERE).then_some(reached + 1);
     let (mut course, stop) = match guarded {
         Err(_) => return failed(next, "a fault of the program, which printed it".to_owned()),
         Ok(Err(ShotError::Problems(problems))) => return failed(None, problems.to_string()),
@@ -196,24 +208,19 @@ impl<'a> Course<'a> {
     }
 
     /// Simulates to the end of the pace.
-    fn run(
-        &mut self,
-        shot: &mut SteppedShot,
-        deadline: Instant,
-        reached: &Cell<Option<i64>>,
-    ) -> Result<Stop, ShotError> {
+    fn run(&mut self, shot: &mut SteppedShot, deadline: Instant, reached: &AtomicI64) -> Result<Stop, ShotError> {
         let start = shot.timeline().start;
-        reached.set(Some(start));
+        reached.store(start, Relaxed);
         let last = match self.pace {
             Pace::Fixed(frames) => frames.last().copied().unwrap_or(start),
             Pace::Trial { last, .. } => *last,
         };
         while shot.simulation().frame() < last {
-            // A trial needs something to compare before it may be enough.
-            let until = match self.pace {
-                Pace::Trial { until, .. } if !self.kept.is_empty() => (*until).min(deadline),
-                _ => deadline,
-            };
+            let until = self.until().map_or(deadline, |until| until.min(deadline));
+            // A frame that would end long after it is not begun.
+            if self.until().is_some_and(|until| Instant::now() + self.half_a_frame() > until) {
+                return Ok(Stop::Whole);
+            }
             let before = process::processor_seconds();
             let Some(SteppedFrame { summary, seconds }) = shot.next_frame(&mut || Instant::now() >= until)? else {
                 let enough = matches!(self.pace, Pace::Trial { .. }) && !self.kept.is_empty();
@@ -221,7 +228,7 @@ impl<'a> Course<'a> {
             };
             let processor_seconds = process::processor_seconds() - before;
             let frame = summary.frame;
-            reached.set(Some(frame));
+            reached.store(frame, Relaxed);
             if self.is_compared(frame, start) {
                 let (figures, state) = self.cloth.measure(shot.simulation(), &summary);
                 self.kept.push(Kept { frame, state, figures });
@@ -229,6 +236,17 @@ impl<'a> Course<'a> {
             self.spent.push(Spent { frame, seconds, processor_seconds, summary });
         }
         Ok(Stop::Whole)
+    }
+
+    /// When a trial is enough, as things stand; it needs something to compare first.
+    fn until(&self) -> Option<Instant> {
+        let Pace::Trial { until, longest, wanted, .. } = self.pace else { return None };
+        let enough = if self.spent.len() >= *wanted { until } else { longest };
+        (!self.kept.is_empty()).then_some(*enough)
+    }
+
+    fn half_a_frame(&self) -> Duration {
+        Duration::from_secs_f64(self.spent.last().map_or(0.0, |spent| spent.seconds / 2.0))
     }
 
     fn is_compared(&mut self, frame: i64, start: i64) -> bool {
@@ -269,22 +287,11 @@ impl<'a> Course<'a> {
         sample.counts =
             metrics.counts().iter().map(|(name, count)| (name.to_string(), *count)).collect::<BTreeMap<_, _>>();
         sample.figures = self.kept.iter().map(|kept| kept.figures).collect();
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shifts_are_small_spread_over_both_signs_and_the_same_every_time() {
-        let mut random = Random(3);
-        let numbers: Vec<f64> = (0..1000).map(|_| random.number()).collect();
-        assert!(numbers.iter().all(|number| number.abs() <= 1.0));
-        let mean = numbers.iter().sum::<f64>() / 1000.0;
-        // The mean of 1000 numbers that are spread evenly over [-1, 1] has a standard deviation of 0.018.
-        assert!(mean.abs() < 0.06, "{mean}");
-        assert_eq!(Random(3).number(), numbers[0]);
-        assert!(Random(4).number() != numbers[0]);
+        let mut digest = Sha256::new();
+        for kept in &self.kept {
+            let vectors = kept.state.positions.iter().chain(&kept.state.velocities);
+            vectors.flat_map(|v| [v.x, v.y, v.z]).for_each(|number| digest.update(number.to_le_bytes()));
+        }
+        sample.bits = digest.finalize().iter().take(DIGEST).map(|byte| format!("{byte:02x}")).collect();
     }
 }

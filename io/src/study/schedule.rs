@@ -1,7 +1,8 @@
 //! One run after the other, the most useful first, never beyond the limit of time.
 //!
-//! The scene as it is runs first, for a fixed share of the time: how far it comes is how many frames are studied, unless
-//! somebody says. What another run will take is foretold from those that are done; one that would not fit is left out,
+//! The scene as it is runs first, for a share of the time: how far it comes is how many frames are studied, unless somebody
+//! says. The share is such that all runs fit; where that would leave very few frames, such that those fit without which a
+//! study says little. What another run will take is foretold from those that are done; one that would not fit is left out,
 //! and one that takes much longer than was foretold is given up.
 
 use std::path::Path;
@@ -29,11 +30,17 @@ const COMPARED: (usize, usize) = (24, 6);
 /// Bytes of the states of a run at most, if that leaves enough frames.
 const STATES_BYTES: usize = 64 << 20;
 
+/// How the reason begins why a run was left out, where that is the time.
+pub const NO_TIME: &str = "no time";
+
+/// Frames that a study should have, if the runs without which it says nothing still fit.
+const WANTED: usize = 12;
+
 /// Share of the wanted runs, without repeats, that should fit into the time.
 const FITTING: f64 = 0.9;
 
-/// Times the base that have to be left besides the reference.
-const BESIDES: f64 = 10.0;
+/// Times the base that have to be left besides a reference of each fineness.
+const BESIDES: [f64; 3] = [10.0, 10.0, 5.0];
 
 /// How much longer than foretold a run may take before it is given up, and how many seconds in any case.
 const PATIENCE: (f64, f64) = (3.0, 3.0);
@@ -51,6 +58,8 @@ pub struct Schedule<'a> {
     pub limit: Duration,
     /// Seconds of earlier attempts.
     pub before: f64,
+    /// Time of all runs, and of those without which a study says little, by that of the scene as it is.
+    pub times: [f64; 2],
 }
 
 impl Schedule<'_> {
@@ -66,8 +75,10 @@ impl Schedule<'_> {
         if study.fineness == 0 {
             let base = study.base().map_or(0.0, |base| base.cost.with_overhead);
             let left = self.left(study);
-            let fits = |fineness: &u32| left > (space::REFERENCE_TIMES * f64::from(*fineness) + BESIDES) * base;
-            study.fineness = space::FINENESS.into_iter().find(fits).unwrap_or(space::FINENESS[2]);
+            let times = |fineness: u32| space::reference_times(f64::from(fineness)).iter().sum::<f64>();
+            let fits = |(fineness, besides): &(u32, f64)| left > (times(*fineness) + besides) * base;
+            let found = space::FINENESS.into_iter().zip(BESIDES).find(fits).map(|(fineness, _)| fineness);
+            study.fineness = found.unwrap_or(space::FINENESS[3]);
         }
         Ok(())
     }
@@ -79,17 +90,19 @@ impl Schedule<'_> {
     pub fn run_all(&self, wishes: &[Wish], study: &mut Study, observer: &mut dyn Observer) -> Result<(), StudyError> {
         study.omitted.clear();
         let mut comparison = Comparison::of(study, self.folder)?;
-        let mut repeats = 0;
-        for number in 0..wishes.len() {
-            match self.run_wish(number, wishes, (study, &mut comparison), observer)? {
-                Some(_) if wishes[number].repeat > 0 => repeats += 1,
-                Some(why) => study.omitted.push(Omission { label: wishes[number].label(), why }),
-                None => {}
+        let mut repeats = (0, 0.0);
+        for (number, wish) in wishes.iter().enumerate() {
+            let Some(why) = self.run_wish(number, wishes, (study, &mut comparison), observer)? else { continue };
+            let seconds = foretell(wish, wishes, study).unwrap_or(0.0);
+            if wish.repeat > 0 {
+                repeats = (repeats.0 + 1, repeats.1 + seconds);
+            } else {
+                study.omitted.push(Omission { label: wish.label(), why, seconds, are_repeats: false });
             }
         }
-        if repeats > 0 {
-            let (label, why) = (format!("{repeats} repeats, for their times"), "no time".to_owned());
-            study.omitted.push(Omission { label, why });
+        if repeats.0 > 0 {
+            let (label, why) = (format!("{} repeats, for their times", repeats.0), NO_TIME.to_owned());
+            study.omitted.push(Omission { label, why, seconds: repeats.1, are_repeats: true });
         }
         Ok(())
     }
@@ -113,10 +126,10 @@ impl Schedule<'_> {
         }
         if foretold.is_some_and(|seconds| seconds > left) || left <= 0.0 {
             let needs = foretold.map_or(String::new(), |seconds| format!("about {seconds:.0} s were needed, "));
-            return Ok(Some(format!("no time: {needs}{:.0} s were left", left.max(0.0))));
+            return Ok(Some(format!("{NO_TIME}: {needs}{:.0} s were left", left.max(0.0))));
         }
         observer.begins(wish, number + 1, wishes.len(), foretold);
-        match self.run_one(wish, wishes, study, (left, foretold))? {
+        match self.run_one(wish, study, (left, foretold))? {
             Ended::OutOfTime(frame) if wish.role == Role::Base && wish.is_first() => {
                 return Err(StudyError::Asked(format!(
                     "there is no time for a study: after {:.0} s the scene as it is had come to frame {frame}\n  \
@@ -149,13 +162,7 @@ impl Schedule<'_> {
         limit - reserve - self.begun.elapsed().as_secs_f64()
     }
 
-    fn run_one(
-        &self,
-        wish: &Wish,
-        wishes: &[Wish],
-        study: &Study,
-        (left, foretold): (f64, Option<f64>),
-    ) -> Result<Ended, StudyError> {
+    fn run_one(&self, wish: &Wish, study: &Study, (left, foretold): (f64, Option<f64>)) -> Result<Ended, StudyError> {
         let now = Instant::now();
         let patience = foretold.map_or(left, |seconds| (PATIENCE.0 * seconds).max(seconds + PATIENCE.1).min(left));
         let deadline = now + Duration::from_secs_f64(patience);
@@ -166,9 +173,9 @@ impl Schedule<'_> {
         let last = study.scene.frames[1];
         let mut ended = match (study.compared.as_slice(), study.asked.frames) {
             ([], None) => {
-                let all: f64 = wishes.iter().filter(|wish| wish.repeat == 0).map(|wish| wish.times).sum();
-                let until = now + Duration::from_secs_f64(left / (FITTING * all));
-                run(&Pace::Trial { until, last, most: compared_at_most(study) })?
+                let [until, longest] =
+                    self.times.map(|times| now + Duration::from_secs_f64(left / (FITTING * times.max(1.0))));
+                run(&Pace::Trial { until, longest, wanted: WANTED, last, most: compared_at_most(study) })?
             }
             ([], Some([_, asked])) => {
                 let last = asked.min(last);
@@ -201,7 +208,7 @@ fn is_of(sample: &Sample, wish: &Wish) -> bool {
 }
 
 fn is_same(a: &Setting, b: &Setting) -> bool {
-    (&a.settings, &a.without, a.body_frames) == (&b.settings, &b.without, b.body_frames)
+    (&a.settings, a.threads, a.body_frames) == (&b.settings, b.threads, b.body_frames)
 }
 
 fn is_reference(role: Role) -> bool {

@@ -1,42 +1,20 @@
-//! What a study varies: named changes of a scene, alone or in all combinations.
+//! Which runs make a study, and in what order.
 
+use crate::study::random::Random;
 use crate::study::record::{Asked, Role, Setting};
-
-/// Word for a setting without any change.
-pub const AS_IS: &str = "as the scene";
-
-/// Name under which effects are left out.
-const WITHOUT: &str = "without";
-
-/// Name under which deforming bodies are shown more seldom.
-const BODY_FRAMES: &str = "body_frames";
-
-/// Short names of keys of the scene.
-const SHORT: [(&str, &str); 8] = [
-    ("cfl", "solver.cfl"),
-    ("max_dt", "solver.max_dt"),
-    ("cg_tolerance", "solver.cg_tolerance"),
-    ("strain_per_step", "solver.strain_per_step"),
-    ("max_steps", "self_collision.max_steps"),
-    ("integrator", "solver.integrator"),
-    ("body_friction", "solver.body_friction"),
-    ("per_collision_step", "self_repulsion.per_collision_step"),
-];
-
-/// Keys of `[solver]` that are another method, not another accuracy.
-const METHODS: [&str; 2] = ["solver.integrator", "solver.body_friction"];
-
-/// Name of the thickness of all garments.
-const THICKNESS: &str = "thickness";
-
-/// Parameter that is taken for the fineness of the mesh.
-pub const RESOLUTION: &str = "resolution";
+use crate::study::vary::{
+    BODY_FRAMES, FRICTION, Ground, RESOLUTION, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of, rough_times,
+};
 
 /// How much finer in time than the scene the reference is, the finest that there is time for.
-pub const FINENESS: [u32; 3] = [16, 8, 4];
+pub const FINENESS: [u32; 4] = [16, 8, 4, 2];
 
-/// Time of a reference and its checks by that of the scene as it is, for each time that it is finer.
-pub const REFERENCE_TIMES: f64 = 1.5 * (1.0 + 0.5 + 0.25);
+/// The same where a study has to do with few frames; the last of [`FINENESS`] is for those that hardly have time for one.
+const CORE_FINENESS: u32 = 4;
+
+/// Time of a run with the tolerance of the reference by that of the scene as it is, measured on the sample scenes. It grows
+/// with the square root of the number of steps: the shorter a step, the fewer iterations it needs.
+const TIGHTEST: f64 = 3.0;
 
 /// Tolerance of the velocity solves of the reference [m/s].
 const REFERENCE_TOLERANCE: &str = "1e-9";
@@ -47,24 +25,14 @@ const REFERENCE_ITERATIONS: &str = "5000";
 /// Tighter tolerance of the velocity solves that is tried [m/s].
 const TIGHT: &str = "1e-5";
 
-/// What of the scene the choice of variations depends on.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Ground {
-    /// CFL number.
-    pub cfl: f64,
-    /// Longest step that the scene allows [s], where it says so.
-    pub max_dt: Option<f64>,
-    /// Names of the garments.
-    pub garments: Vec<String>,
-    /// Thickness of each [m].
-    pub thicknesses: Vec<f64>,
-    /// Names of the effects, each once.
-    pub effects: Vec<String>,
-    /// Whether a body deforms.
-    pub has_surfaces: bool,
-    /// Value of the parameter `resolution`, if the scene has one that is a number.
-    pub resolution: Option<f64>,
-}
+/// How many times the tolerance of the scene is tried as well: what is cheaper than the scene.
+const LOOSE: f64 = 10.0;
+
+/// The same where the solver chooses: the largest that it ever does [m/s].
+const LARGEST: f64 = 0.01;
+
+/// Times the base up to which a run is made before dearer ones.
+const NEAR: f64 = 2.0;
 
 /// A run that is wanted.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -79,11 +47,13 @@ pub struct Wish {
     pub repeat: u32,
     /// Its time by that of the base, as far as one can say before trying.
     pub times: f64,
+    /// Whether the study says little without it.
+    pub is_core: bool,
 }
 
 impl Wish {
     fn new(role: Role, setting: Setting, times: f64) -> Self {
-        Self { role, setting, copy: 0, repeat: 0, times }
+        Self { role, setting, copy: 0, repeat: 0, times, is_core: false }
     }
 
     /// As it is called in messages.
@@ -103,82 +73,6 @@ impl Wish {
     }
 }
 
-/// Reads `name=a,b,c`.
-///
-/// # Errors
-/// It is something else, or a value that the name does not take.
-pub fn parse_vary(text: &str) -> Result<(String, Vec<String>), String> {
-    let wrong = || format!("`{text}`: write a name and its values, for example cfl=4,2,1");
-    let (name, values) = text.split_once('=').ok_or_else(wrong)?;
-    let values: Vec<String> = values.split(',').map(|value| value.trim().to_owned()).collect();
-    let name = name.trim();
-    if name.is_empty() || values.iter().any(String::is_empty) {
-        return Err(wrong());
-    }
-    if name == BODY_FRAMES && values.iter().any(|value| !value.parse::<u32>().is_ok_and(|every| every > 0)) {
-        return Err(format!("`{text}`: bodies are shown at every so many frames, for example {BODY_FRAMES}=1,2"));
-    }
-    Ok((name.to_owned(), values))
-}
-
-/// The setting with one more change.
-fn changed(setting: &Setting, name: &str, value: &str, ground: &Ground) -> Setting {
-    let mut setting = setting.clone();
-    setting.changes.push((name.to_owned(), value.to_owned()));
-    match name {
-        WITHOUT => setting.without.push(value.to_owned()),
-        // Values were checked when they were read.
-        BODY_FRAMES => setting.body_frames = value.parse().unwrap_or(1),
-        THICKNESS => {
-            for (garment, thickness) in ground.garments.iter().zip(&ground.thicknesses) {
-                let value = match value.strip_prefix('x').and_then(|factor| factor.parse::<f64>().ok()) {
-                    Some(factor) => (thickness * factor).to_string(),
-                    None => value.to_owned(),
-                };
-                setting.settings.push((format!("garment.{garment}.thickness"), value));
-            }
-        }
-        _ => {
-            let key = SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, key)| key);
-            setting.settings.push((key.to_owned(), value.to_owned()));
-        }
-    }
-    let words: Vec<String> = setting.changes.iter().map(|(name, value)| format!("{name} {value}")).collect();
-    setting.label = words.join(", ");
-    setting
-}
-
-/// The scene as it is.
-fn as_is() -> Setting {
-    Setting { label: AS_IS.to_owned(), ..Setting::default() }
-}
-
-/// What a change of this name is compared with.
-fn role_of(name: &str) -> Role {
-    let key = SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, key)| key);
-    match name {
-        WITHOUT => Role::Without,
-        BODY_FRAMES => Role::Accuracy,
-        _ if METHODS.contains(&key) => Role::Model,
-        _ if key.starts_with("solver.") || key == "self_collision.max_steps" => Role::Accuracy,
-        _ => Role::Model,
-    }
-}
-
-/// Time of a change by that of the base, before anything is measured.
-fn rough_times(name: &str, value: &str, ground: &Ground) -> f64 {
-    let number = value.parse::<f64>().ok().filter(|number| *number > 0.0);
-    match (name, number) {
-        ("cfl", Some(cfl)) => ground.cfl / cfl,
-        // A panel of n cells has n² vertices and takes n times as many steps.
-        (RESOLUTION, Some(cells)) => ground.resolution.map_or(1.0, |base| (cells / base).powi(3)),
-        ("max_dt", Some(dt)) => ground.max_dt.map_or(4.0, |base| (base / dt).max(1.0)),
-        ("cg_tolerance", _) => 1.3,
-        ("max_steps", _) => 1.5,
-        _ => 1.0,
-    }
-}
-
 /// All runs of a study, the most useful first: when time runs out, the last are missing. The reference is at least `fineness`
 /// times as fine as the scene.
 pub fn wishes(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
@@ -190,19 +84,32 @@ pub fn wishes(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
     let varied = if asked.vary.is_empty() { default_space(ground) } else { asked_space(asked, ground) };
     let (accuracy, other): (Vec<Wish>, Vec<Wish>) = varied.into_iter().partition(|wish| wish.role == Role::Accuracy);
     let repeated: Vec<Wish> = accuracy.iter().flat_map(&repeats).collect();
+    // What costs about as much as the scene tells more for its time than what costs many times that.
+    let (near, far): (Vec<Wish>, Vec<Wish>) = accuracy.into_iter().partition(|wish| wish.times <= NEAR);
     let mut copies = copies.into_iter();
-    all.extend(copies.next());
-    let mut accuracy = accuracy.into_iter();
-    // One finer setting, then what it is to be compared with; the rest of the front after it.
-    all.extend(accuracy.next());
+    // Without something to compare with, nothing is known.
     all.extend(references(asked, ground, fineness));
-    all.extend(accuracy);
     all.extend(copies.next());
-    all.extend(other);
+    all.extend(near);
+    all.iter_mut().for_each(|wish| wish.is_core = true);
+    let (cheap, dear): (Vec<Wish>, Vec<Wish>) = other.into_iter().partition(|wish| wish.times <= NEAR);
+    all.extend(cheap);
+    all.extend(copies.next());
+    all.extend(far);
+    all.extend(dear);
     all.extend(copies);
     all.extend(base_repeats);
     all.extend(repeated);
     all
+}
+
+/// Time of all runs by that of the base, as far as one can say before trying: of all but repeats, and of those without which
+/// a study says nothing, with the coarsest reference.
+pub fn whole_times(asked: &Asked, ground: &Ground) -> [f64; 2] {
+    let sum = |fineness: u32, counts: &dyn Fn(&Wish) -> bool| -> f64 {
+        wishes(asked, ground, fineness).iter().filter(|wish| counts(wish)).map(|wish| wish.times).sum()
+    };
+    [sum(FINENESS[0], &|wish| wish.repeat == 0), sum(CORE_FINENESS, &|wish| wish.is_core)]
 }
 
 /// The reference and the runs that tell how far it has converged, the coarsest first.
@@ -228,12 +135,20 @@ fn references(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
         setting.settings.push(("solver.cg_max_iterations".to_owned(), REFERENCE_ITERATIONS.to_owned()));
         setting
     };
-    let times = 1.5 * ground.cfl / cfl;
-    vec![
-        Wish::new(Role::ReferenceCoarse, finer(4.0), times / 4.0),
-        Wish::new(Role::ReferenceCheck, finer(2.0), times / 2.0),
-        Wish::new(Role::Reference, finer(1.0), times),
-    ]
+    let [fine, middle, coarse] = reference_times(ground.cfl / cfl);
+    let mut all = vec![
+        Wish::new(Role::ReferenceCoarse, finer(4.0), coarse),
+        Wish::new(Role::ReferenceCheck, finer(2.0), middle),
+        Wish::new(Role::Reference, finer(1.0), fine),
+    ];
+    // Steps longer than those of the scene tell nothing of it, and may not even be stable.
+    all.retain(|wish| wish.role != Role::ReferenceCoarse || fineness >= f64::from(CORE_FINENESS));
+    all
+}
+
+/// Times of a reference so many times as fine as the scene, and of the two runs that check it, by that of the base.
+pub fn reference_times(fineness: f64) -> [f64; 3] {
+    [1.0, 2.0, 4.0].map(|coarser| TIGHTEST * (fineness / coarser).sqrt())
 }
 
 /// What is varied when nobody says: steps and solves, then one at a time what else costs time or changes the picture.
@@ -244,19 +159,23 @@ fn default_space(ground: &Ground) -> Vec<Wish> {
         let times = rough_times(name, value, ground);
         Wish::new(role_of(name), changed(&as_is(), name, value, ground), times)
     };
-    space.push(one("cfl", &cfl(2.0)));
+    space.push(one("cg_tolerance", &scientific(ground.cg_tolerance.map_or(LARGEST, |tolerance| LOOSE * tolerance))));
     space.push(one("cg_tolerance", TIGHT));
+    space.push(one("cfl", &cfl(2.0)));
     space.push(one("cfl", &cfl(4.0)));
     for divisor in [2.0, 4.0] {
         let setting = changed(&changed(&as_is(), "cfl", &cfl(divisor), ground), "cg_tolerance", TIGHT, ground);
-        space.push(Wish::new(Role::Accuracy, setting, 1.3 * divisor));
+        let times = rough_times("cfl", &cfl(divisor), ground) * rough_times("cg_tolerance", TIGHT, ground);
+        space.push(Wish::new(Role::Accuracy, setting, times));
     }
-    let has = |effect: &str| ground.effects.iter().any(|name| name == effect);
-    if has("self_collision") {
+    if ground.has("self_collision") {
         space.push(one("max_steps", "1"));
     }
     space.extend(ground.effects.iter().filter(|name| can_go(name)).map(|name| one(WITHOUT, name)));
-    if has("self_repulsion") {
+    if ground.has("body_collision") || ground.has("self_repulsion") {
+        space.push(one(FRICTION, "0"));
+    }
+    if ground.has("self_repulsion") {
         space.push(one(THICKNESS, "x0.5"));
     }
     if let Some(cells) = ground.resolution.filter(|cells| *cells >= 8.0) {
@@ -265,15 +184,26 @@ fn default_space(ground: &Ground) -> Vec<Wish> {
     if ground.has_surfaces {
         space.push(one(BODY_FRAMES, "2"));
     }
+    // It costs time and changes no bit, which every study sees for itself.
+    space.push(one(THREADS, if ground.threads > 1 { "1" } else { "2" }));
     // What the method's own choices bring.
     space.push(one("integrator", "implicit"));
-    if has("self_repulsion") {
+    if ground.has("self_repulsion") {
         space.push(one("per_collision_step", "true"));
     }
-    if has("body_collision") {
+    if ground.has("body_collision") {
         space.push(one("body_friction", "position_half"));
     }
     space
+}
+
+/// A number as `1e-4`.
+fn scientific(number: f64) -> String {
+    let text = format!("{number:.2e}");
+    match text.split_once('e') {
+        Some((digits, power)) => format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.')),
+        None => text,
+    }
 }
 
 /// Whether a shot without this effect still is one to look at: cloth without weight, without springs along its edges,
@@ -282,7 +212,7 @@ fn can_go(effect: &str) -> bool {
     !["gravity", "stretch", "membrane", "pins", "attachments", "seams", "body_collision"].contains(&effect)
 }
 
-/// What was asked for: all combinations, or one change at a time.
+/// What was asked for: all combinations, some of them, or one change at a time.
 fn asked_space(asked: &Asked, ground: &Ground) -> Vec<Wish> {
     let none = Wish::new(Role::Accuracy, as_is(), 1.0);
     let with = |wish: &Wish, name: &str, value: &str| {
@@ -293,6 +223,9 @@ fn asked_space(asked: &Asked, ground: &Ground) -> Vec<Wish> {
         let times = wish.times * rough_times(name, value, ground);
         Wish::new(role, changed(&wish.setting, name, value, ground), times)
     };
+    if asked.latin > 0 {
+        return latin(asked).iter().map(|row| row.iter().fold(none.clone(), |all, (n, v)| with(&all, n, v))).collect();
+    }
     if !asked.grid {
         let one = |(name, values): &(String, Vec<String>)| {
             values.iter().map(|value| with(&none, name, value)).collect::<Vec<_>>()
@@ -306,20 +239,34 @@ fn asked_space(asked: &Asked, ground: &Ground) -> Vec<Wish> {
     all
 }
 
+/// Combinations in which every value of every name occurs as often as any other of that name, or once more (Latin
+/// hypercube); the same ones every time, and none twice.
+fn latin(asked: &Asked) -> Vec<Vec<(&str, &str)>> {
+    let count = asked.latin as usize;
+    let columns: Vec<Vec<(&str, &str)>> = asked
+        .vary
+        .iter()
+        .enumerate()
+        .map(|(column, (name, values))| {
+            let order = Random(column as u64).order(count);
+            let value = |place: usize| (name.as_str(), values[place * values.len() / count].as_str());
+            order.into_iter().map(value).collect()
+        })
+        .collect();
+    let mut rows: Vec<Vec<(&str, &str)>> = Vec::new();
+    for number in 0..count {
+        let row: Vec<(&str, &str)> = columns.iter().map(|column| column[number]).collect();
+        if !rows.contains(&row) {
+            rows.push(row);
+        }
+    }
+    rows
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn ground() -> Ground {
-        Ground {
-            cfl: 4.0,
-            garments: vec!["shirt".into(), "skirt".into()],
-            thicknesses: vec![0.002, 0.001],
-            effects: ["gravity", "stretch", "bending", "self_repulsion", "self_collision"].map(str::to_owned).into(),
-            resolution: Some(40.0),
-            ..Ground::default()
-        }
-    }
+    use crate::study::vary::{parse_vary, tests::ground};
 
     fn asked(vary: &[&str], grid: bool) -> Asked {
         let vary = vary.iter().map(|text| parse_vary(text).unwrap()).collect();
@@ -335,14 +282,6 @@ mod tests {
         assert_eq!(labels(&asked(&vary, false)), ["cfl 4", "cfl 2", "cg_tolerance 1e-2", "cg_tolerance 1e-4"]);
         assert_eq!(labels(&asked(&vary, true)).len(), 4);
         assert_eq!(labels(&asked(&vary, true))[1], "cfl 4, cg_tolerance 1e-4");
-        assert!(parse_vary("cfl").is_err() && parse_vary("cfl=").is_err() && parse_vary("body_frames=0").is_err());
-    }
-
-    #[test]
-    fn a_factor_of_thickness_reaches_every_garment() {
-        let setting = changed(&as_is(), "thickness", "x0.5", &ground());
-        let expected = [("garment.shirt.thickness", "0.001"), ("garment.skirt.thickness", "0.0005")];
-        assert_eq!(setting.settings, expected.map(|(key, value)| (key.to_owned(), value.to_owned())));
     }
 
     #[test]
@@ -353,6 +292,12 @@ mod tests {
         };
         assert_eq!(cfl(&asked(&[], false)), 0.25);
         assert_eq!(cfl(&asked(&["cfl=4,0.25"], false)), 0.125);
+        // No run of the reference has longer steps than the scene.
+        for fineness in FINENESS {
+            for wish in references(&asked(&[], false), &ground(), fineness) {
+                assert!(wish.setting.settings[0].1.parse::<f64>().unwrap() <= ground().cfl, "{}", wish.label());
+            }
+        }
     }
 
     #[test]
@@ -360,8 +305,32 @@ mod tests {
         let all = wishes(&asked(&[], false), &ground(), FINENESS[0]);
         let at = |found: &dyn Fn(&Wish) -> bool| all.iter().position(found).unwrap();
         assert_eq!(at(&|wish| wish.role == Role::Base), 0);
-        assert_eq!(at(&|wish| wish.copy == 1), 1);
+        // Where there is time for little, what everything is compared with goes before what tells the noise.
+        assert_eq!(at(&|wish| wish.role == Role::Reference), 3);
+        assert_eq!(at(&|wish| wish.copy == 1), 4);
         assert!(at(&|wish| wish.role == Role::Reference) < at(&|wish| wish.role == Role::Without));
         assert!(at(&|wish| wish.role == Role::Without) < at(&|wish| wish.repeat > 0));
+    }
+    #[test]
+    fn a_latin_hypercube_tries_every_value_equally_often() {
+        let asked =
+            Asked { latin: 6, ..asked(&["cfl=4,2,1", "cg_tolerance=1e-2,1e-4", "max_steps=1,2,3,4,5,6"], false) };
+        let rows = latin(&asked);
+        assert_eq!(rows.len(), 6);
+        for (column, (name, values)) in asked.vary.iter().enumerate() {
+            for value in values {
+                let times = rows.iter().filter(|row| row[column] == (name.as_str(), value.as_str())).count();
+                assert_eq!(times, 6 / values.len(), "{name} {value}: {rows:?}");
+            }
+        }
+        assert_eq!(rows, latin(&asked));
+        let labels: Vec<String> = asked_space(&asked, &ground()).into_iter().map(|wish| wish.setting.label).collect();
+        assert!(labels.iter().all(|label| label.matches(", ").count() == 2), "{labels:?}");
+    }
+
+    #[test]
+    fn what_a_study_cannot_do_without_costs_a_fraction_of_everything() {
+        let [all, core] = whole_times(&asked(&[], false), &ground());
+        assert!(core > 10.0 && core < 0.5 * all, "{core} of {all}");
     }
 }

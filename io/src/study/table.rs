@@ -3,8 +3,11 @@
 use std::fmt::Write;
 
 use crate::page::text;
+use crate::study::allowed;
 use crate::study::analysis::{Analysis, Error, Row, Told, degradations};
-use crate::study::record::{Role, Study};
+use crate::study::checks::{Verdict, checks};
+use crate::study::record::{Omission, Role, Study};
+use crate::study::schedule::NO_TIME;
 
 /// The whole text: a head, a line for every setting, what was found, what to take. `budget` is in seconds a frame.
 pub fn table(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
@@ -78,7 +81,8 @@ pub fn window_words(study: &Study, analysis: &Analysis<'_>) -> String {
         (false, true) => "; beyond, trajectories cannot be predicted",
         (false, false) => "",
     };
-    format!("{horizon}; errors over frames {} to {end} (until {}{why})", study.scene.start + 1, seconds(end))
+    let over = text::frames(study.scene.start + 1, end);
+    format!("{horizon}; errors over {over} (until {}{why})", seconds(end))
 }
 
 fn line(row: &Row<'_>, width: usize) -> String {
@@ -120,11 +124,13 @@ pub fn error_words(error: Option<&Error>) -> String {
 }
 
 /// The error of a recommended setting, in words.
-fn recommended_error(error: Option<&Error>) -> String {
-    match error.map(|error| error.told) {
-        Some(Told::Yes | Told::Unchecked) => format!("error {} rms", error_words(error)),
-        Some(Told::BelowFloor) => "no error above the noise floor".to_owned(),
-        Some(Told::NotConverged) => "nearer than the reference can tell".to_owned(),
+fn recommended_error(error: Option<&Error>, own: Option<f64>) -> String {
+    match error.map(|error| (error.told, error.rms + own.unwrap_or(0.0))) {
+        Some((Told::Yes | Told::Unchecked, _)) => format!("error {} rms", error_words(error)),
+        Some((Told::BelowFloor, _)) => "no error above the noise floor".to_owned(),
+        Some((Told::NotConverged, most)) => {
+            format!("error at most {} rms (nearer than the reference can tell)", millimetres(most))
+        }
         None => "error not known".to_owned(),
     }
 }
@@ -183,11 +189,20 @@ fn below(study: &Study, analysis: &Analysis<'_>) -> String {
             let _ = writeln!(out, " failed: {} {at}: {}", sample.setting.label, first_line(&failure.what));
         }
     }
-    for omission in &study.omitted {
+    for check in checks(study, analysis).iter().filter(|check| check.verdict == Verdict::Fails) {
+        let _ = writeln!(out, " does not hold: {}: {}", check.name, check.why);
+    }
+    let (late, other): (Vec<&Omission>, Vec<&Omission>) =
+        study.omitted.iter().partition(|o| o.why.starts_with(NO_TIME));
+    for omission in other {
         let _ = writeln!(out, " left out: {}: {}", omission.label, omission.why);
     }
-    if let Some(noise) = analysis.noise.filter(|noise| *noise > crate::study::analysis::NOISY) {
-        let _ = writeln!(out, " noisy machine: times of the same run spread by {:.0} %", 100.0 * noise);
+    if !late.is_empty() {
+        let labels: Vec<&str> = late.iter().map(|omission| omission.label.as_str()).collect();
+        let _ = writeln!(out, " left out for lack of time: {}", labels.join("; "));
+    }
+    for sentence in allowed::words(study) {
+        let _ = writeln!(out, " {sentence}");
     }
     out
 }
@@ -196,12 +211,17 @@ fn below(study: &Study, analysis: &Analysis<'_>) -> String {
 fn changes(study: &Study, analysis: &Analysis<'_>) -> Vec<String> {
     let base = analysis.rows.first().map_or(0.0, |row| row.seconds);
     let own = study.samples.iter().filter(|sample| sample.is_own() && sample.is_whole());
-    own.filter(|sample| matches!(sample.role, Role::Without | Role::Model))
+    own.filter(|sample| matches!(sample.role, Role::Without | Role::Model | Role::Threads))
         .map(|sample| {
             let change = crate::study::analysis::error_over(&sample.from_base, analysis.predictable);
             let change = change.map_or("not known".to_owned(), |change| millimetres(change.rms));
             let times = sample.seconds_a_frame() / base.max(f64::MIN_POSITIVE);
-            format!("{}: time x {}, picture changes by {change} rms", sample.setting.label, times_words(times))
+            let picture = match (sample.role, sample.from_base.iter().all(|distance| distance.max == 0.0)) {
+                (Role::Threads, true) => "the same bits".to_owned(),
+                (_, true) if !sample.from_base.is_empty() => "nothing changes in these frames".to_owned(),
+                _ => format!("picture changes by {change} rms"),
+            };
+            format!("{}: time x {}, {picture}", sample.setting.label, times_words(times))
         })
         .collect()
 }
@@ -224,10 +244,15 @@ pub fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64
     let [first, last] = study.scene.frames;
     let frames = (last - study.scene.start).max(0) as f64;
     format!(
-        "recommended {within}: \"{}\", {}, frames {first}-{last} in about {} on {} threads",
+        "recommended {within}: \"{}\", {}, frames {first}-{last} in about {} on {} threads{}",
         row.sample.setting.label,
-        recommended_error(row.error.as_ref()),
+        recommended_error(row.error.as_ref(), analysis.own),
         text::seconds(frames * row.seconds),
-        study.machine.threads
+        study.machine.threads,
+        if study.compared.last().is_some_and(|studied| *studied < last) {
+            " if later frames cost the same"
+        } else {
+            ""
+        }
     )
 }

@@ -65,7 +65,7 @@ impl Pushed {
 
     fn apply(&mut self, passes: Passes, dt: f64) -> Metrics {
         let mut metrics = Metrics::default();
-        let at = Moment { nodes: &self.nodes, dt, x: &self.x, mobility: &self.mobility };
+        let at = Moment { nodes: &self.nodes, dt, x: &self.x, mobility: &self.mobility, friction: None };
         self.repulsions.apply(passes, &at, &mut self.v, &mut metrics);
         metrics
     }
@@ -78,7 +78,8 @@ impl Pushed {
 
     /// The signed distance of the only pair that is active.
     fn distance(&mut self) -> Option<f64> {
-        self.repulsions.refresh(&Moment { nodes: &self.nodes, dt: 1.0, x: &self.x, mobility: &self.mobility });
+        let at = Moment { nodes: &self.nodes, dt: 1.0, x: &self.x, mobility: &self.mobility, friction: None };
+        self.repulsions.refresh(&at);
         let kinds = &self.repulsions.kinds;
         kinds.iter().flat_map(|k| &k.touching).flatten().map(|t| t.distance).min_by(f64::total_cmp)
     }
@@ -147,6 +148,42 @@ fn friction_stops_sliding_within_its_cone_and_only_there() {
         let bound = (1.0 - friction).max(0.0);
         assert!((sliding - bound).abs() < 1e-9, "{sliding} for {friction}");
         assert_eq!(sliding > 1e-9, slides);
+    }
+}
+
+/// A level square of `cells` by `cells` squares of 0.2 m.
+fn patch(cells: u32, shift: &Vec3) -> PolygonMesh {
+    let side = cells + 1;
+    let at = |i: u32| (f64::from(i) - 0.5 * f64::from(cells)) * 0.2;
+    let points = (0..side * side).map(|n| shift + Vec3::new(at(n % side), 0.0, at(n / side))).collect();
+    let corners = (0..cells * cells).map(|n| n % cells + side * (n / cells));
+    let triangles: Vec<[u32; 3]> =
+        corners.flat_map(|a| [[a, a + side, a + 1], [a + 1, a + side, a + side + 1]]).collect();
+    PolygonMesh::from_triangles(points, &triangles)
+}
+
+#[test]
+fn pairs_of_the_same_vertices_share_the_load_that_friction_bears() {
+    let mut description = SceneDescription::new("patches");
+    for (name, cells, shift) in [("below", 6, Vec3::zeros()), ("above", 3, Vec3::new(0.013, 0.06, 0.007))] {
+        let mesh = patch(cells, &shift);
+        let garment = GarmentDescription { thickness: THICKNESS, ..GarmentDescription::new(name, mesh, 0.2) };
+        description.garments.push(garment);
+    }
+    let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
+    let upper = scene.parts().own_of_garment(1);
+    for passes in [Passes::WithoutSprings, Passes::Full] {
+        let mut pushed = Pushed::new(&scene, Laws { friction: 0.2, ..LAWS });
+        pushed.v[upper.clone()].fill(Vec3::new(3.0, -1.0, 0.0));
+        let momentum = |p: &Pushed| -> Vec3 { upper.clone().map(|i| p.v[i] / p.mobility[i]).sum() };
+        let before = momentum(&pushed);
+        let metrics = pushed.apply(passes, 1e-3);
+        let pairs = metrics.counted("repulsions");
+        assert!(pairs > 3 * upper.len() as u64, "{pairs} pairs on {} vertices", upper.len());
+        let impulse = momentum(&pushed) - before;
+        let share = -impulse.x / impulse.y;
+        // Everything slides: friction is Coulomb's of the whole load, not of each pair's as if it were alone.
+        assert!((share - 0.2).abs() < 1e-3, "{share}");
     }
 }
 

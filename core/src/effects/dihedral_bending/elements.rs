@@ -52,7 +52,9 @@ pub(super) fn angle([i, j, k, l]: [Vec3; 4]) -> f64 {
 }
 
 /// All angles of a mesh, in the order of its hinges.
-pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: Rigidity, flat: bool) -> Vec<Element> {
+///
+/// `rigidity` is that of each triangle; `None` for one that does not resist.
+pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: impl Fn(usize) -> Option<Rigidity>, flat: bool) -> Vec<Element> {
     let at = |v: u32| mesh.rest_positions()[v as usize];
     let element = |hinge: &Hinge| {
         let ([j, k], [i, l]) = (mesh.edges()[hinge.edge as usize].vertices, hinge.opposite);
@@ -61,6 +63,7 @@ pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: Rigidity, flat: bool) -> Ve
     };
     let mut elements: Vec<Element> = mesh.hinges().iter().map(element).collect();
     for (triangle, known) in angles_of_triangles(mesh).iter().enumerate() {
+        let Some(rigidity) = rigidity(triangle) else { continue };
         let moments = moments_of_triangle(mesh, triangle, known, rigidity);
         for (a, hinge) in known.iter().enumerate() {
             for (b, other) in known.iter().enumerate() {

@@ -79,7 +79,7 @@ fn a_sheet_of_any_mesh_bends_with_the_rigidity_that_was_asked_for() {
             let [xx, xz, zz] = curvature.map(|c| 1e-3 * c);
             let lift = |p: &Vec3| p + Vec3::y() * (0.5 * (xx * p.x * p.x + zz * p.z * p.z) + xz * p.x * p.z);
             let x: Vec<Vec3> = mesh.rest_positions().iter().map(lift).collect();
-            let angles: Vec<f64> = of_mesh(&mesh, Rigidity::isotropic(RIGIDITY), false)
+            let angles: Vec<f64> = of_mesh(&mesh, |_| Some(Rigidity::isotropic(RIGIDITY)), false)
                 .iter()
                 .map(|e| angle(e.vertices.map(|v| x[v as usize])))
                 .collect();

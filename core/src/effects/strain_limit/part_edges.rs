@@ -14,6 +14,7 @@ struct LimitedEdge {
     /// Local vertices, the smaller number first.
     ends: [u32; 2],
     rest_length: f64,
+    limits: Limits,
     /// From the first to the second end after the step, as it would be.
     direction: Vec3,
     /// Length after the step as it would be, and the shortest and the longest that are allowed, by the step [m/s].
@@ -37,12 +38,20 @@ pub(super) struct PartEdges {
 }
 
 /// The edges of a mesh, with these ends (local vertices), of every own part.
-pub(super) fn of_parts(parts: &Parts, mesh: &TriangleMesh, ends: &[[usize; 2]]) -> Vec<PartEdges> {
+///
+/// `limits` are those of each edge of the mesh.
+pub(super) fn of_parts(
+    parts: &Parts,
+    mesh: &TriangleMesh,
+    ends: &[[usize; 2]],
+    limits: impl Fn(usize) -> Limits,
+) -> Vec<PartEdges> {
     let mut built: Vec<PartEdges> = parts.ranges().iter().map(|_| PartEdges::default()).collect();
     for (part, number) in by_part(parts, ends.iter().copied()) {
         built[part].edges.push(LimitedEdge {
             ends: ends[number].map(|end| end as u32),
             rest_length: mesh.rest_length(mesh.edges()[number]),
+            limits: limits(number),
             direction: Vec3::zeros(),
             parting: 0.0,
             allowed: [0.0; 2],
@@ -80,7 +89,7 @@ impl PartEdges {
     pub(super) fn begin(
         &mut self,
         (x, v): (&[Vec3], &[Vec3]),
-        (dt, limits, purpose): (f64, Limits, Purpose),
+        (dt, purpose): (f64, Purpose),
         (mobility, valence): (&[Vec3], &[f64]),
     ) -> (f64, f64) {
         self.dt = dt;
@@ -92,8 +101,8 @@ impl PartEdges {
             let (length, after) = (now.norm(), then.norm());
             edge.direction = then.try_normalize(0.0).unwrap_or_else(Vec3::zeros);
             let back = if purpose == Purpose::Positions { RECOVERY } else { 0.0 };
-            let longest = (limits.longest * edge.rest_length).max(length * (1.0 - back));
-            let shortest = (limits.shortest * edge.rest_length).min(length * (1.0 + back));
+            let longest = (edge.limits.longest * edge.rest_length).max(length * (1.0 - back));
+            let shortest = (edge.limits.shortest * edge.rest_length).min(length * (1.0 + back));
             edge.parting = after / dt;
             edge.allowed = [shortest / dt, longest / dt];
             edge.response = valence[i] * mobility[i].max() + valence[j] * mobility[j].max();
@@ -141,11 +150,11 @@ impl PartEdges {
     }
 
     /// How many edges are beyond the limit after a step with these velocities.
-    pub(super) fn over_limit(&self, (x, v): (&[Vec3], &[Vec3]), dt: f64, limits: Limits) -> u64 {
+    pub(super) fn over_limit(&self, (x, v): (&[Vec3], &[Vec3]), dt: f64) -> u64 {
         let is_over = |edge: &LimitedEdge| {
             let [i, j] = edge.ends.map(|end| end as usize);
             let after = (x[j] - x[i] + (v[j] - v[i]) * dt).norm() / edge.rest_length;
-            after > limits.longest + STRAIN_OVER_LIMIT || after < limits.shortest - STRAIN_OVER_LIMIT
+            after > edge.limits.longest + STRAIN_OVER_LIMIT || after < edge.limits.shortest - STRAIN_OVER_LIMIT
         };
         self.edges.iter().zip(&self.counts).filter(|(edge, counts)| **counts && is_over(edge)).count() as u64
     }

@@ -2,7 +2,7 @@
 
 use super::report;
 use crate::error::Problem;
-use crate::scene::painted::MAPS;
+use crate::scene::painted::{MAPS, SHARES};
 use crate::scene::{GarmentDescription, Mass, SceneDescription};
 
 /// Names and values of painted maps.
@@ -28,8 +28,8 @@ pub(super) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Proble
             let what = format!("the values of vertices {list} are not numbers {least}");
             Problem::data(&place, what, "paint these vertices anew")
         });
-        if name == "wind" && map.absolute {
-            let what = "a map of wind is a share of what the wind does";
+        if SHARES.contains(&name.as_str()) && map.absolute {
+            let what = format!("a map of {name} is a share of what the {name} does");
             problems.push(Problem::scene(&place, what, "leave it out of `absolute_maps`"));
         }
         if name == "density" && matches!(garment.mass, Mass::UniformTotal(_)) {

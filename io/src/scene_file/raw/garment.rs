@@ -88,35 +88,58 @@ pub(in crate::scene_file) struct Maps {
     /// Distance that `self_repulsion` keeps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) thickness: Option<String>,
+    /// Friction of `self_repulsion`; where layers touch, the mean of both.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) self_friction: Option<String>,
     /// Friction on bodies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) friction: Option<String>,
     /// Stiffness of `[garment.stretch]`; a spring has the mean of its ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) stretch: Option<String>,
+    /// Stiffness of `[garment.shear]`; the spring of an altitude has the mean of the ends of its edge.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) shear: Option<String>,
+    /// Share of the stiffness of `[garment.membrane]`; a triangle has the mean of its corners.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) membrane: Option<String>,
     /// Stiffness of `[garment.bending]`; a spring has the mean of its ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) bending: Option<String>,
+    /// Rigidity of `[garment.dihedral_bending]`; a triangle has the mean of its corners.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) dihedral_bending: Option<String>,
+    /// `limit` of `[garment.strain_limit]`; an edge has the mean of its ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) strain_limit: Option<String>,
     /// Stiffness of pins with `mode = "spring"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) pins: Option<String>,
     /// Share of the wind that is felt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) wind: Option<String>,
+    /// Rate of `[ether_drag]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) ether_drag: Option<String>,
 }
 
 impl Maps {
     /// What is painted, and by which name.
     pub(in crate::scene_file) fn written(&self) -> Vec<(&'static str, &str)> {
-        let Self { density, thickness, friction, stretch, bending, pins, wind } = self;
         let all = [
-            ("density", density),
-            ("thickness", thickness),
-            ("friction", friction),
-            ("stretch", stretch),
-            ("bending", bending),
-            ("pins", pins),
-            ("wind", wind),
+            ("density", &self.density),
+            ("thickness", &self.thickness),
+            ("self_friction", &self.self_friction),
+            ("friction", &self.friction),
+            ("stretch", &self.stretch),
+            ("shear", &self.shear),
+            ("membrane", &self.membrane),
+            ("bending", &self.bending),
+            ("dihedral_bending", &self.dihedral_bending),
+            ("strain_limit", &self.strain_limit),
+            ("pins", &self.pins),
+            ("wind", &self.wind),
+            ("ether_drag", &self.ether_drag),
         ];
         all.into_iter().filter_map(|(of, name)| name.as_deref().map(|name| (of, name))).collect()
     }

@@ -21,6 +21,11 @@ const BELOW_LINE: f64 = 0.85;
 /// Distances below this are rounding and only stretch the axis [m].
 const ROUNDING: f64 = 1e-12;
 
+/// What the letters of stages mean.
+const STAGE_NOTE: &str = "Seconds a frame of the first run of each setting. Letters are the lines of the paper's step: A looks \
+    for close pairs of cloth, B.1 and B.5 solve for velocities with the forces, B.2 and B.8 are self-repulsion, B.4 and B.7 \
+    contact and friction with bodies, C is self-collision.";
+
 /// Stages with a colour of their own.
 const STAGES: usize = 7;
 
@@ -190,7 +195,7 @@ pub(super) fn stages(study: &Study, analysis: &Analysis<'_>) -> String {
     let mut legend: Vec<(&str, &str)> = classes.iter().map(String::as_str).zip(named.iter().copied()).collect();
     legend.push(("f0", "everything else"));
     let drawing = bars(WIDE.0, "seconds a frame by stage", &rows);
-    section("Where the time goes", &card("", "Seconds a frame of the first run of each setting.", &legend, &drawing))
+    section("Where the time goes", &card("", STAGE_NOTE, &legend, &drawing))
 }
 
 /// Noise floor, error and own error of the reference over time.
@@ -232,7 +237,7 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
     let x = Side {
         axis: Axis::linear(study.compared.iter().map(|frame| study.time(*frame)), 10),
         title: "time since the start",
-        label: &|seconds| format!("{} s", text::digits(seconds)),
+        label: &text::seconds,
     };
     let y = Side {
         axis: millimetre_axis(all.into_iter(), NARROW.1),
@@ -249,7 +254,13 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
         plot.at_x("limit", time(analysis.predictable), "T_p");
     }
     plot.at_y("dash", 0.25 * study.scene.thickness, "a quarter of the thickness");
-    lines.iter().for_each(|(class, _, points)| plot.line(class, points));
+    for (class, name, points) in &lines {
+        plot.line(class, points);
+        // A single frame makes no line.
+        if let [point] = points.as_slice() {
+            plot.mark(&class.replace('l', "k"), *point, "", name);
+        }
+    }
     let classes: Vec<String> = lines.iter().map(|(class, ..)| class.replace('l', "f")).collect();
     let names = lines.iter().map(|(_, name, _)| name.as_str());
     let legend: Vec<(&str, &str)> = classes.iter().map(String::as_str).zip(names).collect();

@@ -1,43 +1,27 @@
 //! What can be compared where trajectories cannot: how the cloth is, over copies and over time.
 
 use crate::page::table::{self, Cell, number, words};
-use crate::page::text;
+use crate::page::text::{self, escape};
 use crate::study::analysis::Analysis;
 use crate::study::fit::mean_and_deviation;
 use crate::study::record::{Figures, Role, Sample, Study};
 use crate::study::table::is_reference;
 
-/// Something that the cloth is: its name, its value, how it is written.
-type Quantity = (&'static str, fn(&Figures) -> f64, fn(f64) -> String);
+/// Something that the cloth is: its name and unit, its value in that unit, and decimals.
+type Quantity = (&'static str, fn(&Figures) -> f64, usize);
 
 /// Everything that is compared.
 const QUANTITIES: [Quantity; 9] = [
-    ("drape area", |f| f.drape_area, square),
-    ("height of the centre", |f| f.centre[1], metres),
-    ("kinetic energy", |f| f.kinetic_energy, joules),
-    ("potential energy", |f| f.potential_energy, joules),
-    ("folds over 30°", |f| f.folds[0], metres),
-    ("folds over 60°", |f| f.folds[1], metres),
-    ("folds over 90°", |f| f.folds[2], metres),
-    ("contact area", |f| f.contact_area[0] + f.contact_area[1], square),
-    ("largest strain", |f| f.strain[0], percent),
+    ("drape area, m²", |f| f.drape_area, 3),
+    ("height of the centre, m", |f| f.centre[1], 4),
+    ("kinetic energy, mJ", |f| f.kinetic_energy * 1e3, 2),
+    ("potential energy, J", |f| f.potential_energy, 4),
+    ("folds over 30°, m", |f| f.folds[0], 2),
+    ("folds over 60°, m", |f| f.folds[1], 2),
+    ("folds over 90°, m", |f| f.folds[2], 2),
+    ("contact area, m²", |f| f.contact_area[0] + f.contact_area[1], 3),
+    ("largest strain, %", |f| f.strain[0] * 100.0, 2),
 ];
-
-fn square(value: f64) -> String {
-    format!("{value:.3} m²")
-}
-
-fn metres(value: f64) -> String {
-    format!("{value:.3} m")
-}
-
-fn joules(value: f64) -> String {
-    text::scaled(value, "J")
-}
-
-fn percent(value: f64) -> String {
-    format!("{:.2} %", 100.0 * value)
-}
 
 /// Differences of means that nobody sees, by the mean.
 const SAME: f64 = 1e-3;
@@ -62,39 +46,54 @@ pub(super) fn section(study: &Study, analysis: &Analysis<'_>) -> String {
         let (mean, deviation) = mean_and_deviation(&values);
         (mean, deviation.unwrap_or(0.0), values.len() as f64)
     };
+    // What the cloth never has, such as sharp folds in flat cloth, is no column.
+    let is_there = |(_, value, _): &&Quantity| study.samples.iter().any(|s| s.figures.iter().any(|f| value(f) != 0.0));
+    let quantities: Vec<&Quantity> = QUANTITIES.iter().filter(is_there).collect();
     let mut heads = vec![words("setting")];
-    heads.extend(QUANTITIES.iter().map(|(name, ..)| number(*name)));
-    let of_copies = |(_, value, write): &Quantity| {
+    heads.extend(quantities.iter().map(|(name, ..)| number(*name)));
+    let of_copies = |(_, value, decimals): &&Quantity| {
         let (mean, deviation, count) = spread(*value);
-        number(format!("{} ± {}", write(mean), write(2.0 * deviation / count.sqrt())))
+        let error = 2.0 * deviation / count.sqrt();
+        let error = if error < SAME * mean.abs() { "< 0.1 %".to_owned() } else { format!("{error:.decimals$}") };
+        number(format!("{mean:.decimals$} ± {error}"))
     };
-    let mut lines = vec![vec![words(format!("{} copies, mean ± 2 SE", copies.len()))]];
-    lines[0].extend(QUANTITIES.iter().map(of_copies));
-    for row in analysis.rows.iter().filter(|row| row.sample.role != Role::Base) {
-        let of_row = |(_, value, write): &Quantity| -> Cell {
+    let mut lines = vec![vec![words(format!("as the scene: {} copies, mean ± 2 SE", copies.len()))]];
+    lines[0].extend(quantities.iter().map(of_copies));
+    let mut alike: Vec<&str> = Vec::new();
+    for row in analysis.rows.iter().filter(|row| row.sample.role != Role::Base && !is_reference(row)) {
+        let mut differs = false;
+        let mut of_row = |(_, value, decimals): &&Quantity| -> Cell {
             let (mean, deviation, _) = spread(*value);
             let Some(found) = mean_of(row.sample, from, *value) else { return number("-") };
-            let is_within = (found - mean).abs() <= (2.0 * deviation).max(SAME * mean.abs());
-            match (is_within, mean == 0.0) {
-                (true, _) => number("="),
-                (false, true) => (format!("<b>{}</b>", write(found)), true),
-                (false, false) => {
-                    let change = 100.0 * (found - mean) / mean.abs();
-                    (format!("{} <b>{change:+.1} %</b>", write(found)), true)
-                }
+            if (found - mean).abs() <= (2.0 * deviation).max(SAME * mean.abs()) {
+                return number("=");
             }
+            differs = true;
+            if mean == 0.0 {
+                return (format!("<b>{found:.decimals$}</b>"), true);
+            }
+            let change = 100.0 * (found - mean) / mean.abs();
+            (format!("{found:.decimals$} <b>{change:+.1} %</b>"), true)
         };
+        let cells: Vec<Cell> = quantities.iter().map(&mut of_row).collect();
         let label = &row.sample.setting.label;
-        let mut cells = vec![words(if is_reference(row) { format!("{label} (reference)") } else { label.clone() })];
-        cells.extend(QUANTITIES.iter().map(of_row));
-        lines.push(cells);
+        if differs {
+            lines.push([vec![words(label)], cells].concat());
+        } else {
+            alike.push(label);
+        }
     }
     let first = study.compared.get(from).copied().unwrap_or_default();
     let last = study.compared.last().copied().unwrap_or_default();
+    let over = text::frames(first, last);
     let beyond = if analysis.has_horizon { "beyond the horizon" } else { "the second half: there is no horizon" };
+    let same = match alike.is_empty() {
+        true => String::new(),
+        false => format!(" Like the scene as it is in all of these: {}.", escape(&alike.join("; "))),
+    };
     let note = format!(
-        "<p>Means over frames {first} to {last} ({beyond}). = is within a thousandth or two standard deviations of the \
-         shifted copies, which cannot be told from them; elsewhere the difference from their mean is given.</p>"
+        "<p>Means over {over} ({beyond}). = is within a thousandth or two standard deviations of the shifted copies, which \
+         cannot be told from them; elsewhere the difference from their mean is given.{same}</p>"
     );
-    table::section("How the cloth is, where trajectories cannot be compared", &note, &heads, &lines)
+    table::section("What the cloth is like, whichever way its folds fall", &note, &heads, &lines)
 }

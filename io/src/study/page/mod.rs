@@ -7,7 +7,9 @@ mod tables;
 
 use crate::page::text::{self, escape};
 use crate::page::{document, tile};
-use crate::study::analysis::{Analysis, NOISY, analyse};
+use crate::study::allowed;
+use crate::study::analysis::{Analysis, analyse};
+use crate::study::checks::{Verdict, checks};
 use crate::study::record::Study;
 use crate::study::table::{error_words, millimetres, recommendation, reference_words, window_words};
 
@@ -20,6 +22,7 @@ pub fn page(study: &Study) -> String {
     let mut body = header(study, &analysis);
     body += &tiles(study, &analysis);
     body += &tables::settings(study, &analysis);
+    body += &tables::checked(study, &analysis);
     body += &charts::error_over_seconds(study, &analysis);
     body += &charts::error_over_step(&analysis);
     body += &charts::stages(study, &analysis);
@@ -51,6 +54,9 @@ fn header(study: &Study, analysis: &Analysis<'_>) -> String {
     for warning in warnings(study, analysis) {
         header += &format!("<p class=\"warn\">{}</p>", escape(&warning));
     }
+    for sentence in allowed::words(study) {
+        header += &format!("<p>{}</p>", escape(&sentence));
+    }
     header + "</header>\n"
 }
 
@@ -58,24 +64,18 @@ fn header(study: &Study, analysis: &Analysis<'_>) -> String {
 fn warnings(study: &Study, analysis: &Analysis<'_>) -> Vec<String> {
     let mut warnings = Vec::new();
     if study.reference().is_none() {
-        warnings
-            .push("There was no time for a reference: no error is known. Give more time and run it again.".to_owned());
+        warnings.push("No error is known: there is no reference.".to_owned());
     } else if analysis.own.is_none() {
         warnings.push("The reference was not checked: errors are marked ~.".to_owned());
-    } else if analysis.rows.first().is_some_and(|row| error_words(row.error.as_ref()).starts_with("ref.")) {
-        warnings.push("Reference not converged: no error of the scene as it is can be told.".to_owned());
     }
-    if let Some(noise) = analysis.noise.filter(|noise| *noise > NOISY) {
-        let percent = format!("{:.0} %", 100.0 * noise);
-        warnings
-            .push(format!("Noisy machine: times of the same run spread by {percent}; errors are not touched by that."));
-    }
-    if !study.omitted.is_empty() {
-        let count = study.omitted.len();
-        warnings
-            .push(format!("{count} runs were left out for lack of time: see below, or run the study again to go on."));
-    }
+    let failing = checks(study, analysis).into_iter().filter(|check| check.verdict == Verdict::Fails);
+    warnings.extend(failing.map(|check| format!("This does not hold: {}: {}.", lower(check.name), check.why)));
     warnings
+}
+
+fn lower(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_lowercase().chain(letters).collect())
 }
 
 fn capital(text: &str) -> String {
@@ -135,7 +135,8 @@ mod tests {
         (without.role, without.setting.label) = (Role::Without, "without wind".into());
         study.samples.push(without);
         study.samples.iter_mut().for_each(|sample| sample.figures = vec![Figures::default(); 10]);
-        study.omitted.push(Omission { label: "cfl 0.5".into(), why: "no time".into() });
+        let (label, why) = ("cfl 0.5".into(), "no time".into());
+        study.omitted.push(Omission { label, why, ..Omission::default() });
         study
     }
 
@@ -160,6 +161,7 @@ mod tests {
         let page = page(&study);
         for title in [
             "Settings",
+            "Whether these figures can be believed",
             "Error over seconds",
             "Error over time step",
             "Where the time goes",
@@ -180,6 +182,6 @@ mod tests {
 
     #[test]
     fn a_study_in_which_nothing_has_run_has_a_page() {
-        assert!(page(&Study::default()).contains("There was no time for a reference"));
+        assert!(page(&Study::default()).contains("No error is known"));
     }
 }

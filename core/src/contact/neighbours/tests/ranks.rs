@@ -104,6 +104,7 @@ impl Heap {
             triangles: self.triangles.iter().filter(has_own).copied().collect(),
             rest: self.rest[own.clone()].to_vec(),
             thickness: self.thickness[own.clone()].to_vec(),
+            friction: None,
             edge_length: self.edge_length[own.clone()].to_vec(),
             garment: own.clone().map(|v| (v / SHEET) as u32).collect(),
             mobility: self.mobility[own].to_vec(),

@@ -71,7 +71,7 @@ impl Heap {
             let x: Vec<Vec3> = numbers.iter().map(|n| x[*n]).collect();
             // What ghosts had before must not matter.
             (0..nodes.cloth()).filter(|i| !nodes.is_own(*i as u32)).for_each(|i| v[i] = Vec3::repeat(f64::NAN));
-            let at = Moment { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility };
+            let at = Moment { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility, friction: None };
             repulsions.positions_changed();
             repulsions.apply(passes, &at, &mut v, &mut metrics);
         }

@@ -1,0 +1,233 @@
+//! The names that a study varies, and what each of them changes in a scene.
+
+use crate::study::record::{Role, Setting};
+
+/// Word for a setting without any change.
+pub const AS_IS: &str = "as the scene";
+
+/// Name under which effects are left out.
+pub(super) const WITHOUT: &str = "without";
+
+/// Name under which deforming bodies are shown more seldom.
+pub(super) const BODY_FRAMES: &str = "body_frames";
+
+/// Name of the number of threads.
+pub(super) const THREADS: &str = "threads";
+
+/// Name of the thickness of all garments.
+pub(super) const THICKNESS: &str = "thickness";
+
+/// Name of the friction of all bodies and of cloth on cloth.
+pub(super) const FRICTION: &str = "friction";
+
+/// Parameter that is taken for the fineness of the mesh.
+pub const RESOLUTION: &str = "resolution";
+
+/// Short names of keys of the scene.
+const SHORT: [(&str, &str); 8] = [
+    ("cfl", "solver.cfl"),
+    ("max_dt", "solver.max_dt"),
+    ("cg_tolerance", "solver.cg_tolerance"),
+    ("strain_per_step", "solver.strain_per_step"),
+    ("max_steps", "self_collision.max_steps"),
+    ("integrator", "solver.integrator"),
+    ("body_friction", "solver.body_friction"),
+    ("per_collision_step", "self_repulsion.per_collision_step"),
+];
+
+/// Keys of `[solver]` that are another method, not another accuracy.
+const METHODS: [&str; 2] = ["solver.integrator", "solver.body_friction"];
+
+/// Power of the number of steps that the time of a run follows, measured on the sample scenes: shorter steps need fewer
+/// iterations each.
+const STEPS_POWER: f64 = 0.6;
+
+/// Time of a run with solves a hundred times as tight, measured likewise.
+const TIGHTER: f64 = 1.8;
+
+/// Start of the keys that choose effects.
+const CHOICE: &str = "effects.";
+
+/// What of the scene the choice of variations depends on.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Ground {
+    /// CFL number.
+    pub cfl: f64,
+    /// Longest step that the scene allows [s], where it says so.
+    pub max_dt: Option<f64>,
+    /// Tolerance of the velocity solves [m/s], where the scene says so; otherwise the solver chooses at each step.
+    pub cg_tolerance: Option<f64>,
+    /// Names of the garments.
+    pub garments: Vec<String>,
+    /// Thickness of each [m].
+    pub thicknesses: Vec<f64>,
+    /// Names of the bodies.
+    pub bodies: Vec<String>,
+    /// Names of the effects, each once.
+    pub effects: Vec<String>,
+    /// Effects that the scene itself leaves out.
+    pub left_out: Vec<String>,
+    /// Whether a body deforms.
+    pub has_surfaces: bool,
+    /// Value of the parameter `resolution`, if the scene has one that is a number.
+    pub resolution: Option<f64>,
+    /// Threads of the runs.
+    pub threads: usize,
+}
+
+impl Ground {
+    /// Whether the scene has an effect.
+    pub fn has(&self, effect: &str) -> bool {
+        self.effects.iter().any(|name| name == effect)
+    }
+}
+
+/// Reads `name=a,b,c`.
+///
+/// # Errors
+/// It is something else, or a value that the name does not take.
+pub fn parse_vary(text: &str) -> Result<(String, Vec<String>), String> {
+    let wrong = || format!("`{text}`: write a name and its values, for example cfl=4,2,1");
+    let (name, values) = text.split_once('=').ok_or_else(wrong)?;
+    let values: Vec<String> = values.split(',').map(|value| value.trim().to_owned()).collect();
+    let name = name.trim();
+    if name.is_empty() || values.iter().any(String::is_empty) {
+        return Err(wrong());
+    }
+    let are_counts = values.iter().all(|value| value.parse::<u16>().is_ok_and(|count| count > 0));
+    if name == BODY_FRAMES && !are_counts {
+        return Err(format!("`{text}`: bodies are shown at every so many frames, for example {BODY_FRAMES}=1,2"));
+    }
+    if name == THREADS && !are_counts {
+        return Err(format!("`{text}`: write numbers of threads, for example {THREADS}=1,2"));
+    }
+    Ok((name.to_owned(), values))
+}
+
+/// The scene as it is.
+pub(super) fn as_is() -> Setting {
+    Setting { label: AS_IS.to_owned(), ..Setting::default() }
+}
+
+/// The setting with one more change.
+pub(super) fn changed(setting: &Setting, name: &str, value: &str, ground: &Ground) -> Setting {
+    let mut setting = setting.clone();
+    setting.changes.push((name.to_owned(), value.to_owned()));
+    match name {
+        WITHOUT => leave_out(&mut setting, ground),
+        // Values were checked when they were read.
+        BODY_FRAMES => setting.body_frames = value.parse().unwrap_or(1),
+        THREADS => setting.threads = value.parse().unwrap_or(0),
+        THICKNESS => {
+            for (garment, thickness) in ground.garments.iter().zip(&ground.thicknesses) {
+                let value = match value.strip_prefix('x').and_then(|factor| factor.parse::<f64>().ok()) {
+                    Some(factor) => (thickness * factor).to_string(),
+                    None => value.to_owned(),
+                };
+                setting.settings.push((format!("garment.{garment}.thickness"), value));
+            }
+        }
+        FRICTION => {
+            let bodies = ground.bodies.iter().map(|body| format!("body.{body}.friction"));
+            let cloth = ground.has("self_repulsion").then(|| "self_repulsion.friction".to_owned());
+            setting.settings.extend(bodies.chain(cloth).map(|key| (key, value.to_owned())));
+        }
+        _ => setting.settings.push((key_of(name).to_owned(), value.to_owned())),
+    }
+    let words: Vec<String> = setting.changes.iter().map(|(name, value)| format!("{name} {value}")).collect();
+    setting.label = words.join(", ");
+    setting
+}
+
+/// Leaves out what the changes say besides what the scene itself leaves out, as `--without` does.
+fn leave_out(setting: &mut Setting, ground: &Ground) {
+    let named = setting.changes.iter().filter(|(name, _)| name == WITHOUT).map(|(_, effect)| effect.clone());
+    let names: Vec<String> = ground.left_out.iter().cloned().chain(named).collect();
+    setting.settings.retain(|(key, _)| !key.starts_with(CHOICE));
+    setting.settings.push((format!("{CHOICE}without"), format!("{names:?}")));
+    setting.settings.push((format!("{CHOICE}only"), "[]".to_owned()));
+}
+
+fn key_of(name: &str) -> &str {
+    SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, key)| key)
+}
+
+/// What a change of this name is compared with.
+pub(super) fn role_of(name: &str) -> Role {
+    let key = key_of(name);
+    match name {
+        WITHOUT => Role::Without,
+        THREADS => Role::Threads,
+        BODY_FRAMES => Role::Accuracy,
+        _ if METHODS.contains(&key) => Role::Model,
+        _ if key.starts_with("solver.") || key == "self_collision.max_steps" => Role::Accuracy,
+        _ => Role::Model,
+    }
+}
+
+/// Time of a change by that of the base, before anything is measured.
+pub(super) fn rough_times(name: &str, value: &str, ground: &Ground) -> f64 {
+    let number = value.parse::<f64>().ok().filter(|number| *number > 0.0);
+    match (name, number) {
+        ("cfl", Some(cfl)) => (ground.cfl / cfl).powf(STEPS_POWER),
+        // A panel of n cells has n² vertices and takes n times as many steps.
+        (RESOLUTION, Some(cells)) => ground.resolution.map_or(1.0, |base| (cells / base).powi(3)),
+        ("max_dt", Some(dt)) => ground.max_dt.map_or(4.0, |base| base / dt).max(1.0).powf(STEPS_POWER),
+        ("cg_tolerance", Some(tolerance)) if ground.cg_tolerance.is_none_or(|base| tolerance < base) => TIGHTER,
+        ("max_steps", _) => 1.2,
+        (THREADS, Some(count)) => (ground.threads as f64 / count).max(1.0),
+        _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    pub(in crate::study) fn ground() -> Ground {
+        Ground {
+            cfl: 4.0,
+            cg_tolerance: Some(1e-3),
+            garments: vec!["shirt".into(), "skirt".into()],
+            thicknesses: vec![0.002, 0.001],
+            bodies: vec!["hero".into()],
+            effects: ["gravity", "stretch", "bending", "self_repulsion", "self_collision"].map(str::to_owned).into(),
+            resolution: Some(40.0),
+            threads: 2,
+            ..Ground::default()
+        }
+    }
+
+    fn pairs(expected: &[(&str, &str)]) -> Vec<(String, String)> {
+        expected.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect()
+    }
+
+    #[test]
+    fn a_factor_of_thickness_reaches_every_garment_and_friction_everything_that_rubs() {
+        let setting = changed(&as_is(), "thickness", "x0.5", &ground());
+        let expected = [("garment.shirt.thickness", "0.001"), ("garment.skirt.thickness", "0.0005")];
+        assert_eq!(setting.settings, pairs(&expected));
+        let setting = changed(&as_is(), "friction", "0", &ground());
+        assert_eq!(setting.settings, pairs(&[("body.hero.friction", "0"), ("self_repulsion.friction", "0")]));
+        let bare = Ground { effects: Vec::new(), ..ground() };
+        assert_eq!(changed(&as_is(), "friction", "0", &bare).settings, pairs(&[("body.hero.friction", "0")]));
+    }
+
+    #[test]
+    fn effects_are_left_out_besides_those_that_the_scene_leaves_out() {
+        let ground = Ground { left_out: vec!["wind".into()], ..ground() };
+        let one = changed(&as_is(), "without", "bending", &ground);
+        assert_eq!(one.settings, pairs(&[("effects.without", r#"["wind", "bending"]"#), ("effects.only", "[]")]));
+        let two = changed(&one, "without", "self_repulsion", &ground);
+        let expected = [("effects.without", r#"["wind", "bending", "self_repulsion"]"#), ("effects.only", "[]")];
+        assert_eq!(two.settings, pairs(&expected));
+    }
+
+    #[test]
+    fn values_that_a_name_does_not_take_are_refused() {
+        for wrong in ["cfl", "cfl=", "body_frames=0", "threads=0", "threads=many"] {
+            assert!(parse_vary(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(parse_vary("threads=1, 2").unwrap().1, ["1", "2"]);
+    }
+}
