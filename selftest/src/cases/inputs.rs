@@ -120,7 +120,10 @@ pub(super) const H45: Case = Case {
             let trial = Trial { input, may_cross: inside_out, ..Trial::still(description, 20) };
             let record = bench.simulate(&trial)?;
             figures.push(Figure::at_most(format!("strain, {what}"), record.strain(), 0.5));
-            if !inside_out {
+            if inside_out {
+                let counted = record.counted("body_inside_out");
+                figures.push(Figure::at_least("frames that count it", counted, 1.0));
+            } else {
                 // The facets lie inside the ball.
                 let radius = 0.1 * (1.0 + growth * 20.0 / 24.0) * (std::f64::consts::PI / 24.0).cos().powi(2);
                 let nearest = record.last().positions[0].iter().map(|x| x.norm()).fold(f64::INFINITY, f64::min);
@@ -131,6 +134,15 @@ pub(super) const H45: Case = Case {
                 ));
             }
         }
+        let mut turned = person();
+        turned.points.iter_mut().for_each(|p| *p = -*p);
+        figures.push(Figure::exactly(
+            "exit code, inside out from frame 2 on",
+            run_archive(bench, &[person(), turned.clone(), turned], "out")?.code(),
+            0.0,
+        ));
+        let check = bench.command(&["check", "scene.toml"])?;
+        figures.extend(judged("check of it", &check, 0.0, &["body \"hero\"", "frame 2", "inside out"]));
         Ok(figures)
     },
 };
