@@ -227,6 +227,12 @@ impl Bodies {
         self.list.iter().map(crossings).sum()
     }
 
+    /// Number of bodies that are inside out at the end of the step.
+    pub fn turned(&self) -> usize {
+        let is_turned = |body: &&Body| matches!(&body.kind, Kind::Surface(surface) if surface.mesh.is_turned());
+        self.list.iter().filter(is_turned).count()
+    }
+
     /// The attachment of a garment's vertex at `place` [m] to the nearest place of a surface at the end of the step.
     pub fn bind(&self, body: usize, vertex: u32, place: Vec3) -> Option<SurfaceAttachment> {
         let Kind::Surface(surface) = &self.list[body].kind else { return None };
@@ -420,7 +426,9 @@ impl Kind {
             BodyShape::Surface { triangles, point_count } => {
                 let first = first.ok_or("there is no sample of its positions at the start")?;
                 let mut surface = Surface {
-                    mesh: MovingSurface::new(triangles.clone(), *point_count).map_err(|e| e.to_string())?,
+                    mesh: MovingSurface::new(triangles.clone(), *point_count)
+                        .map_err(|e| e.to_string())?
+                        .facing(description.faces_inwards),
                     latest: first.clone(),
                     crossing_regions: [Aabb::EMPTY; 2],
                     crossing_points: [Vec::new(), Vec::new()],

@@ -193,6 +193,9 @@ pub struct BodyDescription {
     pub thickness: f64,
     /// Fastest speed at which a vertex that is already too deep is pushed out [m/s]; infinite corrects in one step.
     pub max_push_speed: f64,
+    /// Whether the triangles of a closed surface face what they enclose, as those of a room do; a surface that faces outwards and
+    /// comes to enclose the outside has turned inside out, and its sides are exchanged.
+    pub faces_inwards: bool,
 }
 
 /// Surface of a body, in its own frame.
@@ -461,7 +464,15 @@ impl GarmentDescription {
 impl BodyDescription {
     /// A frictionless body without thickness.
     pub fn new(name: &str, shape: BodyShape, motion: RigidMotion) -> Self {
-        Self { name: name.into(), shape, motion, friction: 0.0, thickness: 0.0, max_push_speed: f64::INFINITY }
+        Self {
+            name: name.into(),
+            shape,
+            motion,
+            friction: 0.0,
+            thickness: 0.0,
+            max_push_speed: f64::INFINITY,
+            faces_inwards: false,
+        }
     }
 }
 
@@ -546,21 +557,6 @@ impl Scene {
         &self.sewn
     }
 
-    /// What of the garments takes no part, and why, a sentence each: on rank 0, nothing elsewhere.
-    pub fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-
-    /// Own vertices that no triangle has, ascending, if any rank has such.
-    pub(crate) fn inert(&self) -> Option<&[u32]> {
-        self.inert.as_deref()
-    }
-
-    /// Vertices of all ranks that take no part and go with another in the output.
-    pub(crate) fn followers(&self) -> &[Follower] {
-        &self.followers
-    }
-
     /// Rows of a track that own vertices follow, ascending.
     pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
         let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
@@ -595,10 +591,7 @@ impl Scene {
         };
         let x = self.start.clone().unwrap_or_else(|| self.rest_positions());
         let mut v = self.velocities.clone().unwrap_or_else(uniform);
-        if let Some(inert) = &self.inert {
-            inert.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
-            self.parts.halo().refresh(self.parts.ranks(), &mut v);
-        }
+        self.stop_inert(&mut v);
         [x, v]
     }
 }

@@ -27,7 +27,8 @@ const SPECK: f64 = 1e-15;
 const COMPARED: i64 = 8;
 
 /// Counts that say that something was not as it should be although they are no limits.
-const NOTED: [&str; 10] = [
+const NOTED: [&str; 11] = [
+    "body_inside_out",
     "body_squeezed",
     "zones_rigid",
     "crossings_reverted",

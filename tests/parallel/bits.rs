@@ -159,6 +159,48 @@ fn a_hanging_sheet_with_springs_and_late_pins() {
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }
 
+/// Where the vertices of the first garment are after three frames, by rank 0 of so many.
+fn places(description: &SceneDescription, [ranks, threads]: [usize; 2]) -> Vec<Vec3> {
+    let work = |communicator| {
+        let ranks = Ranks::new(communicator);
+        let scene = Scene::distribute(&ranks, ranks.is_first().then(|| description.clone())).expect("a valid scene");
+        let mut simulation = Simulation::new(scene, &no_input(0)).expect("a start");
+        for frame in 1..=3 {
+            if frame == 3 {
+                simulation.assign(uneven(simulation.scene())).expect("parts change their ranks");
+            }
+            simulation.advance(&no_input(frame)).expect("a frame");
+        }
+        let mut x = Vec::new();
+        simulation.garment_positions(0, &mut x);
+        x
+    };
+    let all = LocalRanks::run(ranks, threads, work).unwrap_or_else(|e| panic!("{ranks} ranks: {e}"));
+    all.into_iter().next().expect("there is a first rank")
+}
+
+#[test]
+fn a_sheet_with_elements_that_take_no_part_and_vertices_that_go_with_others() {
+    let mut description = cloth(0.21);
+    let mesh = &mut description.garments[0].mesh;
+    let (mut points, mut triangles) = (mesh.points.clone(), mesh.face_indices.as_chunks().0.to_vec());
+    // On a corner, beside another on the line of its edge, and alone; faces twice and without area.
+    points.extend([points[6560], points[80] + Vec3::x(), Vec3::repeat(0.4)]);
+    triangles.extend([[6560, 6561, 6559], [79, 80, 6562], [3000, 3001, 3002], triangles[77]]);
+    *mesh = PolygonMesh::from_triangles(points, &triangles);
+    add_body(&mut description, BodyShape::Rigid(Shape::Sphere { radius: 0.2 }), RigidMotion::at(Vec3::zeros()), 0.4);
+    add_self_contact(&mut description);
+    let [one, others @ ..] = COUNTS;
+    let whole = places(&description, one);
+    assert_eq!(whole[6561], whole[6560]);
+    assert!((whole[6562] - whole[80] - Vec3::x()).norm() < 1e-12);
+    assert_eq!(whole[6563], Vec3::repeat(0.4));
+    for count in others {
+        assert!(places(&description, count) == whole, "{count:?}");
+    }
+    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
+}
+
 #[test]
 fn two_garments_that_fall_on_a_spinning_ball_and_on_a_floor() {
     let mut description = cloth(0.21);

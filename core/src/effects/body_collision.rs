@@ -37,7 +37,14 @@ pub static SPEC: EffectSpec = EffectSpec {
     requires: &[],
     cost: Cost { elements: "vertices", step: 50.0, iteration: 0.0 },
     section: Some(SECTION),
-    counts: &["body_contacts", "body_contacts_along_path", "body_queries", "body_squeezed", "body_pinched"],
+    counts: &[
+        "body_contacts",
+        "body_contacts_along_path",
+        "body_queries",
+        "body_squeezed",
+        "body_pinched",
+        "body_inside_out",
+    ],
     build,
 };
 

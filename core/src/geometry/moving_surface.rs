@@ -7,8 +7,8 @@
 //!
 //! The sign comes from the angle-weighted pseudo-normal of the closest vertex, edge or face (Bærentzen and Aanæs 2005),
 //! which is exact for a closed surface that does not cross itself. Where it does, see
-//! [`self_crossing`]. Vertices that coincide but are not shared leave a border in the
-//! mesh: weld them first, or the sign beside such a seam may be wrong.
+//! [`self_crossing`]. A closed surface that turns inside out goes on with its sides exchanged. Vertices that coincide but
+//! are not shared leave a border in the mesh: weld them first, or the sign beside such a seam may be wrong.
 
 use rayon::prelude::*;
 use thiserror::Error;
@@ -121,6 +121,11 @@ pub struct MovingSurface {
     star_starts: Vec<u32>,
     stars: Vec<u32>,
     closed: bool,
+    /// Whether its triangles face what they enclose, as those of a room do.
+    faces_inwards: bool,
+    /// Whether it is inside out at the two samples, and at the end of the step.
+    turned_at: [bool; 2],
+    turned: bool,
     times: [f64; 2],
     samples: [Vec<Vec3>; 2],
     /// Positions at the start and the end of the step.
@@ -151,6 +156,9 @@ impl MovingSurface {
             star_starts,
             stars,
             closed,
+            faces_inwards: false,
+            turned_at: [false; 2],
+            turned: false,
             times: [0.0; 2],
             samples: [vec![Vec3::zeros(); point_count], vec![Vec3::zeros(); point_count]],
             positions: [vec![Vec3::zeros(); point_count], vec![Vec3::zeros(); point_count]],
@@ -158,6 +166,11 @@ impl MovingSurface {
             trees: [nothing.clone(), nothing],
             built_cost: 0.0,
         })
+    }
+
+    /// The same surface, whose triangles face what they enclose if `inwards`.
+    pub fn facing(self, inwards: bool) -> Self {
+        Self { faces_inwards: inwards, ..self }
     }
 
     /// The two samples that the following steps lie between, times in s, positions in m; equal times mean a body at
@@ -178,6 +191,7 @@ impl MovingSurface {
         self.times = [time_a, time_b];
         self.samples[0].copy_from_slice(a);
         self.samples[1].copy_from_slice(b);
+        self.turned_at = [a, b].map(|positions| self.is_turned_at(positions));
         self.set_step(time_b, time_b);
         if self.trees[0].is_empty() || self.trees[0].cost() > tolerances::REBUILD_COST * self.built_cost {
             let tree = Bvh::build(&self.triangle_boxes(0));
@@ -204,6 +218,12 @@ impl MovingSurface {
             let at_end = Aabb::of_point(x1);
             *boxes = [at_end, if moving { at_end.union(&Aabb::of_point(x0)) } else { at_end }];
         });
+        let [at_a, at_b] = self.turned_at;
+        let turned = if at_a == at_b { at_a } else { self.is_turned_at(&self.positions[1]) };
+        if turned != self.turned {
+            self.turned = turned;
+            self.triangles.par_iter_mut().for_each(|corners| corners.swap(1, 2));
+        }
         let (triangles, boxes) = (&self.triangles, &self.vertex_boxes);
         for (kind, tree) in self.trees.iter_mut().enumerate() {
             tree.refit(|t| triangle_box(&triangles[t as usize], boxes, kind));
@@ -218,6 +238,20 @@ impl MovingSurface {
     /// Positions at the end of the step \[m\].
     pub fn positions(&self) -> &[Vec3] {
         &self.positions[1]
+    }
+
+    /// Whether it is inside out at the end of the step, so that its sides are exchanged.
+    pub fn is_turned(&self) -> bool {
+        self.turned
+    }
+
+    /// Whether the surface, closed and with its points at `positions`, encloses what was outside.
+    fn is_turned_at(&self, positions: &[Vec3]) -> bool {
+        if !self.closed {
+            return false;
+        }
+        // Turned triangles are those of a surface that faces the other way.
+        is_inside_out(&self.triangles, positions, self.faces_inwards != self.turned)
     }
 
     /// Whether every edge joins two triangles of the same orientation, so that there is an inside.
@@ -400,13 +434,34 @@ fn vertex_stars(triangles: &[[u32; 3]], point_count: usize) -> (Vec<u32>, Vec<u3
 }
 
 /// Every directed edge is met by exactly one in the other direction.
-fn is_closed(triangles: &[[u32; 3]]) -> bool {
+pub fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let edges = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
     let mut forward: Vec<[u32; 2]> = triangles.iter().flat_map(edges).collect();
     let mut backward: Vec<[u32; 2]> = forward.iter().map(|e| [e[1], e[0]]).collect();
     forward.sort_unstable();
     backward.sort_unstable();
     forward == backward && forward.windows(2).all(|w| w[0] != w[1])
+}
+
+/// Whether closed triangles enclose what was outside; `faces_inwards` if they face what they should enclose.
+pub fn is_inside_out(triangles: &[[u32; 3]], positions: &[Vec3], faces_inwards: bool) -> bool {
+    let share = enclosed_share(triangles, positions);
+    if faces_inwards { share > tolerances::INSIDE_OUT } else { share < -tolerances::INSIDE_OUT }
+}
+
+/// The volume that triangles enclose as a share of the cube over the root of their area: 0.094 for a ball, negative where they face
+/// inwards, 0 without an area. Meaningless for triangles with borders.
+pub fn enclosed_share(triangles: &[[u32; 3]], positions: &[Vec3]) -> f64 {
+    let Some(first) = triangles.first() else { return 0.0 };
+    // From a point of the surface, so that nothing is lost far away from the origin.
+    let origin = positions[first[0] as usize];
+    let (mut volume, mut area) = (0.0, 0.0);
+    for corners in triangles {
+        let [a, b, c] = corners.map(|v| positions[v as usize] - origin);
+        volume += a.dot(&b.cross(&c)) / 6.0;
+        area += 0.5 * (b - a).cross(&(c - a)).norm();
+    }
+    if area > 0.0 { volume / (area * area.sqrt()) } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -40,3 +40,8 @@ pub const REBUILD_COST: f64 = 1.3;
 /// Above it two sets of points are apart for certain. Guarded by
 /// `the_answer_is_that_of_integer_arithmetic_in_any_order_of_the_vertices`.
 pub const SEPARATION: f64 = 8.0 * f64::EPSILON;
+
+/// Volume that a closed surface has to enclose the wrong way round, as a share of the cube over the root of its area, to be taken
+/// as inside out: a hundredth of a ball's. Folded flat it is neither. Guarded by
+/// `a_closed_surface_that_turns_inside_out_goes_on_with_its_sides_exchanged`.
+pub const INSIDE_OUT: f64 = 1e-3;

@@ -5,6 +5,7 @@
 
 use crate::Vec3;
 use crate::mesh::PolygonMesh;
+use crate::scene::Scene;
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 
 /// Elements of one kind that a warning lists before the rest is only counted.
@@ -93,6 +94,31 @@ impl Sound {
         }
         for (what, list, is) in says {
             self.warnings.extend(listed(list).map(|list| format!("{place}: {what} {list} {is}")));
+        }
+    }
+}
+
+impl Scene {
+    /// What of the garments takes no part, and why, a sentence each: on rank 0, nothing elsewhere.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Own vertices that no triangle has, ascending, if any rank has such.
+    pub(crate) fn inert(&self) -> Option<&[u32]> {
+        self.inert.as_deref()
+    }
+
+    /// Vertices of all ranks that take no part and go with another in the output.
+    pub(crate) fn followers(&self) -> &[Follower] {
+        &self.followers
+    }
+
+    /// What takes no part has no velocity.
+    pub(super) fn stop_inert(&self, v: &mut [Vec3]) {
+        if let Some(inert) = &self.inert {
+            inert.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
+            self.parts.halo().refresh(self.parts.ranks(), v);
         }
     }
 }

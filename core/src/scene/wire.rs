@@ -35,7 +35,7 @@ wire!(enum Shape {
 });
 wire!(enum BodyShape { 0 => Rigid(shape), 1 => Surface { triangles, point_count } });
 wire!(struct RigidMotion { path, rotation, angular_velocity, spin_start });
-wire!(struct BodyDescription { name, shape, motion, friction, thickness, max_push_speed });
+wire!(struct BodyDescription { name, shape, motion, friction, thickness, max_push_speed, faces_inwards });
 wire!(enum PinAnchor { 0 => Start, 1 => WhenHeld });
 wire!(enum PinHold { 0 => Hard, 1 => Spring { stiffness, damping_ratio, break_force } });
 wire!(struct SurfaceAttachment { vertex, body_points, weights, offset });

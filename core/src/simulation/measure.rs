@@ -36,6 +36,10 @@ impl Simulation {
         }
         summary.broken = self.broken_in(summary.frame);
         summary.body_self_crossings = self.bodies.self_crossings() as u64;
+        let turned = self.bodies.turned() as u64;
+        if turned > 0 {
+            self.metrics.count_once(&ranks, "body_inside_out", turned);
+        }
         self.count_traffic();
         self.take_counts();
         summary.metrics = self.metrics.take().over_ranks(&ranks);

@@ -1,6 +1,7 @@
 //! Bodies of a scene file.
 
 use drapery_core::Vec3;
+use drapery_core::geometry::moving_surface::enclosed_share;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyDescription, BodyShape, RigidMotion};
 use drapery_core::settings::Dimension;
@@ -15,17 +16,18 @@ use super::tree::Path;
 impl Resolver<'_> {
     /// Resolves one body. Problems are recorded; the body then stays in its place with what could be read.
     pub(super) fn body(&mut self, body: &Body, path: &Path) {
-        let (shape, motion, input) = match (&body.file, body.shape) {
+        let still = || RigidMotion::at(Vec3::zeros());
+        let (shape, motion, input, faces_inwards) = match (&body.file, body.shape) {
             (Some(file), None) => match self.file_body(body, file, path) {
-                Some((shape, input)) => (shape, RigidMotion::at(Vec3::zeros()), Some(input)),
-                None => (BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), None),
+                Some((shape, input, faces_inwards)) => (shape, still(), Some(input), faces_inwards),
+                None => (BodyShape::Rigid(Shape::HalfSpace), still(), None, false),
             },
-            (None, Some(shape)) => (self.shape(shape, path), self.motion(body, path), None),
+            (None, Some(shape)) => (self.shape(shape, path), self.motion(body, path), None, false),
             _ => {
                 let help = "for example shape = { sphere = { radius = 0.25 } }, or file = \"hero.abc\"".to_owned();
                 self.error_with(path, format!("body \"{}\" needs either a `shape` or a `file`", body.name), help);
                 // Bodies are found by their number, so a broken one keeps its place.
-                (BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), None)
+                (BodyShape::Rigid(Shape::HalfSpace), still(), None, false)
             }
         };
         let thickness = self.quantity(&path.clone().key("thickness"), &body.thickness, Dimension::Length);
@@ -39,7 +41,9 @@ impl Resolver<'_> {
         };
         let name = body.name.clone();
         let friction = body.friction;
-        self.description.bodies.push(BodyDescription { name, shape, motion, friction, thickness, max_push_speed });
+        let body =
+            BodyDescription { friction, thickness, max_push_speed, ..BodyDescription::new(&name, shape, motion) };
+        self.description.bodies.push(BodyDescription { faces_inwards, ..body });
     }
 
     fn shape(&mut self, shape: raw::Shape, path: &Path) -> BodyShape {
@@ -119,7 +123,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn file_body(&mut self, body: &Body, file: &str, path: &Path) -> Option<(BodyShape, InputMotion)> {
+    fn file_body(&mut self, body: &Body, file: &str, path: &Path) -> Option<(BodyShape, InputMotion, bool)> {
         let of_shapes = [
             ("position", body.position.is_some()),
             ("rotation", body.rotation.is_some()),
@@ -158,7 +162,8 @@ impl Resolver<'_> {
         };
         let label = format!("body \"{}\"", body.name);
         let input = InputMotion { label, source, rest, rows: None, own_units: body.units.is_some() };
-        Some((BodyShape::Surface { triangles, point_count }, input))
+        let faces_inwards = enclosed_share(&triangles, &first.points) < 0.0;
+        Some((BodyShape::Surface { triangles, point_count }, input, faces_inwards))
     }
 
     /// Refuses two meshes that should be one.

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use drapery_core::Vec3;
 use drapery_core::error::Problem;
+use drapery_core::geometry::moving_surface::{is_closed, is_inside_out};
 use drapery_core::scene::Timeline;
 use drapery_core::tolerances::DEGENERATE_AREA;
 
@@ -41,13 +42,25 @@ impl Span {
     }
 }
 
-/// Problems of one moving input over all samples that the shot uses. `points` is the number that the scene was built
-/// with, if it was.
-pub(crate) fn check_motion(motion: &InputMotion, span: Span, points: Option<usize>) -> Vec<Problem> {
+/// The surface that a scene was built with.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BodySurface<'a> {
+    pub(crate) triangles: &'a [[u32; 3]],
+    pub(crate) point_count: usize,
+    pub(crate) faces_inwards: bool,
+}
+
+/// Problems of one moving input over all samples that the shot uses; `body` is its surface, if it is a body.
+pub(crate) fn check_motion(
+    motion: &InputMotion,
+    span: Span,
+    body: Option<BodySurface<'_>>,
+    warnings: &mut Vec<String>,
+) -> Vec<Problem> {
     let mut problems = Vec::new();
     problems.extend(outside(motion, span));
     problems.extend(holes(motion, span));
-    if let Err(error) = check_samples(motion, span, points, &mut problems) {
+    if let Err(error) = check_samples(motion, span, body, (&mut problems, warnings)) {
         problems.push(Problem::data(&motion.label, error.to_string(), "export the file again"));
     }
     problems
@@ -172,9 +185,11 @@ fn holes(motion: &InputMotion, span: Span) -> Option<Problem> {
 fn check_samples(
     motion: &InputMotion,
     span: Span,
-    mut points: Option<usize>,
-    problems: &mut Vec<Problem>,
+    body: Option<BodySurface<'_>>,
+    (problems, warnings): (&mut Vec<Problem>, &mut Vec<String>),
 ) -> Result<(), IoError> {
+    let mut points = body.map(|body| body.point_count);
+    let mut closed = body.filter(|body| is_closed(body.triangles));
     let source = &motion.source;
     let mut times = vec![span.first_time()];
     times.extend_from_slice(source.times_between(span.first_time(), span.last_time()));
@@ -206,6 +221,12 @@ fn check_samples(
                 "export it with constant topology: same points, same faces, same order in every frame",
             ));
             return Ok(());
+        }
+        let turned = |body: &BodySurface<'_>| is_inside_out(body.triangles, &positions, body.faces_inwards);
+        if closed.as_ref().is_some_and(turned) {
+            closed = None;
+            let place = place(motion, span, time);
+            warnings.push(format!("{place}: the body is inside out: its sides are exchanged for as long as it is"));
         }
         if let Some(vertex) = first_not_finite(&positions).filter(|_| !bad_number) {
             bad_number = true;

@@ -8,7 +8,7 @@ use drapery_core::simulation::FrameInput;
 
 use crate::error::IoError;
 use crate::shot::ShotError;
-use crate::shot::check::{Span, check_faces, check_motion, check_size};
+use crate::shot::check::{BodySurface, Span, check_faces, check_motion, check_size};
 use crate::shot::crew::Crew;
 use crate::shot::motion::{InputMotion, Preroll};
 use crate::wind_file::WindFile;
@@ -40,13 +40,14 @@ impl Inputs {
         let mut problems = Vec::new();
         for (body, motion) in scene.bodies.iter().zip(&self.bodies) {
             if let (BodyShape::Surface { triangles, point_count }, Some(motion)) = (&body.shape, motion) {
-                problems.extend(check_motion(motion, span, Some(*point_count)));
+                let surface = BodySurface { triangles, point_count: *point_count, faces_inwards: body.faces_inwards };
+                problems.extend(check_motion(motion, span, Some(surface), warnings));
                 problems.extend(check_size(motion, span, warnings));
                 problems.extend(check_faces(motion, span, triangles, warnings));
             }
         }
         for track in &self.tracks {
-            problems.extend(check_motion(track, span, None));
+            problems.extend(check_motion(track, span, None, warnings));
         }
         problems.extend(self.wind.as_ref().and_then(|wind| wind.check(self.timeline, last_frame)));
         problems

@@ -201,7 +201,8 @@ fn horizon(study: &Study, floor: &[f64]) -> Option<usize> {
 }
 
 /// Number of compared frames over which errors are taken: inside the horizon, and as long as the own error of the reference
-/// stays below a tenth of the error of the scene as it is; if it never does, all inside the horizon.
+/// stays below a tenth of the error of the scene as it is; if it does so only for less than half of them, all inside the
+/// horizon: the first frames, in which little has happened, do not stand for the others.
 fn window(study: &Study, (own_error, floor): (&[f64], &[f64]), predictable: usize) -> usize {
     let Some(base) = study.base().filter(|base| !base.from_reference.is_empty()) else { return predictable };
     let errors: Vec<f64> = base.from_reference.iter().map(|distance| distance.rms).collect();
@@ -210,7 +211,7 @@ fn window(study: &Study, (own_error, floor): (&[f64], &[f64]), predictable: usiz
         let is_above_floor = floor.get(..*frames).is_none_or(|floor| error > over(floor));
         is_above_floor && own_error.get(..*frames).is_some_and(|own| over(own) <= REFERENCE_SHARE * error)
     };
-    (1..=predictable).rev().find(tells).unwrap_or(predictable)
+    (predictable.div_ceil(2).max(1)..=predictable).rev().find(tells).unwrap_or(predictable)
 }
 
 /// What a run is off over the first frames.
@@ -255,8 +256,8 @@ fn row<'a>(study: &Study, sample: &'a Sample, (window, own, floor): (usize, Opti
     }
 }
 
-/// Times a frame of all runs of these settings [s]; shifted copies do the same work. The very first run of a study warms everything up: it counts only if
-/// there is no other.
+/// Times a frame of all runs of these settings [s]; shifted copies do the same work. The very first run of a study warms
+/// everything up: it counts only if there is no other.
 pub fn times(study: &Study, of: &Sample) -> Vec<f64> {
     let same = |sample: &&Sample| sample.setting == of.setting && sample.role == of.role && sample.is_whole();
     let all: Vec<&Sample> = study.samples.iter().filter(same).collect();
@@ -464,6 +465,9 @@ pub(crate) mod tests {
         // Late frames that are not converged are left out of the window.
         study.own_error = (0..10).map(|frame| if frame < 6 { 1e-6 } else { 1e-2 }).collect();
         assert_eq!(analyse(&study).window, 6);
+        // The first two of ten do not stand for all of them.
+        study.own_error = (0..10).map(|frame| if frame < 2 { 1e-6 } else { 1e-2 }).collect();
+        assert_eq!(analyse(&study).window, 10);
         study.own_error = Vec::new();
         assert_eq!(told(&study)[0], Told::Unchecked);
     }

@@ -6,10 +6,13 @@ use crate::study::record::{Machine, Role, Sample, Study};
 use crate::study::table::millimetres;
 
 /// Least number of compared frames that can be split into earlier and later ones.
-const SPLIT: usize = 3;
+const SPLIT: usize = 6;
 
 /// Share of the frames, the earliest ones, from which the error of later ones is foretold.
 const EARLIER: f64 = 2.0 / 3.0;
+
+/// Ratios above this are only called large.
+const LARGE: f64 = 100.0;
 
 /// How many times what earlier frames say the error of later ones may be.
 const HELD_OUT: f64 = 2.0;
@@ -130,7 +133,7 @@ fn held_out(study: &Study, analysis: &Analysis<'_>) -> Check {
         row.sample.setting.label,
         millimetres(later.rms),
         analysis.window - split,
-        text::digits(ratio)
+        if ratio > LARGE { format!("more than {LARGE}") } else { text::digits(ratio) }
     );
     Check::new(name, Some(ratio <= HELD_OUT), why)
 }

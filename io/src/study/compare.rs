@@ -65,11 +65,13 @@ struct Reference {
 fn reference(study: &Study, folder: &Path) -> Result<Reference, IoError> {
     let frames = study.compared.len();
     let of_role = |role: Role| study.of_role(role).filter(|sample| !sample.states.is_empty());
-    let roles = [Role::Reference, Role::ReferenceCheck, Role::ReferenceCoarse].map(of_role);
+    // Where the finest is missing, the next takes its place and is checked by the one after.
+    let mut runs = [Role::Reference, Role::ReferenceCheck, Role::ReferenceCoarse].into_iter().filter_map(of_role);
+    let runs = [runs.next(), runs.next(), runs.next()];
     let mut found = Reference { extrapolated: vec![0; frames], ..Reference::default() };
     let Some(finest) = study.reference().filter(|sample| !sample.states.is_empty()) else { return Ok(found) };
     let mut run = Run::read(folder, finest, frames)?;
-    if let [Some(fine), Some(middle), coarse] = roles {
+    if let [Some(fine), Some(middle), coarse] = runs {
         let steps = |sample: &Sample| sample.cost.steps.max(1) as f64;
         let ratios = [steps(fine) / steps(middle), coarse.map_or(1.0, |coarse| steps(middle) / steps(coarse))];
         let middle = Run::read(folder, middle, frames)?;

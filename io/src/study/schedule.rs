@@ -39,8 +39,8 @@ const WANTED: usize = 12;
 /// Share of the wanted runs, without repeats, that should fit into the time.
 const FITTING: f64 = 0.9;
 
-/// Times the base that have to be left besides the reference.
-const BESIDES: f64 = 10.0;
+/// Times the base that have to be left besides a reference of each fineness.
+const BESIDES: [f64; 3] = [10.0, 10.0, 5.0];
 
 /// How much longer than foretold a run may take before it is given up, and how many seconds in any case.
 const PATIENCE: (f64, f64) = (3.0, 3.0);
@@ -76,8 +76,9 @@ impl Schedule<'_> {
             let base = study.base().map_or(0.0, |base| base.cost.with_overhead);
             let left = self.left(study);
             let times = |fineness: u32| space::reference_times(f64::from(fineness)).iter().sum::<f64>();
-            let fits = |fineness: &u32| left > (times(*fineness) + BESIDES) * base;
-            study.fineness = space::FINENESS.into_iter().find(fits).unwrap_or(space::FINENESS[2]);
+            let fits = |(fineness, besides): &(u32, f64)| left > (times(*fineness) + besides) * base;
+            let found = space::FINENESS.into_iter().zip(BESIDES).find(fits).map(|(fineness, _)| fineness);
+            study.fineness = found.unwrap_or(space::FINENESS[3]);
         }
         Ok(())
     }

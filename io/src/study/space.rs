@@ -7,7 +7,10 @@ use crate::study::vary::{
 };
 
 /// How much finer in time than the scene the reference is, the finest that there is time for.
-pub const FINENESS: [u32; 3] = [16, 8, 4];
+pub const FINENESS: [u32; 4] = [16, 8, 4, 2];
+
+/// The same where a study has to do with few frames; the last of [`FINENESS`] is for those that hardly have time for one.
+const CORE_FINENESS: u32 = 4;
 
 /// Time of a run with the tolerance of the reference by that of the scene as it is, measured on the sample scenes. It grows
 /// with the square root of the number of steps: the shorter a step, the fewer iterations it needs.
@@ -84,11 +87,9 @@ pub fn wishes(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
     // What costs about as much as the scene tells more for its time than what costs many times that.
     let (near, far): (Vec<Wish>, Vec<Wish>) = accuracy.into_iter().partition(|wish| wish.times <= NEAR);
     let mut copies = copies.into_iter();
-    all.extend(copies.next());
-    let mut near = near.into_iter();
-    // One other setting, then what it is to be compared with; the rest of the front after it.
-    all.extend(near.next());
+    // Without something to compare with, nothing is known.
     all.extend(references(asked, ground, fineness));
+    all.extend(copies.next());
     all.extend(near);
     all.iter_mut().for_each(|wish| wish.is_core = true);
     let (cheap, dear): (Vec<Wish>, Vec<Wish>) = other.into_iter().partition(|wish| wish.times <= NEAR);
@@ -108,7 +109,7 @@ pub fn whole_times(asked: &Asked, ground: &Ground) -> [f64; 2] {
     let sum = |fineness: u32, counts: &dyn Fn(&Wish) -> bool| -> f64 {
         wishes(asked, ground, fineness).iter().filter(|wish| counts(wish)).map(|wish| wish.times).sum()
     };
-    [sum(FINENESS[0], &|wish| wish.repeat == 0), sum(FINENESS[2], &|wish| wish.is_core)]
+    [sum(FINENESS[0], &|wish| wish.repeat == 0), sum(CORE_FINENESS, &|wish| wish.is_core)]
 }
 
 /// The reference and the runs that tell how far it has converged, the coarsest first.
@@ -135,11 +136,14 @@ fn references(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
         setting
     };
     let [fine, middle, coarse] = reference_times(ground.cfl / cfl);
-    vec![
+    let mut all = vec![
         Wish::new(Role::ReferenceCoarse, finer(4.0), coarse),
         Wish::new(Role::ReferenceCheck, finer(2.0), middle),
         Wish::new(Role::Reference, finer(1.0), fine),
-    ]
+    ];
+    // Steps longer than those of the scene tell nothing of it, and may not even be stable.
+    all.retain(|wish| wish.role != Role::ReferenceCoarse || fineness >= f64::from(CORE_FINENESS));
+    all
 }
 
 /// Times of a reference so many times as fine as the scene, and of the two runs that check it, by that of the base.
@@ -288,6 +292,12 @@ mod tests {
         };
         assert_eq!(cfl(&asked(&[], false)), 0.25);
         assert_eq!(cfl(&asked(&["cfl=4,0.25"], false)), 0.125);
+        // No run of the reference has longer steps than the scene.
+        for fineness in FINENESS {
+            for wish in references(&asked(&[], false), &ground(), fineness) {
+                assert!(wish.setting.settings[0].1.parse::<f64>().unwrap() <= ground().cfl, "{}", wish.label());
+            }
+        }
     }
 
     #[test]
@@ -295,7 +305,9 @@ mod tests {
         let all = wishes(&asked(&[], false), &ground(), FINENESS[0]);
         let at = |found: &dyn Fn(&Wish) -> bool| all.iter().position(found).unwrap();
         assert_eq!(at(&|wish| wish.role == Role::Base), 0);
-        assert_eq!(at(&|wish| wish.copy == 1), 1);
+        // Where there is time for little, what everything is compared with goes before what tells the noise.
+        assert_eq!(at(&|wish| wish.role == Role::Reference), 3);
+        assert_eq!(at(&|wish| wish.copy == 1), 4);
         assert!(at(&|wish| wish.role == Role::Reference) < at(&|wish| wish.role == Role::Without));
         assert!(at(&|wish| wish.role == Role::Without) < at(&|wish| wish.repeat > 0));
     }

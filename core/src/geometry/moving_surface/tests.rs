@@ -209,3 +209,35 @@ fn bad_input_is_an_error_that_names_the_element() {
     );
     assert!(surface.set_samples(f64::NAN, &good, 1.0, &good).is_err());
 }
+
+#[test]
+fn a_closed_surface_that_turns_inside_out_goes_on_with_its_sides_exchanged() {
+    let (triangles, points) = cube();
+    let reversed: Vec<[u32; 3]> = triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    let inside_out: Vec<Vec3> = points.iter().map(|p| -p).collect();
+    for (triangles, inwards) in [(triangles, false), (reversed, true)] {
+        let mut surface = MovingSurface::new(triangles, points.len()).unwrap().facing(inwards);
+        surface.set_samples(0.0, &points, 1.0, &inside_out).unwrap();
+        // There and back: what it is depends on where it is alone.
+        for end in [0.2, 0.8, 0.4, 0.6, 1.0, 0.0] {
+            surface.set_step(end, end);
+            assert_eq!(surface.is_turned(), end > 0.5, "{end}");
+            let outside = surface.closest(&(Vec3::x() * 5.0), 10.0, None).unwrap();
+            assert_eq!(outside.distance > 0.0, !inwards, "{end}: {outside:?}");
+        }
+        surface.set_samples(1.0, &inside_out, 2.0, &inside_out).unwrap();
+        assert!(surface.is_turned());
+        surface.set_samples(2.0, &inside_out, 3.0, &points).unwrap();
+        surface.set_step(2.9, 3.0);
+        assert!(!surface.is_turned());
+    }
+    // What is flat encloses nothing, and an open surface has no inside.
+    let (triangles, points) = cube();
+    let flat: Vec<Vec3> = points.iter().map(|p| Vec3::new(p.x, p.y, -1e-6 * p.z)).collect();
+    let mut surface = MovingSurface::new(triangles.clone(), points.len()).unwrap();
+    surface.set_samples(0.0, &points, 1.0, &flat).unwrap();
+    assert!(!surface.is_turned());
+    let mut open = MovingSurface::new(triangles[1..].to_vec(), points.len()).unwrap();
+    open.set_samples(0.0, &points, 1.0, &inside_out).unwrap();
+    assert!(!open.is_turned());
+}

@@ -27,6 +27,7 @@ pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {
             number(times_words(row.times_base)),
             number(text::seconds(processor_seconds(row.sample))),
             number(error_words(row.error.as_ref())),
+            number(row.error.map_or("-".to_owned(), |error| millimetres(error.rms + analysis.own.unwrap_or(0.0)))),
             number(told.map_or("-".to_owned(), |error| millimetres(error.p99))),
             number(row.order.map_or("-".to_owned(), |order| format!("{order:.2}"))),
             number(format!("{} %", text::digits(100.0 * strain))),
@@ -43,17 +44,18 @@ pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {
         number("×"),
         number("processor time"),
         number("error RMS"),
+        number("at most"),
         number("99th percentile"),
         number("order"),
         number("max strain"),
         number("crossings"),
         words("front"),
     ];
-    let note = "<p>Error: distance from the reference, root mean square over the cloth and the frames. Processor time: of all threads, \
-         a frame; it hardly depends on what else the machine does. Order: how fast the error falls \
-         with the time step. Crossings: edges that pass through triangles at the end of a frame. ● no other setting is both \
-         faster and nearer. <i>ref. not conv.</i>: nearer to the reference than that is to the truth, so that no figure can be \
-         told; what it is at most stands below. <i>&lt;= floor</i>: no larger than what rounding grows to.</p>";
+    let note = "<p>Error: distance from the reference, root mean square over the cloth and the frames. Processor time: of \
+         all threads, a frame; it hardly depends on what else the machine does. Order: how fast the error falls with the \
+         time step. Crossings: edges that pass through triangles at the end of a frame. ● no other setting is both faster \
+         and nearer. <i>ref. not conv.</i>: so near to the reference that its own error hides the figure, which is at most \
+         what stands beside. <i>&lt;= floor</i>: no larger than what rounding grows to.</p>";
     section("Settings", note, &heads, &lines) + &more(study, analysis)
 }
 
@@ -93,7 +95,6 @@ fn more(study: &Study, analysis: &Analysis<'_>) -> String {
         vec![
             (name(row, false), false),
             number(text::seconds(row.seconds)),
-            number(row.error.map_or("-".to_owned(), |error| millimetres(error.rms + analysis.own.unwrap_or(0.0)))),
             number(told.map_or("-".to_owned(), |error| share_of_size(error.rms, study))),
             length(&|error| Some(error.max)),
             length(&|error| error.surface),
@@ -109,7 +110,6 @@ fn more(study: &Study, analysis: &Analysis<'_>) -> String {
     let heads = [
         words("setting"),
         number("time a frame"),
-        number("error RMS at most"),
         number("error by size of the cloth"),
         number("largest error"),
         number("surfaces apart"),
