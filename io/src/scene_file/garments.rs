@@ -62,8 +62,7 @@ impl Resolver<'_> {
         self.grids.push(grid);
         let velocity = Vec3::from(garment.velocity);
         let name = garment.name.clone();
-        let garment =
-            GarmentDescription { name, mesh, stream: None, start, velocity, start_velocities, mass, thickness, maps };
+        let garment = GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness, maps };
         self.description.garments.push(garment);
     }
 
