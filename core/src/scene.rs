@@ -14,12 +14,13 @@ mod wire;
 pub(crate) use validate::{agree, listed};
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::UnitQuaternion;
 
 use crate::Vec3;
 use crate::geometry::shapes::Shape;
-use crate::mesh::{PolygonMesh, TriangleMesh};
+use crate::mesh::{MeshStream, PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
 use painted::PaintedMaps;
@@ -149,6 +150,8 @@ pub struct GarmentDescription {
     pub name: String,
     /// Rest shape with the artist's polygons; a fixed triangulation of it is simulated.
     pub mesh: PolygonMesh,
+    /// Where the rest shape is read piece by piece, in place of `mesh`, which is not looked at then.
+    pub stream: Option<Arc<dyn MeshStream>>,
     /// Positions at the start [m] when they differ from the rest shape; one per point.
     pub start: Option<Vec<Vec3>>,
     /// Velocity of every point at the start [m/s].
@@ -443,6 +446,7 @@ impl GarmentDescription {
         Self {
             name: name.into(),
             mesh,
+            stream: None,
             start: None,
             velocity: Vec3::zeros(),
             start_velocities: None,
@@ -450,6 +454,22 @@ impl GarmentDescription {
             thickness: DEFAULT_THICKNESS,
             maps: PaintedMaps::new(),
         }
+    }
+
+    /// Number of points of the rest shape.
+    pub fn point_count(&self) -> usize {
+        self.stream.as_ref().map_or(self.mesh.points.len(), |stream| stream.point_count())
+    }
+
+    /// Number of faces of the rest shape.
+    pub fn face_count(&self) -> usize {
+        self.stream.as_ref().map_or(self.mesh.face_counts.len(), |stream| stream.face_count())
+    }
+
+    /// The rest shape, which it no longer has after that.
+    fn take_mesh(&mut self) -> Arc<dyn MeshStream> {
+        let mesh = std::mem::take(&mut self.mesh);
+        self.stream.take().unwrap_or_else(|| Arc::new(mesh))
     }
 }
 

@@ -1,7 +1,6 @@
 //! HDF5 caches of any layout: what `info` and `diff` look at, and going on with one. The bytes are edits of a good cache.
 #![no_main]
 
-use std::sync::Arc;
 
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
@@ -10,6 +9,7 @@ use drapery_fuzz::edits::Bytes;
 use drapery_fuzz::layout::{Kind, Layout, Value};
 use drapery_fuzz::{memory, scratch};
 use drapery_io::cache::{CacheMark, CachePlan, CacheWriter, MeshData};
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::formats::hdf5::Hdf5Writer;
 use drapery_io::units::Units;
@@ -69,11 +69,10 @@ fuzz_target!(|data: &[u8]| {
             }
         }
         let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y()];
-        let mesh = Arc::new(MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]])));
+        let mesh = GarmentMesh::kept(MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]])));
         let plan = CachePlan {
             garment: "flag",
             mesh: &mesh,
-            triangles: &[[0, 1, 2]],
             units: Units::SI,
             timeline: Timeline::default(),
             first_frame: 1,

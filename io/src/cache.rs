@@ -6,7 +6,6 @@
 //! that store them the other way round are reversed on reading and again on writing.
 
 use std::path::Path;
-use std::sync::Arc;
 
 pub use drapery_alembic::{DataType, PodType, Scope};
 use drapery_core::Vec3;
@@ -15,6 +14,7 @@ use drapery_core::scene::Timeline;
 use serde::{Deserialize, Serialize};
 
 use crate::error::IoError;
+use crate::garment_mesh::GarmentMesh;
 use crate::units::Units;
 
 /// Texture coordinates: a list of values, and for every face corner which value it has.
@@ -120,10 +120,9 @@ pub trait MeshReader: Send {
 pub struct CachePlan<'a> {
     /// Name of the garment.
     pub garment: &'a str,
-    /// The garment's mesh and attributes, of which no cache makes a copy; positions do not matter.
-    pub mesh: &'a Arc<MeshData>,
-    /// The triangles that are simulated, as points of the mesh.
-    pub triangles: &'a [[u32; 3]],
+    /// The garment's mesh and attributes, which no cache keeps: it is read when the cache is begun or continued. Where its
+    /// points are decides how faces with more corners were cut into the triangles that are simulated.
+    pub mesh: &'a GarmentMesh,
     /// Units and up axis of the file.
     pub units: Units,
     /// Frame rate.
@@ -141,10 +140,10 @@ pub struct CachePlan<'a> {
 impl CachePlan<'_> {
     /// Full object path in the file: that of the source, or `/<garment>/<garment>Shape`.
     pub fn object_path(&self) -> String {
-        if self.mesh.object_path.is_empty() {
+        if self.mesh.object_path().is_empty() {
             return format!("/{0}/{0}Shape", self.garment);
         }
-        self.mesh.object_path.clone()
+        self.mesh.object_path().to_owned()
     }
 
     /// File time of a frame [s]: frame / fps, computed from integers.

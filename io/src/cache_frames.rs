@@ -11,7 +11,7 @@ use drapery_core::Vec3;
 
 use crate::cache::Connectivity;
 use crate::error::IoError;
-use crate::formats::alembic_writer::reversed;
+use crate::formats::alembic_writer::reverse;
 use crate::formats::hdf5::stored;
 use crate::units::{LengthUnit, Units, UpAxis};
 use crate::verify::triangles_of;
@@ -177,14 +177,12 @@ fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<CacheMesh, IoError>
         frames: frame_numbers(&times, fps),
     };
     if !times.is_empty() {
-        let faces = mesh.faces(0)?;
+        let mut faces = mesh.faces(0)?;
+        reverse(&faces.face_counts, &mut faces.face_indices);
         let first: Vec<Vec3> = mesh.world_positions(0)?.into_iter().map(Vec3::from).collect();
         described.points = first.len();
         described.triangles = triangles_of(mesh, &first).unwrap_or_default();
-        described.faces = Connectivity {
-            face_indices: reversed(&faces.face_counts, &faces.face_indices).collect(),
-            face_counts: faces.face_counts,
-        };
+        described.faces = Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices };
     }
     Ok(described)
 }

@@ -11,6 +11,7 @@ pub mod diff;
 pub mod error;
 pub mod farm;
 pub mod formats;
+pub mod garment_mesh;
 pub mod inspect;
 pub mod materials;
 pub mod mesh_source;

@@ -21,7 +21,6 @@ pub mod steps;
 mod totals;
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
@@ -29,8 +28,8 @@ use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{SceneDescription, Timeline};
 use drapery_core::simulation::Simulation;
 
-use crate::cache::MeshData;
 use crate::error::IoError;
+use crate::garment_mesh::GarmentMesh;
 use crate::shot::crew::Crew;
 use crate::shot::inputs::Inputs;
 use crate::shot::motion::{InputMotion, Preroll};
@@ -54,8 +53,8 @@ pub struct ShotDescription {
     pub tracks: Vec<InputMotion>,
     /// The grid of the wind, if a file gives one.
     pub wind: Option<WindFile>,
-    /// For each garment of the scene the mesh as it came from its file, with everything to hand through.
-    pub garments: Vec<MeshData>,
+    /// For each garment of the scene its mesh as it comes from its file, with everything to hand through.
+    pub garments: Vec<GarmentMesh>,
     /// First and last frame of the shot.
     pub frames: [i64; 2],
     /// Frames before the first one.
@@ -116,8 +115,7 @@ pub enum ShotError {
 pub struct Shot {
     crew: Crew,
     inputs: Inputs,
-    /// Until the caches are open, which keep them until their first frame.
-    garments: Vec<Arc<MeshData>>,
+    garments: Vec<GarmentMesh>,
     about: About,
     warnings: Vec<String>,
 }
@@ -189,7 +187,6 @@ impl Shot {
         let Some(crew) = crew.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };
-        let garments = garments.into_iter().map(Arc::new).collect();
         Ok(Self { crew, inputs, garments, about, warnings })
     }
 

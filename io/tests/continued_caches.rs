@@ -3,7 +3,6 @@
 use std::fs::{self, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use drapery_alembic::{Archive, PodType, PolyMesh};
@@ -12,6 +11,7 @@ use drapery_core::scene::Timeline;
 use drapery_io::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter, DataType, MeshData, MeshParam, Scope};
 use drapery_io::error::IoError;
 use drapery_io::formats::by_extension;
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_source::MeshSource;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 
@@ -24,11 +24,10 @@ const SOURCE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nv 3 
     vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
     usemtl front\nf 1/1 2/2 3/3 4/4\nf 2/1 5/2 6/3 8/1 3/4\nusemtl trim\nf 5/1 7/2 6/3\n";
 
-const TRIANGLES: [[u32; 3]; 6] = [[0, 1, 3], [1, 2, 3], [1, 4, 5], [1, 5, 7], [1, 7, 2], [4, 6, 5]];
-
 struct Garment {
     folder: tempfile::TempDir,
-    mesh: Arc<MeshData>,
+    data: MeshData,
+    mesh: GarmentMesh,
 }
 
 impl Garment {
@@ -48,14 +47,13 @@ impl Garment {
             values: [7_i32, 8, 9].iter().flat_map(|v| v.to_le_bytes()).collect(),
             indices: None,
         });
-        Self { folder, mesh: Arc::new(mesh) }
+        Self { folder, mesh: GarmentMesh::kept(mesh.clone()), data: mesh }
     }
 
     fn plan(&self) -> CachePlan<'_> {
         CachePlan {
             garment: "skirt",
             mesh: &self.mesh,
-            triangles: &TRIANGLES,
             units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
             timeline: Timeline { fps_numerator: 24000, fps_denominator: 1001, ..Timeline::default() },
             first_frame: FIRST,
@@ -97,7 +95,7 @@ impl Garment {
     /// The cloth of a frame. Frames 1003 and 1004 are equal, and 1005 is 1002 again; `take` is which shot it is.
     fn write(&self, writer: &mut dyn CacheWriter, frame: i64, take: i64) {
         let height = [1, 2, 3, 3, 2, 6, 7, 8, 9, 10, 11][(frame - FIRST) as usize] as f64 + 100.0 * take as f64;
-        let positions: Vec<Vec3> = self.mesh.mesh.points.iter().map(|p| p + Vec3::z() * height).collect();
+        let positions: Vec<Vec3> = self.data.mesh.points.iter().map(|p| p + Vec3::z() * height).collect();
         let velocities = vec![Vec3::new(0.0, 0.5, height - 2.0); positions.len()];
         let crossings = Some(if frame == 1002 { 5 } else { take as u32 });
         let units = self.plan().units;
@@ -226,9 +224,9 @@ fn a_cache_that_is_cut_back_and_stops_again_looks_as_if_it_never_had_more() {
 #[test]
 fn caches_without_velocities_crossings_and_uvs_continue_too() {
     let mut garment = Garment::new();
-    let mesh = Arc::make_mut(&mut garment.mesh);
-    mesh.uvs = None;
-    mesh.params.clear();
+    garment.data.uvs = None;
+    garment.data.params.clear();
+    garment.mesh = GarmentMesh::kept(garment.data.clone());
     for extension in FORMATS {
         for (velocities, crossings) in [(false, false), (true, false), (false, true)] {
             let plan = CachePlan { velocities, crossings, ..garment.plan() };
@@ -377,20 +375,22 @@ fn a_cache_that_is_missing_damaged_or_another_one_is_refused_and_left_alone() {
 fn a_cache_of_another_plan_is_refused_and_left_alone() {
     let garment = Garment::new();
     let plan = garment.plan();
-    let moved = MeshData { object_path: "/garments/coat/coatShape".into(), ..MeshData::clone(&garment.mesh) };
-    let mut more_points = MeshData::clone(&garment.mesh);
+    let moved = MeshData { object_path: "/garments/coat/coatShape".into(), ..garment.data.clone() };
+    let mut more_points = garment.data.clone();
     more_points.mesh.points.push(Vec3::zeros());
-    let no_params = MeshData { params: Vec::new(), ..MeshData::clone(&garment.mesh) };
-    let no_sets = MeshData { face_sets: Vec::new(), ..MeshData::clone(&garment.mesh) };
-    let mut turned = MeshData::clone(&garment.mesh);
+    let no_params = MeshData { params: Vec::new(), ..garment.data.clone() };
+    let no_sets = MeshData { face_sets: Vec::new(), ..garment.data.clone() };
+    let mut turned = garment.data.clone();
     turned.mesh.face_indices.swap(0, 1);
-    let no_uvs = MeshData { uvs: None, ..MeshData::clone(&garment.mesh) };
-    let mut other_uvs = MeshData::clone(&garment.mesh);
+    let no_uvs = MeshData { uvs: None, ..garment.data.clone() };
+    let mut other_uvs = garment.data.clone();
     other_uvs.uvs.as_mut().unwrap().values[1] = [0.5, 0.5];
-    let [moved, more_points, no_params, no_sets, turned, no_uvs, other_uvs] =
-        [moved, more_points, no_params, no_sets, turned, no_uvs, other_uvs].map(Arc::new);
-    let mut cut_otherwise = TRIANGLES;
-    cut_otherwise[..2].copy_from_slice(&[[0, 1, 2], [0, 2, 3]]);
+    // The other diagonal of the quad is the shorter one then.
+    let mut cut_otherwise = garment.data.clone();
+    cut_otherwise.mesh.points[0].x -= 0.1;
+    assert_ne!(cut_otherwise.mesh.triangulate(), garment.data.mesh.triangulate());
+    let [moved, more_points, no_params, no_sets, turned, no_uvs, other_uvs, cut_otherwise] =
+        [moved, more_points, no_params, no_sets, turned, no_uvs, other_uvs, cut_otherwise].map(GarmentMesh::kept);
     let plans = [
         CachePlan { garment: "coat", ..plan.clone() },
         CachePlan { units: Units::SI, ..plan.clone() },
@@ -398,7 +398,7 @@ fn a_cache_of_another_plan_is_refused_and_left_alone() {
         CachePlan { first_frame: 1000, ..plan.clone() },
         CachePlan { velocities: false, ..plan.clone() },
         CachePlan { crossings: false, ..plan.clone() },
-        CachePlan { triangles: &cut_otherwise, ..plan.clone() },
+        CachePlan { mesh: &cut_otherwise, ..plan.clone() },
         CachePlan { mesh: &moved, ..plan.clone() },
         CachePlan { mesh: &more_points, ..plan.clone() },
         CachePlan { mesh: &turned, ..plan.clone() },

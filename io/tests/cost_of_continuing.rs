@@ -8,6 +8,7 @@ use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
 use drapery_io::cache::{CacheFrame, CachePlan, MeshData};
 use drapery_io::formats::by_extension;
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 
 const FRAMES: i64 = 1000;
@@ -31,13 +32,11 @@ fn sheet() -> PolygonMesh {
 #[ignore = "writes 2.4 GB for each format"]
 fn continuing_a_thousand_frames_of_a_hundred_thousand_points_takes_seconds() {
     let folder = tempfile::tempdir().unwrap();
-    let mesh = std::sync::Arc::new(MeshData::new(sheet()));
-    let triangles: Vec<[u32; 3]> =
-        mesh.mesh.face_indices.chunks_exact(3).map(|face| [face[0], face[1], face[2]]).collect();
+    let mesh = MeshData::new(sheet());
+    let kept = GarmentMesh::kept(mesh.clone());
     let mut plan = CachePlan {
         garment: "sheet",
-        mesh: &mesh,
-        triangles: &triangles,
+        mesh: &kept,
         units: Units { length: LengthUnit::Centimetre, up: UpAxis::Y },
         timeline: Timeline::default(),
         first_frame: 1,

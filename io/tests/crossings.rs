@@ -10,6 +10,7 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, Timeline};
 use drapery_io::cache::MeshData;
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::shot::motion::Preroll;
 use drapery_io::shot::run::{FrameReport, RunOptions};
 use drapery_io::shot::{OutputDescription, Shot, ShotDescription};
@@ -162,7 +163,7 @@ fn two_sheets(distance: f64, effect: &str) -> ShotDescription {
         name: "two_sheets".into(),
         scene_path: PathBuf::new(),
         input_files: Vec::new(),
-        garments: [first, second].map(MeshData::new).to_vec(),
+        garments: [first, second].map(|mesh| GarmentMesh::kept(MeshData::new(mesh))).to_vec(),
         scene,
         bodies: Vec::new(),
         tracks: Vec::new(),

@@ -16,6 +16,7 @@ use drapery_core::scene::{
 use drapery_io::cache::MeshData;
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::scene_file::load;
 use drapery_io::shot::crew::{dismiss, follow};
 use drapery_io::shot::motion::Preroll;
@@ -64,7 +65,7 @@ fn shot() -> ShotDescription {
         name: "sheets".into(),
         scene_path: Default::default(),
         input_files: Vec::new(),
-        garments: meshes.map(MeshData::new).to_vec(),
+        garments: meshes.map(|mesh| GarmentMesh::kept(MeshData::new(mesh))).to_vec(),
         scene,
         bodies: vec![None],
         tracks: Vec::new(),

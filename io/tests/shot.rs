@@ -14,6 +14,7 @@ use drapery_core::scene::{
 };
 use drapery_io::cache::MeshData;
 use drapery_io::error::IoError;
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_source::MeshSource;
 use drapery_io::shot::motion::{InputMotion, Preroll};
 use drapery_io::shot::run::{FrameReport, Outcome, Resume, RunOptions};
@@ -37,7 +38,7 @@ fn falling(folder: &Path) -> ShotDescription {
         name: "falling".into(),
         scene_path: folder.join("falling.toml"),
         input_files: Vec::new(),
-        garments: vec![MeshData::new(sheet(1.0))],
+        garments: vec![GarmentMesh::kept(MeshData::new(sheet(1.0)))],
         scene,
         bodies: Vec::new(),
         tracks: Vec::new(),

@@ -13,7 +13,7 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::GlobBuilder;
 
-use super::alembic_writer::reversed;
+use super::alembic_writer::reverse;
 use crate::cache::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
 use crate::error::IoError;
 
@@ -207,8 +207,11 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
     let faces = mesh.faces(sample)?;
     let mirrored = determinant(&mesh.world_matrix_at(time)?) < 0.0;
-    let turn = |corners: Vec<u32>| {
-        if mirrored { corners } else { reversed(&faces.face_counts, &corners).collect() }
+    let turn = |mut corners: Vec<u32>| {
+        if !mirrored {
+            reverse(&faces.face_counts, &mut corners);
+        }
+        corners
     };
     let uvs = mesh.uv().map(|uv| read_uvs(&uv, sample, &faces.face_indices)).transpose()?.flatten();
     let uvs = uvs.map(|uvs| Uvs { indices: turn(uvs.indices), ..uvs });
@@ -263,7 +266,8 @@ fn read_param(param: &GeomParam, sample: usize, mirrored: Option<&[u32]>) -> Res
     if let (Some(face_counts), Scope::FaceVarying) = (mirrored, param.scope()) {
         let size = param.data_type().element_size();
         let corner_count = face_counts.iter().map(|&n| n as usize).sum::<usize>();
-        let order: Vec<u32> = reversed(face_counts, &(0..corner_count as u32).collect::<Vec<_>>()).collect();
+        let mut order: Vec<u32> = (0..corner_count as u32).collect();
+        reverse(face_counts, &mut order);
         match &mut indices {
             Some(indices) if indices.len() == corner_count => {
                 *indices = order.iter().map(|&corner| indices[corner as usize]).collect();

@@ -12,7 +12,6 @@
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use drapery_alembic::{
     AlembicError, Archive, ArchiveMark, ArchiveOptions, ArchiveWriter, Bounds, DataType, Durability, EMPTY_BOUNDS,
@@ -21,8 +20,9 @@ use drapery_alembic::{
 };
 
 use super::continuing::{beside, cannot_continue, digest_of, hexadecimal, marked_frames, remove, sync_name, too_short};
-use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, MeshData};
+use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, FaceSet, MeshData, MeshParam, Uvs};
 use crate::error::IoError;
+use crate::garment_mesh::GarmentMesh;
 use crate::units::Units;
 
 /// User property: the triangles that were simulated, three points each, counter-clockwise. Only in meshes with other
@@ -46,18 +46,21 @@ pub struct AlembicWriter {
     first_frame: i64,
     velocities: bool,
     crossings: bool,
-    /// What is written with the first frame; let go of after that.
-    still: Option<Box<Still>>,
+    /// Read with the first frame.
+    mesh: GarmentMesh,
     stage: Stage,
     mark: CacheMark,
 }
 
-/// What does not change from frame to frame.
-#[derive(Debug)]
+/// What does not change from frame to frame, as the archive holds it: corners clockwise.
 struct Still {
-    mesh: Arc<MeshData>,
+    face_counts: Vec<i32>,
+    face_indices: Vec<i32>,
+    uvs: Option<Uvs>,
+    face_sets: Vec<FaceSet>,
+    params: Vec<MeshParam>,
     /// None where all faces are triangles.
-    triangles: Vec<[u32; 3]>,
+    triangles: Option<Vec<[u32; 3]>>,
 }
 
 /// How far the file is.
@@ -109,7 +112,6 @@ impl AlembicWriter {
             ("up_axis", format!("{:?}", plan.units.up)),
             ("fps", format!("{numerator}/{denominator}")),
         ];
-        let cut = if has_larger_faces(plan.mesh) { plan.triangles } else { &[] };
         Ok(Self {
             path: path.to_owned(),
             object_path: plan.object_path(),
@@ -120,7 +122,7 @@ impl AlembicWriter {
             first_frame: plan.first_frame,
             velocities: plan.velocities,
             crossings: plan.crossings,
-            still: Some(Box::new(Still { mesh: Arc::clone(plan.mesh), triangles: cut.to_vec() })),
+            mesh: plan.mesh.clone(),
             stage: Stage::Empty,
             mark: CacheMark::none(path),
         })
@@ -145,10 +147,10 @@ impl AlembicWriter {
             return Err(too_short(path, plan, plan.first_frame + held as i64 - 1));
         }
         let at = archive_mark(mark).ok_or_else(|| cannot_continue(path, "mark", "the mark is incomplete"))?;
+        let still = Still::of(plan.mesh.read()?);
         let resumed =
-            ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, plan, kept));
+            ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, &still, kept));
         let (archive, declared) = resumed.map_err(|e| not_continued(path, mark, e))?;
-        writer.still = None;
         writer.stage = Stage::Open(Box::new(Open { archive, declared }));
         writer.mark = mark.clone();
         Ok(writer)
@@ -177,16 +179,16 @@ impl AlembicWriter {
     fn declare_again(
         &self,
         archive: &mut ArchiveWriter,
-        plan: &CachePlan<'_>,
+        still: &Still,
         frames: usize,
     ) -> Result<Declared, AlembicError> {
         let mut declared = self.declare_mesh(archive)?;
         // Only what the sample has counts, not where its points are.
-        let points = vec![[0.0; 3]; plan.mesh.mesh.points.len()];
-        let frame = CacheFrame { frame: plan.first_frame, positions: &points, velocities: &points, crossings: None };
-        with_first_sample(plan.mesh, self.sample(&frame), |sample| declared.mesh.check_continued(archive, sample))?;
+        let points = vec![[0.0; 3]; self.mesh.point_count()];
+        let frame = CacheFrame { frame: self.first_frame, positions: &points, velocities: &points, crossings: None };
+        declared.mesh.check_continued(archive, &still.with(self.sample(&frame)))?;
         archive.add_archive_bounds(declared.sampling)?;
-        self.write_attributes(archive, &mut declared, (plan.mesh, plan.triangles), None)?;
+        self.write_attributes(archive, &mut declared, still, None)?;
         let held = declared.mesh.sample_count(archive);
         let counted = declared.crossings.map_or(held, |property| archive.sample_count(property));
         if held != frames || counted != frames {
@@ -200,11 +202,12 @@ impl AlembicWriter {
     }
 
     /// Creates the file with its first frame and everything that does not change; it gets its name when it is valid.
-    fn write_first(&self, still: &Still, frame: &CacheFrame<'_>) -> Result<Open, IoError> {
+    fn write_first(&self, frame: &CacheFrame<'_>) -> Result<Open, IoError> {
+        let still = Still::of(self.mesh.read()?);
         let mut archive = ArchiveWriter::create(beside(&self.path), &self.options)?;
         let mut declared = self.declare_mesh(&mut archive)?;
-        with_first_sample(&still.mesh, self.sample(frame), |sample| declared.write(&mut archive, sample))?;
-        self.write_attributes(&mut archive, &mut declared, (&still.mesh, &still.triangles), Some(APPLICATION))?;
+        declared.write(&mut archive, &still.with(self.sample(frame)))?;
+        self.write_attributes(&mut archive, &mut declared, &still, Some(APPLICATION))?;
         declared.write_crossings(&mut archive, frame.crossings)?;
         archive.commit(Durability::Flushed)?;
         archive.rename(&self.path)?;
@@ -217,7 +220,7 @@ impl AlembicWriter {
         &self,
         archive: &mut ArchiveWriter,
         declared: &mut Declared,
-        (mesh, triangles): (&MeshData, &[[u32; 3]]),
+        still: &Still,
         application: Option<&str>,
     ) -> Result<(), AlembicError> {
         let properties = declared.mesh.user_properties(archive)?;
@@ -232,7 +235,7 @@ impl AlembicWriter {
             archive.write_static_string(properties, name, text)?;
         }
         archive.write_static_scalar(properties, "metres_per_unit", &[self.units.length.metres()])?;
-        if has_larger_faces(mesh) {
+        if let Some(triangles) = &still.triangles {
             let (kind, none) = (DataType::new(PodType::I32, 3), MetaData::new());
             let property = archive.add_array_property(properties, TRIANGLES, &none, kind, 0)?;
             let bytes: Vec<u8> = triangles.iter().flatten().flat_map(|&v| (v as i32).to_le_bytes()).collect();
@@ -243,9 +246,9 @@ impl AlembicWriter {
             let property = archive.add_scalar_property(properties, CROSSINGS, &none, kind, declared.sampling)?;
             declared.crossings = Some(property);
         }
-        if !mesh.params.is_empty() {
+        if !still.params.is_empty() {
             let attributes = declared.mesh.attributes(archive)?;
-            for param in &mesh.params {
+            for param in &still.params {
                 let spec = GeomParamSpec {
                     name: &param.name,
                     scope: param.scope,
@@ -259,7 +262,7 @@ impl AlembicWriter {
                 writer.write_static(archive, &param.values, param.indices.as_deref())?;
             }
         }
-        for set in &mesh.face_sets {
+        for set in &still.face_sets {
             let faces: Vec<i32> = set.faces.iter().map(|&face| face as i32).collect();
             write_face_set(archive, declared.mesh.object(), &set.name, &faces, true)?;
         }
@@ -309,10 +312,7 @@ impl CacheWriter for AlembicWriter {
         assert_eq!(frame.frame, expected, "frames come in order, as the samples of the archive do");
         // Closed until the frame is complete: after an error nothing may follow.
         let open = match std::mem::replace(&mut self.stage, Stage::Closed) {
-            Stage::Empty => {
-                let still = self.still.take().expect("what the first frame needs is kept until then");
-                Box::new(self.write_first(&still, frame)?)
-            }
+            Stage::Empty => Box::new(self.write_first(frame)?),
             Stage::Open(mut open) => {
                 open.write(&self.sample(frame), frame.crossings)?;
                 open
@@ -347,30 +347,32 @@ impl CacheWriter for AlembicWriter {
     }
 }
 
-/// Whether it has faces that the scene has cut into triangles.
-fn has_larger_faces(mesh: &MeshData) -> bool {
-    mesh.mesh.face_counts.iter().any(|&count| count != 3)
-}
+impl Still {
+    /// Takes it from a mesh; every list becomes what the archive holds in its own place.
+    fn of(mut data: MeshData) -> Self {
+        let mesh = &mut data.mesh;
+        let triangles = mesh.face_counts.iter().any(|&count| count != 3).then(|| mesh.triangulate().0);
+        reverse(&mesh.face_counts, &mut mesh.face_indices);
+        if let Some(uvs) = &mut data.uvs {
+            reverse(&mesh.face_counts, &mut uvs.indices);
+        }
+        let signed = |list: Vec<u32>| list.into_iter().map(|number| number as i32).collect();
+        let MeshData { mesh, uvs, face_sets, params, .. } = data;
+        let (face_counts, face_indices) = (signed(mesh.face_counts), signed(mesh.face_indices));
+        Self { face_counts, face_indices, uvs, face_sets, params, triangles }
+    }
 
-/// A frame with everything that is written with the first one only.
-fn with_first_sample<T>(
-    data: &MeshData,
-    sample: PolyMeshSample<'_>,
-    write: impl FnOnce(&PolyMeshSample<'_>) -> T,
-) -> T {
-    let polygons = &data.mesh;
-    let counts: Vec<i32> = polygons.face_counts.iter().map(|&n| n as i32).collect();
-    let indices: Vec<i32> = reversed(&polygons.face_counts, &polygons.face_indices).map(|i| i as i32).collect();
-    let uv_indices: Option<Vec<u32>> =
-        data.uvs.as_ref().map(|uvs| reversed(&polygons.face_counts, &uvs.indices).collect());
-    let uv = data.uvs.as_ref().map(|uvs| Indexed {
-        values: &uvs.values,
-        indices: uv_indices.as_deref(),
-        scope: Scope::FaceVarying,
-        source_name: Some(uvs.name.as_str()).filter(|name| !name.is_empty()),
-    });
-    let topology = Some(Topology { face_counts: &counts, face_indices: &indices });
-    write(&PolyMeshSample { topology, uv, ..sample })
+    /// A frame with everything that is written with the first one only.
+    fn with<'a>(&'a self, sample: PolyMeshSample<'a>) -> PolyMeshSample<'a> {
+        let uv = self.uvs.as_ref().map(|uvs| Indexed {
+            values: uvs.values.as_slice(),
+            indices: Some(uvs.indices.as_slice()),
+            scope: Scope::FaceVarying,
+            source_name: Some(uvs.name.as_str()).filter(|name| !name.is_empty()),
+        });
+        let topology = Some(Topology { face_counts: &self.face_counts, face_indices: &self.face_indices });
+        PolyMeshSample { topology, uv, ..sample }
+    }
 }
 
 fn cache_mark(path: &Path, frame: i64, mark: &ArchiveMark) -> CacheMark {
@@ -417,13 +419,12 @@ fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
     bounds
 }
 
-/// Values of face corners with the corners of every face in the opposite order: clockwise from counter-clockwise and
-/// back.
-pub(crate) fn reversed<'a>(face_counts: &'a [u32], corners: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
-    let mut start = 0;
-    face_counts.iter().flat_map(move |&count| {
-        let face = &corners[start..start + count as usize];
-        start += count as usize;
-        face.iter().rev().copied()
-    })
+/// Puts the corners of every face in the opposite order: clockwise from counter-clockwise and back.
+pub(crate) fn reverse(face_counts: &[u32], corners: &mut [u32]) {
+    let mut rest = corners;
+    for count in face_counts {
+        let (face, after) = rest.split_at_mut(*count as usize);
+        face.reverse();
+        rest = after;
+    }
 }

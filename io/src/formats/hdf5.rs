@@ -83,7 +83,8 @@ impl Hdf5Writer {
         if !path.try_exists().map_err(failed)? {
             return Err(cannot_continue(path, frame, "the cache is missing"));
         }
-        let layout = read_layout(path, plan).map_err(|what| cannot_continue(path, frame.as_str(), what))?;
+        let data = plan.mesh.read()?;
+        let layout = read_layout(path, plan, &data).map_err(|what| cannot_continue(path, frame.as_str(), what))?;
         let file = OpenOptions::new().read(true).write(true).open(path).map_err(failed)?;
         let mut stored = Stored::new(file, layout.offsets, layout.frames, plan);
         let marks = stored.marks().map_err(failed)?;
@@ -95,6 +96,7 @@ impl Hdf5Writer {
         if hexadecimal(murmur3_x64_128(&bytes)) != mark.digest {
             return Err(cannot_continue(path, frame, "the frame is not the one that was written"));
         }
+        drop(data);
         remove(&beside(path))?;
         if stored.frames == plan.frame_count() {
             stored.cut(kept, &mut bytes).map_err(failed)?;
@@ -137,16 +139,17 @@ fn create_beside(path: &Path, plan: &CachePlan<'_>) -> Result<Stored, IoError> {
     let part = beside(path);
     // The library tells in words what the system refused; the usual reason is a full disk.
     let refused = |what: String| IoError::writing(&part, std::io::Error::other(format!("HDF5: {what}")));
-    let offsets = create_file(&part, plan).map_err(|error| refused(error.to_string()))?;
+    let data = plan.mesh.read()?;
+    let offsets = create_file(&part, plan, &data).map_err(|error| refused(error.to_string()))?;
     // The library passes over errors of its last writes: what it says it has written is read again.
-    read_layout(&part, plan).map_err(refused)?;
+    read_layout(&part, plan, &data).map_err(refused)?;
     let file = OpenOptions::new().read(true).write(true).open(&part).map_err(|e| IoError::creating(&part, e))?;
     Ok(Stored::new(file, offsets, plan.frame_count(), plan))
 }
 
 impl Stored {
     fn new(file: File, offsets: Offsets, frames: usize, plan: &CachePlan<'_>) -> Self {
-        Self { file, offsets, frames, vectors: plan.mesh.mesh.points.len() * size_of::<[f32; 3]>() }
+        Self { file, offsets, frames, vectors: plan.mesh.point_count() * size_of::<[f32; 3]>() }
     }
 
     /// Places of a frame in the file, without its mark: offset and number of bytes.
@@ -307,27 +310,25 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::cache::{MeshData, Uvs};
+    use crate::garment_mesh::GarmentMesh;
     use crate::units::{LengthUnit, Units, UpAxis};
     use drapery_core::Vec3;
     use drapery_core::mesh::PolygonMesh;
     use drapery_core::scene::Timeline;
 
-    fn triangle() -> Arc<MeshData> {
+    fn triangle() -> GarmentMesh {
         let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y()];
         let mut data = MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]]));
         data.uvs = Some(Uvs { name: "map".into(), values: vec![[0.0, 0.5]], indices: vec![0, 0, 0] });
-        Arc::new(data)
+        GarmentMesh::kept(data)
     }
 
-    fn plan(mesh: &Arc<MeshData>) -> CachePlan<'_> {
+    fn plan(mesh: &GarmentMesh) -> CachePlan<'_> {
         CachePlan {
             garment: "flag",
             mesh,
-            triangles: &[[0, 1, 2]],
             units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
             timeline: Timeline::default(),
             first_frame: 1001,

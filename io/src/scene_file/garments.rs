@@ -1,15 +1,35 @@
 //! Garments of a scene file.
 
+use std::path::Path as FilePath;
+
 use drapery_core::Vec3;
 use drapery_core::scene::{GarmentDescription, Mass};
 use drapery_core::settings::Dimension;
 
 use crate::cache::{MeshData, Uvs};
+use crate::garment_mesh::GarmentMesh;
+use crate::mesh_source::MeshSource;
 
 use super::raw::{Garment, Rotation};
 use super::resolve::{ReadGarment, Resolver};
 use super::shapes::{self, MAX_RESOLUTION, Shape};
 use super::tree::Path;
+
+/// A mesh, and how it is read again.
+struct ReadMesh {
+    data: MeshData,
+    /// Points along both directions of a panel.
+    grid: Option<[u32; 2]>,
+    again: GarmentMesh,
+}
+
+/// A generated mesh with its texture coordinates.
+fn generated(Shape { mesh, uvs, .. }: Shape) -> MeshData {
+    let values = uvs.iter().map(|uv| uv.map(|t| t as f32)).collect();
+    // One texture coordinate per point, so corners count both alike.
+    let uvs = Some(Uvs { name: String::new(), values, indices: mesh.face_indices.clone() });
+    MeshData { uvs, ..MeshData::new(mesh) }
+}
 
 /// Longest leaf that is made [m]; the cells around leaves grow step by step until no two touch.
 const LARGEST_LEAF: f64 = 100.0;
@@ -18,15 +38,16 @@ impl Resolver<'_> {
     /// Resolves one garment and its pins. Problems are recorded.
     pub(super) fn garment(&mut self, garment: &Garment, path: &Path) {
         let mass = self.mass(garment, path);
-        let Some((data, grid)) = self.garment_mesh(garment, path) else {
+        let Some(ReadMesh { data, grid, again }) = self.garment_mesh(garment, path) else {
             return;
         };
-        let mesh = data.mesh.clone();
+        let maps = self.maps(garment, path, &data);
+        let mesh = data.mesh;
         let Some(start) = self.start(garment, path, &mesh, grid) else { return };
         let velocities = self.start_velocities(garment, path, mesh.points.len());
         let index = self.description.garments.len();
         if !garment.pin.is_empty() {
-            let at = start.clone().unwrap_or_else(|| mesh.points.clone());
+            let at = start.as_deref().unwrap_or(&mesh.points);
             let read = ReadGarment { start: at, grid, units: garment.units };
             for (number, pin) in garment.pin.iter().enumerate() {
                 let pin = self.pin(pin, &path.clone().key("pin").index(number), index, &read);
@@ -37,12 +58,12 @@ impl Resolver<'_> {
         let thickness =
             self.quantity(&here, &garment.thickness, Dimension::Length).and_then(|t| self.positive(&here, t));
         let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
-        let maps = self.maps(garment, path, &data);
-        self.garments.push(data);
+        self.garments.push(again);
         self.grids.push(grid);
         let velocity = Vec3::from(garment.velocity);
         let name = garment.name.clone();
-        let garment = GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness, maps };
+        let garment =
+            GarmentDescription { name, mesh, stream: None, start, velocity, start_velocities, mass, thickness, maps };
         self.description.garments.push(garment);
     }
 
@@ -66,7 +87,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn garment_mesh(&mut self, garment: &Garment, path: &Path) -> Option<(MeshData, Option<[u32; 2]>)> {
+    fn garment_mesh(&mut self, garment: &Garment, path: &Path) -> Option<ReadMesh> {
         let ways = [
             garment.rest.is_some(),
             garment.panel.is_some(),
@@ -85,7 +106,13 @@ impl Resolver<'_> {
             let units = self.file_units(&here, garment.units)?;
             let (file, time) = self.file_at(&here, rest)?;
             let source = self.open(&here, &file, garment.path.as_deref(), units)?;
-            return Some((self.mesh(&here, &source, time)?, None));
+            let time = time.unwrap_or_else(|| source.first_time());
+            let data = self.mesh(&here, &source, Some(time))?;
+            let (file, pattern) = (source.path().to_owned(), garment.path.clone());
+            let again = GarmentMesh::new(source.path(), &data, move || {
+                MeshSource::open(&file, pattern.as_deref(), units)?.mesh_at(time)
+            });
+            return Some(ReadMesh { data, grid: None, again });
         }
         for (key, written) in [("path", garment.path.is_some()), ("units", garment.units.is_some())] {
             // A generated garment may start from a file, which then has units and a path.
@@ -93,11 +120,13 @@ impl Resolver<'_> {
                 self.error(&path.clone().key(key), format!("`{key}` has a meaning for garments from files only"));
             }
         }
-        let Shape { mesh, uvs, grid } = self.generate(garment, path)?;
-        let values = uvs.iter().map(|uv| uv.map(|t| t as f32)).collect();
-        // One texture coordinate per point, so corners count both alike.
-        let uvs = Some(Uvs { name: String::new(), values, indices: mesh.face_indices.clone() });
-        Some((MeshData { uvs, ..MeshData::new(mesh) }, grid))
+        let shape = self.generate(garment, path)?;
+        let (grid, data) = (shape.grid, generated(shape));
+        let written = garment.clone();
+        let again = GarmentMesh::new(FilePath::new(""), &data, move || {
+            Ok(shapes::of(&written).map(generated).unwrap_or_default())
+        });
+        Some(ReadMesh { data, grid, again })
     }
 
     fn generate(&mut self, garment: &Garment, path: &Path) -> Option<Shape> {
@@ -105,23 +134,23 @@ impl Resolver<'_> {
             let here = path.clone().key("panel");
             self.sizes(&here, panel.resolution, 1, &[("side", panel.side), ("aspect", panel.aspect)], panel.rotation)?;
             self.count(&here, panel.aspect * f64::from(panel.resolution).powi(2))?;
-            return Some(shapes::panel(&panel));
+            return shapes::of(garment);
         }
         if let Some(disc) = garment.disc {
             self.sizes(&path.clone().key("disc"), disc.resolution, 1, &[("radius", disc.radius)], disc.rotation)?;
             self.count(&path.clone().key("disc"), 3.0 * f64::from(disc.resolution).powi(2))?;
-            return Some(shapes::disc(&disc));
+            return shapes::of(garment);
         }
         if let Some(sphere) = garment.sphere {
             self.sizes(&path.clone().key("sphere"), sphere.resolution, 1, &[("radius", sphere.radius)], None)?;
             self.count(&path.clone().key("sphere"), 4.0 * f64::from(sphere.resolution).powi(2))?;
-            return Some(shapes::sphere(&sphere));
+            return shapes::of(garment);
         }
         if let Some(tube) = garment.tube {
             let here = path.clone().key("tube");
             self.sizes(&here, tube.resolution, 3, &[("radius", tube.radius), ("length", tube.length)], tube.rotation)?;
             self.count(&here, f64::from(tube.resolution).powi(2) * tube.length / tube.radius / 6.0)?;
-            return Some(shapes::tube(&tube));
+            return shapes::of(garment);
         }
         let leaves = garment.leaves?;
         let here = path.clone().key("leaves");
@@ -137,7 +166,7 @@ impl Resolver<'_> {
             return None;
         }
         self.count(&here, total * leaves.aspect * f64::from(leaves.resolution).powi(2))?;
-        Some(shapes::leaves(&leaves))
+        shapes::of(garment)
     }
 
     /// Checks a resolution, lengths and a rotation.

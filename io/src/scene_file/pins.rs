@@ -150,7 +150,7 @@ impl Resolver<'_> {
         pin: &Pin,
         path: &Path,
         index: usize,
-        garment: &ReadGarment,
+        garment: &ReadGarment<'_>,
     ) -> Option<PinDescription> {
         let file = match &pin.file {
             Some(name) => {
@@ -163,7 +163,7 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let chosen = vertices(pin, &garment.start, garment.grid, file.as_ref());
+        let chosen = vertices(pin, garment.start, garment.grid, file.as_ref());
         let vertices = self.check(path, chosen)?;
         let target = if let Some(body) = pin.to.strip_prefix("body:") {
             self.body_target(pin, path, body, vertices, file.as_ref())?
@@ -211,7 +211,13 @@ impl Resolver<'_> {
         }
     }
 
-    fn track_target(&mut self, pin: &Pin, path: &Path, vertices: Vec<u32>, garment: &ReadGarment) -> Option<PinTarget> {
+    fn track_target(
+        &mut self,
+        pin: &Pin,
+        path: &Path,
+        vertices: Vec<u32>,
+        garment: &ReadGarment<'_>,
+    ) -> Option<PinTarget> {
         let Some(track) = &pin.track else {
             let help = "add track = \"file.abc\" or track = \"file.abc@/path/of/mesh\"".to_owned();
             self.error_with(path, "`to = \"track\"` needs a `track`", help);

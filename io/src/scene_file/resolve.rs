@@ -12,6 +12,7 @@ use drapery_core::settings::{Dimension, SettingValue};
 
 use crate::cache::MeshData;
 use crate::error::IoError;
+use crate::garment_mesh::GarmentMesh;
 use crate::mesh_source::MeshSource;
 use crate::run_record::FRAMES;
 use crate::shot::motion::{InputMotion, Preroll, file_time};
@@ -26,8 +27,8 @@ use super::tree::Path;
 use super::{effects, resolved};
 
 /// What pins have to know of a garment.
-pub(super) struct ReadGarment {
-    pub(super) start: Vec<Vec3>,
+pub(super) struct ReadGarment<'a> {
+    pub(super) start: &'a [Vec3],
     pub(super) grid: Option<[u32; 2]>,
     pub(super) units: Option<FileUnits>,
 }
@@ -39,7 +40,7 @@ pub(super) struct Resolver<'a> {
     timeline: Timeline,
     preroll: Preroll,
     pub(super) description: SceneDescription,
-    pub(super) garments: Vec<MeshData>,
+    pub(super) garments: Vec<GarmentMesh>,
     /// Points of each garment along both directions of its panel, if it is one.
     pub(super) grids: Vec<Option<[u32; 2]>>,
     /// For each body its file; `None` for ideal shapes and for bodies that could not be read.

@@ -10,7 +10,7 @@ use drapery_core::mesh::PolygonMesh;
 use nalgebra::{Rotation3, Unit};
 
 use super::random::Random;
-use super::raw::{Ball, Disc, Leaves, Panel, PanelShape, Rotation, Tube};
+use super::raw::{Ball, Disc, Garment, Leaves, Panel, PanelShape, Rotation, Tube};
 
 /// Finest resolution that is made; an honest scene stays far below, a slip of the keyboard does not.
 pub(super) const MAX_RESOLUTION: u32 = 20_000;
@@ -23,6 +23,13 @@ pub(super) struct Shape {
     pub(super) uvs: Vec<[f64; 2]>,
     /// Nodes along x (fastest) and z, if the points form one grid.
     pub(super) grid: Option<[u32; 2]>,
+}
+
+/// The mesh of a garment that is generated; `None` for one from a file.
+pub(super) fn of(garment: &Garment) -> Option<Shape> {
+    let Garment { panel: flat, disc: round, sphere: ball, tube: pipe, leaves: cloud, .. } = garment;
+    let first = flat.as_ref().map(panel).or_else(|| round.as_ref().map(disc)).or_else(|| ball.as_ref().map(sphere));
+    first.or_else(|| pipe.as_ref().map(tube)).or_else(|| cloud.as_ref().map(leaves))
 }
 
 /// Rotation as a matrix; an axis of no direction turns nothing (the caller refuses it before).

@@ -59,7 +59,7 @@ fn a_sheet_needs_no_files_and_becomes_si() {
     assert_eq!(names, [("gravity", None), ("stretch", Some(0)), ("dihedral_bending", Some(0)), ("pins", None)]);
     assert_eq!(description.effects[1].settings["stiffness"], SettingValue::Number(261.0));
     assert_eq!(description.effects[3].because, "garment \"sheet\" has 2 pinned vertices");
-    let uvs = scene.garments[0].uvs.as_ref().expect("a panel has texture coordinates");
+    let uvs = scene.garments[0].read().expect("a panel").uvs.expect("a panel has texture coordinates");
     assert_eq!((uvs.values.len(), &uvs.indices), (35, &garment.mesh.face_indices));
 }
 
@@ -260,7 +260,7 @@ fn a_body_and_a_garment_from_files_keep_their_units() {
     let shot = resolve_in(&folder, DRESSED).unwrap_or_else(|e| panic!("{}", e[0]));
     assert_eq!(shot.output.units.length, crate::units::LengthUnit::Centimetre);
     assert_eq!((shot.scene.timeline.fps_numerator, shot.scene.timeline.fps_denominator), (24_000, 1001));
-    assert_eq!(shot.garments[0].mesh.points[1], Vec3::new(0.5, 0.0, 0.1));
+    assert_eq!(shot.garments[0].read().expect("the skirt").mesh.points[1], Vec3::new(0.5, 0.0, 0.1));
     let hero = shot.bodies[0].as_ref().expect("a file");
     assert_eq!(hero.source.mesh_at(0.0).expect("a mesh").mesh.points[2], Vec3::new(0.0, 1.5, 0.0));
     let body = &shot.scene.bodies[0];

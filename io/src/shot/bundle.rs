@@ -17,9 +17,10 @@ use drapery_core::simulation::{Advance, FrameSummary, Recovery};
 use serde_json::{Value, json};
 
 use crate::atomic_file;
+use crate::cache::MeshData;
 use crate::checkpoint::{CheckpointReader, CheckpointWriter, Head};
 use crate::error::IoError;
-use crate::scene_file;
+use crate::garment_mesh::GarmentMesh;
 use crate::shot::{Shot, ShotError, resume};
 
 /// Folder inside that of a run.
@@ -61,7 +62,7 @@ pub(super) fn write(shot: &Shot, out: &Path, head: &Head, error: &StepError) -> 
         "replay": format!("drapery run --replay {}", bundle.display()),
     });
     atomic_file::replace(&bundle, format!("{text:#}\n").as_bytes())?;
-    write_cloth(shot, &file("toml"), &file("abc"), (&garment, &vertices))?;
+    write_cloth(shot, &file("abc"), (&garment, &vertices))?;
     Ok(bundle)
 }
 
@@ -77,13 +78,10 @@ fn concerned(error: &StepError, recoveries: &[Recovery]) -> (String, Vec<u32>) {
 }
 
 /// Writes the garment concerned, the first if none is, as it stands; its faces are those of the scene.
-fn write_cloth(shot: &Shot, scene: &Path, path: &Path, (name, vertices): (&str, &[u32])) -> Result<(), IoError> {
+fn write_cloth(shot: &Shot, path: &Path, (name, vertices): (&str, &[u32])) -> Result<(), IoError> {
     let garment = shot.about.garments.iter().position(|garment| garment == name).unwrap_or(0);
-    // The faces were given away when the caches were opened. A scene that cannot be read again has no picture.
-    let described = scene_file::load(scene, &[]).ok().and_then(|scene| scene.resolve().ok());
-    let Some(mesh) = described.and_then(|shot| shot.garments.into_iter().nth(garment)).map(|data| data.mesh) else {
-        return Ok(());
-    };
+    // A garment that cannot be read again has no picture.
+    let Some(Ok(MeshData { mesh, .. })) = shot.garments.get(garment).map(GarmentMesh::read) else { return Ok(()) };
     let positions = shot.crew.stored(garment, Field::Positions, shot.about.output.units);
     let faces = mesh.faces().enumerate().filter(|(_, corners)| corners.iter().any(|v| vertices.contains(v)));
     let faces: Vec<i32> = faces.filter_map(|(face, _)| i32::try_from(face).ok()).collect();

@@ -2,14 +2,13 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::outside::Field;
 use serde_json::{Value, json};
 
 use crate::atomic_file;
-use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, MeshData};
+use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::checkpoint::{self, Account, Head, Saved};
 use crate::error::IoError;
 use crate::farm::digest::Fingerprint;
@@ -272,13 +271,11 @@ fn of_garments(
     planned: &[Planned],
     open: impl Fn(&Planned, CachePlan<'_>) -> Result<Box<dyn CacheWriter>, IoError>,
 ) -> Result<Vec<Vec<Box<dyn CacheWriter>>>, IoError> {
-    let of_garment = |(garment, data): (usize, &Arc<MeshData>)| {
-        // As the scene has cut the faces; it may hold only a share of them here.
-        let (triangles, _) = data.mesh.triangulate();
+    let of_garment = |garment: usize| {
         let caches = planned.iter().filter(|cache| cache.garment == garment);
-        caches.map(|cache| open(cache, cache_plan(shot, garment, &triangles))).collect()
+        caches.map(|cache| open(cache, cache_plan(shot, garment))).collect()
     };
-    shot.garments.iter().enumerate().map(of_garment).collect()
+    (0..shot.garments.len()).map(of_garment).collect()
 }
 
 /// The caches that a shot writes into a folder.
@@ -324,12 +321,11 @@ pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoEr
     }
 }
 
-fn cache_plan<'a>(shot: &'a Shot, garment: usize, triangles: &'a [[u32; 3]]) -> CachePlan<'a> {
+fn cache_plan(shot: &Shot, garment: usize) -> CachePlan<'_> {
     let about = &shot.about;
     CachePlan {
         garment: &about.garments[garment],
         mesh: &shot.garments[garment],
-        triangles,
         units: about.output.units,
         timeline: about.timeline,
         first_frame: about.timeline.origin,
@@ -343,12 +339,12 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
     let about = &shot.about;
     let garments = garment_names(shot).zip(&shot.garments).enumerate().map(|(index, (name, mesh))| ManifestGarment {
         name: name.to_owned(),
-        object_path: if mesh.object_path.is_empty() {
+        object_path: if mesh.object_path().is_empty() {
             format!("/{name}/{name}Shape")
         } else {
-            mesh.object_path.clone()
+            mesh.object_path().to_owned()
         },
-        points: mesh.mesh.points.len(),
+        points: mesh.point_count(),
         files: planned.iter().filter(|cache| cache.garment == index).map(|cache| file_name(&cache.path)).collect(),
     });
     Manifest {

@@ -329,8 +329,6 @@ impl<'a> Run<'a> {
                 (output, totals, saved)
             }
         };
-        // The caches have what they need of them.
-        shot.garments = Vec::new();
         let (attempt, cadence) = (attempt.number, Cadence::new(options.checkpoint_every, 0.0));
         let (clock, is_new) = (Instant::now(), found.is_none());
         Ok(Self { shot, options, fingerprint, output, store, lock, cadence, clock, attempt, totals, is_new, saved })

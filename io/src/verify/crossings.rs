@@ -16,7 +16,7 @@ use super::{Cache, Verification};
 use crate::cache::MeshReader;
 use crate::error::IoError;
 use crate::formats::alembic::sample_times;
-use crate::formats::alembic_writer::{TRIANGLES, reversed};
+use crate::formats::alembic_writer::{TRIANGLES, reverse};
 
 /// Sample times closer than this are one time [s]: programs round frame / fps differently.
 const SAME_TIME: f64 = 1e-5;
@@ -103,7 +103,8 @@ pub(crate) fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32;
         return told;
     }
     let faces = mesh.faces(0).ok()?;
-    let corners: Vec<u32> = reversed(&faces.face_counts, &faces.face_indices).collect();
+    let mut corners = faces.face_indices;
+    reverse(&faces.face_counts, &mut corners);
     let mut polygons = PolygonMesh { points: points.to_vec(), ..PolygonMesh::default() };
     let mut start = 0;
     for count in faces.face_counts {

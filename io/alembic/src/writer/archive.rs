@@ -66,7 +66,7 @@ pub struct ArchiveWriter {
     pub(super) properties: Vec<PropertyNode>,
     /// Payloads already in the file; asked by key only, so its order never shows.
     pub(super) known: HashMap<SampleKey, StoredSample>,
-    /// Bytes of the chunk being written, kept for its capacity.
+    /// Bytes of the chunk being written, kept for its capacity until the next commit.
     pub(super) chunk: Vec<u8>,
     pub(super) committed: bool,
     pub(super) changed: bool,

@@ -19,6 +19,8 @@ impl ArchiveWriter {
     pub fn commit(&mut self, durability: Durability) -> Result<(), AlembicError> {
         let (root, bytes) = self.packed_tables(self.end);
         self.write_at(self.end, &bytes)?;
+        // Between frames others need the room.
+        self.chunk = Vec::new();
         self.synchronise(durability)?;
         self.write_at(8, &root.0.to_le_bytes())?;
         if !self.committed {

@@ -7,7 +7,7 @@ use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
 use super::stored::{dataset, place_of};
-use crate::cache::{APPLICATION, CachePlan};
+use crate::cache::{APPLICATION, CachePlan, MeshData};
 
 /// Version of the layout, stored as the attribute `format_version`.
 const FORMAT_VERSION: i64 = 1;
@@ -32,21 +32,22 @@ pub(super) struct Layout {
 }
 
 /// A dataset that is written when the file is made.
-struct Fixed {
+struct Fixed<'a> {
     name: &'static str,
     shape: Vec<usize>,
-    values: Values,
+    values: Values<'a>,
 }
 
-enum Values {
-    F32(Vec<f32>),
+enum Values<'a> {
+    F32(&'a [f32]),
     F64(Vec<f64>),
-    I32(Vec<i32>),
+    /// Stored as signed numbers: checked meshes have fewer than 2³¹ corners.
+    U32(&'a [u32]),
     I64(Vec<i64>),
 }
 
-/// Creates the file, fills in what does not change, and closes it.
-pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Offsets> {
+/// Creates the file, fills in what does not change, and closes it. `data` is the mesh of the plan.
+pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<Offsets> {
     // Times of change are left out so that equal runs give equal bytes.
     let file = hdf5::File::with_options()
         .with_fapl(|access| access.libver_v110())
@@ -61,15 +62,15 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Off
     for (name, value) in integers(plan) {
         file.new_attr::<i64>().create(name)?.write_scalar(&value)?;
     }
-    for fixed in fixed_datasets(plan) {
-        match &fixed.values {
+    for fixed in fixed_datasets(plan, data, &triangulated(data)) {
+        match fixed.values {
             Values::F32(values) => fixed.create(&file, values)?,
-            Values::F64(values) => fixed.create(&file, values)?,
-            Values::I32(values) => fixed.create(&file, values)?,
-            Values::I64(values) => fixed.create(&file, values)?,
+            Values::F64(ref values) => fixed.create(&file, values)?,
+            Values::U32(values) => fixed.create(&file, &as_i32(values))?,
+            Values::I64(ref values) => fixed.create(&file, values)?,
         }
     }
-    let (frames, points) = (plan.frame_count(), plan.mesh.mesh.points.len());
+    let (frames, points) = (plan.frame_count(), plan.mesh.point_count());
     let committed = growing::<u8>(&file, "committed", &[frames])?;
     let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;
     let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
@@ -84,12 +85,12 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Off
 ///
 /// # Errors
 /// What is wrong with the file: it cannot be read, or was made with another plan.
-pub(super) fn read_layout(path: &Path, plan: &CachePlan<'_>) -> Result<Layout, String> {
-    compared(path, plan).map_err(|source| format!("the file is damaged: {source}"))?
+pub(super) fn read_layout(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> Result<Layout, String> {
+    compared(path, plan, data).map_err(|source| format!("the file is damaged: {source}"))?
 }
 
 /// The outer error is the library's, the inner one says what differs from the plan.
-fn compared(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Result<Layout, String>> {
+fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<Result<Layout, String>> {
     let file = hdf5::File::open(path)?;
     let (_, [frames]) = dataset::<1>(&file, "frame_numbers")?;
     // Each frame has at least its mark.
@@ -100,15 +101,15 @@ fn compared(path: &Path, plan: &CachePlan<'_>) -> hdf5::Result<Result<Layout, St
     if let Some(name) = differing_attribute(&file, &stored)? {
         return Ok(Err(format!("the cache was begun with other settings: `{name}` is another")));
     }
-    if file.link_exists("uv_values") && plan.mesh.uvs.is_none() {
+    if file.link_exists("uv_values") && data.uvs.is_none() {
         return Ok(Err("the cache was begun with other settings: it has UVs".into()));
     }
-    for fixed in fixed_datasets(&stored) {
+    for fixed in fixed_datasets(&stored, data, &triangulated(data)) {
         if !fixed.is_in(&file)? {
             return Ok(Err(format!("the cache was begun with other settings: `{}` is another", fixed.name)));
         }
     }
-    let points = plan.mesh.mesh.points.len();
+    let points = plan.mesh.point_count();
     let places = [
         place::<f32>(&file, "positions", &[frames, points, 3])?,
         place::<f32>(&file, "velocities", &[frames, points, 3])?,
@@ -184,33 +185,37 @@ fn integers(plan: &CachePlan<'_>) -> [(&'static str, i64); 3] {
     ]
 }
 
-fn fixed_datasets(plan: &CachePlan<'_>) -> Vec<Fixed> {
+/// The triangles that are simulated, where they are not the faces themselves.
+fn triangulated(data: &MeshData) -> Option<Vec<[u32; 3]>> {
+    data.mesh.face_counts.iter().any(|count| *count != 3).then(|| data.mesh.triangulate().0)
+}
+
+fn fixed_datasets<'a>(plan: &CachePlan<'_>, data: &'a MeshData, cut: &'a Option<Vec<[u32; 3]>>) -> Vec<Fixed<'a>> {
     let numbers: Vec<i64> = (plan.first_frame..=plan.last_frame).collect();
     let times: Vec<f64> = numbers.iter().map(|&frame| plan.file_time(frame)).collect();
-    let (mesh, frames) = (&plan.mesh.mesh, numbers.len());
+    let (mesh, frames) = (&data.mesh, numbers.len());
+    let triangles = cut.as_ref().map_or(mesh.face_indices.as_slice(), |triangles| triangles.as_flattened());
     let fixed = |name, shape: &[usize], values| Fixed { name, shape: shape.to_vec(), values };
-    let integers = |name, values: &[u32]| fixed(name, &[values.len()], Values::I32(as_i32(values)));
+    let integers = |name, values: &'a [u32]| fixed(name, &[values.len()], Values::U32(values));
     let mut all = vec![
         fixed("times", &[frames], Values::F64(times)),
         fixed("frame_numbers", &[frames], Values::I64(numbers)),
         integers("face_counts", &mesh.face_counts),
         integers("face_indices", &mesh.face_indices),
-        fixed("triangles", &[plan.triangles.len(), 3], Values::I32(as_i32(plan.triangles.as_flattened()))),
+        fixed("triangles", &[triangles.len() / 3, 3], Values::U32(triangles)),
     ];
-    if let Some(uvs) = &plan.mesh.uvs {
-        let flat: Vec<f32> = uvs.values.iter().flatten().copied().collect();
-        all.push(fixed("uv_values", &[uvs.values.len(), 2], Values::F32(flat)));
+    if let Some(uvs) = &data.uvs {
+        all.push(fixed("uv_values", &[uvs.values.len(), 2], Values::F32(uvs.values.as_flattened())));
         all.push(integers("uv_indices", &uvs.indices));
     }
     all
 }
 
 fn as_i32(values: &[u32]) -> Vec<i32> {
-    // Checked meshes have fewer than 2³¹ corners.
     values.iter().map(|&v| v as i32).collect()
 }
 
-impl Fixed {
+impl Fixed<'_> {
     fn create<T: H5Type>(&self, file: &hdf5::File, values: &[T]) -> hdf5::Result<()> {
         let dataset = file.new_dataset::<T>().obj_track_times(false).shape(self.shape.clone()).create(self.name)?;
         dataset.write_raw(values)
@@ -231,7 +236,7 @@ impl Fixed {
         match &self.values {
             Values::F32(values) => same(&dataset, values),
             Values::F64(values) => same(&dataset, values),
-            Values::I32(values) => same(&dataset, values),
+            Values::U32(values) => Ok(dataset.read_raw::<i32>()?.into_iter().eq(values.iter().map(|&v| v as i32))),
             Values::I64(values) => same(&dataset, values),
         }
     }
