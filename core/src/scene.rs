@@ -466,6 +466,17 @@ impl GarmentDescription {
         self.stream.as_ref().map_or(self.mesh.face_counts.len(), |stream| stream.face_count())
     }
 
+    /// All rest positions [m], for those who cannot do with pieces.
+    ///
+    /// # Errors
+    /// What is wrong with the data.
+    pub fn rest_positions(&self) -> Result<Vec<Vec3>, String> {
+        let Some(stream) = &self.stream else { return Ok(self.mesh.points.clone()) };
+        let mut all = Vec::with_capacity(stream.point_count());
+        stream.points(&mut |points| all.extend_from_slice(points))?;
+        Ok(all)
+    }
+
     /// The rest shape, which it no longer has after that.
     fn take_mesh(&mut self) -> Arc<dyn MeshStream> {
         let mesh = std::mem::take(&mut self.mesh);
