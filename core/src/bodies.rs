@@ -514,15 +514,7 @@ fn pose(motion: &RigidMotion, time: f64) -> Isometry3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::Random;
-
-    const SHAPES: [Shape; 5] = [
-        Shape::HalfSpace,
-        Shape::Sphere { radius: 0.7 },
-        Shape::Capsule { radius: 0.3, half_length: 0.5 },
-        Shape::Cylinder { radius: 0.4, half_length: 0.6 },
-        Shape::Box { half_extents: [0.5, 0.3, 0.7] },
-    ];
+    use crate::geometry::testing::{Random, SHAPES};
 
     /// One body between 0 and 0.1 s.
     fn moving(shape: Shape, motion: RigidMotion) -> Bodies {

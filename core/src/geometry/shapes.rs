@@ -146,15 +146,7 @@ fn slab_distance(q: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::Random;
-
-    const SHAPES: [Shape; 5] = [
-        Shape::HalfSpace,
-        Shape::Sphere { radius: 0.7 },
-        Shape::Capsule { radius: 0.3, half_length: 0.5 },
-        Shape::Cylinder { radius: 0.4, half_length: 0.6 },
-        Shape::Box { half_extents: [0.5, 0.3, 0.7] },
-    ];
+    use crate::geometry::testing::{Random, SHAPES};
 
     /// Inside by the shape's definition, without its distance.
     fn contains(shape: &Shape, p: &Vec3) -> bool {

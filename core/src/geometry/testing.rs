@@ -1,6 +1,16 @@
-//! Seeded random numbers and small meshes for the tests of this module.
+//! Seeded random numbers, small meshes and shapes for the tests of this module.
 
+use super::shapes::Shape;
 use crate::Vec3;
+
+/// One shape of every kind.
+pub(crate) const SHAPES: [Shape; 5] = [
+    Shape::HalfSpace,
+    Shape::Sphere { radius: 0.7 },
+    Shape::Capsule { radius: 0.3, half_length: 0.5 },
+    Shape::Cylinder { radius: 0.4, half_length: 0.6 },
+    Shape::Box { half_extents: [0.5, 0.3, 0.7] },
+];
 
 /// SplitMix64: the same numbers on every machine.
 pub(crate) struct Random(pub(crate) u64);
