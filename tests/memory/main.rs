@@ -99,7 +99,8 @@ fn no_rank_holds_a_garment_as_a_whole_while_it_is_read_and_handed_out() {
 
 fn write_obj(mesh: &dyn MeshStream, path: &Path) {
     let mut text = String::new();
-    mesh.points(&mut |points| points.iter().for_each(|p| text += &format!("v {} {} {}\n", p.x, p.y, p.z))).expect("points");
+    mesh.points(&mut |points| points.iter().for_each(|p| text += &format!("v {} {} {}\n", p.x, p.y, p.z)))
+        .expect("points");
     let face = |c: &[u32]| format!("f {} {} {}\n", c[0] + 1, c[1] + 1, c[2] + 1);
     mesh.faces(&mut |_, corners| corners.chunks(3).for_each(|corners| text += &face(corners))).expect("faces");
     std::fs::write(path, text).expect("an OBJ file");
