@@ -338,9 +338,12 @@ fn read(
     problems: &mut Vec<Problem>,
 ) -> Home {
     let [points_of, faces_of] = [points, faces].map(|rows| Homes::new(rows, ranks.count()));
-    let mut read = Ok(());
-    let points = spread(ranks, &points_of, |take| {
-        let mut each = |points: &[Vec3]| points.iter().for_each(|point| take(std::slice::from_ref(point)));
+    let (mut read, mut given) = (Ok(()), [0, 0]);
+    let own_points = spread(ranks, &points_of, |take| {
+        let mut each = |points: &[Vec3]| {
+            given[0] += points.len();
+            points.iter().for_each(|point| take(std::slice::from_ref(point)));
+        };
         read = mesh.map_or(Ok(()), |mesh| mesh.points(&mut each));
     });
     let mut row = Vec::new();
@@ -350,6 +353,7 @@ fn read(
             for count in counts {
                 let Some((corners, after)) = rest.split_at_checked(*count as usize) else { return };
                 rest = after;
+                given[1] += 1;
                 row.clear();
                 row.push(*count);
                 row.extend_from_slice(corners);
@@ -358,9 +362,14 @@ fn read(
         };
         read = std::mem::replace(&mut read, Ok(())).and(mesh.map_or(Ok(()), |mesh| mesh.faces(&mut each)));
     });
-    if let Err(what) = read {
-        problems.push(Problem::data(place, what, "export the mesh again"));
+    if mesh.is_some() && read.is_ok() && given != [points, faces] {
+        let [now_points, now_faces] = given;
+        read = Err(format!("it had {points} points and {faces} faces, and has {now_points} and {now_faces} now"));
     }
+    if let Err(what) = read {
+        problems.push(Problem::data(place, what, "export the mesh again, and leave it alone while it is read"));
+    }
+    let points = own_points;
     Home { points_of, faces_of, points, corners }
 }
 
