@@ -128,7 +128,7 @@ impl MeshStream for Shrinking {
     }
 
     fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), String> {
-        self.0.faces(take)
+        MeshStream::faces(&self.0, take)
     }
 }
 
