@@ -120,6 +120,12 @@ pub trait MeshReader: Send {
     /// The file cannot be read or contradicts itself.
     fn faces_at(&self, time: f64, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError>;
 
+    /// Reads what is handed through at a time [s], one attribute after the other, and keeps nothing.
+    ///
+    /// # Errors
+    /// The file cannot be read or contradicts itself.
+    fn check_attributes_at(&self, time: f64) -> Result<(), IoError>;
+
     /// How faces and points hang together at a time [s], or `None` when the file promises that it never changes.
     ///
     /// # Errors

@@ -132,6 +132,14 @@ impl MeshSource {
         self.reader.faces_at(time, take)
     }
 
+    /// Reads what is handed through to caches, one attribute after the other, and keeps nothing.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn check_attributes_at(&self, time: f64) -> Result<(), IoError> {
+        self.reader.check_attributes_at(time)
+    }
+
     /// How faces and points hang together at a time [s of the file]; `None` when it never changes.
     ///
     /// # Errors

@@ -184,6 +184,18 @@ impl MeshReader for AlembicMesh {
         Ok(())
     }
 
+    fn check_attributes_at(&self, time: f64) -> Result<(), IoError> {
+        for mesh in &self.meshes {
+            let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
+            for attribute in mesh.uv().into_iter().chain(mesh.attributes()) {
+                attribute.values(sample)?;
+                attribute.indices(sample)?;
+            }
+            mesh.face_sets()?;
+        }
+        Ok(())
+    }
+
     fn connectivity_at(&self, time: f64) -> Result<Option<Connectivity>, IoError> {
         if self.meshes.iter().all(|mesh| mesh.topology_variance() != TopologyVariance::Heterogeneous) {
             return Ok(None);

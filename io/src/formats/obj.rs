@@ -132,6 +132,11 @@ impl MeshReader for ObjMesh {
         })
     }
 
+    fn check_attributes_at(&self, _time: f64) -> Result<(), IoError> {
+        // They stand in the lines between points and faces, all of which are looked at with either.
+        Ok(())
+    }
+
     fn connectivity_at(&self, _time: f64) -> Result<Option<Connectivity>, IoError> {
         Ok(None)
     }

@@ -167,7 +167,10 @@ impl Resolver<'_> {
             let object = source.object_path();
             let reader = FromFile { file: source.path().to_owned(), objects: garment.path.clone(), units, time };
             let mesh = GarmentMesh::new(source.path(), object, reader);
-            return Some((self.of_file(&here, mesh)?, None));
+            let mesh = self.of_file(&here, mesh)?;
+            // They are read again with the first frame, which would be late for bad news.
+            self.of_file(&here, source.check_attributes_at(time))?;
+            return Some((mesh, None));
         }
         for (key, written) in [("path", garment.path.is_some()), ("units", garment.units.is_some())] {
             // A generated garment may start from a file, which then has units and a path.
