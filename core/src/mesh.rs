@@ -37,19 +37,19 @@ impl PolygonMesh {
         let mut triangles = Vec::new();
         let mut polygons = Vec::new();
         for (polygon, corners) in self.faces().enumerate() {
-            triangulate_face(&self.points, corners, &mut triangles);
+            triangulate_face(|vertex| self.points[vertex as usize], corners, &mut triangles);
             polygons.resize(triangles.len(), polygon as u32);
         }
         (triangles, polygons)
     }
 }
 
-/// Appends the triangles of one polygon.
-fn triangulate_face(points: &[Vec3], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
+/// Appends the triangles of one polygon by the rule of [`PolygonMesh::triangulate`]; `at` says where a point is. A triangle is
+/// not looked at.
+pub(crate) fn triangulate_face(at: impl Fn(u32) -> Vec3, corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     match *corners {
         [a, b, c] => triangles.push([a, b, c]),
         [a, b, c, d] => {
-            let at = |i: u32| points[i as usize];
             // A concave quad has to be cut at its reflex corner, whatever the diagonals' lengths.
             let convex = |p: u32, q: u32, r: u32, s: u32| {
                 (at(q) - at(p)).cross(&(at(r) - at(p))).dot(&(at(r) - at(p)).cross(&(at(s) - at(p)))) > 0.0
@@ -62,14 +62,13 @@ fn triangulate_face(points: &[Vec3], corners: &[u32], triangles: &mut Vec<[u32; 
                 triangles.extend([[b, c, d], [b, d, a]]);
             }
         }
-        _ => cut_ears(points, corners, triangles),
+        _ => cut_ears(at, corners, triangles),
     }
 }
 
 /// Ear cutting in the plane of the polygon's mean normal; takes the first ear found, so the result is fixed by the order
 /// of the corners. A polygon without a proper ear (it crosses itself) is fanned from its first corner.
-fn cut_ears(points: &[Vec3], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
-    let at = |i: u32| points[i as usize];
+fn cut_ears(at: impl Fn(u32) -> Vec3, corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     let origin = at(corners[0]);
     let normal: Vec3 = corners.windows(2).map(|w| (at(w[0]) - origin).cross(&(at(w[1]) - origin))).sum();
     let mut ring = corners.to_vec();
@@ -90,6 +89,52 @@ fn cut_ears(points: &[Vec3], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
         ring.remove(i);
     }
     triangles.extend((1..ring.len().saturating_sub(1)).map(|i| [ring[0], ring[i], ring[i + 1]]));
+}
+
+/// A mesh that is read piece by piece, in order: what rank 0 knows of a garment that is never as a whole in its memory.
+pub trait MeshStream: std::fmt::Debug + Send + Sync {
+    /// Number of points.
+    fn point_count(&self) -> usize;
+
+    /// Number of faces.
+    fn face_count(&self) -> usize;
+
+    /// Gives the positions [m].
+    ///
+    /// # Errors
+    /// What is wrong with the data.
+    fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), String>;
+
+    /// Gives the faces: the number of corners of each, and the point of each corner, face by face. Nothing is promised of
+    /// these numbers but that they fit each other.
+    ///
+    /// # Errors
+    /// What is wrong with the data.
+    fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), String>;
+}
+
+impl MeshStream for PolygonMesh {
+    fn point_count(&self) -> usize {
+        self.points.len()
+    }
+
+    fn face_count(&self) -> usize {
+        self.face_counts.len()
+    }
+
+    fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), String> {
+        take(&self.points);
+        Ok(())
+    }
+
+    fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), String> {
+        let corners: u64 = self.face_counts.iter().map(|c| u64::from(*c)).sum();
+        if corners != self.face_indices.len() as u64 {
+            return Err(format!("its faces have {corners} corners, but {} indices are given", self.face_indices.len()));
+        }
+        take(&self.face_counts, &self.face_indices);
+        Ok(())
+    }
 }
 
 /// An edge of the triangulation.

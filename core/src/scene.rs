@@ -11,19 +11,21 @@ mod left_out;
 pub mod painted;
 pub mod sewn;
 mod share;
+mod streamed;
 mod validate;
 mod wire;
 
 pub use inert::simulated_triangles;
-pub(crate) use validate::agree;
+pub(crate) use validate::{agree, listed};
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::UnitQuaternion;
 
 use crate::Vec3;
 use crate::geometry::shapes::Shape;
-use crate::mesh::{PolygonMesh, TriangleMesh};
+use crate::mesh::{MeshStream, PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
 use inert::Follower;
@@ -154,6 +156,8 @@ pub struct GarmentDescription {
     pub name: String,
     /// Rest shape with the artist's polygons; a fixed triangulation of it is simulated.
     pub mesh: PolygonMesh,
+    /// Where the rest shape is read piece by piece, in place of `mesh`, which is not looked at then.
+    pub stream: Option<Arc<dyn MeshStream>>,
     /// Positions at the start [m] when they differ from the rest shape; one per point.
     pub start: Option<Vec<Vec3>>,
     /// Velocity of every point at the start [m/s].
@@ -451,6 +455,7 @@ impl GarmentDescription {
         Self {
             name: name.into(),
             mesh,
+            stream: None,
             start: None,
             velocity: Vec3::zeros(),
             start_velocities: None,

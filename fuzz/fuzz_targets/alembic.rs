@@ -73,6 +73,8 @@ fn read_as_mesh(path: &Path) {
             let _ = data.mesh.triangulate();
         }
         let _ = mesh.positions_at(time, &mut positions);
+        let _ = mesh.points_at(time, &mut |_| {});
+        let _ = mesh.faces_at(time, &mut |_, _| {});
         let _ = mesh.connectivity_at(time);
     }
 }

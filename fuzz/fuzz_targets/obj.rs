@@ -4,6 +4,7 @@
 use drapery_core::Vec3;
 use drapery_core::scene::{EffectRequest, GarmentDescription, Mass, Scene, SceneDescription};
 use drapery_fuzz::{memory, scratch};
+use drapery_io::cache::MeshData;
 use drapery_io::formats;
 use libfuzzer_sys::fuzz_target;
 
@@ -12,7 +13,11 @@ fuzz_target!(|data: &[u8]| {
     memory::bounded(|| {
         let _ = drapery_io::inspect::inspect(&path);
         let Ok(reader) = formats::open_mesh(&path, None) else { return };
-        let mesh = reader.mesh_at(0.0).expect("a mesh that was read is there").mesh;
+        let Ok(MeshData { mesh, .. }) = reader.mesh_at(0.0) else { return };
+        let (mut points, mut corners) = (Vec::new(), Vec::new());
+        reader.points_at(0.0, &mut |piece| points.extend_from_slice(piece)).expect("points of a mesh that was read");
+        reader.faces_at(0.0, &mut |_, piece| corners.extend_from_slice(piece)).expect("faces of a mesh that was read");
+        assert_eq!((points.len(), corners), (mesh.points.len(), mesh.face_indices.clone()));
         let mut scene = SceneDescription::new("fuzz");
         scene.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
         scene.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 1.0));
@@ -21,6 +26,7 @@ fuzz_target!(|data: &[u8]| {
         let garment = GarmentDescription {
             name,
             mesh,
+            stream: None,
             start: None,
             velocity,
             start_velocities: None,

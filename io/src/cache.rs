@@ -108,6 +108,24 @@ pub trait MeshReader: Send {
     /// The file cannot be read or contradicts itself.
     fn positions_at(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError>;
 
+    /// Gives the positions at a time [s] piece by piece, as [`MeshReader::positions_at`] has them.
+    ///
+    /// # Errors
+    /// The file cannot be read or contradicts itself.
+    fn points_at(&self, time: f64, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError>;
+
+    /// Gives the faces at a time [s] piece by piece: the number of corners of each, and the point of each corner.
+    ///
+    /// # Errors
+    /// The file cannot be read or contradicts itself.
+    fn faces_at(&self, time: f64, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError>;
+
+    /// Reads what is handed through at a time [s], one attribute after the other, and keeps nothing.
+    ///
+    /// # Errors
+    /// The file cannot be read or contradicts itself.
+    fn check_attributes_at(&self, time: f64) -> Result<(), IoError>;
+
     /// How faces and points hang together at a time [s], or `None` when the file promises that it never changes.
     ///
     /// # Errors

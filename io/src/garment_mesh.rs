@@ -1,58 +1,96 @@
-//! The mesh of a garment with everything to hand through to its caches. It is read when a scene is handed out, and again when a
-//! cache is begun, so that nobody keeps it in between.
+//! The mesh of a garment. Points and faces are read piece by piece when a scene is handed out; everything, with what is handed
+//! through to caches, when a cache is begun. Nobody keeps it in between.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use drapery_core::mesh::PolygonMesh;
+use drapery_core::Vec3;
+use drapery_core::mesh::{MeshStream, PolygonMesh};
 use drapery_core::scene::simulated_triangles;
 use sha2::{Digest, Sha256};
 
 use crate::cache::MeshData;
 use crate::error::IoError;
 
-/// How a mesh is read.
-type Read = dyn Fn() -> Result<MeshData, IoError> + Send + Sync;
+/// How the mesh of a garment is read.
+pub trait GarmentReader: Send + Sync {
+    /// Reads all of it.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    fn read(&self) -> Result<MeshData, IoError>;
 
-/// A mesh that is read whenever it is needed.
+    /// Gives the positions [m] piece by piece, in order.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError>;
+
+    /// Gives the faces piece by piece, in order: the number of corners of each, and the point of each corner.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError>;
+}
+
+/// A mesh in memory.
+struct Kept(MeshData);
+
+impl GarmentReader for Kept {
+    fn read(&self) -> Result<MeshData, IoError> {
+        Ok(self.0.clone())
+    }
+
+    fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
+        take(&self.0.mesh.points);
+        Ok(())
+    }
+
+    fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+        take(&self.0.mesh.face_counts, &self.0.mesh.face_indices);
+        Ok(())
+    }
+}
+
+/// A mesh that is read whenever it is needed, and is then what it was.
 #[derive(Clone)]
 pub struct GarmentMesh {
-    read: Arc<Read>,
+    reader: Arc<dyn GarmentReader>,
     /// The file, for messages; empty where there is none.
     path: PathBuf,
     object_path: String,
     points: usize,
+    faces: usize,
     digest: [u8; 32],
 }
 
 impl fmt::Debug for GarmentMesh {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { path, object_path, points, .. } = self;
-        f.debug_struct("GarmentMesh").field("path", path).field("object", object_path).field("points", points).finish()
+        let Self { object_path, points, faces, digest, .. } = self;
+        let mut all = f.debug_struct("GarmentMesh");
+        all.field("object", object_path).field("points", points).field("faces", faces).field("digest", digest).finish()
     }
 }
 
 impl GarmentMesh {
-    /// A mesh that `read` reads from `path`, and that was read before as `data`.
-    pub fn new(
-        path: &Path,
-        data: &MeshData,
-        read: impl Fn() -> Result<MeshData, IoError> + Send + Sync + 'static,
-    ) -> Self {
-        Self {
-            read: Arc::new(read),
-            path: path.to_owned(),
-            object_path: data.object_path.clone(),
-            points: data.mesh.points.len(),
-            digest: digest(data),
-        }
+    /// A mesh of `path`, and of this object in it; it is read once, piece by piece.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn new(path: &Path, object_path: String, reader: impl GarmentReader + 'static) -> Result<Self, IoError> {
+        let mut seen = Seen::default();
+        reader.points(&mut |points| seen.points(points))?;
+        reader.faces(&mut |counts, corners| seen.faces(counts, corners))?;
+        let (points, faces, digest) = (seen.points, seen.faces, seen.digest.finalize().into());
+        Ok(Self { reader: Arc::new(reader), path: path.to_owned(), object_path, points, faces, digest })
     }
 
-    /// A mesh that is kept.
+    /// A mesh that is kept in memory.
     pub fn kept(data: MeshData) -> Self {
-        let kept = data.clone();
-        Self::new(Path::new(""), &data, move || Ok(kept.clone()))
+        let (path, digest) = (PathBuf::new(), digest(&data));
+        let (points, faces) = (data.mesh.points.len(), data.mesh.face_counts.len());
+        Self { path, object_path: data.object_path.clone(), points, faces, digest, reader: Arc::new(Kept(data)) }
     }
 
     /// Full path of the object in its file; empty when the format has no paths.
@@ -60,27 +98,71 @@ impl GarmentMesh {
         &self.object_path
     }
 
-    /// Number of its points.
-    pub fn point_count(&self) -> usize {
-        self.points
-    }
-
     /// Reads the mesh.
     ///
     /// # Errors
     /// It cannot be read, or has other points or faces than before.
     pub fn read(&self) -> Result<MeshData, IoError> {
-        let data = (self.read)()?;
+        let data = self.reader.read()?;
         if digest(&data) == self.digest {
             return Ok(data);
         }
         let what = "the mesh has changed since the run began: it has other points or faces";
-        Err(IoError::data(
-            &self.path,
-            data.object_path,
-            what,
-            "start the run anew, and leave its files alone until it ends",
-        ))
+        let advice = "start the run anew, and leave its files alone until it ends";
+        Err(IoError::data(&self.path, data.object_path, what, advice))
+    }
+
+    /// All positions [m], for those who cannot do with pieces.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub fn positions(&self) -> Result<Vec<Vec3>, IoError> {
+        let mut all = Vec::with_capacity(self.points);
+        self.reader.points(&mut |points| all.extend_from_slice(points))?;
+        Ok(all)
+    }
+}
+
+impl MeshStream for GarmentMesh {
+    fn point_count(&self) -> usize {
+        self.points
+    }
+
+    fn face_count(&self) -> usize {
+        self.faces
+    }
+
+    fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), String> {
+        self.reader.points(take).map_err(|error| error.to_string())
+    }
+
+    fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), String> {
+        self.reader.faces(take).map_err(|error| error.to_string())
+    }
+}
+
+/// What was seen of a mesh, and a digest of it.
+#[derive(Default)]
+struct Seen {
+    points: usize,
+    faces: usize,
+    digest: Sha256,
+}
+
+impl Seen {
+    fn points(&mut self, points: &[Vec3]) {
+        self.points += points.len();
+        points.iter().flatten().for_each(|x| self.digest.update(x.to_le_bytes()));
+    }
+
+    fn faces(&mut self, counts: &[u32], corners: &[u32]) {
+        self.faces += counts.len();
+        let mut rest = corners.iter();
+        // Face by face, so that pieces of any length come to the same.
+        for count in counts {
+            self.digest.update(count.to_le_bytes());
+            rest.by_ref().take(*count as usize).for_each(|corner| self.digest.update(corner.to_le_bytes()));
+        }
     }
 }
 
@@ -93,33 +175,48 @@ pub(crate) fn told(mesh: &PolygonMesh) -> Option<Vec<[u32; 3]>> {
 
 /// Digest of what is simulated, points and faces.
 fn digest(data: &MeshData) -> [u8; 32] {
-    let mut digest = Sha256::new();
-    for point in &data.mesh.points {
-        point.iter().for_each(|x| digest.update(x.to_le_bytes()));
-    }
-    for list in [&data.mesh.face_counts, &data.mesh.face_indices] {
-        digest.update((list.len() as u64).to_le_bytes());
-        list.iter().for_each(|number| digest.update(number.to_le_bytes()));
-    }
-    digest.finalize().into()
+    let mut seen = Seen::default();
+    seen.points(&data.mesh.points);
+    seen.faces(&data.mesh.face_counts, &data.mesh.face_indices);
+    seen.digest.finalize().into()
 }
 
 #[cfg(test)]
 mod tests {
-    use drapery_core::Vec3;
-
     use super::*;
+
+    /// Gives another mesh as a whole than in pieces.
+    struct Changing(Kept, Kept);
+
+    impl GarmentReader for Changing {
+        fn read(&self) -> Result<MeshData, IoError> {
+            self.1.read()
+        }
+
+        fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
+            self.0.0.mesh.points.chunks(2).for_each(take);
+            Ok(())
+        }
+
+        fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+            self.0.faces(take)
+        }
+    }
 
     #[test]
     fn a_mesh_that_has_changed_is_refused_when_it_is_read_again() {
         let of = |points| MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]]));
         let first = of(vec![Vec3::x(), Vec3::y(), Vec3::z()]);
-        let again = first.clone();
-        let mesh = GarmentMesh::new(Path::new("skirt.obj"), &first, move || Ok(again.clone()));
-        assert_eq!((mesh.read().unwrap(), mesh.point_count()), (first.clone(), 3));
         let other = of(vec![Vec3::x(), Vec3::y(), 1.5 * Vec3::z()]);
-        let mesh = GarmentMesh::new(Path::new("skirt.obj"), &first, move || Ok(other.clone()));
-        let message = mesh.read().unwrap_err().to_string();
+        let mesh = |then: &MeshData| {
+            let reader = Changing(Kept(first.clone()), Kept(then.clone()));
+            GarmentMesh::new(Path::new("skirt.obj"), String::new(), reader).unwrap()
+        };
+        assert_eq!(
+            (mesh(&first).read().unwrap(), mesh(&first).positions().unwrap()),
+            (first.clone(), first.mesh.points.clone())
+        );
+        let message = mesh(&other).read().unwrap_err().to_string();
         assert!(message.contains("skirt.obj") && message.contains("has changed"), "{message}");
     }
 }

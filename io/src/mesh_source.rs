@@ -50,6 +50,11 @@ impl MeshSource {
         self.reader.objects()
     }
 
+    /// Full path of the mesh that they are merged to, which is that of the first; empty when the format has no paths.
+    pub fn object_path(&self) -> String {
+        self.objects().into_iter().next().filter(|path| path.starts_with('/')).unwrap_or_default()
+    }
+
     /// Times of the samples [s], ascending; empty when the mesh never moves.
     pub fn sample_times(&self) -> &[f64] {
         self.reader.sample_times()
@@ -104,6 +109,35 @@ impl MeshSource {
         self.reader.positions_at(time, positions)?;
         self.convert(positions);
         Ok(())
+    }
+
+    /// Gives the positions at a time [s of the file] piece by piece, in metres.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn points_at(&self, time: f64, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
+        let mut converted = Vec::new();
+        self.reader.points_at(time, &mut |points| {
+            converted.clear();
+            converted.extend(points.iter().map(|p| self.units.to_si(*p)));
+            take(&converted);
+        })
+    }
+
+    /// Gives the faces at a time [s of the file] piece by piece: the number of corners of each, and the point of each corner.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn faces_at(&self, time: f64, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+        self.reader.faces_at(time, take)
+    }
+
+    /// Reads what is handed through to caches, one attribute after the other, and keeps nothing.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn check_attributes_at(&self, time: f64) -> Result<(), IoError> {
+        self.reader.check_attributes_at(time)
     }
 
     /// How faces and points hang together at a time [s of the file]; `None` when it never changes.

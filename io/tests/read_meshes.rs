@@ -144,3 +144,42 @@ fn half_frames_and_missing_meshes_are_seen() {
     let pattern = MeshSource::open(&folder.join("mayausd_cube.abc"), Some("/nothing/*"), Units::SI).unwrap_err();
     assert!(pattern.to_string().contains("its meshes are /"), "{pattern}");
 }
+
+#[test]
+fn what_is_read_in_pieces_is_what_is_read_as_a_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let quads = folder.path().join("quads.obj");
+    let (columns, rows) = (150, 100);
+    let mut text: String = (0..columns * rows).map(|i| format!("v {} 0.5 {}\n", i % columns, i / columns)).collect();
+    for i in (0..columns * (rows - 1)).filter(|i| i % columns + 1 < columns) {
+        text += &format!("f {} {} {} {}\n", i + 1, i + 2, i + columns + 2, i + columns + 1);
+    }
+    std::fs::write(&quads, text).unwrap();
+    let mut files = vec![quads];
+    files.extend(shared("woman_walk_dance").map(|folder| folder.join("body.abc")));
+    files.extend(shared("foreign_caches/abc").into_iter().flat_map(|folder| {
+        let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        entries.filter(|path| path.extension().is_some_and(|extension| extension == "abc")).collect::<Vec<_>>()
+    }));
+    files.sort();
+    for path in files {
+        // Some hold no mesh, and one may change its number of points between samples.
+        let Ok(source) = MeshSource::open(&path, None, Units::SI) else { continue };
+        let first = source.first_time();
+        for time in [first - 1.0, first, first + 0.03, first + 0.5] {
+            let Ok(whole) = source.mesh_at(time) else { continue };
+            let (mut points, mut counts, mut corners, mut most) = (Vec::new(), Vec::new(), Vec::new(), 0);
+            source.points_at(time, &mut |piece| points.extend_from_slice(piece)).unwrap();
+            source
+                .faces_at(time, &mut |piece, indices| {
+                    counts.extend_from_slice(piece);
+                    corners.extend_from_slice(indices);
+                    most = most.max(piece.len());
+                })
+                .unwrap();
+            assert_eq!(points, whole.mesh.points, "{}, {time} s", path.display());
+            assert_eq!((counts, corners), (whole.mesh.face_counts, whole.mesh.face_indices), "{}", path.display());
+            assert!(most <= 8192, "{most} faces of {} at once", path.display());
+        }
+    }
+}

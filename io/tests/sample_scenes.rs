@@ -62,7 +62,7 @@ fn every_sample_scene_is_accepted_by_the_solver_at_any_resolution() {
             assert_eq!(format!("{:?}", shot.scene.pins), format!("{:?}", again.scene.pins));
             assert_eq!(format!("{:?}", shot.scene.bodies), format!("{:?}", again.scene.bodies));
             assert_eq!(format!("{:?}", shot.scene.garments), format!("{:?}", again.scene.garments));
-            let points = shot.scene.garments[0].mesh.points.len();
+            let points = shot.scene.garments[0].point_count();
             Shot::prepare(shot, None).unwrap_or_else(|p| panic!("{}: {p}", path.display()));
             points
         });
@@ -87,11 +87,12 @@ fn the_dressed_woman_is_read_with_her_pins() {
     }
     for (quality, points, pins) in [("_lowres", [720, 1311], 36), ("", [11_088, 5148], 144)] {
         let shot = resolve(&project().join("tests/scenes/dressed_woman.toml"), &[("quality", quality)]);
-        let counts: Vec<usize> = shot.scene.garments.iter().map(|g| g.mesh.points.len()).collect();
+        let counts: Vec<usize> = shot.scene.garments.iter().map(|g| g.point_count()).collect();
         assert_eq!(counts, points);
         let BodyShape::Surface { triangles, point_count } = &shot.scene.bodies[0].shape else { panic!("a surface") };
         assert_eq!((triangles.len(), *point_count), (26_756, 13_380));
         let body = shot.bodies[0].as_ref().expect("a file").source.mesh_at(0.0).expect("the first frame").mesh.points;
+        let rest = shot.scene.garments[0].rest_positions().expect("the garment's file");
         match &shot.scene.pins[0].target {
             PinTarget::BodyNearest { vertices, .. } => assert_eq!((vertices.len(), quality), (pins, "_lowres")),
             PinTarget::Body { attachments, .. } => {
@@ -104,7 +105,7 @@ fn the_dressed_woman_is_read_with_her_pins() {
                     let place =
                         place + tangent * a.offset.x + normal.cross(&tangent) * a.offset.y + normal * a.offset.z;
                     // The file's own promise is 1e-6 m.
-                    let point = shot.scene.garments[0].mesh.points[a.vertex as usize];
+                    let point = rest[a.vertex as usize];
                     assert!((place - point).norm() < 2e-6, "vertex {}: {}", a.vertex, (place - point).norm());
                 }
             }

@@ -2,3 +2,4 @@
 
 mod bits;
 mod communicators;
+mod handing_out;

@@ -27,13 +27,9 @@ use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartView, Scope, Surroundings};
 use crate::error::Problem;
 use crate::parallel::lanes::Lanes;
-use crate::parallel::ranks::Ranks;
-use crate::scene::Scene;
+use crate::scene::{Scene, listed};
 use crate::settings::{Default, Dimension, Field, Settings};
 use crate::volumes::{Volume, own_in_mesh, unpaired_edges, volume_of};
-
-/// Elements that a message lists before the rest is only counted.
-const LISTED: usize = 5;
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -237,22 +233,4 @@ impl Force for PartPressure {
             }
         }
     }
-}
-
-/// The elements of all ranks as text, those with the smallest numbers first; `None` when there are none. Two numbers that
-/// differ are the ends of an edge.
-fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
-    elements.sort_unstable();
-    elements.dedup();
-    let [count] = ranks.sum_of([elements.len() as u64]);
-    if count == 0 {
-        return None;
-    }
-    elements.truncate(LISTED);
-    let mut all = ranks.all_gather_each(&elements).concat();
-    all.sort_unstable();
-    let name = |[a, b]: &[u32; 2]| if a == b { a.to_string() } else { format!("{a}-{b}") };
-    let names: Vec<String> = all.iter().take(LISTED).map(name).collect();
-    let more = count.saturating_sub(LISTED as u64);
-    Some(if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") })
 }

@@ -1,12 +1,12 @@
-//! The split of the vertices into parts by recursive bisection of the rest positions, and a rank's share of them.
+//! The split of the vertices into parts, and a rank's share of them.
 //!
-//! Vertices are stored in part order; the same bisection goes on inside a part, so that neighbours on the cloth are
+//! Vertices are stored in the order that recursive bisection of the rest positions gives them (`bisection`); parts are what it
+//! has halved until it is small enough. The same bisection goes on inside a part, so that neighbours on the cloth are
 //! neighbours in memory. A rank owns a run of parts. Its arrays hold [ghosts below | own vertices | ghosts above]: *local*
 //! numbers, which ascend as those of the scene do.
 
 use std::ops::Range;
 
-use crate::Vec3;
 use crate::parallel::halo::Halo;
 use crate::parallel::local_vertices::LocalVertices;
 use crate::parallel::ranks::Ranks;
@@ -15,9 +15,6 @@ use crate::parallel::sum::{SUM_BLOCK, Shares};
 /// Largest number of vertices of a part. Small enough for one part's vectors to stay in a core's cache, large enough for
 /// the springs that cross a border (and are evaluated on both sides) to be few: 5 % of all at this size.
 pub const PART_SIZE: usize = 2048;
-
-/// Number of vertices at which the bisection stops ordering.
-const LEAF_SIZE: usize = 8;
 
 /// The parts of all garments, alike on all ranks.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,14 +37,12 @@ impl Partition {
         Self { starts, garments }
     }
 
-    /// Adds a garment with these rest positions; no part holds vertices of two garments. Returns the garment's vertices in the
-    /// order of the scene.
-    pub fn add_garment(&mut self, positions: &[Vec3]) -> Vec<u32> {
+    /// Adds a garment of so many vertices; no part holds vertices of two garments. Returns their numbers in the scene.
+    pub fn add_garment(&mut self, vertices: usize) -> Range<usize> {
         let first = self.vertex_count();
-        let mut order: Vec<u32> = (0..positions.len() as u32).collect();
-        bisect(positions, &mut order, first, &mut self.starts);
-        self.garments.push(first..first + positions.len());
-        order
+        part_ends(first, vertices, &mut self.starts);
+        self.garments.push(first..first + vertices);
+        first..first + vertices
     }
 
     /// Number of vertices of all garments.
@@ -289,42 +284,15 @@ impl Parts {
     }
 }
 
-/// Orders `order` by recursive bisection along the longest side of the bounds; ties go by vertex number. Every piece of at
-/// most [`PART_SIZE`] vertices that came from a larger one becomes a part, of which the end goes to `ends`.
-fn bisect(positions: &[Vec3], order: &mut [u32], first: usize, ends: &mut Vec<usize>) {
-    if order.is_empty() {
-        return;
+/// Appends the ends of the parts of so many vertices from `first` on: each half is halved again until it is small enough.
+fn part_ends(first: usize, vertices: usize, ends: &mut Vec<usize>) {
+    if vertices > PART_SIZE {
+        let low = vertices / 2;
+        part_ends(first, low, ends);
+        part_ends(first + low, vertices - low, ends);
+    } else if vertices > 0 {
+        ends.push(first + vertices);
     }
-    if order.len() <= PART_SIZE {
-        ends.push(first + order.len());
-        sort_leaves(positions, order);
-        return;
-    }
-    let (low, high) = halve(positions, order);
-    let middle = first + low.len();
-    bisect(positions, low, first, ends);
-    bisect(positions, high, middle, ends);
-}
-
-/// Goes on bisecting inside a part, for locality.
-fn sort_leaves(positions: &[Vec3], order: &mut [u32]) {
-    if order.len() <= LEAF_SIZE {
-        order.sort_unstable();
-        return;
-    }
-    let (low, high) = halve(positions, order);
-    sort_leaves(positions, low);
-    sort_leaves(positions, high);
-}
-
-/// Two halves of equal size along the longest side of the bounds.
-fn halve<'a>(positions: &[Vec3], order: &'a mut [u32]) -> (&'a mut [u32], &'a mut [u32]) {
-    let at = |i: &u32| positions[*i as usize];
-    let (low, high) = order.iter().fold((at(&order[0]), at(&order[0])), |(l, h), i| (l.inf(&at(i)), h.sup(&at(i))));
-    let axis = (high - low).imax();
-    let middle = order.len() / 2;
-    order.select_nth_unstable_by(middle, |a, b| at(a)[axis].total_cmp(&at(b)[axis]).then(a.cmp(b)));
-    order.split_at_mut(middle)
 }
 
 #[cfg(test)]
@@ -332,21 +300,13 @@ mod tests {
     use super::*;
     use crate::parallel::local_ranks::LocalRanks;
 
-    fn sheet(n: usize) -> Vec<Vec3> {
-        (0..n * n).map(|k| Vec3::new((k % n) as f64, 0.1 * (k % 7) as f64, (k / n) as f64)).collect()
-    }
-
     #[test]
     fn parts_cover_every_vertex_once_and_no_part_holds_two_garments() {
         let mut partition = Partition::default();
-        let orders = [70, 11].map(|n| partition.add_garment(&sheet(n)));
+        assert_eq!([4900, 121].map(|count| partition.add_garment(count)), [0..4900, 4900..5021]);
         assert_eq!(partition.vertex_count(), 4900 + 121);
         assert!(partition.starts().windows(2).all(|w| w[0] < w[1] && w[1] - w[0] <= PART_SIZE));
         assert!(partition.starts().contains(&4900));
-        for mut order in orders {
-            order.sort_unstable();
-            assert!(order.iter().copied().eq(0..order.len() as u32));
-        }
     }
 
     #[test]
@@ -355,7 +315,9 @@ mod tests {
             let numbers = LocalRanks::run(ranks, 1, |communicator| {
                 let ranks = Ranks::new(communicator);
                 let mut partition = Partition::default();
-                let order = partition.add_garment(&sheet(70));
+                partition.add_garment(4900);
+                // Some order of the vertices.
+                let order: Vec<u32> = (0..4900).map(|place| 4899 - place).collect();
                 let assignment = partition.share_out(&partition.sizes(), ranks.count());
                 let starts: Vec<usize> = assignment.iter().map(|part| partition.starts()[*part]).collect();
                 let own = starts[ranks.rank()]..starts[ranks.rank() + 1];

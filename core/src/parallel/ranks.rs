@@ -157,6 +157,15 @@ impl Ranks {
         std::array::from_fn(|n| all.iter().skip(n).step_by(N).sum())
     }
 
+    /// Sums of counts over all ranks, value by value; all have as many.
+    pub fn sum_each(&self, values: Vec<u64>) -> Vec<u64> {
+        if self.is_alone() {
+            return values;
+        }
+        let all = self.all_gather(&values, &vec![values.len(); self.count()]);
+        (0..values.len()).map(|n| all.iter().skip(n).step_by(values.len()).sum()).collect()
+    }
+
     /// The values of all ranks in the order of ranks; `counts` says how many each gives.
     pub fn all_gather<T: Pod>(&self, own: &[T], counts: &[usize]) -> Vec<T> {
         if self.is_alone() {

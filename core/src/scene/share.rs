@@ -1,24 +1,27 @@
-//! Handing out a scene: rank 0 has the description, every rank gets what lies around its own vertices.
+//! What a rank has of a scene: what lies around its own vertices. It comes from rank 0, which has the description
+//! (`handing_out`), or from other ranks when vertices move.
 //!
 //! A rank's piece of a garment are the triangles that have one of its vertices, and those that share an edge with one of these:
 //! all that springs along edges and across them, masses and contacts of its own vertices need. Where an effect looks further
-//! (`Need::SecondRing`), the triangles beyond their edges belong to it too. Rank 0 makes the pieces one after the
-//! other and keeps nothing.
+//! (`Need::SecondRing`), the triangles beyond their edges belong to it too.
+
+mod handing_out;
+mod stars;
+
+pub(super) use handing_out::HandingOut;
 
 use std::ops::Range;
 
 use crate::Vec3;
 use crate::effects::{self, Need};
 use crate::mesh::TriangleMesh;
-use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
-use crate::scene::coincident::set_apart;
-use crate::scene::inert::{Follower, Sound};
+use crate::scene::inert::Follower;
 use crate::scene::painted::{PaintedMap, PaintedMaps};
-use crate::scene::sewn::{Sewn, partners, sewn_pairs, sewn_to};
-use crate::scene::{GarmentDescription, PinHold, PinTarget, Pinned, Scene, SceneDescription};
+use crate::scene::sewn::{Sewn, partners, sewn_to};
+use crate::scene::{PinDescription, PinTarget, Pinned, Scene, SceneDescription};
 
 /// What a rank needs of a garment, vertices ascending by their numbers in the scene.
 #[derive(Debug, Default)]
@@ -36,109 +39,11 @@ pub(super) struct Piece {
     triangles: Vec<[u32; 4]>,
 }
 
-/// A garment on rank 0 while it is handed out.
-struct Handout<'a> {
-    garment: &'a GarmentDescription,
-    sound: Sound,
-    /// Vertex of the garment at each place of the scene's numbering, from the garment's first on; and the inverse.
-    order: Vec<u32>,
-    places: Vec<u32>,
-    /// Triangles at each vertex of the garment, in rows.
-    stars: Vec<u32>,
-    rows: Vec<u32>,
-    first: usize,
-    /// How many times a piece is widened by the triangles beyond its edges.
-    rings: usize,
-}
-
 /// How many times the pieces of a garment are widened by the triangles beyond their edges.
 fn rings(description: &SceneDescription, garment: usize) -> usize {
     let of_garment = description.effects.iter().filter(|request| request.garment == Some(garment));
     let mut specs = of_garment.filter_map(|request| effects::find(&request.effect));
     if specs.any(|spec| spec.needs.contains(&Need::SecondRing)) { 2 } else { 1 }
-}
-
-impl<'a> Handout<'a> {
-    fn new(garment: &'a GarmentDescription, sound: Sound, order: Vec<u32>, first: usize, rings: usize) -> Self {
-        let triangles = &sound.triangles;
-        let mut places = vec![0; order.len()];
-        order.iter().zip(0..).for_each(|(vertex, place)| places[*vertex as usize] = place);
-        let mut rows = vec![0u32; order.len() + 1];
-        triangles.iter().flatten().for_each(|v| rows[*v as usize + 1] += 1);
-        (0..order.len()).for_each(|v| rows[v + 1] += rows[v]);
-        let mut next = rows.clone();
-        let mut stars = vec![0; 3 * triangles.len()];
-        for (t, corners) in triangles.iter().enumerate() {
-            for v in corners {
-                stars[next[*v as usize] as usize] = t as u32;
-                next[*v as usize] += 1;
-            }
-        }
-        Self { garment, sound, order, places, stars, rows, first, rings }
-    }
-
-    /// What takes no part and follows another vertex, but for those that a pin moves (numbers of the scene, ascending).
-    fn followers(&self, pinned: &[u32]) -> Vec<Follower> {
-        let start = self.garment.start.as_ref().unwrap_or(&self.garment.mesh.points);
-        let number = |vertex: u32| self.first as u32 + self.places[vertex as usize];
-        let follower = |&[vertex, leader]: &[u32; 2]| Follower {
-            vertex: number(vertex),
-            leader: number(leader),
-            offset: start[vertex as usize] - start[leader as usize],
-        };
-        let is_free = |follower: &Follower| pinned.binary_search(&follower.vertex).is_err();
-        self.sound.follows.iter().map(follower).filter(is_free).collect()
-    }
-
-    fn star(&self, vertex: u32) -> &[u32] {
-        &self.stars[self.rows[vertex as usize] as usize..self.rows[vertex as usize + 1] as usize]
-    }
-
-    /// The piece around the vertices `own` of the scene; `partners` of this garment are there too, by their numbers in the scene.
-    fn piece(&self, own: &Range<usize>, partners: &[u32]) -> Piece {
-        let last = self.first + self.order.len();
-        let own = own.start.clamp(self.first, last) - self.first..own.end.clamp(self.first, last) - self.first;
-        let mut near: Vec<u32> = self.order[own.clone()].iter().flat_map(|v| self.star(*v)).copied().collect();
-        near.sort_unstable();
-        near.dedup();
-        let across = |&t: &u32| {
-            let triangles = &self.sound.triangles;
-            let [a, b, c] = triangles[t as usize];
-            let with = move |other: u32| move |s: &&u32| triangles[**s as usize].contains(&other);
-            [(a, b), (b, c), (c, a)].into_iter().flat_map(move |(p, q)| self.star(p).iter().filter(with(q)).copied())
-        };
-        for _ in 0..self.rings {
-            let beyond: Vec<u32> = near.iter().flat_map(across).collect();
-            near.extend(beyond);
-            near.sort_unstable();
-            near.dedup();
-        }
-        let number = |vertex: &u32| (self.first as u32) + self.places[*vertex as usize];
-        let mut vertices: Vec<[u32; 2]> = near
-            .iter()
-            .flat_map(|t| &self.sound.triangles[*t as usize])
-            .chain(&self.order[own.clone()])
-            .chain(partners.iter().map(|number| &self.order[*number as usize - self.first]))
-            .map(|v| [number(v), *v])
-            .collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        let rest = vertices.iter().map(|[_, v]| self.garment.mesh.points[*v as usize]).collect();
-        let of_own = |values: &Option<Vec<Vec3>>| {
-            let own = &self.order[own.clone()];
-            values.as_ref().map_or_else(Vec::new, |values| own.iter().map(|v| values[*v as usize]).collect())
-        };
-        let triangle = |&t: &u32| {
-            let [a, b, c] = self.sound.triangles[t as usize].map(|v| number(&v));
-            [self.sound.polygons[t as usize], a, b, c]
-        };
-        let mut triangles: Vec<[u32; 4]> = near.iter().map(triangle).collect();
-        triangles.sort_unstable();
-        let (start, velocities) = (of_own(&self.garment.start), of_own(&self.garment.start_velocities));
-        let painted = |map: &PaintedMap| vertices.iter().map(|[_, v]| map.values[*v as usize]).collect();
-        let maps = self.garment.maps.values().map(painted).collect();
-        Piece { vertices, rest, start, velocities, maps, triangles }
-    }
 }
 
 impl Piece {
@@ -260,76 +165,6 @@ pub(super) struct Received {
     pub(super) painted: Vec<PaintedMaps>,
 }
 
-/// Rank 0's side of the handing out: it keeps nothing of the garments but its own pieces.
-pub(super) fn hand_out(ranks: &Ranks, mut description: SceneDescription) -> Received {
-    let mut partition = Partition::default();
-    let orders: Vec<Vec<u32>> = description.garments.iter().map(|g| partition.add_garment(&g.mesh.points)).collect();
-    let assignment = partition.share_out(&partition.sizes(), ranks.count());
-    let own = |rank: usize| partition.starts()[assignment[rank]]..partition.starts()[assignment[rank + 1]];
-    let pinned = pinned_vertices(&description, &partition, &orders);
-    let pin_targets = pinned.len();
-    let sewn = sewn_pairs(&description, &partition, &orders);
-    description.seams.iter_mut().for_each(|seam| seam.pairs = Vec::new());
-    description.pins.iter_mut().for_each(forget_vertices);
-    let garments: Vec<GarmentDescription> = description.garments.iter_mut().map(take_arrays).collect();
-    if !ranks.is_alone() {
-        let of_garments: Vec<(usize, usize)> = partition.garments().iter().map(|g| (g.start, g.end)).collect();
-        let mut all = description.to_bytes();
-        (partition.starts().to_vec(), of_garments).put(&mut all);
-        (assignment.clone(), pin_targets).put(&mut all);
-        ranks.broadcast(&mut all);
-    }
-    let is_hard = |pinned: &&Pinned| description.pins[pinned.pin].hold == PinHold::Hard;
-    let mut held: Vec<u32> = pinned.iter().filter(is_hard).map(|pinned| pinned.vertex).collect();
-    held.sort_unstable();
-    let (mut pieces, mut followers, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
-    // One garment after the other, and each is forgotten when it is handed out.
-    let touches = description
-        .effects
-        .iter()
-        .any(|request| matches!(request.effect.as_str(), "self_repulsion" | "self_collision"));
-    for (g, ((mut garment, order), place)) in garments.into_iter().zip(orders).zip(partition.garments()).enumerate() {
-        let sound = Sound::of(&garment.name, &garment.mesh);
-        let apart = if touches { set_apart(&mut garment, &sound.triangles) } else { None };
-        let handout = Handout::new(&garment, sound, order, place.start, rings(&description, g));
-        let piece = |own: &Range<usize>| handout.piece(own, &partners(&sewn, own, place));
-        for rank in 1..ranks.count() {
-            let message = Message { to: rank, bytes: piece(&own(rank)).to_bytes() };
-            ranks.start(vec![message], &[]).finish();
-        }
-        pieces.push(piece(&own(0)));
-        followers.extend(handout.followers(&held));
-        warnings.extend(handout.sound.warnings.into_iter().chain(apart));
-    }
-    for rank in 1..ranks.count() {
-        let mut bytes = (pins_of(&pinned, &own(rank)), sewn_to(&sewn, &own(rank))).to_bytes();
-        followers.put(&mut bytes);
-        ranks.start(vec![Message { to: rank, bytes }], &[]).finish();
-    }
-    let (pinned, sewn) = (pins_of(&pinned, &own(0)), sewn_to(&sewn, &own(0)));
-    let held = Held { pinned, pin_targets, sewn, followers };
-    Received { warnings, ..settle(ranks, description, (partition, assignment), pieces, held) }
-}
-
-/// The other ranks' side. `None` if the messages are not those of [`hand_out`].
-pub(super) fn receive(ranks: &Ranks) -> Option<Received> {
-    let mut all = Vec::new();
-    ranks.broadcast(&mut all);
-    let mut bytes = all.as_slice();
-    let description = SceneDescription::take(&mut bytes)?;
-    let (parts, garments) = <(Vec<usize>, Vec<(usize, usize)>)>::take(&mut bytes)?;
-    let (assignment, pin_targets) = <(Vec<usize>, usize)>::take(&mut bytes)?;
-    let next = || ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish().pop();
-    let pieces: Option<Vec<Piece>> = garments.iter().map(|_| Piece::from_bytes(&next()?)).collect();
-    let last = next()?;
-    let mut bytes = last.as_slice();
-    let (pinned, sewn) = <(Vec<Pinned>, Vec<Sewn>)>::take(&mut bytes)?;
-    let followers = Vec::take(&mut bytes)?;
-    let partition = Partition::new(parts, garments.into_iter().map(|(start, end)| start..end).collect());
-    let held = Held { pinned, pin_targets, sewn, followers };
-    Some(settle(ranks, description, (partition, assignment), pieces?, held))
-}
-
 /// What is held or sewn of a rank's vertices, by numbers of the scene.
 struct Held {
     pinned: Vec<Pinned>,
@@ -437,49 +272,8 @@ fn pins_of(pinned: &[Pinned], own: &Range<usize>) -> Vec<Pinned> {
     pinned.iter().filter(|pinned| own.contains(&(pinned.vertex as usize))).cloned().collect()
 }
 
-/// Every pinned vertex of a description, by its number in the scene, in the order of the targets.
-fn pinned_vertices(description: &SceneDescription, partition: &Partition, orders: &[Vec<u32>]) -> Vec<Pinned> {
-    let mut places: Vec<Vec<u32>> = Vec::new();
-    for order in orders {
-        // Only what is pinned is looked up, but any vertex may be.
-        let mut of_garment = if description.pins.is_empty() { Vec::new() } else { vec![0; order.len()] };
-        order.iter().zip(0..).take(of_garment.len()).for_each(|(v, place)| of_garment[*v as usize] = place);
-        places.push(of_garment);
-    }
-    let mut all = Vec::new();
-    for (p, pin) in description.pins.iter().enumerate() {
-        let first = partition.garments()[pin.garment].start as u32;
-        let mut add = |row: usize, vertex: u32, attachment| {
-            let vertex = first + places[pin.garment][vertex as usize];
-            all.push(Pinned { number: all.len() as u32, pin: p, row, vertex, attachment });
-        };
-        match &pin.target {
-            PinTarget::Path { vertices, .. }
-            | PinTarget::Track { vertices, .. }
-            | PinTarget::BodyNearest { vertices, .. } => {
-                vertices.iter().enumerate().for_each(|(row, vertex)| add(row, *vertex, None));
-            }
-            PinTarget::Body { attachments, .. } => {
-                attachments.iter().enumerate().for_each(|(row, a)| add(row, a.vertex, Some(*a)));
-            }
-        }
-    }
-    all
-}
-
-/// The garment with its arrays; the rest stays.
-fn take_arrays(garment: &mut GarmentDescription) -> GarmentDescription {
-    let (mesh, start) = (std::mem::take(&mut garment.mesh), garment.start.take());
-    let start_velocities = garment.start_velocities.take();
-    // What is painted stays known, and how.
-    let shell = |(name, map): (&String, &PaintedMap)| (name.clone(), PaintedMap { values: Vec::new(), ..*map });
-    let shells = garment.maps.iter().map(shell).collect();
-    let maps = std::mem::replace(&mut garment.maps, shells);
-    GarmentDescription { mesh, start, start_velocities, maps, ..garment.clone() }
-}
-
 /// Which vertices a pin holds is known to the ranks that own them.
-fn forget_vertices(pin: &mut crate::scene::PinDescription) {
+fn forget_vertices(pin: &mut PinDescription) {
     match &mut pin.target {
         PinTarget::Path { vertices, .. }
         | PinTarget::Track { vertices, .. }

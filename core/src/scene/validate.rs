@@ -10,13 +10,13 @@ use crate::Vec3;
 use crate::effects::{self, Scope};
 use crate::error::{Problem, Problems};
 use crate::geometry::shapes::Shape;
-use crate::mesh::{PolygonMesh, TriangleMesh};
+use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
 use crate::scene::painted::PaintedMaps;
 use crate::scene::sewn::Sewn;
-use crate::scene::share::{self, Received};
+use crate::scene::share::{self, HandingOut, Received};
 use crate::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription,
 };
@@ -40,14 +40,13 @@ impl Scene {
     /// # Errors
     /// All problems at once, the same on every rank.
     pub fn distribute(ranks: &Ranks, description: Option<SceneDescription>) -> Result<Self, Problems> {
-        let problems = description.as_ref().map_or_else(Vec::new, check_description);
+        let description = description.filter(|_| ranks.is_first());
+        let mut problems = description.as_ref().map_or_else(Vec::new, check_description);
+        let broken =
+            || Problems(vec![Problem::scene("scene", "its pieces did not arrive as they were sent", "report this")]);
+        let handed = HandingOut::begin(ranks, description, &mut problems).ok_or_else(broken)?;
         agree(ranks, problems)?;
-        let received = match description.filter(|_| ranks.is_first()) {
-            Some(description) => Some(share::hand_out(ranks, description)),
-            None => share::receive(ranks),
-        };
-        let broken = || Problem::scene("scene", "its pieces did not arrive as they were sent", "report this");
-        let Some(received) = received else { return Err(Problems(vec![broken()])) };
+        let received = handed.finish(ranks).ok_or_else(broken)?;
         let scene = Self::derive(received);
         agree(ranks, check_inert(&scene.description, &scene.parts, &scene.sewn, scene.inert()))?;
         Ok(scene)
@@ -287,42 +286,19 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
         problems.push(Problem::scene(place(", velocity"), "it is not finite", "write three numbers in m/s"));
     }
     if let Some(velocities) = &garment.start_velocities {
-        if velocities.len() != garment.mesh.points.len() {
-            let what = format!("{} velocities are given for {} points", velocities.len(), garment.mesh.points.len());
+        if velocities.len() != garment.point_count() {
+            let what = format!("{} velocities are given for {} points", velocities.len(), garment.point_count());
             problems.push(Problem::data(place(", start velocities"), what, "give one for each point"));
         }
         finite_points(&place(", start velocities"), velocities, problems);
     }
     check_maps(garment, problems);
-    check_mesh(&garment.name, &garment.mesh, problems);
     if let Some(start) = &garment.start {
-        if start.len() != garment.mesh.points.len() {
-            let what =
-                format!("the start pose has {} points, the rest shape {}", start.len(), garment.mesh.points.len());
+        if start.len() != garment.point_count() {
+            let what = format!("the start pose has {} points, the rest shape {}", start.len(), garment.point_count());
             problems.push(Problem::data(place(""), what, "use a start pose of the same mesh"));
         }
         finite_points(&place(", start pose"), start, problems);
-    }
-}
-
-/// Indices and numbers: what has to hold before anything can be derived.
-fn check_mesh(name: &str, mesh: &PolygonMesh, problems: &mut Vec<Problem>) {
-    let place = |what: String| format!("garment \"{name}\"{what}");
-    finite_points(&place(String::new()), &mesh.points, problems);
-    let corners: u64 = mesh.face_counts.iter().map(|c| u64::from(*c)).sum();
-    if corners != mesh.face_indices.len() as u64 {
-        let what = format!("its faces have {corners} corners, but {} indices are given", mesh.face_indices.len());
-        problems.push(Problem::data(place(String::new()), what, "export the mesh again"));
-    } else {
-        let count = mesh.points.len() as u32;
-        let bad = |corners: &[u32]| corners.len() < 3 || corners.iter().any(|v| *v >= count);
-        let faces = mesh.faces().enumerate().filter(|(_, corners)| bad(corners)).map(|(f, _)| f);
-        report(faces, problems, |list| {
-            let what = format!(
-                "faces {list} have fewer than three corners or name a point that does not exist ({count} points)"
-            );
-            Problem::data(place(String::new()), what, "export the mesh again")
-        });
     }
 }
 
@@ -348,6 +324,24 @@ fn check_inert(description: &SceneDescription, parts: &Parts, sewn: &[Sewn], ine
         Problem::data(place, "it is sewn, but belongs to no face that has an area", "sew a vertex of the cloth instead")
     };
     inert.take(LISTED).map(problem).collect()
+}
+
+/// The elements of all ranks as text, those with the smallest numbers first; `None` when there are none. Two numbers that
+/// differ are the ends of an edge.
+pub(crate) fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
+    elements.sort_unstable();
+    elements.dedup();
+    let [count] = ranks.sum_of([elements.len() as u64]);
+    if count == 0 {
+        return None;
+    }
+    elements.truncate(LISTED);
+    let mut all = ranks.all_gather_each(&elements).concat();
+    all.sort_unstable();
+    let name = |[a, b]: &[u32; 2]| if a == b { a.to_string() } else { format!("{a}-{b}") };
+    let names: Vec<String> = all.iter().take(LISTED).map(name).collect();
+    let more = count.saturating_sub(LISTED as u64);
+    Some(if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") })
 }
 
 /// Adds one problem for a list of elements, if there are any; long lists are cut.
@@ -423,7 +417,7 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
             continue;
         };
         let place = format!("garment \"{}\", pin {p}", garment.name);
-        let count = garment.mesh.points.len();
+        let count = garment.point_count();
         let vertices: Vec<u32> = match &pin.target {
             PinTarget::Path { vertices, .. } | PinTarget::Track { vertices, .. } => vertices.clone(),
             PinTarget::BodyNearest { vertices, body } => {

@@ -1,10 +1,12 @@
 //! A scene description as bytes, without the arrays of its garments and pins: what every rank has to know.
 
+use std::sync::Arc;
+
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::error::{Problem, ProblemKind};
 use crate::geometry::shapes::Shape;
-use crate::mesh::PolygonMesh;
+use crate::mesh::{MeshStream, PolygonMesh};
 use crate::parallel::wire::{Wire, wire};
 use crate::scene::inert::Follower;
 use crate::scene::painted::PaintedMap;
@@ -24,7 +26,7 @@ wire!(struct SolverSettings {
 });
 wire!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 wire!(struct PolygonMesh { points, face_counts, face_indices });
-wire!(struct GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness, maps });
+wire!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, maps });
 wire!(struct PaintedMap { values, absolute });
 wire!(enum Shape {
     0 => HalfSpace,
@@ -56,6 +58,15 @@ wire!(struct Follower { vertex, leader, offset });
 wire!(struct Sewn { number, seam, ends, gap });
 wire!(enum ProblemKind { 0 => Scene, 1 => Data });
 wire!(struct Problem { place, what, advice, kind });
+
+/// Only rank 0 reads.
+impl Wire for Option<Arc<dyn MeshStream>> {
+    fn put(&self, _: &mut Vec<u8>) {}
+
+    fn take(_: &mut &[u8]) -> Option<Self> {
+        Some(None)
+    }
+}
 
 impl Wire for UnitQuaternion<f64> {
     fn put(&self, out: &mut Vec<u8>) {

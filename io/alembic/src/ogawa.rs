@@ -228,6 +228,17 @@ impl ChunkSource {
         }
     }
 
+    /// `size` bytes of the data chunk behind `slot`, from its byte `start` on.
+    pub(crate) fn data_part(&self, slot: Slot, start: u64, size: u64) -> Result<Vec<u8>, Fault> {
+        let whole = self.data_size(slot)?;
+        if start.checked_add(size).is_none_or(|end| end > whole) {
+            return Err(Fault::damaged(format!(
+                "{size} bytes after the first {start} of a chunk of {whole} are wanted"
+            )));
+        }
+        if size == 0 { Ok(Vec::new()) } else { self.read(slot.offset() + 8 + start, size) }
+    }
+
     /// The first `size` bytes of the data chunk behind `slot`.
     pub(crate) fn data_start(&self, slot: Slot, size: u64) -> Result<Vec<u8>, Fault> {
         if self.data_size(slot)? < size {

@@ -4,10 +4,11 @@
 //! Alembic faces are clockwise seen from outside, so they are reversed on reading; under a mirrored parent they already
 //! are counter-clockwise in the world. Shears and scales need no care: points go through the full matrix.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
-    Archive, GeomParam, Matrix, PodType, PolyMesh, Schema, Scope, TopologyVariance, Xform, transform_point,
+    Archive, Faces, GeomParam, Matrix, PodType, PolyMesh, Schema, Scope, TopologyVariance, Xform, transform_point,
 };
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
@@ -16,6 +17,9 @@ use globset::GlobBuilder;
 use super::alembic_writer::reverse;
 use crate::cache::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
 use crate::error::IoError;
+
+/// Points or faces that are read at a time.
+const PIECE: usize = 8192;
 
 /// Times closer than this are one sample [s]: archives round frame / fps differently for points and transforms.
 const SAME_TIME: f64 = 1e-6;
@@ -62,22 +66,27 @@ impl AlembicMesh {
         Ok(Self { path: path.to_owned(), meshes, times })
     }
 
-    /// World positions of one mesh at a time at which something is stored.
-    fn world_positions(&self, mesh: &PolyMesh, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
+    /// World positions of some points of one mesh at a time at which something is stored.
+    fn world_positions(&self, mesh: &PolyMesh, time: f64, range: Range<usize>) -> Result<Vec<Vec3>, IoError> {
         let matrix = mesh.world_matrix_at(time)?;
         let (below, above, share) = mesh.time_sampling().bracket(time, mesh.sample_count());
-        let mut local = mesh.positions(below)?;
+        let mut local = mesh.positions_in(below, range.clone())?;
         if above != below && share > 0.0 && mesh.topology_variance() != TopologyVariance::Constant {
-            let next = mesh.positions(above)?;
-            if next.len() != local.len() {
-                return Err(self.changed(mesh, time, local.len(), next.len()));
+            let [before, after] = [mesh.vertex_count(below)?, mesh.vertex_count(above)?];
+            if before != after {
+                return Err(self.changed(mesh, time, before, after));
             }
-            for (p, q) in local.iter_mut().zip(&next) {
+            for (p, q) in local.iter_mut().zip(&mesh.positions_in(above, range)?) {
                 *p = std::array::from_fn(|i| (f64::from(p[i]) + (f64::from(q[i]) - f64::from(p[i])) * share) as f32);
             }
         }
-        positions.extend(local.iter().map(|p| Vec3::from(transform_point(p.map(f64::from), &matrix))));
-        Ok(())
+        Ok(local.iter().map(|p| Vec3::from(transform_point(p.map(f64::from), &matrix))).collect())
+    }
+
+    /// Number of points of one mesh at a time.
+    fn point_count(mesh: &PolyMesh, time: f64) -> Result<usize, IoError> {
+        let (below, _, _) = mesh.time_sampling().bracket(time, mesh.sample_count());
+        Ok(mesh.vertex_count(below)?)
     }
 
     fn changed(&self, mesh: &PolyMesh, time: f64, before: usize, after: usize) -> IoError {
@@ -87,12 +96,6 @@ impl AlembicMesh {
             format!("the number of points changes from {before} to {after}"),
             "export it with constant topology (no modifiers that change it)",
         )
-    }
-
-    /// All objects at a time at which something is stored.
-    fn positions_at_sample(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
-        positions.clear();
-        self.meshes.iter().try_for_each(|mesh| self.world_positions(mesh, time, positions))
     }
 
     /// The stored times around `time` and the share of the second; equal on a sample and outside.
@@ -139,17 +142,56 @@ impl MeshReader for AlembicMesh {
     }
 
     fn positions_at(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
+        positions.clear();
+        self.points_at(time, &mut |points| positions.extend_from_slice(points))
+    }
+
+    fn points_at(&self, time: f64, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
         let (below, above, share) = self.bracket(time);
-        self.positions_at_sample(below, positions)?;
-        if share > 0.0 {
-            let mut next = Vec::new();
-            self.positions_at_sample(above, &mut next)?;
-            if next.len() != positions.len() {
-                return Err(self.changed(&self.meshes[0], above, positions.len(), next.len()));
+        for mesh in &self.meshes {
+            let count = Self::point_count(mesh, below)?;
+            let after = if share > 0.0 { Self::point_count(mesh, above)? } else { count };
+            if after != count {
+                return Err(self.changed(mesh, above, count, after));
             }
-            for (p, q) in positions.iter_mut().zip(&next) {
-                *p += (q - *p) * share;
+            for start in (0..count).step_by(PIECE) {
+                let range = start..(start + PIECE).min(count);
+                let mut points = self.world_positions(mesh, below, range.clone())?;
+                if share > 0.0 {
+                    let next = self.world_positions(mesh, above, range)?;
+                    points.iter_mut().zip(&next).for_each(|(p, q)| *p += (q - *p) * share);
+                }
+                take(&points);
             }
+        }
+        Ok(())
+    }
+
+    fn faces_at(&self, time: f64, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+        let mut first = 0;
+        for mesh in &self.meshes {
+            let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
+            let mirrored = is_mirrored(mesh, time)?;
+            mesh.faces_in_pieces(sample, PIECE, &mut |Faces { face_counts, face_indices }| {
+                if !mirrored {
+                    reverse(face_counts, face_indices);
+                }
+                face_indices.iter_mut().for_each(|corner| *corner += first);
+                take(face_counts, face_indices);
+            })?;
+            first += mesh.vertex_count(sample)? as u32;
+        }
+        Ok(())
+    }
+
+    fn check_attributes_at(&self, time: f64) -> Result<(), IoError> {
+        for mesh in &self.meshes {
+            let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
+            for attribute in mesh.uv().into_iter().chain(mesh.attributes()) {
+                attribute.values(sample)?;
+                attribute.indices(sample)?;
+            }
+            mesh.face_sets()?;
         }
         Ok(())
     }
@@ -206,7 +248,7 @@ pub(crate) fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
 fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     let sample = mesh.time_sampling().floor_index(time, mesh.sample_count());
     let faces = mesh.faces(sample)?;
-    let mirrored = determinant(&mesh.world_matrix_at(time)?) < 0.0;
+    let mirrored = is_mirrored(mesh, time)?;
     let turn = |mut corners: Vec<u32>| {
         if !mirrored {
             reverse(&faces.face_counts, &mut corners);
@@ -224,7 +266,7 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
         name: set.name,
         faces: set.faces.into_iter().filter_map(|face| u32::try_from(face).ok()).collect(),
     };
-    let point_count = mesh.positions(sample)?.len();
+    let point_count = mesh.vertex_count(sample)?;
     Ok(MeshData {
         object_path: mesh.object().path().to_owned(),
         mesh: PolygonMesh {
@@ -288,6 +330,11 @@ fn read_param(param: &GeomParam, sample: usize, mirrored: Option<&[u32]>) -> Res
         values,
         indices,
     }))
+}
+
+/// Whether its faces are counter-clockwise in the world as they are stored.
+fn is_mirrored(mesh: &PolyMesh, time: f64) -> Result<bool, IoError> {
+    Ok(determinant(&mesh.world_matrix_at(time)?) < 0.0)
 }
 
 /// Volume of the unit cube under the linear part; negative for a mirror.

@@ -18,6 +18,7 @@ use drapery_alembic::{
     GeomParamSpec, GeomParamWriter, Indexed, MetaData, PodType, PolyMesh, PolyMeshSample, PolyMeshWriter, PropertyId,
     Scope, TimeSampling, Topology, XformWriter, write_face_set,
 };
+use drapery_core::mesh::MeshStream;
 
 use super::continuing::{beside, cannot_continue, digest_of, hexadecimal, marked_frames, remove, sync_name, too_short};
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, FaceSet, MeshData, MeshParam, Uvs};

@@ -29,6 +29,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::murmur3_x64_128;
+use drapery_core::mesh::MeshStream;
 use hdf5::types::VarLenUnicode;
 
 pub(crate) use self::layout::reserved;

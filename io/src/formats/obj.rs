@@ -3,7 +3,10 @@
 //!
 //! Lines that describe curves, lines, normals or material libraries are passed over.
 
+use std::fs::File;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
@@ -11,11 +14,12 @@ use drapery_core::mesh::PolygonMesh;
 use crate::cache::{Connectivity, FaceSet, MeshData, MeshReader, Uvs};
 use crate::error::IoError;
 
-/// An OBJ file in memory.
+/// An OBJ file. It is kept in memory once its positions are asked for as a whole, as those of bodies are with every frame.
 #[derive(Debug)]
 pub struct ObjMesh {
+    path: PathBuf,
     name: String,
-    data: MeshData,
+    data: OnceLock<MeshData>,
 }
 
 /// Index that stands for "this corner has no texture coordinate".
@@ -61,15 +65,34 @@ impl SetOfFaces {
 }
 
 impl ObjMesh {
-    /// Reads a file.
+    /// Looks for a file; it is read when something is asked of it.
     ///
     /// # Errors
-    /// The file cannot be read, a line cannot be understood, or a face names a point that does not exist.
+    /// The file cannot be opened.
     pub fn open(path: &Path) -> Result<Self, IoError> {
-        let bytes = std::fs::read(path).map_err(|e| IoError::reading(path, e))?;
+        lines(path)?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Self { name, data: parse(&String::from_utf8_lossy(&bytes), path)? })
+        Ok(Self { path: path.to_owned(), name, data: OnceLock::new() })
     }
+
+    fn data(&self) -> Result<&MeshData, IoError> {
+        if let Some(data) = self.data.get() {
+            return Ok(data);
+        }
+        let data = parse(lines(&self.path)?, &self.path)?;
+        Ok(self.data.get_or_init(|| data))
+    }
+}
+
+/// The text of a file.
+fn lines(path: &Path) -> Result<BufReader<File>, IoError> {
+    let opened = File::open(path).map_err(|e| IoError::reading(path, e))?;
+    // A folder can be opened, but not read.
+    let about = opened.metadata().map_err(|e| IoError::reading(path, e))?;
+    if about.is_dir() {
+        return Err(IoError::reading(path, std::io::ErrorKind::IsADirectory.into()));
+    }
+    Ok(BufReader::new(opened))
 }
 
 impl MeshReader for ObjMesh {
@@ -82,11 +105,35 @@ impl MeshReader for ObjMesh {
     }
 
     fn mesh_at(&self, _time: f64) -> Result<MeshData, IoError> {
-        Ok(self.data.clone())
+        match self.data.get() {
+            Some(data) => Ok(data.clone()),
+            None => parse(lines(&self.path)?, &self.path),
+        }
     }
 
     fn positions_at(&self, _time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
-        positions.clone_from(&self.data.mesh.points);
+        positions.clone_from(&self.data()?.mesh.points);
+        Ok(())
+    }
+
+    fn points_at(&self, _time: f64, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
+        scan(lines(&self.path)?, &self.path, &mut |line| {
+            if let Line::Point(point) = line {
+                take(&[point]);
+            }
+        })
+    }
+
+    fn faces_at(&self, _time: f64, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+        scan(lines(&self.path)?, &self.path, &mut |line| {
+            if let Line::Face { points, .. } = line {
+                take(&[points.len() as u32], points);
+            }
+        })
+    }
+
+    fn check_attributes_at(&self, _time: f64) -> Result<(), IoError> {
+        // They stand in the lines between points and faces, all of which are looked at with either.
         Ok(())
     }
 
@@ -112,70 +159,127 @@ impl Place<'_> {
     }
 }
 
-fn parse(text: &str, path: &Path) -> Result<MeshData, IoError> {
-    let mut parsed = Parsed::default();
-    let mut continued = String::new();
-    for (number, line) in text.lines().enumerate() {
-        let place = Place { path, line: number + 1 };
+/// What a line says.
+enum Line<'a> {
+    Point(Vec3),
+    Uv([f32; 2]),
+    /// Point and texture coordinate of each corner.
+    Face {
+        points: &'a [u32],
+        uvs: &'a [u32],
+    },
+    Material(&'a str),
+    Group(&'a str),
+}
+
+/// Reads a text line by line.
+fn scan(mut text: impl BufRead, path: &Path, take: &mut dyn FnMut(Line<'_>)) -> Result<(), IoError> {
+    let mut scanner = Scanner::default();
+    let (mut bytes, mut continued) = (Vec::new(), String::new());
+    let mut number = 0;
+    loop {
+        bytes.clear();
+        if text.read_until(b'\n', &mut bytes).map_err(|e| IoError::reading(path, e))? == 0 {
+            return Ok(());
+        }
+        number += 1;
+        let place = Place { path, line: number };
+        let line = String::from_utf8_lossy(&bytes);
         let line = line.trim_end();
         // A backslash at the end of a line joins the next one.
         if let Some(start) = line.strip_suffix('\\') {
             continued.push_str(start);
             continued.push(' ');
         } else if continued.is_empty() {
-            parsed.take_line(line, &place)?;
+            scanner.take_line(line, &place, take)?;
         } else {
             continued.push_str(line);
-            parsed.take_line(&continued, &place)?;
+            scanner.take_line(&continued, &place, take)?;
             continued.clear();
         }
     }
+}
+
+fn parse(text: impl BufRead, path: &Path) -> Result<MeshData, IoError> {
+    let mut parsed = Parsed::default();
+    scan(text, path, &mut |line| parsed.take(line))?;
     Ok(parsed.finish())
 }
 
-impl Parsed {
-    fn take_line(&mut self, line: &str, place: &Place<'_>) -> Result<(), IoError> {
+/// What has to be known of the lines before one.
+#[derive(Default)]
+struct Scanner {
+    points: usize,
+    uvs: usize,
+    /// Of the face being read.
+    face_points: Vec<u32>,
+    face_uvs: Vec<u32>,
+}
+
+impl Scanner {
+    fn take_line(&mut self, line: &str, place: &Place<'_>, take: &mut dyn FnMut(Line<'_>)) -> Result<(), IoError> {
         let mut words = line.split_ascii_whitespace();
         match words.next() {
             Some("v") => {
                 let [x, y, z] = numbers::<3>(&mut words, place)?;
-                self.points.push(Vec3::new(x, y, z));
+                self.points += 1;
+                take(Line::Point(Vec3::new(x, y, z)));
             }
             Some("vt") => {
                 let [u] = numbers::<1>(&mut words, place)?;
                 // A texture coordinate may have one number only; the second then is 0.
                 let v = words.next().map_or(Ok(0.0), |word| number(word, place))?;
-                self.uv_values.push([u as f32, v as f32]);
+                self.uvs += 1;
+                take(Line::Uv([u as f32, v as f32]));
             }
-            Some("f") => self.take_face(words, place)?,
-            Some("usemtl") => self.materials.begin(words.next().unwrap_or_default()),
-            Some("g" | "o") => self.groups.begin(words.next().unwrap_or("default")),
+            Some("f") => {
+                self.take_face(words, place)?;
+                take(Line::Face { points: &self.face_points, uvs: &self.face_uvs });
+            }
+            Some("usemtl") => take(Line::Material(words.next().unwrap_or_default())),
+            Some("g" | "o") => take(Line::Group(words.next().unwrap_or("default"))),
             _ => {}
         }
         Ok(())
     }
 
     fn take_face<'a>(&mut self, corners: impl Iterator<Item = &'a str>, place: &Place<'_>) -> Result<(), IoError> {
-        let first = self.face_indices.len();
+        self.face_points.clear();
+        self.face_uvs.clear();
         for corner in corners {
             let mut parts = corner.split('/');
-            let point = index(parts.next().unwrap_or_default(), self.points.len(), "point", place)?;
+            let point = index(parts.next().unwrap_or_default(), self.points, "point", place)?;
             let uv = match parts.next() {
                 None | Some("") => NO_UV,
-                Some(word) => index(word, self.uv_values.len(), "texture coordinate", place)?,
+                Some(word) => index(word, self.uvs, "texture coordinate", place)?,
             };
-            self.face_indices.push(point);
-            self.uv_indices.push(uv);
+            self.face_points.push(point);
+            self.face_uvs.push(uv);
         }
-        let count = (self.face_indices.len() - first) as u32;
+        let count = self.face_points.len();
         if count < 3 {
             return Err(place.error(format!("a face with {count} corners; it takes at least 3")));
         }
-        let face = self.face_counts.len() as u32;
-        self.face_counts.push(count);
-        self.materials.add(face);
-        self.groups.add(face);
         Ok(())
+    }
+}
+
+impl Parsed {
+    fn take(&mut self, line: Line<'_>) {
+        match line {
+            Line::Point(point) => self.points.push(point),
+            Line::Uv(value) => self.uv_values.push(value),
+            Line::Face { points, uvs } => {
+                let face = self.face_counts.len() as u32;
+                self.face_counts.push(points.len() as u32);
+                self.face_indices.extend_from_slice(points);
+                self.uv_indices.extend_from_slice(uvs);
+                self.materials.add(face);
+                self.groups.add(face);
+            }
+            Line::Material(name) => self.materials.begin(name),
+            Line::Group(name) => self.groups.begin(name),
+        }
     }
 
     fn finish(mut self) -> MeshData {
@@ -245,7 +349,7 @@ mod tests {
         usemtl wall\nf 1/1 2/2 3/3 4/4\nusemtl roof\nf -3/4 -4/3 -2/1\nusemtl wall\nf 1 2 \\\n3 5 4\n";
 
     fn parsed(text: &str) -> Result<MeshData, IoError> {
-        parse(text, Path::new("house.obj"))
+        parse(text.as_bytes(), Path::new("house.obj"))
     }
 
     #[test]

@@ -1,34 +1,74 @@
 //! Garments of a scene file.
 
-use std::path::Path as FilePath;
+use std::borrow::Cow;
+use std::path::{Path as FilePath, PathBuf};
+use std::sync::Arc;
 
 use drapery_core::Vec3;
+use drapery_core::mesh::{MeshStream, PolygonMesh};
 use drapery_core::scene::{GarmentDescription, Mass};
 use drapery_core::settings::Dimension;
 
 use crate::cache::{MeshData, Uvs};
-use crate::garment_mesh::GarmentMesh;
+use crate::error::IoError;
+use crate::garment_mesh::{GarmentMesh, GarmentReader};
 use crate::mesh_source::MeshSource;
+use crate::units::Units;
 
 use super::raw::{Garment, Rotation};
 use super::resolve::{ReadGarment, Resolver};
-use super::shapes::{self, MAX_RESOLUTION, Shape};
+use super::shapes::{Form, MAX_RESOLUTION, Shape};
 use super::tree::Path;
 
-/// A mesh, and how it is read again.
-struct ReadMesh {
-    data: MeshData,
-    /// Points along both directions of a panel.
-    grid: Option<[u32; 2]>,
-    again: GarmentMesh,
+/// A generated mesh.
+struct Generated(Form);
+
+impl GarmentReader for Generated {
+    fn read(&self) -> Result<MeshData, IoError> {
+        let Shape { mesh, uvs } = self.0.shape();
+        let values = uvs.iter().map(|uv| uv.map(|t| t as f32)).collect();
+        // One texture coordinate per point, so corners count both alike.
+        let uvs = Some(Uvs { name: String::new(), values, indices: mesh.face_indices.clone() });
+        Ok(MeshData { uvs, ..MeshData::new(mesh) })
+    }
+
+    fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
+        self.0.points(&mut |point, _| take(&[point]));
+        Ok(())
+    }
+
+    fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+        self.0.triangles(&mut |corners| take(&[3], &corners));
+        Ok(())
+    }
 }
 
-/// A generated mesh with its texture coordinates.
-fn generated(Shape { mesh, uvs, .. }: Shape) -> MeshData {
-    let values = uvs.iter().map(|uv| uv.map(|t| t as f32)).collect();
-    // One texture coordinate per point, so corners count both alike.
-    let uvs = Some(Uvs { name: String::new(), values, indices: mesh.face_indices.clone() });
-    MeshData { uvs, ..MeshData::new(mesh) }
+/// A mesh of a file at a time [s].
+struct FromFile {
+    file: PathBuf,
+    objects: Option<String>,
+    units: Units,
+    time: f64,
+}
+
+impl FromFile {
+    fn open(&self) -> Result<MeshSource, IoError> {
+        MeshSource::open(&self.file, self.objects.as_deref(), self.units)
+    }
+}
+
+impl GarmentReader for FromFile {
+    fn read(&self) -> Result<MeshData, IoError> {
+        self.open()?.mesh_at(self.time)
+    }
+
+    fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
+        self.open()?.points_at(self.time, take)
+    }
+
+    fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+        self.open()?.faces_at(self.time, take)
+    }
 }
 
 /// Longest leaf that is made [m]; the cells around leaves grow step by step until no two touch.
@@ -38,17 +78,17 @@ impl Resolver<'_> {
     /// Resolves one garment and its pins. Problems are recorded.
     pub(super) fn garment(&mut self, garment: &Garment, path: &Path) {
         let mass = self.mass(garment, path);
-        let Some(ReadMesh { data, grid, again }) = self.garment_mesh(garment, path) else {
+        let Some((mesh, grid)) = self.garment_mesh(garment, path) else {
             return;
         };
-        let maps = self.maps(garment, path, &data);
-        let mesh = data.mesh;
+        let maps = self.maps(garment, path, &mesh);
         let Some(start) = self.start(garment, path, &mesh, grid) else { return };
-        let velocities = self.start_velocities(garment, path, mesh.points.len());
+        let velocities = self.start_velocities(garment, path, mesh.point_count());
         let index = self.description.garments.len();
         if !garment.pin.is_empty() {
-            let at = start.as_deref().unwrap_or(&mesh.points);
-            let read = ReadGarment { start: at, grid, units: garment.units };
+            let looks = garment.pin.iter().any(|pin| pin.region.is_some());
+            let Some(places) = self.places(path, &mesh, start.as_deref(), looks) else { return };
+            let read = ReadGarment { points: mesh.point_count(), places: &places, grid, units: garment.units };
             for (number, pin) in garment.pin.iter().enumerate() {
                 let pin = self.pin(pin, &path.clone().key("pin").index(number), index, &read);
                 self.description.pins.extend(pin);
@@ -58,12 +98,29 @@ impl Resolver<'_> {
         let thickness =
             self.quantity(&here, &garment.thickness, Dimension::Length).and_then(|t| self.positive(&here, t));
         let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
-        self.garments.push(again);
-        self.grids.push(grid);
         let velocity = Vec3::from(garment.velocity);
-        let name = garment.name.clone();
-        let garment = GarmentDescription { name, mesh, start, velocity, start_velocities, mass, thickness, maps };
+        let stream: Option<Arc<dyn MeshStream>> = Some(Arc::new(mesh.clone()));
+        self.garments.push(mesh);
+        self.grids.push(grid);
+        let (name, mesh) = (garment.name.clone(), PolygonMesh::default());
+        let garment =
+            GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, maps };
         self.description.garments.push(garment);
+    }
+
+    /// Where the points of a garment start, if somebody looks; `None` after a problem, which is recorded.
+    pub(super) fn places<'a>(
+        &mut self,
+        path: &Path,
+        mesh: &GarmentMesh,
+        start: Option<&'a [Vec3]>,
+        looks: bool,
+    ) -> Option<Cow<'a, [Vec3]>> {
+        match start {
+            Some(start) => Some(Cow::Borrowed(start)),
+            None if looks => self.of_file(path, mesh.positions()).map(Cow::Owned),
+            None => Some(Cow::Owned(Vec::new())),
+        }
     }
 
     fn mass(&mut self, garment: &Garment, path: &Path) -> Option<Mass> {
@@ -86,7 +143,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn garment_mesh(&mut self, garment: &Garment, path: &Path) -> Option<ReadMesh> {
+    fn garment_mesh(&mut self, garment: &Garment, path: &Path) -> Option<(GarmentMesh, Option<[u32; 2]>)> {
         let ways = [
             garment.rest.is_some(),
             garment.panel.is_some(),
@@ -106,12 +163,14 @@ impl Resolver<'_> {
             let (file, time) = self.file_at(&here, rest)?;
             let source = self.open(&here, &file, garment.path.as_deref(), units)?;
             let time = time.unwrap_or_else(|| source.first_time());
-            let data = self.mesh(&here, &source, Some(time))?;
-            let (file, pattern) = (source.path().to_owned(), garment.path.clone());
-            let again = GarmentMesh::new(source.path(), &data, move || {
-                MeshSource::open(&file, pattern.as_deref(), units)?.mesh_at(time)
-            });
-            return Some(ReadMesh { data, grid: None, again });
+            // The path of the first object is that of what several are merged to.
+            let object = source.object_path();
+            let reader = FromFile { file: source.path().to_owned(), objects: garment.path.clone(), units, time };
+            let mesh = GarmentMesh::new(source.path(), object, reader);
+            let mesh = self.of_file(&here, mesh)?;
+            // They are read again with the first frame, which would be late for bad news.
+            self.of_file(&here, source.check_attributes_at(time))?;
+            return Some((mesh, None));
         }
         for (key, written) in [("path", garment.path.is_some()), ("units", garment.units.is_some())] {
             // A generated garment may start from a file, which then has units and a path.
@@ -119,37 +178,34 @@ impl Resolver<'_> {
                 self.error(&path.clone().key(key), format!("`{key}` has a meaning for garments from files only"));
             }
         }
-        let shape = self.generate(garment, path)?;
-        let (grid, data) = (shape.grid, generated(shape));
-        let written = garment.clone();
-        let again = GarmentMesh::new(FilePath::new(""), &data, move || {
-            Ok(shapes::of(&written).map(generated).unwrap_or_default())
-        });
-        Some(ReadMesh { data, grid, again })
+        let form = self.generate(garment, path)?;
+        let grid = form.grid();
+        let mesh = GarmentMesh::new(FilePath::new(""), String::new(), Generated(form));
+        Some((self.of_file(path, mesh)?, grid))
     }
 
-    fn generate(&mut self, garment: &Garment, path: &Path) -> Option<Shape> {
+    fn generate(&mut self, garment: &Garment, path: &Path) -> Option<Form> {
         if let Some(panel) = garment.panel {
             let here = path.clone().key("panel");
             self.sizes(&here, panel.resolution, 1, &[("side", panel.side), ("aspect", panel.aspect)], panel.rotation)?;
             self.count(&here, panel.aspect * f64::from(panel.resolution).powi(2))?;
-            return shapes::of(garment);
+            return Form::of(garment);
         }
         if let Some(disc) = garment.disc {
             self.sizes(&path.clone().key("disc"), disc.resolution, 1, &[("radius", disc.radius)], disc.rotation)?;
             self.count(&path.clone().key("disc"), 3.0 * f64::from(disc.resolution).powi(2))?;
-            return shapes::of(garment);
+            return Form::of(garment);
         }
         if let Some(sphere) = garment.sphere {
             self.sizes(&path.clone().key("sphere"), sphere.resolution, 1, &[("radius", sphere.radius)], None)?;
             self.count(&path.clone().key("sphere"), 4.0 * f64::from(sphere.resolution).powi(2))?;
-            return shapes::of(garment);
+            return Form::of(garment);
         }
         if let Some(tube) = garment.tube {
             let here = path.clone().key("tube");
             self.sizes(&here, tube.resolution, 3, &[("radius", tube.radius), ("length", tube.length)], tube.rotation)?;
             self.count(&here, f64::from(tube.resolution).powi(2) * tube.length / tube.radius / 6.0)?;
-            return shapes::of(garment);
+            return Form::of(garment);
         }
         let leaves = garment.leaves?;
         let here = path.clone().key("leaves");
@@ -165,7 +221,7 @@ impl Resolver<'_> {
             return None;
         }
         self.count(&here, total * leaves.aspect * f64::from(leaves.resolution).powi(2))?;
-        shapes::of(garment)
+        Form::of(garment)
     }
 
     /// Checks a resolution, lengths and a rotation.

@@ -4,6 +4,7 @@ use drapery_core::scene::painted::{PaintedMap, PaintedMaps};
 
 use crate::cache::{DataType, MeshData, MeshParam, Scope};
 use crate::error::IoError;
+use crate::garment_mesh::GarmentMesh;
 
 use super::deserialize::suggestion;
 use super::raw::Garment;
@@ -15,14 +16,18 @@ const FILE: &str = "file:";
 
 impl Resolver<'_> {
     /// Resolves the maps of a garment with so many points. Problems are recorded, and the map is then left out.
-    pub(super) fn maps(&mut self, garment: &Garment, path: &Path, data: &MeshData) -> PaintedMaps {
+    pub(super) fn maps(&mut self, garment: &Garment, path: &Path, mesh: &GarmentMesh) -> PaintedMaps {
         let mut maps = PaintedMaps::new();
         let written = garment.maps.written();
+        let mut data = None;
+        if written.iter().any(|(_, name)| !name.starts_with(FILE)) {
+            data = self.of_file(path, mesh.read());
+        }
         for (of, name) in &written {
             let here = path.clone().key("maps").key(of);
             let values = match name.strip_prefix(FILE) {
                 Some(file) => self.map_file(&here, file),
-                None => self.check(&here, attribute(data, name)),
+                None => data.as_ref().and_then(|data| self.check(&here, attribute(data, name))),
             };
             if let Some(values) = values {
                 let absolute = garment.absolute_maps.iter().any(|absolute| absolute == of);

@@ -66,7 +66,7 @@ impl Named<'_> {
             .count()
     }
 
-    /// The vertices in the order in which they are named.
+    /// The vertices in the order in which they are named; only a region looks at where they start.
     ///
     /// # Errors
     /// Names that fit no panel.
@@ -106,7 +106,7 @@ pub(super) fn existing(chosen: Vec<u32>, count: usize, what: &str) -> Result<Vec
 ///
 /// # Errors
 /// Not exactly one way of naming them, names that fit no panel, or no vertex at all.
-fn vertices(pin: &Pin, start: &[Vec3], grid: Option<[u32; 2]>, file: Option<&PinFile>) -> Result<Vec<u32>, String> {
+fn vertices(pin: &Pin, garment: &ReadGarment<'_>, file: Option<&PinFile>) -> Result<Vec<u32>, String> {
     let named = Named {
         vertices: pin.vertices.as_deref(),
         corners: pin.corners.as_deref(),
@@ -119,13 +119,13 @@ fn vertices(pin: &Pin, start: &[Vec3], grid: Option<[u32; 2]>, file: Option<&Pin
     let chosen = match file {
         Some(file) => file.pins.iter().map(|p| p.vertex).collect(),
         None => {
-            let mut chosen = named.find(start, grid)?;
+            let mut chosen = named.find(garment.places, garment.grid)?;
             chosen.sort_unstable();
             chosen.dedup();
             chosen
         }
     };
-    existing(chosen, start.len(), "pin")
+    existing(chosen, garment.points, "pin")
 }
 
 /// Fractions along x and z.
@@ -163,7 +163,7 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let chosen = vertices(pin, garment.start, garment.grid, file.as_ref());
+        let chosen = vertices(pin, garment, file.as_ref());
         let vertices = self.check(path, chosen)?;
         let target = if let Some(body) = pin.to.strip_prefix("body:") {
             self.body_target(pin, path, body, vertices, file.as_ref())?
@@ -231,7 +231,7 @@ impl Resolver<'_> {
         let units = self.file_units(&here, garment.units)?;
         let source = self.open(&here, file, pattern.as_deref(), units)?;
         let points = self.mesh(&here, &source, None)?.mesh.points.len();
-        self.same_count(&here, "this mesh", points, "the garment", garment.start.len())?;
+        self.same_count(&here, "this mesh", points, "the garment", garment.points)?;
         let label = format!("pin track {track}");
         let rows = Some(vertices.clone());
         self.tracks.push(InputMotion { label, source, rest: None, rows, own_units: garment.units.is_some() });

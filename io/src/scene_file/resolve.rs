@@ -28,7 +28,9 @@ use super::{effects, resolved};
 
 /// What pins have to know of a garment.
 pub(super) struct ReadGarment<'a> {
-    pub(super) start: &'a [Vec3],
+    pub(super) points: usize,
+    /// Where they start, if a pin looks.
+    pub(super) places: &'a [Vec3],
     pub(super) grid: Option<[u32; 2]>,
     pub(super) units: Option<FileUnits>,
 }

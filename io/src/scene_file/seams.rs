@@ -83,8 +83,10 @@ impl Resolver<'_> {
             return None;
         }
         let description = &self.description.garments[garment];
-        let all = description.start.as_ref().unwrap_or(&description.mesh.points);
-        let found = named.find(all, self.grids[garment]).and_then(|chosen| existing(chosen, all.len(), "seam"));
+        let start = description.start.clone();
+        let mesh = self.garments[garment].clone();
+        let all = self.places(path, &mesh, start.as_deref(), true)?;
+        let found = named.find(&all, self.grids[garment]).and_then(|chosen| existing(chosen, all.len(), "seam"));
         let places = |vertices: &Vec<u32>| vertices.iter().map(|v| all[*v as usize]).collect();
         let with_places = found.map(|vertices| (places(&vertices), vertices));
         let (start, vertices) = self.check(path, with_places)?;

@@ -15,14 +15,80 @@ use super::raw::{Ball, Disc, Garment, Leaves, Panel, PanelShape, Rotation, Tube}
 /// Finest resolution that is made; an honest scene stays far below, a slip of the keyboard does not.
 pub(super) const MAX_RESOLUTION: u32 = 20_000;
 
-/// A generated mesh.
+/// A generated mesh as a whole.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shape {
     pub(super) mesh: PolygonMesh,
     /// One texture coordinate per point.
     pub(super) uvs: Vec<[f64; 2]>,
+}
+
+/// Takes a point and its texture coordinate.
+type TakePoint<'a> = &'a mut dyn FnMut(Vec3, [f64; 2]);
+
+/// Takes the corners of a triangle.
+type TakeTriangle<'a> = &'a mut dyn FnMut([u32; 3]);
+
+/// What is generated.
+#[derive(Debug, Clone)]
+pub(super) enum Form {
+    Panel(Panel),
+    Disc(Disc),
+    Sphere(Ball),
+    Tube(Tube),
+    Leaves(Box<Cloud>),
+}
+
+impl Form {
+    /// What a garment is generated from; `None` for one from a file.
+    pub(super) fn of(garment: &Garment) -> Option<Self> {
+        let Garment { panel, disc, sphere, tube, leaves, .. } = garment;
+        let first =
+            panel.map(Self::Panel).or(disc.map(Self::Disc)).or(sphere.map(Self::Sphere)).or(tube.map(Self::Tube));
+        first.or_else(|| leaves.map(|leaves| Self::Leaves(Box::new(Cloud::of(leaves)))))
+    }
+
+    /// Gives the points in their order.
+    pub(super) fn points(&self, take: TakePoint<'_>) {
+        match self {
+            Self::Panel(panel) => panel_points(panel, take),
+            Self::Disc(disc) => disc_points(disc, take),
+            Self::Sphere(ball) => sphere_points(ball, take),
+            Self::Tube(tube) => tube_points(tube, take),
+            Self::Leaves(cloud) => cloud.points(take),
+        }
+    }
+
+    /// Gives the triangles in their order.
+    pub(super) fn triangles(&self, take: TakeTriangle<'_>) {
+        match self {
+            Self::Panel(panel) => herring_bone(cells(panel), take),
+            Self::Disc(disc) => disc_triangles(disc, take),
+            Self::Sphere(ball) => sphere_triangles(ball, take),
+            Self::Tube(tube) => tube_triangles(tube, take),
+            Self::Leaves(cloud) => cloud.triangles(take),
+        }
+    }
+
     /// Nodes along x (fastest) and z, if the points form one grid.
-    pub(super) grid: Option<[u32; 2]>,
+    pub(super) fn grid(&self) -> Option<[u32; 2]> {
+        let Self::Panel(panel) = self else { return None };
+        Some(cells(panel).map(|count| count + 1))
+    }
+
+    /// All of it.
+    pub(super) fn shape(&self) -> Shape {
+        let mut shape = Shape { mesh: PolygonMesh::default(), uvs: Vec::new() };
+        self.points(&mut |point, uv| {
+            shape.mesh.points.push(point);
+            shape.uvs.push(uv);
+        });
+        self.triangles(&mut |corners| {
+            shape.mesh.face_counts.push(3);
+            shape.mesh.face_indices.extend(corners);
+        });
+        shape
+    }
 }
 
 /// The mesh of a garment that is generated; `None` for one from a file.
@@ -41,24 +107,35 @@ fn turn(rotation: Option<Rotation>) -> Rotation3<f64> {
         .map_or_else(Rotation3::identity, |axis| Rotation3::from_axis_angle(&axis, degrees.to_radians()))
 }
 
-fn place(points: &mut [Vec3], rotation: Option<Rotation>, center: [f64; 3]) {
-    let turn = turn(rotation);
-    for point in points {
-        *point = turn * *point + Vec3::from(center);
-    }
-}
-
 /// Cells along x of a panel with `resolution` cells along z: floor(aspect · resolution).
 fn columns(aspect: f64, resolution: u32) -> u32 {
     // 2.3 · 100 is a hair below 230 in binary; the artist means 230.
     ((aspect * f64::from(resolution) + 1e-9).floor() as u32).max(1)
 }
 
+/// Cells of a panel along x and z.
+fn cells(panel: &Panel) -> [u32; 2] {
+    [columns(panel.aspect, panel.resolution), panel.resolution]
+}
+
 /// The authors' panel: nodes with i (along x) fastest, node (i, j) at (i dx, 0.5, j dy), diagonals in a herring-bone by
 /// the parity of i. With a centre or a rotation its bounding box is first moved to the origin (method 1.1).
-pub(super) fn panel(panel: &Panel) -> Shape {
-    let n = panel.resolution;
-    let m = columns(panel.aspect, n);
+fn panel_points(panel: &Panel, take: TakePoint<'_>) {
+    if panel.center.is_none() && panel.rotation.is_none() {
+        return unplaced_panel(panel, take);
+    }
+    let mut bounds: Option<[Vec3; 2]> = None;
+    unplaced_panel(panel, &mut |p, _| {
+        bounds = Some(bounds.map_or([p, p], |[low, high]| [low.inf(&p), high.sup(&p)]));
+    });
+    let [low, high] = bounds.unwrap_or_default();
+    let (middle, turn) = ((low + high) / 2.0, turn(panel.rotation));
+    let center = Vec3::from(panel.center.unwrap_or_default());
+    unplaced_panel(panel, &mut |p, uv| take(turn * (p - middle) + center, uv));
+}
+
+fn unplaced_panel(panel: &Panel, take: TakePoint<'_>) {
+    let [m, n] = cells(panel);
     let dx = panel.aspect * panel.side / f64::from(m);
     let dy = panel.side / f64::from(n);
     let bend: Vec<[f64; 2]> = match panel.shape {
@@ -70,37 +147,28 @@ pub(super) fn panel(panel: &Panel) -> Shape {
         PanelShape::Parabola => f64::from(i) * distance(bend[0], bend[1]),
     };
     let z0 = if panel.shape == PanelShape::Parabola { -panel.side / 2.0 } else { 0.0 };
-    let mut points = Vec::with_capacity(((m + 1) * (n + 1)) as usize);
-    let mut uvs = Vec::with_capacity(points.capacity());
     for j in 0..=n {
         for (i, [x, y]) in bend.iter().enumerate() {
-            points.push(Vec3::new(*x, *y, z0 + f64::from(j) * dy));
-            uvs.push([along_cloth(i as u32), f64::from(j) * dy]);
+            take(Vec3::new(*x, *y, z0 + f64::from(j) * dy), [along_cloth(i as u32), f64::from(j) * dy]);
         }
     }
-    if panel.center.is_some() || panel.rotation.is_some() {
-        let low = points.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
-        let high = points.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
-        let middle = (low + high) / 2.0;
-        points.iter_mut().for_each(|p| *p -= middle);
-        place(&mut points, panel.rotation, panel.center.unwrap_or_default());
-    }
-    let mesh = PolygonMesh::from_triangles(points, &herring_bone(m, n));
-    Shape { mesh, uvs, grid: Some([m + 1, n + 1]) }
 }
 
 /// Triangles of a grid of m by n cells: the diagonal of a cell joins (i+1, j) to (i, j+1) if i is even, else the
 /// others.
-fn herring_bone(m: u32, n: u32) -> Vec<[u32; 3]> {
+fn herring_bone([m, n]: [u32; 2], take: TakeTriangle<'_>) {
     let node = |i: u32, j: u32| i + (m + 1) * j;
-    let mut triangles = Vec::with_capacity(2 * (m as usize) * (n as usize));
     for j in 0..n {
         for i in 0..m {
             let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
-            triangles.extend(if i % 2 == 0 { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
+            split(i, [a, b, c, d]).into_iter().for_each(&mut *take);
         }
     }
-    triangles
+}
+
+/// The triangles of a cell of column i.
+fn split(i: u32, [a, b, c, d]: [u32; 4]) -> [[u32; 3]; 2] {
+    if i.is_multiple_of(2) { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] }
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -130,101 +198,104 @@ fn parabola(cells: u32) -> Vec<[f64; 2]> {
 }
 
 /// A flat disc around the origin: ring k has 6k points. 6 N² triangles, 1 + 3 N (N + 1) points.
-pub(super) fn disc(disc: &Disc) -> Shape {
-    let n = disc.resolution;
-    let first = |k: u32| if k == 0 { 0 } else { 1 + 3 * k * (k - 1) };
-    let mut points = vec![Vec3::zeros()];
-    for k in 1..=n {
-        let radius = disc.radius * f64::from(k) / f64::from(n);
-        points.extend((0..6 * k).map(|i| {
+fn disc_points(disc: &Disc, take: TakePoint<'_>) {
+    let (turn, center) = (turn(disc.rotation), Vec3::from(disc.center));
+    let mut placed = |p: Vec3| take(turn * p + center, [p.x, -p.z]);
+    placed(Vec3::zeros());
+    for k in 1..=disc.resolution {
+        let radius = disc.radius * f64::from(k) / f64::from(disc.resolution);
+        for i in 0..6 * k {
             let angle = TAU * f64::from(i) / f64::from(6 * k);
-            Vec3::new(radius * angle.cos(), 0.0, -radius * angle.sin())
-        }));
+            placed(Vec3::new(radius * angle.cos(), 0.0, -radius * angle.sin()));
+        }
     }
-    let mut triangles = Vec::with_capacity(6 * (n as usize).pow(2));
-    for k in 1..=n {
+}
+
+fn disc_triangles(disc: &Disc, take: TakeTriangle<'_>) {
+    let first = |k: u32| if k == 0 { 0 } else { 1 + 3 * k * (k - 1) };
+    for k in 1..=disc.resolution {
         for sector in 0..6 {
             let outer = |i: u32| first(k) + (sector * k + i) % (6 * k);
             let inner = |i: u32| if k == 1 { 0 } else { first(k - 1) + (sector * (k - 1) + i) % (6 * (k - 1)) };
             for i in 0..k {
-                triangles.push([outer(i), outer(i + 1), inner(i)]);
+                take([outer(i), outer(i + 1), inner(i)]);
                 if i + 1 < k {
-                    triangles.push([inner(i), outer(i + 1), inner(i + 1)]);
+                    take([inner(i), outer(i + 1), inner(i + 1)]);
                 }
             }
         }
     }
-    let uvs = points.iter().map(|p| [p.x, -p.z]).collect();
-    place(&mut points, disc.rotation, disc.center);
-    Shape { mesh: PolygonMesh::from_triangles(points, &triangles), uvs, grid: None }
+}
+
+/// Quarter of the points of ring k of a sphere.
+fn ring(ball: &Ball, k: u32) -> u32 {
+    k.min(2 * ball.resolution - k)
 }
 
 /// A closed sphere from an octahedron: ring k from the north pole has 4 min(k, 2N - k) points at equal angles.
 /// 8 N² triangles, 4 N² + 2 points, counter-clockwise seen from outside.
-pub(super) fn sphere(ball: &Ball) -> Shape {
-    let n = ball.resolution;
-    let size = |k: u32| k.min(2 * n - k);
-    let mut first = vec![0];
-    let mut points = Vec::new();
-    let mut uvs = Vec::new();
+fn sphere_points(ball: &Ball, take: TakePoint<'_>) {
+    let (n, center) = (ball.resolution, Vec3::from(ball.center));
     for k in 0..=2 * n {
         let polar = FRAC_PI_2 * f64::from(k) / f64::from(n);
-        for i in 0..(4 * size(k)).max(1) {
-            let angle = FRAC_PI_2 * f64::from(i) / f64::from(size(k).max(1));
+        for i in 0..(4 * ring(ball, k)).max(1) {
+            let angle = FRAC_PI_2 * f64::from(i) / f64::from(ring(ball, k).max(1));
             let direction = Vec3::new(polar.sin() * angle.cos(), polar.cos(), -polar.sin() * angle.sin());
-            points.push(direction * ball.radius);
-            uvs.push([angle * ball.radius, (PI - polar) * ball.radius]);
+            take(direction * ball.radius + center, [angle * ball.radius, (PI - polar) * ball.radius]);
         }
-        first.push(points.len() as u32);
     }
-    let mut triangles = Vec::with_capacity(8 * (n as usize).pow(2));
+}
+
+fn sphere_triangles(ball: &Ball, take: TakeTriangle<'_>) {
+    let n = ball.resolution;
+    let count = |k: u32| (4 * ring(ball, k)).max(1);
+    let mut first = vec![0];
+    (0..=2 * n).for_each(|k| first.push(first[k as usize] + count(k)));
     for k in 0..2 * n {
         let (narrow, wide) = if k < n { (k, k + 1) } else { (k + 1, k) };
-        let at = |ring: u32, sector: u32, i: u32| {
-            let count = (4 * size(ring)).max(1);
-            first[ring as usize] + (sector * size(ring) + i) % count
-        };
+        let at = |k: u32, sector: u32, i: u32| first[k as usize] + (sector * ring(ball, k) + i) % count(k);
         for sector in 0..4 {
-            for i in 0..size(wide) {
+            for i in 0..ring(ball, wide) {
                 let base = [at(wide, sector, i), at(wide, sector, i + 1), at(narrow, sector, i)];
-                triangles.push(if k < n { base } else { [base[1], base[0], base[2]] });
-                if i + 1 < size(wide) {
+                take(if k < n { base } else { [base[1], base[0], base[2]] });
+                if i + 1 < ring(ball, wide) {
                     let tip = [at(narrow, sector, i), at(wide, sector, i + 1), at(narrow, sector, i + 1)];
-                    triangles.push(if k < n { tip } else { [tip[1], tip[0], tip[2]] });
+                    take(if k < n { tip } else { [tip[1], tip[0], tip[2]] });
                 }
             }
         }
     }
-    place(&mut points, None, ball.center);
-    Shape { mesh: PolygonMesh::from_triangles(points, &triangles), uvs, grid: None }
+}
+
+/// Cells of a tube along its axis.
+fn rows(tube: &Tube) -> u32 {
+    let around = TAU * tube.radius;
+    ((tube.length / around * f64::from(tube.resolution)).round() as u32).clamp(1, MAX_RESOLUTION)
 }
 
 /// A tube along y around the origin, `resolution` cells around and as many along as make them nearly square.
-pub(super) fn tube(tube: &Tube) -> Shape {
-    let n = tube.resolution;
-    let around = TAU * tube.radius;
-    let rows = ((tube.length / around * f64::from(n)).round() as u32).clamp(1, MAX_RESOLUTION);
-    let mut points = Vec::new();
-    let mut uvs = Vec::new();
+fn tube_points(tube: &Tube, take: TakePoint<'_>) {
+    let (n, rows) = (tube.resolution, rows(tube));
+    let (turn, center, around) = (turn(tube.rotation), Vec3::from(tube.center), TAU * tube.radius);
     for j in 0..=rows {
         let v = tube.length * f64::from(j) / f64::from(rows);
         for i in 0..n {
             let angle = TAU * f64::from(i) / f64::from(n);
             let (sin, cos) = angle.sin_cos();
-            points.push(Vec3::new(tube.radius * cos, v - tube.length / 2.0, -tube.radius * sin));
-            uvs.push([around * f64::from(i) / f64::from(n), v]);
+            let point = Vec3::new(tube.radius * cos, v - tube.length / 2.0, -tube.radius * sin);
+            take(turn * point + center, [around * f64::from(i) / f64::from(n), v]);
         }
     }
-    let mut triangles = Vec::new();
-    for j in 0..rows {
+}
+
+fn tube_triangles(tube: &Tube, take: TakeTriangle<'_>) {
+    let n = tube.resolution;
+    for j in 0..rows(tube) {
         for i in 0..n {
             let next = (i + 1) % n;
-            let [a, b, c, d] = [i + n * j, next + n * j, next + n * (j + 1), i + n * (j + 1)];
-            triangles.extend(if i % 2 == 0 { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
+            split(i, [i + n * j, next + n * j, next + n * (j + 1), i + n * (j + 1)]).into_iter().for_each(&mut *take);
         }
     }
-    place(&mut points, tube.rotation, tube.center);
-    Shape { mesh: PolygonMesh::from_triangles(points, &triangles), uvs, grid: None }
 }
 
 /// Distance that is kept between leaves, each way [m] (scene 35 of the authors).
@@ -233,28 +304,50 @@ const LEAF_MARGIN: f64 = 0.015;
 const CELL_GROWTH: f64 = 0.01;
 
 /// Panels in random orientations in a block of cells, merged into one mesh, centred over the origin.
-pub(super) fn leaves(leaves: &Leaves) -> Shape {
-    let Leaves { count, resolution, side, aspect, base_height, seed, max_angle } = *leaves;
-    let mut random = Random::new(seed);
-    let total = count.iter().product::<u32>();
-    let turns: Vec<Rotation3<f64>> = (0..total).map(|_| random_tilt(&mut random, max_angle.to_radians())).collect();
-    let half = Vec3::new(aspect * side / 2.0 + LEAF_MARGIN, LEAF_MARGIN, side / 2.0 + LEAF_MARGIN);
-    let mut cell = CELL_GROWTH;
-    while !disjoint(&turns, count, cell, half) {
-        cell += CELL_GROWTH;
+#[derive(Debug, Clone)]
+pub(super) struct Cloud {
+    leaves: Leaves,
+    turns: Vec<Rotation3<f64>>,
+    /// Side of a cell [m].
+    cell: f64,
+}
+
+impl Cloud {
+    fn of(leaves: Leaves) -> Self {
+        let Leaves { count, side, aspect, seed, max_angle, .. } = leaves;
+        let mut random = Random::new(seed);
+        let total = count.iter().product::<u32>();
+        let turns: Vec<Rotation3<f64>> = (0..total).map(|_| random_tilt(&mut random, max_angle.to_radians())).collect();
+        let half = Vec3::new(aspect * side / 2.0 + LEAF_MARGIN, LEAF_MARGIN, side / 2.0 + LEAF_MARGIN);
+        let mut cell = CELL_GROWTH;
+        while !disjoint(&turns, count, cell, half) {
+            cell += CELL_GROWTH;
+        }
+        Self { leaves, turns, cell }
     }
-    let flat = Panel { resolution, side, aspect, shape: PanelShape::Flat, center: Some([0.0; 3]), rotation: None };
-    let leaf = panel(&flat);
-    let mut merged = Shape { mesh: PolygonMesh::default(), uvs: Vec::new(), grid: None };
-    for (index, turn) in turns.iter().enumerate() {
-        let start = merged.mesh.points.len() as u32;
-        let center = cell_center(index as u32, count, cell) + Vec3::new(0.0, base_height, 0.0);
-        merged.mesh.points.extend(leaf.mesh.points.iter().map(|p| turn * p + center));
-        merged.mesh.face_counts.extend(&leaf.mesh.face_counts);
-        merged.mesh.face_indices.extend(leaf.mesh.face_indices.iter().map(|i| i + start));
-        merged.uvs.extend(&leaf.uvs);
+
+    /// One of the panels, around the origin.
+    fn leaf(&self) -> Panel {
+        let Leaves { resolution, side, aspect, .. } = self.leaves;
+        Panel { resolution, side, aspect, shape: PanelShape::Flat, center: Some([0.0; 3]), rotation: None }
     }
-    merged
+
+    fn points(&self, take: TakePoint<'_>) {
+        let leaf = self.leaf();
+        for (turn, index) in self.turns.iter().zip(0..) {
+            let center =
+                cell_center(index, self.leaves.count, self.cell) + Vec3::new(0.0, self.leaves.base_height, 0.0);
+            panel_points(&leaf, &mut |p, uv| take(turn * p + center, uv));
+        }
+    }
+
+    fn triangles(&self, take: TakeTriangle<'_>) {
+        let cells = cells(&self.leaf());
+        let points = cells.map(|count| count + 1).iter().product::<u32>();
+        for index in 0..self.turns.len() as u32 {
+            herring_bone(cells, &mut |corners| take(corners.map(|corner| corner + index * points)));
+        }
+    }
 }
 
 /// Centre of a cell relative to the middle of the lowest layer.

@@ -5,6 +5,14 @@ use drapery_core::mesh::TriangleMesh;
 
 use super::*;
 
+fn panel(panel: &Panel) -> Shape {
+    Form::Panel(*panel).shape()
+}
+
+fn leaves(leaves: &Leaves) -> Shape {
+    Form::Leaves(Box::new(Cloud::of(*leaves))).shape()
+}
+
 fn flat(resolution: u32, aspect: f64) -> Panel {
     Panel { resolution, side: 1.0, aspect, shape: PanelShape::Flat, center: None, rotation: None }
 }
@@ -46,7 +54,7 @@ fn panels_have_the_counts_of_the_authors_scenes() {
 fn a_panel_has_its_area_and_the_order_and_diagonals_of_the_method() {
     let made = panel(&flat(4, 1.5));
     assert!((area(&made) - 1.5).abs() < 1e-14);
-    assert_eq!(made.grid, Some([7, 5]));
+    assert_eq!(Form::Panel(flat(4, 1.5)).grid(), Some([7, 5]));
     assert_eq!(made.mesh.points[1], Vec3::new(0.25, 0.5, 0.0));
     assert_eq!(made.mesh.points[7], Vec3::new(0.0, 0.5, 0.25));
     let faces: Vec<_> = made.mesh.faces().take(4).map(<[u32]>::to_vec).collect();
@@ -80,7 +88,7 @@ fn the_parabola_has_equal_arc_lengths_and_its_own_ends() {
 
 #[test]
 fn a_disc_has_rings_of_six_sectors_and_nearly_the_area_of_a_circle() {
-    let made = disc(&Disc { resolution: 20, radius: 0.15, center: [0.0; 3], rotation: None });
+    let made = Form::Disc(Disc { resolution: 20, radius: 0.15, center: [0.0; 3], rotation: None }).shape();
     assert_eq!(made.mesh.points.len(), 1 + 3 * 20 * 21);
     assert_eq!(made.mesh.face_counts.len(), 6 * 20 * 20);
     // A regular polygon with n corners has the area n/2 r² sin(2π/n).
@@ -92,7 +100,7 @@ fn a_disc_has_rings_of_six_sectors_and_nearly_the_area_of_a_circle() {
 #[test]
 fn a_sphere_is_closed_and_its_volume_converges() {
     let error = |n| {
-        let made = sphere(&Ball { resolution: n, radius: 0.5, center: [0.0; 3] });
+        let made = Form::Sphere(Ball { resolution: n, radius: 0.5, center: [0.0; 3] }).shape();
         assert_eq!(made.mesh.points.len(), (4 * n * n + 2) as usize);
         assert_eq!(made.mesh.face_counts.len(), (8 * n * n) as usize);
         assert!(is_closed(&made));
@@ -105,7 +113,7 @@ fn a_sphere_is_closed_and_its_volume_converges() {
 
 #[test]
 fn a_tube_has_the_area_of_its_polygon_and_looks_outward() {
-    let made = tube(&Tube { resolution: 36, radius: 0.1, length: 0.5, center: [0.0; 3], rotation: None });
+    let made = Form::Tube(Tube { resolution: 36, radius: 0.1, length: 0.5, center: [0.0; 3], rotation: None }).shape();
     let polygon = 36.0 * 2.0 * 0.1 * (PI / 36.0).sin();
     assert!((area(&made) - polygon * 0.5).abs() < 1e-12);
     let at = |i: u32| made.mesh.points[i as usize];

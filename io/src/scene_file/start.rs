@@ -1,8 +1,10 @@
 //! Where the points of a garment start, and how fast.
 
 use drapery_core::Vec3;
-use drapery_core::mesh::PolygonMesh;
+use drapery_core::mesh::MeshStream;
 use drapery_core::settings::Dimension;
+
+use crate::garment_mesh::GarmentMesh;
 
 use super::random::Random;
 use super::raw::{Axis, Folds, Garment, Jitter, PanelShape};
@@ -15,20 +17,24 @@ impl Resolver<'_> {
         &mut self,
         garment: &Garment,
         path: &Path,
-        mesh: &PolygonMesh,
+        mesh: &GarmentMesh,
         grid: Option<[u32; 2]>,
     ) -> Option<Option<Vec<Vec3>>> {
         let posed = match (&garment.start, garment.folds) {
-            (Some(start), None) => Some(self.start_pose(garment, start, path, mesh.points.len())?),
-            (None, Some(folds)) => Some(self.folded(garment, folds, path, &mesh.points, grid)?),
+            (Some(start), None) => Some(self.start_pose(garment, start, path, mesh.point_count())?),
+            (None, Some(folds)) => {
+                let points = self.of_file(path, mesh.positions())?;
+                Some(self.folded(garment, folds, path, &points, grid)?)
+            }
             (None, None) => None,
             (Some(_), Some(_)) => {
                 self.error(&path.clone().key("folds"), "a garment starts folded or from a file, not both".to_owned());
                 return None;
             }
         };
-        let displaced = garment.jitter.map(|jitter| displaced(posed.as_ref().unwrap_or(&mesh.points), jitter));
-        Some(displaced.or(posed))
+        let Some(jitter) = garment.jitter else { return Some(posed) };
+        let places = self.places(path, mesh, posed.as_deref(), true)?;
+        Some(Some(displaced(&places, jitter)))
     }
 
     fn start_pose(&mut self, garment: &Garment, start: &str, path: &Path, count: usize) -> Option<Vec<Vec3>> {
@@ -154,7 +160,7 @@ mod tests {
             center: Some([1.0, 2.0, 3.0]),
             rotation,
         };
-        let rest = shapes::panel(&panel).mesh.points;
+        let rest = shapes::Form::Panel(panel).shape().mesh.points;
         let folds = Folds { layers: 3, gap: 0.02 };
         let start = folded(&rest, 12, folds);
         assert_eq!(start.len(), rest.len());

@@ -50,17 +50,18 @@ fn a_sheet_needs_no_files_and_becomes_si() {
     assert_eq!(description.name, "sheet");
     assert_eq!((scene.frames, description.timeline.origin, description.timeline.start), ([1001, 1100], 1001, 996));
     let garment = &description.garments[0];
-    assert_eq!(garment.mesh.points.len(), 7 * 5);
+    assert_eq!(garment.point_count(), 7 * 5);
     assert_eq!(garment.mass, Mass::Density(0.15));
-    assert!((garment.mesh.points[0] - Vec3::new(-0.85, 1.5, -0.5)).norm() < 1e-15);
+    assert!((garment.rest_positions().expect("a panel")[0] - Vec3::new(-0.85, 1.5, -0.5)).norm() < 1e-15);
     let PinTarget::Path { vertices, .. } = &description.pins[0].target else { panic!("a path") };
     assert_eq!((vertices.as_slice(), description.pins[0].hold), ([0, 28].as_slice(), PinHold::Hard));
     let names: Vec<_> = description.effects.iter().map(|e| (e.effect.as_str(), e.garment)).collect();
     assert_eq!(names, [("gravity", None), ("stretch", Some(0)), ("dihedral_bending", Some(0)), ("pins", None)]);
     assert_eq!(description.effects[1].settings["stiffness"], SettingValue::Number(261.0));
     assert_eq!(description.effects[3].because, "garment \"sheet\" has 2 pinned vertices");
-    let uvs = scene.garments[0].read().expect("a panel").uvs.expect("a panel has texture coordinates");
-    assert_eq!((uvs.values.len(), &uvs.indices), (35, &garment.mesh.face_indices));
+    let data = scene.garments[0].read().expect("a panel");
+    let uvs = data.uvs.expect("a panel has texture coordinates");
+    assert_eq!((uvs.values.len(), &uvs.indices), (35, &data.mesh.face_indices));
 }
 
 #[test]
@@ -154,7 +155,7 @@ fn parameters_are_numbers_texts_and_simple_products() {
         .replace("name = \"sheet\"", "name = \"sheet${word}_$resolution$$\"");
     let scene = resolve(&text);
     assert_eq!(scene.scene.garments[0].name, "sheet_low_4$");
-    assert_eq!(scene.scene.garments[0].mesh.points.len(), 14 * 9);
+    assert_eq!(scene.scene.garments[0].point_count(), 14 * 9);
     let text = message(&SHEET.replace("\"$resolution\"", "\"$resolutoin\""));
     assert!(
         text.contains("there is no parameter `resolutoin`") && text.contains("did you mean `resolution`"),
@@ -177,7 +178,7 @@ fn set_overrides_parameters_and_any_dotted_key() {
     )
     .unwrap_or_else(|error| panic!("{error}"));
     let scene = scene.resolve().expect("a valid scene");
-    assert_eq!(scene.scene.garments[0].mesh.points.len(), 11 * 7);
+    assert_eq!(scene.scene.garments[0].point_count(), 11 * 7);
     assert_eq!(scene.scene.solver.cfl, 2.5);
     assert_eq!(scene.scene.effects[1].settings["stiffness"], SettingValue::Text("900 N/m".to_owned()));
     assert_eq!(scene.scene.pins[0].axes, [true, true, false]);

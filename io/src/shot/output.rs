@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use drapery_core::mesh::MeshStream;
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::outside::Field;
 use serde_json::{Value, json};

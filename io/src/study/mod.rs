@@ -162,7 +162,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
     };
     let file = sample::load(&bench, &Wish::default())?;
     let description = file.resolve().map_err(StudyError::Scene)?;
-    let (mut scene, ground) = facts(options, &description);
+    let (mut scene, ground) = facts(options, &description)?;
     let ground = Ground { resolution: file.number(vary::RESOLUTION), ..ground };
     let shot = Shot::prepare(description, options.asked.frames)?;
     shot.warnings().iter().for_each(|warning| observer.note(warning));
@@ -205,11 +205,15 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
 }
 
 /// What the record says of the scene, and what the choice of runs depends on.
-fn facts(options: &Options, description: &ShotDescription) -> (SceneFacts, Ground) {
+fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts, Ground), StudyError> {
     let scene = &description.scene;
-    let points = scene.garments.iter().flat_map(|garment| garment.start.as_ref().unwrap_or(&garment.mesh.points));
+    let mut points = Vec::new();
+    for garment in &scene.garments {
+        let start = garment.start.clone().map_or_else(|| garment.rest_positions(), Ok);
+        points.extend(start.map_err(StudyError::Asked)?);
+    }
     let mut bounds: Option<(drapery_core::Vec3, drapery_core::Vec3)> = None;
-    for point in points.clone() {
+    for point in &points {
         bounds = Some(bounds.map_or((*point, *point), |(low, high)| (low.inf(point), high.sup(point))));
     }
     let mut effects: Vec<String> = scene.effects.iter().map(|request| request.effect.clone()).collect();
@@ -218,7 +222,7 @@ fn facts(options: &Options, description: &ShotDescription) -> (SceneFacts, Groun
         path: options.scene.display().to_string(),
         shot: description.name.clone(),
         settings: options.settings.clone(),
-        points: points.count() as u64,
+        points: points.len() as u64,
         frames: description.frames,
         start: scene.timeline.start,
         frame_seconds: scene.timeline.frame_duration(),
@@ -239,7 +243,7 @@ fn facts(options: &Options, description: &ShotDescription) -> (SceneFacts, Groun
         has_surfaces: description.bodies.iter().any(Option::is_some),
         resolution: None,
     };
-    (facts, ground)
+    Ok((facts, ground))
 }
 
 /// Writes everything that people read of the record in a folder: `study.csv` and `report.html`. Returns their paths.

@@ -95,8 +95,8 @@ fn describe(bench: &Bench<'_>, wish: &Wish) -> Result<ShotDescription, StudyErro
     if wish.copy > 0 {
         let mut random = Random(u64::from(wish.copy));
         for garment in &mut scene.garments {
-            let start = garment.start.get_or_insert_with(|| garment.mesh.points.clone());
-            start.iter_mut().for_each(|x| *x += random.vector() * (SHIFT * bench.size));
+            let rest = garment.rest_positions().map_err(StudyError::Asked)?;
+            garment.start.get_or_insert(rest).iter_mut().for_each(|x| *x += random.vector() * (SHIFT * bench.size));
         }
     }
     Ok(description)

@@ -14,7 +14,7 @@ pub(super) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Proble
             let advice = format!("there are maps of {}", names.join(", "));
             problems.push(Problem::scene(&place, "this quantity cannot be painted", advice));
         }
-        let (values, points) = (map.values.len(), garment.mesh.points.len());
+        let (values, points) = (map.values.len(), garment.point_count());
         if values != points {
             let what = format!("it has {values} values for {points} vertices");
             problems.push(Problem::data(&place, what, "paint it on the rest shape of this garment"));
@@ -63,7 +63,7 @@ pub(super) fn check_seams(description: &SceneDescription, problems: &mut Vec<Pro
         let mut refuse = |what: String, advice: &str| {
             problems.push(Problem::scene(format!("seam {s}"), what, advice));
         };
-        let counts = seam.garments.map(|g| description.garments.get(g).map(|garment| garment.mesh.points.len()));
+        let counts = seam.garments.map(|g| description.garments.get(g).map(|garment| garment.point_count()));
         let [Some(a), Some(b)] = counts else {
             refuse("it names a garment that does not exist".into(), "correct its garments");
             continue;

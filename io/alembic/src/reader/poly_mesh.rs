@@ -5,6 +5,8 @@ use super::geom_param::GeomParam;
 use super::object::{Object, Schema};
 use super::properties::{Compound, Samples};
 use super::xform::world_matrix_at;
+use std::ops::Range;
+
 use crate::error::AlembicError;
 use crate::geom::{Bounds, Matrix, transform_point};
 use crate::time_sampling::TimeSampling;
@@ -135,6 +137,26 @@ impl PolyMesh {
         self.positions.elements(self.aligned(&self.positions, index))
     }
 
+    /// Number of vertices of sample `index`.
+    pub fn vertex_count(&self, index: usize) -> Result<usize, AlembicError> {
+        self.positions.element_count(self.aligned(&self.positions, index))
+    }
+
+    /// Number of faces of sample `index`.
+    pub fn face_count(&self, index: usize) -> Result<usize, AlembicError> {
+        self.face_counts.element_count(self.aligned(&self.face_counts, index))
+    }
+
+    /// Local positions of some vertices of sample `index`.
+    pub fn positions_in(&self, index: usize, range: Range<usize>) -> Result<Vec<[f32; 3]>, AlembicError> {
+        if self.positions.data_type().extent != 3 {
+            return Err(self.positions.wrong_type("positions of three values"));
+        }
+        let values: Vec<f32> =
+            self.positions.values_in(self.aligned(&self.positions, index), 3 * range.start..3 * range.end)?;
+        Ok(values.as_chunks().0.to_vec())
+    }
+
     /// World positions of sample `index`, with the transforms above the mesh at the time of the sample.
     pub fn world_positions(&self, index: usize) -> Result<Vec<[f64; 3]>, AlembicError> {
         let matrix = self.world_matrix_at(self.time(index))?;
@@ -159,8 +181,24 @@ impl PolyMesh {
 
     /// Faces of sample `index`. Fails when counts and indices contradict each other or name no vertex.
     pub fn faces(&self, index: usize) -> Result<Faces, AlembicError> {
-        let (counts, indices) = (self.face_counts(index)?, self.face_indices(index)?);
-        let vertices = self.positions.element_count(self.aligned(&self.positions, index))?;
+        let mut all = Faces::default();
+        // There is but one piece.
+        self.faces_in_pieces(index, usize::MAX, &mut |piece| all = std::mem::take(piece))?;
+        Ok(all)
+    }
+
+    /// Gives the faces of sample `index`, no more than `most` at a time. Fails as [`PolyMesh::faces`] does, where it comes to
+    /// what is wrong.
+    pub fn faces_in_pieces(
+        &self,
+        index: usize,
+        most: usize,
+        take: &mut dyn FnMut(&mut Faces),
+    ) -> Result<(), AlembicError> {
+        let [of_counts, of_indices] =
+            [&self.face_counts, &self.face_indices].map(|samples| self.aligned(samples, index));
+        let (faces, corners) = (self.face_count(index)?, self.face_indices.element_count(of_indices)?);
+        let vertices = self.vertex_count(index)?;
         let damaged = |reason: String| self.object.damaged(".geom", format!("sample {index}: {reason}"));
         let unsigned = |values: Vec<i32>, limit: usize, what: &str| {
             let convert = |value: i32| {
@@ -169,14 +207,26 @@ impl PolyMesh {
             };
             values.into_iter().map(convert).collect::<Result<Vec<u32>, AlembicError>>()
         };
-        let corners = indices.len();
-        let face_counts = unsigned(counts, corners + 1, "face corner count")?;
-        let face_indices = unsigned(indices, vertices, "vertex")?;
-        let total: usize = face_counts.iter().map(|&count| count as usize).sum();
-        if total != corners {
-            return Err(damaged(format!("faces have {total} corners, but {corners} vertex indices are stored")));
+        let (mut face, mut corner) = (0, 0);
+        while face < faces {
+            let end = face.saturating_add(most).min(faces);
+            let face_counts = self.face_counts.values_in(of_counts, face..end)?;
+            let face_counts = unsigned(face_counts, corners + 1, "face corner count")?;
+            let here: usize = face_counts.iter().map(|&count| count as usize).sum();
+            if here > corners - corner {
+                break;
+            }
+            let face_indices = self.face_indices.values_in(of_indices, corner..corner + here)?;
+            let face_indices = unsigned(face_indices, vertices, "vertex")?;
+            take(&mut Faces { face_counts, face_indices });
+            (face, corner) = (end, corner + here);
         }
-        Ok(Faces { face_counts, face_indices })
+        if face == faces && corner == corners {
+            return Ok(());
+        }
+        let counts = self.face_counts(index)?;
+        let total: i64 = counts.iter().map(|&count| i64::from(count)).sum();
+        Err(damaged(format!("faces have {total} corners, but {corners} vertex indices are stored")))
     }
 
     /// Velocities of sample `index`, per second; none when none are stored.

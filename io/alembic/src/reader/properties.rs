@@ -1,5 +1,6 @@
 //! Properties of objects: compounds, and the samples of scalars and arrays.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::archive::{Budget, Shared};
@@ -233,7 +234,14 @@ impl Samples {
         let at = |fault: Fault| fault.at(&self.shared.source.path, &self.place);
         match self.header.data_type.element_size() {
             0 => Ok(self.header.data_type.count_elements(&self.raw(index)?).unwrap_or(0)), // `raw` has checked it
-            size => Ok(self.shared.source.data_size(slot).map_err(at)?.saturating_sub(DIGEST) as usize / size),
+            size => {
+                let bytes = self.shared.source.data_size(slot).map_err(at)?.saturating_sub(DIGEST) as usize;
+                if bytes.is_multiple_of(size) {
+                    return Ok(bytes / size);
+                }
+                let reason = format!("the {bytes} bytes of sample {index} are not what its type needs");
+                Err(at(Fault::Damaged(reason)))
+            }
         }
     }
 
@@ -244,6 +252,17 @@ impl Samples {
             return Err(self.wrong_type(&format!("{} values", T::POD.name())));
         }
         Ok(decode(&self.raw(index)?))
+    }
+
+    /// Some of the values of sample `index`, counted from its first.
+    pub fn values_in<T: PodValue>(&self, index: usize, range: Range<usize>) -> Result<Vec<T>, AlembicError> {
+        if self.header.data_type.pod != T::POD {
+            return Err(self.wrong_type(&format!("{} values", T::POD.name())));
+        }
+        let slot = self.slot(index)?;
+        let [start, size] = [range.start, range.len()].map(|values| (values * size_of::<T>()) as u64);
+        let bytes = self.shared.source.data_part(slot, DIGEST + start, size);
+        Ok(decode(&bytes.map_err(|fault| fault.at(&self.shared.source.path, &self.place))?))
     }
 
     /// The elements of sample `index` of a property of `N` values each.

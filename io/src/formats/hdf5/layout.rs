@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use drapery_core::mesh::MeshStream;
 use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};

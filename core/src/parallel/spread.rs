@@ -1,0 +1,151 @@
+//! Rows that rank 0 reads piece by piece, spread evenly over the ranks, so that no rank holds all of them; and questions to
+//! the rank that has a row.
+
+use std::ops::Range;
+
+use bytemuck::Pod;
+
+use crate::parallel::communicator::{Expected, Message};
+use crate::parallel::ranks::Ranks;
+
+/// Rows of a message: few enough for rank 0 to hold, enough for messages to be few.
+pub const PIECE: usize = 8192;
+
+/// Even shares of so many rows, one for each rank.
+#[derive(Debug, Clone)]
+pub struct Homes {
+    /// First row of every rank, and the number of all at the end.
+    starts: Vec<usize>,
+}
+
+impl Homes {
+    /// The shares of `rows` rows.
+    pub fn new(rows: usize, ranks: usize) -> Self {
+        Self { starts: (0..=ranks).map(|rank| rows * rank / ranks).collect() }
+    }
+
+    /// Rows of a rank.
+    pub fn rows(&self, rank: usize) -> Range<usize> {
+        self.starts[rank]..self.starts[rank + 1]
+    }
+
+    /// The rank that has a row.
+    pub fn of(&self, row: usize) -> usize {
+        self.starts.partition_point(|start| *start <= row) - 1
+    }
+
+    /// Number of all rows.
+    fn count(&self) -> usize {
+        self.starts[self.starts.len() - 1]
+    }
+}
+
+/// Rank 0's side of [`spread`].
+struct Reading<'a, T> {
+    ranks: &'a Ranks,
+    homes: &'a Homes,
+    /// Rows that were given.
+    given: usize,
+    own: Vec<T>,
+    /// What the next message holds, and of how many rows.
+    waiting: Vec<T>,
+    rows: usize,
+}
+
+impl<T: Pod> Reading<'_, T> {
+    fn push(&mut self, row: &[T]) {
+        if self.given == self.homes.count() {
+            return;
+        }
+        let to = self.homes.of(self.given);
+        self.given += 1;
+        if to == 0 {
+            self.own.extend_from_slice(row);
+            return;
+        }
+        self.waiting.extend_from_slice(row);
+        self.rows += 1;
+        if self.rows == PIECE || self.given == self.homes.rows(to).end {
+            let bytes = bytemuck::cast_slice(&self.waiting).to_vec();
+            self.ranks.start(vec![Message { to, bytes }], &[]).finish();
+            self.waiting.clear();
+            self.rows = 0;
+        }
+    }
+}
+
+/// This rank's share of rows that rank 0 gives one after the other, each as its values; `give` is called there alone. What is
+/// given beyond the shares is passed over, and what is missing has no values. All ranks call it together.
+pub fn spread<T: Pod>(ranks: &Ranks, homes: &Homes, give: impl FnOnce(&mut dyn FnMut(&[T]))) -> Vec<T> {
+    if ranks.is_first() {
+        let (own, waiting) = (Vec::new(), Vec::new());
+        let mut reading = Reading { ranks, homes, given: 0, own, waiting, rows: 0 };
+        give(&mut |row| reading.push(row));
+        while reading.given < homes.count() {
+            reading.push(&[]);
+        }
+        return reading.own;
+    }
+    let mut own = Vec::new();
+    for _ in 0..homes.rows(ranks.rank()).len().div_ceil(PIECE) {
+        for bytes in ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish() {
+            own.extend(bytemuck::pod_collect_to_vec::<u8, T>(&bytes));
+        }
+    }
+    own
+}
+
+/// Asks for rows where they are: `owner` says on which rank, and `answer` there what is asked for. All ranks call it together.
+pub fn ask<T: Pod>(ranks: &Ranks, wanted: &[u32], owner: impl Fn(u32) -> usize, answer: impl Fn(u32) -> T) -> Vec<T> {
+    let mut questions = vec![Vec::new(); ranks.count()];
+    wanted.iter().for_each(|row| questions[owner(*row)].push(*row));
+    let asked = ranks.send_lists(questions);
+    let answers = asked.into_iter().map(|rows| rows.into_iter().map(&answer).collect()).collect();
+    let answers: Vec<Vec<T>> = ranks.send_lists(answers);
+    let mut next: Vec<_> = answers.iter().map(|list| list.iter().copied()).collect();
+    wanted.iter().filter_map(|row| next[owner(*row)].next()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parallel::local_ranks::LocalRanks;
+
+    #[test]
+    fn every_rank_gets_its_share_of_what_is_read_and_can_ask_for_the_rest() {
+        for (ranks, rows) in [(1, 20_000), (3, 50_000), (5, 3), (4, 0)] {
+            let all = LocalRanks::run(ranks, 1, |communicator| {
+                let ranks = Ranks::new(communicator);
+                let homes = Homes::new(rows, ranks.count());
+                // Row r has r mod 3 values.
+                let own = spread(&ranks, &homes, |take| {
+                    (0..rows as u32 + 7).for_each(|row| take(&vec![row; row as usize % 3]));
+                });
+                let mine = homes.rows(ranks.rank());
+                assert!(own.iter().copied().eq(mine.flat_map(|row| vec![row as u32; row % 3])));
+                let wanted: Vec<u32> = (0..rows as u32).rev().step_by(5).collect();
+                let answers = ask(
+                    &ranks,
+                    &wanted,
+                    |row| homes.of(row as usize),
+                    |row| {
+                        assert!(homes.rows(ranks.rank()).contains(&(row as usize)));
+                        2 * u64::from(row)
+                    },
+                );
+                assert!(answers.into_iter().eq(wanted.iter().map(|row| 2 * u64::from(*row))));
+                own.len()
+            });
+            assert!(all.is_ok());
+        }
+    }
+
+    #[test]
+    fn rows_that_are_missing_hold_nobody_up() {
+        let all = LocalRanks::run(4, 1, |communicator| {
+            let ranks = Ranks::new(communicator);
+            spread::<u32>(&ranks, &Homes::new(40_000, 4), |take| (0..15_000).for_each(|row| take(&[row]))).len()
+        });
+        assert_eq!(all.expect("no rank waits for ever"), [10_000, 5000, 0, 0]);
+    }
+}

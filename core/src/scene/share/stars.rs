@@ -1,0 +1,161 @@
+//! The triangles around vertices: cut from faces where these were read, sent to the owners of their corners, who tell each other
+//! what lies beyond edges between vertices of others.
+
+use std::ops::Range;
+
+use super::handing_out::Home;
+use crate::mesh::triangulate_face;
+use crate::parallel::ranks::Ranks;
+use crate::parallel::spread::{Homes, ask};
+
+/// A polygon and the corners of one of its triangles.
+pub(super) type Triangle = [u32; 4];
+
+/// What was asked for of some vertices.
+struct Known<T> {
+    vertices: Vec<u32>,
+    values: Vec<T>,
+}
+
+impl<T: bytemuck::Pod> Known<T> {
+    /// Asks for these vertices, each once.
+    fn new(ranks: &Ranks, vertices: impl Iterator<Item = u32>, homes: &Homes, answer: impl Fn(u32) -> T) -> Self {
+        let mut vertices: Vec<u32> = vertices.collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let values = ask(ranks, &vertices, |vertex| homes.of(vertex as usize), answer);
+        Self { vertices, values }
+    }
+
+    fn at(&self, vertex: u32) -> T {
+        // Where none between is missing, it is found at once.
+        let guess = (vertex - self.vertices[0]) as usize;
+        let place = match self.vertices.get(guess) {
+            Some(found) if *found == vertex => guess,
+            _ => self.vertices.partition_point(|other| *other < vertex),
+        };
+        self.values[place]
+    }
+}
+
+/// The rank that owns a number of the scene.
+pub(super) fn owner(starts: &[u32], number: u32) -> usize {
+    starts.partition_point(|start| *start <= number) - 1
+}
+
+/// The triangles of the scene with an own vertex, ascending; corners are numbers in the scene. `home` is what was read of this
+/// garment, `places` the number in the scene of each of its points, and `starts` the first of every rank.
+pub(super) fn stars(ranks: &Ranks, home: Home, places: &[u32], starts: &[u32]) -> Vec<Triangle> {
+    let first = home.points_of.rows(ranks.rank()).start as u32;
+    let numbers = Known::new(ranks, home.faces().flatten().copied(), &home.points_of, |v| places[(v - first) as usize]);
+    let larger = home.faces().filter(|corners| corners.len() > 3).flatten().copied();
+    let positions = Known::new(ranks, larger, &home.points_of, |v| home.points[(v - first) as usize]);
+    let mut lists: Vec<Vec<Triangle>> = vec![Vec::new(); ranks.count()];
+    let mut triangles = Vec::new();
+    for (corners, polygon) in home.faces().zip(home.faces_of.rows(ranks.rank()).start as u32..) {
+        triangulate_face(|vertex| positions.at(vertex), corners, &mut triangles);
+        for corners in triangles.drain(..) {
+            let [a, b, c] = corners.map(|vertex| numbers.at(vertex));
+            let [p, q, r] = [a, b, c].map(|number| owner(starts, number));
+            let row = [polygon, a, b, c];
+            lists[p].push(row);
+            if q != p {
+                lists[q].push(row);
+            }
+            if r != p && r != q {
+                lists[r].push(row);
+            }
+        }
+    }
+    drop((home, numbers, positions));
+    let mut own = joined(ranks.send_lists(lists));
+    own.sort_unstable();
+    own
+}
+
+/// One list of all, without a copy if there is but one.
+fn joined<T: Copy>(mut lists: Vec<Vec<T>>) -> Vec<T> {
+    if lists.len() == 1 { lists.pop().unwrap_or_default() } else { lists.concat() }
+}
+
+/// The triangles at own vertices, for those who ask.
+struct Star<'a> {
+    triangles: &'a [Triangle],
+    own: Range<u32>,
+    /// First of each own vertex, and the number of all at the end.
+    rows: Vec<u32>,
+    at: Vec<u32>,
+}
+
+impl<'a> Star<'a> {
+    fn new(triangles: &'a [Triangle], own: Range<u32>) -> Self {
+        let corners = || {
+            let of = |(t, [_, a, b, c]): (u32, &Triangle)| [(t, *a), (t, *b), (t, *c)];
+            (0..)
+                .zip(triangles)
+                .flat_map(of)
+                .filter(|(_, v)| own.contains(v))
+                .map(|(t, v)| (t, (v - own.start) as usize))
+        };
+        let mut rows = vec![0u32; own.len() + 1];
+        corners().for_each(|(_, v)| rows[v + 1] += 1);
+        (0..own.len()).for_each(|v| rows[v + 1] += rows[v]);
+        let mut next = rows.clone();
+        let mut at = vec![0; rows[own.len()] as usize];
+        for (t, v) in corners() {
+            at[next[v] as usize] = t;
+            next[v] += 1;
+        }
+        Self { triangles, own, rows, at }
+    }
+
+    /// The triangles with both ends of an edge, of which the first is an own vertex.
+    fn across(&self, [p, q]: [u32; 2]) -> impl Iterator<Item = Triangle> + use<'_, 'a> {
+        let v = (p - self.own.start) as usize;
+        let all = &self.at[self.rows[v] as usize..self.rows[v + 1] as usize];
+        all.iter().map(|t| self.triangles[*t as usize]).filter(move |triangle| triangle[1..].contains(&q))
+    }
+}
+
+/// Widens what [`stars`] has found by the triangles beyond its edges, so many times. All ranks call it together.
+pub(super) fn widen(
+    ranks: &Ranks,
+    near: Vec<Triangle>,
+    own: &Range<u32>,
+    starts: &[u32],
+    times: usize,
+) -> Vec<Triangle> {
+    if ranks.is_alone() {
+        return near;
+    }
+    let star = Star::new(&near, own.clone());
+    let mut beyond: Vec<Triangle> = Vec::new();
+    let mut latest = near.clone();
+    for _ in 0..times {
+        let edges = latest.iter().flat_map(|[_, a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]);
+        // Own vertices know all their triangles.
+        let strange = edges.filter(|edge| edge.iter().all(|v| !own.contains(v)));
+        let mut strange: Vec<[u32; 2]> = strange.map(|[p, q]| [p.min(q), p.max(q)]).collect();
+        strange.sort_unstable();
+        strange.dedup();
+        let mut questions = vec![Vec::new(); ranks.count()];
+        strange.iter().for_each(|edge| questions[owner(starts, edge[0])].push(*edge));
+        let answer = |edges: Vec<[u32; 2]>| {
+            let mut found: Vec<Triangle> = edges.into_iter().flat_map(|edge| star.across(edge)).collect();
+            found.sort_unstable();
+            found.dedup();
+            found
+        };
+        let answers = ranks.send_lists(questions).into_iter().map(answer).collect();
+        latest = joined(ranks.send_lists(answers));
+        latest.retain(|triangle| near.binary_search(triangle).is_err() && beyond.binary_search(triangle).is_err());
+        latest.sort_unstable();
+        latest.dedup();
+        beyond.extend_from_slice(&latest);
+        beyond.sort_unstable();
+    }
+    let mut all = near;
+    all.extend(beyond);
+    all.sort_unstable();
+    all
+}
