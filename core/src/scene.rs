@@ -6,6 +6,7 @@
 //! no part, and the scene says so in its warnings.
 
 mod coincident;
+mod home;
 pub(crate) mod inert;
 mod left_out;
 pub mod painted;

@@ -35,7 +35,7 @@ impl Homes {
     }
 
     /// Number of all rows.
-    fn count(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.starts[self.starts.len() - 1]
     }
 }

@@ -4,12 +4,12 @@
 //! only faces without area have goes with the nearest of their other corners, any other stays where it starts.
 
 use crate::Vec3;
-use crate::mesh::PolygonMesh;
-use crate::scene::Scene;
+use crate::mesh::{PolygonMesh, triangulate_face};
+use crate::parallel::ranks::Ranks;
+use crate::parallel::spread::Homes;
+use crate::scene::home::{Home, Known, joined};
+use crate::scene::{Scene, listed};
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
-
-/// Elements of one kind that a warning lists before the rest is only counted.
-const LISTED: usize = 5;
 
 /// A vertex that takes no part and goes with another.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,81 +21,114 @@ pub(crate) struct Follower {
     pub(crate) offset: Vec3,
 }
 
-/// The triangles of a garment that are simulated, and what was left out of them.
-#[derive(Debug, Default)]
+/// The triangles of a garment that are simulated, as far as their faces are at home here, and what was left out of them.
+#[derive(Debug)]
 pub(super) struct Sound {
-    pub(super) triangles: Vec<[u32; 3]>,
-    /// Polygon of each triangle.
-    pub(super) polygons: Vec<u32>,
-    /// Vertices that go with another, ascending, and which; numbers of the garment.
+    /// Polygon and corners (numbers of the garment) of each, in the order of the polygons.
+    pub(super) triangles: Vec<[u32; 4]>,
+    /// 1 for each point at home here that such a triangle has, 0 for the others.
+    pub(super) lives: Vec<u8>,
+    /// Vertices that go with another, ascending, and which; numbers of the garment, the same on all ranks.
     pub(super) follows: Vec<[u32; 2]>,
-    /// What was left out, in words.
+    /// What was left out, in words; on rank 0.
     pub(super) warnings: Vec<String>,
 }
 
 impl Sound {
-    /// The triangles with an area, each once. Of faces on the same corners, the first stays.
-    pub(super) fn of(name: &str, mesh: &PolygonMesh) -> Self {
-        let points = &mesh.points;
-        let (all, polygons) = mesh.triangulate();
-        let shortest = DEGENERATE_EDGE * size(points);
-        let mut repeated = repeated_polygons(mesh);
-        let (mut sound, mut flat) = (Self::default(), Vec::new());
-        let once = |(_, polygon): &([u32; 3], u32)| repeated.binary_search(polygon).is_err();
-        for (corners, polygon) in all.into_iter().zip(polygons).filter(once) {
-            if is_flat(corners.map(|v| points[v as usize]), shortest) {
-                flat.push((corners, polygon));
-            } else {
-                sound.triangles.push(corners);
-                sound.polygons.push(polygon);
+    /// The triangles with an area, each once. Of faces on the same corners, the first stays. All ranks call it together.
+    pub(super) fn of(ranks: &Ranks, name: &str, home: &Home<'_>) -> Self {
+        let positions = home.positions(ranks);
+        let shortest = DEGENERATE_EDGE * size(ranks, home);
+        let mut repeated = repeated_polygons(ranks, home);
+        let (mut triangles, mut flat, mut cut) = (Vec::new(), Vec::new(), Vec::new());
+        let once = |(polygon, _): &(u32, &[u32])| repeated.binary_search(polygon).is_err();
+        for (polygon, corners) in home.faces(ranks).filter(once) {
+            triangulate_face(|vertex| positions.at(vertex), corners, &mut cut);
+            for [a, b, c] in cut.drain(..) {
+                let is_flat = is_flat([a, b, c].map(|v| positions.at(v)), shortest);
+                let list = if is_flat { &mut flat } else { &mut triangles };
+                list.push([polygon, a, b, c]);
             }
         }
-        repeated.extend(sound.drop_repeated());
-        let mut lives = vec![false; points.len()];
-        sound.triangles.iter().flatten().for_each(|v| lives[*v as usize] = true);
-        sound.follows = leaders(points, &flat, &lives);
-        sound.warn((name, mesh), repeated, flat.into_iter().map(|(_, polygon)| polygon).collect(), &lives);
-        sound
+        repeated.extend(drop_repeated(ranks, home, &mut triangles));
+        let lives = lives(ranks, &home.points_of, &triangles);
+        let follows = leaders(ranks, &home.points_of, &flat, &lives, &positions);
+        let flat = flat.into_iter().map(|[polygon, ..]| polygon).collect();
+        let warnings = warnings(ranks, name, home, [repeated, flat], (&lives, &follows));
+        Self { triangles, lives, follows, warnings }
     }
+}
 
-    /// Takes out triangles on the corners of one before; returns their polygons.
-    fn drop_repeated(&mut self) -> Vec<u32> {
-        let sorted = |t: usize| {
-            let mut key = self.triangles[t];
-            key.sort_unstable();
-            (key, t)
-        };
-        let mut keys: Vec<([u32; 3], usize)> = (0..self.triangles.len()).map(sorted).collect();
-        keys.sort_unstable();
-        let mut twice: Vec<usize> = keys.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1).collect();
-        twice.sort_unstable();
-        let dropped = twice.iter().map(|t| self.polygons[*t]).collect();
-        let mut number = 0..;
-        self.triangles.retain(|_| number.next().is_none_or(|t| twice.binary_search(&t).is_err()));
-        let mut number = 0..;
-        self.polygons.retain(|_| number.next().is_none_or(|t| twice.binary_search(&t).is_err()));
-        dropped
+/// Takes out triangles on the corners of one before; returns their polygons. They meet where the lowest of these corners is at
+/// home.
+fn drop_repeated(ranks: &Ranks, home: &Home<'_>, triangles: &mut Vec<[u32; 4]>) -> Vec<u32> {
+    let mut lists = vec![Vec::new(); ranks.count()];
+    for (number, [polygon, corners @ ..]) in (0u32..).zip(&*triangles) {
+        let mut corners = *corners;
+        corners.sort_unstable();
+        let [a, b, c] = corners;
+        lists[home.points_of.of(a as usize)].push([a, b, c, *polygon, number]);
     }
+    let mut keys = joined(ranks.send_lists(lists));
+    keys.sort_unstable();
+    let mut answers = vec![Vec::new(); ranks.count()];
+    for twice in keys.windows(2).filter(|w| w[0][..3] == w[1][..3]) {
+        let [.., polygon, number] = twice[1];
+        answers[home.faces_of.of(polygon as usize)].push(number);
+    }
+    drop(keys);
+    let mut twice = joined(ranks.send_lists(answers));
+    twice.sort_unstable();
+    let dropped = twice.iter().map(|t| triangles[*t as usize][0]).collect();
+    let mut number = 0..;
+    triangles.retain(|_| number.next().is_none_or(|t| twice.binary_search(&t).is_err()));
+    dropped
+}
 
-    fn warn(&mut self, (name, mesh): (&str, &PolygonMesh), repeated: Vec<u32>, flat: Vec<u32>, lives: &[bool]) {
-        let goes = |v: &u32| self.follows.binary_search_by_key(v, |[follower, _]| *follower).is_ok();
-        let inert = (0..lives.len() as u32).filter(|v| !lives[*v as usize]);
-        let (follow, stay): (Vec<u32>, Vec<u32>) = inert.partition(goes);
-        let says = [
-            ("faces", repeated, "lie on other faces of the same corners, and take no part: delete the duplicate faces"),
-            ("faces", flat, "have no area, or a part of them has none: it takes no part; merge points by distance"),
-            ("vertices", follow, "are in no other face, and go with the nearest corner of these: delete such faces"),
-            ("vertices", stay, "belong to no face that has an area, and stay where they start: delete loose vertices"),
-        ];
-        let place = format!("garment \"{name}\"");
-        if mesh.face_counts.is_empty() {
-            self.warnings
-                .push(format!("{place}: it has no faces, so nothing of it moves: export a mesh with polygons"));
-        }
-        for (what, list, is) in says {
-            self.warnings.extend(listed(list).map(|list| format!("{place}: {what} {list} {is}")));
-        }
+/// 1 for each point at home here that one of the triangles of all ranks has, 0 for the others.
+fn lives(ranks: &Ranks, homes: &Homes, triangles: &[[u32; 4]]) -> Vec<u8> {
+    let here = homes.rows(ranks.rank());
+    let mut lives = vec![0; here.len()];
+    let corners = || triangles.iter().flat_map(|[_, corners @ ..]| *corners);
+    let is_here = |v: &u32| here.contains(&(*v as usize));
+    corners().filter(is_here).for_each(|v| lives[v as usize - here.start] = 1);
+    let mut others: Vec<u32> = corners().filter(|v| !is_here(v)).collect();
+    others.sort_unstable();
+    others.dedup();
+    let mut lists = vec![Vec::new(); ranks.count()];
+    others.into_iter().for_each(|v| lists[homes.of(v as usize)].push(v));
+    ranks.send_lists(lists).into_iter().flatten().for_each(|v| lives[v as usize - here.start] = 1);
+    lives
+}
+
+/// What was left out in words, on rank 0: `repeated` and `flat` polygons, and the points that have no other.
+fn warnings(
+    ranks: &Ranks,
+    name: &str,
+    home: &Home<'_>,
+    [repeated, flat]: [Vec<u32>; 2],
+    (lives, follows): (&[u8], &[[u32; 2]]),
+) -> Vec<String> {
+    let goes = |v: &u32| follows.binary_search_by_key(v, |[follower, _]| *follower).is_ok();
+    let first = home.points_of.rows(ranks.rank()).start as u32;
+    let inert = (first..).zip(lives).filter(|(_, lives)| **lives == 0).map(|(v, _)| v);
+    let (follow, stay): (Vec<u32>, Vec<u32>) = inert.partition(goes);
+    let says = [
+        ("faces", repeated, "lie on other faces of the same corners, and take no part: delete the duplicate faces"),
+        ("faces", flat, "have no area, or a part of them has none: it takes no part; merge points by distance"),
+        ("vertices", follow, "are in no other face, and go with the nearest corner of these: delete such faces"),
+        ("vertices", stay, "belong to no face that has an area, and stay where they start: delete loose vertices"),
+    ];
+    let place = format!("garment \"{name}\"");
+    let mut warnings = Vec::new();
+    if home.faces_of.count() == 0 {
+        warnings.push(format!("{place}: it has no faces, so nothing of it moves: export a mesh with polygons"));
     }
+    for (what, list, is) in says {
+        let list = listed(ranks, list.into_iter().map(|number| [number; 2]).collect());
+        warnings.extend(list.map(|list| format!("{place}: {what} {list} {is}")));
+    }
+    if ranks.is_first() { warnings } else { Vec::new() }
 }
 
 impl Scene {
@@ -125,14 +158,19 @@ impl Scene {
 
 /// The triangles of a mesh that a scene simulates: those with an area, each once, in the order of their polygons.
 pub fn simulated_triangles(mesh: &PolygonMesh) -> Vec<[u32; 3]> {
-    Sound::of("", mesh).triangles
+    let sound = Sound::of(&Ranks::default(), "", &Home::alone(mesh));
+    sound.triangles.into_iter().map(|[_, corners @ ..]| corners).collect()
 }
 
-/// Diagonal of the bounds [m].
-fn size(points: &[Vec3]) -> f64 {
-    let Some(first) = points.first() else { return 0.0 };
-    let [low, high] = points.iter().fold([*first; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
-    (high - low).norm()
+/// Diagonal of the bounds of the points of all ranks [m].
+fn size(ranks: &Ranks, home: &Home<'_>) -> f64 {
+    if home.points_of.count() == 0 {
+        return 0.0;
+    }
+    let none = Vec3::repeat(f64::NEG_INFINITY);
+    let (low, high) = home.points.iter().fold((none, none), |(l, h), p| (l.sup(&-p), h.sup(p)));
+    let all = ranks.max_of([low.x, low.y, low.z, high.x, high.y, high.z]);
+    (Vec3::new(all[3], all[4], all[5]) + Vec3::new(all[0], all[1], all[2])).norm()
 }
 
 /// Whether a triangle has no area or an edge of no length, which is up to `shortest` [m].
@@ -143,63 +181,68 @@ fn is_flat([a, b, c]: [Vec3; 3], shortest: f64) -> bool {
     edges.iter().any(|edge| *edge <= shortest) || area <= DEGENERATE_AREA * longest * longest
 }
 
-/// Polygons of four and more corners that have those of one before, ascending: however they are wound or turned.
-fn repeated_polygons(mesh: &PolygonMesh) -> Vec<u32> {
-    // Few polygons share their three lowest corners; those are looked at closely.
-    let mut keys: Vec<([u32; 3], u32, usize)> = Vec::new();
-    let mut first = 0;
-    for (polygon, corners) in mesh.faces().enumerate() {
-        if corners.len() > 3 {
-            let low = sorted(corners);
-            keys.push(([low[0], low[1], low[2]], polygon as u32, first));
-        }
-        first += corners.len();
+/// Polygons of four and more corners, at home here, that have those of one before, ascending: however they are wound or turned.
+/// They meet where the lowest of these corners is at home.
+fn repeated_polygons(ranks: &Ranks, home: &Home<'_>) -> Vec<u32> {
+    let mut lists = vec![Vec::new(); ranks.count()];
+    let mut sorted = Vec::new();
+    for (polygon, corners) in home.faces(ranks).filter(|(_, corners)| corners.len() > 3) {
+        sorted.clear();
+        sorted.extend_from_slice(corners);
+        sorted.sort_unstable();
+        let list = &mut lists[home.points_of.of(sorted[0] as usize)];
+        list.extend([sorted.len() as u32, polygon]);
+        list.extend_from_slice(&sorted);
     }
-    keys.sort_unstable();
-    let all = |(_, polygon, first): &([u32; 3], u32, usize)| {
-        sorted(&mesh.face_indices[*first..*first + mesh.face_counts[*polygon as usize] as usize])
+    let words = joined(ranks.send_lists(lists));
+    let mut rest = words.as_slice();
+    let next = || {
+        let (count, after) = rest.split_first()?;
+        let (row, after) = after.split_at_checked(*count as usize + 1)?;
+        rest = after;
+        Some(row)
     };
-    let mut repeated = Vec::new();
-    for group in keys.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1) {
-        let mut sets: Vec<(Vec<u32>, u32)> = group.iter().map(|key| (all(key), key.1)).collect();
-        sets.sort_unstable();
-        repeated.extend(sets.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1));
+    // Polygon and corners of each.
+    let mut rows: Vec<&[u32]> = std::iter::from_fn(next).collect();
+    rows.sort_unstable_by(|a, b| a[1..].cmp(&b[1..]).then(a[0].cmp(&b[0])));
+    let mut answers = vec![Vec::new(); ranks.count()];
+    for twice in rows.windows(2).filter(|w| w[0][1..] == w[1][1..]) {
+        answers[home.faces_of.of(twice[1][0] as usize)].push(twice[1][0]);
     }
+    drop(rows);
+    drop(words);
+    let mut repeated = joined(ranks.send_lists(answers));
     repeated.sort_unstable();
     repeated
 }
 
-fn sorted(corners: &[u32]) -> Vec<u32> {
-    let mut corners = corners.to_vec();
-    corners.sort_unstable();
-    corners
-}
-
 /// For each vertex of flat triangles that has no other, the nearest corner of these that has: the lowest of equally near ones.
-fn leaders(points: &[Vec3], flat: &[([u32; 3], u32)], lives: &[bool]) -> Vec<[u32; 2]> {
-    let mut all: Vec<(u32, f64, u32)> = Vec::new();
-    for corners in flat.iter().map(|(corners, _)| corners) {
-        for v in corners.iter().filter(|v| !lives[**v as usize]) {
-            let others = corners.iter().filter(|other| lives[**other as usize]);
-            all.extend(others.map(|w| (*v, (points[*v as usize] - points[*w as usize]).norm(), *w)));
+/// The same on all ranks.
+fn leaders(
+    ranks: &Ranks,
+    homes: &Homes,
+    flat: &[[u32; 4]],
+    lives: &[u8],
+    positions: &Known<'_, Vec3>,
+) -> Vec<[u32; 2]> {
+    let lives = Known::new(ranks, flat.iter().flat_map(|[_, corners @ ..]| *corners), homes, lives);
+    let mut all: Vec<[u64; 3]> = Vec::new();
+    for [_, corners @ ..] in flat {
+        for v in corners.iter().filter(|v| lives.at(**v) == 0) {
+            let others = corners.iter().filter(|other| lives.at(**other) != 0);
+            // Bits of what is not negative are in the order of the numbers.
+            let distance = |w: &u32| (positions.at(*v) - positions.at(*w)).norm().to_bits();
+            all.extend(others.map(|w| [u64::from(*v), distance(w), u64::from(*w)]));
         }
     }
-    all.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-    all.dedup_by_key(|(vertex, ..)| *vertex);
-    all.into_iter().map(|(vertex, _, leader)| [vertex, leader]).collect()
-}
-
-/// The first few of these numbers, and how many more there are; `None` if there is none.
-fn listed(mut numbers: Vec<u32>) -> Option<String> {
-    numbers.sort_unstable();
-    numbers.dedup();
-    let names: Vec<String> = numbers.iter().take(LISTED).map(u32::to_string).collect();
-    let more = numbers.len() - names.len();
-    match more {
-        _ if names.is_empty() => None,
-        0 => Some(names.join(", ")),
-        _ => Some(format!("{} and {more} more", names.join(", "))),
-    }
+    let nearest = |all: &mut Vec<[u64; 3]>| {
+        all.sort_unstable();
+        all.dedup_by_key(|[vertex, ..]| *vertex);
+    };
+    nearest(&mut all);
+    let mut all = ranks.all_gather_each(&all).concat();
+    nearest(&mut all);
+    all.into_iter().map(|[vertex, _, leader]| [vertex as u32, leader as u32]).collect()
 }
 
 #[cfg(test)]

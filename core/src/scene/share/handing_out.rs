@@ -11,59 +11,18 @@ use super::stars::{owner, stars, widen};
 use super::{Held, Piece, Received, forget_vertices, pins_of, rings, settle};
 use crate::Vec3;
 use crate::error::Problem;
-use crate::mesh::MeshStream;
 use crate::parallel::bisection;
 use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::spread::{Homes, ask, spread};
 use crate::parallel::wire::Wire;
+use crate::scene::coincident::{self, Apart};
+use crate::scene::home::Home;
+use crate::scene::inert::{Follower, Sound};
 use crate::scene::painted::PaintedMap;
 use crate::scene::sewn::{Sewn, partners, sewn_to};
-use crate::scene::validate::listed;
-use crate::scene::{GarmentDescription, PinDescription, PinTarget, Pinned, SceneDescription, SurfaceAttachment};
-
-/// What a rank has of a garment as it was read.
-pub(super) struct Home {
-    pub(super) points_of: Homes,
-    pub(super) faces_of: Homes,
-    /// Rest positions [m].
-    pub(super) points: Vec<Vec3>,
-    /// Number of corners and corners of each face.
-    corners: Vec<u32>,
-}
-
-impl Home {
-    /// The corners of each face.
-    pub(super) fn faces(&self) -> impl Iterator<Item = &[u32]> {
-        let mut rest = self.corners.as_slice();
-        std::iter::from_fn(move || {
-            let (count, after) = rest.split_first()?;
-            let (corners, after) = after.split_at_checked(*count as usize)?;
-            rest = after;
-            Some(corners)
-        })
-    }
-
-    /// Numbers that are not finite, and faces that cannot be: what has to hold before anything can be derived.
-    fn check(&self, ranks: &Ranks, place: &str, points: usize) -> Vec<Problem> {
-        let [first_point, first_face] = [&self.points_of, &self.faces_of].map(|of| of.rows(ranks.rank()).start as u32);
-        let broken = (first_point..).zip(&self.points).filter(|(_, p)| !p.iter().all(|c| c.is_finite()));
-        let bad = |corners: &[u32]| corners.len() < 3 || corners.iter().any(|v| *v as usize >= points);
-        let impossible = (first_face..).zip(self.faces()).filter(|(_, corners)| bad(corners));
-        let vertices = listed(ranks, broken.map(|(v, _)| [v; 2]).collect()).map(|list| {
-            let what = format!("vertices {list} are not finite numbers");
-            Problem::data(place, what, "repair these points and export the mesh again")
-        });
-        let faces = listed(ranks, impossible.map(|(f, _)| [f; 2]).collect()).map(|list| {
-            let what = format!(
-                "faces {list} have fewer than three corners or name a point that does not exist ({points} points)"
-            );
-            Problem::data(place, what, "export the mesh again")
-        });
-        vertices.into_iter().chain(faces).collect()
-    }
-}
+use crate::scene::{GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription, SurfaceAttachment};
 
 /// What belongs to the points of a garment beside their rest positions; on rank 0, where they are given.
 #[derive(Default)]
@@ -90,7 +49,9 @@ pub(in crate::scene) struct HandingOut {
     assignment: Vec<usize>,
     /// First vertex of every rank, and the number of all at the end.
     starts: Vec<u32>,
-    homes: Vec<Home>,
+    /// What is at home here of each garment, until it is handed out; and where all their points are at home.
+    homes: Vec<Home<'static>>,
+    points_of: Vec<Homes>,
     /// On rank 0.
     columns: Vec<Columns>,
     pins: Vec<PinDescription>,
@@ -137,14 +98,15 @@ impl HandingOut {
         for ((points, faces), garment) in counts.into_iter().zip(&description.garments) {
             let place = format!("garment \"{}\"", garment.name);
             // Each mesh is forgotten when it has been read.
-            let home = read(ranks, meshes.next().as_deref(), (points, faces), &place, problems);
+            let home = Home::read(ranks, meshes.next().as_deref(), (points, faces), &place, problems);
             problems.extend(home.check(ranks, &place, points));
             homes.push(home);
             partition.add_garment(points);
         }
         let assignment = partition.share_out(&partition.sizes(), ranks.count());
         let starts = assignment.iter().map(|part| partition.starts()[*part] as u32).collect();
-        Some(Self { description, partition, assignment, starts, homes, columns, pins, pairs })
+        let points_of = homes.iter().map(|home| home.points_of.clone()).collect();
+        Some(Self { description, partition, assignment, starts, homes, points_of, columns, pins, pairs })
     }
 
     /// What this rank gets of the scene, which has no problems so far. All ranks call it together.
@@ -156,15 +118,27 @@ impl HandingOut {
             places.push(self.places(ranks, g, &own.vertices));
             owns.push(own);
         }
-        let held = self.held(ranks, &owns, &places)?;
-        let mut pieces = Vec::new();
-        let (mut owns, mut places) = (owns.into_iter(), places.into_iter());
-        for (g, home) in std::mem::take(&mut self.homes).into_iter().enumerate() {
-            let near = stars(ranks, home, &places.next()?, &self.starts);
+        let (mut held, pinned) = self.held(ranks, &owns, &places)?;
+        let (mut pieces, mut warnings) = (Vec::new(), Vec::new());
+        // One garment after the other, and each is forgotten when it is handed out.
+        let garments = std::mem::take(&mut self.homes).into_iter().zip(owns).zip(places);
+        for (g, ((home, mut own), places)) in garments.enumerate() {
+            let mut sound = Sound::of(ranks, &self.description.garments[g].name, &home);
+            warnings.append(&mut sound.warnings);
+            if touches(&self.description) {
+                warnings.extend(self.set_apart(ranks, g, (&home.points, &sound, &places), &mut own));
+            }
+            drop(home);
+            held.followers.extend(self.followers(ranks, g, &sound.follows, (&own, &places), &pinned));
+            let near = stars(ranks, &self.points_of[g], sound.triangles, &places, &self.starts);
             let near = widen(ranks, near, &self.run(ranks), &self.starts, rings(&self.description, g));
-            pieces.push(self.piece(ranks, g, owns.next()?, near, &held.sewn));
+            pieces.push(self.piece(ranks, g, own, near, &held.sewn));
         }
-        Some(settle(ranks, self.description, (self.partition, self.assignment), pieces, held))
+        let mut followers = held.followers.to_bytes();
+        ranks.broadcast(&mut followers);
+        held.followers = Vec::take(&mut followers.as_slice())?;
+        let received = settle(ranks, self.description, (self.partition, self.assignment), pieces, held);
+        Some(Received { warnings, ..received })
     }
 
     /// Own vertices of the scene.
@@ -181,17 +155,17 @@ impl HandingOut {
 
     /// Finds the own vertices of a garment, and fetches what belongs to them.
     fn own(&mut self, ranks: &Ranks, garment: usize) -> Own {
-        let home = &self.homes[garment];
-        let first = home.points_of.rows(ranks.rank()).start;
+        let (home, homes) = (&self.homes[garment], &self.points_of[garment]);
+        let first = homes.rows(ranks.rank()).start;
         let places = self.partition.garments()[garment].clone();
         let (vertices, rest) = bisection::order(ranks, places, &self.starts, (first, &home.points));
         let Columns { start, velocities, maps } = self.columns.get_mut(garment).map(std::mem::take).unwrap_or_default();
         let mut maps = maps.into_iter();
         let maps = (0..self.description.garments[garment].maps.len()).map(|_| maps.next());
         Own {
-            start: column(ranks, &home.points_of, start, &vertices),
-            velocities: column(ranks, &home.points_of, velocities, &vertices),
-            maps: maps.map(|values| column(ranks, &home.points_of, values, &vertices)).collect(),
+            start: column(ranks, homes, start, &vertices),
+            velocities: column(ranks, homes, velocities, &vertices),
+            maps: maps.map(|values| column(ranks, homes, values, &vertices)).collect(),
             vertices,
             rest,
         }
@@ -199,7 +173,7 @@ impl HandingOut {
 
     /// The number in the scene of each point at home here.
     fn places(&self, ranks: &Ranks, garment: usize, own: &[u32]) -> Vec<u32> {
-        let homes = &self.homes[garment].points_of;
+        let homes = &self.points_of[garment];
         let mut lists = vec![Vec::new(); ranks.count()];
         for (vertex, number) in own.iter().zip(self.run_of(ranks, garment)) {
             lists[homes.of(*vertex as usize)].push([*vertex, number]);
@@ -214,13 +188,14 @@ impl HandingOut {
 
     /// Numbers in the scene of vertices of a garment.
     fn numbers(&self, ranks: &Ranks, garment: usize, vertices: &[u32], places: &[u32]) -> Vec<u32> {
-        let homes = &self.homes[garment].points_of;
+        let homes = &self.points_of[garment];
         let first = homes.rows(ranks.rank()).start;
         ask(ranks, vertices, |vertex| homes.of(vertex as usize), |vertex| places[vertex as usize - first])
     }
 
-    /// What is held or sewn of own vertices. Rank 0, which knows all, asks where they are.
-    fn held(&self, ranks: &Ranks, owns: &[Own], places: &[Vec<u32>]) -> Option<Held> {
+    /// What is held or sewn of own vertices; and on rank 0, which knows all and asks where they are, the vertices of all ranks
+    /// that a pin moves, ascending.
+    fn held(&self, ranks: &Ranks, owns: &[Own], places: &[Vec<u32>]) -> Option<(Held, Vec<u32>)> {
         let mut pinned = Vec::new();
         let mut sewn = Vec::new();
         if !self.description.pins.is_empty() {
@@ -230,6 +205,7 @@ impl HandingOut {
             sewn = self.sewn(ranks, owns, places);
         }
         let own = |rank: usize| self.starts[rank] as usize..self.starts[rank + 1] as usize;
+        let followers = Vec::new();
         if ranks.is_first() {
             for rank in 1..ranks.count() {
                 let of_rank = (pins_of(&pinned, &own(rank)), sewn_to(&sewn, &own(rank)));
@@ -237,11 +213,83 @@ impl HandingOut {
                 ranks.start(vec![Message { to: rank, bytes }], &[]).finish();
             }
             let pin_targets = pinned.len();
-            return Some(Held { pinned: pins_of(&pinned, &own(0)), pin_targets, sewn: sewn_to(&sewn, &own(0)) });
+            let is_hard = |pinned: &&Pinned| self.description.pins[pinned.pin].hold == PinHold::Hard;
+            let mut moved: Vec<u32> = pinned.iter().filter(is_hard).map(|pinned| pinned.vertex).collect();
+            moved.sort_unstable();
+            let (pinned, sewn) = (pins_of(&pinned, &own(0)), sewn_to(&sewn, &own(0)));
+            return Some((Held { pinned, pin_targets, sewn, followers }, moved));
         }
         let bytes = ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish().pop()?;
         let (pin_targets, (pinned, sewn)) = <(usize, (Vec<Pinned>, Vec<Sewn>))>::take(&mut bytes.as_slice())?;
-        Some(Held { pinned, pin_targets, sewn })
+        Some((Held { pinned, pin_targets, sewn, followers }, Vec::new()))
+    }
+
+    /// Sets apart what coincides of a garment, at rest and at the start, each for itself: in what the owners have. Says on rank 0
+    /// in words what that was.
+    fn set_apart(
+        &self,
+        ranks: &Ranks,
+        garment: usize,
+        (points, sound, places): (&[Vec3], &Sound, &[u32]),
+        own: &mut Own,
+    ) -> Option<String> {
+        let homes = &self.points_of[garment];
+        let first = self.run_of(ranks, garment).start;
+        let rest = Apart::of(ranks, homes, points, sound);
+        self.move_to(ranks, garment, (&rest, places), &mut own.rest);
+        let mut pairs = rest.pairs;
+        if ranks.any(!own.start.is_empty()) {
+            let start =
+                ask(ranks, places, |number| owner(&self.starts, number), |number| own.start[(number - first) as usize]);
+            let start = Apart::of(ranks, homes, &start, sound);
+            self.move_to(ranks, garment, (&start, places), &mut own.start);
+            pairs.extend(start.pairs);
+        }
+        coincident::told(ranks, &self.description.garments[garment].name, homes, pairs)
+    }
+
+    /// Moves own vertices to where they were set apart.
+    fn move_to(&self, ranks: &Ranks, garment: usize, (apart, places): (&Apart, &[u32]), own: &mut [Vec3]) {
+        let vertices: Vec<u32> = apart.moved.iter().map(|(vertex, _)| *vertex).collect();
+        let numbers = self.numbers(ranks, garment, &vertices, places);
+        let mut lists = vec![Vec::new(); ranks.count()];
+        for (number, (_, place)) in numbers.into_iter().zip(&apart.moved) {
+            let [x, y, z] = <[f64; 3]>::from(*place).map(f64::to_bits);
+            lists[owner(&self.starts, number)].push([u64::from(number), x, y, z]);
+        }
+        let first = u64::from(self.run_of(ranks, garment).start);
+        for [number, x, y, z] in ranks.send_lists(lists).into_iter().flatten() {
+            own[(number - first) as usize] = Vec3::new(f64::from_bits(x), f64::from_bits(y), f64::from_bits(z));
+        }
+    }
+
+    /// What takes no part and follows another vertex, but for those that a pin moves; on rank 0.
+    fn followers(
+        &self,
+        ranks: &Ranks,
+        garment: usize,
+        follows: &[[u32; 2]],
+        (own, places): (&Own, &[u32]),
+        pinned: &[u32],
+    ) -> Vec<Follower> {
+        // The same list on all ranks, of which one asks.
+        let wanted = if ranks.is_first() { follows.as_flattened() } else { &[] };
+        let numbers = self.numbers(ranks, garment, wanted, places);
+        let at = self.starts_at(ranks, garment, &numbers, own);
+        let follower = |(numbers, at): (&[u32; 2], &[Vec3; 2])| Follower {
+            vertex: numbers[0],
+            leader: numbers[1],
+            offset: at[0] - at[1],
+        };
+        let all = numbers.as_chunks().0.iter().zip(at.as_chunks().0).map(follower);
+        all.filter(|follower| pinned.binary_search(&follower.vertex).is_err()).collect()
+    }
+
+    /// Where vertices of the scene, all of one garment, start [m].
+    fn starts_at(&self, ranks: &Ranks, garment: usize, numbers: &[u32], own: &Own) -> Vec<Vec3> {
+        let first = self.run_of(ranks, garment).start;
+        let start = if own.start.is_empty() { &own.rest } else { &own.start };
+        ask(ranks, numbers, |number| owner(&self.starts, number), |number| start[(number - first) as usize])
     }
 
     /// Every pinned vertex of the scene by its number, in the order of the targets, on rank 0.
@@ -272,9 +320,7 @@ impl HandingOut {
             };
             let vertices: Vec<u32> = of_side(0).chain(of_side(1)).collect();
             let numbers = self.numbers(ranks, g, &vertices, &places[g]);
-            let (own, first) = (&owns[g], self.run_of(ranks, g).start);
-            let start = if own.start.is_empty() { &own.rest } else { &own.start };
-            let at = ask(ranks, &numbers, |n| owner(&self.starts, n), |n| start[(n - first) as usize]);
+            let at = self.starts_at(ranks, g, &numbers, &owns[g]);
             let first_sides = of_side(0).count();
             let mut ends: Vec<(u32, Vec3)> = numbers.into_iter().zip(at).collect();
             let second = ends.split_off(first_sides);
@@ -320,6 +366,12 @@ impl HandingOut {
     }
 }
 
+/// Whether an effect of the scene lets cloth touch cloth.
+fn touches(description: &SceneDescription) -> bool {
+    let mut effects = description.effects.iter().map(|request| request.effect.as_str());
+    effects.any(|effect| matches!(effect, "self_repulsion" | "self_collision"))
+}
+
 /// Values of own vertices among those of the others, of which so many come before.
 fn between<T>(mut far: Vec<T>, below: usize, own: Vec<T>) -> Vec<T> {
     if far.is_empty() {
@@ -327,50 +379,6 @@ fn between<T>(mut far: Vec<T>, below: usize, own: Vec<T>) -> Vec<T> {
     }
     far.splice(below..below, own);
     far
-}
-
-/// Reads a mesh of so many points and faces on rank 0, and spreads it.
-fn read(
-    ranks: &Ranks,
-    mesh: Option<&dyn MeshStream>,
-    (points, faces): (usize, usize),
-    place: &str,
-    problems: &mut Vec<Problem>,
-) -> Home {
-    let [points_of, faces_of] = [points, faces].map(|rows| Homes::new(rows, ranks.count()));
-    let (mut read, mut given) = (Ok(()), [0, 0]);
-    let own_points = spread(ranks, &points_of, |take| {
-        let mut each = |points: &[Vec3]| {
-            given[0] += points.len();
-            points.iter().for_each(|point| take(std::slice::from_ref(point)));
-        };
-        read = mesh.map_or(Ok(()), |mesh| mesh.points(&mut each));
-    });
-    let mut row = Vec::new();
-    let corners = spread(ranks, &faces_of, |take| {
-        let mut each = |counts: &[u32], corners: &[u32]| {
-            let mut rest = corners;
-            for count in counts {
-                let Some((corners, after)) = rest.split_at_checked(*count as usize) else { return };
-                rest = after;
-                given[1] += 1;
-                row.clear();
-                row.push(*count);
-                row.extend_from_slice(corners);
-                take(&row);
-            }
-        };
-        read = std::mem::replace(&mut read, Ok(())).and(mesh.map_or(Ok(()), |mesh| mesh.faces(&mut each)));
-    });
-    if mesh.is_some() && read.is_ok() && given != [points, faces] {
-        let [now_points, now_faces] = given;
-        read = Err(format!("it had {points} points and {faces} faces, and has {now_points} and {now_faces} now"));
-    }
-    if let Err(what) = read {
-        problems.push(Problem::data(place, what, "export the mesh again, and leave it alone while it is read"));
-    }
-    let points = own_points;
-    Home { points_of, faces_of, points, corners }
 }
 
 /// Values of own vertices of a column that rank 0 has; nothing where there is no such column.

@@ -1,81 +1,48 @@
-//! The triangles around vertices: cut from faces where these were read, sent to the owners of their corners, who tell each other
-//! what lies beyond edges between vertices of others.
+//! The triangles around vertices: sent from where their faces were read to the owners of their corners, who tell each other what
+//! lies beyond edges between vertices of others.
 
 use std::ops::Range;
 
-use super::handing_out::Home;
-use crate::mesh::triangulate_face;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::spread::{Homes, ask};
+use crate::parallel::spread::Homes;
+use crate::scene::home::{Known, joined};
 
 /// A polygon and the corners of one of its triangles.
 pub(super) type Triangle = [u32; 4];
-
-/// What was asked for of some vertices.
-struct Known<T> {
-    vertices: Vec<u32>,
-    values: Vec<T>,
-}
-
-impl<T: bytemuck::Pod> Known<T> {
-    /// Asks for these vertices, each once.
-    fn new(ranks: &Ranks, vertices: impl Iterator<Item = u32>, homes: &Homes, answer: impl Fn(u32) -> T) -> Self {
-        let mut vertices: Vec<u32> = vertices.collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        let values = ask(ranks, &vertices, |vertex| homes.of(vertex as usize), answer);
-        Self { vertices, values }
-    }
-
-    fn at(&self, vertex: u32) -> T {
-        // Where none between is missing, it is found at once.
-        let guess = (vertex - self.vertices[0]) as usize;
-        let place = match self.vertices.get(guess) {
-            Some(found) if *found == vertex => guess,
-            _ => self.vertices.partition_point(|other| *other < vertex),
-        };
-        self.values[place]
-    }
-}
 
 /// The rank that owns a number of the scene.
 pub(super) fn owner(starts: &[u32], number: u32) -> usize {
     starts.partition_point(|start| *start <= number) - 1
 }
 
-/// The triangles of the scene with an own vertex, ascending; corners are numbers in the scene. `home` is what was read of this
-/// garment, `places` the number in the scene of each of its points, and `starts` the first of every rank.
-pub(super) fn stars(ranks: &Ranks, home: Home, places: &[u32], starts: &[u32]) -> Vec<Triangle> {
-    let first = home.points_of.rows(ranks.rank()).start as u32;
-    let numbers = Known::new(ranks, home.faces().flatten().copied(), &home.points_of, |v| places[(v - first) as usize]);
-    let larger = home.faces().filter(|corners| corners.len() > 3).flatten().copied();
-    let positions = Known::new(ranks, larger, &home.points_of, |v| home.points[(v - first) as usize]);
+/// The triangles of the scene with an own vertex, ascending; corners are numbers in the scene. `cut` are those whose faces are at
+/// home here, with corners of the garment, `places` the number in the scene of each of its points that is at home here, and
+/// `starts` the first of every rank.
+pub(super) fn stars(
+    ranks: &Ranks,
+    homes: &Homes,
+    cut: Vec<Triangle>,
+    places: &[u32],
+    starts: &[u32],
+) -> Vec<Triangle> {
+    let numbers = Known::new(ranks, cut.iter().flat_map(|[_, corners @ ..]| *corners), homes, places);
     let mut lists: Vec<Vec<Triangle>> = vec![Vec::new(); ranks.count()];
-    let mut triangles = Vec::new();
-    for (corners, polygon) in home.faces().zip(home.faces_of.rows(ranks.rank()).start as u32..) {
-        triangulate_face(|vertex| positions.at(vertex), corners, &mut triangles);
-        for corners in triangles.drain(..) {
-            let [a, b, c] = corners.map(|vertex| numbers.at(vertex));
-            let [p, q, r] = [a, b, c].map(|number| owner(starts, number));
-            let row = [polygon, a, b, c];
-            lists[p].push(row);
-            if q != p {
-                lists[q].push(row);
-            }
-            if r != p && r != q {
-                lists[r].push(row);
-            }
+    for [polygon, corners @ ..] in &cut {
+        let [a, b, c] = corners.map(|vertex| numbers.at(vertex));
+        let [p, q, r] = [a, b, c].map(|number| owner(starts, number));
+        let row = [*polygon, a, b, c];
+        lists[p].push(row);
+        if q != p {
+            lists[q].push(row);
+        }
+        if r != p && r != q {
+            lists[r].push(row);
         }
     }
-    drop((home, numbers, positions));
+    drop((cut, numbers));
     let mut own = joined(ranks.send_lists(lists));
     own.sort_unstable();
     own
-}
-
-/// One list of all, without a copy if there is but one.
-fn joined<T: Copy>(mut lists: Vec<Vec<T>>) -> Vec<T> {
-    if lists.len() == 1 { lists.pop().unwrap_or_default() } else { lists.concat() }
 }
 
 /// The triangles at own vertices, for those who ask.
