@@ -96,12 +96,7 @@ fn meeting_place(bits: [u64; 3], ranks: usize) -> usize {
 }
 
 /// The new places [m] of the vertices at home here that coincide with others, ascending.
-fn inwards(
-    ranks: &Ranks,
-    homes: &Homes,
-    points: &[Vec3],
-    (sound, coincides): (&Sound, &[u8]),
-) -> Vec<(u32, Vec3)> {
+fn inwards(ranks: &Ranks, homes: &Homes, points: &[Vec3], (sound, coincides): (&Sound, &[u8])) -> Vec<(u32, Vec3)> {
     let all = sound.triangles.iter().flat_map(|[_, corners @ ..]| *corners);
     let coincides = Known::new(ranks, all, homes, coincides);
     let touched: Vec<(u32, &[u32; 4])> = (0..)
@@ -136,24 +131,55 @@ fn inwards(
 mod tests {
     use super::*;
     use crate::mesh::PolygonMesh;
+    use crate::parallel::local_ranks::LocalRanks;
+    use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
 
-    /// Two squares side by side in the plane, whose common border has two vertices at each end.
-    fn panels() -> (GarmentDescription, Vec<[u32; 3]>) {
-        let points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0]];
+    /// Positions at rest and at the start, vertex after vertex of the garment, and warnings.
+    type Found = ([Vec<Vec3>; 2], Vec<String>);
+
+    fn handed_out_by(count: usize, garment: &GarmentDescription) -> Found {
+        let all = LocalRanks::run(count, 1, |communicator| {
+            let ranks = Ranks::new(communicator);
+            let mut description = SceneDescription::new("skirt");
+            description.garments.push(garment.clone());
+            description.effects.push(EffectRequest::of_scene("self_repulsion"));
+            let scene = Scene::distribute(&ranks, ranks.is_first().then_some(description));
+            let scene = scene.unwrap_or_else(|problems| panic!("{problems}"));
+            let ([start, _], rest) = (scene.start(), scene.rest_positions());
+            let row = |local: usize| (scene.parts().own_vertex(local).1, [rest[local], start[local]]);
+            (scene.parts().own().map(row).collect::<Vec<_>>(), scene.warnings().to_vec())
+        });
+        let all = all.expect("no rank ends early");
+        let mut rows: Vec<(u32, [Vec3; 2])> = all.iter().flat_map(|(rows, _)| rows.clone()).collect();
+        rows.sort_unstable_by_key(|(vertex, _)| *vertex);
+        ([0, 1].map(|side| rows.iter().map(|(_, places)| places[side]).collect()), all[0].1.clone())
+    }
+
+    /// What any ranks get alike.
+    fn handed_out(garment: &GarmentDescription) -> Found {
+        let alone = handed_out_by(1, garment);
+        (2..6).for_each(|ranks| assert_eq!(handed_out_by(ranks, garment), alone, "{ranks} ranks"));
+        alone
+    }
+
+    /// Two squares side by side in the plane, whose common border has two vertices at each end; at one of them the zeros have
+    /// other signs.
+    fn panels() -> GarmentDescription {
+        let points =
+            [[-1.0, 0.0], [0.0, 0.0], [-0.0, 1.0], [-1.0, 1.0], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let points = points.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec();
-        let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
-        (GarmentDescription::new("skirt", PolygonMesh::from_triangles(points, &triangles), 0.2), triangles)
+        let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+        GarmentDescription::new("skirt", PolygonMesh::from_triangles(points, &triangles), 0.2)
     }
 
     #[test]
     fn borders_in_one_place_move_into_their_own_panels_by_a_share_of_their_edges_and_are_named() {
-        let (mut garment, triangles) = panels();
-        let before = garment.mesh.points.clone();
-        let said = set_apart(&mut garment, &triangles).unwrap();
-        assert!(said.contains("vertices 1-4, 2-7 lie in one place"), "{said}");
-        let after = &garment.mesh.points;
+        let garment = panels();
+        let before = &garment.mesh.points;
+        let ([after, _], said) = handed_out(&garment);
+        assert!(said.concat().contains("vertices 1-4, 2-7 lie in one place"), "{said:?}");
         for (left, right) in [(1, 4), (2, 7)] {
-            assert!(after[left].x < 1.0 && after[right].x > 1.0, "{after:?}");
+            assert!(after[left].x < 0.0 && after[right].x > 0.0, "{after:?}");
             assert!((after[left] - after[right]).norm() < 2.0 * SET_APART);
         }
         assert!([0, 3, 5, 6].into_iter().all(|v: usize| after[v] == before[v]));
@@ -161,26 +187,74 @@ mod tests {
 
     #[test]
     fn a_start_of_its_own_is_set_apart_without_the_shape_at_rest() {
-        let (mut garment, triangles) = panels();
+        let mut garment = panels();
         garment.start = Some(garment.mesh.points.clone());
         garment.mesh.points[4..].iter_mut().for_each(|p| p.x += 1.0);
-        let rest = garment.mesh.points.clone();
-        assert!(set_apart(&mut garment, &triangles).is_some());
-        assert_eq!(garment.mesh.points, rest);
-        assert_ne!(garment.start.as_ref().unwrap()[1], garment.start.as_ref().unwrap()[4]);
+        let ([rest, start], said) = handed_out(&garment);
+        assert_eq!(said.len(), 1);
+        assert_eq!(rest, garment.mesh.points);
+        assert_ne!(start[1], start[4]);
     }
 
     #[test]
     fn layers_on_each_other_and_meshes_without_coinciding_vertices_stay() {
-        let (mut garment, mut triangles) = panels();
-        garment.mesh.points.truncate(4);
-        triangles.truncate(2);
-        let clean = garment.mesh.points.clone();
-        assert_eq!(set_apart(&mut garment, &triangles), None);
-        assert_eq!(garment.mesh.points, clean);
-        garment.mesh.points.extend(clean.clone());
-        triangles.extend([[4, 5, 6], [4, 6, 7]]);
-        assert_eq!(set_apart(&mut garment, &triangles), None);
-        assert_eq!(garment.mesh.points, [clean.clone(), clean].concat());
+        let mut garment = panels();
+        let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+        let clean = garment.mesh.points[..4].to_vec();
+        garment.mesh = PolygonMesh::from_triangles(clean.clone(), &triangles[..2]);
+        assert_eq!(handed_out(&garment), ([clean.clone(), clean.clone()], Vec::new()));
+        let both = [clean.clone(), clean].concat();
+        garment.mesh = PolygonMesh::from_triangles(both.clone(), &triangles);
+        assert_eq!(handed_out(&garment), ([both.clone(), both], Vec::new()));
+    }
+
+    /// Points along a side of each panel.
+    const SIDE: usize = 60;
+
+    /// Two panels of quads, numbered at random, whose points along the common border lie in one place.
+    fn large_panels() -> PolygonMesh {
+        let count = 2 * SIDE * SIDE;
+        // 7919 is prime and no divisor of the number of points.
+        let number = |place: usize| (place * 7919 % count) as u32;
+        let mut mesh = PolygonMesh { points: vec![Vec3::zeros(); count], ..PolygonMesh::default() };
+        for place in 0..count {
+            let (panel, row, column) = (place / (SIDE * SIDE), place / SIDE % SIDE, place % SIDE);
+            // The first panel lies to the left of the border, and the second to the right of it.
+            let x = if panel == 0 { -0.013 * (SIDE - 1 - column) as f64 } else { 0.017 * column as f64 };
+            let z = 0.011 * row as f64;
+            mesh.points[number(place) as usize] = Vec3::new(x, 0.01 * (40.0 * x).sin() * (30.0 * z).cos(), z);
+            if row + 1 < SIDE && column + 1 < SIDE {
+                mesh.face_counts.push(4);
+                mesh.face_indices.extend([place, place + SIDE, place + SIDE + 1, place + 1].map(number));
+            }
+        }
+        mesh
+    }
+
+    #[test]
+    fn any_ranks_sum_up_the_ways_inwards_triangle_after_triangle() {
+        let mesh = large_panels();
+        let triangles = mesh.triangulate().0;
+        let mut expected = mesh.points.clone();
+        let mut names = 0;
+        for (v, p) in mesh.points.iter().enumerate() {
+            let twins = mesh.points.iter().filter(|q| *q == p).count();
+            if twins == 1 {
+                continue;
+            }
+            names += 1;
+            let (mut way, mut count) = (Vec3::zeros(), 0.0);
+            for corners in triangles.iter().filter(|corners| corners.contains(&(v as u32))) {
+                let [a, b, c] = corners.map(|corner| mesh.points[corner as usize]);
+                way += (a + b + c) / 3.0 - p;
+                count += 1.0;
+            }
+            expected[v] += way * (SET_APART / count);
+        }
+        assert_eq!(names, 2 * SIDE);
+        let garment = GarmentDescription::new("skirt", mesh, 0.2);
+        let ([after, _], said) = handed_out(&garment);
+        assert_eq!(after, expected);
+        assert!(said.concat().contains(&format!("and {} more lie in one place", SIDE - 5)), "{said:?}");
     }
 }

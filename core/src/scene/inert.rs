@@ -248,14 +248,47 @@ fn leaders(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::MeshStream;
+    use crate::parallel::local_ranks::LocalRanks;
 
-    fn sound(points: &[[f64; 3]], faces: &[&[u32]]) -> Sound {
+    /// The triangles with their polygons, who follows whom, and what is said, by as many ranks.
+    type Found = (Vec<[u32; 4]>, Vec<[u32; 2]>, Vec<String>);
+
+    fn sound_by(count: usize, mesh: &PolygonMesh) -> Found {
+        let all = LocalRanks::run(count, 1, |communicator| {
+            let ranks = Ranks::new(communicator);
+            let size = (mesh.points.len(), mesh.face_counts.len());
+            let (given, mut problems) = (ranks.is_first().then_some(mesh as &dyn MeshStream), Vec::new());
+            let home = Home::read(&ranks, given, size, "skirt", &mut problems);
+            let sound = Sound::of(&ranks, "skirt", &home);
+            let first = home.points_of.rows(ranks.rank()).start as u32;
+            let lives =
+                (first..).zip(&sound.lives).filter(|(_, lives)| **lives == 1).map(|(v, _)| v).collect::<Vec<_>>();
+            assert!(problems.is_empty() && (ranks.is_first() || sound.warnings.is_empty()));
+            (sound, lives)
+        });
+        let all = all.expect("no rank ends early");
+        let triangles: Vec<[u32; 4]> = all.iter().flat_map(|(sound, _)| sound.triangles.clone()).collect();
+        let mut corners: Vec<u32> = triangles.iter().flat_map(|[_, corners @ ..]| *corners).collect();
+        corners.sort_unstable();
+        corners.dedup();
+        assert_eq!(all.iter().flat_map(|(_, lives)| lives.clone()).collect::<Vec<_>>(), corners);
+        let follows = all[0].0.follows.clone();
+        assert!(all.iter().all(|(sound, _)| sound.follows == follows));
+        (triangles, follows, all[0].0.warnings.clone())
+    }
+
+    /// What any ranks find alike.
+    fn sound(points: &[[f64; 3]], faces: &[&[u32]]) -> Found {
         let mesh = PolygonMesh {
             points: points.iter().map(|p| Vec3::from(*p)).collect(),
             face_counts: faces.iter().map(|face| face.len() as u32).collect(),
             face_indices: faces.concat(),
         };
-        Sound::of("skirt", &mesh)
+        let alone = sound_by(1, &mesh);
+        assert_eq!(simulated_triangles(&mesh), alone.0.iter().map(|[_, c @ ..]| *c).collect::<Vec<_>>());
+        (2..6).for_each(|ranks| assert_eq!(sound_by(ranks, &mesh), alone, "{ranks} ranks"));
+        alone
     }
 
     /// A square, a point on the line through its first two corners, one in the place of the third, and one far away.
@@ -272,15 +305,15 @@ mod tests {
     #[test]
     fn what_is_repeated_flat_or_loose_is_left_out_and_named_and_the_rest_is_that_of_the_clean_mesh() {
         let clean = sound(&POINTS[..4], &[&[0, 1, 2, 3]]);
-        assert!(clean.warnings.is_empty() && clean.follows.is_empty(), "{clean:?}");
+        let (triangles, follows, warnings) = &clean;
+        assert!(triangles.len() == 2 && warnings.is_empty() && follows.is_empty(), "{clean:?}");
         // Turned, so that its shorter diagonal is another on a tie; flipped; the half of it; without area in three ways.
         let faces: [&[u32]; 7] =
             [&[0, 1, 2, 3], &[1, 2, 3, 0], &[3, 2, 1, 0], &[2, 1, 0], &[0, 1, 4], &[2, 5, 3], &[0, 0, 3]];
         let odd = sound(&POINTS, &faces);
-        assert_eq!(odd.triangles, clean.triangles);
-        assert_eq!(odd.polygons, [0, 0]);
-        assert_eq!(odd.follows, [[4, 1], [5, 2]]);
-        let said = odd.warnings.join("\n");
+        assert_eq!(&odd.0, triangles);
+        assert_eq!(odd.1, [[4, 1], [5, 2]]);
+        let said = odd.2.join("\n");
         for part in ["faces 1, 2, 3 lie on", "faces 4, 5, 6 have no area", "vertices 4, 5 are in", "vertices 6 belong"]
         {
             assert!(said.contains(part), "{part}\n{said}");
@@ -290,16 +323,16 @@ mod tests {
     #[test]
     fn faces_that_share_some_corners_are_not_repeated() {
         let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 1.0]];
-        let sound = sound(&points, &[&[0, 1, 2, 3], &[0, 1, 2, 4]]);
-        assert_eq!(sound.triangles.len(), 4);
-        assert!(sound.warnings.is_empty(), "{:?}", sound.warnings);
+        let (triangles, _, warnings) = sound(&points, &[&[0, 1, 2, 3], &[0, 1, 2, 4]]);
+        assert_eq!(triangles.len(), 4);
+        assert!(warnings.is_empty(), "{warnings:?}");
     }
 
     #[test]
     fn a_mesh_without_faces_or_points_is_said_to_be_one() {
         for points in [&POINTS[..3], &[]] {
-            let sound = sound(points, &[]);
-            assert!(sound.triangles.is_empty() && sound.warnings[0].contains("it has no faces"), "{sound:?}");
+            let (triangles, _, warnings) = sound(points, &[]);
+            assert!(triangles.is_empty() && warnings[0].contains("it has no faces"), "{warnings:?}");
         }
     }
 }

@@ -91,13 +91,6 @@ impl Form {
     }
 }
 
-/// The mesh of a garment that is generated; `None` for one from a file.
-pub(super) fn of(garment: &Garment) -> Option<Shape> {
-    let Garment { panel: flat, disc: round, sphere: ball, tube: pipe, leaves: cloud, .. } = garment;
-    let first = flat.as_ref().map(panel).or_else(|| round.as_ref().map(disc)).or_else(|| ball.as_ref().map(sphere));
-    first.or_else(|| pipe.as_ref().map(tube)).or_else(|| cloud.as_ref().map(leaves))
-}
-
 /// Rotation as a matrix; an axis of no direction turns nothing (the caller refuses it before).
 fn turn(rotation: Option<Rotation>) -> Rotation3<f64> {
     let Some(Rotation { axis, degrees }) = rotation else {

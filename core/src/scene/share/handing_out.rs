@@ -22,7 +22,9 @@ use crate::scene::home::Home;
 use crate::scene::inert::{Follower, Sound};
 use crate::scene::painted::PaintedMap;
 use crate::scene::sewn::{Sewn, partners, sewn_to};
-use crate::scene::{GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription, SurfaceAttachment};
+use crate::scene::{
+    GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription, SurfaceAttachment,
+};
 
 /// What belongs to the points of a garment beside their rest positions; on rank 0, where they are given.
 #[derive(Default)]

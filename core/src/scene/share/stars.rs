@@ -18,13 +18,7 @@ pub(super) fn owner(starts: &[u32], number: u32) -> usize {
 /// The triangles of the scene with an own vertex, ascending; corners are numbers in the scene. `cut` are those whose faces are at
 /// home here, with corners of the garment, `places` the number in the scene of each of its points that is at home here, and
 /// `starts` the first of every rank.
-pub(super) fn stars(
-    ranks: &Ranks,
-    homes: &Homes,
-    cut: Vec<Triangle>,
-    places: &[u32],
-    starts: &[u32],
-) -> Vec<Triangle> {
+pub(super) fn stars(ranks: &Ranks, homes: &Homes, cut: Vec<Triangle>, places: &[u32], starts: &[u32]) -> Vec<Triangle> {
     let numbers = Known::new(ranks, cut.iter().flat_map(|[_, corners @ ..]| *corners), homes, places);
     let mut lists: Vec<Vec<Triangle>> = vec![Vec::new(); ranks.count()];
     for [polygon, corners @ ..] in &cut {

@@ -1,0 +1,150 @@
+//! A garment as it was read: an even share of its points and faces on each rank, where they are looked at before anybody has to
+//! have what lies around them.
+
+use std::borrow::Cow;
+
+use crate::Vec3;
+use crate::error::Problem;
+use crate::mesh::{MeshStream, PolygonMesh};
+use crate::parallel::ranks::Ranks;
+use crate::parallel::spread::{Homes, ask, spread};
+use crate::scene::listed;
+
+/// What a rank has of a garment as it was read.
+pub(super) struct Home<'a> {
+    pub(super) points_of: Homes,
+    pub(super) faces_of: Homes,
+    /// Rest positions [m].
+    pub(super) points: Cow<'a, [Vec3]>,
+    /// Number of corners and corners of each face.
+    corners: Vec<u32>,
+}
+
+impl<'a> Home<'a> {
+    /// All of a mesh, for one rank.
+    pub(super) fn alone(mesh: &'a PolygonMesh) -> Self {
+        let [points_of, faces_of] = [mesh.points.len(), mesh.face_counts.len()].map(|rows| Homes::new(rows, 1));
+        let rows =
+            mesh.faces().flat_map(|corners| std::iter::once(corners.len() as u32).chain(corners.iter().copied()));
+        Self { points_of, faces_of, points: Cow::Borrowed(&mesh.points), corners: rows.collect() }
+    }
+
+    /// Reads a mesh of so many points and faces on rank 0, and spreads it. All ranks call it together.
+    pub(super) fn read(
+        ranks: &Ranks,
+        mesh: Option<&dyn MeshStream>,
+        (points, faces): (usize, usize),
+        place: &str,
+        problems: &mut Vec<Problem>,
+    ) -> Self {
+        let [points_of, faces_of] = [points, faces].map(|rows| Homes::new(rows, ranks.count()));
+        let (mut read, mut given) = (Ok(()), [0, 0]);
+        let own_points = spread(ranks, &points_of, |take| {
+            let mut each = |points: &[Vec3]| {
+                given[0] += points.len();
+                points.iter().for_each(|point| take(std::slice::from_ref(point)));
+            };
+            read = mesh.map_or(Ok(()), |mesh| mesh.points(&mut each));
+        });
+        let mut row = Vec::new();
+        let corners = spread(ranks, &faces_of, |take| {
+            let mut each = |counts: &[u32], corners: &[u32]| {
+                let mut rest = corners;
+                for count in counts {
+                    let Some((corners, after)) = rest.split_at_checked(*count as usize) else { return };
+                    rest = after;
+                    given[1] += 1;
+                    row.clear();
+                    row.push(*count);
+                    row.extend_from_slice(corners);
+                    take(&row);
+                }
+            };
+            read = std::mem::replace(&mut read, Ok(())).and(mesh.map_or(Ok(()), |mesh| mesh.faces(&mut each)));
+        });
+        if mesh.is_some() && read.is_ok() && given != [points, faces] {
+            let [now_points, now_faces] = given;
+            read = Err(format!("it had {points} points and {faces} faces, and has {now_points} and {now_faces} now"));
+        }
+        if let Err(what) = read {
+            problems.push(Problem::data(place, what, "export the mesh again, and leave it alone while it is read"));
+        }
+        Self { points_of, faces_of, points: Cow::Owned(own_points), corners }
+    }
+
+    /// Each face here, with its number in the garment.
+    pub(super) fn faces(&self, ranks: &Ranks) -> impl Iterator<Item = (u32, &[u32])> {
+        let mut rest = self.corners.as_slice();
+        let faces = std::iter::from_fn(move || {
+            let (count, after) = rest.split_first()?;
+            let (corners, after) = after.split_at_checked(*count as usize)?;
+            rest = after;
+            Some(corners)
+        });
+        (self.faces_of.rows(ranks.rank()).start as u32..).zip(faces)
+    }
+
+    /// The rest positions of all corners of the faces here. All ranks call it together.
+    pub(super) fn positions(&self, ranks: &Ranks) -> Known<'_, Vec3> {
+        let corners = self.faces(ranks).flat_map(|(_, corners)| corners).copied();
+        Known::new(ranks, corners, &self.points_of, &self.points)
+    }
+
+    /// Numbers that are not finite, and faces that cannot be: what has to hold before anything can be derived.
+    pub(super) fn check(&self, ranks: &Ranks, place: &str, points: usize) -> Vec<Problem> {
+        let first = self.points_of.rows(ranks.rank()).start as u32;
+        let broken = (first..).zip(&*self.points).filter(|(_, p)| !p.iter().all(|c| c.is_finite()));
+        let bad = |corners: &[u32]| corners.len() < 3 || corners.iter().any(|v| *v as usize >= points);
+        let impossible = self.faces(ranks).filter(|(_, corners)| bad(corners));
+        let vertices = listed(ranks, broken.map(|(v, _)| [v; 2]).collect()).map(|list| {
+            let what = format!("vertices {list} are not finite numbers");
+            Problem::data(place, what, "repair these points and export the mesh again")
+        });
+        let faces = listed(ranks, impossible.map(|(f, _)| [f; 2]).collect()).map(|list| {
+            let what = format!(
+                "faces {list} have fewer than three corners or name a point that does not exist ({points} points)"
+            );
+            Problem::data(place, what, "export the mesh again")
+        });
+        vertices.into_iter().chain(faces).collect()
+    }
+}
+
+/// What is known of some points that are at home on any rank.
+pub(super) struct Known<'a, T: Copy> {
+    /// Their numbers in the garment, ascending; one rank, which has all, needs none.
+    vertices: Vec<u32>,
+    values: Cow<'a, [T]>,
+}
+
+impl<'a, T: bytemuck::Pod> Known<'a, T> {
+    /// Asks for these points, each once; `own` are the values of those that are at home here. All ranks call it together.
+    pub(super) fn new(ranks: &Ranks, vertices: impl Iterator<Item = u32>, homes: &Homes, own: &'a [T]) -> Self {
+        if ranks.is_alone() {
+            return Self { vertices: Vec::new(), values: Cow::Borrowed(own) };
+        }
+        let mut vertices: Vec<u32> = vertices.collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let first = homes.rows(ranks.rank()).start;
+        let values = ask(ranks, &vertices, |v| homes.of(v as usize), |v| own[v as usize - first]);
+        Self { vertices, values: Cow::Owned(values) }
+    }
+
+    /// What is known of one of these points.
+    pub(super) fn at(&self, vertex: u32) -> T {
+        let Some(lowest) = self.vertices.first() else { return self.values[vertex as usize] };
+        // Where none between is missing, it is found at once.
+        let guess = (vertex - lowest) as usize;
+        let place = match self.vertices.get(guess) {
+            Some(found) if *found == vertex => guess,
+            _ => self.vertices.partition_point(|other| *other < vertex),
+        };
+        self.values[place]
+    }
+}
+
+/// One list of all, without a copy if there is but one.
+pub(super) fn joined<T: Copy>(mut lists: Vec<Vec<T>>) -> Vec<T> {
+    if lists.len() == 1 { lists.pop().unwrap_or_default() } else { lists.concat() }
+}
