@@ -145,7 +145,7 @@ mod tests {
             description.effects.push(EffectRequest::of_scene("self_repulsion"));
             let scene = Scene::distribute(&ranks, ranks.is_first().then_some(description));
             let scene = scene.unwrap_or_else(|problems| panic!("{problems}"));
-            let ([start, _], rest) = (scene.start(), scene.rest_positions());
+            let ([start, _], rest) = (scene.start_state(), scene.rest_positions());
             let row = |local: usize| (scene.parts().own_vertex(local).1, [rest[local], start[local]]);
             (scene.parts().own().map(row).collect::<Vec<_>>(), scene.warnings().to_vec())
         });
