@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::scene::{EffectRequest, Scene, SceneDescription};
 use drapery_io::cache::{CacheFrame, CachePlan};
 use drapery_io::formats;
 use drapery_io::garment_mesh::GarmentMesh;
@@ -66,7 +66,9 @@ fn resolved(folder: &Path, garment: &str) -> SceneDescription {
 /// The largest block that is taken while a scene with this garment is read and handed out, and the number of its points.
 fn largest_block(folder: &Path, garment: &str) -> (usize, usize) {
     LARGEST.store(0, Ordering::Relaxed);
-    let description = resolved(folder, garment);
+    let mut description = resolved(folder, garment);
+    // So that vertices in one place are looked for.
+    description.effects.push(EffectRequest::of_scene("self_repulsion"));
     let points = description.garments[0].point_count();
     let given = Mutex::new(Some(description));
     let sizes = LocalRanks::run(RANKS, 1, |communicator| {

@@ -247,6 +247,8 @@ fn leaders(
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
     use crate::mesh::MeshStream;
     use crate::parallel::local_ranks::LocalRanks;
@@ -334,5 +336,80 @@ mod tests {
             let (triangles, _, warnings) = sound(points, &[]);
             assert!(triangles.is_empty() && warnings[0].contains("it has no faces"), "{warnings:?}");
         }
+    }
+
+    /// Numbers below `end` in a fixed order that looks like none.
+    fn shuffled(state: &mut u64, end: usize) -> usize {
+        // The generator of Knuth's MMIX; its upper bits are good.
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 33) as usize % end
+    }
+
+    /// Faces of three to five corners on points of a small grid: many have no area, and many are there twice.
+    fn soup(seed: u64) -> (Vec<[f64; 3]>, Vec<Vec<u32>>) {
+        let mut state = seed;
+        let mut below = |end| shuffled(&mut state, end);
+        let points: Vec<[f64; 3]> = (0..24).map(|_| [below(3), below(3), below(2)].map(|c| c as f64)).collect();
+        let mut faces: Vec<Vec<u32>> = Vec::new();
+        for _ in 0..40 {
+            let corners = 3 + below(3);
+            let mut face: Vec<u32> = (0..corners).map(|_| below(points.len() - 4) as u32).collect();
+            if !faces.is_empty() && below(3) == 0 {
+                face.clone_from(&faces[below(faces.len())]);
+                let turns = below(face.len());
+                face.rotate_left(turns);
+                if below(2) == 0 {
+                    face.reverse();
+                }
+            }
+            faces.push(face);
+        }
+        (points, faces)
+    }
+
+    #[test]
+    fn any_ranks_leave_out_what_one_look_after_the_other_at_the_whole_mesh_leaves_out() {
+        let (mut twice, mut led) = (0, 0);
+        for seed in 0..12 {
+            let (points, faces) = soup(seed);
+            let (found, follows, _) = sound(&points, &faces.iter().map(Vec::as_slice).collect::<Vec<_>>());
+            let at = |v: u32| Vec3::from(points[v as usize]);
+            let set = |corners: &[u32]| {
+                let mut set = corners.to_vec();
+                set.sort_unstable();
+                set
+            };
+            let (mut seen, mut triangles, mut flat) = (BTreeSet::new(), Vec::new(), Vec::new());
+            for (polygon, corners) in (0..).zip(&faces) {
+                if corners.len() > 3 && !seen.insert(set(corners)) {
+                    twice += 1;
+                    continue;
+                }
+                let mut cut = Vec::new();
+                triangulate_face(at, corners, &mut cut);
+                for [a, b, c] in cut {
+                    // Exact on a grid of small integers.
+                    if (at(b) - at(a)).cross(&(at(c) - at(a))) == Vec3::zeros() {
+                        flat.push([a, b, c]);
+                    } else {
+                        triangles.push([polygon, a, b, c]);
+                    }
+                }
+            }
+            seen.clear();
+            triangles.retain(|[_, corners @ ..]| seen.insert(set(corners)));
+            assert_eq!(found, triangles, "soup {seed}");
+            let lives = |v: u32| triangles.iter().any(|[_, corners @ ..]| corners.contains(&v));
+            let leader = |v: u32| {
+                let near = flat.iter().filter(|corners| corners.contains(&v)).flatten().filter(|w| lives(**w));
+                let nearer =
+                    |a: &&u32, b: &&u32| (at(**a) - at(v)).norm().total_cmp(&(at(**b) - at(v)).norm()).then(a.cmp(b));
+                near.min_by(nearer).map(|leader| [v, *leader])
+            };
+            let expected: Vec<[u32; 2]> = (0..points.len() as u32).filter(|v| !lives(*v)).filter_map(leader).collect();
+            assert_eq!(follows, expected, "soup {seed}");
+            led += expected.len();
+        }
+        assert!(twice > 12 && led > 2, "{twice} faces were there twice, {led} vertices followed another");
     }
 }
