@@ -450,23 +450,6 @@ impl SceneDescription {
 /// Thickness of a garment that does not say it [m]: a shirt's.
 pub const DEFAULT_THICKNESS: f64 = 0.0005;
 
-impl GarmentDescription {
-    /// A garment of areal density `density` [kg/m²] that starts at rest in its rest shape.
-    pub fn new(name: &str, mesh: PolygonMesh, density: f64) -> Self {
-        Self {
-            name: name.into(),
-            mesh,
-            stream: None,
-            start: None,
-            velocity: Vec3::zeros(),
-            start_velocities: None,
-            mass: Mass::Density(density),
-            thickness: DEFAULT_THICKNESS,
-            maps: PaintedMaps::new(),
-        }
-    }
-}
-
 impl BodyDescription {
     /// A frictionless body without thickness.
     pub fn new(name: &str, shape: BodyShape, motion: RigidMotion) -> Self {

@@ -1,12 +1,28 @@
-//! The rest shape of a garment that is read piece by piece.
+//! A garment of a description, and its rest shape where that is read piece by piece.
 
 use std::sync::Arc;
 
 use crate::Vec3;
-use crate::mesh::MeshStream;
-use crate::scene::GarmentDescription;
+use crate::mesh::{MeshStream, PolygonMesh};
+use crate::scene::painted::PaintedMaps;
+use crate::scene::{DEFAULT_THICKNESS, GarmentDescription, Mass};
 
 impl GarmentDescription {
+    /// A garment of areal density `density` [kg/m²] that starts at rest in its rest shape.
+    pub fn new(name: &str, mesh: PolygonMesh, density: f64) -> Self {
+        Self {
+            name: name.into(),
+            mesh,
+            stream: None,
+            start: None,
+            velocity: Vec3::zeros(),
+            start_velocities: None,
+            mass: Mass::Density(density),
+            thickness: DEFAULT_THICKNESS,
+            maps: PaintedMaps::new(),
+        }
+    }
+
     /// Number of points of the rest shape.
     pub fn point_count(&self) -> usize {
         self.stream.as_ref().map_or(self.mesh.points.len(), |stream| stream.point_count())
