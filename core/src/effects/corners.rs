@@ -5,7 +5,6 @@
 
 use std::ops::Range;
 
-use crate::Vec3;
 use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::Parts;
 
@@ -34,7 +33,13 @@ pub(super) fn outside<const N: usize>(part: &Range<usize>, elements: impl Iterat
 }
 
 /// Values at the corners of an element: from the part's own, which begin at the vertex `start`, or from those of all vertices.
-pub(super) fn gather<const N: usize>(start: usize, corners: [u32; N], own: &[Lanes], all: &[Vec3]) -> [Lanes; N] {
+#[cfg(any(feature = "effect-membrane", feature = "effect-shear"))]
+pub(super) fn gather<const N: usize>(
+    start: usize,
+    corners: [u32; N],
+    own: &[Lanes],
+    all: &[crate::Vec3],
+) -> [Lanes; N] {
     let at = |corner: u32| {
         let corner = corner as usize;
         own.get(corner.wrapping_sub(start)).copied().unwrap_or_else(|| Lanes::from(&all[corner]))
@@ -52,6 +57,7 @@ pub(super) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Lane
 }
 
 /// The share of an element's corners that are a part's own: what the part counts of its energy.
+#[cfg(any(feature = "effect-membrane", feature = "effect-shear"))]
 pub(super) fn share<const N: usize>(part: &Range<usize>, corners: [u32; N]) -> f64 {
     corners.into_iter().filter(|corner| part.contains(&(*corner as usize))).count() as f64 / N as f64
 }
