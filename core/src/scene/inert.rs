@@ -250,6 +250,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
+    use crate::geometry::testing::Random;
     use crate::mesh::MeshStream;
     use crate::parallel::local_ranks::LocalRanks;
 
@@ -338,17 +339,10 @@ mod tests {
         }
     }
 
-    /// Numbers below `end` in a fixed order that looks like none.
-    fn shuffled(state: &mut u64, end: usize) -> usize {
-        // The generator of Knuth's MMIX; its upper bits are good.
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 33) as usize % end
-    }
-
     /// Faces of three to five corners on points of a small grid: many have no area, and many are there twice.
     fn soup(seed: u64) -> (Vec<[f64; 3]>, Vec<Vec<u32>>) {
-        let mut state = seed;
-        let mut below = |end| shuffled(&mut state, end);
+        let mut random = Random(seed);
+        let mut below = |end: usize| ((random.number() + 1.0) * 0.5 * end as f64) as usize;
         let points: Vec<[f64; 3]> = (0..24).map(|_| [below(3), below(3), below(2)].map(|c| c as f64)).collect();
         let mut faces: Vec<Vec<u32>> = Vec::new();
         for _ in 0..10 {
