@@ -14,6 +14,7 @@ pub mod sewn;
 mod share;
 mod streamed;
 mod validate;
+mod winding;
 mod wire;
 
 pub use inert::simulated_triangles;

@@ -17,6 +17,7 @@ use crate::contact::pair::{KINDS, Pair, PairKind};
 use crate::contact::repulsion::borders::Borders;
 use crate::contact::shared::SharedVectors;
 use crate::contact::tolerances::TRUSTED_SIDE;
+use crate::effects::SLEEPS;
 use crate::metrics::Metrics;
 use crate::tolerances::NO_DIRECTION;
 
@@ -169,7 +170,7 @@ impl Repulsions {
             let list = neighbours.list(kind);
             let of_kind = &mut self.kinds[kind as usize];
             let near = |n: &Neighbour| {
-                let limit = ACTIVE * f64::from(n.thickness) + slack;
+                let limit = if SLEEPS { ACTIVE * f64::from(n.thickness) + slack } else { f64::INFINITY };
                 if n.thickness <= 0.0 || neighbours.distance_bound(n) > limit {
                     return None;
                 }

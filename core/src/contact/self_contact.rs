@@ -21,8 +21,8 @@ use crate::contact::step_control::StepControl;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::contact::untangle::push_apart;
-use crate::effects::Section;
 use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::{SLEEPS, Section};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
@@ -240,7 +240,7 @@ impl SelfContact {
         let way = per_step * f64::from(steps);
         self.gap = self.gap_now();
         self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
-        if self.used + way > self.neighbours.reach() || self.used.is_nan() {
+        if !SLEEPS || self.used + way > self.neighbours.reach() || self.used.is_nan() {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
             // A list that lasts is worth being long; one that does not is for repulsions alone.
             let reach = if LASTING * way <= LONG_REACH { LONG_REACH } else { way.min(SHORT_REACH) };

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::{Bodies, Body, BodyPoint};
 use crate::contact::friction::{coulomb, respond};
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
+use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, SLEEPS, Scope, Section};
 use crate::error::Problem;
 use crate::metrics::Metrics;
 use crate::remembered::{Field, Remembered};
@@ -438,7 +438,7 @@ impl Search<'_> {
         let (offset, way) = (self.step.bodies.list()[body].offset, self.way(body));
         let clearance = self.memory[slot].clearance;
         let reach = offset + self.search + 2.0 * way + (-clearance).max(0.0);
-        (clearance <= offset + 2.0 * way).then_some(reach)
+        (!SLEEPS || clearance <= offset + 2.0 * way).then_some(reach)
     }
 
     /// What is known of a body; `x` is where the vertex was at the start of the step.
@@ -446,7 +446,8 @@ impl Search<'_> {
         let known = &mut self.known[body % CACHED];
         if known.body != body {
             let bodies = self.step.bodies;
-            let room = bodies.bounds(body, x).map_or(0.0, |b| {
+            let bounds = if SLEEPS { bodies.bounds(body, x) } else { None };
+            let room = bounds.map_or(0.0, |b| {
                 // At the end the distance is less by at most the way relative to the body; there it has to exceed that
                 // of contact and of a hold (`settle`).
                 b.distance - b.displacement - bodies.list()[body].offset - 2.0 * (self.own_way + b.displacement)
