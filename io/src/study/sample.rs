@@ -323,3 +323,57 @@ impl<'a> Course<'a> {
         sample.bits = digest.finalize().iter().take(DIGEST).map(|byte| format!("{byte:02x}")).collect();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of several logical parts that falls on a ball, and folds.
+    const FALLING: &str = r#"drapery = 1
+[shot]
+frames = "1-3"
+[gravity]
+[self_repulsion]
+[self_collision]
+[[body]]
+name = "ball"
+shape = { sphere = { radius = 0.2 } }
+position = [0, 0.795, 0]
+[[garment]]
+name = "sheet"
+panel = { resolution = 60, side = 1.0, center = [0, 1, 0] }
+density = "0.15 kg/m²"
+[garment.stretch]
+stiffness = "100 N/m"
+"#;
+
+    #[test]
+    fn ranks_change_no_bit_and_no_figure_and_a_panic_of_one_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("scene.toml");
+        std::fs::write(&scene, FALLING).unwrap();
+        let search = SearchPaths::default();
+        let bench = Bench { scene: &scene, settings: &[], search: &search, size: 1.4, thickness: 0.001, threads: 2 };
+        let sample = |ranks: u32, threads: u32| {
+            let wish = Wish { setting: Setting { ranks, threads, ..Setting::default() }, ..Wish::default() };
+            let far = Instant::now() + Duration::from_secs(600);
+            match run(&bench, &wish, &Pace::Fixed(&[2, 3]), (None, far)).unwrap() {
+                Ended::Sample(ended) => ended.0,
+                Ended::OutOfTime(frame) => panic!("out of time after frame {frame}"),
+            }
+        };
+        let one = sample(0, 0);
+        assert_eq!((one.failure.as_ref(), one.figures.len()), (None, 2));
+        assert!(one.counts["body_contacts"] > 0 && !one.counts.contains_key("messages"), "{:?}", one.counts);
+        for (ranks, threads) in [(2, 0), (3, 1)] {
+            let many = sample(ranks, threads);
+            assert_eq!((&many.bits, &many.figures), (&one.bits, &one.figures), "{ranks} ranks");
+            assert_eq!(many.cost.steps, one.cost.steps);
+            assert!(many.counts["messages"] > 0);
+        }
+        // The others do not wait for ever for a first one that has failed.
+        let setting = Setting { ranks: 2, ..Setting::default() };
+        let fails = || on_ranks(&setting, 1, |_| -> Result<(), ShotError> { panic!("lost") });
+        assert!(catch_unwind(AssertUnwindSafe(fails)).is_err());
+    }
+}
