@@ -20,7 +20,7 @@ pub fn words(study: &Study) -> Vec<String> {
         ));
     } else if !study.omitted.is_empty() {
         words.push(format!(
-            "{} were left out for lack of time, see below. Run the study again with --max-wall {} to go on with it.",
+            "{} left out for lack of time, see below. Run the study again with --max-wall {} to go on with it.",
             runs(study),
             argument(ROOM * missing)
         ));
@@ -45,9 +45,9 @@ pub fn words(study: &Study) -> Vec<String> {
 /// How many runs are missing.
 fn runs(study: &Study) -> String {
     match study.omitted.iter().filter(|omission| !omission.are_repeats).count() {
-        0 => "Repeats that tell how steady times are".to_owned(),
-        1 => "One run".to_owned(),
-        some => format!("{some} runs"),
+        0 => "Repeats that tell how steady times are were".to_owned(),
+        1 => "One run was".to_owned(),
+        some => format!("{some} runs were"),
     }
 }
 

@@ -93,7 +93,7 @@ fn worst(
         return Check::new(name, None, "the record does not say what acts from outside".to_owned());
     }
     if !acting.is_empty() {
-        let why = format!("{} {why_not}", acting.join(", "));
+        let why = format!("{why_not} {}", acting.join(", "));
         return Check { name, verdict: Verdict::NotApplicable, why };
     }
     let all = runs(study).filter_map(|sample| off(sample).map(|off| (off, sample)));
@@ -112,7 +112,7 @@ fn worst(
 
 /// A share that may be very small.
 fn share(share: f64) -> String {
-    if share < 1e-4 { format!("{share:.1e}") } else { format!("{} %", text::digits(100.0 * share)) }
+    if share > 0.0 && share < 1e-4 { format!("{share:.1e}") } else { format!("{} %", text::digits(100.0 * share)) }
 }
 
 /// Momentum is what gravity makes it.
@@ -128,7 +128,7 @@ pub fn momentum(study: &Study) -> Check {
         (largest > 0.0).then(|| farthest / (2.0 * mass * largest).sqrt())
     };
     let allowed = (MOMENTUM, "the largest momentum");
-    worst("Momentum is what gravity makes it", study, (pushes, "push from outside"), off, allowed)
+    worst("Momentum is what gravity makes it", study, (pushes, "pushed from outside by"), off, allowed)
 }
 
 /// No energy appears.
@@ -145,7 +145,7 @@ pub fn energy(study: &Study) -> Check {
         grown.filter(|_| largest > 0.0).map(|grown| grown / largest)
     };
     let allowed = (ENERGY, "the largest energy of motion");
-    worst("No energy appears from nowhere", study, (&study.outside.works, "do work from outside"), off, allowed)
+    worst("No energy appears from nowhere", study, (&study.outside.works, "work is done from outside by"), off, allowed)
 }
 
 #[cfg(test)]
@@ -201,7 +201,7 @@ mod tests {
         let mut study = fall();
         study.outside.pushes = vec!["body_collision".into(), "pins".into()];
         study.outside.works = vec!["pins".into()];
-        assert_eq!(momentum(&study).why, "body_collision, pins push from outside");
+        assert_eq!(momentum(&study).why, "pushed from outside by body_collision, pins");
         assert_eq!([momentum(&study).verdict, energy(&study).verdict], [Verdict::NotApplicable; 2]);
         study.outside = Outside::default();
         assert_eq!([momentum(&study).verdict, energy(&study).verdict], [Verdict::Unknown; 2]);
