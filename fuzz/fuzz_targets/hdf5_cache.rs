@@ -74,6 +74,7 @@ fuzz_target!(|data: &[u8]| {
             garment: "flag",
             mesh: &mesh,
             units: Units::SI,
+            origin: Vec3::zeros(),
             timeline: Timeline::default(),
             first_frame: 1,
             last_frame: 3,

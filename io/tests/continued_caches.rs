@@ -55,6 +55,7 @@ impl Garment {
             garment: "skirt",
             mesh: &self.mesh,
             units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
+            origin: Vec3::zeros(),
             timeline: Timeline { fps_numerator: 24000, fps_denominator: 1001, ..Timeline::default() },
             first_frame: FIRST,
             last_frame: LAST,
