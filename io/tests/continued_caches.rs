@@ -395,6 +395,7 @@ fn a_cache_of_another_plan_is_refused_and_left_alone() {
     let plans = [
         CachePlan { garment: "coat", ..plan.clone() },
         CachePlan { units: Units::SI, ..plan.clone() },
+        CachePlan { origin: Vec3::x(), ..plan.clone() },
         CachePlan { timeline: Timeline::default(), ..plan.clone() },
         CachePlan { first_frame: 1000, ..plan.clone() },
         CachePlan { velocities: false, ..plan.clone() },
