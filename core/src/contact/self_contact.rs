@@ -267,10 +267,10 @@ impl SelfContact {
     }
 
     /// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest distance
-    /// from the origin, which does not change when the scene is turned. What takes no part may lie anywhere.
+    /// from the scene's origin, which does not change when the scene is turned. What takes no part may lie anywhere.
     fn gap_now(&self) -> f64 {
         let (surface, x) = (&self.surface, &self.paths.start);
-        let farthest = |largest: f64, p: &Vec3| largest.max(p.norm());
+        let farthest = |largest: f64, p: &Vec3| largest.max((p - surface.origin()).norm());
         let largest = if self.has_inert {
             let corners = surface.cloth().triangles().iter().flatten().map(|node| &x[*node as usize]);
             corners.chain(&x[surface.nodes().cloth()..]).fold(0.0, farthest)

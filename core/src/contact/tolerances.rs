@@ -52,8 +52,8 @@ pub const USABLE_REACH: f64 = 0.98;
 /// `sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart`.
 pub const ALONG_TRIANGLE: f64 = 1e-3;
 
-/// The gap that collisions keep, in roundings to single precision of the largest coordinate. Rounding moves a point by up to
-/// √3/2 of one, and two primitives approach by twice that. Guarded by `what_is_written_in_single_precision_does_not_cross`.
+/// The gap that collisions keep, in roundings to single precision of the largest distance from the scene's origin. Rounding
+/// moves a point by up to √3/2 of one, and two primitives approach by twice that. Guarded by `what_is_written_in_single_precision_does_not_cross`.
 pub const GAP_ROUNDINGS: f64 = 4.0;
 
 /// Pairs closer than this many gaps are opened to it when they meet. Guarded by
