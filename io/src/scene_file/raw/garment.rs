@@ -124,7 +124,7 @@ pub(in crate::scene_file) struct Maps {
     /// `damping_ratio` of `[garment.stretch]`; a spring has the mean of its ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) stretch_damping: Option<String>,
-    /// `damping_ratio` of `[garment.shear]`; as its stiffness.
+    /// `damping_ratio` of `[garment.shear]`; the spring of an altitude has the mean of the ends of its edge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) shear_damping: Option<String>,
     /// `damping_ratio` of `[garment.membrane]`; a triangle has the mean of its corners.
@@ -140,10 +140,10 @@ pub(in crate::scene_file) struct Maps {
     /// vertices. Where it is zero, none stays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) yield_radius: Option<String>,
-    /// `hardening` of `[garment.plastic_wrinkles]`; likewise.
+    /// `hardening` of `[garment.plastic_wrinkles]`; an angle has the mean of its four vertices.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) hardening: Option<String>,
-    /// `largest_angle` of `[garment.plastic_wrinkles]`; likewise.
+    /// `largest_angle` of `[garment.plastic_wrinkles]`; an angle has the mean of its four vertices.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) largest_angle: Option<String>,
     /// `limit` of `[garment.strain_limit]`; an edge has the mean of its ends.
