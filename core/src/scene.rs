@@ -557,14 +557,6 @@ impl Scene {
         self.pinned.iter().filter(follows).map(|pinned| pinned.row as u32).collect()
     }
 
-    /// Stiffness of the spring of a pinned vertex [N/m]; zero for one that is held hard.
-    pub(crate) fn pin_stiffness(&self, pinned: &Pinned) -> f64 {
-        let PinHold::Spring { stiffness, .. } = self.description.pins[pinned.pin].hold else { return 0.0 };
-        let garment = self.description.pins[pinned.pin].garment;
-        let vertex = pinned.vertex as usize - self.parts.garment(garment).start;
-        self.painted(garment, "pins").map_or(stiffness, |map| map.at(vertex, stiffness))
-    }
-
     /// Number of all pin targets of the scene.
     pub(crate) fn pin_targets(&self) -> usize {
         self.pin_targets

@@ -157,4 +157,13 @@ mod tests {
         assert!(attribute(&data, "thik").unwrap_err().contains("thick"));
         assert!(attribute(&data, "corner").unwrap_err().contains("for each point"));
     }
+
+    #[test]
+    fn every_map_of_the_solver_can_be_written_in_a_scene() {
+        for (name, _) in drapery_core::scene::painted::MAPS {
+            let maps: super::super::raw::Maps = serde_json::from_value(serde_json::json!({ *name: "file:map.txt" }))
+                .unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(maps.written(), [(*name, "file:map.txt")]);
+        }
+    }
 }
