@@ -9,7 +9,7 @@
 //! B.5  v½  =  v* + dt/2 · a((x + x')/2, v½)              contact normals constrained, then the projection is undone
 //! B.6  v'  =  2 v½ − v*
 //! B.7  v'  ←  body friction with the full load
-//! B.8  v'  ←  self-repulsion without springs, strain limit
+//! B.8  v'  ←  self-repulsion without springs; then B.7 for what it lays on bodies; strain limit
 //! C    resolve what collides between the remembered positions and x'                            (every K steps)
 //! ```
 //!
@@ -275,12 +275,15 @@ impl<'a> StepContext<'a> {
         }
     }
 
-    /// B.8.
+    /// B.8, and B.7 once more: bodies stop, and rub, what repulsion has laid on them.
     fn repel_final_velocities(&mut self, dt: f64) {
-        let Self { state, self_contact, metrics, .. } = self;
+        let Self { state, self_contact, collision, metrics, .. } = self;
         if let Some(contact) = self_contact.as_mut().filter(|contact| contact.repels()) {
-            metrics.stage("B.8 self-repulsion", |m| contact.final_velocity(dt, &state.x, &mut state.v, m));
-            impose(self.parts, self.pins, self.targets, &mut self.state.v);
+            let collision = collision.as_deref();
+            metrics.stage("B.8 self-repulsion", |m| {
+                contact.final_velocity(dt, &state.x, &mut state.v, collision, m);
+            });
+            self.final_velocities(dt);
         }
     }
 

@@ -10,6 +10,7 @@
 //! until there is an outside again. Both are counted.
 
 mod marks;
+mod supports;
 
 use std::ops::Range;
 
@@ -18,6 +19,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::{Bodies, Body, BodyPoint};
 use crate::contact::friction::{coulomb, respond};
+use crate::contact::supports::HOLDS;
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, SLEEPS, Scope, Section};
 use crate::error::Problem;
 use crate::metrics::Metrics;
@@ -50,9 +52,6 @@ pub static SPEC: EffectSpec = EffectSpec {
 
 /// How far deforming bodies are; not there without such bodies.
 pub(crate) const SECTION: Section = Section { name: "body_collision", version: 1 };
-
-/// Bodies that can hold a vertex at the same time.
-const HOLDS: usize = 2;
 
 /// Distance beyond contact within which surfaces are looked for, in mean edge lengths: vertices farther away are left alone
 /// until they can have come closer.
