@@ -161,9 +161,9 @@ mod tests {
     #[test]
     fn every_map_of_the_solver_can_be_written_in_a_scene() {
         for (name, _) in drapery_core::scene::painted::MAPS {
-            let maps: super::super::raw::Maps = serde_json::from_value(serde_json::json!({ *name: "file:map.txt" }))
-                .unwrap_or_else(|error| panic!("{name}: {error}"));
-            assert_eq!(maps.written(), [(*name, "file:map.txt")]);
+            let scene = serde_json::json!({ "name": "shirt", "maps": { *name: "file:map.txt" } });
+            let garment: Garment = serde_json::from_value(scene).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(garment.maps.written(), [(*name, "file:map.txt")]);
         }
     }
 }
