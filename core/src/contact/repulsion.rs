@@ -267,6 +267,11 @@ impl Repulsions {
         metrics.count("attractions", self.inverted);
     }
 
+    /// Whether bodies have to bear something of what the last pass, which knew of them, did to a node.
+    pub fn is_pressed(&self, node: u32) -> bool {
+        self.seen.get(node as usize).is_some_and(|seen| *seen) && self.loads.get(node) != Vec3::zeros()
+    }
+
     /// Number of active pairs at home here that had passed through each other at the positions of the last pass.
     pub fn inverted(&self) -> u64 {
         self.inverted

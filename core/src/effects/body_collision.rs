@@ -272,11 +272,17 @@ impl BodyCollision {
     }
 
     /// B.7: no vertex approaches a body that it would touch in the next step, and if `rubs` friction acts with the full load.
-    /// The look-ahead is relative to the body (method 5.4). `v` are those of own vertices.
-    pub fn final_velocity(&self, bodies: &Bodies, dt: f64, rubs: bool, v: &mut [Vec3]) {
+    /// The look-ahead is relative to the body (method 5.4). `v` are those of own vertices; `concerns` tells which of them, by
+    /// their places in it, this is about.
+    pub fn final_velocity(
+        &self,
+        (bodies, dt, rubs): (&Bodies, f64, bool),
+        concerns: &(impl Fn(usize) -> bool + Sync),
+        v: &mut [Vec3],
+    ) {
         let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks).enumerate();
         chunks.for_each(|(c, ((v, contacts), marks))| {
-            for i in marked(marks.near) {
+            for i in marked(marks.near).filter(|i| concerns(c * CHUNK + i)) {
                 let v = &mut v[i];
                 for hold in contacts[i].holds.iter().flatten() {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);

@@ -37,6 +37,12 @@ impl SelfContact {
         self.repel(Passes::WithoutSprings, dt, x, v, metrics);
     }
 
+    /// Whether B.8 has pressed an own vertex against a body, by its place among these.
+    pub fn is_pressed(&self, vertex: usize) -> bool {
+        let node = (self.surface.nodes().own().start + vertex) as u32;
+        self.repulsions.as_ref().is_some_and(|repulsions| repulsions.is_pressed(node))
+    }
+
     fn repel(&mut self, passes: Passes, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
         let Some(repulsions) = &mut self.repulsions else { return };
         let (nodes, place, friction) = (self.surface.nodes(), self.surface.place(), self.surface.friction());
