@@ -227,6 +227,8 @@ fn a_cache_says_what_its_positions_are_counted_from_and_goes_on_from_no_other_pl
         (1..3).for_each(|frame| write_frame(writer.as_mut(), frame));
         let mark = writer.mark();
         write_frame(writer.as_mut(), 3);
+        // Until then it has room for more.
+        writer.finish().unwrap();
         drop(writer);
         let whole = std::fs::read(&path).unwrap();
         for other in [Vec3::zeros(), origin + Vec3::x()] {
