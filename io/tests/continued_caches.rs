@@ -1,7 +1,7 @@
 //! Caches of runs that stopped or were killed: cut back to a mark and continued they have the bytes of an unbroken run.
 
-use std::fs::{self, OpenOptions};
-use std::io::{Seek, SeekFrom, Write};
+use std::fs::{self, File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -415,6 +415,27 @@ fn a_cache_of_another_plan_is_refused_and_left_alone() {
         }
         assert!(garment.try_resume(extension, &plan, &mark).is_ok());
         fs::remove_file(garment.path(extension)).unwrap();
+    }
+}
+
+#[test]
+fn a_program_that_has_a_cache_open_keeps_its_frames_while_the_run_goes_on_from_an_earlier_one() {
+    for extension in FORMATS {
+        let garment = Garment::new();
+        let mut writer = garment.create(extension);
+        garment.write_all(&mut *writer, 1001..=1003);
+        let mark = writer.mark();
+        garment.write_all(&mut *writer, 1004..=1006);
+        drop(writer);
+        let before = garment.bytes(extension).unwrap();
+        let mut held = File::open(garment.path(extension)).unwrap();
+        let mut writer = garment.resume(extension, &mark);
+        (1004..=1005).for_each(|frame| garment.write(&mut *writer, frame, 1));
+        writer.finish().unwrap();
+        let mut seen = Vec::new();
+        held.read_to_end(&mut seen).unwrap();
+        assert!(seen == before, "{extension}");
+        assert_eq!(garment.seen(extension), 5);
     }
 }
 

@@ -69,11 +69,19 @@ enum Bytes {
     Memory(Vec<u8>),
 }
 
+/// Up to eight bytes as a number, the least significant first.
+fn number(bytes: &[u8]) -> u64 {
+    bytes.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte))
+}
+
 /// A readable archive file, or the same in memory.
 #[derive(Debug)]
 pub(crate) struct ChunkSource {
     pub(crate) path: PathBuf,
     pub(crate) length: u64,
+    /// The first bytes. They were read before the length: a writer that commits in between moves the root in the header
+    /// behind the end of a shorter file.
+    header: Vec<u8>,
     bytes: Bytes,
 }
 
@@ -90,24 +98,32 @@ impl ChunkSource {
 
     fn open_file(path: &Path) -> Result<Self, AlembicError> {
         let failed = |source| AlembicError::Io { path: path.to_owned(), action: "open", source };
-        let file = File::open(path).map_err(failed)?;
-        let about = file.metadata().map_err(failed)?;
-        if !about.is_file() {
+        let mut file = File::open(path).map_err(failed)?;
+        if !file.metadata().map_err(failed)?.is_file() {
             let reason = "this is not a regular file".into();
             return Err(AlembicError::NotOgawa { path: path.to_owned(), reason });
         }
-        Ok(Self { path: path.to_owned(), length: about.len(), bytes: Bytes::File(Mutex::new(file)) })
+        let mut header = Vec::new();
+        (&mut file).take(HEADER_SIZE).read_to_end(&mut header).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        Ok(Self { path: path.to_owned(), length, header, bytes: Bytes::File(Mutex::new(file)) })
+    }
+
+    /// Where the header says that the root group stands.
+    pub(crate) fn root_in_header(&self) -> u64 {
+        number(self.header.get(8..).unwrap_or_default())
     }
 
     /// The same for an archive in memory; `name` stands for the path in messages.
     pub(crate) fn from_bytes(bytes: Vec<u8>, name: &Path) -> Result<(Self, Group), AlembicError> {
-        Self { path: name.to_owned(), length: bytes.len() as u64, bytes: Bytes::Memory(bytes) }.with_root(None)
+        let (length, header) = (bytes.len() as u64, bytes.iter().take(HEADER_SIZE as usize).copied().collect());
+        Self { path: name.to_owned(), length, header, bytes: Bytes::Memory(bytes) }.with_root(None)
     }
 
     fn with_root(self, root: Option<u64>) -> Result<(Self, Group), AlembicError> {
         let path = self.path.clone();
         let not_ogawa = |reason: &str| AlembicError::NotOgawa { path: path.clone(), reason: reason.to_owned() };
-        let start = self.read(0, self.length.min(HEADER_SIZE)).map_err(|fault| fault.at(&path, "header"))?;
+        let start = &self.header;
         if start.starts_with(&HDF5_SIGNATURE) {
             return Err(AlembicError::Hdf5Container { path });
         }
@@ -123,8 +139,8 @@ impl ChunkSource {
         if start[6..8] != VERSION {
             return Err(not_ogawa("the container version is not 0.1"));
         }
-        let root = root.map_or_else(|| self.u64_at(8), Ok).and_then(|offset| self.group(Slot(offset)));
-        let root = root.map_err(|fault| fault.at(&path, "root group"))?;
+        let offset = root.unwrap_or_else(|| self.root_in_header());
+        let root = self.group(Slot(offset)).map_err(|fault| fault.at(&path, "root group"))?;
         Ok((self, root))
     }
 
@@ -151,8 +167,7 @@ impl ChunkSource {
     }
 
     fn u64_at(&self, offset: u64) -> Result<u64, Fault> {
-        let bytes = self.read(offset, 8)?;
-        Ok(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte)))
+        Ok(number(&self.read(offset, 8)?))
     }
 
     /// The group behind `slot`.

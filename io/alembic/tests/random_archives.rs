@@ -156,19 +156,22 @@ proptest! {
             random.write_round(&mut whole, &whole_ids, round);
             random.write_round(&mut parts, &part_ids, round);
             if round == stop {
-                let path = parts.path().to_owned();
+                let (path, end) = (parts.path().to_owned(), parts.mark().unwrap().end as usize);
                 drop(parts);
                 // A killed writer may leave half a frame behind.
                 let mut left = std::fs::read(&path).unwrap();
-                left.extend([0xab; 77]);
+                left[end..end + 77].fill(0xab);
                 std::fs::write(&path, left).unwrap();
                 parts = ArchiveWriter::append(&path).unwrap();
                 part_ids = random.declare(&mut parts);
             }
         }
-        let bytes = [&whole, &parts].map(|archive| std::fs::read(archive.path()).unwrap());
+        let path = [&whole, &parts].map(|archive| archive.path().to_owned());
+        parts.finish(Durability::Flushed).unwrap();
+        let whole = reopened(whole);
+        let bytes = path.each_ref().map(|path| std::fs::read(path).unwrap());
         prop_assert!(bytes[0] == bytes[1], "the continued archive has other bytes");
-        random.check(&reopened(whole));
+        random.check(&whole);
     }
 
     #[test]

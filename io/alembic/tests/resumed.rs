@@ -56,6 +56,13 @@ fn written(path: &Path, frames: &[usize]) -> Vec<ArchiveMark> {
     frames.iter().map(write).collect()
 }
 
+fn finished(path: &Path, frames: &[usize]) {
+    let mut archive = ArchiveWriter::create(path, &options()).unwrap();
+    let mut shot = declare(&mut archive).unwrap();
+    frames.iter().for_each(|frame| shot.write(&mut archive, *frame));
+    archive.finish(Durability::Flushed).unwrap();
+}
+
 fn resumed(path: &Path, mark: &ArchiveMark) -> Result<(ArchiveWriter, Shot), AlembicError> {
     ArchiveWriter::resume(path, &options(), mark, declare)
 }
@@ -77,13 +84,15 @@ fn scratch() -> (tempfile::TempDir, PathBuf, PathBuf) {
 #[test]
 fn whatever_stood_behind_the_mark_the_bytes_are_those_of_an_unbroken_run() {
     let (_folder, whole, parts) = scratch();
-    written(&whole, &[0, 1, 2, 3, 4, 5, 6, 7]);
+    finished(&whole, &[0, 1, 2, 3, 4, 5, 6, 7]);
     for kept in 1..=8 {
         for later in [[].as_slice(), &[100], &[100, 101, 102, 103, 104, 105, 106, 107, 108, 109]] {
             let before: Vec<usize> = (0..kept).chain(later.iter().copied()).collect();
-            let mark = written(&parts, &before)[kept - 1];
+            let marks = written(&parts, &before);
+            let mark = marks[kept - 1];
             let mut torn = bytes(&parts);
-            torn.extend([0x55; 333]);
+            let end = marks.last().unwrap().end as usize;
+            torn[end..end + 333].fill(0x55);
             std::fs::write(&parts, torn).unwrap();
             let (mut archive, mut shot) = resumed(&parts, &mark).unwrap();
             assert_eq!((archive.mark(), sample_count(&parts)), (Some(mark), kept));
@@ -100,7 +109,7 @@ fn whatever_stood_behind_the_mark_the_bytes_are_those_of_an_unbroken_run() {
 #[test]
 fn a_run_that_dies_while_it_continues_can_continue_from_the_same_mark() {
     let (_folder, whole, parts) = scratch();
-    written(&whole, &[0, 1, 2, 3, 4, 5]);
+    finished(&whole, &[0, 1, 2, 3, 4, 5]);
     let mark = written(&parts, &[0, 1, 2, 3, 100])[2];
     drop(resumed(&parts, &mark).unwrap());
     assert_eq!(sample_count(&parts), 3);
@@ -118,7 +127,7 @@ fn a_run_that_dies_while_it_continues_can_continue_from_the_same_mark() {
 fn a_broken_root_in_the_header_does_not_matter() {
     // After a power cut the header may point to a commit that never reached the disk.
     let (_folder, whole, parts) = scratch();
-    written(&whole, &[0, 1, 2]);
+    finished(&whole, &[0, 1, 2]);
     let mark = written(&parts, &[0, 1])[1];
     let mut torn = bytes(&parts);
     torn[8..16].copy_from_slice(&u64::MAX.to_le_bytes());
@@ -131,34 +140,67 @@ fn a_broken_root_in_the_header_does_not_matter() {
 }
 
 #[test]
-fn an_archive_that_was_opened_before_keeps_its_later_frames_while_they_are_written_again() {
+fn an_archive_that_was_opened_before_keeps_all_its_frames_whatever_is_written_in_their_place() {
     let (_folder, _, path) = scratch();
-    let mark = written(&path, &[0, 1, 2, 3, 4])[1];
-    let before = PolyMesh::open(&Archive::open(&path).unwrap(), PATH).unwrap();
-    let all_right = || (0..5).all(|frame| before.positions(frame).unwrap() == positions(frame));
-    let (mut archive, mut shot) = resumed(&path, &mark).unwrap();
-    assert!(all_right());
-    for frame in 2..5 {
-        shot.write(&mut archive, frame);
+    // From here each time, with the same frames again, with others, and without any.
+    for (later, finished) in [(2..5, true), (100..110, false), (0..0, true)] {
+        let mark = written(&path, &[0, 1, 2, 3, 4])[1];
+        let before = PolyMesh::open(&Archive::open(&path).unwrap(), PATH).unwrap();
+        let all_right = || (0..5).all(|frame| before.positions(frame).unwrap() == positions(frame));
+        let (mut archive, mut shot) = resumed(&path, &mark).unwrap();
         assert!(all_right());
+        for frame in later {
+            shot.write(&mut archive, frame);
+            assert!(all_right());
+        }
+        if finished {
+            archive.finish(Durability::Flushed).unwrap();
+        }
+        assert!(all_right());
+        std::fs::remove_file(&path).unwrap();
     }
-    archive.finish(Durability::Flushed).unwrap();
-    assert!(all_right());
 }
 
 #[test]
-fn an_archive_that_was_opened_before_it_lost_frames_gives_errors_and_no_panic() {
+fn an_archive_that_ends_with_its_mark_goes_on_without_a_copy() {
     let (_folder, _, path) = scratch();
-    let mark = written(&path, &[0, 1, 2, 3, 4])[1];
-    let before = PolyMesh::open(&Archive::open(&path).unwrap(), PATH).unwrap();
-    resumed(&path, &mark).unwrap().0.finish(Durability::Flushed).unwrap();
-    assert!((0..5).all(|frame| before.positions(frame).is_err()), "its tables are gone");
-    // The same when other frames stand there.
+    let mark = *written(&path, &[0, 1, 2]).last().unwrap();
+    let before = std::fs::File::open(&path).unwrap();
     let (mut archive, mut shot) = resumed(&path, &mark).unwrap();
-    (100..110).for_each(|frame| shot.write(&mut archive, frame));
-    for frame in 0..5 {
-        let _ = before.positions(frame);
+    shot.write(&mut archive, 3);
+    archive.finish(Durability::Flushed).unwrap();
+    assert_eq!(before.metadata().unwrap().len(), bytes(&path).len() as u64);
+}
+
+#[test]
+fn an_archive_being_written_has_room_for_the_next_commits_at_all_times() {
+    // Who maps it into memory has its length from before, and perhaps the root of a later commit.
+    let (_folder, _, path) = scratch();
+    let length = || std::fs::metadata(&path).unwrap().len();
+    let marks = written(&path, &[0, 1, 2]);
+    assert!(length() > marks[2].end + (1 << 19));
+    for later in [[].as_slice(), &[3]] {
+        let mark = *written(&path, &[0, 1, 2]).last().unwrap();
+        let (mut archive, mut shot) = resumed(&path, &mark).unwrap();
+        assert!(length() > mark.end + (1 << 19));
+        later.iter().for_each(|frame| shot.write(&mut archive, *frame));
+        let end = archive.mark().unwrap().end;
+        assert!(length() > end + (1 << 19));
+        archive.finish(Durability::Flushed).unwrap();
+        assert_eq!(length(), end);
     }
+}
+
+#[test]
+fn an_archive_that_cannot_be_copied_is_left_alone() {
+    let (_folder, _, path) = scratch();
+    let mark = written(&path, &[0, 1, 2, 3])[1];
+    let before = bytes(&path);
+    // A folder has the name of the copy.
+    std::fs::create_dir(path.with_extension("abc.part")).unwrap();
+    let error = resumed(&path, &mark).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("abc.part") && error.contains("copy"), "{error}");
+    assert!(bytes(&path) == before);
 }
 
 #[test]
@@ -255,8 +297,10 @@ fn a_continued_mesh_has_the_faces_and_the_members_it_was_begun_with() {
 #[test]
 fn flipped_bytes_lead_to_no_panic_and_no_invalid_file() {
     let (_folder, _, path) = scratch();
-    let mark = written(&path, &[0, 1, 2])[1];
-    let good = bytes(&path);
+    let marks = written(&path, &[0, 1, 2]);
+    let mark = marks[1];
+    let mut good = bytes(&path);
+    good.truncate(marks[2].end as usize);
     // Not every byte, because each continuation waits for the disk; 7 meets all places in words of eight.
     for position in (0..good.len()).step_by(7) {
         let mut flipped = good.clone();

@@ -130,8 +130,8 @@ impl AlembicWriter {
     }
 
     /// Goes on with the cache at `path` after its mark. Readers find a valid archive all the time, with the frames up
-    /// to the mark; programs that opened it before go on seeing the later frames until other ones are written over
-    /// them.
+    /// to the mark; programs that opened it before go on seeing the later frames, because the cache then goes on in a
+    /// copy.
     ///
     /// # Errors
     /// The file is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
@@ -152,6 +152,8 @@ impl AlembicWriter {
         let resumed =
             ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, &still, kept));
         let (archive, declared) = resumed.map_err(|e| not_continued(path, mark, e))?;
+        sync_name(path);
+        remove(&beside(path))?;
         writer.stage = Stage::Open(Box::new(Open { archive, declared }));
         writer.mark = mark.clone();
         Ok(writer)

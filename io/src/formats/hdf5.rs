@@ -70,7 +70,8 @@ impl Hdf5Writer {
     }
 
     /// Goes on with the cache at `path` after its mark. Readers find a valid file all the time; frames after the mark
-    /// are no longer `committed`.
+    /// are no longer `committed`. Where there are such frames it goes on in a copy, because a program that has the file
+    /// open may be reading them; so it does where the range is another one.
     ///
     /// # Errors
     /// The file is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
@@ -99,17 +100,18 @@ impl Hdf5Writer {
         }
         drop(data);
         remove(&beside(path))?;
-        if stored.frames == plan.frame_count() {
+        let looked_at = marks[kept..].iter().any(|mark| *mark != 0);
+        if stored.frames == plan.frame_count() && !looked_at {
             stored.cut(kept, &mut bytes).map_err(failed)?;
         } else {
             if let Some(held) = marks.iter().rposition(|mark| *mark != 0).filter(|held| *held >= plan.frame_count()) {
                 return Err(too_short(path, plan, plan.first_frame + held as i64));
             }
-            let mut longer = create_beside(path, plan)?;
-            let copied = longer.copy_frames(&mut stored, kept, &mut bytes).and_then(|()| longer.file.sync_all());
+            let mut copy = create_beside(path, plan)?;
+            let copied = copy.copy_frames(&mut stored, kept, &mut bytes).and_then(|()| copy.file.sync_all());
             copied.and_then(|()| fs::rename(beside(path), path)).map_err(failed)?;
             sync_name(path);
-            stored = longer;
+            stored = copy;
         }
         let size = stored.file.metadata().map_err(failed)?.len();
         Ok(Self::new(path, plan, stored, CacheMark { bytes: size, ..mark.clone() }))
@@ -203,11 +205,10 @@ impl Stored {
         self.write_at(self.offsets.committed + index as u64, &[1])
     }
 
-    /// Makes the file what it was before any frame from `kept` on was written. All later frames are looked at, because
-    /// a killed run may have left a part of one without its mark.
+    /// Makes the file what it was before any frame from `kept` on was written, none of which has its mark: a killed run
+    /// may have left a part of one.
     fn cut(&mut self, kept: usize, bytes: &mut Vec<u8>) -> io::Result<()> {
-        for index in (kept..self.frames).rev() {
-            self.write_at(self.offsets.committed + index as u64, &[0])?;
+        for index in kept..self.frames {
             self.read_frame(index, bytes)?;
             if bytes.iter().all(|byte| *byte == 0) {
                 continue;
@@ -220,7 +221,7 @@ impl Stored {
         Ok(())
     }
 
-    /// Takes over the first frames of a file with another range.
+    /// Takes over the first frames of another file, which may have another range.
     fn copy_frames(&mut self, from: &mut Self, frames: usize, bytes: &mut Vec<u8>) -> io::Result<()> {
         for index in 0..frames {
             from.read_frame(index, bytes)?;

@@ -13,16 +13,16 @@ use crate::property::decode;
 use crate::reader::tables::{Tables, child_headers, sample_group_size};
 
 impl ArchiveWriter {
-    /// Opens a committed archive to go on after its last commit; what a killed writer left behind it is cut off.
+    /// Opens a committed archive to go on after its last commit; what a killed writer left behind it is written
+    /// over.
     ///
     /// The bytes of a file written in one go and of one that was closed and continued are equal. Meant for archives
     /// of this writer; it refuses what it cannot continue, such as groups shared between objects.
     pub fn append(path: impl AsRef<Path>) -> Result<Self, AlembicError> {
         let path = path.as_ref();
         let (source, root) = ChunkSource::open(path)?;
-        let writer = Self::restored(path, &source, root)?;
-        let failed = |source| AlembicError::Io { path: path.to_owned(), action: "cut the end of", source };
-        writer.file.set_len(writer.end).map_err(failed)?;
+        let mut writer = Self::restored(path, &source, root)?;
+        writer.make_room(writer.end, writer.end)?;
         Ok(writer)
     }
 

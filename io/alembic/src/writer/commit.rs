@@ -11,14 +11,24 @@ use crate::packed::{MetaDataTable, PackedObject, PackedProperty, pack_object, pa
 /// Library version that readers are told: 1.8.12.
 const LIBRARY_VERSION: i32 = 10812;
 
+/// Commits as large as the last one for which the file has room ahead, and the least and the most room [bytes].
+const COMMITS_AHEAD: u64 = 16;
+const LEAST_AHEAD: u64 = 1 << 20;
+const MOST_AHEAD: u64 = 1 << 30;
+
 impl ArchiveWriter {
     /// Makes everything written so far visible to readers.
     ///
     /// The previous state stays valid until the last eight bytes are written; when the process dies at any moment the
     /// file shows this commit or the one before. Samples written later are not visible before the next commit.
+    ///
+    /// The file is longer than what it holds until [`ArchiveWriter::finish`]: programs that map it into memory look up
+    /// its length before they look up the root, and may find there one of a later commit.
     pub fn commit(&mut self, durability: Durability) -> Result<(), AlembicError> {
         let (root, bytes) = self.packed_tables(self.end);
         self.write_at(self.end, &bytes)?;
+        let end = self.end + bytes.len() as u64;
+        self.make_room(end, end - self.mark.map_or(0, |mark| mark.end.min(end)))?;
         // Between frames others need the room.
         self.chunk = Vec::new();
         self.synchronise(durability)?;
@@ -33,6 +43,17 @@ impl ArchiveWriter {
         self.committed = true;
         self.changed = false;
         Ok(())
+    }
+
+    /// Makes the file longer than a commit of `size` bytes that ends at `end`, by what the next ones may need; nothing is
+    /// written there, so that it takes no room on the disk.
+    pub(super) fn make_room(&mut self, end: u64, size: u64) -> Result<(), AlembicError> {
+        let ahead = size.saturating_mul(COMMITS_AHEAD).clamp(LEAST_AHEAD, MOST_AHEAD);
+        let longer = self.file.metadata().and_then(|about| match about.len() < end + ahead / 2 {
+            true => self.file.set_len(end + ahead),
+            false => Ok(()),
+        });
+        longer.map_err(|source| AlembicError::Io { path: self.path.clone(), action: "make room in", source })
     }
 
     /// All tables as they would stand at `base` in the file, and the root among them.

@@ -1,6 +1,8 @@
 //! Going back to an earlier commit of an archive and on from there.
 
-use std::path::Path;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 
 use super::archive::{ArchiveOptions, ArchiveWriter, Durability, archive_metadata};
 use super::tree::{CompoundId, Member};
@@ -38,15 +40,16 @@ impl ArchiveWriter {
     /// `options`; but another version of the program may continue. Nothing in the file is changed before all that is
     /// found to be right.
     ///
-    /// Readers find a valid archive all the time: first the header is pointed to the marked commit, and that is on the
-    /// disk before anything behind it is overwritten. The file is not made shorter before [`ArchiveWriter::finish`],
-    /// because programs that opened it earlier, and may have mapped it into memory, still look at the later commit.
-    /// When the samples are the same again, so are the bytes under their eyes.
+    /// Readers find a valid archive all the time. Where the header points to a later commit, programs that opened the
+    /// file, and may have mapped it into memory, look at what is to be overwritten: the archive then goes on in a copy
+    /// of its first `mark.end` bytes, begun as `path` with `.part` behind and renamed to `path` when it is complete and
+    /// on the disk. They keep the file that they have. Behind the last commit nobody looks; it is overwritten in place.
     ///
-    /// It costs reading the tables, 24 bytes of every stored sample, and the last sample of every property.
+    /// It costs reading the tables, 24 bytes of every stored sample, the last sample of every property, and the copy.
     ///
     /// # Errors
-    /// The file is missing, shorter than the mark, has other content there, or another set-up than declared.
+    /// The file is missing, shorter than the mark, has other content there, or another set-up than declared; the copy
+    /// cannot be made. The file is then as it was.
     pub fn resume<T>(
         path: impl AsRef<Path>,
         options: &ArchiveOptions,
@@ -74,9 +77,38 @@ impl ArchiveWriter {
         }
         writer.sealed = false;
         writer.mark = Some(*mark);
-        writer.write_at(8, &mark.root.to_le_bytes())?;
-        writer.synchronise(Durability::Synced)?;
+        if source.root_in_header() != mark.root {
+            writer.go_on_in_copy(mark)?;
+        }
+        writer.make_room(mark.end, mark.end)?;
         Ok((writer, declared))
+    }
+
+    /// Puts a copy that ends with the commit `mark` in the place of the file.
+    fn go_on_in_copy(&mut self, mark: &ArchiveMark) -> Result<(), AlembicError> {
+        let (path, part) = (self.path.clone(), unfinished(&self.path));
+        let copied = self.copied(&part, mark).and_then(|()| self.rename(&path));
+        if copied.is_err() {
+            // What is left of it would only take room.
+            let _ = fs::remove_file(&part);
+        }
+        copied
+    }
+
+    /// Copies the file up to the end of the commit `mark` to `part`, and goes on there.
+    fn copied(&mut self, part: &Path, mark: &ArchiveMark) -> Result<(), AlembicError> {
+        let failed = |source| AlembicError::Io { path: part.to_owned(), action: "copy the archive to", source };
+        let mut whole = File::open(&self.path).map_err(failed)?.take(mark.end);
+        let mut copy =
+            OpenOptions::new().read(true).write(true).create(true).truncate(true).open(part).map_err(failed)?;
+        let length = io::copy(&mut whole, &mut copy).map_err(failed)?;
+        if length < mark.end {
+            return Err(failed(io::ErrorKind::UnexpectedEof.into()));
+        }
+        self.file = copy;
+        self.path = part.to_owned();
+        self.write_at(8, &mark.root.to_le_bytes())?;
+        self.synchronise(Durability::Synced)
     }
 
     /// Something that the file has and nobody declared.
@@ -140,4 +172,11 @@ fn described(metadata: &str) -> Vec<(String, String)> {
     let metadata = MetaData::parse(metadata);
     let pairs = metadata.iter().filter(|(key, _)| !ABOUT_THE_WRITER.contains(key));
     pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
+}
+
+/// The name under which the copy is made.
+fn unfinished(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".part");
+    name.into()
 }
