@@ -35,7 +35,7 @@ impl Heap {
         let support = |random: &mut Random, i: usize| {
             let one =
                 |random: &mut Random| Support { normal: random.vector().normalize(), least: random.number() - 0.5 };
-            [(i % 3 == 0).then(|| one(random)), (i % 6 == 0).then(|| one(random))]
+            [i.is_multiple_of(3).then(|| one(random)), i.is_multiple_of(6).then(|| one(random))]
         };
         let vectors = |random: &mut Random| (0..NODES).map(|_| random.vector()).collect();
         Self {
