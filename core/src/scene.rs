@@ -15,6 +15,7 @@ pub mod sewn;
 mod share;
 mod streamed;
 mod validate;
+mod winding;
 mod wire;
 
 pub use inert::simulated_triangles;
@@ -554,14 +555,6 @@ impl Scene {
     pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
         let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
         self.pinned.iter().filter(follows).map(|pinned| pinned.row as u32).collect()
-    }
-
-    /// Stiffness of the spring of a pinned vertex [N/m]; zero for one that is held hard.
-    pub(crate) fn pin_stiffness(&self, pinned: &Pinned) -> f64 {
-        let PinHold::Spring { stiffness, .. } = self.description.pins[pinned.pin].hold else { return 0.0 };
-        let garment = self.description.pins[pinned.pin].garment;
-        let vertex = pinned.vertex as usize - self.parts.garment(garment).start;
-        self.painted(garment, "pins").map_or(stiffness, |map| map.at(vertex, stiffness))
     }
 
     /// Number of all pin targets of the scene.

@@ -67,3 +67,7 @@ pub const CLOSER_THAN_GAP: f64 = 0.9;
 /// Curvature of an impact zone's energy along a set of impulses, relative to the sum of those of its contacts one by
 /// one, that may be rounding: impulses that cancel each other. Guarded by `contradicting_and_hopeless_contacts_are_reported`.
 pub const ZONE_FLAT: f64 = 1e-14;
+
+/// Speed above that with which a node stays on its body, relative to both, that may be rounding: thousands of roundings of the
+/// impulses that it has got. Guarded by `a_node_on_a_body_passes_impulses_on_and_the_body_bears_them`.
+pub const RESTING: f64 = 1e-12;

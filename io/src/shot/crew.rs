@@ -39,6 +39,8 @@ enum Order {
     Stored { garment: usize, velocities: bool, units: Units },
     /// Look for crossings of what caches store.
     Crossings { units: Units },
+    /// Give positions and velocities.
+    State,
     /// Give everything that time has changed.
     Save,
     /// End with this exit code.
@@ -116,16 +118,6 @@ impl Crew {
         advance(&self.ranks, &mut self.simulation, input, ask)
     }
 
-    /// Goes on towards the frame that was shared last, on one rank alone, unless `give_up` says so at a state free of
-    /// collisions.
-    pub(super) fn advance_unless(
-        &mut self,
-        input: &FrameInput,
-        give_up: &mut (dyn FnMut() -> bool + Send),
-    ) -> Result<Advance, StepError> {
-        self.simulation.advance_or_pause(input, &mut |_| give_up())
-    }
-
     /// Goes on by these frames, all of them on this rank; returns what one has cost in the mean.
     pub(super) fn trial(
         &mut self,
@@ -159,6 +151,12 @@ impl Crew {
     pub(super) fn crossings_of_stored(&mut self, units: Units) -> u32 {
         give(&self.ranks, Order::Crossings { units });
         crossings_of_stored(&mut self.simulation, units)
+    }
+
+    /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.
+    pub(super) fn state(&self) -> [Vec<Vec3>; 2] {
+        give(&self.ranks, Order::State);
+        state(&self.ranks, &self.simulation)
     }
 
     /// Everything that time has changed.
@@ -255,6 +253,7 @@ impl Follower {
                 stored(self.started(), garment, field, units);
             }
             Order::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
+            Order::State => drop(state(ranks, self.started())),
             Order::Save => self.started().save(None),
             // Not the simulation's business.
             Order::Threads { .. } | Order::End { .. } => {}
@@ -288,6 +287,12 @@ fn advance(
     };
     let advance = simulation.advance_or_pause(input, &mut pause)?;
     Ok((advance, agreed))
+}
+
+/// Positions [m] and velocities [m/s] of all vertices in the order of the scene, in which ranks follow each other; on rank 0.
+fn state(ranks: &Ranks, simulation: &Simulation) -> [Vec<Vec3>; 2] {
+    let (state, own) = (simulation.state(), simulation.scene().parts().own());
+    [&state.x, &state.v].map(|field| ranks.gather(&field[own.clone()]).concat())
 }
 
 /// The most urgent of what the ranks are asked for.
