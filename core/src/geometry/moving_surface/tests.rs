@@ -228,6 +228,8 @@ fn a_closed_surface_that_turns_inside_out_goes_on_with_its_sides_exchanged() {
         surface.set_samples(1.0, &inside_out, 2.0, &inside_out).unwrap();
         assert!(surface.is_turned());
         surface.set_samples(2.0, &inside_out, 3.0, &points).unwrap();
+        surface.set_step(2.0, 2.1);
+        assert!(surface.is_turned(), "the later pose is the earlier one now");
         surface.set_step(2.9, 3.0);
         assert!(!surface.is_turned());
     }
