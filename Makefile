@@ -58,6 +58,10 @@ measure: build ## what self-contact costs, on the spinning ball and the twister;
 measure-ranks: build ## what many ranks cost and bring, on the spinning ball; writes docs/ranks.md
 	@.ci/measure-ranks $(MEASURE)
 
+.PHONY: measure-sleeping
+measure-sleeping: setup ## what it saves that effects sleep where they have nothing to do; writes a table of docs/effects.md
+	@.venv/bin/python .ci/measure-sleeping $(MEASURE)
+
 .PHONY: accuracy
 accuracy: build ## what repulsion with history, the integrator and friction cost and bring; writes docs/accuracy.md
 	@.venv/bin/python .ci/measure-accuracy $(MEASURE)

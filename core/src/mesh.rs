@@ -254,6 +254,38 @@ impl TriangleMesh {
     }
 }
 
+/// Each side of each triangle: the ends of its edge, the lower first, and 1 where the triangle runs from the lower to the higher.
+pub fn sides(triangles: impl Iterator<Item = [u32; 3]>) -> impl Iterator<Item = [u32; 3]> {
+    let edges = triangles.flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
+    edges.map(|[p, q]| [p.min(q), p.max(q), u32::from(p < q)])
+}
+
+/// Edges, by their ends, that do not belong to exactly two triangles which run along them in opposite directions: where a
+/// surface is open, branches, or turns its other side out. Looks at edges whose lower end `is_own`.
+pub fn unpaired_edges(triangles: &[[u32; 3]], is_own: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
+    let sides = sides(triangles.iter().copied()).filter(|[low, ..]| is_own(*low));
+    let paired = |of_edge: &[[u32; 3]]| match of_edge {
+        // From a corner to itself it runs in both directions.
+        [[p, q, _]] => p == q,
+        [[.., one], [.., other]] => one != other,
+        _ => false,
+    };
+    edges_of(sides.collect(), |of_edge| !paired(of_edge))
+}
+
+/// Edges, by their ends, with two triangles that run along them in the same direction, and so show opposite sides; from all
+/// [`sides`] of these edges.
+pub fn turned_edges(sides: Vec<[u32; 3]>) -> Vec<[u32; 2]> {
+    edges_of(sides, |of_edge| matches!(of_edge, [[p, q, one], [.., other]] if one == other && p != q))
+}
+
+/// The edges for whose sides `keep` holds, ascending.
+fn edges_of(mut sides: Vec<[u32; 3]>, keep: impl Fn(&[[u32; 3]]) -> bool) -> Vec<[u32; 2]> {
+    sides.sort_unstable();
+    let edges = sides.chunk_by(|a, b| a[..2] == b[..2]).filter(|of_edge| keep(of_edge));
+    edges.map(|of_edge| [of_edge[0][0], of_edge[0][1]]).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -291,5 +323,29 @@ mod tests {
         assert_eq!(mesh.edge_areas().iter().copied().fold(0.0, f64::max), 1.0);
         let [p, q] = mesh.hinges()[0].opposite;
         assert_ne!(p, q);
+    }
+
+    #[test]
+    fn open_and_turned_edges_are_found() {
+        let closed = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
+        assert!(unpaired_edges(&closed, |_| true).is_empty());
+        assert_eq!(unpaired_edges(&closed[..3], |_| true), [[0, 2], [0, 3], [2, 3]]);
+        let turned = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 3, 2]];
+        assert_eq!(unpaired_edges(&turned, |_| true), [[0, 2], [0, 3], [2, 3]]);
+        assert_eq!(unpaired_edges(&turned, |v| v == 2), [[2, 3]]);
+        let turned_edges = |triangles: &[[u32; 3]]| turned_edges(sides(triangles.iter().copied()).collect());
+        assert_eq!(turned_edges(&turned), [[0, 2], [0, 3], [2, 3]]);
+        assert!(turned_edges(&closed).is_empty() && turned_edges(&closed[..3]).is_empty());
+        // Where more than two meet there is no winding that suits all.
+        assert!(turned_edges(&[[0, 1, 2], [0, 1, 3], [0, 1, 4]]).is_empty());
+    }
+
+    #[test]
+    fn a_triangle_with_a_corner_twice_opens_nothing_but_an_edge_of_others() {
+        let closed = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
+        let with = |corners: [u32; 3]| unpaired_edges(&[closed.as_slice(), &[corners]].concat(), |_| true);
+        assert!(with([4, 4, 5]).is_empty());
+        assert_eq!(with([0, 0, 1]), [[0, 1]]);
+        assert_eq!(with([4, 4, 4]), [[4, 4]]);
     }
 }

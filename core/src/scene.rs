@@ -10,10 +10,12 @@ mod home;
 pub(crate) mod inert;
 mod left_out;
 pub mod painted;
+mod place;
 pub mod sewn;
 mod share;
 mod streamed;
 mod validate;
+mod winding;
 mod wire;
 
 pub use inert::simulated_triangles;
@@ -40,6 +42,8 @@ pub struct SceneDescription {
     pub name: String,
     /// Frame rate and the frame from which time is counted.
     pub timeline: Timeline,
+    /// What positions are counted from where single precision stores them [m]; `None` chooses it by where the garments start.
+    pub origin: Option<Vec3>,
     /// Settings of the time integration.
     pub solver: SolverSettings,
     /// Garments, in the order of their output.
@@ -435,6 +439,7 @@ impl SceneDescription {
         Self {
             name: name.into(),
             timeline: Timeline::default(),
+            origin: None,
             solver: SolverSettings::default(),
             garments: Vec::new(),
             bodies: Vec::new(),

@@ -9,7 +9,7 @@
 //! B.5  v½  =  v* + dt/2 · a((x + x')/2, v½)              contact normals constrained, then the projection is undone
 //! B.6  v'  =  2 v½ − v*
 //! B.7  v'  ←  body friction with the full load
-//! B.8  v'  ←  self-repulsion without springs, strain limit
+//! B.8  v'  ←  self-repulsion without springs, B.7 for what it lays on bodies, strain limit
 //! C    resolve what collides between the remembered positions and x'                            (every K steps)
 //! ```
 //!
@@ -127,6 +127,26 @@ pub struct StepContext<'a> {
     pub metrics: &'a mut Metrics,
 }
 
+/// When and where forces are evaluated in a solve, and what they see there.
+struct Moment<'a> {
+    /// As a fraction of the step.
+    fraction: f64,
+    /// Positions and velocities of the local vertices [m], [m/s].
+    x: &'a [Vec3],
+    v: &'a [Vec3],
+    targets: &'a PinTargets,
+    volumes: &'a Volumes,
+    contacts: Option<&'a BodyCollision>,
+}
+
+/// Which vertices B.7 concerns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pressed {
+    ByAnything,
+    /// Those alone that B.8 has pressed against bodies.
+    ByRepulsion,
+}
+
 /// What a step reports.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StepReport {
@@ -156,7 +176,7 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     if report.not_finite.is_some() {
         return report;
     }
-    context.final_velocities(dt); // B.7
+    context.final_velocities(dt, Pressed::ByAnything); // B.7
     context.repel_final_velocities(dt); // B.8
     context.filter_final_velocities(dt); // B.8, after it
     context.parts.halo().refresh(context.parts.ranks(), &mut context.state.v);
@@ -164,7 +184,7 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     report
 }
 
-impl StepContext<'_> {
+impl<'a> StepContext<'a> {
     /// Puts bodies and pin targets at both ends of the step.
     fn move_prescribed(&mut self, t0: f64, t1: f64) {
         let Self {
@@ -196,50 +216,41 @@ impl StepContext<'_> {
         }
     }
 
-    /// How far along the velocity both solves follow the elastic forces [s]; not at all in the paper's step.
-    fn implicit_over(&self, dt: f64) -> Option<f64> {
-        match self.integrator {
+    /// What both solves of a step of length `dt` [s] have in common; the rest is the moment.
+    fn solves<'b>(&self, dt: f64) -> impl FnOnce(Moment<'b>) -> VelocityProblem<'b> + use<'a, 'b>
+    where
+        'a: 'b,
+    {
+        let &Self { parts, masses, pins, wind, reaches_ghosts, stop, held, .. } = self;
+        let start = self.state.time;
+        let implicit_over = match self.integrator {
             Integrator::SemiImplicit => None,
             Integrator::Implicit => Some(dt),
+        };
+        move |Moment { fraction, x, v, targets, volumes, contacts }| VelocityProblem {
+            parts,
+            masses,
+            around: Surroundings { time: start + fraction * dt, targets, v, wind, volumes },
+            pins,
+            contacts,
+            half_step: 0.5 * dt,
+            x,
+            fraction,
+            reaches_ghosts,
+            stop,
+            implicit_over,
+            held: held.unwrap_or_default(),
         }
     }
 
     /// B.1: v½ from x and v.
     fn first_half(&mut self, dt: f64, report: &mut StepReport) {
-        let implicit_over = self.implicit_over(dt);
-        let Self {
-            parts,
-            masses,
-            state,
-            forces,
-            pins,
-            targets,
-            wind,
-            volumes,
-            reaches_ghosts,
-            scratch,
-            stop,
-            held,
-            metrics,
-            ..
-        } = self;
+        let problem = self.solves(dt);
+        let Self { parts, state, forces, targets, volumes, scratch, metrics, .. } = self;
         let Scratch { v_half, explicit, cg, .. } = &mut **scratch;
         metrics.stage("B.1 velocity", |m| {
             volumes.update(parts, &state.x);
-            let problem = VelocityProblem {
-                parts,
-                masses,
-                around: Surroundings { time: state.time, targets, v: &state.v, wind, volumes },
-                pins: *pins,
-                contacts: None,
-                half_step: 0.5 * dt,
-                x: &state.x,
-                fraction: 0.0,
-                reaches_ghosts,
-                stop: *stop,
-                implicit_over,
-                held: held.unwrap_or_default(),
-            };
+            let problem = problem(Moment { fraction: 0.0, x: &state.x, v: &state.v, targets, volumes, contacts: None });
             let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
             note(outcome, "B.1", parts, m, report);
         });
@@ -272,12 +283,15 @@ impl StepContext<'_> {
         }
     }
 
-    /// B.8.
+    /// B.8, and B.7 once more: bodies stop, and rub, what repulsion has laid on them.
     fn repel_final_velocities(&mut self, dt: f64) {
-        let Self { state, self_contact, metrics, .. } = self;
+        let Self { state, self_contact, collision, metrics, .. } = self;
         if let Some(contact) = self_contact.as_mut().filter(|contact| contact.repels()) {
-            metrics.stage("B.8 self-repulsion", |m| contact.final_velocity(dt, &state.x, &mut state.v, m));
-            impose(self.parts, self.pins, self.targets, &mut self.state.v);
+            let collision = collision.as_deref();
+            metrics.stage("B.8 self-repulsion", |m| {
+                contact.final_velocity(dt, &state.x, &mut state.v, collision, m);
+            });
+            self.final_velocities(dt, Pressed::ByRepulsion);
         }
     }
 
@@ -333,24 +347,8 @@ impl StepContext<'_> {
 
     /// B.5 and B.6: the velocity at the end, from the forces at the middle.
     fn second_half(&mut self, dt: f64, report: &mut StepReport) {
-        let implicit_over = self.implicit_over(dt);
-        let Self {
-            parts,
-            masses,
-            state,
-            forces,
-            pins,
-            targets,
-            wind,
-            volumes,
-            collision,
-            reaches_ghosts,
-            scratch,
-            stop,
-            held,
-            metrics,
-            ..
-        } = self;
+        let problem = self.solves(dt);
+        let Self { parts, state, forces, targets, volumes, collision, scratch, metrics, .. } = self;
         let Scratch { v_half, v_star, x_new, x_middle, explicit, v_seen, cg } = &mut **scratch;
         metrics.stage("B.5 velocity", |m| {
             let chunks = x_middle.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK)).zip(x_new.par_chunks(CHUNK));
@@ -366,20 +364,7 @@ impl StepContext<'_> {
                 foresee(v_seen, v_half, &state.v, v_star);
                 parts.halo().refresh(parts.ranks(), v_seen);
             }
-            let problem = VelocityProblem {
-                parts,
-                masses,
-                around: Surroundings { time: state.time + 0.5 * dt, targets, v: v_seen, wind, volumes },
-                pins: *pins,
-                contacts,
-                half_step: 0.5 * dt,
-                x: x_middle,
-                fraction: 0.5,
-                reaches_ghosts,
-                stop: *stop,
-                implicit_over,
-                held: held.unwrap_or_default(),
-            };
+            let problem = problem(Moment { fraction: 0.5, x: x_middle, v: v_seen, targets, volumes, contacts });
             let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
             note(outcome, "B.5", parts, m, report);
             if let Some(contacts) = contacts {
@@ -394,15 +379,19 @@ impl StepContext<'_> {
         std::mem::swap(&mut state.x, x_new);
     }
 
-    /// B.7, and the prescribed velocities.
-    fn final_velocities(&mut self, dt: f64) {
+    /// B.7, and the prescribed velocities; of all vertices, or of those that repulsion has pressed against bodies.
+    fn final_velocities(&mut self, dt: f64, which: Pressed) {
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
         impose(self.parts, self.pins, self.targets, &mut self.state.v);
-        let Self { state, collision, bodies, body_friction, metrics, .. } = self;
+        let Self { state, collision, self_contact, bodies, body_friction, metrics, .. } = self;
         if let Some(collision) = collision {
             let own = self.parts.own();
             let rubs = *body_friction == BodyFriction::WholeStep;
-            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, rubs, &mut state.v[own]));
+            let contact = self_contact.as_deref().filter(|_| which == Pressed::ByRepulsion);
+            let concerns = |vertex| contact.is_none_or(|contact| contact.is_pressed(vertex));
+            metrics.stage("B.7 body friction", |_| {
+                collision.final_velocity((bodies, dt, rubs), &concerns, &mut state.v[own]);
+            });
             impose(self.parts, self.pins, self.targets, &mut self.state.v);
         }
     }

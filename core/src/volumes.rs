@@ -71,20 +71,6 @@ impl Volumes {
     }
 }
 
-/// Edges, by their ends, that do not belong to exactly two triangles which run along them in opposite directions: where a
-/// surface is open, branches, or turns its other side out. Looks at edges whose first vertex `is_own`.
-pub fn unpaired_edges(triangles: &[[u32; 3]], is_own: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
-    let mut sides: Vec<([u32; 2], bool)> = triangles
-        .iter()
-        .flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]])
-        .map(|[p, q]| ([p.min(q), p.max(q)], p < q))
-        .filter(|(edge, _)| is_own(edge[0]))
-        .collect();
-    sides.sort_unstable();
-    let paired = |of_edge: &[([u32; 2], bool)]| of_edge.len() == 2 && of_edge[0].1 != of_edge[1].1;
-    sides.chunk_by(|a, b| a.0 == b.0).filter(|of_edge| !paired(of_edge)).map(|of_edge| of_edge[0].0).collect()
-}
-
 /// Volume between the triangles of a part's range and the origin [m³].
 pub fn volume_of(corners: &[[u32; 3]], counts: impl Fn(&[u32; 3]) -> bool, x: &[Vec3]) -> f64 {
     corners.iter().filter(|c| counts(c)).map(|c| beneath(&at_corners(c, x))).sum::<f64>() / 6.0
@@ -94,19 +80,4 @@ pub fn volume_of(corners: &[[u32; 3]], counts: impl Fn(&[u32; 3]) -> bool, x: &[
 pub fn own_in_mesh(parts: &Parts, garment: usize) -> Range<u32> {
     let (all, own) = (parts.garment(garment), parts.own_of_garment(garment));
     (own.start - all.start) as u32..(own.end - all.start) as u32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn open_and_turned_edges_are_found() {
-        let closed = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
-        assert!(unpaired_edges(&closed, |_| true).is_empty());
-        assert_eq!(unpaired_edges(&closed[..3], |_| true), [[0, 2], [0, 3], [2, 3]]);
-        let turned = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 3, 2]];
-        assert_eq!(unpaired_edges(&turned, |_| true), [[0, 2], [0, 3], [2, 3]]);
-        assert_eq!(unpaired_edges(&turned, |v| v == 2), [[2, 3]]);
-    }
 }

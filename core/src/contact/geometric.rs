@@ -24,8 +24,10 @@ use crate::contact::search::PairSearch;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::{CLOSER_THAN_GAP, OPEN_GAP};
 use crate::contact::zones::Hit;
+use crate::effects::SLEEPS;
 use crate::metrics::Metrics;
 use crate::parallel::communicator::{Expected, Message};
+use crate::parallel::wire::{vector_of, words_of};
 
 mod packing;
 mod response;
@@ -259,7 +261,7 @@ impl CollisionLoop {
             let mut words: Vec<u64> = Vec::new();
             for (&node, place) in list.iter().zip(0..).filter(|(node, _)| self.recent[**node as usize] != 0) {
                 words.push(place);
-                words.extend(self.displacements[node as usize].iter().map(|d| d.to_bits()));
+                words.extend(words_of(&self.displacements[node as usize]));
             }
             Message { to: *to, bytes: bytemuck::cast_slice(&words).to_vec() }
         };
@@ -271,7 +273,7 @@ impl CollisionLoop {
             let words: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
             for &[place, x, y, z] in words.as_chunks::<4>().0 {
                 let node = range.start as u32 + place as u32;
-                self.displacements[node as usize] = Vec3::from([x, y, z].map(f64::from_bits));
+                self.displacements[node as usize] = vector_of([x, y, z]);
                 self.note(node, paths);
             }
         }
@@ -298,7 +300,7 @@ enum Source {
 
 impl Source {
     fn of(used: f64, neighbours: &Neighbours) -> Self {
-        if used + MARGIN <= neighbours.reach() { Self::Neighbours } else { Self::Swept }
+        if SLEEPS && used + MARGIN <= neighbours.reach() { Self::Neighbours } else { Self::Swept }
     }
 }
 

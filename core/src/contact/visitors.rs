@@ -9,6 +9,7 @@ use crate::contact::nodes::ContactNodes;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::Bvh;
 use crate::parallel::ranks::Ranks;
+use crate::parallel::wire::{vector_of, words_of};
 
 /// Boxes by which a rank shows where its cloth is.
 const SHOWN: usize = 64;
@@ -71,7 +72,7 @@ pub fn visit_placed(
             told[k] = u64::from(nodes.number(node));
             let has_moved = moved.is_none_or(|moved| moved[node as usize] != 0);
             told[4] |= u64::from(has_moved) << k;
-            (0..3).for_each(|axis| told[5 + 3 * k + axis] = x[node as usize][axis].to_bits());
+            told[5 + 3 * k..8 + 3 * k].copy_from_slice(&words_of(&x[node as usize]));
         }
         told[3] = u64::from(faces.carried(*t));
         told
@@ -101,8 +102,8 @@ impl Placed {
         let triangles: Vec<[u32; 3]> = (0..visitors.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let carried: Vec<u32> = visitors.iter().map(|told| told[3] as u32).collect();
         let corner = |told: &PlacedVisitor, k: usize| {
-            let at = |axis: usize| f64::from_bits(told[5 + 3 * k + axis]);
-            (told[k] as u32, Vec3::new(at(0), at(1), at(2)), told[4] >> k & 1 == 1)
+            let place = vector_of([0, 1, 2].map(|axis| told[5 + 3 * k + axis]));
+            (told[k] as u32, place, told[4] >> k & 1 == 1)
         };
         let (mut numbers, mut x, mut moved) = (Vec::new(), Vec::new(), Vec::new());
         for (number, place, has_moved) in visitors.iter().flat_map(|told| [0, 1, 2].map(|k| corner(told, k))) {

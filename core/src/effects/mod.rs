@@ -44,6 +44,9 @@ pub use crate::remembered::ElementRows;
 
 pub use cost::Cost;
 
+/// Whether effects sleep where they have nothing to do. They do but for measurements of what that saves (`docs/effects.md`).
+pub(crate) const SLEEPS: bool = !cfg!(feature = "always-awake");
+
 /// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
 macro_rules! effects {
     ($($module:ident $(if $feature:literal)?,)*) => {

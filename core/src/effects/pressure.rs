@@ -26,10 +26,11 @@ use crate::Vec3;
 use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartView, Scope, Surroundings};
 use crate::error::Problem;
+use crate::mesh::unpaired_edges;
 use crate::parallel::lanes::Lanes;
 use crate::scene::{Scene, listed};
 use crate::settings::{Default, Dimension, Field, Settings};
-use crate::volumes::{Volume, own_in_mesh, unpaired_edges, volume_of};
+use crate::volumes::{Volume, own_in_mesh, volume_of};
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {

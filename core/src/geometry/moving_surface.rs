@@ -20,6 +20,7 @@ use crate::geometry::distance::{TriangleFeature, closest_on_triangle};
 use crate::geometry::path::{Crossings, Side, first_crossing};
 use crate::geometry::self_crossing::{self, SelfCrossing};
 use crate::geometry::tolerances;
+use crate::mesh::unpaired_edges;
 
 /// Vertices one task moves at least.
 const MOVE_CHUNK: usize = 8192;
@@ -188,10 +189,12 @@ impl MovingSurface {
                 return Err(SurfaceError::NotFinite { time, point });
             }
         }
+        // Mostly the earlier sample is the one that was the later one before.
+        let turned_a = if a == self.samples[1] { self.turned_at[1] } else { self.is_turned_at(a) };
+        self.turned_at = [turned_a, self.is_turned_at(b)];
         self.times = [time_a, time_b];
         self.samples[0].copy_from_slice(a);
         self.samples[1].copy_from_slice(b);
-        self.turned_at = [a, b].map(|positions| self.is_turned_at(positions));
         self.set_step(time_b, time_b);
         if self.trees[0].is_empty() || self.trees[0].cost() > tolerances::REBUILD_COST * self.built_cost {
             let tree = Bvh::build(&self.triangle_boxes(0));
@@ -433,14 +436,9 @@ fn vertex_stars(triangles: &[[u32; 3]], point_count: usize) -> (Vec<u32>, Vec<u3
     (starts, stars)
 }
 
-/// Every directed edge is met by exactly one in the other direction.
+/// Whether every edge joins two triangles of the same orientation, so that there is an inside.
 pub fn is_closed(triangles: &[[u32; 3]]) -> bool {
-    let edges = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
-    let mut forward: Vec<[u32; 2]> = triangles.iter().flat_map(edges).collect();
-    let mut backward: Vec<[u32; 2]> = forward.iter().map(|e| [e[1], e[0]]).collect();
-    forward.sort_unstable();
-    backward.sort_unstable();
-    forward == backward && forward.windows(2).all(|w| w[0] != w[1])
+    unpaired_edges(triangles, |_| true).is_empty()
 }
 
 /// Whether closed triangles enclose what was outside; `faces_inwards` if they face what they should enclose.

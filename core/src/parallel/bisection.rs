@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::parallel::ranks::Ranks;
+use crate::parallel::wire::{vector_of, words_of};
 
 /// Number of vertices at which the bisection stops ordering.
 const LEAF_SIZE: usize = 8;
@@ -39,7 +40,10 @@ pub fn order(
     starts: &[u32],
     (first, points): (usize, &[Vec3]),
 ) -> (Vec<u32>, Vec<Vec3>) {
-    let row = |(p, vertex): (&Vec3, u64)| [p.x.to_bits(), p.y.to_bits(), p.z.to_bits(), vertex];
+    let row = |(p, vertex): (&Vec3, u64)| {
+        let [x, y, z] = words_of(p);
+        [x, y, z, vertex]
+    };
     let rows = points.iter().zip(first as u64..).map(row).collect();
     let mut open = vec![Piece { places, rows }];
     let mut whole: Vec<(usize, Piece)> = Vec::new();
@@ -76,7 +80,7 @@ pub fn order(
 }
 
 fn position([x, y, z, _]: &Row) -> Vec3 {
-    Vec3::new(f64::from_bits(*x), f64::from_bits(*y), f64::from_bits(*z))
+    vector_of([*x, *y, *z])
 }
 
 /// Orders `order` by recursive bisection.

@@ -139,6 +139,16 @@ impl<K: Wire + Ord, V: Wire> Wire for BTreeMap<K, V> {
     }
 }
 
+/// A vector as words, for rows that hold numbers beside it.
+pub(crate) fn words_of(vector: &Vec3) -> [u64; 3] {
+    [vector.x, vector.y, vector.z].map(f64::to_bits)
+}
+
+/// The vector of such words.
+pub(crate) fn vector_of(words: [u64; 3]) -> Vec3 {
+    Vec3::from(words.map(f64::from_bits))
+}
+
 /// Makes a struct, or an enum with a number for each of its variants, something that can be sent. A field that is left out
 /// does not compile.
 macro_rules! wire {

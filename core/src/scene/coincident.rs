@@ -9,6 +9,7 @@
 use crate::Vec3;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::spread::{Homes, ask};
+use crate::parallel::wire::{vector_of, words_of};
 use crate::scene::home::{Known, joined};
 use crate::scene::inert::Sound;
 use crate::scene::listed;
@@ -23,8 +24,11 @@ pub(super) struct Apart {
     pub(super) pairs: Vec<[u32; 2]>,
 }
 
-/// Bits of a position, both zeros alike, and the vertex that is there.
+/// Words of a position, both zeros alike, and the vertex that is there.
 type Row = [u64; 4];
+
+/// Vertex, polygon, number of one of its triangles among those at home there, and words of the way to its middle.
+type Way = [u64; 6];
 
 impl Apart {
     /// Draws vertices that lie where others are into their triangles. `points` are the positions of the vertices at home here,
@@ -78,7 +82,7 @@ fn coinciding(ranks: &Ranks, homes: &Homes, points: &[Vec3], lives: &[u8]) -> Ve
     let vertices = homes.rows(ranks.rank()).start as u64..;
     for ((vertex, point), _) in vertices.zip(points).zip(lives).filter(|(_, lives)| **lives != 0) {
         // Adding zero turns a negative zero into the positive one.
-        let [x, y, z] = [point.x, point.y, point.z].map(|c| (c + 0.0).to_bits());
+        let [x, y, z] = words_of(&point.add_scalar(0.0));
         lists[meeting_place([x, y, z], ranks.count())].push([x, y, z, vertex]);
     }
     let mut rows = joined(ranks.send_lists(lists));
@@ -104,23 +108,20 @@ fn inwards(ranks: &Ranks, homes: &Homes, points: &[Vec3], (sound, coincides): (&
         .filter(|(_, [_, corners @ ..])| corners.iter().any(|v| coincides.at(*v) != 0))
         .collect();
     let positions = Known::new(ranks, touched.iter().flat_map(|(_, [_, corners @ ..])| *corners), homes, points);
-    // Vertex, polygon, number among the triangles at home there, and the way to the middle.
-    let mut lists: Vec<Vec<[u64; 6]>> = vec![Vec::new(); ranks.count()];
+    let mut lists: Vec<Vec<Way>> = vec![Vec::new(); ranks.count()];
     for (number, [polygon, corners @ ..]) in touched {
         let middle = corners.iter().map(|v| positions.at(*v)).sum::<Vec3>() / 3.0;
         for v in corners.iter().filter(|v| coincides.at(**v) != 0) {
-            let [x, y, z] = <[f64; 3]>::from(middle - positions.at(*v)).map(f64::to_bits);
-            let row = [u64::from(*v), u64::from(*polygon), u64::from(number), x, y, z];
-            lists[homes.of(*v as usize)].push(row);
+            let [x, y, z] = words_of(&(middle - positions.at(*v)));
+            lists[homes.of(*v as usize)].push([u64::from(*v), u64::from(*polygon), u64::from(number), x, y, z]);
         }
     }
     let mut rows = joined(ranks.send_lists(lists));
     // So that the sums are those of a mesh at hand, triangle after triangle.
-    rows.sort_unstable_by_key(|row| [row[0], row[1], row[2]]);
+    rows.sort_unstable_by_key(|[vertex, polygon, number, ..]| [*vertex, *polygon, *number]);
     let first = homes.rows(ranks.rank()).start;
-    let moved = |group: &[[u64; 6]]| {
-        let way = |row: &[u64; 6]| Vec3::new(f64::from_bits(row[3]), f64::from_bits(row[4]), f64::from_bits(row[5]));
-        let ways: Vec3 = group.iter().map(way).sum();
+    let moved = |group: &[Way]| {
+        let ways: Vec3 = group.iter().map(|[.., x, y, z]| vector_of([*x, *y, *z])).sum();
         let vertex = group[0][0] as u32;
         (vertex, points[vertex as usize - first] + ways * (SET_APART / group.len() as f64))
     };

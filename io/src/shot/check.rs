@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use drapery_core::Vec3;
 use drapery_core::error::Problem;
 use drapery_core::geometry::moving_surface::{is_closed, is_inside_out};
+use drapery_core::mesh::{sides, turned_edges};
 use drapery_core::scene::Timeline;
 use drapery_core::tolerances::DEGENERATE_AREA;
 
@@ -119,6 +120,10 @@ pub(crate) fn check_faces(
     problems.extend(listed(doubled).map(|list| {
         Problem::data(&place, format!("faces between the points {list} are there twice"), "delete the duplicate faces")
     }));
+    let turned = turned_edges(sides(triangles.iter().copied()).collect());
+    warnings.extend(listed(turned.iter()).map(|list| {
+        format!("{place}: the faces at edges {list} are wound against each other, so there is no outside: make them consistent")
+    }));
     let used: BTreeSet<u32> = triangles.iter().flatten().copied().collect();
     if used.len() < positions.len() {
         warnings.push(format!("{place}: {} points belong to no face", positions.len() - used.len()));
@@ -126,9 +131,9 @@ pub(crate) fn check_faces(
     problems
 }
 
-/// The first few triangles as text; `None` when there are none.
-fn listed<'a>(triangles: impl Iterator<Item = &'a [u32; 3]>) -> Option<String> {
-    let all: Vec<String> = triangles.map(|[a, b, c]| format!("{a}-{b}-{c}")).collect();
+/// The first few triangles or edges as text; `None` when there are none.
+fn listed<'a, const N: usize>(elements: impl Iterator<Item = &'a [u32; N]>) -> Option<String> {
+    let all: Vec<String> = elements.map(|points| points.map(|point| point.to_string()).join("-")).collect();
     let more = all.len().saturating_sub(LISTED);
     match more {
         _ if all.is_empty() => None,

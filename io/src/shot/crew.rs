@@ -39,6 +39,8 @@ enum Order {
     Stored { garment: usize, velocities: bool, units: Units },
     /// Look for crossings of what caches store.
     Crossings { units: Units },
+    /// Give positions and velocities.
+    State,
     /// Give everything that time has changed.
     Save,
     /// End with this exit code.
@@ -116,16 +118,6 @@ impl Crew {
         advance(&self.ranks, &mut self.simulation, input, ask)
     }
 
-    /// Goes on towards the frame that was shared last, on one rank alone, unless `give_up` says so at a state free of
-    /// collisions.
-    pub(super) fn advance_unless(
-        &mut self,
-        input: &FrameInput,
-        give_up: &mut (dyn FnMut() -> bool + Send),
-    ) -> Result<Advance, StepError> {
-        self.simulation.advance_or_pause(input, &mut |_| give_up())
-    }
-
     /// Goes on by these frames, all of them on this rank; returns what one has cost in the mean.
     pub(super) fn trial(
         &mut self,
@@ -151,14 +143,20 @@ impl Crew {
     pub(super) fn stored(&self, garment: usize, field: Field, units: Units) -> Vec<[f32; 3]> {
         let velocities = field == Field::Velocities;
         give(&self.ranks, Order::Stored { garment, velocities, units });
-        self.simulation.stored(garment, field, &|v| units.stored(*v)).expect("rank 0 gets what is stored")
+        stored(&self.simulation, garment, field, units).expect("rank 0 gets what is stored")
     }
 
     /// Number of pairs of an edge and a triangle of cloth that meet in what caches in `units` store: rounded to single
     /// precision in the file's unit, cloth that is free of crossings in the solver's doubles might touch.
     pub(super) fn crossings_of_stored(&mut self, units: Units) -> u32 {
         give(&self.ranks, Order::Crossings { units });
-        self.simulation.crossings_when(&as_stored(units))
+        crossings_of_stored(&mut self.simulation, units)
+    }
+
+    /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.
+    pub(super) fn state(&self) -> [Vec<Vec3>; 2] {
+        give(&self.ranks, Order::State);
+        state(&self.ranks, &self.simulation)
     }
 
     /// Everything that time has changed.
@@ -252,9 +250,10 @@ impl Follower {
             Order::Agree => drop(agree(ranks, poll())),
             Order::Stored { garment, velocities, units } => {
                 let field = if velocities { Field::Velocities } else { Field::Positions };
-                self.started().stored(garment, field, &|v| units.stored(*v));
+                stored(self.started(), garment, field, units);
             }
-            Order::Crossings { units } => drop(self.started().crossings_when(&as_stored(units))),
+            Order::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
+            Order::State => drop(state(ranks, self.started())),
             Order::Save => self.started().save(None),
             // Not the simulation's business.
             Order::Threads { .. } | Order::End { .. } => {}
@@ -290,12 +289,29 @@ fn advance(
     Ok((advance, agreed))
 }
 
+/// Positions [m] and velocities [m/s] of all vertices in the order of the scene, in which ranks follow each other; on rank 0.
+fn state(ranks: &Ranks, simulation: &Simulation) -> [Vec<Vec3>; 2] {
+    let (state, own) = (simulation.state(), simulation.scene().parts().own());
+    [&state.x, &state.v].map(|field| ranks.gather(&field[own.clone()]).concat())
+}
+
 /// The most urgent of what the ranks are asked for.
 fn agree(ranks: &Ranks, own: Option<Request>) -> Option<Request> {
     if ranks.is_alone() { own } else { Request::of_urgency(ranks.max(Request::urgency(own))) }
 }
 
-/// Where a vertex is in a cache [m].
-fn as_stored(units: Units) -> impl Fn(&Vec3) -> Vec3 + Sync {
-    move |position| Vec3::from(units.stored(*position).map(f64::from))
+/// A field of a garment as caches in `units` store it; on rank 0.
+fn stored(simulation: &Simulation, garment: usize, field: Field, units: Units) -> Option<Vec<[f32; 3]>> {
+    let origin = simulation.scene().origin();
+    match field {
+        Field::Positions => simulation.stored(garment, field, &|x| units.stored_from(origin, *x)),
+        Field::Velocities => simulation.stored(garment, field, &|v| units.stored(*v)),
+    }
+}
+
+/// Crossings of cloth with cloth where caches in `units` have its vertices, counted from their origin as they are stored:
+/// nothing is rounded but what the caches round.
+fn crossings_of_stored(simulation: &mut Simulation, units: Units) -> u32 {
+    let origin = simulation.scene().origin();
+    simulation.crossings_when(&|x| Vec3::from(units.stored_from(origin, *x).map(f64::from)))
 }

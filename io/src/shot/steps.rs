@@ -7,6 +7,7 @@ use drapery_core::scene::Timeline;
 use drapery_core::simulation::{Advance, FrameInput, FrameSummary, Simulation};
 
 use crate::farm::digest::Digests;
+use crate::farm::stop::{Reason, Request};
 use crate::shot::crew::Crew;
 use crate::shot::inputs::Inputs;
 use crate::shot::{Shot, ShotDescription, ShotError, resume};
@@ -41,22 +42,27 @@ impl Shot {
 
 impl SteppedShot {
     /// Builds the simulation of a scene without looking at all frames of its inputs first. `body_frames` above 1 shows the
-    /// solver deforming bodies at every so many frames only, on straight lines between them.
+    /// solver deforming bodies at every so many frames only, on straight lines between them. To be called by rank 0, which the
+    /// others follow ([`crate::shot::crew::follow`]).
     ///
     /// # Errors
     /// As [`Shot::prepare`], for the start frame.
-    pub fn start(description: ShotDescription, body_frames: u32) -> Result<Self, ShotError> {
+    pub fn start(ranks: &Ranks, description: ShotDescription, body_frames: u32) -> Result<Self, ShotError> {
         let ShotDescription { scene, bodies, tracks, wind, preroll, frames, .. } = description;
         let inputs = Inputs { timeline: scene.timeline, preroll, bodies, tracks, wind };
-        let ranks = Ranks::default();
-        let scene = Crew::distribute(&ranks, scene).map_err(ShotError::Problems)?;
+        let scene = Crew::distribute(ranks, scene).map_err(ShotError::Problems)?;
         let mut problems = Vec::new();
-        let crew = inputs.start(&ranks, scene, &mut problems)?;
+        let crew = inputs.start(ranks, scene, &mut problems)?;
         let crew = crew.ok_or(ShotError::Problems(drapery_core::error::Problems(problems)))?;
         Ok(Self { crew, inputs, body_frames: body_frames.max(1), last_frame: frames[1] })
     }
 
-    /// The simulation as it is.
+    /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.
+    pub fn state(&self) -> [Vec<Vec3>; 2] {
+        self.crew.state()
+    }
+
+    /// The simulation as it is, as far as rank 0 has it.
     pub fn simulation(&self) -> &Simulation {
         self.crew.simulation()
     }
@@ -82,9 +88,10 @@ impl SteppedShot {
         let watch = Watch::start();
         let input = self.input(self.simulation().frame() + 1)?;
         let input = self.crew.share(input);
-        match self.crew.advance_unless(&input, give_up)? {
-            Advance::Done(summary) => Ok(Some(SteppedFrame { summary, seconds: watch.seconds() })),
-            Advance::Paused(_) => Ok(None),
+        let mut ask = || give_up().then_some(Request::StopAtOnce(Reason::MaxWall));
+        match self.crew.advance(&input, &mut ask)? {
+            (Advance::Done(summary), _) => Ok(Some(SteppedFrame { summary, seconds: watch.seconds() })),
+            (Advance::Paused(_), _) => Ok(None),
         }
     }
 

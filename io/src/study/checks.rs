@@ -2,8 +2,10 @@
 
 use crate::page::text;
 use crate::study::analysis::{Analysis, NOISY, Row, Told, error_over, mean_step};
+use crate::study::balance;
 use crate::study::record::{Machine, Role, Sample, Study};
 use crate::study::table::millimetres;
+use crate::study::vary::{RANKS, THREADS};
 
 /// Least number of compared frames that can be split into earlier and later ones.
 const SPLIT: usize = 6;
@@ -32,6 +34,8 @@ pub enum Verdict {
     Fails,
     /// There is nothing to tell it from.
     Unknown,
+    /// It need not hold of this scene.
+    NotApplicable,
 }
 
 /// Something that should hold of a study.
@@ -46,7 +50,7 @@ pub struct Check {
 }
 
 impl Check {
-    fn new(name: &'static str, verdict: Option<bool>, why: String) -> Self {
+    pub(super) fn new(name: &'static str, verdict: Option<bool>, why: String) -> Self {
         let verdict = verdict.map_or(Verdict::Unknown, |holds| if holds { Verdict::Holds } else { Verdict::Fails });
         Self { name, verdict, why }
     }
@@ -58,6 +62,8 @@ pub fn checks(study: &Study, analysis: &Analysis<'_>) -> Vec<Check> {
         reference(analysis),
         falling(study, analysis),
         held_out(study, analysis),
+        balance::momentum(study),
+        balance::energy(study),
         same_bits(study),
         dearer(study, analysis),
         steady(study, analysis),
@@ -138,9 +144,9 @@ fn held_out(study: &Study, analysis: &Analysis<'_>) -> Check {
     Check::new(name, Some(ratio <= HELD_OUT), why)
 }
 
-/// Runs of one setting, and runs on other numbers of threads, have the same bits.
+/// Runs of one setting, and runs on other numbers of threads and ranks, have the same bits.
 fn same_bits(study: &Study) -> Check {
-    let name = "Repeats and other numbers of threads give the same bits";
+    let name = "Repeats and other numbers of threads and ranks give the same bits";
     let first = |of: &Sample| {
         let is_first = |sample: &&Sample| match of.role {
             Role::Threads => sample.role == Role::Base && sample.is_own(),
@@ -149,12 +155,15 @@ fn same_bits(study: &Study) -> Check {
         study.samples.iter().find(is_first).map(|sample| sample.bits.clone())
     };
     let again = |sample: &&Sample| {
-        let plain = sample.role != Role::Threads || sample.setting.changes.len() == 1;
+        let plain = sample.setting.changes.iter().all(|(name, _)| [THREADS, RANKS].contains(&name.as_str()));
+        let plain = sample.role != Role::Threads || plain;
         sample.is_whole() && sample.copy == 0 && plain && (sample.repeat > 0 || sample.role == Role::Threads)
     };
     let all: Vec<&Sample> = study.samples.iter().filter(again).collect();
     let other: Vec<&Sample> = all.iter().copied().filter(|s| first(s).is_none_or(|bits| bits != s.bits)).collect();
-    let threads = all.iter().filter(|sample| sample.role == Role::Threads).count();
+    let others = all.iter().filter(|sample| sample.role == Role::Threads);
+    let (ranks, threads): (Vec<&Sample>, Vec<&Sample>) = others.partition(|sample| sample.setting.ranks > 1);
+    let (ranks, threads) = (ranks.len(), threads.len());
     match (all.len(), other.first()) {
         (0, _) => Check::new(name, None, "nothing was run twice".to_owned()),
         (_, Some(sample)) => {
@@ -163,7 +172,8 @@ fn same_bits(study: &Study) -> Check {
             Check::new(name, Some(false), why)
         }
         (some, None) => {
-            let why = format!("{} repeats, {threads} with another number of threads", some - threads);
+            let repeats = some - threads - ranks;
+            let why = format!("{repeats} repeats, {threads} with another number of threads, {ranks} of ranks");
             Check::new(name, Some(true), why)
         }
     }
@@ -178,6 +188,7 @@ fn dearer(study: &Study, analysis: &Analysis<'_>) -> Check {
     let cheaper = pairs.iter().find(|pair| pair[1].seconds < pair[0].seconds * (1.0 - noise));
     match cheaper {
         _ if pairs.is_empty() => Check::new(name, None, "no two settings differ in their steps".to_owned()),
+        None if pairs.len() == 1 => Check::new(name, Some(true), "in the one pair of settings".to_owned()),
         None => Check::new(name, Some(true), format!("in all {} pairs of settings", pairs.len())),
         Some(pair) => {
             let why = format!(

@@ -9,7 +9,7 @@ use drapery_core::simulation::Simulation;
 use crate::study::record::{ClosedForm, Sample, Study};
 
 /// Effects that move no centre of mass.
-const INTERNAL: [&str; 11] = [
+pub(super) const INTERNAL: [&str; 11] = [
     "gravity",
     "stretch",
     "shear",

@@ -35,6 +35,8 @@ pub struct Cloth {
     pub garments: Vec<[usize; 2]>,
     /// Rest area of each vertex [m²]: a third of that of its triangles.
     pub areas: Vec<f64>,
+    /// Mass of each vertex [kg].
+    pub masses: Vec<f64>,
     /// Ends and rest length [m] of each edge.
     edges: Vec<([u32; 2], f64)>,
     /// Edge and triangles of each hinge, and its angle at rest.
@@ -52,7 +54,8 @@ impl Cloth {
     /// thinnest garment [m].
     pub fn of(simulation: &Simulation, size: f64, thickness: f64) -> Self {
         let scene = simulation.scene();
-        let mut cloth = Self { garments: vec![[0, 0]], cell: size / CELLS, ..Self::default() };
+        let masses = scene.masses().to_vec();
+        let mut cloth = Self { masses, garments: vec![[0, 0]], cell: size / CELLS, ..Self::default() };
         for (garment, mesh) in scene.meshes().iter().enumerate() {
             let first = scene.parts().garment(garment).start as u32;
             let (edge, triangle) = (cloth.edges.len() as u32, cloth.triangles.len() as u32);
@@ -112,16 +115,14 @@ impl Cloth {
         (closest_on_triangle(point, &corners).point - point).norm_squared()
     }
 
-    /// Everything that is measured of a frame, and the state.
-    pub fn measure(&self, simulation: &Simulation, summary: &FrameSummary) -> (Figures, FrameState) {
-        let (state, scene) = (simulation.state(), simulation.scene());
-        let x = &state.x[..self.rest.len()];
-        let v = &state.v[..self.rest.len()];
-        let mass: f64 = scene.masses().iter().sum();
-        let weighted = |of: &[Vec3]| -> Vec3 { of.iter().zip(scene.masses()).map(|(of, mass)| of * *mass).sum() };
+    /// Everything that is measured of a frame: of a state of all vertices, and of what rank 0 knows of the rest.
+    pub fn measure(&self, simulation: &Simulation, state: &FrameState, summary: &FrameSummary) -> Figures {
+        let (x, v) = (&state.positions, &state.velocities);
+        let mass: f64 = self.masses.iter().sum();
+        let weighted = |of: &[Vec3]| -> Vec3 { of.iter().zip(&self.masses).map(|(of, mass)| of * *mass).sum() };
         let (on_cloth, gap) = self.on_cloth(x);
         let (on_bodies, depth) = self.on_bodies(simulation, x);
-        let figures = Figures {
+        Figures {
             kinetic_energy: summary.kinetic_energy,
             potential_energy: summary.potential_energy,
             centre: (weighted(x) / mass).into(),
@@ -133,8 +134,7 @@ impl Cloth {
             gap,
             depth,
             crossings: simulation.crossings().len() as u64,
-        };
-        (figures, FrameState { positions: x.to_vec(), velocities: v.to_vec() })
+        }
     }
 
     /// Largest and 99th percentile of the extension of edges.

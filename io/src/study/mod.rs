@@ -7,6 +7,7 @@
 
 pub mod allowed;
 pub mod analysis;
+pub mod balance;
 pub mod checks;
 pub mod closed_form;
 pub mod cloth;
@@ -123,6 +124,7 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
         search: &options.search,
         size: study.scene.size,
         thickness: study.scene.thickness,
+        threads: options.threads,
     };
     let wishes = space::wishes(&options.asked, &ground, space::FINENESS[0]);
     check(&bench, &wishes, !options.asked.vary.is_empty())?;
@@ -159,6 +161,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
         search: &options.search,
         size: 0.0,
         thickness: 0.0,
+        threads: options.threads,
     };
     let file = sample::load(&bench, &Wish::default())?;
     let description = file.resolve().map_err(StudyError::Scene)?;
@@ -178,6 +181,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
         scene,
         machine: Machine { threads: options.threads, load, ..Machine::this() },
         closed_forms,
+        outside: balance::outside(simulation.scene().description(), simulation),
         digests: shot.digests()?,
         asked: options.asked.clone(),
         budget: options.budget,

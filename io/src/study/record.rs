@@ -53,6 +53,22 @@ pub struct Study {
     pub budget: Option<f64>,
     /// Closed forms that the scene has.
     pub closed_forms: Vec<ClosedForm>,
+    /// What acts on the cloth from outside.
+    pub outside: Outside,
+}
+
+/// What acts on the cloth from outside.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Outside {
+    /// Mass of the cloth [kg]; 0 in records that do not say.
+    pub mass: f64,
+    /// Acceleration by gravity [m/s²].
+    pub gravity: [f64; 3],
+    /// Effects that push it beside gravity.
+    pub pushes: Vec<String>,
+    /// Effects that may do work on it.
+    pub works: Vec<String>,
 }
 
 /// What is simulated.
@@ -129,8 +145,10 @@ pub struct Setting {
     pub changes: Vec<(String, String)>,
     /// `--set` arguments that make it.
     pub settings: Vec<(String, String)>,
-    /// Number of threads; 0 for that of the study.
+    /// Number of threads, of each rank; 0 for that of the study, which ranks share.
     pub threads: u32,
+    /// Number of ranks; 0 and 1 for one alone.
+    pub ranks: u32,
     /// Deforming bodies are shown at every so many frames; 0 and 1 take every sample.
     pub body_frames: u32,
 }
@@ -150,7 +168,7 @@ pub enum Role {
     Model,
     /// Without one effect: likewise.
     Without,
-    /// Another number of threads: it takes another time, and changes no bit.
+    /// Another number of threads or ranks: it takes another time, and changes no bit.
     Threads,
     /// What errors are measured against.
     Reference,

@@ -9,17 +9,20 @@ use std::time::{Duration, Instant};
 
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::local_ranks::LocalRanks;
+use drapery_core::parallel::ranks::Ranks;
 use drapery_core::simulation::FrameSummary;
 use sha2::{Digest, Sha256};
 
 use crate::farm::process;
+use crate::farm::stop::StopRequests;
 use crate::scene_file::{self, SceneFile, SearchPaths};
+use crate::shot::crew;
 use crate::shot::steps::{SteppedFrame, SteppedShot};
 use crate::shot::{ShotDescription, ShotError};
 use crate::study::StudyError;
 use crate::study::cloth::Cloth;
 use crate::study::random::Random;
-use crate::study::record::{Cost, Failure, Figures, Sample, StageCost};
+use crate::study::record::{Cost, Failure, Figures, Sample, Setting, StageCost};
 use crate::study::space::Wish;
 use crate::study::states::{FrameState, StatesWriter};
 
@@ -45,6 +48,8 @@ pub struct Bench<'a> {
     pub size: f64,
     /// Thickness of the thinnest garment [m].
     pub thickness: f64,
+    /// Threads of the study.
+    pub threads: usize,
 }
 
 /// Which frames a run simulates and compares.
@@ -102,17 +107,34 @@ fn describe(bench: &Bench<'_>, wish: &Wish) -> Result<ShotDescription, StudyErro
     Ok(description)
 }
 
-/// Does something with so many threads; 0 for those of the study.
-fn on_threads<T: Send>(threads: u32, work: impl FnOnce() -> Result<T, ShotError> + Send) -> Result<T, ShotError> {
-    if threads == 0 {
-        return work();
-    }
+/// Does something on rank 0 of as many ranks as a setting says, which are threads here and processes elsewhere; `threads` is
+/// the number of threads of the study, which ranks share unless the setting says how many each has.
+fn on_ranks<T: Send>(
+    setting: &Setting,
+    threads: usize,
+    work: impl FnOnce(&Ranks) -> Result<T, ShotError> + Send,
+) -> Result<T, ShotError> {
+    let ranks = setting.ranks.max(1) as usize;
+    let each = match setting.threads as usize {
+        0 if ranks == 1 => return work(&Ranks::default()),
+        0 => (threads / ranks).max(1),
+        each => each,
+    };
     let work = Mutex::new(Some(work));
     let take = || work.lock().unwrap_or_else(PoisonError::into_inner).take();
-    let done = LocalRanks::run(1, threads as usize, |_| take().map(|work| work()));
-    match done.map(|mut results| results.pop().flatten()) {
+    let done = LocalRanks::run(ranks, each, |communicator| {
+        let ranks = Ranks::new(communicator);
+        if !ranks.is_first() {
+            crew::follow(&ranks, &StopRequests::default(), &|_| Ok(each));
+            return None;
+        }
+        let done = take().map(|work| work(&ranks));
+        crew::dismiss(&ranks, 0);
+        done
+    });
+    match done.map(|results| results.into_iter().next().flatten()) {
         Ok(Some(result)) => result,
-        Ok(None) => unreachable!("the one rank does the work, once"),
+        Ok(None) => unreachable!("the first rank does the work, once"),
         // It panicked, which whoever calls this is prepared for; or there is no such number of threads.
         Err(error) => resume_unwind(Box::new(error.message)),
     }
@@ -130,6 +152,8 @@ pub fn run(
 ) -> Result<Ended, StudyError> {
     let begun = Instant::now();
     let description = describe(bench, wish)?;
+    // Of many ranks none has the cloth as a whole, which is what is measured.
+    let whole = (wish.setting.ranks > 1).then(|| describe(bench, wish)).transpose()?;
     process::forget_peak();
     let sample = Sample { role: wish.role, setting: wish.setting.clone(), ..Sample::default() };
     let sample = Sample { copy: wish.copy, repeat: wish.repeat, ..sample };
@@ -139,13 +163,15 @@ pub fn run(
     };
     // A panic is a fault of the program: the study lists it and goes on.
     let reached = AtomicI64::new(NOWHERE);
-    let simulate = || {
-        let mut shot = SteppedShot::start(description, wish.setting.body_frames)?;
-        let cloth = Cloth::of(shot.simulation(), bench.size, bench.thickness);
+    let simulate = |ranks: &Ranks| {
+        let of = |shot: &SteppedShot| Cloth::of(shot.simulation(), bench.size, bench.thickness);
+        let whole = whole.map(|whole| SteppedShot::start(&Ranks::default(), whole, 1).map(|shot| of(&shot)));
+        let mut shot = SteppedShot::start(ranks, description, wish.setting.body_frames)?;
+        let cloth = whole.transpose()?.unwrap_or_else(|| of(&shot));
         let mut course = Course::new(cloth, pace);
         course.run(&mut shot, deadline, &reached).map(|stop| (course, stop))
     };
-    let guarded = catch_unwind(AssertUnwindSafe(|| on_threads(wish.setting.threads, simulate)));
+    let guarded = catch_unwind(AssertUnwindSafe(|| on_ranks(&wish.setting, bench.threads, simulate)));
     let reached = reached.load(Relaxed);
     let next = (reached != NOWHERE).then_some(reached + 1);
     let (mut course, stop) = match guarded {
@@ -230,7 +256,9 @@ impl<'a> Course<'a> {
             let frame = summary.frame;
             reached.store(frame, Relaxed);
             if self.is_compared(frame, start) {
-                let (figures, state) = self.cloth.measure(shot.simulation(), &summary);
+                let [positions, velocities] = shot.state();
+                let state = FrameState { positions, velocities };
+                let figures = self.cloth.measure(shot.simulation(), &state, &summary);
                 self.kept.push(Kept { frame, state, figures });
             }
             self.spent.push(Spent { frame, seconds, processor_seconds, summary });
@@ -293,5 +321,59 @@ impl<'a> Course<'a> {
             vectors.flat_map(|v| [v.x, v.y, v.z]).for_each(|number| digest.update(number.to_le_bytes()));
         }
         sample.bits = digest.finalize().iter().take(DIGEST).map(|byte| format!("{byte:02x}")).collect();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of several logical parts that falls on a ball.
+    const FALLING: &str = r#"drapery = 1
+[shot]
+frames = "1-2"
+[gravity]
+[self_repulsion]
+[self_collision]
+[[body]]
+name = "ball"
+shape = { sphere = { radius = 0.2 } }
+position = [0, 0.795, 0]
+[[garment]]
+name = "sheet"
+panel = { resolution = 60, side = 1.0, center = [0, 1, 0] }
+density = "0.15 kg/m²"
+[garment.stretch]
+stiffness = "100 N/m"
+"#;
+
+    #[test]
+    fn ranks_change_no_bit_and_no_figure_and_a_panic_of_one_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("scene.toml");
+        std::fs::write(&scene, FALLING).unwrap();
+        let search = SearchPaths::default();
+        let bench = Bench { scene: &scene, settings: &[], search: &search, size: 1.4, thickness: 0.001, threads: 2 };
+        let sample = |ranks: u32, threads: u32| {
+            let wish = Wish { setting: Setting { ranks, threads, ..Setting::default() }, ..Wish::default() };
+            let far = Instant::now() + Duration::from_secs(600);
+            match run(&bench, &wish, &Pace::Fixed(&[2]), (None, far)).unwrap() {
+                Ended::Sample(ended) => ended.0,
+                Ended::OutOfTime(frame) => panic!("out of time after frame {frame}"),
+            }
+        };
+        let one = sample(0, 0);
+        assert_eq!((one.failure.as_ref(), one.figures.len()), (None, 1));
+        assert!(one.counts["body_contacts"] > 0 && !one.counts.contains_key("messages"), "{:?}", one.counts);
+        for (ranks, threads) in [(2, 0), (3, 1)] {
+            let many = sample(ranks, threads);
+            assert_eq!((&many.bits, &many.figures), (&one.bits, &one.figures), "{ranks} ranks");
+            assert_eq!(many.cost.steps, one.cost.steps);
+            assert!(many.counts["messages"] > 0);
+        }
+        // The others do not wait for ever for a first one that has failed.
+        let setting = Setting { ranks: 2, ..Setting::default() };
+        let fails = || on_ranks(&setting, 1, |_| -> Result<(), ShotError> { panic!("lost") });
+        assert!(catch_unwind(AssertUnwindSafe(fails)).is_err());
     }
 }

@@ -208,7 +208,7 @@ fn is_of(sample: &Sample, wish: &Wish) -> bool {
 }
 
 fn is_same(a: &Setting, b: &Setting) -> bool {
-    (&a.settings, a.threads, a.body_frames) == (&b.settings, b.threads, b.body_frames)
+    (&a.settings, a.threads, a.ranks, a.body_frames) == (&b.settings, b.threads, b.ranks, b.body_frames)
 }
 
 fn is_reference(role: Role) -> bool {

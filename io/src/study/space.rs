@@ -3,7 +3,7 @@
 use crate::study::random::Random;
 use crate::study::record::{Asked, Role, Setting};
 use crate::study::vary::{
-    BODY_FRAMES, FRICTION, Ground, RESOLUTION, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of, rough_times,
+    BODY_FRAMES, FRICTION, Ground, RANKS, RESOLUTION, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of, rough_times,
 };
 
 /// How much finer in time than the scene the reference is, the finest that there is time for.
@@ -184,8 +184,9 @@ fn default_space(ground: &Ground) -> Vec<Wish> {
     if ground.has_surfaces {
         space.push(one(BODY_FRAMES, "2"));
     }
-    // It costs time and changes no bit, which every study sees for itself.
+    // They cost time and change no bit, which every study sees for itself.
     space.push(one(THREADS, if ground.threads > 1 { "1" } else { "2" }));
+    space.push(one(RANKS, "2"));
     // What the method's own choices bring.
     space.push(one("integrator", "implicit"));
     if ground.has("self_repulsion") {
@@ -218,6 +219,7 @@ fn asked_space(asked: &Asked, ground: &Ground) -> Vec<Wish> {
     let with = |wish: &Wish, name: &str, value: &str| {
         let role = match (wish.role, role_of(name)) {
             (Role::Accuracy, role) | (role, Role::Accuracy) => role,
+            (Role::Threads, Role::Threads) => Role::Threads,
             _ => Role::Model,
         };
         let times = wish.times * rough_times(name, value, ground);

@@ -14,6 +14,9 @@ pub(super) const BODY_FRAMES: &str = "body_frames";
 /// Name of the number of threads.
 pub(super) const THREADS: &str = "threads";
 
+/// Name of the number of ranks.
+pub(super) const RANKS: &str = "ranks";
+
 /// Name of the thickness of all garments.
 pub(super) const THICKNESS: &str = "thickness";
 
@@ -98,8 +101,8 @@ pub fn parse_vary(text: &str) -> Result<(String, Vec<String>), String> {
     if name == BODY_FRAMES && !are_counts {
         return Err(format!("`{text}`: bodies are shown at every so many frames, for example {BODY_FRAMES}=1,2"));
     }
-    if name == THREADS && !are_counts {
-        return Err(format!("`{text}`: write numbers of threads, for example {THREADS}=1,2"));
+    if [THREADS, RANKS].contains(&name) && !are_counts {
+        return Err(format!("`{text}`: write numbers of {name}, for example {name}=1,2"));
     }
     Ok((name.to_owned(), values))
 }
@@ -118,6 +121,7 @@ pub(super) fn changed(setting: &Setting, name: &str, value: &str, ground: &Groun
         // Values were checked when they were read.
         BODY_FRAMES => setting.body_frames = value.parse().unwrap_or(1),
         THREADS => setting.threads = value.parse().unwrap_or(0),
+        RANKS => setting.ranks = value.parse().unwrap_or(1),
         THICKNESS => {
             for (garment, thickness) in ground.garments.iter().zip(&ground.thicknesses) {
                 let value = match value.strip_prefix('x').and_then(|factor| factor.parse::<f64>().ok()) {
@@ -157,7 +161,7 @@ pub(super) fn role_of(name: &str) -> Role {
     let key = key_of(name);
     match name {
         WITHOUT => Role::Without,
-        THREADS => Role::Threads,
+        THREADS | RANKS => Role::Threads,
         BODY_FRAMES => Role::Accuracy,
         _ if METHODS.contains(&key) => Role::Model,
         _ if key.starts_with("solver.") || key == "self_collision.max_steps" => Role::Accuracy,
@@ -225,7 +229,7 @@ pub(super) mod tests {
 
     #[test]
     fn values_that_a_name_does_not_take_are_refused() {
-        for wrong in ["cfl", "cfl=", "body_frames=0", "threads=0", "threads=many"] {
+        for wrong in ["cfl", "cfl=", "body_frames=0", "threads=0", "threads=many", "ranks=0"] {
             assert!(parse_vary(wrong).is_err(), "{wrong}");
         }
         assert_eq!(parse_vary("threads=1, 2").unwrap().1, ["1", "2"]);

@@ -17,12 +17,13 @@ use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::spread::{Homes, ask, spread};
-use crate::parallel::wire::Wire;
+use crate::parallel::wire::{Wire, vector_of, words_of};
 use crate::scene::coincident::{self, Apart};
 use crate::scene::home::Home;
 use crate::scene::inert::{Follower, Sound};
 use crate::scene::painted::PaintedMap;
 use crate::scene::sewn::{Sewn, partners, sewn_to};
+use crate::scene::winding;
 use crate::scene::{
     GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription, SurfaceAttachment,
 };
@@ -128,6 +129,7 @@ impl HandingOut {
         for (g, ((home, mut own), places)) in garments.enumerate() {
             let mut sound = Sound::of(ranks, &self.description.garments[g].name, &home);
             warnings.append(&mut sound.warnings);
+            warnings.extend(winding::told(ranks, (&self.description, g), &self.points_of[g], &sound.triangles));
             if touches(&self.description) {
                 warnings.extend(self.set_apart(ranks, g, (&home.points, &sound, &places), &mut own));
             }
@@ -257,12 +259,12 @@ impl HandingOut {
         let numbers = self.numbers(ranks, garment, &vertices, places);
         let mut lists = vec![Vec::new(); ranks.count()];
         for (number, (_, place)) in numbers.into_iter().zip(&apart.moved) {
-            let [x, y, z] = <[f64; 3]>::from(*place).map(f64::to_bits);
+            let [x, y, z] = words_of(place);
             lists[owner(&self.starts, number)].push([u64::from(number), x, y, z]);
         }
         let first = u64::from(self.run_of(ranks, garment).start);
         for [number, x, y, z] in ranks.send_lists(lists).into_iter().flatten() {
-            own[(number - first) as usize] = Vec3::new(f64::from_bits(x), f64::from_bits(y), f64::from_bits(z));
+            own[(number - first) as usize] = vector_of([x, y, z]);
         }
     }
 

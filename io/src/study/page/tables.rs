@@ -133,6 +133,7 @@ pub(super) fn checked(study: &Study, analysis: &Analysis<'_>) -> String {
             Verdict::Holds => "<span class=\"none\">yes</span>",
             Verdict::Fails => "<span class=\"warn\"><b>no</b></span>",
             Verdict::Unknown => "not known",
+            Verdict::NotApplicable => "not applicable",
         };
         vec![words(check.name), (answer.to_owned(), false), words(&check.why)]
     };

@@ -1,0 +1,93 @@
+//! Faces of a garment that are wound against their neighbours, said where something looks at the sides of cloth.
+
+use crate::mesh::{sides, turned_edges};
+use crate::parallel::ranks::Ranks;
+use crate::parallel::spread::Homes;
+use crate::scene::home::joined;
+use crate::scene::{SceneDescription, listed};
+
+/// What of a scene takes the side that faces show for a side of this garment, in words.
+fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'static str> {
+    let requests = description.effects.iter();
+    let looks = requests.filter_map(|request| match request.effect.as_str() {
+        "pressure" if request.garment == Some(garment) => Some("`pressure`"),
+        "wind" if request.settings.contains_key("normal") => Some("`normal` of the wind"),
+        _ => None,
+    });
+    looks.collect()
+}
+
+/// Says in words, on rank 0, at which edges of a garment two faces are wound against each other, if something looks at their
+/// sides. `triangles` are those at home here with their polygons, `homes` those of the points. All ranks call it together.
+pub(super) fn told(
+    ranks: &Ranks,
+    (description, garment): (&SceneDescription, usize),
+    homes: &Homes,
+    triangles: &[[u32; 4]],
+) -> Option<String> {
+    let looking = looking_at_sides(description, garment).join(" and ");
+    if looking.is_empty() {
+        return None;
+    }
+    let mut lists = vec![Vec::new(); ranks.count()];
+    for side in sides(triangles.iter().map(|[_, corners @ ..]| *corners)) {
+        lists[homes.of(side[0] as usize)].push(side);
+    }
+    let list = listed(ranks, turned_edges(joined(ranks.send_lists(lists))))?;
+    let name = &description.garments[garment].name;
+    ranks.is_first().then(|| {
+        format!(
+            "garment \"{name}\": the faces at edges {list} are wound against each other, and {looking} takes what they show \
+             for opposite sides of the cloth: make the normals consistent"
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Vec3;
+    use crate::mesh::PolygonMesh;
+    use crate::parallel::local_ranks::LocalRanks;
+    use crate::parallel::ranks::Ranks;
+    use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+
+    /// Cells of the strip.
+    const CELLS: u32 = 12;
+
+    /// A strip of quads, of which the fourth and the last are turned.
+    fn strip() -> PolygonMesh {
+        let points = (0..=CELLS).flat_map(|i| [Vec3::new(f64::from(i), 0.0, 0.0), Vec3::new(f64::from(i), 1.0, 0.0)]);
+        let mut faces: Vec<[u32; 4]> = (0..CELLS).map(|i| [2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1]).collect();
+        faces[3].reverse();
+        faces[CELLS as usize - 1].reverse();
+        PolygonMesh { points: points.collect(), face_counts: vec![4; CELLS as usize], face_indices: faces.concat() }
+    }
+
+    fn warnings(count: usize, request: &EffectRequest) -> Vec<String> {
+        let all = LocalRanks::run(count, 1, |communicator| {
+            let ranks = Ranks::new(communicator);
+            let mut description = SceneDescription::new("flag");
+            description.garments.push(GarmentDescription::new("flag", strip(), 0.2));
+            description.effects.push(request.clone());
+            let scene = Scene::distribute(&ranks, ranks.is_first().then_some(description));
+            scene.unwrap_or_else(|problems| panic!("{problems}")).warnings().to_vec()
+        });
+        let all = all.expect("no rank ends early");
+        assert!(all[1..].iter().all(Vec::is_empty));
+        all[0].clone()
+    }
+
+    #[test]
+    fn faces_wound_against_each_other_are_named_by_any_ranks_where_something_looks_at_their_sides() {
+        let looking = EffectRequest::of_scene("wind").with("normal", 2.0);
+        let said = warnings(1, &looking);
+        assert_eq!(said.len(), 1);
+        assert!(said[0].contains("edges 6-7, 8-9, 22-23 are wound") && said[0].contains("`normal`"), "{said:?}");
+        (2..6).for_each(|ranks| assert_eq!(warnings(ranks, &looking), said, "{ranks} ranks"));
+        let inflated = EffectRequest::of_garment("pressure", 0).with_flag("open", true);
+        assert!(warnings(1, &inflated).concat().contains("`pressure` takes"));
+        // Friction of the air and its pressure do not depend on which side is which.
+        assert!(warnings(1, &EffectRequest::of_scene("wind").with("density", 1.0)).is_empty());
+        assert!(warnings(1, &EffectRequest::of_scene("gravity")).is_empty());
+    }
+}
