@@ -270,7 +270,8 @@ pub(crate) struct SelftestArgs {
     /// The hard cases: `quick` takes minutes, `full` takes larger scenes and combinations of cases, `soak` a weekend
     #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick")]
     pub(crate) hard: Option<HardTier>,
-    /// The drape test of these preset materials, or of all: a disc hangs over its support at three mesh densities
+    /// The drape test of these preset materials, or of all: a disc hangs over its support at three mesh densities, six mountings
+    /// each
     #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present = "hard", conflicts_with = "hard")]
     pub(crate) drape: Option<Vec<String>>,
     /// Only these cases, for example H23; repeatable

@@ -10,6 +10,7 @@ mod home;
 pub(crate) mod inert;
 mod left_out;
 pub mod painted;
+mod place;
 pub mod sewn;
 mod share;
 mod streamed;
@@ -41,6 +42,8 @@ pub struct SceneDescription {
     pub name: String,
     /// Frame rate and the frame from which time is counted.
     pub timeline: Timeline,
+    /// What positions are counted from where single precision stores them [m]; `None` chooses it by where the garments start.
+    pub origin: Option<Vec3>,
     /// Settings of the time integration.
     pub solver: SolverSettings,
     /// Garments, in the order of their output.
@@ -436,6 +439,7 @@ impl SceneDescription {
         Self {
             name: name.into(),
             timeline: Timeline::default(),
+            origin: None,
             solver: SolverSettings::default(),
             garments: Vec::new(),
             bodies: Vec::new(),
@@ -551,14 +555,6 @@ impl Scene {
     pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
         let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
         self.pinned.iter().filter(follows).map(|pinned| pinned.row as u32).collect()
-    }
-
-    /// Stiffness of the spring of a pinned vertex [N/m]; zero for one that is held hard.
-    pub(crate) fn pin_stiffness(&self, pinned: &Pinned) -> f64 {
-        let PinHold::Spring { stiffness, .. } = self.description.pins[pinned.pin].hold else { return 0.0 };
-        let garment = self.description.pins[pinned.pin].garment;
-        let vertex = pinned.vertex as usize - self.parts.garment(garment).start;
-        self.painted(garment, "pins").map_or(stiffness, |map| map.at(vertex, stiffness))
     }
 
     /// Number of all pin targets of the scene.

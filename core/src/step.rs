@@ -9,7 +9,7 @@
 //! B.5  v½  =  v* + dt/2 · a((x + x')/2, v½)              contact normals constrained, then the projection is undone
 //! B.6  v'  =  2 v½ − v*
 //! B.7  v'  ←  body friction with the full load
-//! B.8  v'  ←  self-repulsion without springs, strain limit
+//! B.8  v'  ←  self-repulsion without springs, B.7 for what it lays on bodies, strain limit
 //! C    resolve what collides between the remembered positions and x'                            (every K steps)
 //! ```
 //!
@@ -139,6 +139,14 @@ struct Moment<'a> {
     contacts: Option<&'a BodyCollision>,
 }
 
+/// Which vertices B.7 concerns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pressed {
+    ByAnything,
+    /// Those alone that B.8 has pressed against bodies.
+    ByRepulsion,
+}
+
 /// What a step reports.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StepReport {
@@ -168,7 +176,7 @@ pub fn advance(context: &mut StepContext<'_>, dt: f64) -> StepReport {
     if report.not_finite.is_some() {
         return report;
     }
-    context.final_velocities(dt); // B.7
+    context.final_velocities(dt, Pressed::ByAnything); // B.7
     context.repel_final_velocities(dt); // B.8
     context.filter_final_velocities(dt); // B.8, after it
     context.parts.halo().refresh(context.parts.ranks(), &mut context.state.v);
@@ -275,12 +283,15 @@ impl<'a> StepContext<'a> {
         }
     }
 
-    /// B.8.
+    /// B.8, and B.7 once more: bodies stop, and rub, what repulsion has laid on them.
     fn repel_final_velocities(&mut self, dt: f64) {
-        let Self { state, self_contact, metrics, .. } = self;
+        let Self { state, self_contact, collision, metrics, .. } = self;
         if let Some(contact) = self_contact.as_mut().filter(|contact| contact.repels()) {
-            metrics.stage("B.8 self-repulsion", |m| contact.final_velocity(dt, &state.x, &mut state.v, m));
-            impose(self.parts, self.pins, self.targets, &mut self.state.v);
+            let collision = collision.as_deref();
+            metrics.stage("B.8 self-repulsion", |m| {
+                contact.final_velocity(dt, &state.x, &mut state.v, collision, m);
+            });
+            self.final_velocities(dt, Pressed::ByRepulsion);
         }
     }
 
@@ -368,15 +379,19 @@ impl<'a> StepContext<'a> {
         std::mem::swap(&mut state.x, x_new);
     }
 
-    /// B.7, and the prescribed velocities.
-    fn final_velocities(&mut self, dt: f64) {
+    /// B.7, and the prescribed velocities; of all vertices, or of those that repulsion has pressed against bodies.
+    fn final_velocities(&mut self, dt: f64, which: Pressed) {
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
         impose(self.parts, self.pins, self.targets, &mut self.state.v);
-        let Self { state, collision, bodies, body_friction, metrics, .. } = self;
+        let Self { state, collision, self_contact, bodies, body_friction, metrics, .. } = self;
         if let Some(collision) = collision {
             let own = self.parts.own();
             let rubs = *body_friction == BodyFriction::WholeStep;
-            metrics.stage("B.7 body friction", |_| collision.final_velocity(bodies, dt, rubs, &mut state.v[own]));
+            let contact = self_contact.as_deref().filter(|_| which == Pressed::ByRepulsion);
+            let concerns = |vertex| contact.is_none_or(|contact| contact.is_pressed(vertex));
+            metrics.stage("B.7 body friction", |_| {
+                collision.final_velocity((bodies, dt, rubs), &concerns, &mut state.v[own]);
+            });
             impose(self.parts, self.pins, self.targets, &mut self.state.v);
         }
     }

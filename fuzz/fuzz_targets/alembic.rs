@@ -84,6 +84,7 @@ fn read_as_cache(path: &Path) {
     for (number, mesh) in cache.meshes().iter().enumerate() {
         for sample in 0..mesh.frames.len().min(SAMPLES) {
             let _ = cache.positions(number, sample);
+            let _ = cache.stored_positions(number, sample);
             let _ = cache.velocities(number, sample);
         }
     }

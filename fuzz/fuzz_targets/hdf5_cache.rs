@@ -15,8 +15,11 @@ use drapery_io::formats::hdf5::Hdf5Writer;
 use drapery_io::units::Units;
 use libfuzzer_sys::fuzz_target;
 
+/// What the positions of a far cache are counted from.
+const FAR: [u32; 3] = [100_000, 0, 3];
+
 /// A cache of two frames of one triangle.
-fn cache() -> Layout {
+fn cache(is_far: bool) -> Layout {
     let mut layout = Layout::default();
     for (name, text) in [
         ("application", "Drapery 0.1.0"),
@@ -31,8 +34,11 @@ fn cache() -> Layout {
     for (name, value) in [("fps", 24.0), ("metres_per_unit", 1.0)] {
         layout.attribute("", name, Value::Real(value));
     }
-    for (name, value) in [("format_version", 1), ("fps_numerator", 24), ("fps_denominator", 1)] {
+    for (name, value) in [("format_version", 1 + i64::from(is_far)), ("fps_numerator", 24), ("fps_denominator", 1)] {
         layout.attribute("", name, Value::Number(value));
+    }
+    if is_far {
+        layout.attribute("", "origin", Value::List(FAR.to_vec()));
     }
     let reals: Vec<u8> = [0.0f32, 1.0, 0.5].iter().flat_map(|v| v.to_le_bytes()).collect();
     let corners: Vec<u8> = [0i32, 1, 2].iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -52,7 +58,8 @@ fn cache() -> Layout {
 
 fuzz_target!(|data: &[u8]| {
     let path = scratch::folder().join("cache.h5");
-    let mut layout = cache();
+    let is_far = data.last().is_some_and(|byte| byte % 2 == 1);
+    let mut layout = cache(is_far);
     layout.edit(&mut Bytes(data));
     let _ = std::fs::remove_file(&path);
     if layout.write(&path).is_err() {
@@ -64,6 +71,7 @@ fuzz_target!(|data: &[u8]| {
             for (number, mesh) in cache.meshes().iter().enumerate() {
                 for sample in 0..mesh.frames.len().min(4) {
                     let _ = cache.positions(number, sample);
+                    let _ = cache.stored_positions(number, sample);
                     let _ = cache.velocities(number, sample);
                 }
             }
@@ -74,6 +82,7 @@ fuzz_target!(|data: &[u8]| {
             garment: "flag",
             mesh: &mesh,
             units: Units::SI,
+            origin: if is_far { Vec3::from(FAR.map(f64::from)) } else { Vec3::zeros() },
             timeline: Timeline::default(),
             first_frame: 1,
             last_frame: 3,

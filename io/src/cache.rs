@@ -143,6 +143,8 @@ pub struct CachePlan<'a> {
     pub mesh: &'a GarmentMesh,
     /// Units and up axis of the file.
     pub units: Units,
+    /// What positions are counted from [m], Y up: that of the scene ([`drapery_core::scene::Scene::origin`]).
+    pub origin: Vec3,
     /// Frame rate.
     pub timeline: Timeline,
     /// First frame.
@@ -156,12 +158,23 @@ pub struct CachePlan<'a> {
 }
 
 impl CachePlan<'_> {
-    /// Full object path in the file: that of the source, or `/<garment>/<garment>Shape`.
+    /// Full object path in the file: that of the source, or `/<garment>/<garment>Shape`. A mesh that stands alone there gets the
+    /// garment as its parent where that has to move it.
     pub fn object_path(&self) -> String {
-        if self.mesh.object_path().is_empty() {
-            return format!("/{0}/{0}Shape", self.garment);
+        let path = self.mesh.object_path();
+        let levels = path.split('/').filter(|name| !name.is_empty()).count();
+        match self.file_origin() {
+            _ if path.is_empty() => format!("/{0}/{0}Shape", self.garment),
+            Some(_) if levels == 1 => format!("/{}/{}", self.garment, path.trim_matches('/')),
+            _ => path.to_owned(),
         }
-        self.mesh.object_path().to_owned()
+    }
+
+    /// What stored positions are counted from, in the file's unit and axes; `None` where that is the origin of the world.
+    pub fn file_origin(&self) -> Option<[f64; 3]> {
+        // Adding zero turns a negative zero into the positive one.
+        let in_file = || <[f64; 3]>::from(self.units.from_si(self.origin)).map(|c| c + 0.0);
+        (self.origin != Vec3::zeros()).then(in_file)
     }
 
     /// File time of a frame [s]: frame / fps, computed from integers.
@@ -183,7 +196,8 @@ impl CachePlan<'_> {
 /// The program and version that caches name as their origin.
 pub const APPLICATION: &str = concat!("Drapery ", env!("CARGO_PKG_VERSION"));
 
-/// One frame of a garment, as it is stored: in the units and axes of the file ([`Units::stored`]).
+/// One frame of a garment, as it is stored: in the units and axes of the file ([`Units::stored`]), positions counted from the
+/// cache's origin ([`Units::stored_from`]).
 #[derive(Debug, Clone, Copy)]
 pub struct CacheFrame<'a> {
     /// Frame number.

@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use drapery_alembic::{Archive, PolyMesh};
+use drapery_alembic::{Archive, IDENTITY, PolyMesh};
 use drapery_core::Vec3;
 
 use crate::cache::Connectivity;
@@ -43,10 +43,22 @@ pub struct CacheMesh {
     pub frames: Vec<i64>,
 }
 
+/// Positions of a sample as a cache stores them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredPositions {
+    /// Unit and axes of the numbers.
+    pub units: Units,
+    /// What they are counted from.
+    pub origin: [f64; 3],
+    /// The positions.
+    pub points: Vec<[f32; 3]>,
+}
+
 #[derive(Debug)]
 enum Stored {
     Alembic(Vec<PolyMesh>),
-    Hdf5(hdf5::File),
+    /// The file, and what its positions are counted from.
+    Hdf5(hdf5::File, [f64; 3]),
 }
 
 impl CacheFrames {
@@ -88,8 +100,31 @@ impl CacheFrames {
                 let points = meshes[mesh].world_positions(sample)?;
                 Ok(points.into_iter().map(|p| self.units.to_si(Vec3::from(p))).collect())
             }
-            Stored::Hdf5(file) => self.vectors(file, "positions", sample),
+            Stored::Hdf5(file, origin) => {
+                let world = |p: [f32; 3]| Vec3::from(p.map(f64::from)) + Vec3::from(*origin);
+                Ok(self.rows(file, "positions", sample)?.into_iter().map(|p| self.units.to_si(world(p))).collect())
+            }
         }
+    }
+
+    /// Positions of a sample of a mesh as they are stored; `None` if its parents do more than shift them.
+    ///
+    /// # Errors
+    /// The sample cannot be read.
+    pub fn stored_positions(&self, mesh: usize, sample: usize) -> Result<Option<StoredPositions>, IoError> {
+        let (origin, points) = match &self.stored {
+            Stored::Alembic(meshes) => {
+                let mut matrix = meshes[mesh].world_matrix_at(meshes[mesh].time(sample))?;
+                let origin = [matrix[12], matrix[13], matrix[14]];
+                matrix[12..15].fill(0.0);
+                if matrix != IDENTITY {
+                    return Ok(None);
+                }
+                (origin, meshes[mesh].positions(sample)?)
+            }
+            Stored::Hdf5(file, origin) => (*origin, self.rows(file, "positions", sample)?),
+        };
+        Ok(Some(StoredPositions { units: self.units, origin, points }))
     }
 
     /// Velocities of a sample of a mesh [m/s], Y up; `None` when the cache stores none.
@@ -103,8 +138,11 @@ impl CacheFrames {
                 let si = |v: [f32; 3]| self.units.to_si(Vec3::from(v.map(f64::from)));
                 Ok(rates.map(|rates| rates.into_iter().map(si).collect()))
             }
-            Stored::Hdf5(file) if file.link_exists("velocities") => self.vectors(file, "velocities", sample).map(Some),
-            Stored::Hdf5(_) => Ok(None),
+            Stored::Hdf5(file, _) if file.link_exists("velocities") => {
+                let rates = self.rows(file, "velocities", sample)?;
+                Ok(Some(rates.into_iter().map(|v| self.units.to_si(Vec3::from(v.map(f64::from)))).collect()))
+            }
+            Stored::Hdf5(..) => Ok(None),
         }
     }
 
@@ -143,17 +181,18 @@ impl CacheFrames {
             frames: numbers.iter().zip(&committed).take_while(|(_, mark)| **mark == 1).map(|(n, _)| *n).collect(),
         };
         let units = units(&text("length_unit")?, &text("up_axis")?);
-        Ok(Self { path: path.to_owned(), units, meshes: vec![mesh], stored: Stored::Hdf5(file) })
+        let origin = stored::origin(&file)?.unwrap_or_default();
+        Ok(Self { path: path.to_owned(), units, meshes: vec![mesh], stored: Stored::Hdf5(file, origin) })
     }
 
-    fn vectors(&self, file: &hdf5::File, name: &str, sample: usize) -> Result<Vec<Vec3>, IoError> {
+    /// The vectors of a sample as they are stored.
+    fn rows(&self, file: &hdf5::File, name: &str, sample: usize) -> Result<Vec<[f32; 3]>, IoError> {
         let read = || match stored::dataset::<3>(file, name)? {
             (dataset, [samples, _, 3]) if sample < samples => dataset.read_slice_2d::<f32, _>((sample, .., ..)),
             (_, extents) => Err(format!("dataset {name} has the extents {extents:?}").into()),
         };
         let values = read().map_err(|source| not_a_cache(&self.path, &source))?;
-        let row = |row: usize| Vec3::new(values[[row, 0]].into(), values[[row, 1]].into(), values[[row, 2]].into());
-        Ok((0..values.shape()[0]).map(|index| self.units.to_si(row(index))).collect())
+        Ok((0..values.shape()[0]).map(|row| [0, 1, 2].map(|axis| values[[row, axis]])).collect())
     }
 }
 

@@ -64,6 +64,8 @@ pub struct Manifest {
     pub length_unit: String,
     /// Up axis of the caches.
     pub up_axis: String,
+    /// What the positions in the caches are counted from [m], Y up.
+    pub origin: [f64; 3],
     /// Caches.
     pub garments: Vec<ManifestGarment>,
     /// Number of threads of each rank.

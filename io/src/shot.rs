@@ -22,6 +22,7 @@ mod totals;
 
 use std::path::PathBuf;
 
+use drapery_core::Vec3;
 use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
 use drapery_core::parallel::ranks::Ranks;
@@ -231,6 +232,11 @@ impl Shot {
     /// What is written.
     pub fn output(&self) -> &OutputDescription {
         &self.about.output
+    }
+
+    /// What positions in the caches are counted from [m].
+    pub fn origin(&self) -> Vec3 {
+        self.simulation().scene().origin()
     }
 
     /// The scene with every default written out.

@@ -114,7 +114,12 @@ impl Units {
         [v.x as f32, v.y as f32, v.z as f32]
     }
 
-    /// The same for many.
+    /// The numbers that a cache stores for a position in metres, Y up, which counts positions from `origin`.
+    pub fn stored_from(self, origin: Vec3, position: Vec3) -> [f32; 3] {
+        self.stored(position - origin)
+    }
+
+    /// [`Units::stored`] for many.
     pub fn stored_all(self, vectors: &[Vec3]) -> Vec<[f32; 3]> {
         vectors.iter().map(|v| self.stored(*v)).collect()
     }

@@ -38,6 +38,7 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
         garment: "skirt",
         mesh: &GarmentMesh::kept(data.clone()),
         units: Units { length: LengthUnit::Centimetre, up: UpAxis::Y },
+        origin: Vec3::zeros(),
         timeline: Timeline { fps_numerator: 24000, fps_denominator: 1001, ..Timeline::default() },
         first_frame: 1001,
         last_frame: 1010,

@@ -55,6 +55,7 @@ impl Garment {
             garment: "skirt",
             mesh: &self.mesh,
             units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
+            origin: Vec3::zeros(),
             timeline: Timeline { fps_numerator: 24000, fps_denominator: 1001, ..Timeline::default() },
             first_frame: FIRST,
             last_frame: LAST,
@@ -394,6 +395,7 @@ fn a_cache_of_another_plan_is_refused_and_left_alone() {
     let plans = [
         CachePlan { garment: "coat", ..plan.clone() },
         CachePlan { units: Units::SI, ..plan.clone() },
+        CachePlan { origin: Vec3::x(), ..plan.clone() },
         CachePlan { timeline: Timeline::default(), ..plan.clone() },
         CachePlan { first_frame: 1000, ..plan.clone() },
         CachePlan { velocities: false, ..plan.clone() },

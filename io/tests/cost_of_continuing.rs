@@ -38,6 +38,7 @@ fn continuing_a_thousand_frames_of_a_hundred_thousand_points_takes_seconds() {
         garment: "sheet",
         mesh: &kept,
         units: Units { length: LengthUnit::Centimetre, up: UpAxis::Y },
+        origin: Vec3::zeros(),
         timeline: Timeline::default(),
         first_frame: 1,
         last_frame: FRAMES,

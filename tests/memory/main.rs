@@ -7,6 +7,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use drapery_core::Vec3;
 use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
@@ -121,6 +122,7 @@ fn write_abc(mesh: &dyn MeshStream, path: &Path) {
         garment: "sheet",
         mesh: &GarmentMesh::kept(data),
         units: Units::SI,
+        origin: Vec3::zeros(),
         timeline: Default::default(),
         first_frame: 1,
         last_frame: 1,

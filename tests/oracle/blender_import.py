@@ -30,8 +30,9 @@ def main():
     for frame in frames:
         scene.frame_set(int(frame))
         mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-        matrix = np.array(thing.matrix_world)
-        positions.append(values(mesh.vertices, "co", 3) @ matrix[:3, :3].T + matrix[:3, 3])
+        # Both are of single precision; what follows from them is not, so that nothing is lost far from the origin.
+        matrix = np.array(thing.matrix_world, float)
+        positions.append(values(mesh.vertices, "co", 3).astype(float) @ matrix[:3, :3].T + matrix[:3, 3])
         if "velocity" in mesh.attributes:
             velocities.append(values(mesh.attributes["velocity"].data, "vector", 3))
     answer = {

@@ -36,12 +36,14 @@ def blender(path, fps, frames):
 
 
 def hdf5(path):
-    """The committed frames of an HDF5 cache, as a dictionary of arrays."""
+    """The committed frames of an HDF5 cache, as a dictionary of arrays; `positions` as stored, counted from `origin`."""
     with h5py.File(path, "r") as file:
         committed = file["committed"][:] == 1
         answer = {name: file[name][:] for name in ("face_counts", "face_indices", "triangles")}
         for name in ("positions", "velocities", "times", "frame_numbers"):
             answer[name] = file[name][: len(committed)][committed]
+        answer["origin"] = file.attrs.get("origin", np.zeros(3))
+        answer["world_positions"] = answer["origin"] + answer["positions"].astype(float)
         return answer
 
 

@@ -34,7 +34,7 @@ def assert_cloth_stays_outside(out, body_path, report_figure):
         crossing = sorted({face for pair in crossing_triangles(vertices, faces) for face in pair})
         crossing_frames += bool(crossing)
         for garment, cache in caches.items():
-            points = cache["positions"][index].astype(float)
+            points = cache["world_positions"][index]
             depth = depths(points, vertices, faces)
             excused = distance_to_triangles(points, vertices, faces[crossing]) < RELEASE_REACH
             released += np.count_nonzero(excused & (depth > thickness))

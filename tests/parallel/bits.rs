@@ -422,14 +422,19 @@ fn a_painted_sheet_that_is_blown_over_a_floor() {
     for effect in ["dihedral_bending", "shear"] {
         description.effects.push(EffectRequest::of_garment(effect, 0).with("stiffness", 1e-5));
     }
-    description.effects.push(EffectRequest::of_garment("strain_limit", 0).with("limit", 0.02).with("sweeps", 2.0));
+    description.effects.push(EffectRequest::of_garment("plastic_wrinkles", 0).with("yield_radius", 0.5));
+    let limit = EffectRequest::of_garment("strain_limit", 0).with("limit", 0.02).with("compression", 0.2);
+    description.effects.push(limit.with("sweeps", 2.0));
     for (name, absolute, step) in
         [("density", false, 1e-4), ("thickness", true, 1e-7), ("friction", true, 1e-4), ("stretch", false, 1e-4)]
     {
         let values = (0..81 * 81).map(|v| step * (2000 + v) as f64).collect();
         description.garments[0].maps.insert(name.into(), PaintedMap { values, absolute });
     }
-    for name in ["wind", "ether_drag", "dihedral_bending", "shear", "strain_limit", "self_friction"] {
+    let laws = ["stretch_damping", "shear_damping", "dihedral_bending_damping", "yield_radius", "compression"];
+    for name in
+        ["wind", "ether_drag", "dihedral_bending", "shear", "strain_limit", "self_friction"].into_iter().chain(laws)
+    {
         let values = (0..81 * 81).map(|v| f64::from(v % 3)).collect();
         description.garments[0].maps.insert(name.into(), PaintedMap { values, absolute: false });
     }

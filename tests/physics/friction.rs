@@ -2,7 +2,7 @@
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
-use drapery_core::scene::{BodyFriction, BodyShape, GarmentDescription, RigidMotion, SceneDescription};
+use drapery_core::scene::{BodyFriction, BodyShape, EffectRequest, GarmentDescription, RigidMotion, SceneDescription};
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;
 use nalgebra::{Unit, UnitQuaternion};
@@ -199,6 +199,33 @@ fn a_turntable_carries_cloth_up_to_the_critical_speed() {
         assert!(below < 1e-3 * r, "mu {mu}, r {r}: slipped {below} m below the critical speed");
         assert!(above > 0.02 * r, "mu {mu}, r {r}: slipped only {above} m above the critical speed");
     }
+}
+
+#[test]
+fn a_pile_slides_on_the_floor_as_coulomb_says_of_all_its_weight() {
+    let (speed, friction, spacing) = (0.5, 0.2, 5e-4);
+    let mut description = SceneDescription::new("pile");
+    description.timeline.fps_numerator = 100;
+    for layer in 0..4 {
+        let mut mesh = sheet(6, 6, 0.03);
+        // Turned a little, so that edges do not lie on edges.
+        let turn = UnitQuaternion::from_axis_angle(&Vec3::y_axis(), 0.05 * f64::from(layer));
+        mesh.points.iter_mut().for_each(|p| *p = turn * *p + Vec3::y() * (1e-6 + spacing * f64::from(layer)));
+        let garment = GarmentDescription::new(&format!("layer{layer}"), mesh, 0.2);
+        description.garments.push(GarmentDescription { thickness: spacing, velocity: Vec3::x() * speed, ..garment });
+        let stretch = EffectRequest::of_garment("stretch", description.garments.len() - 1);
+        description.effects.push(stretch.with("stiffness", 50.0));
+    }
+    add_gravity(&mut description, [0.0, -G, 0.0]);
+    description.effects.push(EffectRequest::of_scene("self_repulsion").with("friction", 1.0));
+    description.effects.push(EffectRequest::of_scene("self_collision"));
+    add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), friction);
+    let mut simulation = start(description);
+    let before = centre(&positions(&simulation));
+    run(&mut simulation, 60);
+    let way = (centre(&positions(&simulation)) - before).x / (speed * speed / (2.0 * friction * G));
+    // With the weight of the lowest sheet alone it would be four times as far.
+    assert!((way - 1.0).abs() < 0.1, "{way} of Coulomb's way");
 }
 
 #[test]

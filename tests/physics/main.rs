@@ -7,6 +7,7 @@ mod fit;
 mod free_motion;
 mod friction;
 mod maps;
+mod maps_of_laws;
 mod membrane;
 mod orders;
 mod oscillators;

@@ -19,19 +19,23 @@ fn blown(times: f64) -> SceneDescription {
     garment.velocity = Vec3::new(0.5, -0.2, 0.3);
     let mut description = scene_of(garment, 100);
     add_gravity(&mut description, [0.0, -9.81, 0.0]);
-    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 64.0 * times));
-    description.effects.push(EffectRequest::of_garment("shear", 0).with("stiffness", 8.0 * times));
-    description.effects.push(EffectRequest::of_garment("bending", 0).with("stiffness", 2.0 * times));
-    let rigidity = 1.0 / 65536.0 * times;
-    description.effects.push(EffectRequest::of_garment("dihedral_bending", 0).with("stiffness", rigidity));
-    description.effects.push(EffectRequest::of_garment("strain_limit", 0).with("limit", 1.0 / 512.0 * times));
+    for (name, stiffness) in [("stretch", 64.0), ("shear", 8.0), ("bending", 2.0), ("dihedral_bending", 1.0 / 65536.0)]
+    {
+        let request = EffectRequest::of_garment(name, 0).with("stiffness", stiffness * times);
+        description.effects.push(request.with("damping_ratio", 0.25 * times));
+    }
+    let wrinkles = EffectRequest::of_garment("plastic_wrinkles", 0).with("yield_radius", 2.0 * times);
+    description.effects.push(wrinkles.with("hardening", 0.125 * times).with("largest_angle", 1.0 / 256.0 * times));
+    let limit = EffectRequest::of_garment("strain_limit", 0).with("limit", 1.0 / 512.0 * times);
+    description.effects.push(limit.with("compression", 1.0 / 512.0 * times));
     description.effects.push(EffectRequest::of_scene("ether_drag").with("rate", 0.5 * times));
     let wind = EffectRequest::of_scene("wind").with_vector("velocity", [3.0, 1.0, 0.0]);
     let wind = wind.with("density", 0.5 * times).with("tangential", 0.1 * times);
     description.effects.push(wind.with("normal", 0.3 * times));
     add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), RigidMotion::at(Vec3::zeros()), 0.25 * times);
     add_pins(&mut description, vec![0, 8]);
-    description.pins[0].hold = PinHold::Spring { stiffness: 16.0 * times, damping_ratio: 0.5, break_force: None };
+    description.pins[0].hold =
+        PinHold::Spring { stiffness: 16.0 * times, damping_ratio: 0.125 * times, break_force: Some(0.25 * times) };
     description.effects.pop();
     description.effects.push(EffectRequest::of_scene("attachments"));
     description.effects.push(EffectRequest::of_scene("self_repulsion"));
@@ -66,6 +70,16 @@ fn a_map_of_one_value_is_the_number_times_that_value_to_the_last_bit() {
         ("strain_limit", 1.0 / 128.0),
         ("pins", 64.0),
         ("ether_drag", 2.0),
+        ("stretch_damping", 1.0),
+        ("shear_damping", 1.0),
+        ("bending_damping", 1.0),
+        ("dihedral_bending_damping", 1.0),
+        ("yield_radius", 8.0),
+        ("hardening", 0.5),
+        ("largest_angle", 1.0 / 64.0),
+        ("compression", 1.0 / 128.0),
+        ("pin_damping", 0.5),
+        ("break_force", 1.0),
     ];
     let mut replaced = blown(1.0);
     let maps = absolute.iter().map(|(name, value)| ((*name).to_owned(), uniform(*value, true)));
@@ -76,7 +90,8 @@ fn a_map_of_one_value_is_the_number_times_that_value_to_the_last_bit() {
 
 /// What [`blown`] has; elements take the place of springs, and layers take two.
 fn of_one_sheet() -> impl Iterator<Item = &'static str> {
-    MAPS.iter().map(|(name, _)| *name).filter(|name| !["membrane", "self_friction"].contains(name))
+    let others = ["membrane", "membrane_damping", "grain_angle", "self_friction"];
+    MAPS.iter().map(|(name, _)| *name).filter(move |name| !others.contains(name))
 }
 
 /// A sheet of measured cloth with all its stiffness `times` as large, that falls on a corner.
@@ -84,7 +99,8 @@ fn falling(times: f64) -> SceneDescription {
     let mut description = blown(1.0);
     description.effects.retain(|effect| !["stretch", "shear"].contains(&effect.effect.as_str()));
     let membrane = EffectRequest::of_garment("membrane", 0).with("warp", 100.0 * times).with("weft", 60.0 * times);
-    description.effects.push(membrane.with("shear", 8.0 * times));
+    let membrane = membrane.with("shear", 8.0 * times).with("damping_ratio", 0.25 * times);
+    description.effects.push(membrane.with("grain_angle", 0.125 * times));
     description
 }
 
@@ -92,6 +108,8 @@ fn falling(times: f64) -> SceneDescription {
 fn a_map_of_a_membrane_is_a_share_of_all_its_moduli() {
     let mut painted = falling(1.0);
     painted.garments[0].maps.insert("membrane".into(), uniform(4.0, false));
+    painted.garments[0].maps.insert("membrane_damping".into(), uniform(1.0, true));
+    painted.garments[0].maps.insert("grain_angle".into(), uniform(4.0, false));
     assert_eq!(state_after(painted), state_after(falling(4.0)));
     let mut absolute = falling(1.0);
     absolute.garments[0].maps.insert("membrane".into(), uniform(4.0, true));
@@ -151,6 +169,10 @@ fn a_broken_map_is_refused_with_its_name_and_vertex() {
     description.effects.retain(|effect| effect.effect != "wind");
     description.garments[0].maps.insert("wind".into(), uniform(1.0, false));
     assert!(Scene::validate(description).unwrap_err().to_string().contains("nothing in this scene looks at it"));
+    let mut description = blown(1.0);
+    description.effects.iter_mut().for_each(|effect| drop(effect.settings.remove("compression")));
+    description.garments[0].maps.insert("compression".into(), uniform(1.0, false));
+    assert!(Scene::validate(description).unwrap_err().to_string().contains("write `compression` as well"));
 }
 
 /// Columns of a strip along x behind the one where it is held, and its rows.

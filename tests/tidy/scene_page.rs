@@ -124,7 +124,7 @@ fn section(root: &Value, path: &str, table: &Value) -> String {
     text += "\n| key | value | default | |\n|---|---|---|---|\n";
     for (key, property) in sorted_properties(table) {
         let name = if is_required(table, &key) { format!("**`{key}`**") } else { format!("`{key}`") };
-        let help = if is_effect(&key) {
+        let help = if is_effect(&key) && path != "garment.maps" {
             format!("effect: [its settings](effects.md#{key})")
         } else {
             one_line(

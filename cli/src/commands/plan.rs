@@ -1,5 +1,6 @@
 //! `drapery plan`: what will run and why.
 
+use drapery_core::Vec3;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::formats;
 use drapery_io::shot::Shot;
@@ -102,6 +103,10 @@ fn output_text(shot: &Shot) -> String {
     for format in output.formats.iter().filter_map(|word| formats::by_extension(word)) {
         text += &format!("  .{}: {}\n", format.extension, format.summary);
     }
+    if shot.origin() != Vec3::zeros() {
+        let [x, y, z] = <[f64; 3]>::from(shot.origin());
+        text += &format!("  positions counted from [{x}, {y}, {z}] m\n");
+    }
     text
 }
 
@@ -132,6 +137,7 @@ fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said], costs: &Costs) -
         "bodies": scene.description().bodies.iter().map(|body| &body.name).collect::<Vec<_>>(),
         "bytes": {"state": state, "effects": of_effects},
         "formats": shot.output().formats,
+        "origin": <[f64; 3]>::from(shot.origin()),
         "resolved": shot.resolved(),
     });
     if let (Value::Object(plan), Value::Object(rest)) = (&mut plan, rest) {

@@ -26,6 +26,7 @@ pub mod self_contact;
 pub mod share;
 pub mod shared;
 mod step_control;
+pub mod supports;
 pub mod surface;
 #[cfg(test)]
 pub(crate) mod testing;

@@ -16,6 +16,7 @@ use crate::contact::ordering::Order;
 use crate::contact::pair::{KINDS, Pair, PairKind};
 use crate::contact::repulsion::borders::Borders;
 use crate::contact::shared::SharedVectors;
+use crate::contact::supports::{Supports, borne, share_borne};
 use crate::contact::tolerances::TRUSTED_SIDE;
 use crate::effects::SLEEPS;
 use crate::metrics::Metrics;
@@ -72,6 +73,8 @@ pub struct Moment<'a> {
     pub mobility: &'a [f64],
     /// What the friction of the laws is multiplied by, and what is added to it; `None` if it is nowhere painted.
     pub friction: Option<&'a [[f64; 2]]>,
+    /// Bodies that the nodes lie on; `None` where repulsion does not care.
+    pub supports: Option<&'a [Supports]>,
 }
 
 /// A pair and its side.
@@ -99,6 +102,26 @@ struct Touching {
     friction: f64,
 }
 
+/// A law of method 3.6: the change of a pair's normal velocity [m/s], if it acts, from that velocity.
+type Law<'a> = dyn Fn(&Touching, f64) -> Option<f64> + Sync + 'a;
+
+impl Touching {
+    /// How many times the normal impulse of a free pair is needed where nodes that move with `v` [m/s] lie on bodies, which do
+    /// not give way.
+    fn stiffer_on_bodies(&self, supports: &[Supports], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
+        // Of each side: nodes with positive weight are pushed along the normal, the others against it.
+        let mut firm = [0.0; 2];
+        for ((node, weight), v) in self.nodes.into_iter().zip(self.weights).zip(v) {
+            let direction = self.normal * weight.signum();
+            let share = share_borne(&supports[node as usize], v, &direction);
+            firm[usize::from(weight < 0.0)] += share * weight * weight * mobility[node as usize];
+        }
+        // Between bodies that bear both sides, nodes in between would be thrown where their weights are small.
+        let [one, other] = firm;
+        if one > 0.0 && other > 0.0 { 1.0 } else { self.response / (self.response - one - other) }
+    }
+}
+
 /// All pairs of one kind.
 #[derive(Debug, Default)]
 struct PairsOfKind {
@@ -124,6 +147,8 @@ pub struct Repulsions {
     laws: Laws,
     kinds: [PairsOfKind; 2],
     velocities: SharedVectors,
+    /// What bodies bear, as changes of velocities; only with supports.
+    loads: SharedVectors,
     /// Nodes of active pairs.
     nodes: Vec<u32>,
     seen: Vec<bool>,
@@ -139,15 +164,16 @@ pub struct Repulsions {
 impl Repulsions {
     /// Repulsions without pairs yet.
     pub fn new(laws: Laws) -> Self {
-        let (kinds, velocities) = (Default::default(), SharedVectors::new(0));
+        let (kinds, velocities, loads) = (Default::default(), SharedVectors::new(0), SharedVectors::new(0));
         let (nodes, seen, borders) = Default::default();
-        Self { laws, kinds, velocities, nodes, seen, borders, active: 0, inverted: 0, fresh: false }
+        Self { laws, kinds, velocities, loads, nodes, seen, borders, active: 0, inverted: 0, fresh: false }
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
         let kind = |k: &PairsOfKind| k.sided.capacity() * (size_of::<Sided>() + size_of::<Option<Touching>>() + 4);
-        self.kinds.iter().map(kind).sum::<usize>() + self.seen.len() * (size_of::<Vec3>() + 1)
+        let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
+        self.kinds.iter().map(kind).sum::<usize>() + vectors + self.seen.len()
     }
 
     /// Whether the laws act once per collision step instead of in every time step.
@@ -210,7 +236,8 @@ impl Repulsions {
     }
 
     /// B.2 or B.8: changes the velocities `v` [m/s], over this rank's nodes of cloth, of the nodes of all active pairs.
-    /// Those of ghosts may be anything before, and are of no use after. All ranks call it together.
+    /// Those of ghosts may be anything before, and are of no use after. With supports, velocities point into bodies afterwards
+    /// by what these have to bear. All ranks call it together.
     pub fn apply(&mut self, passes: Passes, at: &Moment<'_>, v: &mut [Vec3], metrics: &mut Metrics) {
         if !self.fresh {
             self.refresh(at);
@@ -220,20 +247,29 @@ impl Repulsions {
             return;
         }
         self.nodes.iter().for_each(|&node| self.velocities.set(node, &v[node as usize]));
+        self.lay_down(at);
         self.borders.before_sweeps(at.nodes.ranks(), &self.velocities);
         let dt = at.dt;
-        let law = |kind: usize, law: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)| self.sweep(kind, at, law);
+        let law = |kind: usize, law: &Law<'_>| self.sweep(kind, at, law);
         let laws = self.laws;
         let with_springs = passes == Passes::Full;
         for kind in 0..2 {
-            (0..INELASTIC_SWEEPS).for_each(|_| law(kind, &|t, rel| laws.inelastic_change(t, rel, dt)));
+            (0..INELASTIC_SWEEPS).for_each(|_| law(kind, &|t, approach| laws.inelastic_change(t, approach, dt)));
         }
         if with_springs {
-            (0..2).for_each(|kind| law(kind, &|t, rel| laws.elastic_change(t, rel, dt)));
+            (0..2).for_each(|kind| law(kind, &|t, approach| laws.elastic_change(t, approach, dt)));
         }
         self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
+        if at.supports.is_some() {
+            self.nodes.iter().for_each(|&node| v[node as usize] -= self.loads.get(node));
+        }
         metrics.count("repulsions", self.active - self.inverted);
         metrics.count("attractions", self.inverted);
+    }
+
+    /// Whether bodies have to bear something of what the last pass, which knew of them, did to a node.
+    pub fn is_pressed(&self, node: u32) -> bool {
+        self.seen.get(node as usize).is_some_and(|seen| *seen) && self.loads.get(node) != Vec3::zeros()
     }
 
     /// Number of active pairs at home here that had passed through each other at the positions of the last pass.
@@ -274,20 +310,42 @@ impl Repulsions {
         self.borders.put_first(&mut self.kinds);
     }
 
-    /// One Gauss-Seidel pass in the order of the colours. `change` is the change of relative velocity that the law
-    /// wants.
-    fn sweep(&self, kind: usize, at: &Moment<'_>, change: &(dyn Fn(&Touching, &Vec3) -> Option<Vec3> + Sync)) {
+    /// Before the sweeps: nothing on a body moves into it any more.
+    fn lay_down(&mut self, at: &Moment<'_>) {
+        let Some(supports) = at.supports else { return };
+        if self.loads.count() != at.nodes.cloth() {
+            self.loads = SharedVectors::new(at.nodes.cloth());
+        }
+        for &node in &self.nodes {
+            let mut load = Vec3::zeros();
+            self.velocities.set(node, &borne(&supports[node as usize], &self.velocities.get(node), &mut load));
+            self.loads.set(node, &load);
+        }
+    }
+
+    /// Gives a node the velocity that an impulse would; what bodies bear of it goes to its load.
+    fn push(&self, at: &Moment<'_>, node: u32, velocity: &Vec3) {
+        let Some(supports) = at.supports else { return self.velocities.set(node, velocity) };
+        let mut load = self.loads.get(node);
+        self.velocities.set(node, &borne(&supports[node as usize], velocity, &mut load));
+        self.loads.set(node, &load);
+    }
+
+    /// One Gauss-Seidel pass in the order of the colours. `law` gives the change of the normal velocity that it wants, from
+    /// that velocity.
+    fn sweep(&self, kind: usize, at: &Moment<'_>, law: &Law<'_>) {
         let of_kind = &self.kinds[kind];
         let one = |&i: &u32| {
             let Some(t) = &of_kind.touching[i as usize] else { return };
             let v = t.nodes.map(|node| self.velocities.get(node));
             let [a, b, c, d] = t.weights;
             let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
-            let Some(change) = change(t, &relative) else { return };
-            let impulse = change / t.response;
+            let Some(change) = law(t, relative.dot(&t.normal)) else { return };
+            let stiffer = at.supports.map_or(1.0, |supports| t.stiffer_on_bodies(supports, at.mobility, &v));
+            let impulse = self.laws.with_friction(t, &relative, change * stiffer) / t.response;
             for ((node, weight), v) in t.nodes.into_iter().zip(t.weights).zip(v) {
                 let share = weight * at.mobility[node as usize];
-                self.velocities.set(node, &(v + impulse * share));
+                self.push(at, node, &(v + impulse * share));
             }
         };
         let treat = |live: &[u32]| {
@@ -412,19 +470,17 @@ impl Laws {
     }
 
     /// Law (a): the repulsion spring.
-    fn elastic_change(&self, t: &Touching, relative: &Vec3, dt: f64) -> Option<Vec3> {
-        let normal_velocity = relative.dot(&t.normal);
+    fn elastic_change(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
         let limit = self.speed_limit(t, dt);
         let change = || (limit - normal_velocity).min(self.spring(t, dt));
-        (normal_velocity < limit).then(|| self.with_friction(t, relative, change()))
+        (normal_velocity < limit).then(change)
     }
 
     /// Law (b): approach is stopped; pairs slightly apart may still approach slowly.
-    fn inelastic_change(&self, t: &Touching, relative: &Vec3, dt: f64) -> Option<Vec3> {
-        let normal_velocity = relative.dot(&t.normal);
+    fn inelastic_change(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
         let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
         let approaches = normal_velocity < 0.0 && normal_velocity < limit;
-        approaches.then(|| self.with_friction(t, relative, limit - normal_velocity))
+        approaches.then_some(limit - normal_velocity)
     }
 
     /// Friction of a pair: the mean of what is painted on its two sides where they touch.

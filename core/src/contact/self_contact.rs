@@ -5,6 +5,7 @@
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
 mod per_collision_step;
+mod per_time_step;
 
 use rayon::prelude::*;
 
@@ -15,9 +16,10 @@ use crate::contact::geometric::{CollisionLoop, Collisions, Effort, Resolution};
 use crate::contact::neighbours::Neighbours;
 use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
-use crate::contact::repulsion::{Laws, Moment, Passes, Repulsions};
+use crate::contact::repulsion::{Laws, Repulsions};
 use crate::contact::search::PairSearch;
 use crate::contact::step_control::StepControl;
+use crate::contact::supports::Supports;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::contact::untangle::push_apart;
@@ -95,6 +97,8 @@ pub struct SelfContact {
     geometric: Option<Geometric>,
     /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
     mobility: Vec<f64>,
+    /// Bodies that the nodes of cloth lie on in B.8; empty without bodies.
+    supports: Vec<Supports>,
     paths: NodePaths,
     /// Whether some rank has vertices that no triangle has.
     has_inert: bool,
@@ -148,6 +152,7 @@ impl SelfContact {
             repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
             geometric,
             mobility: cloth_mobility(&surface),
+            supports: Vec::new(),
             paths: NodePaths::default(),
             has_inert: scene.inert().is_some(),
             cloth: Default::default(),
@@ -164,7 +169,8 @@ impl SelfContact {
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        let nodes = self.surface.node_count() * (2 * size_of::<Vec3>() + size_of::<f64>());
+        let nodes = self.surface.node_count() * (2 * size_of::<Vec3>() + size_of::<f64>())
+            + size_of_val(self.supports.as_slice());
         let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
         self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
     }
@@ -267,10 +273,10 @@ impl SelfContact {
     }
 
     /// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest distance
-    /// from the origin, which does not change when the scene is turned. What takes no part may lie anywhere.
+    /// from the scene's origin, which does not change when the scene is turned. What takes no part may lie anywhere.
     fn gap_now(&self) -> f64 {
         let (surface, x) = (&self.surface, &self.paths.start);
-        let farthest = |largest: f64, p: &Vec3| largest.max(p.norm());
+        let farthest = |largest: f64, p: &Vec3| largest.max((p - surface.origin()).norm());
         let largest = if self.has_inert {
             let corners = surface.cloth().triangles().iter().flatten().map(|node| &x[*node as usize]);
             corners.chain(&x[surface.nodes().cloth()..]).fold(0.0, farthest)
@@ -287,37 +293,6 @@ impl SelfContact {
         if surface.nodes().cloth() != mobility.len() || !surface.ranks().is_alone() {
             *mobility = cloth_mobility(surface);
         }
-    }
-
-    /// B.2: repulsion of the velocities of the half step, over the scene's local vertices.
-    pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
-        self.repel(Passes::Full, dt, x, v, metrics);
-    }
-
-    /// B.8: repulsion of the final velocities, without springs.
-    pub fn final_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
-        if let Some(repulsions) = &mut self.repulsions {
-            repulsions.positions_changed();
-        }
-        self.repel(Passes::WithoutSprings, dt, x, v, metrics);
-    }
-
-    fn repel(&mut self, passes: Passes, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
-        let Some(repulsions) = &mut self.repulsions else { return };
-        let (nodes, place, friction) = (self.surface.nodes(), self.surface.place(), self.surface.friction());
-        if nodes.ranks().is_alone() {
-            repulsions.apply(passes, &Moment { nodes, dt, x, mobility: &self.mobility, friction }, v, metrics);
-            return;
-        }
-        let [contact_x, contact_v] = &mut self.cloth;
-        for (all, own) in [(&mut *contact_x, x), (&mut *contact_v, &*v)] {
-            all.resize(nodes.cloth(), Vec3::zeros());
-            all[nodes.own()].copy_from_slice(&own[place.clone()]);
-        }
-        nodes.refresh(contact_x);
-        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility, friction };
-        repulsions.apply(passes, &at, contact_v, metrics);
-        v[place].copy_from_slice(&contact_v[nodes.own()]);
     }
 
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`

@@ -45,6 +45,8 @@ pub struct ContactSurface {
     /// Inverse masses per axis, zero where held [1/kg].
     mobility: Vec<Vec3>,
     longest_edge: f64,
+    /// What positions are counted from where single precision stores them [m].
+    origin: Vec3,
 }
 
 /// Friction of what is not painted.
@@ -76,7 +78,7 @@ impl ContactSurface {
         let bodies: Vec<BodyFaces<'_>> = shapes.filter(|_| collide).filter_map(of_body).collect();
         let surface = Self::of_share(ClothShare::of(scene, clamp), &bodies);
         let starts = scene.parts().partition().starts().iter().map(|start| *start as u32);
-        Self { nodes: surface.nodes.with_parts(starts), ..surface }
+        Self { nodes: surface.nodes.with_parts(starts), origin: scene.origin(), ..surface }
     }
 
     /// The surfaces that a rank has. All ranks call it together.
@@ -110,6 +112,7 @@ impl ContactSurface {
             edge_length: over_nodes(&nodes, share.edge_length, mean_edge),
             mobility: over_nodes(&nodes, mobility, Vec3::zeros()),
             longest_edge: ranks.max(longest),
+            origin: Vec3::zeros(),
             samples: Samples::new(&ranks, share.blocks, share.block_starts),
             nodes,
             corners,
@@ -252,6 +255,11 @@ impl ContactSurface {
         nodes.resize(self.nodes.cloth(), Vec3::zeros());
         self.first_points.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.surface_positions(*body)));
         self.nodes.refresh(nodes);
+    }
+
+    /// What positions are counted from where single precision stores them [m].
+    pub fn origin(&self) -> Vec3 {
+        self.origin
     }
 
     /// Whether all nodes of a pair are of one garment.

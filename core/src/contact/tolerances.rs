@@ -52,8 +52,8 @@ pub const USABLE_REACH: f64 = 0.98;
 /// `sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart`.
 pub const ALONG_TRIANGLE: f64 = 1e-3;
 
-/// The gap that collisions keep, in roundings to single precision of the largest coordinate. Rounding moves a point by up to
-/// √3/2 of one, and two primitives approach by twice that. Guarded by `what_is_written_in_single_precision_does_not_cross`.
+/// The gap that collisions keep, in roundings to single precision of the largest distance from the scene's origin. Rounding
+/// moves a point by up to √3/2 of one, and two primitives approach by twice that. Guarded by `what_is_written_in_single_precision_does_not_cross`.
 pub const GAP_ROUNDINGS: f64 = 4.0;
 
 /// Pairs closer than this many gaps are opened to it when they meet. Guarded by
@@ -67,3 +67,7 @@ pub const CLOSER_THAN_GAP: f64 = 0.9;
 /// Curvature of an impact zone's energy along a set of impulses, relative to the sum of those of its contacts one by
 /// one, that may be rounding: impulses that cancel each other. Guarded by `contradicting_and_hopeless_contacts_are_reported`.
 pub const ZONE_FLAT: f64 = 1e-14;
+
+/// Speed above that with which a node stays on its body, relative to both, that may be rounding: thousands of roundings of the
+/// impulses that it has got. Guarded by `a_node_on_a_body_passes_impulses_on_and_the_body_bears_them`.
+pub const RESTING: f64 = 1e-12;

@@ -58,11 +58,11 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let (scene, parts) = (context.scene, context.scene.parts());
     let mut entries = Vec::new();
     for (target, pinned) in scene.pinned().iter().enumerate() {
-        if let PinHold::Spring { damping_ratio, .. } = scene.description().pins[pinned.pin].hold {
+        if let PinHold::Spring { .. } = scene.description().pins[pinned.pin].hold {
             let stiffness = scene.pin_stiffness(pinned);
             let own = pinned.vertex as usize;
             let part = parts.part_of(own);
-            let damping = 2.0 * damping_ratio * (stiffness * scene.masses()[own]).sqrt();
+            let damping = 2.0 * scene.pin_damping_ratio(pinned) * (stiffness * scene.masses()[own]).sqrt();
             let vertex = own - parts.ranges()[part].start;
             entries.push((part, Attachment { vertex, target, stiffness, damping, active: false }));
         }

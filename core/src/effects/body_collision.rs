@@ -10,6 +10,7 @@
 //! until there is an outside again. Both are counted.
 
 mod marks;
+mod supports;
 
 use std::ops::Range;
 
@@ -18,6 +19,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::bodies::{Bodies, Body, BodyPoint};
 use crate::contact::friction::{coulomb, respond};
+use crate::contact::supports::HOLDS;
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, SLEEPS, Scope, Section};
 use crate::error::Problem;
 use crate::metrics::Metrics;
@@ -50,9 +52,6 @@ pub static SPEC: EffectSpec = EffectSpec {
 
 /// How far deforming bodies are; not there without such bodies.
 pub(crate) const SECTION: Section = Section { name: "body_collision", version: 1 };
-
-/// Bodies that can hold a vertex at the same time.
-const HOLDS: usize = 2;
 
 /// Distance beyond contact within which surfaces are looked for, in mean edge lengths: vertices farther away are left alone
 /// until they can have come closer.
@@ -273,11 +272,17 @@ impl BodyCollision {
     }
 
     /// B.7: no vertex approaches a body that it would touch in the next step, and if `rubs` friction acts with the full load.
-    /// The look-ahead is relative to the body (method 5.4). `v` are those of own vertices.
-    pub fn final_velocity(&self, bodies: &Bodies, dt: f64, rubs: bool, v: &mut [Vec3]) {
+    /// The look-ahead is relative to the body (method 5.4). `v` are those of own vertices; `concerns` tells which of them, by
+    /// their places in it, this is about.
+    pub fn final_velocity(
+        &self,
+        (bodies, dt, rubs): (&Bodies, f64, bool),
+        concerns: &(impl Fn(usize) -> bool + Sync),
+        v: &mut [Vec3],
+    ) {
         let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks).enumerate();
         chunks.for_each(|(c, ((v, contacts), marks))| {
-            for i in marked(marks.near) {
+            for i in marked(marks.near).filter(|i| concerns(c * CHUNK + i)) {
                 let v = &mut v[i];
                 for hold in contacts[i].holds.iter().flatten() {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);

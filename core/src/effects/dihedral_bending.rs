@@ -69,7 +69,7 @@ const FIELDS: &[Field] = &[
     },
 ];
 
-/// How sharp folds stay, of [`crate::effects::plastic_wrinkles`].
+/// How sharp folds of a hinge stay, of [`crate::effects::plastic_wrinkles`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Yield {
     /// Radius of a bend below which it stays [m].
@@ -96,8 +96,11 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         (here > 0.0).then(|| Rigidity::isotropic(here))
     };
     let elements = elements::of_mesh(mesh, rigidity, settings.flag("flat"));
-    let laws = Laws { damping_ratio: settings.number("damping_ratio"), yields: yields(context, garment) };
-    let (forces, bytes) = part_hinges::build(context.scene, garment, &elements, laws);
+    let laws = Laws {
+        damping_ratios: damping_ratios(settings, context, garment, &elements),
+        yields: yields(context, garment, &elements),
+    };
+    let (forces, bytes) = part_hinges::build(context.scene, garment, &elements, &laws);
     let parts = context.scene.parts();
     let first = parts.garment(garment).start;
     // Each hinge counts at the rank that owns its first vertex.
@@ -105,16 +108,23 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     Ok(Effect { forces, bytes, elements: elements.iter().filter(is_own).count(), ..Effect::default() })
 }
 
-/// What the garment asks of plastic wrinkles, if it does.
-fn yields(context: &BuildContext<'_>, garment: usize) -> Option<Yield> {
+/// Damping of each angle as a fraction of critical; where it is painted, the mean of its four vertices.
+fn damping_ratios(settings: &Settings, context: &BuildContext<'_>, garment: usize, elements: &[Element]) -> Vec<f64> {
+    let of_garment = settings.number("damping_ratio");
+    let of = |e: &Element| context.scene.painted_mean(garment, "dihedral_bending_damping", &e.vertices, of_garment);
+    elements.iter().map(of).collect()
+}
+
+/// What the garment asks of plastic wrinkles, if it does, for each hinge; what is painted is the mean of its four vertices.
+fn yields(context: &BuildContext<'_>, garment: usize, elements: &[Element]) -> Option<Vec<Yield>> {
     let spec = find("plastic_wrinkles")?;
     let mut requests = context.scene.description().effects.iter();
     let request = requests.find(|request| request.effect == spec.name && request.garment == Some(garment))?;
     // Settings that do not fit are reported where that effect is built.
     let settings = Settings::check(spec.fields, &request.settings).ok()?;
-    Some(Yield {
-        radius: settings.number("yield_radius"),
-        hardening: settings.number("hardening"),
-        largest: settings.number("largest_angle"),
-    })
+    let of = |e: &Element| {
+        let here = |name: &str| context.scene.painted_mean(garment, name, &e.vertices, settings.number(name));
+        Yield { radius: here("yield_radius"), hardening: here("hardening"), largest: here("largest_angle") }
+    };
+    Some(elements.iter().map(of).collect())
 }

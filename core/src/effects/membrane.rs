@@ -127,6 +127,8 @@ struct TriangleElement {
     weight: f64,
     /// Largest stiffness that a motion of the corners meets [N/m].
     stiffness: f64,
+    /// Damping as a fraction of critical.
+    damping_ratio: f64,
 }
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
@@ -145,11 +147,11 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         return Err(Problem::scene(place, "`grain` has no direction", "write for example grain = [0, 1, 0]"));
     }
     let moduli = moduli(settings);
-    let warp = |corners| turned(warp_at_rest(grain, corners), corners, settings.number("grain_angle"));
-    let mut elements = elements(context, garment, &moduli, warp);
+    let warp = |corners, angle| turned(warp_at_rest(grain, corners), corners, angle);
+    let mut elements = elements(settings, (context, garment), &moduli, warp);
     let (count, notes) = soften(&mut elements, context, settings.number("thin_triangles"));
     weigh(&mut elements, context, garment);
-    let (forces, bytes) = part_membrane::build(context.scene, &elements, moduli, settings.number("damping_ratio"));
+    let (forces, bytes) = part_membrane::build(context.scene, &elements, moduli);
     Ok(Effect { forces, elements: count, bytes, notes, ..Effect::default() })
 }
 
@@ -180,18 +182,27 @@ fn turned(direction: Vec3, corners: [Vec3; 3], angle: f64) -> Vec3 {
 
 /// The triangles with a vertex of this rank.
 fn elements(
-    context: &BuildContext<'_>,
-    garment: usize,
+    settings: &Settings,
+    (context, garment): (&BuildContext<'_>, usize),
     moduli: &Moduli,
-    warp: impl Fn([Vec3; 3]) -> Vec3,
+    warp: impl Fn([Vec3; 3], f64) -> Vec3,
 ) -> Vec<TriangleElement> {
     let (parts, mesh) = (context.scene.parts(), &context.scene.meshes()[garment]);
     let first = parts.garment(garment).start;
+    let [angle, damping] = ["grain_angle", "damping_ratio"].map(|name| settings.number(name));
     let element = |corners: &[u32; 3]| {
+        let painted = |of: &str, of_garment| context.scene.painted_mean(garment, of, corners, of_garment);
         let rest = corners.map(|v| mesh.rest_positions()[v as usize]);
-        let (gradients, area) = gradients(rest, warp(rest));
+        let (gradients, area) = gradients(rest, warp(rest, painted("grain_angle", angle)));
         let stiffness = area * largest_stiffness(&gradients, moduli);
-        TriangleElement { corners: corners.map(|v| first + v as usize), gradients, weight: area, stiffness }
+        let damping_ratio = painted("membrane_damping", damping);
+        TriangleElement {
+            corners: corners.map(|v| first + v as usize),
+            gradients,
+            weight: area,
+            stiffness,
+            damping_ratio,
+        }
     };
     let is_near = |corners: &&[u32; 3]| corners.iter().any(|v| parts.own().contains(&(first + *v as usize)));
     mesh.triangles().iter().filter(is_near).map(element).collect()

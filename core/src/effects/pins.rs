@@ -138,10 +138,7 @@ impl PinTargets {
         built.active = vec![false; built.targets.len()];
         built.breakable = scene.description().pins.iter().any(|pin| pin.hold.break_force().is_some());
         if built.breakable {
-            let reach = |pinned: &Pinned| {
-                let force = scene.description().pins[pinned.pin].hold.break_force();
-                force.map_or(f64::INFINITY, |force| force / scene.pin_stiffness(pinned))
-            };
+            let reach = |pinned: &Pinned| scene.pin_break_force(pinned) / scene.pin_stiffness(pinned);
             built.reaches = scene.pinned().iter().map(reach).collect();
             built.broken_at = vec![f64::INFINITY; built.targets.len()];
         }

@@ -111,14 +111,14 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let counted = corners.iter().zip(springs.chunks(3)).filter(|(corners, _)| is_own(corners));
     let lengths: Vec<f64> = counted.map(|(_, springs)| shortest(springs)).collect();
     let (stiffnesses, _, notes) = springs::stiffnesses_of(settings, context, "shear", (&springs, &lengths))?;
-    let damping_ratio = settings.number("damping_ratio");
+    let damping_ratios = springs::damping_ratios(settings, context, "shear", &springs);
     let triangle = |number: usize| {
         let inverse = corners[number].map(|corner| 1.0 / scene.masses()[corner]);
         let altitude = |corner: usize| {
             let (spring, stiffness) = (3 * number + corner, stiffnesses[3 * number + corner]);
             // The foot of an altitude is taken to be in the middle of its edge.
             let edge = (inverse[(corner + 1) % 3] + inverse[(corner + 2) % 3]) / 4.0;
-            let damping = 2.0 * damping_ratio * (stiffness / (inverse[corner] + edge)).sqrt();
+            let damping = 2.0 * damping_ratios[spring] * (stiffness / (inverse[corner] + edge)).sqrt();
             Altitude { rest_length: springs[spring].rest_length, stiffness, damping }
         };
         let altitudes = [0, 1, 2].map(altitude);

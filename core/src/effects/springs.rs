@@ -109,16 +109,27 @@ pub fn build_effect(
     let counts = elements.iter().filter(|e| e.vertices.iter().min().is_some_and(|first| is_own(*first)));
     let lengths: Vec<f64> = counts.map(|e| e.rest_length).collect();
     let (stiffnesses, shortest, notes) = stiffnesses_of(settings, context, name, (&elements, &lengths))?;
-    let damping_ratio = settings.number("damping_ratio");
+    let damping_ratios = damping_ratios(settings, context, name, &elements);
     let (forces, bytes) = part_springs::build(
         context.scene,
         garment,
-        &elements,
+        (&elements, measures_strain),
         (&stiffnesses, shortest),
-        damping_ratio,
-        measures_strain,
+        &damping_ratios,
     );
     Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
+}
+
+/// Damping of each spring as a fraction of critical; where it is painted, the mean of its ends.
+pub(super) fn damping_ratios(
+    settings: &Settings,
+    context: &BuildContext<'_>,
+    name: &str,
+    elements: &[SpringElement],
+) -> Vec<f64> {
+    let (map, of_garment) = (format!("{name}_damping"), settings.number("damping_ratio"));
+    let painted = context.garment.and_then(|garment| context.scene.painted(garment, &map));
+    elements.iter().map(|e| painted.map_or(of_garment, |map| map.mean(&e.vertices, of_garment))).collect()
 }
 
 /// Stiffness of each spring [N/m] as the settings say, the length to which shorter ones are softened [m], and notes for the

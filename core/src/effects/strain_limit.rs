@@ -123,10 +123,12 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     // Not all edges of a ghost are here.
     parts.halo().refresh(parts.ranks(), &mut valence);
     let (longest, painted) = (settings.number("limit"), scene.painted(garment, SPEC.name));
-    let shortest = settings.optional("compression").map_or(0.0, |share| 1.0 - share);
+    let compression = settings.optional("compression");
     let limits = |edge: usize| {
-        let longest = painted.map_or(longest, |map| map.mean(&mesh.edges()[edge].vertices, longest));
-        Limits { longest: 1.0 + longest, shortest }
+        let ends = &mesh.edges()[edge].vertices;
+        let longest = painted.map_or(longest, |map| map.mean(ends, longest));
+        let shortening = compression.map(|share| scene.painted_mean(garment, "compression", ends, share));
+        Limits { longest: 1.0 + longest, shortest: shortening.map_or(0.0, |share| (1.0 - share).max(0.0)) }
     };
     let edges = part_edges::of_parts(parts, mesh, &ends, limits);
     let limit = StrainLimit {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::scene::Scene;
+use crate::scene::{PinHold, Pinned, Scene};
 
 /// What can be painted, and the effects of which one has to look at it; none for what every garment has.
 pub const MAPS: &[(&str, &[&str])] = &[
@@ -13,10 +13,22 @@ pub const MAPS: &[(&str, &[&str])] = &[
     ("stretch", &["stretch"]),
     ("shear", &["shear"]),
     ("membrane", &["membrane"]),
+    ("grain_angle", &["membrane"]),
     ("bending", &["bending"]),
     ("dihedral_bending", &["dihedral_bending"]),
+    ("stretch_damping", &["stretch"]),
+    ("shear_damping", &["shear"]),
+    ("membrane_damping", &["membrane"]),
+    ("bending_damping", &["bending"]),
+    ("dihedral_bending_damping", &["dihedral_bending"]),
+    ("yield_radius", &["plastic_wrinkles"]),
+    ("hardening", &["plastic_wrinkles"]),
+    ("largest_angle", &["plastic_wrinkles"]),
     ("strain_limit", &["strain_limit"]),
+    ("compression", &["strain_limit"]),
     ("pins", &["attachments"]),
+    ("pin_damping", &["attachments"]),
+    ("break_force", &["attachments"]),
     ("wind", &["wind"]),
     ("ether_drag", &["ether_drag"]),
 ];
@@ -54,6 +66,12 @@ impl Scene {
         self.painted[garment].get(of)
     }
 
+    /// The mean of a garment's quantity at some vertices of its mesh, or what the whole garment has if it is not painted.
+    #[cfg(any(feature = "effect-membrane", feature = "effect-dihedral_bending", feature = "effect-strain_limit"))]
+    pub(crate) fn painted_mean(&self, garment: usize, of: &str, vertices: &[u32], of_garment: f64) -> f64 {
+        self.painted(garment, of).map_or(of_garment, |map| map.mean(vertices, of_garment))
+    }
+
     /// What turns a quantity of all garments into that of each local vertex: it is multiplied by the first number, and the second
     /// is added. `None` if no garment has it painted.
     pub fn painted_everywhere(&self, of: &str) -> Option<Vec<[f64; 2]>> {
@@ -68,5 +86,31 @@ impl Scene {
             }
         }
         Some(all)
+    }
+
+    /// Stiffness of the spring of a pinned vertex [N/m]; zero for one that is held hard.
+    pub(crate) fn pin_stiffness(&self, pinned: &Pinned) -> f64 {
+        let PinHold::Spring { stiffness, .. } = self.description().pins[pinned.pin].hold else { return 0.0 };
+        self.painted_at_pin(pinned, "pins", stiffness)
+    }
+
+    /// Damping of the spring of a pinned vertex as a fraction of critical; zero for one that is held hard.
+    #[cfg(feature = "effect-attachments")]
+    pub(crate) fn pin_damping_ratio(&self, pinned: &Pinned) -> f64 {
+        let PinHold::Spring { damping_ratio, .. } = self.description().pins[pinned.pin].hold else { return 0.0 };
+        self.painted_at_pin(pinned, "pin_damping", damping_ratio)
+    }
+
+    /// Force at which the spring of a pinned vertex breaks [N]; infinite for one that never does.
+    pub(crate) fn pin_break_force(&self, pinned: &Pinned) -> f64 {
+        let force = self.description().pins[pinned.pin].hold.break_force();
+        force.map_or(f64::INFINITY, |force| self.painted_at_pin(pinned, "break_force", force))
+    }
+
+    /// A quantity of a pin, as painted at one of its vertices if it is.
+    fn painted_at_pin(&self, pinned: &Pinned, of: &str, of_pin: f64) -> f64 {
+        let garment = self.description().pins[pinned.pin].garment;
+        let vertex = pinned.vertex as usize - self.parts().garment(garment).start;
+        self.painted(garment, of).map_or(of_pin, |map| map.at(vertex, of_pin))
     }
 }

@@ -15,6 +15,7 @@ use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
 use crate::scene::painted::PaintedMaps;
+use crate::scene::place::check_origin;
 use crate::scene::sewn::Sewn;
 use crate::scene::share::{self, HandingOut, Received};
 use crate::scene::{
@@ -47,8 +48,9 @@ impl Scene {
         let handed = HandingOut::begin(ranks, description, &mut problems).ok_or_else(broken)?;
         agree(ranks, problems)?;
         let received = handed.finish(ranks).ok_or_else(broken)?;
-        let scene = Self::derive(received);
+        let mut scene = Self::derive(received);
         agree(ranks, check_inert(&scene.description, &scene.parts, &scene.sewn, scene.inert()))?;
+        scene.settle_origin();
         Ok(scene)
     }
 
@@ -99,6 +101,7 @@ impl Scene {
 fn check_description(description: &SceneDescription) -> Vec<Problem> {
     let mut problems = Vec::new();
     check_solver(description, &mut problems);
+    check_origin(description, &mut problems);
     check_names(description, &mut problems);
     for garment in &description.garments {
         check_garment(garment, &mut problems);

@@ -52,7 +52,7 @@ wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(valu
 wire!(struct EffectRequest { effect, garment, settings, because });
 wire!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
 wire!(struct WindGridShape { origin, spacing, counts });
-wire!(struct SceneDescription { name, timeline, solver, garments, bodies, pins, seams, wind, effects, left_out });
+wire!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, wind, effects, left_out });
 wire!(struct Pinned { number, pin, row, vertex, attachment });
 wire!(struct Follower { vertex, leader, offset });
 wire!(struct Sewn { number, seam, ends, gap });
@@ -88,6 +88,7 @@ mod tests {
     fn a_description_comes_back_as_it_was() {
         let mut description = SceneDescription::new("wired");
         description.timeline.start = -12;
+        description.origin = Some(Vec3::new(1e5, 0.0, -3.0));
         description.solver.max_dt = Some(0.01);
         description.solver.integrator = Integrator::Implicit;
         description.solver.body_friction = BodyFriction::PositionHalf;

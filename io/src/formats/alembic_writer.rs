@@ -1,7 +1,8 @@
 //! Alembic caches: the garment as the artist made it, moving.
 //!
-//! One file a garment with one mesh at the object path of the source, under one identity transform a level, points in
-//! world space in the file's unit. Uniform sampling: the first sample is the first delivered frame, at frame / fps.
+//! One file a garment with one mesh at the object path of the source, under one transform a level. All of these are the
+//! identity, points being in world space in the file's unit, but for the mesh's own where positions are counted from an origin
+//! ([`CachePlan::origin`]): it moves them there. Uniform sampling: the first sample is the first delivered frame, at frame / fps.
 //! Faces, UVs, face sets and other attributes are written once; positions, velocities per second and bounds with every
 //! frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
 //! and with every frame [`CROSSINGS`] if the shot counts them. The file is committed after every frame, so it is a valid
@@ -15,8 +16,8 @@ use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
     AlembicError, Archive, ArchiveMark, ArchiveOptions, ArchiveWriter, Bounds, DataType, Durability, EMPTY_BOUNDS,
-    GeomParamSpec, GeomParamWriter, Indexed, MetaData, PodType, PolyMesh, PolyMeshSample, PolyMeshWriter, PropertyId,
-    Scope, TimeSampling, Topology, XformWriter, write_face_set,
+    GeomParamSpec, GeomParamWriter, IDENTITY, Indexed, Matrix, MetaData, PodType, PolyMesh, PolyMeshSample,
+    PolyMeshWriter, PropertyId, Scope, TimeSampling, Topology, XformWriter, write_face_set,
 };
 use drapery_core::mesh::MeshStream;
 
@@ -43,6 +44,8 @@ pub struct AlembicWriter {
     options: ArchiveOptions,
     properties: Vec<(&'static str, String)>,
     units: Units,
+    /// What positions are counted from, in the file's unit and axes, if not from the origin of the world.
+    origin: Option<[f64; 3]>,
     sampling: TimeSampling,
     first_frame: i64,
     velocities: bool,
@@ -87,6 +90,7 @@ struct Open {
 struct Declared {
     mesh: PolyMeshWriter,
     sampling: u32,
+    origin: Option<[f64; 3]>,
     crossings: Option<PropertyId>,
 }
 
@@ -119,6 +123,7 @@ impl AlembicWriter {
             options,
             properties,
             units: plan.units,
+            origin: plan.file_origin(),
             sampling: TimeSampling::uniform(plan.file_time(plan.first_frame), plan.timeline.frame_duration())?,
             first_frame: plan.first_frame,
             velocities: plan.velocities,
@@ -171,11 +176,13 @@ impl AlembicWriter {
         let mut names: Vec<&str> = self.object_path.split('/').filter(|name| !name.is_empty()).collect();
         let shape = names.pop().unwrap_or("mesh");
         let mut parent = archive.root();
-        for name in names {
-            parent = XformWriter::still(archive, parent, name, None)?.object();
+        let own = names.len().saturating_sub(1);
+        for (level, name) in names.into_iter().enumerate() {
+            let matrix = self.origin.filter(|_| level == own).map(shift);
+            parent = XformWriter::still(archive, parent, name, matrix.as_ref())?.object();
         }
         let mesh = PolyMeshWriter::declare(archive, parent, shape, sampling)?;
-        Ok(Declared { mesh, sampling, crossings: None })
+        Ok(Declared { mesh, sampling, origin: self.origin, crossings: None })
     }
 
     /// Declares everything that a file of this plan with so many frames has.
@@ -285,7 +292,12 @@ impl AlembicWriter {
 impl Declared {
     fn write(&mut self, archive: &mut ArchiveWriter, sample: &PolyMeshSample<'_>) -> Result<(), AlembicError> {
         self.mesh.write(archive, sample)?;
-        archive.write_archive_bounds(self.sampling, &sample.bounds.unwrap_or(EMPTY_BOUNDS))
+        let mut bounds = sample.bounds.unwrap_or(EMPTY_BOUNDS);
+        if let Some(origin) = self.origin {
+            // Those of the archive are in the world.
+            bounds.iter_mut().zip(origin.iter().cycle()).for_each(|(bound, origin)| *bound += origin);
+        }
+        archive.write_archive_bounds(self.sampling, &bounds)
     }
 
     fn write_crossings(&self, archive: &mut ArchiveWriter, count: Option<u32>) -> Result<(), AlembicError> {
@@ -409,6 +421,13 @@ fn not_continued(path: &Path, mark: &CacheMark, error: AlembicError) -> IoError 
         AlembicError::NotOgawa { reason, .. } => cannot_continue(path, frame, reason),
         _ => cannot_continue(path, frame, "it is no longer the archive that was written"),
     }
+}
+
+/// The transform that moves what is counted from an origin to where it is.
+fn shift(origin: [f64; 3]) -> Matrix {
+    let mut matrix = IDENTITY;
+    matrix[12..15].copy_from_slice(&origin);
+    matrix
 }
 
 fn bounds_of(positions: &[[f32; 3]]) -> Bounds {

@@ -9,9 +9,11 @@
 //! back to zeros. Only when the planned range is another than before, the file is made anew beside the old one, its
 //! frames are copied, and it takes the old one's name.
 //!
+//! What the file is about stands in the attributes of its root (`docs/reference/hdf5_cache.md`).
+//!
 //! | dataset | shape | type | content |
 //! |---|---|---|---|
-//! | `positions` | (frames, points, 3) | f32 | in the file's unit and up axis |
+//! | `positions` | (frames, points, 3) | f32 | in the file's unit and up axis, counted from the attribute `origin` if there is one |
 //! | `velocities` | (frames, points, 3) | f32 | per second, only if asked for |
 //! | `times` | (frames) | f64 | frame / fps [s] |
 //! | `frame_numbers` | (frames) | i64 | |
@@ -291,6 +293,9 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
         properties.push((name.to_owned(), text(name)?));
     }
     properties.push(("fps".into(), file.attr("fps")?.read_scalar::<f64>()?.to_string()));
+    if let Some([x, y, z]) = stored::origin(&file)? {
+        properties.push((stored::ORIGIN.to_owned(), format!("[{x}, {y}, {z}]")));
+    }
     if let Some((first, last)) = frames.first().zip(frames.last()) {
         properties.push(("planned frames".into(), format!("{first}-{last}")));
     }
@@ -332,6 +337,7 @@ mod tests {
             garment: "flag",
             mesh,
             units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
+            origin: Vec3::zeros(),
             timeline: Timeline::default(),
             first_frame: 1001,
             last_frame: 1004,

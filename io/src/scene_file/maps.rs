@@ -157,4 +157,13 @@ mod tests {
         assert!(attribute(&data, "thik").unwrap_err().contains("thick"));
         assert!(attribute(&data, "corner").unwrap_err().contains("for each point"));
     }
+
+    #[test]
+    fn every_map_of_the_solver_can_be_written_in_a_scene() {
+        for (name, _) in drapery_core::scene::painted::MAPS {
+            let scene = serde_json::json!({ "name": "shirt", "maps": { *name: "file:map.txt" } });
+            let garment: Garment = serde_json::from_value(scene).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(garment.maps.written(), [(*name, "file:map.txt")]);
+        }
+    }
 }

@@ -225,6 +225,9 @@ impl Resolver<'_> {
         let frames = self.check(&here.key("frames"), frame_range(&shot.frames));
         let ((fps_numerator, fps_denominator), (first, last)) = (fps?, frames?);
         let start = first - self.preroll.frames();
+        if let raw::Origin::At(place) = shot.origin {
+            self.description.origin = Some(place.into());
+        }
         self.timeline = Timeline { fps_numerator, fps_denominator, origin: first, start };
         self.description.timeline = self.timeline;
         Some((first, last))

@@ -93,7 +93,9 @@ fn write_cloth(shot: &Shot, path: &Path, (name, vertices): (&str, &[u32])) -> Re
     let sampling = archive.add_time_sampling(TimeSampling::frames(0.0, 1.0)?)?;
     let root = archive.root();
     let xform = XformWriter::declare(&mut archive, root, &shot.about.garments[garment], sampling)?;
-    xform.write(&mut archive, &IDENTITY)?;
+    let mut place = IDENTITY;
+    place[12..15].copy_from_slice(shot.about.output.units.from_si(shot.origin()).as_slice());
+    xform.write(&mut archive, &place)?;
     let mut cloth = PolyMeshWriter::declare(&mut archive, xform.object(), "clothShape", sampling)?;
     if !faces.is_empty() {
         write_face_set(&mut archive, cloth.object(), "concerned", &faces, false)?;

@@ -143,14 +143,14 @@ impl Crew {
     pub(super) fn stored(&self, garment: usize, field: Field, units: Units) -> Vec<[f32; 3]> {
         let velocities = field == Field::Velocities;
         give(&self.ranks, Order::Stored { garment, velocities, units });
-        self.simulation.stored(garment, field, &|v| units.stored(*v)).expect("rank 0 gets what is stored")
+        stored(&self.simulation, garment, field, units).expect("rank 0 gets what is stored")
     }
 
     /// Number of pairs of an edge and a triangle of cloth that meet in what caches in `units` store: rounded to single
     /// precision in the file's unit, cloth that is free of crossings in the solver's doubles might touch.
     pub(super) fn crossings_of_stored(&mut self, units: Units) -> u32 {
         give(&self.ranks, Order::Crossings { units });
-        self.simulation.crossings_when(&as_stored(units))
+        crossings_of_stored(&mut self.simulation, units)
     }
 
     /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.
@@ -250,9 +250,9 @@ impl Follower {
             Order::Agree => drop(agree(ranks, poll())),
             Order::Stored { garment, velocities, units } => {
                 let field = if velocities { Field::Velocities } else { Field::Positions };
-                self.started().stored(garment, field, &|v| units.stored(*v));
+                stored(self.started(), garment, field, units);
             }
-            Order::Crossings { units } => drop(self.started().crossings_when(&as_stored(units))),
+            Order::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
             Order::State => drop(state(ranks, self.started())),
             Order::Save => self.started().save(None),
             // Not the simulation's business.
@@ -300,7 +300,18 @@ fn agree(ranks: &Ranks, own: Option<Request>) -> Option<Request> {
     if ranks.is_alone() { own } else { Request::of_urgency(ranks.max(Request::urgency(own))) }
 }
 
-/// Where a vertex is in a cache [m].
-fn as_stored(units: Units) -> impl Fn(&Vec3) -> Vec3 + Sync {
-    move |position| Vec3::from(units.stored(*position).map(f64::from))
+/// A field of a garment as caches in `units` store it; on rank 0.
+fn stored(simulation: &Simulation, garment: usize, field: Field, units: Units) -> Option<Vec<[f32; 3]>> {
+    let origin = simulation.scene().origin();
+    match field {
+        Field::Positions => simulation.stored(garment, field, &|x| units.stored_from(origin, *x)),
+        Field::Velocities => simulation.stored(garment, field, &|v| units.stored(*v)),
+    }
+}
+
+/// Crossings of cloth with cloth where caches in `units` have its vertices, counted from their origin as they are stored:
+/// nothing is rounded but what the caches round.
+fn crossings_of_stored(simulation: &mut Simulation, units: Units) -> u32 {
+    let origin = simulation.scene().origin();
+    simulation.crossings_when(&|x| Vec3::from(units.stored_from(origin, *x).map(f64::from)))
 }

@@ -52,6 +52,11 @@ impl Earlier {
         self.fingerprint.as_ref().is_some_and(|then| stored(then) != stored(now))
     }
 
+    /// What positions in its caches are counted from [m]; the origin of the world in folders of older programs.
+    pub(super) fn origin(&self) -> [f64; 3] {
+        serde_json::from_value(self.manifest["origin"].clone()).unwrap_or_default()
+    }
+
     /// Whether it has come far enough for anything to depend on what it was: a delivered frame or a checkpoint.
     pub(super) fn has_begun(&self, folder: &Path) -> bool {
         self.last_complete_frame().is_some() || store::list(folder).is_ok_and(|checkpoints| !checkpoints.is_empty())

@@ -328,6 +328,7 @@ fn cache_plan(shot: &Shot, garment: usize) -> CachePlan<'_> {
         garment: &about.garments[garment],
         mesh: &shot.garments[garment],
         units: about.output.units,
+        origin: shot.origin(),
         timeline: about.timeline,
         first_frame: about.timeline.origin,
         last_frame: about.last_frame,
@@ -340,11 +341,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
     let about = &shot.about;
     let garments = garment_names(shot).zip(&shot.garments).enumerate().map(|(index, (name, mesh))| ManifestGarment {
         name: name.to_owned(),
-        object_path: if mesh.object_path().is_empty() {
-            format!("/{name}/{name}Shape")
-        } else {
-            mesh.object_path().to_owned()
-        },
+        object_path: cache_plan(shot, index).object_path(),
         points: mesh.point_count(),
         files: planned.iter().filter(|cache| cache.garment == index).map(|cache| file_name(&cache.path)).collect(),
     });
@@ -360,6 +357,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         fps: format!("{}/{}", about.timeline.fps_numerator, about.timeline.fps_denominator),
         length_unit: about.output.units.length.word().to_owned(),
         up_axis: format!("{:?}", about.output.units.up),
+        origin: shot.origin().into(),
         garments: garments.collect(),
         threads: options.threads,
         command: Some(options.command.clone()),

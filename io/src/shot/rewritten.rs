@@ -1,5 +1,6 @@
 //! Caches that a run goes on with in another form than it began: a format more, or without velocities. The frames that are
-//! there are written anew from a cache that holds them; both store single precision, so nothing is lost.
+//! there are written anew from a cache that holds them; both store single precision, so nothing is lost. Only where a change that
+//! was insisted on has moved their origin, positions are rounded once more.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -51,18 +52,30 @@ impl NewForm<'_> {
         for frame in self.plan.first_frame..=last {
             let sample = frames.meshes()[0].frames.binary_search(&frame);
             let sample = sample.map_err(|_| lacks(format!("frame {frame} is missing in it")))?;
-            let positions = frames.positions(0, sample)?;
+            let positions = self.positions(&frames, sample)?;
             let velocities = match frames.velocities(0, sample)? {
                 Some(velocities) => velocities,
                 None if self.plan.velocities => return Err(lacks("it holds no velocities".to_owned())),
                 None => Vec::new(),
             };
             let crossings = self.plan.crossings.then(|| crossings.get(&frame).copied().unwrap_or(0));
-            let [positions, velocities] = [positions, velocities].map(|vectors| self.plan.units.stored_all(&vectors));
+            let velocities = self.plan.units.stored_all(&velocities);
             let (positions, velocities) = (&positions[..], &velocities[..]);
             writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
         }
         Ok(())
+    }
+
+    /// Positions of a frame as the new form stores them.
+    fn positions(&self, frames: &CacheFrames, sample: usize) -> Result<Vec<[f32; 3]>, IoError> {
+        let (units, origin) = (self.plan.units, self.plan.file_origin().unwrap_or_default());
+        match frames.stored_positions(0, sample)? {
+            Some(stored) if (stored.units, stored.origin) == (units, origin) => Ok(stored.points),
+            _ => {
+                let world = frames.positions(0, sample)?;
+                Ok(world.iter().map(|x| units.stored_from(self.plan.origin, *x)).collect())
+            }
+        }
     }
 }
 

@@ -253,6 +253,7 @@ impl Shot {
             "last_frame": self.about.last_frame,
             "threads": threads,
             "ranks": self.crew.ranks().count(),
+            "origin": <[f64; 3]>::from(self.origin()),
             "effects": self.simulation().plan().iter().map(effect).collect::<Vec<_>>(),
         })
     }
@@ -297,7 +298,10 @@ impl<'a> Run<'a> {
         {
             observer.note("what is simulated again was set aside in the folder `stale`".to_owned());
         }
-        let other_form = earlier.as_ref().is_some_and(|earlier| earlier.stores_other_velocities(&fingerprint));
+        let differs = |earlier: &Earlier| {
+            earlier.stores_other_velocities(&fingerprint) || earlier.origin() != <[f64; 3]>::from(shot.origin())
+        };
+        let other_form = earlier.as_ref().is_some_and(differs);
         let mut attempts = earlier.map_or_else(Vec::new, |earlier| earlier.attempts);
         attempts.push(AttemptRecord {
             attempt: attempt.number,

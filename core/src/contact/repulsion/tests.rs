@@ -1,5 +1,6 @@
 use super::*;
 use crate::contact::search::PairSearch;
+use crate::contact::supports::Support;
 use crate::contact::surface::ContactSurface;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
@@ -65,7 +66,8 @@ impl Pushed {
 
     fn apply(&mut self, passes: Passes, dt: f64) -> Metrics {
         let mut metrics = Metrics::default();
-        let at = Moment { nodes: &self.nodes, dt, x: &self.x, mobility: &self.mobility, friction: None };
+        let at =
+            Moment { nodes: &self.nodes, dt, x: &self.x, mobility: &self.mobility, friction: None, supports: None };
         self.repulsions.apply(passes, &at, &mut self.v, &mut metrics);
         metrics
     }
@@ -78,7 +80,14 @@ impl Pushed {
 
     /// The signed distance of the only pair that is active.
     fn distance(&mut self) -> Option<f64> {
-        let at = Moment { nodes: &self.nodes, dt: 1.0, x: &self.x, mobility: &self.mobility, friction: None };
+        let at = Moment {
+            nodes: &self.nodes,
+            dt: 1.0,
+            x: &self.x,
+            mobility: &self.mobility,
+            friction: None,
+            supports: None,
+        };
         self.repulsions.refresh(&at);
         let kinds = &self.repulsions.kinds;
         kinds.iter().flat_map(|k| &k.touching).flatten().map(|t| t.distance).min_by(f64::total_cmp)
@@ -208,4 +217,79 @@ fn a_free_node_is_not_thrown_by_held_ones() {
     // No faster than the pair may part.
     let (speed, allowed) = (pushed.v[free].norm(), LAWS.limit / dt * (THICKNESS - 0.025));
     assert!(speed > 0.0 && speed < allowed, "{speed} m/s of {allowed} m/s");
+}
+
+#[test]
+fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
+    // The corner over the triangle falls; then the triangle, with the corner under it.
+    for falls in [0, 1] {
+        let scene = &scenes()[0];
+        let mut pushed = Pushed::new(scene, LAWS);
+        let corner = (3..6).find(|i| pushed.x[*i].y < 0.1).expect("the corner is the lowest");
+        let up = if falls == 0 { Vec3::y() } else { -Vec3::y() };
+        let lies: Vec<usize> = if falls == 0 { (0..3).collect() } else { vec![corner] };
+        let mut supports = vec![Supports::default(); 6];
+        // The body moves, so that nothing depends on its standing still.
+        let least = 0.25;
+        lies.iter().for_each(|i| supports[*i][0] = Some(Support { normal: up, least }));
+        let start = up * least + Vec3::new(0.01, 0.0, 0.02);
+        pushed.v.fill(start);
+        let falling: Vec<usize> = if falls == 0 { vec![corner] } else { (0..3).collect() };
+        falling.iter().for_each(|i| pushed.v[*i] -= up);
+        let momentum = |p: &Pushed| -> f64 { p.mobility.iter().zip(&p.v).map(|(w, v)| v.dot(&up) / w).sum() };
+        let (before, at_start) = (momentum(&pushed), pushed.v.clone());
+        let mut metrics = Metrics::default();
+        let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
+        let at = Moment { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+        pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut metrics);
+        let bears = (before - momentum(&pushed)).abs();
+        assert!(bears < 1e-12, "what was given and what bodies have to bear differ by {bears} N s");
+        // The first impulse on a node stops all of the approach: no sweep is needed to wear it down.
+        let active = pushed.repulsions.kinds[0].touching.iter().flatten().next().expect("a corner over a triangle");
+        let stopped = |i: &u32| {
+            let lies_here = lies.contains(&(*i as usize));
+            if lies_here { start } else { pushed.v[*i as usize] }
+        };
+        let approach: f64 =
+            active.nodes.iter().zip(active.weights).map(|(i, w)| stopped(i).dot(&active.normal) * w).sum();
+        assert!(approach.abs() < 1e-12, "{approach} m/s are left");
+        let laid = |i: &usize| (pushed.v[*i] - at_start[*i]).dot(&up);
+        assert!(lies.iter().all(|i| laid(i) < 0.0), "the body gets a load");
+    }
+}
+
+#[test]
+fn friction_between_a_node_on_a_body_and_another_is_coulombs_of_all_that_it_bears() {
+    for friction in [0.05, 0.4] {
+        let mut pushed = Pushed::new(&scenes()[0], Laws { friction, ..LAWS });
+        let mut supports = vec![Supports::default(); 6];
+        supports[..3].iter_mut().for_each(|s| s[0] = Some(Support { normal: Vec3::y(), least: 0.0 }));
+        pushed.v[3..].fill(Vec3::new(1.0, -1.0, 0.0));
+        let impulse = |p: &Pushed, v: &[Vec3]| -> Vec3 { (3..6).map(|i| (p.v[i] - v[i]) / p.mobility[i]).sum() };
+        let at_start = pushed.v.clone();
+        let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
+        let at = Moment { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+        pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut Metrics::default());
+        let given = impulse(&pushed, &at_start);
+        assert!((-given.x / given.y - friction).abs() < 1e-9, "{} for {friction}", -given.x / given.y);
+    }
+}
+
+#[test]
+fn nodes_between_two_bodies_are_not_thrown() {
+    // The corner stands over the triangle's edge, nearly, and bodies bear all but the third corner.
+    let scene = two_triangles([[0.009, 0.025, 0.0], [0.4, 0.8, 0.2], [0.4, 0.8, -0.2]]);
+    let mut pushed = Pushed::new(&scene, LAWS);
+    let free = (0..3).find(|i| pushed.x[*i].x > 0.4).expect("the triangle has a third corner");
+    let mut supports = vec![Supports::default(); 6];
+    for i in (0..6).filter(|i| *i != free) {
+        let normal = if i < 3 { Vec3::y() } else { -Vec3::y() };
+        supports[i][0] = Some(Support { normal, least: 0.0 });
+    }
+    pushed.v[free] = Vec3::y();
+    let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
+    let at = Moment { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+    pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut Metrics::default());
+    let speed = pushed.v[free].norm();
+    assert!(speed <= 1.0, "{speed} m/s");
 }

@@ -27,7 +27,7 @@ impl SelfContact {
         let mean = |(end, start): (&Vec3, &Vec3)| (end - start) / duration;
         average.clear();
         average.extend(ends.iter().zip(start).map(mean));
-        let at = Moment { nodes, dt: duration, x: start, mobility, friction: surface.friction() };
+        let at = Moment { nodes, dt: duration, x: start, mobility, friction: surface.friction(), supports: None };
         repulsions.apply(Passes::Full, &at, average, metrics);
         for (node, vertex) in nodes.own().zip(place) {
             let free = surface.mobility()[node].map(|mobility| f64::from(u8::from(mobility > 0.0)));

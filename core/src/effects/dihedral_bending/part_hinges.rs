@@ -47,13 +47,13 @@ impl Gradient {
     }
 }
 
-/// What the hinges of a garment share.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+/// What holds for each hinge of a garment beside its moments.
+#[derive(Debug)]
 pub(super) struct Laws {
     /// Damping of each angle as a fraction of critical.
-    pub(super) damping_ratio: f64,
-    /// How sharp folds stay, if they do.
-    pub(super) yields: Option<Yield>,
+    pub(super) damping_ratios: Vec<f64>,
+    /// How sharp folds of each stay, if they do.
+    pub(super) yields: Option<Vec<Yield>>,
 }
 
 /// A hinge of a part.
@@ -73,6 +73,10 @@ struct Fold {
     first_angle: f64,
     /// Angle off its rest at which it yields [rad].
     yield_angle: f64,
+    /// Growth of the yield angle by what was exceeded.
+    hardening: f64,
+    /// Largest change of the angle at rest [rad].
+    largest: f64,
     has_yielded: bool,
 }
 
@@ -96,8 +100,7 @@ struct PartHinges {
     angles: Vec<f64>,
     /// At the last update, for each hinge of the part; zero where it is left out.
     gradients: Vec<Gradient>,
-    laws: Laws,
-    /// For each hinge, where folds stay.
+    /// For each hinge, where folds stay; empty where they do not.
     folds: Vec<Fold>,
     /// Hinges that were left out, and that yielded, since they were last asked for.
     left_out: u64,
@@ -105,7 +108,7 @@ struct PartHinges {
 }
 
 /// Sorts the hinges of a garment into its parts.
-pub(super) fn build(scene: &Scene, garment: usize, elements: &[Element], laws: Laws) -> (Vec<PartForce>, usize) {
+pub(super) fn build(scene: &Scene, garment: usize, elements: &[Element], laws: &Laws) -> (Vec<PartForce>, usize) {
     let parts = scene.parts();
     let first = parts.garment(garment).start as u32;
     let part_of = |vertex: u32| parts.own().contains(&(vertex as usize)).then(|| parts.part_of(vertex as usize));
@@ -134,13 +137,13 @@ pub(super) fn build(scene: &Scene, garment: usize, elements: &[Element], laws: L
 
 impl PartHinges {
     /// The hinges `own` of the part with these vertices, and those around them.
-    fn new(scene: &Scene, first: u32, range: Range<usize>, elements: &[Element], own: &[u32], laws: Laws) -> Self {
+    fn new(scene: &Scene, first: u32, range: Range<usize>, elements: &[Element], own: &[u32], laws: &Laws) -> Self {
         let mut around: Vec<u32> =
             own.iter().flat_map(|n| elements[*n as usize].row.iter().map(|(other, _)| *other)).collect();
         around.sort_unstable();
         around.dedup();
         around.retain(|number| own.binary_search(number).is_err());
-        let mut part = Self { range: range.clone(), stiffness: vec![0.0; range.len()], laws, ..Self::default() };
+        let mut part = Self { range: range.clone(), stiffness: vec![0.0; range.len()], ..Self::default() };
         let place = |number: u32| match own.binary_search(&number) {
             Ok(place) => place as u32,
             Err(_) => (own.len() + around.partition_point(|other| *other < number)) as u32,
@@ -151,9 +154,11 @@ impl PartHinges {
             let element = &elements[*number as usize];
             let heights = gradient(*number).1;
             let least_heights = heights.map(|height| SQUASHED * height);
-            if let Some(yields) = laws.yields {
-                let yield_angle = 0.5 * (heights[0] + heights[1]) / yields.radius;
-                part.folds.push(Fold { first_angle: element.rest_angle, yield_angle, has_yielded: false });
+            if let Some(yields) = &laws.yields {
+                let Yield { radius, hardening, largest } = yields[*number as usize];
+                let yield_angle = 0.5 * (heights[0] + heights[1]) / radius;
+                let first_angle = element.rest_angle;
+                part.folds.push(Fold { first_angle, yield_angle, hardening, largest, has_yielded: false });
             }
             let vertices = element.vertices.map(|v| first + v);
             part.hinges.push(Hinge { vertices, rest_angle: element.rest_angle, least_heights });
@@ -166,7 +171,7 @@ impl PartHinges {
             part.add_to_stiffness(element, first, vectors, &|other| gradient(other).0.at_vertices());
             let masses = element.vertices.map(|v| scene.masses()[(first + v) as usize]);
             let softness: f64 = vectors.iter().zip(masses).map(|(u, m)| u.norm_squared() / m).sum();
-            part.damping.push(2.0 * laws.damping_ratio * (element.row[0].1 / softness).sqrt());
+            part.damping.push(2.0 * laws.damping_ratios[*number as usize] * (element.row[0].1 / softness).sqrt());
         }
         let outside = part.hinges.iter().flat_map(|hinge| hinge.vertices).filter(|v| !range.contains(&(*v as usize)));
         part.neighbours = outside.collect();
@@ -287,14 +292,13 @@ impl Force for PartHinges {
 
     fn take_counts(&mut self, count: &mut dyn FnMut(&'static str, u64)) {
         count("hinges_left_out", std::mem::take(&mut self.left_out));
-        if self.laws.yields.is_some() {
+        if !self.folds.is_empty() {
             count("hinges_yielded", std::mem::take(&mut self.yielded));
         }
     }
 
     fn yield_to(&mut self, x: &[Vec3]) {
-        let Some(Yield { hardening, largest, .. }) = self.laws.yields else { return };
-        for n in 0..self.hinges.len() {
+        for n in 0..self.folds.len() {
             let (hinge, fold) = (&mut self.hinges[n], &mut self.folds[n]);
             let (off, _) = bent(hinge, x);
             let beyond = off.abs() - fold.yield_angle;
@@ -302,8 +306,8 @@ impl Force for PartHinges {
                 continue;
             }
             let kept = hinge.rest_angle + beyond.copysign(off) - fold.first_angle;
-            hinge.rest_angle = fold.first_angle + kept.clamp(-largest, largest);
-            fold.yield_angle += hardening * beyond;
+            hinge.rest_angle = fold.first_angle + kept.clamp(-fold.largest, fold.largest);
+            fold.yield_angle += fold.hardening * beyond;
             fold.has_yielded = true;
             self.yielded += u64::from(self.counts(n));
         }

@@ -5,6 +5,7 @@ use crate::Vec3;
 use crate::effects::{ElementRows, PartForce, PartMotion, PartView, Surroundings, build_all, pins::PinTargets};
 use crate::mesh::{PolygonMesh, TriangleMesh};
 use crate::parallel::lanes::Lanes;
+use crate::scene::painted::PaintedMap;
 use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
@@ -219,6 +220,60 @@ fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
         assert_eq!(rows.len(), usize::from(expected.is_some()), "folded by {fold}");
         for (found, expected) in rows.iter().flatten().zip(expected.iter().flatten()) {
             assert!((found.abs() - expected.abs()).abs() < 1e-12, "folded by {fold}: {found}, not {expected}");
+        }
+    }
+}
+
+/// Pairs of triangles of height 1 cm, far apart, each with its own values of some maps, and what yields is 2 cm and so on.
+#[cfg(feature = "effect-plastic_wrinkles")]
+fn painted_pairs(maps: &[(&str, [f64; 3])]) -> Scene {
+    let pair = [Vec3::zeros(), Vec3::x(), Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 0.0, -1.0)];
+    let points = (0..3).flat_map(|n| pair.map(|p| p * 0.01 + Vec3::x() * f64::from(n))).collect();
+    let triangles = [0, 4, 8].map(|n| [[n, n + 2, n + 1], [n, n + 1, n + 3]]);
+    let mut garment =
+        GarmentDescription::new("pairs", PolygonMesh::from_triangles(points, triangles.as_flattened()), 0.2);
+    for (name, [a, b, c]) in maps {
+        // The mean of four vertices counts.
+        let values = [a, b, c].iter().flat_map(|mean| [0.5, 1.5, 0.25, 1.75].map(|share| share * **mean)).collect();
+        garment.maps.insert((*name).into(), PaintedMap { values, absolute: true });
+    }
+    let mut description = SceneDescription::new("bent");
+    description.garments.push(garment);
+    description.effects.push(EffectRequest::of_garment("dihedral_bending", 0).with("stiffness", RIGIDITY));
+    let request = EffectRequest::of_garment("plastic_wrinkles", 0).with("yield_radius", 0.02);
+    description.effects.push(request.with("hardening", 0.25).with("largest_angle", 1.0));
+    Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+#[cfg(feature = "effect-plastic_wrinkles")]
+#[test]
+fn folds_yield_harden_and_end_as_is_painted_on_them() {
+    // Rest angle and yield angle of each pair after a fold of 0.8 rad; `None` where nothing stays.
+    let after = |maps: &[(&str, [f64; 3])]| {
+        let scene = painted_pairs(maps);
+        let mut forces = forces(&scene);
+        let mut x = start(&scene);
+        x.iter_mut().filter(|x| x.z > 0.0).for_each(|x| (x.y, x.z) = (0.01 * 0.8_f64.sin(), 0.01 * 0.8_f64.cos()));
+        forces.iter_mut().for_each(|(_, force)| force.yield_to(&x));
+        let mut rows = ElementRows::new(4, 2);
+        forces.iter().for_each(|(_, force)| force.remember(&mut rows));
+        let mut found = [None; 3];
+        for (vertices, values) in rows.iter() {
+            found[start(&scene)[vertices[0] as usize].x.round() as usize] = Some([values[0].abs(), values[1]]);
+        }
+        found
+    };
+    let cases = [
+        // A yield angle of 1 cm by the radius; none where the radius is nothing.
+        (("yield_radius", [0.02, 0.04, 0.0]), [Some([0.3, 0.575]), Some([0.55, 0.25 + 0.25 * 0.55]), None]),
+        (("hardening", [0.0, 0.5, 1.0]), [Some([0.3, 0.5]), Some([0.3, 0.65]), Some([0.3, 0.8])]),
+        (("largest_angle", [0.1, 0.2, 2.0]), [Some([0.1, 0.575]), Some([0.2, 0.575]), Some([0.3, 0.575])]),
+    ];
+    for (map, expected) in cases {
+        for (found, expected) in after(&[map]).into_iter().zip(expected) {
+            let apart = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+            assert_eq!(found.is_some(), expected.is_some(), "{map:?}");
+            assert!(found.zip(expected).is_none_or(|(a, b)| apart(a, b) < 1e-12), "{map:?}: {found:?}, {expected:?}");
         }
     }
 }

@@ -36,12 +36,7 @@ struct PartMembrane {
 }
 
 /// Sorts the triangles into this rank's parts.
-pub(super) fn build(
-    scene: &Scene,
-    elements: &[TriangleElement],
-    moduli: Moduli,
-    damping_ratio: f64,
-) -> (Vec<PartForce>, usize) {
+pub(super) fn build(scene: &Scene, elements: &[TriangleElement], moduli: Moduli) -> (Vec<PartForce>, usize) {
     let (parts, masses) = (scene.parts(), scene.masses());
     let entries = by_part(parts, elements.iter().map(|element| element.corners));
     let mut bytes = 0;
@@ -49,7 +44,7 @@ pub(super) fn build(
     for group in entries.chunk_by(|a, b| a.0 == b.0) {
         let range = parts.ranges()[group[0].0].clone();
         let triangle = |(_, number): &(usize, usize)| {
-            let TriangleElement { corners, gradients, weight, stiffness } = elements[*number];
+            let TriangleElement { corners, gradients, weight, stiffness, damping_ratio } = elements[*number];
             let inverse_mass = corners.iter().map(|corner| 1.0 / masses[*corner]).sum::<f64>() / 3.0;
             let critical = 2.0 / (stiffness * inverse_mass).sqrt();
             // Without stiffness there is no motion to damp.

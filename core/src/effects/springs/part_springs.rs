@@ -78,10 +78,9 @@ type Entry = (usize, usize, usize);
 pub(super) fn build(
     scene: &Scene,
     garment: usize,
-    elements: &[SpringElement],
+    (elements, measures_strain): (&[SpringElement], bool),
     (stiffnesses, shortest): (&[f64], f64),
-    damping_ratio: f64,
-    measures_strain: bool,
+    damping_ratios: &[f64],
 ) -> (Vec<PartForce>, usize) {
     let (parts, masses) = (scene.parts(), scene.masses());
     let first = parts.garment(garment).start;
@@ -109,7 +108,7 @@ pub(super) fn build(
             let reduced_mass = masses[own] * masses[other] / (masses[own] + masses[other]);
             springs.stiffness.push(k);
             springs.rest_length.push(element.rest_length);
-            springs.damping.push(2.0 * damping_ratio * (k * reduced_mass).sqrt());
+            springs.damping.push(2.0 * damping_ratios[number] * (k * reduced_mass).sqrt());
         };
         let mut inner: Vec<Entry> = inner.iter().map(|e| e.2).collect();
         for row in balanced_rows(&mut inner, &range) {

@@ -45,6 +45,15 @@ pub(super) fn check_maps_are_used(description: &SceneDescription, problems: &mut
         let asked = |name: &&str| {
             description.effects.iter().any(|e| e.effect == *name && e.garment.is_none_or(|garment| garment == g))
         };
+        let has_number = |name: &str| match name {
+            // These two settings do nothing unless they are written.
+            "break_force" => description.pins.iter().any(|pin| pin.garment == g && pin.hold.break_force().is_some()),
+            "compression" => {
+                let mut own = description.effects.iter().filter(|e| e.effect == "strain_limit" && e.garment == Some(g));
+                own.any(|e| e.settings.contains_key(name))
+            }
+            _ => true,
+        };
         for (name, lookers) in MAPS.iter().filter(|(name, _)| garment.maps.contains_key(*name)) {
             // A map of what was left out is left out with it.
             let is_out = |name: &&str| description.left_out.iter().any(|out| out == name);
@@ -52,6 +61,10 @@ pub(super) fn check_maps_are_used(description: &SceneDescription, problems: &mut
                 let place = format!("garment \"{}\", map of {name}", garment.name);
                 let advice = format!("leave it out, or ask for {}", lookers.join(" or "));
                 problems.push(Problem::scene(place, "nothing in this scene looks at it", advice));
+            } else if !lookers.iter().any(is_out) && !has_number(name) {
+                let place = format!("garment \"{}\", map of {name}", garment.name);
+                let advice = format!("write `{name}` as well, or leave the map out");
+                problems.push(Problem::scene(place, "there is nothing that it would vary", advice));
             }
         }
     }

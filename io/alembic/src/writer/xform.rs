@@ -9,6 +9,8 @@ use crate::property::{DataType, PodType, encode};
 
 /// Code of the matrix operation in `.ops`.
 const MATRIX_OP: u8 = 0x30;
+/// Property of a transform that is not the identity all the time.
+const MOVES: &str = "isNotConstantIdentity";
 const CHANNELS: [u32; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
 /// Writes the samples of one transform.
@@ -34,6 +36,7 @@ impl XformWriter {
             xform.write(archive, matrix)?;
         } else {
             archive.write_static_raw(xform.values, &encode(matrix))?;
+            archive.declare_member(xform.compound, MOVES);
         }
         Ok(xform)
     }
@@ -83,8 +86,8 @@ impl XformWriter {
                 archive.add_array_property(self.compound, ".animChans", &MetaData::new(), channel_type, 0)?;
             archive.write_sample(channels, &CHANNELS)?;
         }
-        if *matrix != IDENTITY && archive.find_property(self.compound, "isNotConstantIdentity").is_none() {
-            archive.write_static_scalar(self.compound, "isNotConstantIdentity", &[true])?;
+        if *matrix != IDENTITY && archive.find_property(self.compound, MOVES).is_none() {
+            archive.write_static_scalar(self.compound, MOVES, &[true])?;
         }
         Ok(())
     }

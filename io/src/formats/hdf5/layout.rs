@@ -7,12 +7,15 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
-use super::stored::{dataset, place_of};
+use super::stored::{ORIGIN, dataset, origin, place_of};
 use crate::cache::{APPLICATION, CachePlan, MeshData};
 use crate::garment_mesh::told;
 
 /// Version of the layout, stored as the attribute `format_version`.
 const FORMAT_VERSION: i64 = 1;
+
+/// The same where positions are counted from an origin: who does not know of that shows them in the wrong place.
+const VERSION_WITH_ORIGIN: i64 = 2;
 
 /// Attribute that names the writing program: another version of it may continue a cache.
 const APPLICATION_ATTRIBUTE: &str = "application";
@@ -63,6 +66,9 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
     }
     for (name, value) in integers(plan) {
         file.new_attr::<i64>().create(name)?.write_scalar(&value)?;
+    }
+    if let Some(origin) = plan.file_origin() {
+        file.new_attr::<f64>().shape([origin.len()]).create(ORIGIN)?.write_raw(&origin)?;
     }
     for fixed in fixed_datasets(plan, data, &told(&data.mesh)) {
         match fixed.values {
@@ -142,6 +148,9 @@ fn place<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Res
 
 /// The first attribute that is not as this plan makes it.
 fn differing_attribute(file: &hdf5::File, plan: &CachePlan<'_>) -> hdf5::Result<Option<&'static str>> {
+    if origin(file)? != plan.file_origin() {
+        return Ok(Some(ORIGIN));
+    }
     for (name, text) in texts(plan).into_iter().filter(|(name, _)| *name != APPLICATION_ATTRIBUTE) {
         if file.attr(name)?.read_scalar::<VarLenUnicode>()? != unicode(&text)? {
             return Ok(Some(name));
@@ -181,7 +190,7 @@ fn numbers(plan: &CachePlan<'_>) -> [(&'static str, f64); 2] {
 
 fn integers(plan: &CachePlan<'_>) -> [(&'static str, i64); 3] {
     [
-        ("format_version", FORMAT_VERSION),
+        ("format_version", if plan.file_origin().is_some() { VERSION_WITH_ORIGIN } else { FORMAT_VERSION }),
         ("fps_numerator", i64::from(plan.timeline.fps_numerator)),
         ("fps_denominator", i64::from(plan.timeline.fps_denominator)),
     ]

@@ -60,6 +60,25 @@ pub(crate) fn values<T: H5Type>(file: &hdf5::File, name: &str) -> hdf5::Result<V
     dataset::<1>(file, name)?.0.read_raw()
 }
 
+/// Attribute: what the positions of a cache are counted from, in its unit and axes. Only in caches with an origin of their own.
+pub(super) const ORIGIN: &str = "origin";
+
+/// What the positions of a cache are counted from, in its unit and axes; `None` where that is the origin of the world.
+///
+/// # Errors
+/// It is not three numbers.
+pub(crate) fn origin(file: &hdf5::File) -> hdf5::Result<Option<[f64; 3]>> {
+    if !file.attr_names()?.iter().any(|name| name == ORIGIN) {
+        return Ok(None);
+    }
+    let attribute = file.attr(ORIGIN)?;
+    if attribute.shape() != [3] {
+        return Err(format!("attribute {ORIGIN} has the extents {:?} instead of 3", attribute.shape()).into());
+    }
+    let values = attribute.read_raw::<f64>()?;
+    <[f64; 3]>::try_from(values).map(Some).map_err(|values| format!("attribute {ORIGIN} is {values:?}").into())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

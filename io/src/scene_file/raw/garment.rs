@@ -78,7 +78,15 @@ pub(in crate::scene_file) struct Garment {
     pub(in crate::scene_file) pin: Vec<Pin>,
 }
 
-/// Painted maps.
+/// Painted maps, one for each quantity that can differ from place to place. Stiffness, damping, drag, friction and the
+/// radius of folds are as if they were not asked for where they are painted zero; a limit of zero is a limit. There is
+/// none for what is one number of a whole: `[garment.pressure]`, because gas inside has the same pressure everywhere
+/// and a share of it would drive a closed garment by itself; gravity and the velocity of the air; `poisson`, which with
+/// the moduli has to stay positive, so that a map of the membrane multiplies them all; the three drags of the wind, of
+/// which a map is one share. Nor for what chooses how to calculate: `short_edges`, `thin_triangles`, `compressed_by`,
+/// `flat`, `sweeps`, `max_steps` and the numbers of `[self_repulsion]` besides thickness and friction. Seams say their
+/// numbers themselves, one `[[seam]]` for each; bodies are not painted; poses and velocities at the start come from
+/// files.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(in crate::scene_file) struct Maps {
@@ -103,18 +111,56 @@ pub(in crate::scene_file) struct Maps {
     /// Share of the stiffness of `[garment.membrane]`; a triangle has the mean of its corners.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) membrane: Option<String>,
+    /// `grain_angle` of `[garment.membrane]`, for example of every panel its own; a triangle has the mean of its corners. In radians
+    /// where it is in `absolute_maps`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) grain_angle: Option<String>,
     /// Stiffness of `[garment.bending]`; a spring has the mean of its ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) bending: Option<String>,
     /// Rigidity of `[garment.dihedral_bending]`; a triangle has the mean of its corners.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) dihedral_bending: Option<String>,
+    /// `damping_ratio` of `[garment.stretch]`; a spring has the mean of its ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) stretch_damping: Option<String>,
+    /// `damping_ratio` of `[garment.shear]`; the spring of an altitude has the mean of the ends of its edge.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) shear_damping: Option<String>,
+    /// `damping_ratio` of `[garment.membrane]`; a triangle has the mean of its corners.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) membrane_damping: Option<String>,
+    /// `damping_ratio` of `[garment.bending]`; a spring has the mean of its ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) bending_damping: Option<String>,
+    /// `damping_ratio` of `[garment.dihedral_bending]`; an angle has the mean of its four vertices.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) dihedral_bending_damping: Option<String>,
+    /// `yield_radius` of `[garment.plastic_wrinkles]`, below which bends stay; an angle has the mean of its four
+    /// vertices. Where it is zero, none stays.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) yield_radius: Option<String>,
+    /// `hardening` of `[garment.plastic_wrinkles]`; an angle has the mean of its four vertices.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) hardening: Option<String>,
+    /// `largest_angle` of `[garment.plastic_wrinkles]`; an angle has the mean of its four vertices.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) largest_angle: Option<String>,
     /// `limit` of `[garment.strain_limit]`; an edge has the mean of its ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) strain_limit: Option<String>,
+    /// `compression` of `[garment.strain_limit]`; an edge has the mean of its ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) compression: Option<String>,
     /// Stiffness of pins with `mode = "spring"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) pins: Option<String>,
+    /// `damping_ratio` of pins with `mode = "spring"`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) pin_damping: Option<String>,
+    /// `break_force` of pins with `mode = "spring"`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) break_force: Option<String>,
     /// Share of the wind that is felt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) wind: Option<String>,
@@ -134,10 +180,22 @@ impl Maps {
             ("stretch", &self.stretch),
             ("shear", &self.shear),
             ("membrane", &self.membrane),
+            ("grain_angle", &self.grain_angle),
             ("bending", &self.bending),
             ("dihedral_bending", &self.dihedral_bending),
+            ("stretch_damping", &self.stretch_damping),
+            ("shear_damping", &self.shear_damping),
+            ("membrane_damping", &self.membrane_damping),
+            ("bending_damping", &self.bending_damping),
+            ("dihedral_bending_damping", &self.dihedral_bending_damping),
+            ("yield_radius", &self.yield_radius),
+            ("hardening", &self.hardening),
+            ("largest_angle", &self.largest_angle),
             ("strain_limit", &self.strain_limit),
+            ("compression", &self.compression),
             ("pins", &self.pins),
+            ("pin_damping", &self.pin_damping),
+            ("break_force", &self.break_force),
             ("wind", &self.wind),
             ("ether_drag", &self.ether_drag),
         ];

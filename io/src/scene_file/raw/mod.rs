@@ -17,7 +17,7 @@ pub(in crate::scene_file) use garment::{
     Axis, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, Leaves, Panel, PanelShape, Pin, PinMode, Region, Tube,
 };
 pub(in crate::scene_file) use seam::{Pairing, Seam, SeamSide};
-pub(in crate::scene_file) use values::{BodyPath, Quantity, Rotation};
+pub(in crate::scene_file) use values::{BodyPath, Origin, Quantity, Rotation};
 
 /// A scene for Drapery.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -82,6 +82,14 @@ pub(in crate::scene_file) struct Shot {
     /// Frames simulated before the first one.
     #[serde(default)]
     pub(in crate::scene_file) preroll: Preroll,
+    /// Where the shot takes place, [x, y, z]: caches count positions from there and say so by a transform. "auto" is the middle
+    /// of the garments at their start in whole metres where that is farther than 1 km along an axis, and otherwise the origin.
+    #[serde(default = "automatic_origin")]
+    pub(in crate::scene_file) origin: Origin,
+}
+
+fn automatic_origin() -> Origin {
+    Origin::Auto
 }
 
 fn default_fps() -> Quantity {

@@ -124,6 +124,61 @@ impl JsonSchema for BodyPath {
     }
 }
 
+/// A place, or the one that is found by where the garments start.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::scene_file) enum Origin {
+    Auto,
+    At([f64; 3]),
+}
+
+impl Serialize for Origin {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Auto => serializer.serialize_str("auto"),
+            Self::At(place) => place.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Origin {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Visitor;
+        impl<'de> de::Visitor<'de> for Visitor {
+            type Value = Origin;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("\"auto\", or a place [x, y, z] in metres")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Origin, E> {
+                match text {
+                    "auto" => Ok(Origin::Auto),
+                    _ => Err(E::invalid_value(de::Unexpected::Str(text), &self)),
+                }
+            }
+
+            fn visit_seq<A: de::SeqAccess<'de>>(self, place: A) -> Result<Origin, A::Error> {
+                <[f64; 3]>::deserialize(de::value::SeqAccessDeserializer::new(place)).map(Origin::At)
+            }
+        }
+        deserializer.deserialize_any(Visitor)
+    }
+}
+
+impl JsonSchema for Origin {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Origin".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({ "type": ["string", "array"] })
+    }
+}
+
 /// A rotation about an axis through the shape's own origin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

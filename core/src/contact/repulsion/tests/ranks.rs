@@ -1,4 +1,5 @@
 use super::*;
+use crate::contact::supports::tell_ghosts;
 use crate::contact::testing::{below, held, on_ranks, random_starts};
 use crate::geometry::testing::Random;
 use crate::parallel::ranks::Ranks;
@@ -15,6 +16,8 @@ struct Heap {
     x: [Vec<Vec3>; 3],
     v: Vec<Vec3>,
     mobility: Vec<f64>,
+    /// Bodies under some of the nodes.
+    supports: Vec<Supports>,
 }
 
 impl Heap {
@@ -29,6 +32,11 @@ impl Heap {
             pairs.dedup();
             pairs
         });
+        let support = |random: &mut Random, i: usize| {
+            let one =
+                |random: &mut Random| Support { normal: random.vector().normalize(), least: random.number() - 0.5 };
+            [i.is_multiple_of(3).then(|| one(random)), i.is_multiple_of(6).then(|| one(random))]
+        };
         let vectors = |random: &mut Random| (0..NODES).map(|_| random.vector()).collect();
         Self {
             pairs,
@@ -36,6 +44,7 @@ impl Heap {
             x: std::array::from_fn(|_| vectors(random)),
             v: vectors(random),
             mobility: (0..NODES).map(|i| if i % 9 == 0 { 0.0 } else { 2.0 + random.number() }).collect(),
+            supports: (0..NODES).map(|i| support(random, i)).collect(),
         }
     }
 
@@ -66,12 +75,17 @@ impl Heap {
         let numbers: Vec<usize> = (0..nodes.cloth() as u32).map(|node| nodes.number(node) as usize).collect();
         let mobility: Vec<f64> = numbers.iter().map(|n| self.mobility[*n]).collect();
         let mut v: Vec<Vec3> = numbers.iter().map(|n| self.v[*n]).collect();
+        // Those of ghosts come from their owners.
+        let own_supports = |(i, n): (usize, &usize)| if nodes.is_own(i as u32) { self.supports[*n] } else { [None; 2] };
+        let mut supports: Vec<Supports> = numbers.iter().enumerate().map(own_supports).collect();
+        tell_ghosts(&nodes, &mut supports);
         let mut metrics = Metrics::default();
         for (x, passes) in self.x.iter().zip([Passes::Full, Passes::WithoutSprings, Passes::Full]) {
             let x: Vec<Vec3> = numbers.iter().map(|n| x[*n]).collect();
             // What ghosts had before must not matter.
             (0..nodes.cloth()).filter(|i| !nodes.is_own(*i as u32)).for_each(|i| v[i] = Vec3::repeat(f64::NAN));
-            let at = Moment { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility, friction: None };
+            let supports = (passes == Passes::WithoutSprings).then_some(supports.as_slice());
+            let at = Moment { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility, friction: None, supports };
             repulsions.positions_changed();
             repulsions.apply(passes, &at, &mut v, &mut metrics);
         }

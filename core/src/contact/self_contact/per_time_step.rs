@@ -1,0 +1,70 @@
+//! Repulsions in every time step: B.2 and B.8.
+
+use super::SelfContact;
+use crate::Vec3;
+use crate::contact::repulsion::{Moment, Passes};
+use crate::contact::supports::{Supports, tell_ghosts};
+use crate::effects::body_collision::BodyCollision;
+use crate::metrics::Metrics;
+
+impl SelfContact {
+    /// B.2: repulsion of the velocities of the half step, over the scene's local vertices.
+    pub fn half_velocity(&mut self, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+        self.repel(Passes::Full, dt, x, v, metrics);
+    }
+
+    /// B.8: repulsion of the final velocities, without springs. Velocities of vertices on bodies have afterwards what the
+    /// bodies have to bear.
+    pub fn final_velocity(
+        &mut self,
+        dt: f64,
+        x: &[Vec3],
+        v: &mut [Vec3],
+        bodies: Option<&BodyCollision>,
+        metrics: &mut Metrics,
+    ) {
+        if let Some(repulsions) = &mut self.repulsions {
+            repulsions.positions_changed();
+        }
+        if let Some(bodies) = bodies {
+            let nodes = self.surface.nodes();
+            self.supports.resize(nodes.cloth(), Supports::default());
+            bodies.supports(dt, &mut self.supports[nodes.own()]);
+            if !nodes.ranks().is_alone() {
+                tell_ghosts(nodes, &mut self.supports);
+            }
+        }
+        self.repel(Passes::WithoutSprings, dt, x, v, metrics);
+    }
+
+    /// Whether B.8 has pressed an own vertex against a body, by its place among these.
+    pub fn is_pressed(&self, vertex: usize) -> bool {
+        let node = (self.surface.nodes().own().start + vertex) as u32;
+        self.repulsions.as_ref().is_some_and(|repulsions| repulsions.is_pressed(node))
+    }
+
+    fn repel(&mut self, passes: Passes, dt: f64, x: &[Vec3], v: &mut [Vec3], metrics: &mut Metrics) {
+        let Some(repulsions) = &mut self.repulsions else { return };
+        let (nodes, place, friction) = (self.surface.nodes(), self.surface.place(), self.surface.friction());
+        let bears = passes == Passes::WithoutSprings && !self.supports.is_empty();
+        let supports = bears.then_some(self.supports.as_slice());
+        if nodes.ranks().is_alone() {
+            repulsions.apply(
+                passes,
+                &Moment { nodes, dt, x, mobility: &self.mobility, friction, supports },
+                v,
+                metrics,
+            );
+            return;
+        }
+        let [contact_x, contact_v] = &mut self.cloth;
+        for (all, own) in [(&mut *contact_x, x), (&mut *contact_v, &*v)] {
+            all.resize(nodes.cloth(), Vec3::zeros());
+            all[nodes.own()].copy_from_slice(&own[place.clone()]);
+        }
+        nodes.refresh(contact_x);
+        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility, friction, supports };
+        repulsions.apply(passes, &at, contact_v, metrics);
+        v[place].copy_from_slice(&contact_v[nodes.own()]);
+    }
+}

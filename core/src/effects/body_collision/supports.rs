@@ -1,0 +1,29 @@
+//! What bodies bear of the repulsions between layers that lie on them.
+
+use rayon::prelude::*;
+
+use super::marks::{CHUNK, marked};
+use super::{BodyCollision, Hold};
+use crate::contact::supports::{Support, Supports};
+
+impl BodyCollision {
+    /// Finds the bodies that own vertices lie on after B.4, one entry for each; `dt` is the length of the step [s].
+    pub(crate) fn supports(&self, dt: f64, all: &mut [Supports]) {
+        let chunks = all.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks);
+        chunks.for_each(|((all, contacts), marks)| {
+            all.fill(Supports::default());
+            for i in marked(marks.near) {
+                all[i] = contacts[i].holds.map(|hold| hold.map(|hold| hold.support(dt)));
+            }
+        });
+    }
+}
+
+impl Hold {
+    /// What is in contact may not approach; what is near may come as close as contact.
+    fn support(&self, dt: f64) -> Support {
+        let normal = self.at.normal;
+        let room = if self.constraint.is_some() { 0.0 } else { (self.at.phi - self.offset).max(0.0) };
+        Support { normal, least: self.at.velocity.dot(&normal) - room / dt }
+    }
+}
