@@ -354,3 +354,20 @@ fn layers_rub_with_the_mean_of_what_is_painted_on_both() {
     assert!(apart(&with(Some(0.5), Some(0.0), true), &plain) < 1e-9);
     assert!(apart(&with(Some(3.0), None, false), &state_after(rubbing(0.5))) < 1e-9, "one of them alone");
 }
+
+#[test]
+fn layers_push_each_other_as_far_apart_as_is_painted_on_them() {
+    let with = |thickness: f64, painted: Option<(f64, bool)>| {
+        let mut description = rubbing(0.25);
+        for garment in &mut description.garments {
+            garment.thickness = thickness;
+            let map = painted.map(|(value, absolute)| PaintedMap { values: vec![value; 49], absolute });
+            garment.maps.extend(map.map(|map| ("thickness".to_owned(), map)));
+        }
+        state_after(description)
+    };
+    let expected = with(0.004, None);
+    assert_eq!(with(0.002, Some((2.0, false))), expected);
+    assert_eq!(with(0.001, Some((0.004, true))), expected);
+    assert_ne!(with(0.002, None), expected, "thickness matters");
+}
