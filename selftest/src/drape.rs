@@ -8,7 +8,8 @@
 //! A stiff disc is at rest with five folds as with eight, and which it is follows from how uneven it was (Jeong, A study of
 //! fabric-drape behaviour with image analysis, part I, Journal of the Textile Institute 89, 1998). Laboratories therefore mount
 //! several specimens with either face up and take the mean. So does this test: its specimens differ in tiny seeded heights, and
-//! those of one number have the same heights at every mesh density.
+//! those of one number have the same heights at every mesh density. Each mounting has a mesh of its own, for a regular one says
+//! how many folds there are.
 
 mod specimen;
 
@@ -197,7 +198,7 @@ pub struct Drape {
 /// # Errors
 /// The scene is refused, or a step fails: what it says.
 pub fn drape(material: &Material, cells: usize, mounting: Mounting) -> Result<Drape, String> {
-    let (mesh, rim) = specimen(cells);
+    let (mesh, rim) = specimen(cells, mounting);
     let flat = shadow(&mesh, &mesh.points);
     let pinned: Vec<u32> = inside(&mesh, cells);
     let vertices = mesh.points.len() - pinned.len();

@@ -23,8 +23,33 @@ const UNEVENNESS: f64 = 2e-4;
 /// Numbers of folds that the unevenness has: the rim of the coarsest specimen has 47 vertices.
 const FOLDS: Range<u32> = 2..21;
 
+/// How far vertices are moved off their regular places along a ring and across it, as a share of an edge.
+const IRREGULARITY: f64 = 0.1;
+
+/// Numbers between 0 and 1 drawn by a seed.
+struct Draw(u32);
+
+impl Draw {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(self.0 >> 8) / f64::from(1 << 24)
+    }
+
+    /// Between -1 and 1.
+    fn either_way(&mut self) -> f64 {
+        2.0 * self.next() - 1.0
+    }
+}
+
 /// The part of the specimen that matters, as rings of nearly equilateral triangles, and the vertices of its rim.
-pub(super) fn specimen(cells: usize) -> (PolygonMesh, std::ops::Range<usize>) {
+///
+/// Each mounting has a mesh of its own: rings are turned at random and vertices moved off their places. Of two rings the outer
+/// one has five or six vertices more; where these are decides between that many folds and others, if nothing else does.
+pub(super) fn specimen(cells: usize, mounting: Mounting) -> (PolygonMesh, Range<usize>) {
+    let mut draw = Draw(2 * mounting.seed + u32::from(mounting.turned_over));
+    for _ in 0..8 {
+        draw.next(); // the first numbers of neighbouring seeds are alike
+    }
     let width = (SPECIMEN - SUPPORT) / (cells as f64 + 0.5);
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     let mut before: Option<(usize, usize)> = None;
@@ -33,9 +58,13 @@ pub(super) fn specimen(cells: usize) -> (PolygonMesh, std::ops::Range<usize>) {
         // Height of an equilateral triangle over its side.
         let count = (TAU * radius / width * 0.75_f64.sqrt()).round() as usize;
         let first = points.len();
-        let turn = 0.5 * (ring % 2) as f64;
+        let turn = draw.next();
+        // What is held and the rim stay circles.
+        let wavy = if (2..=cells).contains(&ring) { IRREGULARITY * width } else { 0.0 };
         points.extend((0..count).map(|n| {
-            let (sin, cos) = (TAU * (n as f64 + turn) / count as f64).sin_cos();
+            let angle = TAU * (turn + (n as f64 + IRREGULARITY * draw.either_way()) / count as f64);
+            let (sin, cos) = angle.sin_cos();
+            let radius = radius + wavy * draw.either_way();
             Vec3::new(radius * cos, 0.0, -radius * sin)
         }));
         if let Some(inner) = before {
@@ -50,12 +79,15 @@ pub(super) fn specimen(cells: usize) -> (PolygonMesh, std::ops::Range<usize>) {
 /// Fills the gap between two rings (first vertex and number of vertices), always with the shorter of the two edges that may
 /// come next.
 fn stitch(points: &[Vec3], inner: (usize, usize), outer: (usize, usize), triangles: &mut Vec<[u32; 3]>) {
-    let at = |ring: (usize, usize), n: usize| ring.0 + n % ring.1;
     let apart = |a: usize, b: usize| (points[a] - points[b]).norm();
+    let nearest = |a: &usize, b: &usize| apart(inner.0 + a, outer.0).total_cmp(&apart(inner.0 + b, outer.0));
+    let start = (0..inner.1).min_by(nearest).unwrap_or_default();
+    let at_inner = |n: usize| inner.0 + (start + n) % inner.1;
+    let at_outer = |n: usize| outer.0 + n % outer.1;
     let (mut i, mut o) = (0, 0);
     while i < inner.1 || o < outer.1 {
-        let (a, b) = (at(inner, i), at(outer, o));
-        let (next_in, next_out) = (at(inner, i + 1), at(outer, o + 1));
+        let (a, b) = (at_inner(i), at_outer(o));
+        let (next_in, next_out) = (at_inner(i + 1), at_outer(o + 1));
         let inwards = o == outer.1 || (i < inner.1 && apart(next_in, b) < apart(a, next_out));
         if inwards {
             triangles.push([a, b, next_in].map(|v| v as u32));
@@ -77,13 +109,8 @@ pub(super) fn inside(mesh: &PolygonMesh, cells: usize) -> Vec<u32> {
 /// the coarsest mesh can show, as strong as each other, with phases drawn by the seed. It is a function of the place, so that all
 /// meshes start from the same specimen.
 pub(super) fn unevenness(points: &[Vec3], mounting: Mounting) -> Vec<f64> {
-    let mut seed = mounting.seed;
-    let phases: Vec<f64> = FOLDS
-        .map(|_| {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            TAU * f64::from(seed >> 8) / f64::from(1 << 24)
-        })
-        .collect();
+    let mut draw = Draw(mounting.seed);
+    let phases: Vec<f64> = FOLDS.map(|_| TAU * draw.next()).collect();
     let side = if mounting.turned_over { -1.0 } else { 1.0 };
     let height = |at: &Vec3| {
         let free = ((at.norm() - SUPPORT) / (SPECIMEN - SUPPORT)).max(0.0);
@@ -133,14 +160,20 @@ mod tests {
 
     #[test]
     fn a_flat_specimen_has_the_shadow_of_its_disc() {
-        for cells in DENSITIES {
-            let (mesh, rim) = specimen(cells);
+        for (cells, seed) in DENSITIES.into_iter().zip(1..) {
+            let (mesh, rim) = specimen(cells, Mounting { seed, turned_over: seed == 2 });
             let share = shadow(&mesh, &mesh.points) / (PI * SPECIMEN * SPECIMEN);
             // A polygon in place of the circle, and the cells of the shadow.
             assert!((0.99..1.001).contains(&share), "{cells} cells: {share}");
             assert_eq!(rim.end, mesh.points.len());
             // A ring has one hole: as many edges as vertices and triangles together.
             assert_eq!(mesh.face_counts.len(), 2 * mesh.points.len() - rim.len() - rim_of_hole(&mesh, cells));
+            let length = |a: u32, b: u32| (mesh.points[a as usize] - mesh.points[b as usize]).norm();
+            let even = |c: &[u32]| {
+                let edges = [length(c[0], c[1]), length(c[1], c[2]), length(c[2], c[0])];
+                edges.iter().copied().fold(0.0, f64::max) < 2.0 * edges.iter().copied().fold(f64::INFINITY, f64::min)
+            };
+            assert!(mesh.faces().all(even), "a mesh without slivers");
         }
     }
 
@@ -154,7 +187,7 @@ mod tests {
     fn all_meshes_start_from_the_same_specimen() {
         let mounting = Mounting { seed: 1, turned_over: false };
         let at_rim = |cells: usize| {
-            let (mesh, rim) = specimen(cells);
+            let (mesh, rim) = specimen(cells, mounting);
             let heights = unevenness(&mesh.points[rim.clone()], mounting);
             mesh.points[rim].iter().zip(heights).map(|(p, h)| (p.z.atan2(p.x), h)).collect::<Vec<_>>()
         };
@@ -169,7 +202,7 @@ mod tests {
             }
             assert!(fine.iter().filter(|(a, _)| coarse.iter().any(|(b, _)| (a - b).abs() < 0.005)).count() > 0);
         }
-        let points = &specimen(DENSITIES[0]).0.points;
+        let points = &specimen(DENSITIES[0], mounting).0.points;
         let turned = unevenness(points, Mounting { turned_over: true, ..mounting });
         assert!(unevenness(points, mounting).iter().zip(turned).all(|(a, b)| *a == -b));
         assert_ne!(unevenness(points, mounting), unevenness(points, Mounting { seed: 2, ..mounting }));
