@@ -22,7 +22,7 @@ impl ArchiveWriter {
         let path = path.as_ref();
         let (source, root) = ChunkSource::open(path)?;
         let mut writer = Self::restored(path, &source, root)?;
-        writer.make_room(writer.end, writer.end);
+        writer.make_room(writer.end, writer.end)?;
         Ok(writer)
     }
 

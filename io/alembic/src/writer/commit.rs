@@ -1,5 +1,7 @@
 //! Commit: all tables and a new root behind the payloads, then eight bytes in the file header.
 
+use std::io::ErrorKind;
+
 use super::archive::{ArchiveWriter, Durability};
 use super::resume::ArchiveMark;
 use super::tree::{Member, chain};
@@ -28,7 +30,7 @@ impl ArchiveWriter {
         let (root, bytes) = self.packed_tables(self.end);
         self.write_at(self.end, &bytes)?;
         let end = self.end + bytes.len() as u64;
-        self.make_room(end, end - self.mark.map_or(0, |mark| mark.end.min(end)));
+        self.make_room(end, end - self.mark.map_or(0, |mark| mark.end.min(end)))?;
         // Between frames others need the room.
         self.chunk = Vec::new();
         self.synchronise(durability)?;
@@ -47,13 +49,19 @@ impl ArchiveWriter {
 
     /// Makes the file longer than a commit of `size` bytes that ends at `end`, by what the next ones may need; nothing is
     /// written there, so that it takes no room on the disk.
-    pub(super) fn make_room(&mut self, end: u64, size: u64) {
+    pub(super) fn make_room(&mut self, end: u64, size: u64) -> Result<(), AlembicError> {
         let ahead = size.saturating_mul(COMMITS_AHEAD).clamp(LEAST_AHEAD, MOST_AHEAD);
-        // Where files may not be that long, or holes in them take room, it has to do without: no frame is lost for it.
-        let _ = self.file.metadata().and_then(|about| match about.len() < end + ahead / 2 {
+        let longer = self.file.metadata().and_then(|about| match about.len() < end + ahead / 2 {
             true => self.file.set_len(end + ahead),
             false => Ok(()),
         });
+        match longer {
+            // Where files may not be that long it has to do without; no frame is lost for it.
+            Err(source) if source.kind() != ErrorKind::FileTooLarge => {
+                Err(AlembicError::Io { path: self.path.clone(), action: "make room in", source })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// All tables as they would stand at `base` in the file, and the root among them.

@@ -80,7 +80,7 @@ impl ArchiveWriter {
         if source.root_in_header() != mark.root {
             writer.go_on_in_copy(mark)?;
         }
-        writer.make_room(mark.end, mark.end);
+        writer.make_room(mark.end, mark.end)?;
         Ok((writer, declared))
     }
 
