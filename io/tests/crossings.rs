@@ -1,5 +1,7 @@
 //! `verify` finds where cloth passes through cloth, and only there; runs count it in what they write.
 
+mod common;
+
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
@@ -9,13 +11,12 @@ use drapery_alembic::{
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, Timeline};
-use drapery_io::cache::MeshData;
-use drapery_io::garment_mesh::GarmentMesh;
-use drapery_io::shot::motion::Preroll;
 use drapery_io::shot::run::{FrameReport, RunOptions};
-use drapery_io::shot::{OutputDescription, Shot, ShotDescription};
+use drapery_io::shot::{Shot, ShotDescription};
 use drapery_io::units::Units;
 use drapery_io::verify::{Verification, verify};
+
+use common::described;
 
 type Points = Vec<[f32; 3]>;
 
@@ -159,21 +160,7 @@ fn two_sheets(distance: f64, effect: &str) -> ShotDescription {
         scene.garments.push(GarmentDescription::new(name, mesh.clone(), 0.2));
     }
     scene.effects.push(EffectRequest::of_scene(effect));
-    ShotDescription {
-        name: "two_sheets".into(),
-        scene_path: PathBuf::new(),
-        input_files: Vec::new(),
-        garments: [first, second].map(|mesh| GarmentMesh::kept(MeshData::new(mesh))).to_vec(),
-        scene,
-        bodies: Vec::new(),
-        tracks: Vec::new(),
-        wind: None,
-        frames: [1001, 1003],
-        preroll: Preroll::default(),
-        output: OutputDescription { formats: vec!["abc".into()], units: Units::SI, velocities: true },
-        resolved: String::new(),
-        warnings: Vec::new(),
-    }
+    described(scene, [1001, 1003], &["abc"], Units::SI)
 }
 
 #[test]

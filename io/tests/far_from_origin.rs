@@ -1,6 +1,8 @@
 //! A shot far from the origin: its caches count positions from a place of their own, and hold what they would hold at the origin.
 
-use std::path::{Path, PathBuf};
+mod common;
+
+use std::path::Path;
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
@@ -18,11 +20,12 @@ use drapery_io::formats::{alembic, by_extension};
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::inspect::inspect;
 use drapery_io::shot::crew::{dismiss, follow};
-use drapery_io::shot::motion::Preroll;
 use drapery_io::shot::run::{FrameReport, Outcome, RunOptions, RunReport};
-use drapery_io::shot::{OutputDescription, Shot, ShotDescription};
+use drapery_io::shot::{Shot, ShotDescription};
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 use drapery_io::verify::verify;
+
+use common::described;
 
 /// A place that is no whole number of metres from the origin.
 const FAR: [f64; 3] = [1e5 + 0.375, -3e4, 2e4];
@@ -59,21 +62,7 @@ fn shot(place: Vec3) -> ShotDescription {
     scene.solver.cg_tolerance = Some(1e-7);
     let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.05 });
     scene.bodies.push(BodyDescription::new("ball", ball, RigidMotion::at(place)));
-    ShotDescription {
-        name: "far".into(),
-        scene_path: PathBuf::new(),
-        input_files: Vec::new(),
-        garments: meshes.map(|mesh| GarmentMesh::kept(MeshData::new(mesh))).to_vec(),
-        scene,
-        bodies: vec![None],
-        tracks: Vec::new(),
-        wind: None,
-        frames: [1, 4],
-        preroll: Preroll::default(),
-        output: OutputDescription { formats: vec!["abc".into(), "h5".into()], units: UNITS, velocities: true },
-        resolved: String::new(),
-        warnings: Vec::new(),
-    }
+    described(scene, [1, 4], &["abc", "h5"], UNITS)
 }
 
 /// Runs a shot on one rank up to a frame.

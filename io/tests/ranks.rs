@@ -1,5 +1,7 @@
 //! A whole run on many ranks: the files are those of one, and all ranks end together.
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::SystemTime;
@@ -13,16 +15,15 @@ use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
     RigidMotion, SceneDescription, Timeline,
 };
-use drapery_io::cache::MeshData;
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
-use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::scene_file::load;
 use drapery_io::shot::crew::{dismiss, follow};
-use drapery_io::shot::motion::Preroll;
 use drapery_io::shot::run::{FrameReport, Outcome, RunOptions, RunReport};
-use drapery_io::shot::{OutputDescription, Shot, ShotDescription, ShotError};
+use drapery_io::shot::{Shot, ShotDescription, ShotError};
 use drapery_io::units::{LengthUnit, Units, UpAxis};
+
+use common::described;
 
 /// Exit code with which rank 0 dismisses the others here.
 const CODE: u8 = 42;
@@ -61,24 +62,13 @@ fn shot() -> ShotDescription {
     });
     let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.2 });
     scene.bodies.push(BodyDescription::new("ball", ball, RigidMotion::at(Vec3::new(0.5, 0.295, 0.5))));
+    let units = Units { length: LengthUnit::Centimetre, up: UpAxis::Z };
+    let described = described(scene, [1001, 1004], &["abc", "h5"], units);
     ShotDescription {
-        name: "sheets".into(),
-        scene_path: Default::default(),
-        input_files: Vec::new(),
-        garments: meshes.map(|mesh| GarmentMesh::kept(MeshData::new(mesh))).to_vec(),
-        scene,
-        bodies: vec![None],
-        tracks: Vec::new(),
-        wind: None,
-        frames: [1001, 1004],
-        preroll: Preroll::default(),
-        output: OutputDescription {
-            formats: vec!["abc".into(), "h5".into()],
-            units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
-            velocities: true,
-        },
-        resolved: "# all settings\n".into(),
-        warnings: Vec::new(),
+        resolved: "# all settings
+"
+        .into(),
+        ..described
     }
 }
 

@@ -1,5 +1,7 @@
 //! The frame loop: what a run leaves in its folder, and what it refuses before it writes anything.
 
+mod common;
+
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
@@ -12,14 +14,14 @@ use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, SceneDescription, Timeline,
 };
-use drapery_io::cache::MeshData;
 use drapery_io::error::IoError;
-use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_source::MeshSource;
 use drapery_io::shot::motion::{InputMotion, Preroll};
 use drapery_io::shot::run::{FrameReport, Outcome, Resume, RunOptions};
-use drapery_io::shot::{OutputDescription, Shot, ShotDescription, ShotError};
+use drapery_io::shot::{Shot, ShotDescription, ShotError};
 use drapery_io::units::Units;
+
+use common::described;
 
 /// A square of cloth of 9 points, 1 m wide, at a height [m].
 fn sheet(height: f64) -> PolygonMesh {
@@ -34,20 +36,13 @@ fn falling(folder: &Path) -> ShotDescription {
     scene.timeline = Timeline { origin: 1001, start: 1001, ..Timeline::default() };
     scene.garments.push(GarmentDescription::new("sheet", sheet(1.0), 0.2));
     scene.effects.push(EffectRequest::of_scene("gravity"));
+    let described = described(scene, [1001, 1003], &["abc"], Units::SI);
     ShotDescription {
-        name: "falling".into(),
         scene_path: folder.join("falling.toml"),
-        input_files: Vec::new(),
-        garments: vec![GarmentMesh::kept(MeshData::new(sheet(1.0)))],
-        scene,
-        bodies: Vec::new(),
-        tracks: Vec::new(),
-        wind: None,
-        frames: [1001, 1003],
-        preroll: Preroll::default(),
-        output: OutputDescription { formats: vec!["abc".into()], units: Units::SI, velocities: true },
-        resolved: "# all settings\n".into(),
-        warnings: Vec::new(),
+        resolved: "# all settings
+"
+        .into(),
+        ..described
     }
 }
 
