@@ -166,10 +166,18 @@ fn an_archive_that_ends_with_its_mark_goes_on_without_a_copy() {
     let (_folder, _, path) = scratch();
     let mark = *written(&path, &[0, 1, 2]).last().unwrap();
     let before = std::fs::File::open(&path).unwrap();
+    // What a process left that was killed while it copied.
+    let left = path.with_file_name("parts.abc.part");
+    std::fs::write(&left, b"half").unwrap();
     let (mut archive, mut shot) = resumed(&path, &mark).unwrap();
+    assert!(!left.exists());
     shot.write(&mut archive, 3);
     archive.finish(Durability::Flushed).unwrap();
     assert_eq!(before.metadata().unwrap().len(), bytes(&path).len() as u64);
+    std::fs::write(&left, b"half").unwrap();
+    ArchiveWriter::remove(&path).unwrap();
+    assert!(!left.exists() && !path.exists());
+    ArchiveWriter::remove(&path).expect("nothing to remove is no error");
 }
 
 #[test]

@@ -21,7 +21,7 @@ use drapery_alembic::{
 };
 use drapery_core::mesh::MeshStream;
 
-use super::continuing::{beside, cannot_continue, digest_of, hexadecimal, marked_frames, remove, sync_name, too_short};
+use super::continuing::{beside, cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, FaceSet, MeshData, MeshParam, Uvs};
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, told};
@@ -145,8 +145,7 @@ impl AlembicWriter {
         let kept = marked_frames(path, plan, mark)?;
         if kept == 0 {
             // What a run without a break has at this point: no file before the first frame.
-            remove(path)?;
-            remove(&beside(path))?;
+            ArchiveWriter::remove(path)?;
             return Ok(writer);
         }
         if let Some(held) = writer.frames_held().filter(|held| *held > plan.frame_count()) {
@@ -158,7 +157,6 @@ impl AlembicWriter {
             ArchiveWriter::resume(path, &writer.options, &at, |archive| writer.declare_again(archive, &still, kept));
         let (archive, declared) = resumed.map_err(|e| not_continued(path, mark, e))?;
         sync_name(path);
-        remove(&beside(path))?;
         writer.stage = Stage::Open(Box::new(Open { archive, declared }));
         writer.mark = mark.clone();
         Ok(writer)

@@ -44,6 +44,7 @@ impl ArchiveWriter {
     /// file, and may have mapped it into memory, look at what is to be overwritten: the archive then goes on in a copy
     /// of its first `mark.end` bytes, begun as `path` with `.part` behind and renamed to `path` when it is complete and
     /// on the disk. They keep the file that they have. Behind the last commit nobody looks; it is overwritten in place.
+    /// What a process that was killed left of such a copy is removed.
     ///
     /// It costs reading the tables, 24 bytes of every stored sample, the last sample of every property, and the copy.
     ///
@@ -77,11 +78,24 @@ impl ArchiveWriter {
         }
         writer.sealed = false;
         writer.mark = Some(*mark);
-        if source.root_in_header() != mark.root {
+        if source.root_in_header() == mark.root {
+            remove_if_there(&unfinished(path))?;
+        } else {
             writer.go_on_in_copy(mark)?;
         }
         writer.make_room(mark.end, mark.end)?;
         Ok((writer, declared))
+    }
+
+    /// Removes the archive at `path`, if there is one, and what a process that was killed while it
+    /// [resumed](ArchiveWriter::resume) left of a copy.
+    ///
+    /// # Errors
+    /// A file cannot be removed.
+    pub fn remove(path: impl AsRef<Path>) -> Result<(), AlembicError> {
+        let path = path.as_ref();
+        remove_if_there(path)?;
+        remove_if_there(&unfinished(path))
     }
 
     /// Puts a copy that ends with the commit `mark` in the place of the file.
@@ -172,6 +186,16 @@ fn described(metadata: &str) -> Vec<(String, String)> {
     let metadata = MetaData::parse(metadata);
     let pairs = metadata.iter().filter(|(key, _)| !ABOUT_THE_WRITER.contains(key));
     pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
+}
+
+/// Removes a file if it exists.
+fn remove_if_there(path: &Path) -> Result<(), AlembicError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(AlembicError::Io { path: path.to_owned(), action: "remove", source })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The name under which the copy is made.
