@@ -20,7 +20,7 @@ const PIXEL: f64 = 2.5e-4;
 /// Largest height at the start [m].
 const UNEVENNESS: f64 = 2e-4;
 
-/// Numbers of folds that the unevenness has: the rim of the coarsest specimen has 47 vertices.
+/// Numbers of folds that the unevenness has: the rim of the coarsest specimen has 61 vertices.
 const FOLDS: Range<u32> = 2..21;
 
 /// How far vertices are moved off their regular places along a ring and across it, as a share of an edge.
