@@ -6,7 +6,9 @@ use drapery_core::geometry::bvh::Bvh;
 use drapery_core::geometry::crossings::{self, EdgeOwners, Surface};
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
-use drapery_core::scene::{EffectRequest, GarmentDescription, Integrator, Scene, SceneDescription};
+use drapery_core::scene::{
+    EffectRequest, GarmentDescription, Integrator, PinAnchor, PinTarget, Scene, SceneDescription,
+};
 use drapery_core::simulation::{FrameInput, Simulation};
 use drapery_tests::*;
 
@@ -234,6 +236,37 @@ fn sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart() {
         crossings = now;
     }
     assert_eq!(crossings, 0, "after 1.5 s");
+}
+
+#[test]
+fn pins_that_pull_cloth_through_what_it_crosses_keep_their_velocity_where_it_cannot_follow() {
+    let mut description = with_contact(sheets(2, 8, 0.03, 0.0));
+    description.timeline.fps_numerator = 1000;
+    // The second sheet stands through the first near its last corner.
+    description.garments[1].mesh = sheet(5, 5, 0.03);
+    let points = &mut description.garments[1].mesh.points;
+    points.iter_mut().for_each(|p| *p = Vec3::new(0.11, p.x + 0.048, p.z + 0.004));
+    let corners = [0, description.garments[0].mesh.points.len() - 1];
+    let velocities_of_pins = [-1.0, 1.0].map(|sign| sign * Vec3::new(5.0, 5.0, 0.0));
+    for (n, (corner, velocity)) in corners.into_iter().zip(velocities_of_pins).enumerate() {
+        add_pins(&mut description, vec![corner as u32]);
+        let offsets = vec![(0.0, Vec3::zeros()), (1.0, velocity)];
+        description.pins[n].target =
+            PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![corner as u32], offsets };
+    }
+    let mut simulation = start(description);
+    let (mut reverted, mut behind) = (0, 0.0_f64);
+    for frame in 1..=36 {
+        let summary = run(&mut simulation, 1);
+        reverted += summary.metrics.counted("crossings_reverted");
+        let start = sheet(8, 8, 0.03).points;
+        let (x, v) = (positions(&simulation), velocities(&simulation));
+        for (corner, velocity) in corners.into_iter().zip(velocities_of_pins) {
+            behind = behind.max((x[corner] - start[corner] - 1e-3 * f64::from(frame) * velocity).norm());
+            assert!((v[corner] - velocity).norm() < 1e-9, "frame {frame}, vertex {corner}: {} m/s", v[corner]);
+        }
+    }
+    assert!(reverted > 0 && behind > 1e-3, "nothing was in its way");
 }
 
 #[test]

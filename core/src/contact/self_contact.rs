@@ -337,7 +337,8 @@ impl SelfContact {
             let vertex = node - first + place.start;
             let change = self.paths.end[node] - x[vertex];
             x[vertex] = self.paths.end[node];
-            v[vertex] += change / duration;
+            // Held velocities stay as prescribed: where a pin was ahead of its vertex, the way back may be of any length.
+            v[vertex] += (change / duration).component_mul(&self.surface.free_axes(node));
             moved(vertex, change.norm());
         }
         let has_crossings = !geometric.crossings.is_empty() || outcome.pinched;
@@ -501,7 +502,7 @@ impl SelfContact {
                     let change = paths.start[node] - paths.end[node];
                     paths.end[node] = paths.start[node];
                     x[vertex] = paths.start[node];
-                    v[vertex] += change / duration;
+                    v[vertex] += (change / duration).component_mul(&surface.free_axes(node));
                 }
             }
             nodes.refresh(&mut paths.end);

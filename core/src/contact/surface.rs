@@ -240,6 +240,11 @@ impl ContactSurface {
         &self.mobility
     }
 
+    /// One on the axes on which a node is free, zero where it is held.
+    pub fn free_axes(&self, node: usize) -> Vec3 {
+        self.mobility[node].map(|mobility| f64::from(u8::from(mobility > 0.0)))
+    }
+
     /// Changes the inverse masses of own nodes. All ranks call it together.
     pub fn change_mobility(&mut self, change: impl FnOnce(&mut [Vec3])) {
         change(&mut self.mobility);

@@ -30,8 +30,7 @@ impl SelfContact {
         let at = Moment { nodes, dt: duration, x: start, mobility, friction: surface.friction(), supports: None };
         repulsions.apply(Passes::Full, &at, average, metrics);
         for (node, vertex) in nodes.own().zip(place) {
-            let free = surface.mobility()[node].map(|mobility| f64::from(u8::from(mobility > 0.0)));
-            let change = (average[node] - mean((&ends[node], &start[node]))).component_mul(&free);
+            let change = (average[node] - mean((&ends[node], &start[node]))).component_mul(&surface.free_axes(node));
             if change != Vec3::zeros() {
                 x[vertex] += change * duration;
                 v[vertex] += change;
