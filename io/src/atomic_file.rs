@@ -2,18 +2,24 @@
 
 use std::fs::{self, File};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
+
+/// The file that is written before it is renamed to `path`; one that is there when nobody writes was left by a process that was
+/// killed.
+pub fn unfinished(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    path.with_file_name(name)
+}
 
 /// Writes `content` beside `path` and renames it into place.
 ///
 /// # Errors
 /// The folder does not exist or cannot be written to, or the disk is full; `path` then keeps its old content.
 pub fn replace(path: &Path, content: &[u8]) -> Result<(), IoError> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let beside = path.with_file_name(name);
+    let beside = unfinished(path);
     let write = |mut file: File| file.write_all(content).and_then(|()| file.sync_data());
     let file = File::create(&beside).map_err(|e| IoError::creating(&beside, e))?;
     let written = write(file).and_then(|()| fs::rename(&beside, path));

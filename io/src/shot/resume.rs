@@ -4,10 +4,12 @@ use std::path::Path;
 
 use drapery_core::simulation::{FrameInput, RestoreError};
 
+use crate::atomic_file;
 use crate::cache::APPLICATION;
 use crate::checkpoint::{CheckpointReader, FORMAT_VERSION, Loaded, Store};
 use crate::error::IoError;
 use crate::farm::digest::{self, Fingerprint, Versions};
+use crate::run_record::MANIFEST;
 use crate::shot::crew::Crew;
 use crate::shot::folder::{Earlier, files_of_run, set_aside, stale};
 use crate::shot::output::planned_files;
@@ -43,11 +45,16 @@ pub(super) fn changes(
     found.forbidden
 }
 
-/// Whether all frames that are asked for are there, in the form that is asked for, so that nothing needs to be touched.
+/// Whether all frames that are asked for are there, in the form that is asked for, so that nothing needs to be touched. Where an
+/// attempt was killed while it replaced the manifest, the next one clears up.
 pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Earlier>, now: &Fingerprint) -> bool {
     let Some(earlier) = earlier.filter(|_| options.resume == Resume::Auto) else { return false };
     let has_form = || planned_files(shot, &options.out).iter().all(|file| file.is_file());
-    earlier.has_all(&options.out, shot.about.last_frame) && has_form() && !earlier.stores_other_velocities(now)
+    let is_whole = || !atomic_file::unfinished(&options.out.join(MANIFEST)).exists();
+    earlier.has_all(&options.out, shot.about.last_frame)
+        && has_form()
+        && !earlier.stores_other_velocities(now)
+        && is_whole()
 }
 
 /// Refuses a folder that holds something that this run may neither go on with nor replace.
