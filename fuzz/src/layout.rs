@@ -175,15 +175,14 @@ impl Array {
 
     fn write_as<T: H5Type, const N: usize>(&self, group: &Group, value: fn([u8; N]) -> T) -> hdf5::Result<()> {
         let builder = group.new_dataset::<T>().no_chunk().obj_track_times(false);
-        // The library multiplies the extents of a chunk, of which none is zero.
-        let chunk_size = self.shape.iter().try_fold(1usize, |size, extent| size.checked_mul((*extent).max(1)));
-        if chunk_size.is_none() {
+        // No extent of a chunk may be zero; the library multiplies them.
+        let chunk: Vec<usize> = self.shape.iter().map(|extent| (*extent).max(1)).collect();
+        if chunk.iter().try_fold(1usize, |size, extent| size.checked_mul(*extent)).is_none() {
             return Ok(());
         }
         let count: usize = self.shape.iter().product();
         let small = count <= LARGEST;
         let dataset: Dataset = if self.chunked && small && !self.shape.is_empty() {
-            let chunk: Vec<usize> = self.shape.iter().map(|extent| (*extent).max(1)).collect();
             builder.shape(self.shape.clone()).chunk(chunk).create(self.name.as_str())?
         } else {
             builder.shape(self.shape.clone()).create(self.name.as_str())?

@@ -64,12 +64,7 @@ fn shot() -> ShotDescription {
     scene.bodies.push(BodyDescription::new("ball", ball, RigidMotion::at(Vec3::new(0.5, 0.295, 0.5))));
     let units = Units { length: LengthUnit::Centimetre, up: UpAxis::Z };
     let described = described(scene, [1001, 1004], &["abc", "h5"], units);
-    ShotDescription {
-        resolved: "# all settings
-"
-        .into(),
-        ..described
-    }
+    ShotDescription { resolved: "# all settings\n".into(), ..described }
 }
 
 /// What became of a run: what rank 0 got, and how the others ended.

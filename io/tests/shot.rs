@@ -37,13 +37,7 @@ fn falling(folder: &Path) -> ShotDescription {
     scene.garments.push(GarmentDescription::new("sheet", sheet(1.0), 0.2));
     scene.effects.push(EffectRequest::of_scene("gravity"));
     let described = described(scene, [1001, 1003], &["abc"], Units::SI);
-    ShotDescription {
-        scene_path: folder.join("falling.toml"),
-        resolved: "# all settings
-"
-        .into(),
-        ..described
-    }
+    ShotDescription { scene_path: folder.join("falling.toml"), resolved: "# all settings\n".into(), ..described }
 }
 
 fn options(folder: &Path) -> RunOptions {

@@ -21,7 +21,8 @@ use drapery_alembic::{
 };
 use drapery_core::mesh::MeshStream;
 
-use super::continuing::{beside, cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
+use super::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
+use crate::atomic_file::unfinished;
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, FaceSet, MeshData, MeshParam, Uvs};
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, told};
@@ -212,7 +213,7 @@ impl AlembicWriter {
     /// Creates the file with its first frame and everything that does not change; it gets its name when it is valid.
     fn write_first(&self, frame: &CacheFrame<'_>) -> Result<Open, IoError> {
         let still = Still::of(self.mesh.read()?);
-        let mut archive = ArchiveWriter::create(beside(&self.path), &self.options)?;
+        let mut archive = ArchiveWriter::create(unfinished(&self.path), &self.options)?;
         let mut declared = self.declare_mesh(&mut archive)?;
         declared.write(&mut archive, &still.with(self.sample(frame)))?;
         self.write_attributes(&mut archive, &mut declared, &still, Some(APPLICATION))?;

@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::cache::{CacheMark, CachePlan};
 use crate::error::IoError;
@@ -45,13 +45,6 @@ pub(super) fn marked_frames(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark)
         // Within the plan, whose frames are counted by usize.
         Some(last) => Ok((last - plan.first_frame) as usize + 1),
     }
-}
-
-/// The name under which a file is made before it is renamed to `path`.
-pub(super) fn beside(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    path.with_file_name(name)
 }
 
 /// Removes a file if it exists.

@@ -36,7 +36,8 @@ use hdf5::types::VarLenUnicode;
 
 pub(crate) use self::layout::reserved;
 use self::layout::{Offsets, create_file, read_layout};
-use super::continuing::{beside, cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
+use super::continuing::{cannot_continue, hexadecimal, marked_frames, remove, sync_name, too_short};
+use crate::atomic_file::unfinished;
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::inspect::{FileSummary, MeshSummary, face_kinds};
@@ -67,7 +68,7 @@ impl Hdf5Writer {
     /// The file cannot be created.
     pub fn create(path: &Path, plan: &CachePlan<'_>) -> Result<Self, IoError> {
         let stored = create_beside(path, plan)?;
-        fs::rename(beside(path), path).map_err(|e| IoError::creating(path, e))?;
+        fs::rename(unfinished(path), path).map_err(|e| IoError::creating(path, e))?;
         Ok(Self::new(path, plan, stored, CacheMark::none(path)))
     }
 
@@ -101,7 +102,7 @@ impl Hdf5Writer {
             return Err(cannot_continue(path, frame, "the frame is not the one that was written"));
         }
         drop(data);
-        remove(&beside(path))?;
+        remove(&unfinished(path))?;
         let looked_at = marks[kept..].iter().any(|mark| *mark != 0);
         if stored.frames == plan.frame_count() && !looked_at {
             stored.cut(kept, &mut bytes).map_err(failed)?;
@@ -111,7 +112,7 @@ impl Hdf5Writer {
             }
             let mut copy = create_beside(path, plan)?;
             let copied = copy.copy_frames(&mut stored, kept, &mut bytes).and_then(|()| copy.file.sync_all());
-            copied.and_then(|()| fs::rename(beside(path), path)).map_err(failed)?;
+            copied.and_then(|()| fs::rename(unfinished(path), path)).map_err(failed)?;
             sync_name(path);
             stored = copy;
         }
@@ -141,7 +142,7 @@ impl Hdf5Writer {
 
 /// Makes the file of the plan under another name.
 fn create_beside(path: &Path, plan: &CachePlan<'_>) -> Result<Stored, IoError> {
-    let part = beside(path);
+    let part = unfinished(path);
     // The library tells in words what the system refused; the usual reason is a full disk.
     let refused = |what: String| IoError::writing(&part, std::io::Error::other(format!("HDF5: {what}")));
     let data = plan.mesh.read()?;
