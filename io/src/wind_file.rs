@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
 use drapery_core::error::Problem;
-use drapery_core::scene::{Timeline, WindGridShape};
+use drapery_core::scene::{Timeline, WindGridShape, is_possible};
 use drapery_core::wind_grid::WindSample;
 use hdf5::{Dataset, Hyperslab};
 
@@ -57,7 +57,7 @@ impl WindFile {
         let wrong = |place: &str, what: String| Err(IoError::data(path, place, what, ADVICE));
         let vector = |numbers: &[f64]| {
             let vector = <[f64; 3]>::try_from(numbers).ok().map(Vec3::from);
-            vector.filter(|v| v.iter().all(|c| c.is_finite()))
+            vector.filter(is_possible)
         };
         let Some(origin) = vector(&origin) else { return wrong("`origin`", "it is not three numbers".into()) };
         let Some(spacing) = vector(&spacing).filter(|s| s.iter().all(|c| *c > 0.0)) else {
@@ -125,10 +125,10 @@ impl WindFile {
             match self.sample(number) {
                 Err(error) => return Some(Problem::data(place(), error.to_string(), ADVICE)),
                 Ok(velocities) => {
-                    if let Some(node) = velocities.iter().position(|v| !v.iter().all(|c| c.is_finite())) {
+                    if let Some(node) = velocities.iter().position(|v| !is_possible(v)) {
                         let [x, y, _] = self.shape.counts;
                         let (i, j, k) = (node % x, node / x % y, node / (x * y));
-                        let what = format!("the velocity at node x {i}, y {j}, z {k} is not finite");
+                        let what = format!("the velocity at node x {i}, y {j}, z {k} is not finite, or above 1e9 m/s");
                         return Some(Problem::data(place(), what, "write the file again without such numbers"));
                     }
                 }

@@ -275,10 +275,15 @@ fn the_snapshot_of_another_scene_is_refused() {
     assert!(contact("pinched", &[1, 1], Values::U32(vec![900])).contains("`pinched` names node 900 of"));
     assert!(contact("crossings", &[1, 5], Values::U32(vec![0, 1, 2, 3, u32::MAX])).contains("`crossings` names node"));
     assert!(contact("step_share", &[1], Values::F64(vec![f64::NAN])).contains("`step_share` is NaN"));
-    let mut broken = snapshot;
-    let positions = broken.sections[0].datasets.iter_mut().find(|dataset| dataset.name == "positions");
-    if let Some(Values::F64(x)) = positions.map(|dataset| &mut dataset.values) {
-        x[4] = f64::NAN;
-    }
-    assert!(refused(&shots[3], 0, &broken).contains("row 1 of `positions` is not finite"));
+    let spoilt = |name: &str, value: f64| {
+        let mut broken = snapshot.clone();
+        let dataset = broken.sections[0].datasets.iter_mut().find(|dataset| dataset.name == name);
+        if let Some(Values::F64(numbers)) = dataset.map(|dataset| &mut dataset.values) {
+            numbers[4] = value;
+        }
+        refused(&shots[3], 0, &broken)
+    };
+    assert!(spoilt("positions", f64::NAN).contains("row 1 of `positions` is not finite"));
+    assert!(spoilt("positions", 1e233).contains("`positions` of vertex 1 are ["));
+    assert!(spoilt("velocities", -1e10).contains("`velocities` of vertex 1 are ["));
 }

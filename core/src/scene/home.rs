@@ -8,7 +8,7 @@ use crate::error::Problem;
 use crate::mesh::{MeshStream, PolygonMesh};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::spread::{Homes, ask, spread};
-use crate::scene::listed;
+use crate::scene::{is_possible, listed};
 
 /// What a rank has of a garment as it was read.
 pub(super) struct Home<'a> {
@@ -93,11 +93,11 @@ impl<'a> Home<'a> {
     /// Numbers that are not finite, and faces that cannot be: what has to hold before anything can be derived.
     pub(super) fn check(&self, ranks: &Ranks, place: &str, points: usize) -> Vec<Problem> {
         let first = self.points_of.rows(ranks.rank()).start as u32;
-        let broken = (first..).zip(&*self.points).filter(|(_, p)| !p.iter().all(|c| c.is_finite()));
+        let broken = (first..).zip(&*self.points).filter(|(_, p)| !is_possible(p));
         let bad = |corners: &[u32]| corners.len() < 3 || corners.iter().any(|v| *v as usize >= points);
         let impossible = self.faces(ranks).filter(|(_, corners)| bad(corners));
         let vertices = listed(ranks, broken.map(|(v, _)| [v; 2]).collect()).map(|list| {
-            let what = format!("vertices {list} are not finite numbers");
+            let what = format!("vertices {list} are not finite numbers, or beyond 1e9 m");
             Problem::data(place, what, "repair these points and export the mesh again")
         });
         let faces = listed(ranks, impossible.map(|(f, _)| [f; 2]).collect()).map(|list| {

@@ -11,6 +11,9 @@ use crate::scene::{Scene, SceneDescription};
 /// Distance of the middle of the cloth from the origin of the world, along any axis, up to which the origin stays there [m].
 const FAR: f64 = 1000.0;
 
+/// Largest coordinate that is simulated [m]: beyond, even double precision rounds by more than a ten thousandth of a millimetre.
+const FARTHEST: f64 = 1e9;
+
 /// Share of a garment's thickness that rounding may take without a word.
 const WORTH_SAYING: f64 = 0.1;
 
@@ -57,6 +60,12 @@ impl Scene {
     }
 }
 
+/// Whether this can be a position [m] or a velocity [m/s] of a simulation: three numbers, none beyond a million kilometres.
+/// Squares of much larger ones overflow, and no remedy for a step that has gone wrong helps against that.
+pub fn is_possible(vector: &Vec3) -> bool {
+    vector.iter().all(|c| c.abs() <= FARTHEST)
+}
+
 /// The bounds of nothing.
 const NOWHERE: Bounds = [f64::NEG_INFINITY; 6];
 
@@ -88,10 +97,10 @@ fn told(name: &str, rounding: f64, thickness: f64, origin: Vec3) -> String {
 
 /// Refuses an origin that is no place.
 pub(super) fn check_origin(description: &SceneDescription, problems: &mut Vec<Problem>) {
-    if description.origin.is_some_and(|origin| !origin.iter().all(|c| c.is_finite())) {
+    if description.origin.is_some_and(|origin| !is_possible(&origin)) {
         problems.push(Problem::scene(
             "shot",
-            "its origin is not a finite place",
+            "its origin is not a finite place, or beyond 1e9 m",
             "write origin = \"auto\", or [x, y, z]",
         ));
     }
@@ -157,6 +166,29 @@ mod tests {
         assert!(!said.contains("garment \"near\": caches"), "{said}");
         // Between the two no place is near both: 0.03 mm.
         assert!(!scene_by(2, &garments, Some(Vec3::new(0.0, 0.0, 750.0))).1.contains("caches"));
+    }
+
+    #[test]
+    fn coordinates_beyond_a_million_kilometres_are_refused_on_any_ranks() {
+        for ranks in 1..4 {
+            for (far, is_right) in [(1e9, true), (-1.1e9, false), (1e233, false), (f64::NAN, false)] {
+                let all = LocalRanks::run(ranks, 1, |communicator| {
+                    let mut description = SceneDescription::new("far");
+                    description.garments.push(square("a", Vec3::zeros()));
+                    let PolygonMesh { points, .. } = &mut description.garments[0].mesh;
+                    points[4].y = far;
+                    let problems = Scene::distribute(&Ranks::new(communicator), Some(description)).err();
+                    problems.map(|problems| problems.to_string())
+                });
+                for said in all.expect("no rank ends early") {
+                    let is_named = |said: &String| said.contains("vertices 4 are not finite numbers, or beyond 1e9 m");
+                    assert!(
+                        if is_right { said.is_none() } else { said.as_ref().is_some_and(is_named) },
+                        "{far}: {said:?}"
+                    );
+                }
+            }
+        }
     }
 
     #[test]

@@ -20,6 +20,7 @@ use crate::scene::sewn::Sewn;
 use crate::scene::share::{self, HandingOut, Received};
 use crate::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription,
+    is_possible,
 };
 use crate::settings::nearest;
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
@@ -285,8 +286,12 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
         let what = format!("the thickness {} m is not positive", garment.thickness);
         problems.push(Problem::scene(place(", thickness"), what, "cloth is 0.1 to 2 mm thick"));
     }
-    if !garment.velocity.iter().all(|v| v.is_finite()) {
-        problems.push(Problem::scene(place(", velocity"), "it is not finite", "write three numbers in m/s"));
+    if !is_possible(&garment.velocity) {
+        problems.push(Problem::scene(
+            place(", velocity"),
+            "it is not finite, or above 1e9 m/s",
+            "write three numbers in m/s",
+        ));
     }
     if let Some(velocities) = &garment.start_velocities {
         if velocities.len() != garment.point_count() {
@@ -306,11 +311,11 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
 }
 
 fn finite_points(place: &str, points: &[Vec3], problems: &mut Vec<Problem>) {
-    let broken = points.iter().enumerate().filter(|(_, p)| !p.iter().all(|c| c.is_finite())).map(|(i, _)| i);
+    let broken = points.iter().enumerate().filter(|(_, p)| !is_possible(p)).map(|(i, _)| i);
     report(broken, problems, |list| {
         Problem::data(
             place,
-            format!("vertices {list} are not finite numbers"),
+            format!("vertices {list} are not finite numbers, or beyond 1e9"),
             "repair these points and export the mesh again",
         )
     });
@@ -401,7 +406,7 @@ fn check_body(body: &BodyDescription, problems: &mut Vec<Problem>) {
         problems.push(Problem::scene(&place, what, "correct them in the scene file"));
     }
     let ascending = body.motion.path.windows(2).all(|w| w[0].0 < w[1].0);
-    let finite = body.motion.path.iter().all(|(t, x)| t.is_finite() && x.iter().all(|c| c.is_finite()));
+    let finite = body.motion.path.iter().all(|(t, x)| t.is_finite() && is_possible(x));
     if !ascending || !finite {
         problems.push(Problem::scene(&place, "its path needs ascending times and finite positions", "correct `path`"));
     }

@@ -6,7 +6,7 @@ use drapery_core::Vec3;
 use drapery_core::error::Problem;
 use drapery_core::geometry::moving_surface::{is_closed, is_inside_out};
 use drapery_core::mesh::{sides, turned_edges};
-use drapery_core::scene::Timeline;
+use drapery_core::scene::{Timeline, is_possible};
 use drapery_core::tolerances::DEGENERATE_AREA;
 
 use crate::cache::Connectivity;
@@ -233,11 +233,11 @@ fn check_samples(
             let place = place(motion, span, time);
             warnings.push(format!("{place}: the body is inside out: its sides are exchanged for as long as it is"));
         }
-        if let Some(vertex) = first_not_finite(&positions).filter(|_| !bad_number) {
+        if let Some(vertex) = first_impossible(&positions).filter(|_| !bad_number) {
             bad_number = true;
             problems.push(Problem::data(
                 format!("{}, vertex {vertex}", place(motion, span, time)),
-                "its position is not a finite number",
+                "its position is not a finite number, or beyond 1e9 m",
                 "find what breaks in that frame of the animation and export it again",
             ));
         }
@@ -254,6 +254,6 @@ fn topology_change(before: &Connectivity, now: &Connectivity) -> String {
     format!("the topology changes: the same number of faces, but other points from face corner {}", corner.unwrap_or(0))
 }
 
-fn first_not_finite(positions: &[Vec3]) -> Option<usize> {
-    positions.iter().position(|p| !p.iter().all(|x| x.is_finite()))
+fn first_impossible(positions: &[Vec3]) -> Option<usize> {
+    positions.iter().position(|p| !is_possible(p))
 }

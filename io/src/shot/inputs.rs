@@ -1,9 +1,8 @@
 //! Everything that moves by files, frame by frame.
 
-use drapery_core::Vec3;
 use drapery_core::error::{Problem, Problems};
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{BodyShape, Scene, SceneDescription, Timeline};
+use drapery_core::scene::{BodyShape, Scene, SceneDescription, Timeline, is_possible};
 use drapery_core::simulation::FrameInput;
 
 use crate::error::IoError;
@@ -61,10 +60,9 @@ impl Inputs {
         problems: &mut Vec<Problem>,
     ) -> Result<Option<Crew>, ShotError> {
         let input = self.at(self.timeline.start)?;
-        let finite = |p: &Vec3| p.iter().all(|x| x.is_finite());
         let samples = input.bodies.iter().chain(&input.tracks).flatten();
         let wind = input.wind.iter().flat_map(|sample| &sample.velocities);
-        if !problems.is_empty() && samples.flat_map(|s| &s.positions).chain(wind).any(|p| !finite(p)) {
+        if !problems.is_empty() && samples.flat_map(|s| &s.positions).chain(wind).any(|p| !is_possible(p)) {
             // The check of the samples has said so already.
             return Ok(None);
         }
