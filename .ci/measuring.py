@@ -8,13 +8,11 @@ import resource
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENES = ROOT / "sample_assets" / "scenes"
-
-# Stages of a run that follow each other: all of its time.
-OUTER = ["simulate", "write caches", "check caches", "read inputs"]
 
 
 def output(*command):
@@ -62,31 +60,32 @@ def threads(count):
 
 def run(command, folder):
     """Runs a shot of one process into `folder`: its record, with the CPU seconds of the process."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     done = subprocess.run(command, capture_output=True, text=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    after, ended = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     if done.returncode != 0:
         sys.exit(f"{' '.join(command)}\nended with {done.returncode}\n{done.stdout}{done.stderr}")
-    return Record(Path(folder), after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return Record(Path(folder), cpu / (ended - started))
 
 
 class Record:
-    """What a run wrote about itself, and the CPU seconds of its simulation, without reading and writing files."""
+    """What a run wrote about itself, and the CPU seconds of its simulation, without reading and writing files: seconds of
+    its clock by the CPU seconds that the process took in one."""
 
-    def __init__(self, folder, cpu):
+    def __init__(self, folder, cpu_share):
         records = [json.loads(line) for line in (folder / "run.jsonl").read_text().splitlines()]
         frames = [record for record in records if record.get("record") == "frame"]
         self.counts = records[-1]["counts"]
         self.steps = sum(frame.get("steps", 0) for frame in frames)
         self.frames = len([frame for frame in frames if "steps" in frame])
         self._seconds = {stage["stage"]: stage["seconds"] for stage in records[-1]["stages"]}
-        # Seconds of the clock become CPU seconds by one factor, since nothing else ran in the process.
-        self._factor = cpu / sum(self._seconds.get(stage, 0.0) for stage in OUTER)
+        self._cpu_share = cpu_share
         self.cpu = self.spent(["simulate"])
 
     def spent(self, stages):
         """CPU seconds of some stages."""
-        return self._factor * sum(self._seconds.get(stage, 0.0) for stage in stages)
+        return self._cpu_share * sum(self._seconds.get(stage, 0.0) for stage in stages)
 
     def count(self, name):
         return self.counts.get(name, 0)

@@ -48,7 +48,7 @@ const OPENING_RATE: f64 = 1.0;
 
 /// How much farther than on its path a node may come until pairs are looked for again, as a share of the edges around
 /// it.
-const MARGIN: f64 = 0.02;
+pub(super) const MARGIN: f64 = 0.02;
 
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;

@@ -228,6 +228,17 @@ impl Neighbours {
         out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
     }
 
+    /// Marks the nodes of pairs held here that may touch on the paths noted last, also if all nodes move a share `margin` of
+    /// their edges farther; one entry for each node. Own nodes are marked by their owner.
+    pub fn mark_close(&self, margin: f64, marks: &mut [u8]) {
+        for neighbour in self.lists.iter().flatten() {
+            let [a, b] = neighbour.pair.fold(&self.edge_length, f64::max);
+            if self.distance_bound(neighbour) <= margin * (a + b) {
+                neighbour.pair.nodes.iter().for_each(|node| marks[*node as usize] = 1);
+            }
+        }
+    }
+
     /// Whether this rank owns the smallest node of a pair.
     #[inline]
     fn is_home(&self, pair: &Pair) -> bool {

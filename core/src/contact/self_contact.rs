@@ -4,17 +4,15 @@
 //! are close, K time steps follow with repulsions in B.2 and B.8, and C stops what would pass through something on the way.
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
+mod crossings;
 mod per_collision_step;
 mod per_time_step;
 
-use rayon::prelude::*;
-
 use crate::Vec3;
 use crate::bodies::Bodies;
-use crate::contact::exact_check::{crossings, ignored_pairs, pinched_vertices};
+use crate::contact::exact_check::ignored_pairs;
 use crate::contact::geometric::{CollisionLoop, Collisions, Effort, Resolution};
 use crate::contact::neighbours::Neighbours;
-use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::Pair;
 use crate::contact::repulsion::{Laws, Repulsions};
 use crate::contact::search::PairSearch;
@@ -22,10 +20,8 @@ use crate::contact::step_control::StepControl;
 use crate::contact::supports::Supports;
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::GAP_ROUNDINGS;
-use crate::contact::untangle::push_apart;
 use crate::effects::pins::{HardPins, PinTargets};
 use crate::effects::{SLEEPS, Section};
-use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::remembered::{Field, Remembered};
@@ -39,9 +35,6 @@ pub const SECTION: Section = Section { name: "self_contact", version: 1 };
 /// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
 const STEP_COUNTS: [&str; 5] =
     ["collision_steps_k1", "collision_steps_k2", "collision_steps_k4", "collision_steps_k8", "collision_steps_k16"];
-
-/// Rounds in which what would cross more stays where it was; then everything does.
-const REVERT_ROUNDS: u32 = 6;
 
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LONGEST_WAY: f64 = 0.5;
@@ -451,11 +444,6 @@ impl SelfContact {
         Ok(())
     }
 
-    /// Edges that crossed triangles when it was last looked for them.
-    pub fn known_crossings(&self) -> &[Crossing] {
-        self.geometric.as_ref().map_or(&[], |g| &g.crossings)
-    }
-
     /// Puts the state back to the last collision-free one; of the positions, those of own vertices.
     pub fn rewind(&self, state: &mut State) {
         if let Some(geometric) = &self.geometric {
@@ -465,109 +453,13 @@ impl SelfContact {
         }
     }
 
-    /// Finds the crossings that the state has now: around the nodes in `moved` (own ones) if there were none before, else all.
-    /// More of cloth with cloth than before are not accepted: what makes them stays where it was.
-    fn check(
-        &mut self,
-        moved: &[u32],
-        (x, v): (&mut [Vec3], &mut [Vec3]),
-        bodies: &Bodies,
-        duration: f64,
-        metrics: &mut Metrics,
-    ) {
-        let Some(geometric) = &mut self.geometric else { return };
-        let (surface, nodes, paths) = (&self.surface, self.surface.nodes(), &mut self.paths);
-        metrics.count_once(nodes.ranks(), "crossing_checks", 1);
-        let among_cloth = |all: &[Crossing]| all.iter().filter(|c| surface.is_cloth(c)).count();
-        let (before, allowed) = (&geometric.crossings, among_cloth(&geometric.crossings));
-        let only = before.is_empty().then(|| marks(nodes, moved));
-        let mut stopped = vec![0; nodes.count()];
-        let mut round = 0;
-        let found = loop {
-            let end = &paths.end;
-            self.search.fit(surface, |i| Aabb::of_point(&end[i]));
-            let found = crossings(surface, &self.search, end, only.as_deref().filter(|_| round == 0));
-            if among_cloth(&found) <= allowed || round > REVERT_ROUNDS {
-                break found;
-            }
-            metrics.count_once(nodes.ranks(), "crossings_reverted", 1);
-            let new = found.iter().filter(|c| surface.is_cloth(c) && before.binary_search(c).is_err());
-            let numbers = new.flat_map(|c| c.edge.iter().chain(&c.triangle));
-            numbers.filter_map(|number| nodes.local(*number)).for_each(|node| stopped[node as usize] = 1);
-            // The neighbours of what stays too: nothing new may be made at its border. At last everything stays.
-            surface.grow(&mut stopped);
-            nodes.refresh(&mut stopped);
-            for (node, vertex) in nodes.own().zip(surface.place()) {
-                if stopped[node] != 0 || round == REVERT_ROUNDS {
-                    let change = paths.start[node] - paths.end[node];
-                    paths.end[node] = paths.start[node];
-                    x[vertex] = paths.start[node];
-                    v[vertex] += (change / duration).component_mul(&surface.free_axes(node));
-                }
-            }
-            nodes.refresh(&mut paths.end);
-            round += 1;
-        };
-        geometric.note_crossings(surface, found, bodies);
-        // Where a body crosses itself there is no way out yet.
-        let pinched = |c: &Crossing| surface.is_pinched(c, bodies);
-        let free: Vec<Crossing> = geometric.crossings.iter().filter(|c| !pinched(c)).copied().collect();
-        let velocity = |node: u32| (paths.end[node as usize] - paths.start[node as usize]) / duration;
-        push_apart(surface, &free, &paths.end, velocity, &mut v[surface.place()]);
-    }
-
-    /// All crossings of the state `x` [m], with bodies where they stand, in numbers of the scene; the pairs that cross are left
-    /// alone from now on.
-    pub fn check_everything(&mut self, x: &[Vec3], bodies: &Bodies) -> &[Crossing] {
-        self.surface.gather(x, bodies, &mut self.paths.end);
-        let end = &self.paths.end;
-        self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
-        let found = crossings(&self.surface, &self.search, end, None);
-        match &mut self.geometric {
-            Some(geometric) => {
-                geometric.note_crossings(&self.surface, found, bodies);
-                &geometric.crossings
-            }
-            None => &[],
-        }
-    }
-
-    /// Number of crossings of cloth with cloth when every vertex of the state `x` [m] is where `place` puts it; the same on all
-    /// ranks.
-    pub fn crossings_when(&mut self, x: &[Vec3], bodies: &Bodies, place: &(dyn Fn(&Vec3) -> Vec3 + Sync)) -> usize {
-        self.surface.gather(x, bodies, &mut self.paths.end);
-        let cloth = self.surface.nodes().cloth();
-        self.paths.end[..cloth].par_iter_mut().for_each(|x| *x = place(x));
-        let end = &self.paths.end;
-        self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
-        let found = crossings(&self.surface, &self.search, end, None);
-        found.iter().filter(|crossing| self.surface.is_cloth(crossing)).count()
-    }
-
     /// Whether geometric collisions keep the state free of crossings.
     pub fn keeps_free(&self) -> bool {
         self.geometric.is_some()
     }
 }
 
-impl Geometric {
-    /// Takes note of what crosses now.
-    fn note_crossings(&mut self, surface: &ContactSurface, crossings: Vec<Crossing>, bodies: &Bodies) {
-        self.ignored = ignored_pairs(&crossings);
-        self.pinched = pinched_vertices(surface, &crossings, bodies);
-        self.crossings = crossings;
-    }
-}
-
 /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
 fn cloth_mobility(surface: &ContactSurface) -> Vec<f64> {
     surface.mobility()[..surface.nodes().cloth()].iter().map(Vec3::max).collect()
-}
-
-/// One entry for each node, not zero for these own nodes and their copies.
-fn marks(nodes: &ContactNodes, own: &[u32]) -> Vec<u8> {
-    let mut marks = vec![0; nodes.count()];
-    own.iter().for_each(|node| marks[*node as usize] = 1);
-    nodes.refresh(&mut marks);
-    marks
 }
