@@ -58,6 +58,13 @@ def threads(count):
     return "one thread" if count == 1 else f"{count} threads"
 
 
+def wait_for_quiet():
+    """Waits until what ran before shows no more in the load of the machine, for a few minutes at most."""
+    patience = time.monotonic() + 300.0
+    while os.getloadavg()[0] > 0.5 and time.monotonic() < patience:
+        time.sleep(5.0)
+
+
 def run(command, folder):
     """Runs a shot of one process into `folder`: its record, with the CPU seconds of the process."""
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
