@@ -13,6 +13,7 @@ use crate::effects::Section;
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
+use crate::scene::is_possible;
 use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, ValueKind, Values};
 
 pub use elements::ElementRows;
@@ -262,15 +263,15 @@ impl Reader<'_, '_> {
         })
     }
 
-    /// Finite vectors of this rank's rows.
+    /// Positions or velocities of this rank's rows.
     fn vectors(&mut self, rows: &Rows) -> Result<Vec<Vec3>, SnapshotError> {
         let own = self.own(rows, 3, reals)?;
         let vectors: Vec<Vec3> = own.as_chunks::<3>().0.iter().map(|x| Vec3::from(*x)).collect();
-        let broken = |i: &usize| !vectors[rows.places[*i] as usize].iter().all(|x| x.is_finite());
+        let broken = |i: &usize| !is_possible(&vectors[rows.places[*i] as usize]);
         let first = (0..rows.keys.len()).find(broken).map_or(f64::INFINITY, |i| f64::from(rows.keys[i]));
         let first = -self.parts.ranks().max(-first);
         match first.is_finite() {
-            true => Err(self.error(format!("row {first} of `{}` is not finite", self.name))),
+            true => Err(self.error(format!("row {first} of `{}` is not finite, or beyond 1e9", self.name))),
             false => Ok(vectors),
         }
     }

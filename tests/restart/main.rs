@@ -275,15 +275,22 @@ fn the_snapshot_of_another_scene_is_refused() {
     assert!(contact("pinched", &[1, 1], Values::U32(vec![900])).contains("`pinched` names node 900 of"));
     assert!(contact("crossings", &[1, 5], Values::U32(vec![0, 1, 2, 3, u32::MAX])).contains("`crossings` names node"));
     assert!(contact("step_share", &[1], Values::F64(vec![f64::NAN])).contains("`step_share` is NaN"));
-    let spoilt = |name: &str, value: f64| {
-        let mut broken = snapshot.clone();
-        let dataset = broken.sections[0].datasets.iter_mut().find(|dataset| dataset.name == name);
-        if let Some(Values::F64(numbers)) = dataset.map(|dataset| &mut dataset.values) {
-            numbers[4] = value;
-        }
-        refused(&shots[3], 0, &broken)
+    let spoilt = |shot: &Shot, (section, name): (&str, &str), value: f64| {
+        let mut broken = shot.start().snapshot();
+        let section = broken.sections.iter_mut().find(|known| known.name == section).expect("a section");
+        let dataset = section.datasets.iter_mut().find(|dataset| dataset.name == name).expect("an array");
+        let Values::F64(numbers) = &mut dataset.values else { panic!("`{name}` has no real numbers") };
+        numbers[1] = value;
+        refused(shot, 0, &broken)
     };
-    assert!(spoilt("positions", f64::NAN).contains("row 1 of `positions` is not finite"));
-    assert!(spoilt("positions", 1e233).contains("`positions` of vertex 1 are ["));
-    assert!(spoilt("velocities", -1e10).contains("`velocities` of vertex 1 are ["));
+    for value in [f64::NAN, 1e233, -1e10] {
+        for name in ["positions", "velocities"] {
+            let said = spoilt(&shots[3], ("state", name), value);
+            assert!(said.contains(&format!("row 0 of `{name}` is not finite, or beyond 1e9")), "{said}");
+        }
+        for name in ["places", "at_end"] {
+            let said = spoilt(&shots[0], ("pins", name), value);
+            assert!(said.contains(&format!("`{name}` of pin target 0 is not finite, or beyond 1e9")), "{said}");
+        }
+    }
 }

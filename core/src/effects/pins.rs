@@ -16,7 +16,7 @@ use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Sectio
 use crate::error::Problem;
 use crate::parallel::parts::Parts;
 use crate::remembered::{Field, Remembered};
-use crate::scene::{PinAnchor, PinHold, PinTarget, Pinned, Scene, SurfaceAttachment};
+use crate::scene::{PinAnchor, PinHold, PinTarget, Pinned, Scene, SurfaceAttachment, is_possible};
 use crate::settings::Settings;
 use crate::snapshot::{SnapshotError, Values};
 
@@ -224,7 +224,7 @@ impl PinTargets {
     /// Goes on from what was remembered.
     ///
     /// # Errors
-    /// It is of another scene.
+    /// It is of another scene, or its numbers are none.
     pub(crate) fn go_on(&mut self, memory: &Remembered, bodies: &Bodies) -> Result<(), SnapshotError> {
         let error = |what: String| SnapshotError { section: memory.name.to_owned(), what };
         let reals = |name: &str| match memory.targets(name) {
@@ -236,6 +236,14 @@ impl PinTargets {
             Some(Values::U32(values)) => values.as_chunks().0,
             _ => &[],
         };
+        for (name, rows) in [("places", places), ("weights", weights), ("offsets", offsets), ("at_end", at_end)] {
+            if let Some(i) = rows.iter().position(|row| !is_possible(&Vec3::from(*row))) {
+                return Err(error(format!(
+                    "`{name}` of pin target {} is not finite, or beyond 1e9",
+                    self.targets[i].number
+                )));
+            }
+        }
         for (i, target) in self.targets.iter_mut().enumerate() {
             match &mut target.source {
                 Source::Path { place, .. } => *place = places[i].into(),

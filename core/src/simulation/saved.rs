@@ -8,7 +8,7 @@ use crate::contact::self_contact;
 use crate::effects::{Section, body_collision};
 use crate::error::Problems;
 use crate::remembered::{ElementRows, Field, Remembered};
-use crate::scene::{Scene, is_possible};
+use crate::scene::Scene;
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 
 /// Positions and velocities, which every scene has.
@@ -124,13 +124,7 @@ impl Simulation {
             limit.set_last(section.number("last_step"));
             care.go_on(["halvings", "calm"].map(|name| section.count(name)));
             for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
-                let known = section.vectors(name);
-                if let Some(at) = known.iter().position(|vector| !is_possible(vector)) {
-                    let (vertex, [x, y, z]) = (parts.number(parts.own().start + at), <[f64; 3]>::from(known[at]));
-                    let what = format!("`{name}` of vertex {vertex} are [{x}, {y}, {z}]");
-                    problem = Some(SnapshotError { section: STATE.name.to_owned(), what });
-                }
-                vectors[parts.own()].copy_from_slice(known);
+                vectors[parts.own()].copy_from_slice(section.vectors(name));
                 parts.halo().refresh(parts.ranks(), vectors);
             }
         }
@@ -138,7 +132,7 @@ impl Simulation {
         if scene.pin_targets() > 0
             && let Some(section) = sections.next()
         {
-            problem = problem.or(targets.go_on(section, bodies).err());
+            problem = targets.go_on(section, bodies).err();
         }
         if let (Some(collision), Some(section)) = (
             collision.as_mut().filter(|c| c.remembers()),
