@@ -289,6 +289,11 @@ impl CollisionLoop {
     }
 }
 
+/// Whether the list of neighbours holds all that can meet where `used` is the longest way of a node, and a little farther.
+pub(super) fn holds_all(neighbours: &Neighbours, used: f64) -> bool {
+    SLEEPS && used + MARGIN <= neighbours.reach()
+}
+
 /// Where the pairs to look at come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Source {
@@ -300,7 +305,7 @@ enum Source {
 
 impl Source {
     fn of(used: f64, neighbours: &Neighbours) -> Self {
-        if SLEEPS && used + MARGIN <= neighbours.reach() { Self::Neighbours } else { Self::Swept }
+        if holds_all(neighbours, used) { Self::Neighbours } else { Self::Swept }
     }
 }
 

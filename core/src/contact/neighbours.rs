@@ -220,10 +220,7 @@ impl Neighbours {
     /// of their edges farther.
     pub fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
         out.clear();
-        let may_meet = |n: &&Neighbour| {
-            let [a, b] = n.pair.fold(&self.edge_length, f64::max);
-            self.distance_bound(n) - margin * (a + b) <= gap && self.is_home(&n.pair)
-        };
+        let may_meet = |n: &&Neighbour| self.may_come_within(n, gap, margin) && self.is_home(&n.pair);
         let chunks = self.lists[0].par_chunks(CHUNK).chain(self.lists[1].par_chunks(CHUNK));
         out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
     }
@@ -231,12 +228,16 @@ impl Neighbours {
     /// Marks the nodes of pairs held here that may touch on the paths noted last, also if all nodes move a share `margin` of
     /// their edges farther; one entry for each node. Own nodes are marked by their owner.
     pub fn mark_close(&self, margin: f64, marks: &mut [u8]) {
-        for neighbour in self.lists.iter().flatten() {
-            let [a, b] = neighbour.pair.fold(&self.edge_length, f64::max);
-            if self.distance_bound(neighbour) <= margin * (a + b) {
-                neighbour.pair.nodes.iter().for_each(|node| marks[*node as usize] = 1);
-            }
-        }
+        let touching = self.lists.iter().flatten().filter(|n| self.may_come_within(n, 0.0, margin));
+        touching.flat_map(|n| n.pair.nodes).for_each(|node| marks[node as usize] = 1);
+    }
+
+    /// Whether a pair may come within `gap` [m] on the paths noted last, also if its nodes move a share `margin` of their edges
+    /// farther.
+    #[inline]
+    fn may_come_within(&self, neighbour: &Neighbour, gap: f64, margin: f64) -> bool {
+        let [a, b] = neighbour.pair.fold(&self.edge_length, f64::max);
+        self.distance_bound(neighbour) - margin * (a + b) <= gap
     }
 
     /// Whether this rank owns the smallest node of a pair.

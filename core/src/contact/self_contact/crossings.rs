@@ -6,11 +6,10 @@ use super::{Geometric, SelfContact};
 use crate::Vec3;
 use crate::bodies::Bodies;
 use crate::contact::exact_check::{crossings, ignored_pairs, pinched_vertices};
-use crate::contact::geometric::MARGIN;
+use crate::contact::geometric::{MARGIN, holds_all};
 use crate::contact::nodes::ContactNodes;
 use crate::contact::surface::ContactSurface;
 use crate::contact::untangle::push_apart;
-use crate::effects::SLEEPS;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
@@ -103,11 +102,11 @@ impl SelfContact {
     /// only when its ends meet the triangle or it meets the triangle's edges.
     fn near_others(&mut self) -> Option<Vec<u8>> {
         let Self { surface, neighbours, paths, geometric, .. } = self;
-        if !SLEEPS || geometric.as_ref().is_none_or(|g| !g.crossings.is_empty()) {
+        if geometric.as_ref().is_none_or(|g| !g.crossings.is_empty()) {
             return None;
         }
         let used = neighbours.note_ways(surface, &paths.end, &paths.end);
-        if used.is_nan() || used + MARGIN > neighbours.reach() {
+        if !holds_all(neighbours, used) {
             return None;
         }
         let mut near = vec![0; surface.nodes().count()];
