@@ -297,7 +297,7 @@ impl Simulation {
             self.targets.set_step(&self.bodies, &self.tracks, &self.state.x, (time, time));
             let parts = self.scene.parts();
             for (part, range) in parts.ranges().iter().enumerate() {
-                pins.set_positions(part, range.start, &self.targets, &mut self.state.x[range.clone()]);
+                pins.start_at(part, range.start, &self.targets, &mut self.state.x[range.clone()]);
             }
             parts.halo().refresh(parts.ranks(), &mut self.state.x);
         }

@@ -22,7 +22,7 @@ use crate::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::Surroundings;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
-use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::pins::{BEHIND as PINS_BEHIND, CatchUp, HardPins, PinTargets};
 use crate::effects::{Purpose, VelocityFilter};
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
@@ -97,6 +97,8 @@ pub struct StepContext<'a> {
     pub pins: Option<&'a HardPins>,
     /// Where pinned vertices have to be.
     pub targets: &'a mut PinTargets,
+    /// How fast held vertices come after targets that they are behind.
+    pub catch_up: CatchUp,
     /// Animated positions that pins follow.
     pub tracks: &'a [Samples],
     /// What else changes velocities.
@@ -317,7 +319,7 @@ impl<'a> StepContext<'a> {
 
     /// B.3 and B.4: x' and, with bodies, v*.
     fn end_positions(&mut self, dt: f64) {
-        let Self { parts, state, pins, targets, collision, bodies, scratch, metrics, .. } = self;
+        let Self { parts, state, pins, targets, catch_up, collision, bodies, scratch, metrics, .. } = self;
         let Scratch { v_half, v_star, x_new, .. } = &mut **scratch;
         if let Some(collision) = collision {
             metrics.stage("B.4 body collision", |m| {
@@ -338,8 +340,10 @@ impl<'a> StepContext<'a> {
             });
         }
         if let Some(pins) = pins {
+            metrics.count(PINS_BEHIND, pins.behind(targets, *catch_up, &state.x));
             parts.for_each(PerVertex(&mut x_new[parts.own()]), &|part, x_new| {
-                pins.set_positions(part, parts.ranges()[part].start, targets, x_new.0);
+                let range = parts.ranges()[part].clone();
+                pins.set_positions(part, range.start, targets, *catch_up, (&state.x[range], x_new.0));
             });
         }
         parts.halo().refresh(parts.ranks(), x_new);

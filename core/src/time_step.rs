@@ -5,6 +5,7 @@
 //! given fraction in a step.
 
 use crate::Vec3;
+use crate::effects::pins::CatchUp;
 use crate::effects::{Force, PartMotion};
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerPart;
@@ -83,6 +84,13 @@ impl StepLimit {
         let whole = self.elastic.min(settings.max_dt.unwrap_or(f64::INFINITY));
         // Cloth without springs allows any step; a share of it is one of a frame. A share of what is left would never end it.
         if share < 1.0 { share * whole.min(self.frame) } else { whole }
+    }
+
+    /// How fast held vertices come after targets that they are behind: so fast that their edges change in the longest step
+    /// by what a step may change them, or that they are there in a frame, whichever is faster. It does not depend on the step.
+    pub fn catch_up(&self, settings: &SolverSettings) -> CatchUp {
+        let longest = self.longest(settings, 1.0).min(self.frame);
+        CatchUp { strain_rate: settings.strain_per_step / longest, lag_rate: 1.0 / self.frame }
     }
 
     /// Largest rate of strain of the state [1/s], zero where it is too small to limit a step, and infinite if a velocity is

@@ -270,6 +270,40 @@ fn pins_that_pull_cloth_through_what_it_crosses_keep_their_velocity_where_it_can
 }
 
 #[test]
+fn a_pin_draws_its_vertex_from_behind_cloth_without_a_blow() {
+    // One sheet flies off from where a pin takes hold of its corner a frame later, and another rises in between.
+    let mut description = with_contact(sheets(2, 5, 0.03, 0.0));
+    description.garments[0].velocity = Vec3::new(2.4, 0.0, 0.0);
+    description.garments[1].mesh = sheet(5, 5, 0.03);
+    let points = &mut description.garments[1].mesh.points;
+    points.iter_mut().for_each(|p| *p = Vec3::new(0.05, p.x - 0.3, p.z - 0.074));
+    description.garments[1].velocity = Vec3::new(0.0, 4.8, 0.0);
+    add_pins(&mut description, vec![0]);
+    description.pins[0].target = PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![0], offsets: Vec::new() };
+    description.pins[0].from = 1.0 / 24.0;
+    let mut simulation = start(description);
+    let (home, frame) = (positions(&simulation)[0], 1.0 / 24.0);
+    run_free(&mut simulation, 1);
+    let away = positions(&simulation)[0] - home;
+    assert!((away - Vec3::new(0.1, 0.0, 0.0)).norm() < 1e-6, "no pin yet: {away}");
+    // Not faster than it takes to be there in a frame, or the edges by what a step may change them in the longest one.
+    let settings = &simulation.scene().description().solver;
+    let fastest = (away.norm() / frame).max(0.03 * settings.strain_per_step / simulation.elastic_step().min(frame));
+    let mut all = Metrics::default();
+    for frame in 2..=4 {
+        all.add(&run_free(&mut simulation, 1));
+        // What is struck by something heavy leaves it with twice its speed, at most, beside its own across.
+        let speed = simulation.state().v.iter().map(Vec3::norm).fold(0.0, f64::max);
+        assert!(speed <= (2.0 * fastest).hypot(4.8), "frame {frame}: {speed} m/s, the pin pulls with {fastest} m/s");
+    }
+    assert!(all.counted("pins_behind") > 0 && all.counted("collision_hits") > 0, "nothing was in its way");
+    assert_eq!(positions(&simulation)[0], home, "it has arrived");
+    for rung in ["retried_shorter", "retried_tighter", "retried_thinner", "steps_accepted"] {
+        assert_eq!(all.counted(rung), 0, "{rung}");
+    }
+}
+
+#[test]
 fn sheets_that_touch_exactly_at_the_start_run() {
     let description = with_contact(sheets(2, 3, 0.02, 0.0));
     let mut simulation = start(description);

@@ -30,9 +30,12 @@ pub static SPEC: EffectSpec = EffectSpec {
     requires: &[],
     cost: Cost { elements: "vertices", step: 40.0, iteration: 2.0 },
     section: Some(SECTION),
-    counts: &[],
+    counts: &[BEHIND],
     build,
 };
+
+/// Count of held vertices that do not reach their targets in a step.
+pub(crate) const BEHIND: &str = "pins_behind";
 
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let pins = HardPins::new(context.scene);
@@ -294,6 +297,13 @@ impl PinTargets {
         if self.dt > 0.0 { (self.at_t1[target] - self.at_t0[target]) / self.dt } else { Vec3::zeros() }
     }
 
+    /// What is left of the way to the target along an axis after a step from `x` [m].
+    fn rest_of_lag(&self, pin: &HardPin, catch_up: CatchUp, x: Vec3, axis: usize) -> f64 {
+        let lag = self.at_t0[pin.target][axis] - x[axis];
+        let way = catch_up.way(lag, pin.edge, self.dt);
+        if lag.abs() <= way { 0.0 } else { lag - way.copysign(lag) }
+    }
+
     /// Times at which some pin starts or stops holding [s].
     pub fn window_times(&self) -> impl Iterator<Item = f64> + '_ {
         self.windows.iter().flat_map(|(from, until)| [*from, *until]).filter(|t| t.is_finite())
@@ -350,11 +360,48 @@ pub(crate) fn attach(
     SurfaceAttachment { vertex, body_points, weights, offset: Vec3::from(frame.map(|axis| axis.dot(&apart))) }
 }
 
+/// Rest length of the shortest edge at every local vertex [m]; infinite where there is none.
+fn shortest_edges(scene: &Scene) -> Vec<f64> {
+    let parts = scene.parts();
+    let mut shortest = vec![f64::INFINITY; parts.local_count()];
+    for (garment, mesh) in scene.meshes().iter().enumerate() {
+        let first = parts.garment(garment).start;
+        for edge in mesh.edges() {
+            let length = mesh.rest_length(*edge);
+            for vertex in edge.vertices {
+                let shortest = &mut shortest[first + vertex as usize];
+                *shortest = shortest.min(length);
+            }
+        }
+    }
+    shortest
+}
+
 #[derive(Debug, Clone, Copy)]
 struct HardPin {
     vertex: usize,
     target: usize,
     axes: [bool; 3],
+    /// Rest length of the vertex's shortest edge [m]; infinite without edges.
+    edge: f64,
+}
+
+/// How fast held vertices that are behind their targets come after them. Where cloth is in the way of a pin, collisions keep
+/// its vertex behind by any distance. A vertex that made up for all of it in one step would strike what it meets with a
+/// speed that has nothing to do with the motion, and the more so the shorter the step is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CatchUp {
+    /// In shortest edges of the vertex [1/s].
+    pub strain_rate: f64,
+    /// In distances to the target [1/s].
+    pub lag_rate: f64,
+}
+
+impl CatchUp {
+    /// How far a vertex may come after its target in a step of `dt` [s], beside what the target moves [m].
+    fn way(&self, lag: f64, edge: f64, dt: f64) -> f64 {
+        dt * (self.strain_rate * edge).max(self.lag_rate * lag.abs())
+    }
 }
 
 /// Vertices whose position and velocity are prescribed, sorted by solver index.
@@ -370,10 +417,12 @@ impl HardPins {
         let parts: &Parts = scene.parts();
         let pins = &scene.description().pins;
         let hard = scene.pinned().iter().enumerate().filter(|(_, pinned)| pins[pinned.pin].hold == PinHold::Hard);
+        let edges = shortest_edges(scene);
         let entry = |(target, pinned): (usize, &Pinned)| HardPin {
             vertex: pinned.vertex as usize,
             target,
             axes: pins[pinned.pin].axes,
+            edge: edges[pinned.vertex as usize],
         };
         let mut entries: Vec<HardPin> = hard.map(entry).collect();
         entries.sort_unstable_by_key(|e| (e.vertex, e.target));
@@ -383,23 +432,48 @@ impl HardPins {
         Self { entries, rows }
     }
 
-    /// Calls `set(vertex in the part, axis, target)` for every held component of a part.
-    fn held(&self, part: usize, start: usize, targets: &PinTargets, mut set: impl FnMut(usize, usize, usize)) {
+    /// Calls `set(vertex in the part, axis, pin)` for every held component of a part.
+    fn held(&self, part: usize, start: usize, targets: &PinTargets, mut set: impl FnMut(usize, usize, &HardPin)) {
         for pin in &self.entries[self.rows[part]..self.rows[part + 1]] {
             if targets.is_active(pin.target) {
-                (0..3).filter(|axis| pin.axes[*axis]).for_each(|axis| set(pin.vertex - start, axis, pin.target));
+                (0..3).filter(|axis| pin.axes[*axis]).for_each(|axis| set(pin.vertex - start, axis, pin));
             }
         }
     }
 
-    /// Puts the part's held components where they have to be at the end of the step.
-    pub fn set_positions(&self, part: usize, start: usize, targets: &PinTargets, x: &mut [Vec3]) {
-        self.held(part, start, targets, |vertex, axis, target| x[vertex][axis] = targets.at_t1[target][axis]);
+    /// Puts the part's held components where their targets are at the end of the step.
+    pub fn start_at(&self, part: usize, start: usize, targets: &PinTargets, x: &mut [Vec3]) {
+        self.held(part, start, targets, |vertex, axis, pin| x[vertex][axis] = targets.at_t1[pin.target][axis]);
+    }
+
+    /// Puts the part's held components where they have to be at the end of the step: at their targets, or, where their
+    /// vertices were too far behind in `x` [m], as much closer as `catch_up` allows.
+    pub fn set_positions(
+        &self,
+        part: usize,
+        start: usize,
+        targets: &PinTargets,
+        catch_up: CatchUp,
+        (x, x_new): (&[Vec3], &mut [Vec3]),
+    ) {
+        self.held(part, start, targets, |vertex, axis, pin| {
+            let rest = targets.rest_of_lag(pin, catch_up, x[vertex], axis);
+            x_new[vertex][axis] = targets.at_t1[pin.target][axis] - rest;
+        });
+    }
+
+    /// How many own vertices stay behind their targets in the step from `x` [m].
+    pub fn behind(&self, targets: &PinTargets, catch_up: CatchUp, x: &[Vec3]) -> u64 {
+        let is_late = |pin: &&HardPin| {
+            let late = |axis: usize| pin.axes[axis] && targets.rest_of_lag(pin, catch_up, x[pin.vertex], axis) != 0.0;
+            targets.is_active(pin.target) && (0..3).any(late)
+        };
+        self.entries.iter().filter(is_late).count() as u64
     }
 
     /// Gives the part's held components their prescribed velocity.
     pub fn set_velocities(&self, part: usize, start: usize, targets: &PinTargets, v: &mut [Vec3]) {
-        self.held(part, start, targets, |vertex, axis, target| v[vertex][axis] = targets.velocity(target)[axis]);
+        self.held(part, start, targets, |vertex, axis, pin| v[vertex][axis] = targets.velocity(pin.target)[axis]);
     }
 
     /// Removes the part's held components from a residual or search direction.

@@ -158,6 +158,7 @@ impl Simulation {
             forces: &mut self.forces,
             pins: self.pins.as_ref(),
             targets: &mut self.targets,
+            catch_up: self.limit.catch_up(settings),
             tracks: &self.tracks,
             filters: &mut self.filters,
             collision: self.collision.as_mut(),
