@@ -13,7 +13,7 @@ use crate::effects::Section;
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::wire::Wire;
-use crate::scene::is_possible;
+use crate::scene::{FARTHEST, is_possible};
 use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, ValueKind, Values};
 
 pub use elements::ElementRows;
@@ -271,7 +271,7 @@ impl Reader<'_, '_> {
         let first = (0..rows.keys.len()).find(broken).map_or(f64::INFINITY, |i| f64::from(rows.keys[i]));
         let first = -self.parts.ranks().max(-first);
         match first.is_finite() {
-            true => Err(self.error(format!("row {first} of `{}` is not finite, or beyond 1e9", self.name))),
+            true => Err(self.error(format!("row {first} of `{}` is not finite, or beyond {FARTHEST:e}", self.name))),
             false => Ok(vectors),
         }
     }

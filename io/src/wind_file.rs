@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
 use drapery_core::error::Problem;
-use drapery_core::scene::{Timeline, WindGridShape, is_possible};
+use drapery_core::scene::{FARTHEST, Timeline, WindGridShape, is_possible};
 use drapery_core::wind_grid::WindSample;
 use hdf5::{Dataset, Hyperslab};
 
@@ -59,9 +59,11 @@ impl WindFile {
             let vector = <[f64; 3]>::try_from(numbers).ok().map(Vec3::from);
             vector.filter(is_possible)
         };
-        let Some(origin) = vector(&origin) else { return wrong("`origin`", "it is not three numbers".into()) };
+        let Some(origin) = vector(&origin) else {
+            return wrong("`origin`", format!("it is not three numbers up to {FARTHEST:e} m"));
+        };
         let Some(spacing) = vector(&spacing).filter(|s| s.iter().all(|c| *c > 0.0)) else {
-            return wrong("`spacing`", "it is not three numbers above zero".into());
+            return wrong("`spacing`", format!("it is not three numbers above zero and up to {FARTHEST:e} m"));
         };
         if times.is_empty() || times.windows(2).any(|w| w[0] >= w[1]) || times.iter().any(|t| !t.is_finite()) {
             return wrong("`times`", "they do not ascend".into());
@@ -128,7 +130,9 @@ impl WindFile {
                     if let Some(node) = velocities.iter().position(|v| !is_possible(v)) {
                         let [x, y, _] = self.shape.counts;
                         let (i, j, k) = (node % x, node / x % y, node / (x * y));
-                        let what = format!("the velocity at node x {i}, y {j}, z {k} is not finite, or above 1e9 m/s");
+                        let what = format!(
+                            "the velocity at node x {i}, y {j}, z {k} is not finite, or above {FARTHEST:e} m/s"
+                        );
                         return Some(Problem::data(place(), what, "write the file again without such numbers"));
                     }
                 }

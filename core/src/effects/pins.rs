@@ -16,7 +16,7 @@ use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Sectio
 use crate::error::Problem;
 use crate::parallel::parts::Parts;
 use crate::remembered::{Field, Remembered};
-use crate::scene::{PinAnchor, PinHold, PinTarget, Pinned, Scene, SurfaceAttachment, is_possible};
+use crate::scene::{FARTHEST, PinAnchor, PinHold, PinTarget, Pinned, Scene, SurfaceAttachment, is_possible};
 use crate::settings::Settings;
 use crate::snapshot::{SnapshotError, Values};
 
@@ -242,7 +242,7 @@ impl PinTargets {
         for (name, rows) in [("places", places), ("weights", weights), ("offsets", offsets), ("at_end", at_end)] {
             if let Some(i) = rows.iter().position(|row| !is_possible(&Vec3::from(*row))) {
                 return Err(error(format!(
-                    "`{name}` of pin target {} is not finite, or beyond 1e9",
+                    "`{name}` of pin target {} is not finite, or beyond {FARTHEST:e}",
                     self.targets[i].number
                 )));
             }

@@ -8,7 +8,7 @@ use crate::error::Problem;
 use crate::mesh::{MeshStream, PolygonMesh};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::spread::{Homes, ask, spread};
-use crate::scene::{is_possible, listed};
+use crate::scene::{FARTHEST, is_possible, listed};
 
 /// What a rank has of a garment as it was read.
 pub(super) struct Home<'a> {
@@ -97,7 +97,7 @@ impl<'a> Home<'a> {
         let bad = |corners: &[u32]| corners.len() < 3 || corners.iter().any(|v| *v as usize >= points);
         let impossible = self.faces(ranks).filter(|(_, corners)| bad(corners));
         let vertices = listed(ranks, broken.map(|(v, _)| [v; 2]).collect()).map(|list| {
-            let what = format!("vertices {list} are not finite numbers, or beyond 1e9 m");
+            let what = format!("vertices {list} are not finite numbers, or beyond {FARTHEST:e} m");
             Problem::data(place, what, "repair these points and export the mesh again")
         });
         let faces = listed(ranks, impossible.map(|(f, _)| [f; 2]).collect()).map(|list| {

@@ -12,7 +12,7 @@ use crate::scene::{Scene, SceneDescription};
 const FAR: f64 = 1000.0;
 
 /// Largest coordinate that is simulated [m]: beyond, even double precision rounds by more than a ten thousandth of a millimetre.
-const FARTHEST: f64 = 1e9;
+pub const FARTHEST: f64 = 1e9;
 
 /// Share of a garment's thickness that rounding may take without a word.
 const WORTH_SAYING: f64 = 0.1;
@@ -60,7 +60,7 @@ impl Scene {
     }
 }
 
-/// Whether this can be a position [m] or a velocity [m/s] of a simulation: three numbers, none beyond a million kilometres.
+/// Whether this can be a position [m] or a velocity [m/s] of a simulation: three numbers, none beyond [`FARTHEST`].
 /// Squares of much larger ones overflow, and no remedy for a step that has gone wrong helps against that.
 pub fn is_possible(vector: &Vec3) -> bool {
     vector.iter().all(|c| c.abs() <= FARTHEST)
@@ -100,7 +100,7 @@ pub(super) fn check_origin(description: &SceneDescription, problems: &mut Vec<Pr
     if description.origin.is_some_and(|origin| !is_possible(&origin)) {
         problems.push(Problem::scene(
             "shot",
-            "its origin is not a finite place, or beyond 1e9 m",
+            format!("its origin is not a finite place, or beyond {FARTHEST:e} m"),
             "write origin = \"auto\", or [x, y, z]",
         ));
     }

@@ -19,8 +19,8 @@ use crate::scene::place::check_origin;
 use crate::scene::sewn::Sewn;
 use crate::scene::share::{self, HandingOut, Received};
 use crate::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, PinTarget, Scene, SceneDescription,
-    is_possible,
+    BodyDescription, BodyShape, EffectRequest, FARTHEST, GarmentDescription, Mass, PinHold, PinTarget, Scene,
+    SceneDescription, is_possible,
 };
 use crate::settings::nearest;
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
@@ -289,7 +289,7 @@ fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     if !is_possible(&garment.velocity) {
         problems.push(Problem::scene(
             place(", velocity"),
-            "it is not finite, or above 1e9 m/s",
+            format!("it is not finite, or above {FARTHEST:e} m/s"),
             "write three numbers in m/s",
         ));
     }
@@ -315,7 +315,7 @@ fn finite_points(place: &str, points: &[Vec3], problems: &mut Vec<Problem>) {
     report(broken, problems, |list| {
         Problem::data(
             place,
-            format!("vertices {list} are not finite numbers, or beyond 1e9"),
+            format!("vertices {list} are not finite numbers, or beyond {FARTHEST:e}"),
             "repair these points and export the mesh again",
         )
     });

@@ -6,7 +6,7 @@ use drapery_core::Vec3;
 use drapery_core::error::Problem;
 use drapery_core::geometry::moving_surface::{is_closed, is_inside_out};
 use drapery_core::mesh::{sides, turned_edges};
-use drapery_core::scene::{Timeline, is_possible};
+use drapery_core::scene::{FARTHEST, Timeline, is_possible};
 use drapery_core::tolerances::DEGENERATE_AREA;
 
 use crate::cache::Connectivity;
@@ -237,7 +237,7 @@ fn check_samples(
             bad_number = true;
             problems.push(Problem::data(
                 format!("{}, vertex {vertex}", place(motion, span, time)),
-                "its position is not a finite number, or beyond 1e9 m",
+                format!("its position is not a finite number, or beyond {FARTHEST:e} m"),
                 "find what breaks in that frame of the animation and export it again",
             ));
         }
