@@ -17,7 +17,7 @@ use drapery_tests::{positions, run, start};
 use controls::CONTROLS;
 
 /// Effects that only count what they could not do.
-const COUNTS_FAULTS: [&str; 1] = ["dihedral_bending"];
+const COUNTS_FAULTS: [&str; 2] = ["pins", "dihedral_bending"];
 
 /// Frames that a control runs.
 const FRAMES: usize = 6;
