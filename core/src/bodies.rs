@@ -4,6 +4,7 @@
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 
 use crate::Vec3;
+use crate::catch_up::CatchUp;
 use crate::effects::pins::{along_path, attach};
 use crate::error::{Problem, Problems};
 use crate::geometry::aabb::Aabb;
@@ -413,6 +414,16 @@ impl Rigid {
 }
 
 impl Body {
+    /// Friction on a vertex with this painted friction: what multiplies the body's, and what is added.
+    pub(crate) fn friction_on(&self, painted: Option<&[f64; 2]>) -> f64 {
+        painted.map_or(self.friction, |[times, more]| times * self.friction + more)
+    }
+
+    /// How much of a depth [m] cloth comes out in a step of `dt` [s].
+    pub(crate) fn pushed_out(&self, depth: f64, (dt, catch_up): (f64, CatchUp)) -> f64 {
+        catch_up.of(depth).min(dt * self.max_push_speed)
+    }
+
     /// Whether it is a triangle surface.
     pub fn is_surface(&self) -> bool {
         matches!(self.kind, Kind::Surface(_))

@@ -28,6 +28,7 @@
 //! `simulation` (the loop around it), then what the step calls.
 
 pub mod bodies;
+pub mod catch_up;
 pub mod contact;
 pub mod effects;
 pub mod error;

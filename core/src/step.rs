@@ -19,10 +19,11 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
+use crate::catch_up::CatchUp;
 use crate::contact::self_contact::SelfContact;
 use crate::effects::Surroundings;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};
-use crate::effects::pins::{BEHIND as PINS_BEHIND, CatchUp, HardPins, PinTargets};
+use crate::effects::pins::{BEHIND as PINS_BEHIND, HardPins, PinTargets};
 use crate::effects::{Purpose, VelocityFilter};
 use crate::metrics::Metrics;
 use crate::parallel::parts::Parts;
@@ -97,7 +98,7 @@ pub struct StepContext<'a> {
     pub pins: Option<&'a HardPins>,
     /// Where pinned vertices have to be.
     pub targets: &'a mut PinTargets,
-    /// How fast held vertices come after targets that they are behind.
+    /// How far vertices that are behind their pins, or too deep in bodies, are put right.
     pub catch_up: CatchUp,
     /// Animated positions that pins follow.
     pub tracks: &'a [Samples],
@@ -325,7 +326,7 @@ impl<'a> StepContext<'a> {
             metrics.stage("B.4 body collision", |m| {
                 let own = parts.own();
                 let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own.clone()]);
-                let step = CollisionStep { bodies, dt, x, v, v_half };
+                let step = CollisionStep { bodies, dt, catch_up: *catch_up, x, v, v_half };
                 collision.positions(&step, &mut x_new[own.clone()], &mut v_star[own], m);
             });
         } else {

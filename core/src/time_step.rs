@@ -5,7 +5,7 @@
 //! given fraction in a step.
 
 use crate::Vec3;
-use crate::effects::pins::CatchUp;
+use crate::catch_up::CatchUp;
 use crate::effects::{Force, PartMotion};
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerPart;
@@ -86,11 +86,11 @@ impl StepLimit {
         if share < 1.0 { share * whole.min(self.frame) } else { whole }
     }
 
-    /// How fast held vertices come after targets that they are behind: so fast that their edges change in the longest step
-    /// by what a step may change them, or that they are there in a frame, whichever is faster. It does not depend on the step.
-    pub fn catch_up(&self, settings: &SolverSettings) -> CatchUp {
-        let longest = self.longest(settings, 1.0).min(self.frame);
-        CatchUp { strain_rate: settings.strain_per_step / longest, lag_rate: 1.0 / self.frame }
+    /// How far vertices that are not where they have to be are put right in a step of `dt` [s]: at the speed at which an edge
+    /// of this length [m] changes in the longest stable step by what a step may change it (a part of the speed of sound in the
+    /// cloth), or at which they are there in a frame, whichever is faster. Neither depends on how long steps are.
+    pub fn catch_up(&self, settings: &SolverSettings, edge: f64, dt: f64) -> CatchUp {
+        CatchUp::new(dt, settings.strain_per_step * edge / self.elastic.min(self.frame), self.frame)
     }
 
     /// Largest rate of strain of the state [1/s], zero where it is too small to limit a step, and infinite if a velocity is

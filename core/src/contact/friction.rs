@@ -11,6 +11,7 @@
 
 use crate::Vec3;
 use crate::bodies::{Body, BodyPoint};
+use crate::catch_up::CatchUp;
 use crate::tolerances::NO_DIRECTION;
 
 /// What a contact makes of a vertex.
@@ -47,9 +48,8 @@ pub fn respond(
     (body, friction): (&Body, f64),
     at: &BodyPoint,
     x: &Vec3,
-    x_old: &Vec3,
-    velocity: &Vec3,
-    dt: f64,
+    (x_old, velocity): (&Vec3, &Vec3),
+    (dt, catch_up): (f64, CatchUp),
 ) -> Response {
     let n = &at.normal;
     let carried = x_old + at.displacement;
@@ -62,7 +62,7 @@ pub fn respond(
     } else {
         // What was too deep before this step comes out at a limited speed; what this step added is undone at once, so that
         // a vertex pulled hard against a body does not sink in.
-        (0.0, carried + n * depth_at_start.min(dt * body.max_push_speed))
+        (0.0, carried + n * body.pushed_out(depth_at_start, (dt, catch_up)))
     };
     let slip = coulomb(&relative, &Vec3::zeros(), n, friction);
     let normal_slip = slip.dot(n);

@@ -17,7 +17,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::bodies::{Bodies, Body, BodyPoint};
+use crate::bodies::{Bodies, BodyPoint};
+use crate::catch_up::CatchUp;
 use crate::contact::friction::{coulomb, respond};
 use crate::contact::supports::HOLDS;
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, SLEEPS, Scope, Section};
@@ -119,6 +120,8 @@ pub struct CollisionStep<'a> {
     pub bodies: &'a Bodies,
     /// Length of the step [s].
     pub dt: f64,
+    /// How far cloth that is too deep comes out in it.
+    pub catch_up: CatchUp,
     /// Positions at its start [m].
     pub x: &'a [Vec3],
     /// Velocities at its start [m/s].
@@ -288,7 +291,7 @@ impl BodyCollision {
                     let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
                     if ahead < hold.offset {
                         let body = &bodies.list()[hold.body];
-                        let friction = if rubs { friction(&self.painted, c * CHUNK + i, body) } else { 0.0 };
+                        let friction = if rubs { body.friction_on(self.painted.get(c * CHUNK + i)) } else { 0.0 };
                         *v = coulomb(v, &hold.at.velocity, &hold.at.normal, friction);
                     }
                 }
@@ -373,11 +376,6 @@ struct Touch {
     outside: Vec3,
 }
 
-/// Friction of an own vertex on a body.
-fn friction(painted: &[[f64; 2]], vertex: usize, body: &Body) -> f64 {
-    painted.get(vertex).map_or(body.friction, |[times, more]| times * body.friction + more)
-}
-
 /// The search for contacts of one vertex.
 struct Search<'a> {
     step: &'a CollisionStep<'a>,
@@ -401,8 +399,8 @@ impl Search<'_> {
         for body in 0..step.bodies.list().len() {
             if let Some(at) = self.contact(body, x, &before) {
                 let properties = &step.bodies.list()[body];
-                let friction = friction(self.painted, vertex, properties);
-                *v_star = respond((properties, friction), &at, &before, x, v_star, dt).velocity;
+                let friction = properties.friction_on(self.painted.get(vertex));
+                *v_star = respond((properties, friction), &at, &before, (x, v_star), (dt, step.catch_up)).velocity;
                 met = true;
             }
         }
@@ -414,8 +412,8 @@ impl Search<'_> {
             if let Some(at) = self.contact(body, x, x1) {
                 let properties = &step.bodies.list()[body];
                 let outside = *x1 + at.normal * (properties.offset - properties.thickness - at.phi);
-                let friction = friction(self.painted, vertex, properties);
-                let response = respond((properties, friction), &at, x1, x, v_star, dt);
+                let friction = properties.friction_on(self.painted.get(vertex));
+                let response = respond((properties, friction), &at, x1, (x, v_star), (dt, step.catch_up));
                 *x1 = response.position;
                 touched = Some(Touch { body, at, outside });
                 contact.add(Hold { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
@@ -575,7 +573,7 @@ impl Search<'_> {
                 at = found;
             } else if squeezed.is_none() && constraint.is_some() && at.phi < properties.thickness {
                 // The surface is curved: what the tangent plane left too deep is moved straight out.
-                let deep = (properties.offset - at.phi).min(self.step.dt * properties.max_push_speed);
+                let deep = properties.pushed_out(properties.offset - at.phi, (self.step.dt, self.step.catch_up));
                 *x1 += at.normal * deep;
                 at.phi += deep;
             }

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 use crate::Vec3;
 use crate::bodies::{Bodies, Samples};
+use crate::catch_up::CatchUp;
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
 use crate::error::Problem;
 use crate::parallel::parts::Parts;
@@ -300,8 +301,7 @@ impl PinTargets {
     /// What is left of the way to the target along an axis after a step from `x` [m].
     fn rest_of_lag(&self, pin: &HardPin, catch_up: CatchUp, x: Vec3, axis: usize) -> f64 {
         let lag = self.at_t0[pin.target][axis] - x[axis];
-        let way = catch_up.way(lag, pin.edge, self.dt);
-        if lag.abs() <= way { 0.0 } else { lag - way.copysign(lag) }
+        (lag.abs() - catch_up.of(lag.abs())).copysign(lag)
     }
 
     /// Times at which some pin starts or stops holding [s].
@@ -360,48 +360,11 @@ pub(crate) fn attach(
     SurfaceAttachment { vertex, body_points, weights, offset: Vec3::from(frame.map(|axis| axis.dot(&apart))) }
 }
 
-/// Rest length of the shortest edge at every local vertex [m]; infinite where there is none.
-fn shortest_edges(scene: &Scene) -> Vec<f64> {
-    let parts = scene.parts();
-    let mut shortest = vec![f64::INFINITY; parts.local_count()];
-    for (garment, mesh) in scene.meshes().iter().enumerate() {
-        let first = parts.garment(garment).start;
-        for edge in mesh.edges() {
-            let length = mesh.rest_length(*edge);
-            for vertex in edge.vertices {
-                let shortest = &mut shortest[first + vertex as usize];
-                *shortest = shortest.min(length);
-            }
-        }
-    }
-    shortest
-}
-
 #[derive(Debug, Clone, Copy)]
 struct HardPin {
     vertex: usize,
     target: usize,
     axes: [bool; 3],
-    /// Rest length of the vertex's shortest edge [m]; infinite without edges.
-    edge: f64,
-}
-
-/// How fast held vertices that are behind their targets come after them. Where cloth is in the way of a pin, collisions keep
-/// its vertex behind by any distance. A vertex that made up for all of it in one step would strike what it meets with a
-/// speed that has nothing to do with the motion, and the more so the shorter the step is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CatchUp {
-    /// In shortest edges of the vertex [1/s].
-    pub strain_rate: f64,
-    /// In distances to the target [1/s].
-    pub lag_rate: f64,
-}
-
-impl CatchUp {
-    /// How far a vertex may come after its target in a step of `dt` [s], beside what the target moves [m].
-    fn way(&self, lag: f64, edge: f64, dt: f64) -> f64 {
-        dt * (self.strain_rate * edge).max(self.lag_rate * lag.abs())
-    }
 }
 
 /// Vertices whose position and velocity are prescribed, sorted by solver index.
@@ -417,12 +380,10 @@ impl HardPins {
         let parts: &Parts = scene.parts();
         let pins = &scene.description().pins;
         let hard = scene.pinned().iter().enumerate().filter(|(_, pinned)| pins[pinned.pin].hold == PinHold::Hard);
-        let edges = shortest_edges(scene);
         let entry = |(target, pinned): (usize, &Pinned)| HardPin {
             vertex: pinned.vertex as usize,
             target,
             axes: pins[pinned.pin].axes,
-            edge: edges[pinned.vertex as usize],
         };
         let mut entries: Vec<HardPin> = hard.map(entry).collect();
         entries.sort_unstable_by_key(|e| (e.vertex, e.target));

@@ -158,7 +158,7 @@ impl Simulation {
             forces: &mut self.forces,
             pins: self.pins.as_ref(),
             targets: &mut self.targets,
-            catch_up: self.limit.catch_up(settings),
+            catch_up: self.limit.catch_up(settings, scene.mean_edge(), choice.dt),
             tracks: &self.tracks,
             filters: &mut self.filters,
             collision: self.collision.as_mut(),

@@ -234,7 +234,8 @@ pub(in crate::scene_file) struct Body {
     /// or 1 mm.
     #[serde(default = "default_thickness")]
     pub(in crate::scene_file) thickness: Quantity,
-    /// Fastest speed, in m/s, at which cloth that is too deep is pushed out; `inf` corrects it in one step.
+    /// Fastest speed, in m/s, at which cloth that is too deep is pushed out; `inf` leaves it to the solver, which has it out
+    /// within a frame.
     #[serde(default = "unlimited")]
     pub(in crate::scene_file) max_push_speed: Quantity,
 }
