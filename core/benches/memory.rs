@@ -30,6 +30,7 @@ use std::time::{Duration, Instant};
 use criterion::{BenchmarkId, Criterion, Throughput};
 use drapery_core::Vec3;
 use drapery_core::bodies::Bodies;
+use drapery_core::catch_up::CatchUp;
 use drapery_core::effects::body_collision::{BodyCollision, CollisionStep};
 use drapery_core::effects::pins::PinTargets;
 use drapery_core::effects::{PartView, Surroundings, build_all};
@@ -342,7 +343,8 @@ fn contact(bench: &mut Bench, n: usize, animated: bool) {
     let x = drapery_core::state::State::at_start(&scene).x;
     let v = vec![velocity; x.len()];
     let (mut x1, mut v_star, mut metrics) = (x.clone(), v.clone(), Metrics::default());
-    let step = CollisionStep { bodies: &bodies, dt, x: &x, v: &v, v_half: &v };
+    let catch_up = CatchUp::new(dt, 1.0, 1.0 / 24.0);
+    let step = CollisionStep { bodies: &bodies, dt, catch_up, x: &x, v: &v, v_half: &v };
     let kernel = if animated { "contact, moving surface" } else { "contact, sphere" };
     let bytes = 120.0 * x.len() as f64;
     bench.kernel(
