@@ -287,7 +287,6 @@ fn cloth_deep_in_a_body_comes_out_without_a_blow_on_the_layer_above_however_shor
         let ball = BodyShape::Rigid(Shape::Sphere { radius: 0.2 });
         add_body(&mut description, ball, RigidMotion::at(Vec3::new(0.0, -0.21, 0.0)), 0.3);
         description.solver.max_dt = Some(max_dt);
-        let scene = || Scene::validate(description.clone()).unwrap_or_else(|problems| panic!("{problems}"));
         let mut snapshot = start(description.clone()).snapshot();
         // No scene starts so: both layers are 20 mm lower, the first 10 mm and the second 2 mm deep.
         let values = snapshot.sections.iter_mut().flat_map(|section| &mut section.datasets);
@@ -295,7 +294,8 @@ fn cloth_deep_in_a_body_comes_out_without_a_blow_on_the_layer_above_however_shor
             let Values::F64(values) = &mut data.values else { panic!("positions are numbers") };
             values.iter_mut().skip(1).step_by(3).for_each(|y| *y -= 0.02);
         }
-        let restored = Simulation::restore(scene(), &FrameInput::to_frame(0), &snapshot);
+        let scene = Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"));
+        let restored = Simulation::restore(scene, &FrameInput::to_frame(0), &snapshot);
         let mut simulation = restored.unwrap_or_else(|error| panic!("{error}"));
         let fastest = fastest_catch_up(&simulation, 0.01);
         let all = run_free(&mut simulation, 1);

@@ -299,8 +299,8 @@ impl PinTargets {
     }
 
     /// What is left of the way to the target along an axis after a step from `x` [m].
-    fn rest_of_lag(&self, pin: &HardPin, catch_up: CatchUp, x: Vec3, axis: usize) -> f64 {
-        let lag = self.at_t0[pin.target][axis] - x[axis];
+    fn rest_of_lag(&self, target: usize, catch_up: CatchUp, x: Vec3, axis: usize) -> f64 {
+        let lag = self.at_t0[target][axis] - x[axis];
         (lag.abs() - catch_up.of(lag.abs())).copysign(lag)
     }
 
@@ -393,18 +393,18 @@ impl HardPins {
         Self { entries, rows }
     }
 
-    /// Calls `set(vertex in the part, axis, pin)` for every held component of a part.
-    fn held(&self, part: usize, start: usize, targets: &PinTargets, mut set: impl FnMut(usize, usize, &HardPin)) {
+    /// Calls `set(vertex in the part, axis, target)` for every held component of a part.
+    fn held(&self, part: usize, start: usize, targets: &PinTargets, mut set: impl FnMut(usize, usize, usize)) {
         for pin in &self.entries[self.rows[part]..self.rows[part + 1]] {
             if targets.is_active(pin.target) {
-                (0..3).filter(|axis| pin.axes[*axis]).for_each(|axis| set(pin.vertex - start, axis, pin));
+                (0..3).filter(|axis| pin.axes[*axis]).for_each(|axis| set(pin.vertex - start, axis, pin.target));
             }
         }
     }
 
     /// Puts the part's held components where their targets are at the end of the step.
     pub fn start_at(&self, part: usize, start: usize, targets: &PinTargets, x: &mut [Vec3]) {
-        self.held(part, start, targets, |vertex, axis, pin| x[vertex][axis] = targets.at_t1[pin.target][axis]);
+        self.held(part, start, targets, |vertex, axis, target| x[vertex][axis] = targets.at_t1[target][axis]);
     }
 
     /// Puts the part's held components where they have to be at the end of the step: at their targets, or, where their
@@ -417,16 +417,17 @@ impl HardPins {
         catch_up: CatchUp,
         (x, x_new): (&[Vec3], &mut [Vec3]),
     ) {
-        self.held(part, start, targets, |vertex, axis, pin| {
-            let rest = targets.rest_of_lag(pin, catch_up, x[vertex], axis);
-            x_new[vertex][axis] = targets.at_t1[pin.target][axis] - rest;
+        self.held(part, start, targets, |vertex, axis, target| {
+            let rest = targets.rest_of_lag(target, catch_up, x[vertex], axis);
+            x_new[vertex][axis] = targets.at_t1[target][axis] - rest;
         });
     }
 
     /// How many own vertices stay behind their targets in the step from `x` [m].
     pub fn behind(&self, targets: &PinTargets, catch_up: CatchUp, x: &[Vec3]) -> u64 {
         let is_late = |pin: &&HardPin| {
-            let late = |axis: usize| pin.axes[axis] && targets.rest_of_lag(pin, catch_up, x[pin.vertex], axis) != 0.0;
+            let late =
+                |axis: usize| pin.axes[axis] && targets.rest_of_lag(pin.target, catch_up, x[pin.vertex], axis) != 0.0;
             targets.is_active(pin.target) && (0..3).any(late)
         };
         self.entries.iter().filter(is_late).count() as u64
@@ -434,7 +435,7 @@ impl HardPins {
 
     /// Gives the part's held components their prescribed velocity.
     pub fn set_velocities(&self, part: usize, start: usize, targets: &PinTargets, v: &mut [Vec3]) {
-        self.held(part, start, targets, |vertex, axis, pin| v[vertex][axis] = targets.velocity(pin.target)[axis]);
+        self.held(part, start, targets, |vertex, axis, target| v[vertex][axis] = targets.velocity(target)[axis]);
     }
 
     /// Removes the part's held components from a residual or search direction.
