@@ -27,13 +27,10 @@ const CLASSES: usize = 2 * WITHIN;
 /// Number of the first class of pairs within a part.
 const WITHIN: usize = 256;
 
-/// Stands where there is no pair.
-const NONE: u32 = u32::MAX;
-
 /// A pair by the scene's numbers of its nodes; [`NOBODY`] for none.
 type Key = [u32; 4];
 
-const NOBODY: Key = [NONE; 4];
+const NOBODY: Key = [u32::MAX; 4];
 
 /// The colour of each of `count` pairs, ascending by their nodes, and the number of colours, the same on all ranks.
 /// Pairs with a point of a body have [`NO_COLOUR`]: nothing acts on them in the order of colours. All ranks call it
@@ -44,12 +41,12 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
     let mut colouring = Colouring {
         nodes,
         nodes_of,
-        colours: vec![NO_COLOUR; count],
-        used: vec![0; nodes.cloth()],
-        first: vec![NONE; nodes.cloth()],
-        told: vec![NOBODY; if alone { 0 } else { nodes.cloth() }],
         order,
         between,
+        colours: vec![NO_COLOUR; count],
+        used: vec![0; nodes.cloth()],
+        waits: vec![false; nodes.cloth()],
+        told: vec![NOBODY; if alone { 0 } else { nodes.cloth() }],
     };
     let mut waiting: Vec<u32> = (0..colouring.order.len() as u32).collect();
     let mut page = 0;
@@ -112,8 +109,8 @@ struct Colouring<'a, F> {
     colours: Vec<u32>,
     /// Colours of the page that are taken at each node.
     used: Vec<u128>,
-    /// The first pair at each node that this pass has met and left undecided.
-    first: Vec<u32>,
+    /// Nodes of which this pass has met a pair that it could not decide.
+    waits: Vec<bool>,
     /// The first undecided pair at each node as of the last round, until it is decided.
     told: Vec<Key>,
 }
@@ -123,58 +120,85 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     /// none free.
     fn page(&mut self, page: u32, mut undecided: Vec<u32>) -> Vec<u32> {
         self.used.fill(0);
-        self.told.fill(NOBODY);
         let mut full = Vec::new();
         let within = undecided.split_off(undecided.partition_point(|place| (*place as usize) < self.between));
-        loop {
-            undecided = self.pass(page, undecided, &mut full);
-            if !self.nodes.ranks().any(!undecided.is_empty()) {
-                break;
-            }
-            self.tell();
-        }
+        let left = self.pass(page, undecided, &mut full);
+        self.rounds(page, &left, &mut full);
         // What is within a part is of one rank, and all before it is decided.
         self.pass(page, within, &mut full);
         full.sort_unstable();
         full
     }
 
-    /// Decides what can be; returns what cannot yet.
-    fn pass(&mut self, page: u32, undecided: Vec<u32>, full: &mut Vec<u32>) -> Vec<u32> {
-        for place in &undecided {
-            let of = (self.nodes_of)(self.order[*place as usize] as usize);
-            of.iter().for_each(|node| self.first[*node as usize] = NONE);
-        }
-        let mut left = Vec::new();
-        for place in undecided {
-            let pair = self.order[place as usize];
-            let of = (self.nodes_of)(pair as usize);
-            if !self.is_next(&of) {
-                for node in of {
-                    let first = &mut self.first[node as usize];
-                    *first = (*first).min(place);
-                }
-                left.push(place);
-                continue;
-            }
-            let taken = of.iter().fold(0, |taken, node| taken | self.used[*node as usize]);
-            let colour = (!taken).trailing_zeros();
-            if colour < PAGE {
-                of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
-                self.colours[pair as usize] = page * PAGE + colour;
+    /// Decides, in their order, those that this rank can decide by itself; returns the others.
+    fn pass(&mut self, page: u32, mut undecided: Vec<u32>, full: &mut Vec<u32>) -> Vec<u32> {
+        self.waits.fill(false);
+        undecided.retain(|place| {
+            let of = self.nodes_at(*place);
+            let is_left =
+                !(self.is_own(&of) || cfg!(feature = "rank-order")) || of.iter().any(|node| self.waits[*node as usize]);
+            if is_left {
+                of.iter().for_each(|node| self.waits[*node as usize] = true);
             } else {
-                full.push(place);
+                self.decide(page, *place, full);
             }
-        }
-        left
+            is_left
+        });
+        undecided
     }
 
-    /// Whether all pairs before this one at its nodes are decided, and all its holders know it.
-    fn is_next(&mut self, of: &[u32; 4]) -> bool {
-        if of.iter().any(|node| self.first[*node as usize] != NONE) {
-            return false;
+    /// Decides these pairs together with the other ranks that hold them. A round looks only at pairs that are the first
+    /// at a node, because where everything is near everything there are as many rounds as pairs of a node.
+    fn rounds(&mut self, page: u32, left: &[u32], full: &mut Vec<u32>) {
+        if !self.nodes.ranks().any(!left.is_empty()) {
+            return;
         }
-        if of.iter().all(|node| self.nodes.is_own(*node)) || cfg!(feature = "rank-order") {
+        let mut queues = Queues::new(left, self.nodes.cloth(), |place| self.nodes_at(place));
+        let mut unfinished = queues.nodes();
+        loop {
+            self.tell(&queues);
+            let mut changed = unfinished.clone();
+            while let Some(node) = changed.pop() {
+                let Some(place) = queues.first(node) else { continue };
+                let of = self.nodes_at(place);
+                if of.iter().all(|node| queues.first(*node) == Some(place)) && self.is_known(&of) {
+                    self.decide(page, place, full);
+                    of.iter().for_each(|node| queues.advance(*node));
+                    changed.extend(of);
+                }
+            }
+            unfinished.retain(|node| queues.first(*node).is_some());
+            if !self.nodes.ranks().any(!unfinished.is_empty()) {
+                break;
+            }
+        }
+    }
+
+    /// Gives the pair at this place of the order the first free colour of the page, or puts it with the `full`.
+    fn decide(&mut self, page: u32, place: u32, full: &mut Vec<u32>) {
+        let of = self.nodes_at(place);
+        let taken = of.iter().fold(0, |taken, node| taken | self.used[*node as usize]);
+        let colour = (!taken).trailing_zeros();
+        if colour < PAGE {
+            of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
+            self.colours[self.order[place as usize] as usize] = page * PAGE + colour;
+        } else {
+            full.push(place);
+        }
+    }
+
+    /// Nodes of the pair at a place of the order.
+    fn nodes_at(&self, place: u32) -> [u32; 4] {
+        (self.nodes_of)(self.order[place as usize] as usize)
+    }
+
+    fn is_own(&self, of: &[u32; 4]) -> bool {
+        of.iter().all(|node| self.nodes.is_own(*node))
+    }
+
+    /// Whether all holders of this pair, the first at its nodes, know that it is.
+    fn is_known(&mut self, of: &[u32; 4]) -> bool {
+        if self.is_own(of) {
             return true;
         }
         let key = of.map(|node| self.nodes.number(node));
@@ -187,25 +211,66 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 
     /// Tells the copies of own nodes what is first there, and what is taken.
-    fn tell(&mut self) {
+    fn tell(&mut self, queues: &Queues) {
         if self.nodes.halo().is_empty() {
             return;
         }
-        let (nodes, order, nodes_of) = (self.nodes, &self.order, &self.nodes_of);
-        let key = |place: u32| match place {
-            NONE => NOBODY,
-            _ => nodes_of(order[place as usize] as usize).map(|node| nodes.number(node)),
-        };
+        let nodes = self.nodes;
         let own = nodes.own();
         let mut words: Vec<[u64; 4]> = vec![[0; 4]; nodes.cloth()];
         for node in own.clone() {
-            self.told[node] = key(self.first[node]);
+            let first = queues.first(node as u32).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
+            self.told[node] = first.unwrap_or(NOBODY);
             words[node] = pack(&self.told[node], self.used[node]);
         }
         nodes.refresh(&mut words);
         for node in (0..own.start).chain(own.end..nodes.cloth()) {
             (self.told[node], self.used[node]) = unpack(&words[node]);
         }
+    }
+}
+
+/// The undecided pairs of each node, in their order.
+struct Queues {
+    places: Vec<u32>,
+    /// Where in `places` those of each node begin, advanced by those that are decided.
+    firsts: Vec<usize>,
+    ends: Vec<usize>,
+}
+
+impl Queues {
+    /// Those at these places of the order, ascending.
+    fn new(left: &[u32], nodes: usize, nodes_at: impl Fn(u32) -> [u32; 4]) -> Self {
+        let mut ends = vec![0; nodes];
+        left.iter().for_each(|place| nodes_at(*place).iter().for_each(|node| ends[*node as usize] += 1));
+        let mut total = 0;
+        ends.iter_mut().for_each(|end| total += std::mem::replace(end, total));
+        let firsts = ends.clone();
+        let mut places = vec![0; total];
+        for place in left {
+            for node in nodes_at(*place) {
+                let end = &mut ends[node as usize];
+                places[*end] = *place;
+                *end += 1;
+            }
+        }
+        Self { places, firsts, ends }
+    }
+
+    /// Nodes that have any.
+    fn nodes(&self) -> Vec<u32> {
+        (0..self.ends.len() as u32).filter(|node| self.first(*node).is_some()).collect()
+    }
+
+    /// The first pair of a node.
+    fn first(&self, node: u32) -> Option<u32> {
+        let (first, end) = (self.firsts[node as usize], self.ends[node as usize]);
+        (first < end).then(|| self.places[first])
+    }
+
+    /// Takes out the first pair of a node.
+    fn advance(&mut self, node: u32) {
+        self.firsts[node as usize] += 1;
     }
 }
 

@@ -263,8 +263,8 @@ fn stack(count: usize, cells: usize, dx: f64, (height, gap): (f64, f64)) -> Scen
     description
 }
 
-/// Frames after the start at which ranks are compared in a heap: they meet there, but seven ranks in two cores need minutes
-/// for more, as each pair between them is coloured in a round of messages.
+/// Frames after the start at which ranks are compared in a heap: they meet there, but for more, seven ranks on two cores need
+/// most of a minute, in which they pass each other messages of what is first at each node.
 const HEAP: i64 = 2;
 
 pub(super) const H28: Case = Case {
