@@ -47,6 +47,7 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
         used: vec![0; nodes.cloth()],
         waits: vec![false; nodes.cloth()],
         told: vec![NOBODY; if alone { 0 } else { nodes.cloth() }],
+        has_changed: vec![false; if alone { 0 } else { nodes.cloth() }],
     };
     let mut waiting: Vec<u32> = (0..colouring.order.len() as u32).collect();
     let mut page = 0;
@@ -113,6 +114,8 @@ struct Colouring<'a, F> {
     waits: Vec<bool>,
     /// The first undecided pair at each node as of the last round, until it is decided.
     told: Vec<Key>,
+    /// Own nodes of which the others do not know yet what has changed; none between rounds.
+    has_changed: Vec<bool>,
 }
 
 impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
@@ -154,21 +157,23 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
             return;
         }
         let mut queues = Queues::new(left, self.nodes.cloth(), |place| self.nodes_at(place));
-        let mut unfinished = queues.nodes();
+        let mut undecided = left.len();
+        let mut changed = queues.nodes();
         loop {
-            self.tell(&queues);
-            let mut changed = unfinished.clone();
-            while let Some(node) = changed.pop() {
+            let mut looked_at = self.tell(&queues, &changed);
+            changed.clear();
+            while let Some(node) = looked_at.pop() {
                 let Some(place) = queues.first(node) else { continue };
                 let of = self.nodes_at(place);
                 if of.iter().all(|node| queues.first(*node) == Some(place)) && self.is_known(&of) {
                     self.decide(page, place, full);
                     of.iter().for_each(|node| queues.advance(*node));
+                    looked_at.extend(of);
                     changed.extend(of);
+                    undecided -= 1;
                 }
             }
-            unfinished.retain(|node| queues.first(*node).is_some());
-            if !self.nodes.ranks().any(!unfinished.is_empty()) {
+            if !self.nodes.ranks().any(undecided > 0) {
                 break;
             }
         }
@@ -210,23 +215,31 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         is_told
     }
 
-    /// Tells the copies of own nodes what is first there, and what is taken.
-    fn tell(&mut self, queues: &Queues) {
-        if self.nodes.halo().is_empty() {
-            return;
-        }
+    /// Tells the copies of those own nodes that have `changed` what is first there and what is taken; returns nodes of
+    /// which something else is known now.
+    fn tell(&mut self, queues: &Queues, changed: &[u32]) -> Vec<u32> {
         let nodes = self.nodes;
-        let own = nodes.own();
-        let mut words: Vec<[u64; 4]> = vec![[0; 4]; nodes.cloth()];
-        for node in own.clone() {
-            let first = queues.first(node as u32).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
-            self.told[node] = first.unwrap_or(NOBODY);
-            words[node] = pack(&self.told[node], self.used[node]);
+        let mut known: Vec<u32> = changed.iter().copied().filter(|node| nodes.is_own(*node)).collect();
+        if nodes.halo().is_empty() {
+            return known;
         }
-        nodes.refresh(&mut words);
-        for node in (0..own.start).chain(own.end..nodes.cloth()) {
-            (self.told[node], self.used[node]) = unpack(&words[node]);
+        known.sort_unstable();
+        known.dedup();
+        for node in &known {
+            let first = queues.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
+            self.told[*node as usize] = first.unwrap_or(NOBODY);
+            self.has_changed[*node as usize] = true;
         }
+        let (told, used, has_changed) = (&self.told, &self.used, &self.has_changed);
+        let mut copies = Vec::new();
+        let own = |node: u32| has_changed[node as usize].then(|| pack(&told[node as usize], used[node as usize]));
+        nodes.halo().refresh_changed(nodes.ranks(), own, |copy, words: [u64; 4]| copies.push((copy, words)));
+        known.iter().for_each(|node| self.has_changed[*node as usize] = false);
+        for (copy, words) in copies {
+            (self.told[copy], self.used[copy]) = unpack(&words);
+            known.push(copy as u32);
+        }
+        known
     }
 }
 

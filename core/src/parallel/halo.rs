@@ -82,6 +82,39 @@ impl Halo {
         InFlight { exchange: Some(ranks.start(messages, &expected)), receives }
     }
 
+    /// Sends the values of own vertices that have `changed`, and gives those that come to `take` with the ghost's place:
+    /// rank by rank, ascending. For values of which few change.
+    pub fn refresh_changed<T: Pod>(
+        &self,
+        ranks: &Ranks,
+        changed: impl Fn(u32) -> Option<T>,
+        mut take: impl FnMut(usize, T),
+    ) {
+        if self.is_empty() {
+            return;
+        }
+        let pack = |list: &[u32]| {
+            let mut bytes = Vec::new();
+            for (place, vertex) in list.iter().enumerate() {
+                if let Some(value) = changed(*vertex) {
+                    bytes.extend_from_slice(&(place as u32).to_ne_bytes());
+                    bytes.extend_from_slice(bytemuck::bytes_of(&value));
+                }
+            }
+            bytes
+        };
+        let messages = self.sends.iter().map(|(to, list)| Message { to: *to, bytes: pack(list) }).collect();
+        let expected: Vec<Expected> =
+            self.receives.iter().map(|(from, _)| Expected { from: *from, length: None }).collect();
+        for ((_, range), bytes) in self.receives.iter().zip(ranks.start(messages, &expected).finish()) {
+            for entry in bytes.chunks_exact(size_of::<u32>() + size_of::<T>()) {
+                let (place, value) = entry.split_at(size_of::<u32>());
+                let place: u32 = bytemuck::pod_read_unaligned(place);
+                take(range.start + place as usize, bytemuck::pod_read_unaligned(value));
+            }
+        }
+    }
+
     /// Brings the ghosts to their owners' values.
     pub fn refresh<T: Pod>(&self, ranks: &Ranks, values: &mut [T]) {
         self.start(ranks, values).finish(values);
