@@ -11,6 +11,8 @@
 //! Plassmann, "A parallel graph coloring heuristic", SIAM Journal on Scientific Computing 14, 1993): a pair that is the
 //! first at all its nodes is decided by all its holders in the same round, with the same result.
 
+use std::ops::Range;
+
 use crate::contact::nodes::ContactNodes;
 
 /// The colour of pairs that have none.
@@ -26,6 +28,10 @@ const CLASSES: usize = 2 * WITHIN;
 
 /// Number of the first class of pairs within a part.
 const WITHIN: usize = 256;
+
+/// Rounds after which ranks look for pairs that will find no colour of a page free: few enough that a page does not take a
+/// round for each of them, and more than there are where contacts are few.
+const ROUNDS_UNTIL_FULL: usize = 16;
 
 /// A pair by the scene's numbers of its nodes; [`NOBODY`] for none.
 type Key = [u32; 4];
@@ -126,7 +132,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         let mut full = Vec::new();
         let within = undecided.split_off(undecided.partition_point(|place| (*place as usize) < self.between));
         let left = self.pass(page, undecided, &mut full);
-        self.rounds(page, &left, &mut full);
+        self.rounds(page, left, &mut full);
         // What is within a part is of one rank, and all before it is decided.
         self.pass(page, within, &mut full);
         full.sort_unstable();
@@ -151,45 +157,79 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 
     /// Decides these pairs together with the other ranks that hold them. A round looks only at pairs that are the first
-    /// at a node, because where everything is near everything there are as many rounds as pairs of a node.
-    fn rounds(&mut self, page: u32, left: &[u32], full: &mut Vec<u32>) {
+    /// at a node, because where everything is near everything there are very many rounds.
+    fn rounds(&mut self, page: u32, mut left: Vec<u32>, full: &mut Vec<u32>) {
         if !self.nodes.ranks().any(!left.is_empty()) {
             return;
         }
-        let mut queues = Queues::new(left, self.nodes.cloth(), |place| self.nodes_at(place));
-        let mut undecided = left.len();
+        let mut queues = Queues::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
         let mut changed = queues.nodes();
+        let mut round = 0;
         loop {
             let mut looked_at = self.tell(&queues, &changed);
             changed.clear();
+            round += 1;
+            if round % ROUNDS_UNTIL_FULL == 0 {
+                left = self.take_out_full(left, &mut queues, full, &mut changed);
+                looked_at.extend_from_slice(&changed);
+            }
             while let Some(node) = looked_at.pop() {
                 let Some(place) = queues.first(node) else { continue };
                 let of = self.nodes_at(place);
                 if of.iter().all(|node| queues.first(*node) == Some(place)) && self.is_known(&of) {
                     self.decide(page, place, full);
-                    of.iter().for_each(|node| queues.advance(*node));
+                    queues.take_out(place, &of);
                     looked_at.extend(of);
                     changed.extend(of);
-                    undecided -= 1;
                 }
             }
-            if !self.nodes.ranks().any(undecided > 0) {
+            if !self.nodes.ranks().any(!queues.is_empty()) {
                 break;
             }
         }
     }
 
+    /// Puts with the `full` what will find no colour of this page free, whatever comes before it: colours that are taken
+    /// stay taken. Just after ranks have told each other what is, all holders of a pair come to the same. Returns what
+    /// is left.
+    fn take_out_full(
+        &self,
+        mut left: Vec<u32>,
+        queues: &mut Queues,
+        full: &mut Vec<u32>,
+        changed: &mut Vec<u32>,
+    ) -> Vec<u32> {
+        left.retain(|place| {
+            if queues.is_out(*place) {
+                return false;
+            }
+            let of = self.nodes_at(*place);
+            let is_full = self.taken(&of) == u128::MAX;
+            if is_full {
+                full.push(*place);
+                queues.take_out(*place, &of);
+                changed.extend(of);
+            }
+            !is_full
+        });
+        left
+    }
+
     /// Gives the pair at this place of the order the first free colour of the page, or puts it with the `full`.
     fn decide(&mut self, page: u32, place: u32, full: &mut Vec<u32>) {
         let of = self.nodes_at(place);
-        let taken = of.iter().fold(0, |taken, node| taken | self.used[*node as usize]);
-        let colour = (!taken).trailing_zeros();
+        let colour = (!self.taken(&of)).trailing_zeros();
         if colour < PAGE {
             of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
             self.colours[self.order[place as usize] as usize] = page * PAGE + colour;
         } else {
             full.push(place);
         }
+    }
+
+    /// Colours of the page that are taken at any of these nodes.
+    fn taken(&self, of: &[u32; 4]) -> u128 {
+        of.iter().fold(0, |taken, node| taken | self.used[*node as usize])
     }
 
     /// Nodes of the pair at a place of the order.
@@ -243,47 +283,70 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 }
 
-/// The undecided pairs of each node, in their order.
+/// The undecided pairs of each node, by their places in the order, ascending.
 struct Queues {
     places: Vec<u32>,
-    /// Where in `places` those of each node begin, advanced by those that are decided.
-    firsts: Vec<usize>,
-    ends: Vec<usize>,
+    /// Where in `places` those of each node begin and end.
+    ranges: Vec<Range<usize>>,
+    /// What has been taken out, by place.
+    is_out: Vec<bool>,
+    /// How many are left.
+    count: usize,
 }
 
 impl Queues {
-    /// Those at these places of the order, ascending.
+    /// Those at these places, ascending.
     fn new(left: &[u32], nodes: usize, nodes_at: impl Fn(u32) -> [u32; 4]) -> Self {
-        let mut ends = vec![0; nodes];
-        left.iter().for_each(|place| nodes_at(*place).iter().for_each(|node| ends[*node as usize] += 1));
+        let mut ranges = vec![0..0; nodes];
+        left.iter().for_each(|place| nodes_at(*place).iter().for_each(|node| ranges[*node as usize].end += 1));
         let mut total = 0;
-        ends.iter_mut().for_each(|end| total += std::mem::replace(end, total));
-        let firsts = ends.clone();
+        for range in &mut ranges {
+            let count = range.end;
+            *range = total..total;
+            total += count;
+        }
         let mut places = vec![0; total];
         for place in left {
             for node in nodes_at(*place) {
-                let end = &mut ends[node as usize];
+                let end = &mut ranges[node as usize].end;
                 places[*end] = *place;
                 *end += 1;
             }
         }
-        Self { places, firsts, ends }
+        let is_out = vec![false; left.last().map_or(0, |last| *last as usize + 1)];
+        Self { places, ranges, is_out, count: left.len() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.count == 0
     }
 
     /// Nodes that have any.
     fn nodes(&self) -> Vec<u32> {
-        (0..self.ends.len() as u32).filter(|node| self.first(*node).is_some()).collect()
+        (0..self.ranges.len() as u32).filter(|node| self.first(*node).is_some()).collect()
     }
 
     /// The first pair of a node.
     fn first(&self, node: u32) -> Option<u32> {
-        let (first, end) = (self.firsts[node as usize], self.ends[node as usize]);
-        (first < end).then(|| self.places[first])
+        let range = &self.ranges[node as usize];
+        (!range.is_empty()).then(|| self.places[range.start])
     }
 
-    /// Takes out the first pair of a node.
-    fn advance(&mut self, node: u32) {
-        self.firsts[node as usize] += 1;
+    /// Whether a pair that was there is not any more.
+    fn is_out(&self, place: u32) -> bool {
+        self.is_out[place as usize]
+    }
+
+    /// Takes out a pair of these nodes.
+    fn take_out(&mut self, place: u32, of: &[u32; 4]) {
+        self.is_out[place as usize] = true;
+        self.count -= 1;
+        for node in of {
+            let range = &mut self.ranges[*node as usize];
+            while range.start < range.end && self.is_out[self.places[range.start] as usize] {
+                range.start += 1;
+            }
+        }
     }
 }
 
