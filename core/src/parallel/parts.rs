@@ -337,6 +337,14 @@ mod tests {
                 parts.own().for_each(|i| values[i] = local[i]);
                 parts.halo().refresh(&ranks, &mut values);
                 assert_eq!(values, local);
+                // Of those, a third changes.
+                let changed = |v: u32| v.is_multiple_of(300).then_some(2 * v);
+                let copies = (0..local.len()).filter(|i| !parts.own().contains(i));
+                let expected: Vec<_> = copies.filter_map(|i| Some((i, changed(local[i])?))).collect();
+                let mut came = Vec::new();
+                let own = |i: u32| changed(local[i as usize]);
+                parts.halo().refresh_changed(&ranks, own, |place, value| came.push((place, value)));
+                assert_eq!(came, expected);
                 parts.own().len()
             });
             assert_eq!(numbers.expect("no rank ends early").iter().sum::<usize>(), 4900);
