@@ -170,7 +170,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
             changed.clear();
             round += 1;
             if round % ROUNDS_UNTIL_FULL == 0 {
-                left = self.take_out_full(left, &mut queues, full, &mut changed);
+                self.take_out_full(&mut left, &mut queues, full, &mut changed);
                 looked_at.extend_from_slice(&changed);
             }
             while let Some(node) = looked_at.pop() {
@@ -190,15 +190,8 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 
     /// Puts with the `full` what will find no colour of this page free, whatever comes before it: colours that are taken
-    /// stay taken. Just after ranks have told each other what is, all holders of a pair come to the same. Returns what
-    /// is left.
-    fn take_out_full(
-        &self,
-        mut left: Vec<u32>,
-        queues: &mut Queues,
-        full: &mut Vec<u32>,
-        changed: &mut Vec<u32>,
-    ) -> Vec<u32> {
+    /// stay taken. Just after ranks have told each other what is, all holders of a pair come to the same.
+    fn take_out_full(&self, left: &mut Vec<u32>, queues: &mut Queues, full: &mut Vec<u32>, changed: &mut Vec<u32>) {
         left.retain(|place| {
             if queues.is_out(*place) {
                 return false;
@@ -212,7 +205,6 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
             }
             !is_full
         });
-        left
     }
 
     /// Gives the pair at this place of the order the first free colour of the page, or puts it with the `full`.
@@ -263,8 +255,6 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         if nodes.halo().is_empty() {
             return known;
         }
-        known.sort_unstable();
-        known.dedup();
         for node in &known {
             let first = queues.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
             self.told[*node as usize] = first.unwrap_or(NOBODY);

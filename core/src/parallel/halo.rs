@@ -73,13 +73,22 @@ impl Halo {
             list.iter().for_each(|i| bytes.extend_from_slice(bytemuck::bytes_of(&values[*i as usize])));
             bytes
         };
+        let exchange = self.exchange(ranks, pack, |range| Some(size_of::<T>() * range.len()));
+        InFlight { exchange: Some(exchange), receives }
+    }
+
+    /// Sends each rank what `pack` makes of the own vertices that it has copies of; what comes has the `length` for these
+    /// copies, or any.
+    fn exchange<'a>(
+        &self,
+        ranks: &'a Ranks,
+        pack: impl Fn(&[u32]) -> Vec<u8>,
+        length: impl Fn(&Range<usize>) -> Option<usize>,
+    ) -> Box<dyn Exchange + 'a> {
         let messages = self.sends.iter().map(|(to, list)| Message { to: *to, bytes: pack(list) }).collect();
-        let expected = |(from, range): &(usize, Range<usize>)| Expected {
-            from: *from,
-            length: Some(size_of::<T>() * range.len()),
-        };
-        let expected: Vec<Expected> = receives.iter().map(expected).collect();
-        InFlight { exchange: Some(ranks.start(messages, &expected)), receives }
+        let expected: Vec<Expected> =
+            self.receives.iter().map(|(from, range)| Expected { from: *from, length: length(range) }).collect();
+        ranks.start(messages, &expected)
     }
 
     /// Sends the values of own vertices that have `changed`, and gives those that come to `take` with the ghost's place:
@@ -103,10 +112,8 @@ impl Halo {
             }
             bytes
         };
-        let messages = self.sends.iter().map(|(to, list)| Message { to: *to, bytes: pack(list) }).collect();
-        let expected: Vec<Expected> =
-            self.receives.iter().map(|(from, _)| Expected { from: *from, length: None }).collect();
-        for ((_, range), bytes) in self.receives.iter().zip(ranks.start(messages, &expected).finish()) {
+        let received = self.exchange(ranks, pack, |_| None).finish();
+        for ((_, range), bytes) in self.receives.iter().zip(received) {
             for entry in bytes.chunks_exact(size_of::<u32>() + size_of::<T>()) {
                 let (place, value) = entry.split_at(size_of::<u32>());
                 let place: u32 = bytemuck::pod_read_unaligned(place);
