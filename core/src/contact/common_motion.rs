@@ -104,6 +104,11 @@ impl RigidFit {
         self.rotation * (point - self.centres[0]) + self.centres[1]
     }
 
+    /// Where the centre of the points comes to [m].
+    pub fn centre(&self) -> Vec3 {
+        self.centres[1]
+    }
+
     /// Shortest that a unit length can become on the straight paths from this motion to another: the mean of two rotations
     /// by an angle θ apart shortens by cos θ/2.
     pub fn shortening_to(&self, other: &Self) -> f64 {

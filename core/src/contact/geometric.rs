@@ -20,7 +20,7 @@ use crate::contact::geometric::response::{Field, Response};
 use crate::contact::neighbours::Neighbours;
 use crate::contact::nodes::ContactNodes;
 use crate::contact::pair::{Pair, PairKind};
-use crate::contact::search::PairSearch;
+use crate::contact::search::{Around, PairSearch};
 use crate::contact::surface::{ContactSurface, NodePaths};
 use crate::contact::tolerances::{CLOSER_THAN_GAP, OPEN_GAP};
 use crate::contact::zones::Hit;
@@ -119,6 +119,8 @@ pub struct CollisionLoop {
     moved: Vec<u8>,
     /// Pairs at home here that may meet.
     candidates: Vec<Pair>,
+    /// Not zero for own nodes that have come out of what the candidates were looked for in.
+    left: Vec<u8>,
 }
 
 impl CollisionLoop {
@@ -136,7 +138,7 @@ impl CollisionLoop {
         let ranks = collisions.surface.ranks().clone();
         let mut response = Response::default();
         let mut source = Source::of(used, neighbours);
-        [&mut self.recent, &mut self.moved].into_iter().for_each(Vec::clear);
+        [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(Vec::clear);
         self.displacements.clear();
         self.prepare(source, collisions, neighbours, search, paths, metrics);
         let mut hits = self.detect(collisions, paths, &response);
@@ -145,7 +147,8 @@ impl CollisionLoop {
             return Resolution::default();
         }
         self.displacements.extend(paths.start.iter().zip(&paths.end).map(|(a, b)| b - a));
-        [&mut self.recent, &mut self.moved].into_iter().for_each(|marks| marks.resize(paths.start.len(), 0));
+        let all = paths.start.len();
+        [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(|marks| marks.resize(all, 0));
         let is_hard = |collisions: &Collisions<'_>, nodes: u64| {
             nodes * HARD_SHARE > u64::from(collisions.surface.nodes().all_cloth())
         };
@@ -161,7 +164,7 @@ impl CollisionLoop {
             let field = Field { nodes: surface.nodes(), start: &paths.start, mobility: surface.mobility(), gap };
             let touched = response.respond(&field, attempt, hits, &mut self.displacements, metrics);
             let covers = |node: u32, end: &Vec3| match source {
-                Source::Swept => search.covers(node, end),
+                Source::Swept | Source::Renewed => search.covers(node, end),
                 Source::Neighbours => neighbours.covers(node as usize, end, MARGIN),
             };
             let covered = self.note_touched(surface.nodes(), &touched, paths, covers);
@@ -170,7 +173,7 @@ impl CollisionLoop {
                 let moved = nodes.own().filter(|&node| self.moved[node] != 0);
                 used = ranks.max(moved.map(|node| neighbours.note_way(node, &paths.end[node])).fold(used, f64::max));
                 neighbours.share_ways(nodes);
-                source = Source::of(used, neighbours);
+                source = Source::of(used, neighbours).after(source);
                 self.prepare(source, collisions, neighbours, search, paths, metrics);
             }
             hits = self.detect(collisions, paths, &response);
@@ -202,17 +205,25 @@ impl CollisionLoop {
         paths: &mut NodePaths,
         metrics: &mut Metrics,
     ) {
-        let reach = [collisions.gap, MARGIN];
-        if source == Source::Neighbours {
-            return neighbours.close_pairs(collisions.gap, MARGIN, &mut self.candidates);
-        }
-        metrics.count_once(collisions.surface.ranks(), "swept_searches", 1);
+        let (around, surface) = (Around { gap: collisions.gap, margin: MARGIN }, &mut *collisions.surface);
         let found = &mut self.candidates;
-        let renumber = search.swept_pairs(collisions.surface, neighbours, paths, reach, found);
+        let renumber = match source {
+            Source::Neighbours => return neighbours.close_pairs(around.gap, around.margin, found),
+            Source::Swept => {
+                metrics.count_once(surface.ranks(), "swept_searches", 1);
+                search.swept_pairs(surface, neighbours, paths, around, found)
+            }
+            Source::Renewed => {
+                metrics.count_once(surface.ranks(), "swept_renewals", 1);
+                search.renew_swept_pairs(surface, neighbours, paths, around, (&mut self.left, found))
+            }
+        };
+        self.left.fill(0);
         if let Some(renumber) = renumber.filter(|_| !self.displacements.is_empty()) {
             let nodes = collisions.surface.nodes();
             renumber.apply(&mut self.displacements, Vec3::zeros());
             nodes.refresh(&mut self.displacements);
+            self.left.resize(nodes.count(), 0);
             for marks in [&mut self.recent, &mut self.moved] {
                 renumber.apply(marks, 0);
                 nodes.refresh(marks);
@@ -251,7 +262,9 @@ impl CollisionLoop {
         self.recent.fill(0);
         let mut covered = true;
         for &node in touched {
-            covered &= covers(node, &self.note(node, paths));
+            if !covers(node, &self.note(node, paths)) {
+                (covered, self.left[node as usize]) = (false, 1);
+            }
         }
         let halo = nodes.halo();
         if halo.is_empty() {
@@ -301,11 +314,18 @@ enum Source {
     Neighbours,
     /// Nodes have left their reach: the paths themselves are searched.
     Swept,
+    /// They have been searched, but some nodes have left what was searched.
+    Renewed,
 }
 
 impl Source {
     fn of(used: f64, neighbours: &Neighbours) -> Self {
         if holds_all(neighbours, used) { Self::Neighbours } else { Self::Swept }
+    }
+
+    /// This source where the candidates are from `before`.
+    fn after(self, before: Self) -> Self {
+        if self == Self::Neighbours || before == Self::Neighbours { self } else { Self::Renewed }
     }
 }
 

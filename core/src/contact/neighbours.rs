@@ -59,6 +59,8 @@ pub struct Neighbours {
     centre: (f64, Vec3),
     /// Reach of the present list, as a share of those lengths.
     reach: f64,
+    /// Pairs per vertex of the present list, on all ranks.
+    density: f64,
     /// What every node has moved since the list was made, at most, besides the common motion [m].
     way: Vec<f64>,
     /// The common motion since the list was made, at both ends of the paths noted last.
@@ -73,10 +75,10 @@ impl Neighbours {
     pub fn new(surface: &ContactSurface, coloured: bool) -> Self {
         let (edge_length, reach) = (surface.edge_length().to_vec(), 0.0);
         let way = vec![0.0; surface.nodes().count()];
-        let (lists, orders) = Default::default();
+        let (lists, orders, density) = Default::default();
         let (common, centre) = ([RigidFit::NONE; 2], (0.0, Vec3::zeros()));
         let (reference, shortening, own) = (None, 1.0, own_nodes(surface));
-        Self { lists, orders, reference, edge_length, own, centre, reach, way, common, shortening, coloured }
+        Self { lists, orders, reference, edge_length, own, centre, reach, density, way, common, shortening, coloured }
     }
 
     /// Memory held [bytes].
@@ -103,6 +105,11 @@ impl Neighbours {
     /// The reach that the list was made with, as a share of the nodes' edges.
     pub fn full_reach(&self) -> f64 {
         self.reach
+    }
+
+    /// Pairs per vertex in the lists of all ranks, which know it alike; none before there is a list.
+    pub fn density(&self) -> f64 {
+        self.density
     }
 
     /// Positions of the nodes when the list was made [m]; none before.
@@ -137,6 +144,8 @@ impl Neighbours {
         let mut found: Vec<Neighbour> = Vec::new();
         let keep = |pair: Pair, out: &mut Vec<Neighbour>| out.extend(close(pair, surface, x, reach, gap));
         search.pairs(surface, keep, &mut found);
+        let [all_found] = surface.ranks().sum_of([found.len() as u64]);
+        self.density = all_found as f64 / f64::from(surface.nodes().all_cloth().max(1));
         if let Some(renumber) = share(surface, &mut found) {
             fetch(&renumber, surface, x);
         }
@@ -192,6 +201,11 @@ impl Neighbours {
         });
         // A path between two rotations shortens distances.
         surface.ranks().max(largest.reduce(|| 0.0, f64::max)) / self.shortening
+    }
+
+    /// How far all nodes have moved alike on the paths noted last [m].
+    pub fn common_shift(&self) -> Vec3 {
+        self.common[1].centre() - self.common[0].centre()
     }
 
     /// Whether a node with a new end has moved no farther than noted, up to a share of its edges.

@@ -10,14 +10,17 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::faces::Faces;
-use crate::contact::neighbours::Neighbours;
 use crate::contact::nodes::Renumber;
 use crate::contact::pair::{Pair, PairKind};
-use crate::contact::surface::{ContactSurface, NodePaths};
+use crate::contact::surface::ContactSurface;
 use crate::contact::visitors::{self, Visitor};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::{Bvh, PairTask};
 use crate::geometry::tolerances::REBUILD_COST;
+
+mod swept;
+
+pub use swept::Around;
 
 /// Pieces of a search: enough for many threads, few enough for their overhead not to show.
 const TASKS: usize = 256;
@@ -34,6 +37,8 @@ pub struct PairSearch {
     /// Triangles of higher ranks, for one search.
     visitors: Faces,
     visiting: Fitted,
+    /// What all nodes move alike on the paths searched last, which was taken out before [m].
+    shift: Vec3,
 }
 
 /// Boxes of triangles and of the edges that hang on them, and a tree over the triangles.
@@ -95,7 +100,8 @@ impl PairSearch {
     /// A search without boxes yet.
     pub fn new() -> Self {
         let [cloth, bodies, visiting] = [(); 3].map(|()| Fitted::empty());
-        Self { node_boxes: Vec::new(), cloth, bodies, visitors: Faces::default(), visiting }
+        let (visitors, shift) = (Faces::default(), Vec3::zeros());
+        Self { node_boxes: Vec::new(), cloth, bodies, visitors, visiting, shift }
     }
 
     /// Memory held [bytes], trees estimated at two nodes a triangle.
@@ -150,38 +156,6 @@ impl PairSearch {
         self.visiting.fit(&self.visitors, &self.node_boxes);
     }
 
-    /// Finds the pairs of this rank that may come within `gap` [m] on their paths, also if their nodes move a share `margin`
-    /// of their edges farther. All ranks call it together. Ghosts may come to the ones there are: then the paths and the
-    /// list of neighbours are laid out anew, and what nodes are called now is returned.
-    pub fn swept_pairs(
-        &mut self,
-        surface: &mut ContactSurface,
-        neighbours: &mut Neighbours,
-        paths: &mut NodePaths,
-        [gap, margin]: [f64; 2],
-        found: &mut Vec<Pair>,
-    ) -> Option<Renumber> {
-        let swept = |paths: &NodePaths, edges: &[f64], i: usize| {
-            Aabb::of_segment(&paths.start[i], &paths.end[i]).enlarged(gap + margin * edges[i])
-        };
-        self.fit(surface, |i| swept(paths, surface.edge_length(), i));
-        let renumber = self.invite(surface);
-        if let Some(renumber) = &renumber {
-            paths.renumber(renumber);
-            paths.refresh(surface.nodes());
-            neighbours.renumber(renumber, surface);
-        }
-        self.fit_visitors(surface, |i| swept(paths, surface.edge_length(), i));
-        self.pairs(surface, |pair, out| out.push(pair), found);
-        renumber
-    }
-
-    /// Whether the box of a node contains a point, so that pairs found for the box hold for it.
-    pub fn covers(&self, node: u32, point: &Vec3) -> bool {
-        let bounds = &self.node_boxes[node as usize];
-        (0..3).all(|k| f64::from(bounds.min[k]) <= point[k] && point[k] <= f64::from(bounds.max[k]))
-    }
-
     /// A tree over the triangles of cloth, and one over those of the bodies, with the boxes given last.
     pub fn trees(&self) -> [&Bvh; 2] {
         [&self.cloth.tree, &self.bodies.tree]
@@ -200,9 +174,7 @@ impl PairSearch {
         keep: impl Fn(Pair, &mut Vec<T>) + Sync,
         found: &mut Vec<T>,
     ) {
-        let cloth = Side { faces: surface.cloth(), fitted: &self.cloth };
-        let bodies = Side { faces: surface.bodies(), fitted: &self.bodies };
-        let visitors = Side { faces: &self.visitors, fitted: &self.visiting };
+        let [cloth, bodies, visitors] = self.sides(surface);
         let tree = &self.cloth.tree;
         let work = |other: Side<'_>, task: &PairTask| {
             let mut out = Vec::new();
@@ -217,6 +189,12 @@ impl PairSearch {
         let pieces: Vec<Vec<T>> = tasks.par_iter().map(|(other, task)| work(*other, task)).collect();
         found.clear();
         found.extend(pieces.into_iter().flatten());
+    }
+
+    /// Cloth, bodies and visitors.
+    fn sides<'a>(&'a self, surface: &'a ContactSurface) -> [Side<'a>; 3] {
+        [(surface.cloth(), &self.cloth), (surface.bodies(), &self.bodies), (&self.visitors, &self.visiting)]
+            .map(|(faces, fitted)| Side { faces, fitted })
     }
 
     /// The pairs of points, triangles and edges that belong to two triangles.

@@ -5,6 +5,7 @@
 //! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
 
 mod crossings;
+mod list_reach;
 mod per_collision_step;
 mod per_time_step;
 
@@ -38,16 +39,6 @@ const STEP_COUNTS: [&str; 5] =
 
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
 const LONGEST_WAY: f64 = 0.5;
-
-/// Reach of a list of neighbours that is to last, as a share of a node's edges. Below 0.35 no two primitives of flat cloth
-/// come within reach of each other.
-const LONG_REACH: f64 = 0.33;
-
-/// Reach of a list for one collision step at most.
-const SHORT_REACH: f64 = 0.1;
-
-/// Collision steps that a list with the long reach has to last.
-const LASTING: f64 = 4.0;
 
 /// What may go wrong with foreseeing motion from the last collision step.
 const FORESIGHT: f64 = 1.3;
@@ -241,9 +232,7 @@ impl SelfContact {
         self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
         if !SLEEPS || self.used + way > self.neighbours.reach() || self.used.is_nan() {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
-            // A list that lasts is worth being long; one that does not is for repulsions alone.
-            let reach = if LASTING * way <= LONG_REACH { LONG_REACH } else { way.min(SHORT_REACH) };
-            self.rebuild(reach);
+            self.rebuild(list_reach::after(&self.neighbours, way));
             self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {

@@ -49,6 +49,7 @@ pub static SPEC: EffectSpec = EffectSpec {
         "collision_steps_shortened",
         "pair_searches",
         "swept_searches",
+        "swept_renewals",
         "collision_loops",
         "collision_attempts",
         "collision_hits",

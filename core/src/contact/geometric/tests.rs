@@ -7,11 +7,12 @@ use crate::geometry::testing::Random;
 use crate::parallel::ranks::Ranks;
 
 /// Counts that have to be the same on any number of ranks.
-const COUNTS: [&str; 11] = [
+const COUNTS: [&str; 12] = [
     "collision_hits",
     "collision_attempts",
     "collision_loops",
     "swept_searches",
+    "swept_renewals",
     "zones",
     "zones_large",
     "zone_nodes",
@@ -29,7 +30,7 @@ struct Outcome {
     moved: Vec<u32>,
     /// Hard, pinched, given back.
     flags: [bool; 3],
-    counts: [u64; 11],
+    counts: [u64; 12],
 }
 
 impl Outcome {
@@ -105,7 +106,7 @@ fn impulses_and_small_zones_give_the_same_bits_on_any_number_of_ranks() {
     for mixed in [false, true] {
         let outcome = check(&mut random, mixed, 5.0, false);
         assert!(outcome.counted("collision_hits") > 100 && outcome.counted("zones") > 0, "{:?}", outcome.counts);
-        assert!(outcome.counted("swept_searches") > 1, "ghosts come and go meanwhile");
+        assert!(outcome.counted("swept_renewals") > 1, "ghosts come and go meanwhile");
     }
 }
 

@@ -2,6 +2,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::contact::exact_check::crossings;
+use crate::contact::search::Around;
 use crate::contact::share::ClothShare;
 use crate::contact::surface::{BodyFaces, NodePaths};
 use crate::contact::testing::{below, on_ranks};
@@ -10,6 +11,9 @@ use crate::parallel::ranks::Ranks;
 
 /// Distance that collisions keep [m].
 const GAP: f64 = 10.0 * f32::EPSILON as f64;
+
+/// Where paths are searched.
+const AROUND: Around = Around { gap: GAP, margin: 0.02 };
 
 /// Vertices along each side of a sheet, and sheets.
 const SIDE: usize = 16;
@@ -155,6 +159,8 @@ struct Found {
     /// Pairs that may meet, from the list and along paths.
     close: Vec<Pair>,
     swept: Vec<Pair>,
+    /// After some nodes have left what was searched, and after more have.
+    renewed: [Vec<Pair>; 2],
     crossings: [Vec<Crossing>; 3],
 }
 
@@ -189,9 +195,13 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     neighbours.close_pairs(GAP, 0.02, &mut pairs);
     let close = numbered(&pairs, &surface);
     let mut paths = NodePaths { start: heap.at(&surface, 2), end: heap.at(&surface, 3) };
-    search.swept_pairs(&mut surface, &mut neighbours, &mut paths, [GAP, 0.02], &mut pairs);
+    search.swept_pairs(&mut surface, &mut neighbours, &mut paths, AROUND, &mut pairs);
     let swept = numbered(&pairs, &surface);
     assert_eq!(paths.end, heap.at(&surface, 3));
+    let renewed = [7, 3].map(|every| {
+        renew(every, heap, (&mut surface, &mut neighbours), (&mut search, &mut paths, &mut pairs));
+        numbered(&pairs, &surface)
+    });
     assert!(heap.agrees(&surface));
     let wide = surface.set_nodes(nodes);
     neighbours.renumber(&wide, &surface);
@@ -221,7 +231,34 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let crossings = [check(0, None), check(2, None), check(2, Some(1))];
     assert!(ranks.is_alone() || surface.nodes().ghosts().len() >= corners);
     let own = [nodes_own(&surface, 0), nodes_own(&surface, 1)];
-    Found { own, held, used: [used[0], used[1], used[2], used[3]], ways, close, swept, crossings }
+    Found { own, held, used: [used[0], used[1], used[2], used[3]], ways, close, swept, renewed, crossings }
+}
+
+/// Sends every so manieth node elsewhere, and renews the search; a new one has to find the same.
+fn renew(
+    every: u32,
+    heap: &Heap,
+    (surface, neighbours): (&mut ContactSurface, &mut Neighbours),
+    (search, paths, pairs): (&mut PairSearch, &mut NodePaths, &mut Vec<Pair>),
+) {
+    let elsewhere = heap.at(surface, 1);
+    let goes: Vec<bool> = (0..elsewhere.len() as u32).map(|n| surface.nodes().number(n) % every == 0).collect();
+    let nodes = surface.nodes().clone();
+    let mut left = vec![0; goes.len()];
+    for node in (0..nodes.cloth()).filter(|node| goes[*node]) {
+        paths.end[node] = elsewhere[node];
+        left[node] = u8::from(nodes.own().contains(&node));
+    }
+    search.renew_swept_pairs(surface, neighbours, paths, AROUND, (&mut left, pairs));
+    let (mut anew, mut others) = (PairSearch::new(), Vec::new());
+    // Another tree may invite more.
+    if let Some(renumber) = anew.swept_pairs(surface, neighbours, paths, AROUND, &mut others) {
+        renumber.renumber(pairs.iter_mut().flat_map(|pair| &mut pair.nodes));
+    }
+    pairs.sort_unstable();
+    others.sort_unstable();
+    assert!(*pairs == others, "{} pairs of {}", pairs.len(), others.len());
+    *search = anew;
 }
 
 /// Number in the scene of the first own vertex (0), or of the first behind (1).
@@ -265,9 +302,11 @@ fn compare(alone: &Found, found: &[Found]) {
     }
     let ways: Vec<u64> = found.iter().flat_map(|rank| &rank.ways).copied().collect();
     assert_eq!(ways, alone.ways);
-    for list in [|found: &Found| found.close.clone(), |found: &Found| found.swept.clone()] {
-        let mut all: Vec<Pair> = found.iter().flat_map(list).collect();
+    let lists: [fn(&Found) -> &Vec<Pair>; 4] =
+        [|found| &found.close, |found| &found.swept, |found| &found.renewed[0], |found| &found.renewed[1]];
+    for list in lists {
+        let mut all: Vec<Pair> = found.iter().flat_map(list).copied().collect();
         all.sort_unstable();
-        assert!(all == list(alone), "{} pairs of {}", all.len(), list(alone).len());
+        assert!(all == *list(alone), "{} pairs of {}", all.len(), list(alone).len());
     }
 }
