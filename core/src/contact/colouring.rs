@@ -42,28 +42,103 @@ const NOBODY: Key = [u32::MAX; 4];
 /// Pairs with a point of a body have [`NO_COLOUR`]: nothing acts on them in the order of colours. All ranks call it
 /// together.
 pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
-    let alone = nodes.halo().is_empty() || cfg!(feature = "rank-order");
     let (order, between) = order(count, nodes, &nodes_of);
+    let (mut colours, mut taken) = (vec![NO_COLOUR; count], Taken::new(nodes.cloth()));
+    let alone = nodes.ranks().is_alone() || cfg!(feature = "rank-order");
+    let decided = if alone { 0 } else { between };
+    colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut taken);
+    // What is within a part is of one rank, and all before it is decided.
+    for &pair in &order[decided..] {
+        let of = nodes_of(pair as usize);
+        colours[pair as usize] = taken.first_free(&of);
+        taken.take(&of, colours[pair as usize]);
+    }
+    let highest = colours.iter().filter(|colour| **colour != NO_COLOUR).max();
+    let number = nodes.ranks().max(highest.map_or(0.0, |colour| f64::from(*colour) + 1.0));
+    (colours, number as usize)
+}
+
+/// Colours the pairs of `order`, which several ranks hold, page by page.
+fn colour_together(
+    nodes: &ContactNodes,
+    (nodes_of, order): (impl Fn(usize) -> [u32; 4], &[u32]),
+    colours: &mut [u32],
+    taken: &mut Taken,
+) {
+    let has_copies = !nodes.halo().is_empty();
+    let copied = if has_copies { nodes.cloth() } else { 0 };
     let mut colouring = Colouring {
         nodes,
         nodes_of,
         order,
-        between,
-        colours: vec![NO_COLOUR; count],
+        colours,
         used: vec![0; nodes.cloth()],
         waits: vec![false; nodes.cloth()],
-        told: vec![NOBODY; if alone { 0 } else { nodes.cloth() }],
-        has_changed: vec![false; if alone { 0 } else { nodes.cloth() }],
+        told: vec![NOBODY; copied],
+        has_changed: vec![false; copied],
     };
-    let mut waiting: Vec<u32> = (0..colouring.order.len() as u32).collect();
-    let mut page = 0;
-    while nodes.ranks().any(!waiting.is_empty()) {
+    let mut waiting: Vec<u32> = (0..order.len() as u32).collect();
+    for page in 0.. {
+        if !nodes.ranks().any(!waiting.is_empty()) {
+            break;
+        }
         waiting = colouring.page(page, waiting);
-        page += 1;
+        taken.keep(page, &colouring.used);
     }
-    let highest = colouring.colours.iter().filter(|colour| **colour != NO_COLOUR).max();
-    let number = nodes.ranks().max(highest.map_or(0.0, |colour| f64::from(*colour) + 1.0));
-    (colouring.colours, number as usize)
+}
+
+/// Colours that are taken at each node, on all pages.
+struct Taken {
+    /// Masks of each node.
+    pages: usize,
+    masks: Vec<u128>,
+}
+
+impl Taken {
+    /// None at so many nodes.
+    fn new(nodes: usize) -> Self {
+        Self { pages: 1, masks: vec![0; nodes] }
+    }
+
+    /// Masks of a node.
+    fn at(&self, node: u32) -> &[u128] {
+        &self.masks[node as usize * self.pages..][..self.pages]
+    }
+
+    /// The first colour that is free at all these nodes.
+    fn first_free(&self, of: &[u32; 4]) -> u32 {
+        let [a, b, c, d] = of.map(|node| self.at(node));
+        let masks = a.iter().zip(b).zip(c).zip(d).map(|(((a, b), c), d)| a | b | c | d);
+        let free = |(page, mask): (u32, u128)| (mask != u128::MAX).then(|| page * PAGE + mask.trailing_ones());
+        (0..).zip(masks).find_map(free).unwrap_or(self.pages as u32 * PAGE)
+    }
+
+    /// Takes a colour at these nodes.
+    fn take(&mut self, of: &[u32; 4], colour: u32) {
+        let page = (colour / PAGE) as usize;
+        self.make_room(page);
+        of.iter().for_each(|node| self.masks[*node as usize * self.pages + page] |= 1 << (colour % PAGE));
+    }
+
+    /// Takes what is taken of a page at every node.
+    fn keep(&mut self, page: u32, used: &[u128]) {
+        self.make_room(page as usize);
+        for (masks, used) in self.masks.chunks_mut(self.pages).zip(used) {
+            masks[page as usize] = *used;
+        }
+    }
+
+    /// Makes room for a page and, so that it is seldom done, for as many again.
+    fn make_room(&mut self, page: usize) {
+        if page >= self.pages {
+            let pages = 2 * page.max(1);
+            let mut masks = vec![0; self.masks.len() / self.pages * pages];
+            for (wide, narrow) in masks.chunks_mut(pages).zip(self.masks.chunks(self.pages)) {
+                wide[..narrow.len()].copy_from_slice(narrow);
+            }
+            (self.pages, self.masks) = (pages, masks);
+        }
+    }
 }
 
 /// The pairs without bodies in the order in which they choose, and how many of them are between parts.
@@ -110,10 +185,8 @@ struct Colouring<'a, F> {
     nodes: &'a ContactNodes,
     nodes_of: F,
     /// Pairs in the order in which they choose.
-    order: Vec<u32>,
-    /// How many of them, the first ones, are between parts.
-    between: usize,
-    colours: Vec<u32>,
+    order: &'a [u32],
+    colours: &'a mut [u32],
     /// Colours of the page that are taken at each node.
     used: Vec<u128>,
     /// Nodes of which this pass has met a pair that it could not decide.
@@ -127,14 +200,11 @@ struct Colouring<'a, F> {
 impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     /// Gives out the colours of a page to the pairs at these places of the order, ascending; returns those that found
     /// none free.
-    fn page(&mut self, page: u32, mut undecided: Vec<u32>) -> Vec<u32> {
+    fn page(&mut self, page: u32, undecided: Vec<u32>) -> Vec<u32> {
         self.used.fill(0);
         let mut full = Vec::new();
-        let within = undecided.split_off(undecided.partition_point(|place| (*place as usize) < self.between));
         let left = self.pass(page, undecided, &mut full);
         self.rounds(page, left, &mut full);
-        // What is within a part is of one rank, and all before it is decided.
-        self.pass(page, within, &mut full);
         full.sort_unstable();
         full
     }
@@ -144,8 +214,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         self.waits.fill(false);
         undecided.retain(|place| {
             let of = self.nodes_at(*place);
-            let is_left =
-                !(self.is_own(&of) || cfg!(feature = "rank-order")) || of.iter().any(|node| self.waits[*node as usize]);
+            let is_left = !self.is_own(&of) || of.iter().any(|node| self.waits[*node as usize]);
             if is_left {
                 of.iter().for_each(|node| self.waits[*node as usize] = true);
             } else {
