@@ -46,7 +46,9 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
     let (mut colours, mut taken) = (vec![NO_COLOUR; count], Taken::new(nodes.cloth()));
     let alone = nodes.ranks().is_alone() || cfg!(feature = "rank-order");
     let decided = if alone { 0 } else { between };
-    colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut taken);
+    if !alone {
+        colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut taken);
+    }
     // What is within a part is of one rank, and all before it is decided.
     for &pair in &order[decided..] {
         let of = nodes_of(pair as usize);

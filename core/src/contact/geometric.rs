@@ -26,7 +26,6 @@ use crate::contact::tolerances::{CLOSER_THAN_GAP, OPEN_GAP};
 use crate::contact::zones::Hit;
 use crate::effects::SLEEPS;
 use crate::metrics::Metrics;
-use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::wire::{vector_of, words_of};
 
 mod packing;
@@ -266,29 +265,13 @@ impl CollisionLoop {
                 (covered, self.left[node as usize]) = (false, 1);
             }
         }
-        let halo = nodes.halo();
-        if halo.is_empty() {
-            return covered;
-        }
-        let message = |(to, list): &(usize, Vec<u32>)| {
-            let mut words: Vec<u64> = Vec::new();
-            for (&node, place) in list.iter().zip(0..).filter(|(node, _)| self.recent[**node as usize] != 0) {
-                words.push(place);
-                words.extend(words_of(&self.displacements[node as usize]));
-            }
-            Message { to: *to, bytes: bytemuck::cast_slice(&words).to_vec() }
-        };
-        let messages = halo.sends().iter().map(message).collect();
-        let expected: Vec<Expected> =
-            halo.receives().iter().map(|(from, _)| Expected { from: *from, length: None }).collect();
-        let answers = nodes.ranks().start(messages, &expected).finish();
-        for ((_, range), bytes) in halo.receives().iter().zip(answers) {
-            let words: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
-            for &[place, x, y, z] in words.as_chunks::<4>().0 {
-                let node = range.start as u32 + place as u32;
-                self.displacements[node as usize] = vector_of([x, y, z]);
-                self.note(node, paths);
-            }
+        let mut copies = Vec::new();
+        let (recent, displacements) = (&self.recent, &self.displacements);
+        let own = |node: u32| (recent[node as usize] != 0).then(|| words_of(&displacements[node as usize]));
+        nodes.halo().refresh_changed(nodes.ranks(), own, |copy, words: [u64; 3]| copies.push((copy, words)));
+        for (copy, words) in copies {
+            self.displacements[copy] = vector_of(words);
+            self.note(copy as u32, paths);
         }
         covered
     }
