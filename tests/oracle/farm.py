@@ -9,6 +9,7 @@ archive may bring the official Alembic library down.
 import hashlib
 import json
 import os
+import random
 import shutil
 import subprocess
 import sys
@@ -30,8 +31,9 @@ DONE, BAD_INPUT, MISSING_INPUT, CANNOT_CREATE, IO, STOPPED = 0, 65, 66, 73, 74, 
 # Bytes at the beginning of a checkpoint that hold length and hash of the rest.
 SEAL = 512
 
-# Longest wait for anything that a run is to do [s]; the machine may be loaded.
-PATIENCE = 120.0
+# A wait that is longer than this is a hang [s]. No verdict may depend on how fast or how loaded the machine is, so this is
+# far beyond what any test needs.
+PATIENCE = 1200.0
 
 
 class Shot:
@@ -111,6 +113,27 @@ def reaches(out, process, frame):
         return (manifest(out).get("last_complete_frame") or -1) >= frame
 
     return wait_until(has_frame, process, f"frame {frame} is done")
+
+
+class Moments:
+    """Random moments in a run by what it has done, not by the clock: the machine may be faster or slower at any time."""
+
+    def __init__(self, seed, shot, seconds):
+        self._random = random.Random(seed)
+        self._first = shot.first
+        self._frame_seconds = seconds / (shot.last - shot.first + 1)
+
+    def wait(self, out, process, part_of_start=0.0):
+        """Waits until a run has finished none to four frames more than it had, and for a random part of a frame.
+
+        With the probability `part_of_start` it does not even wait until the run has begun.
+        """
+        if self._random.random() >= part_of_start:
+            done = manifest(out).get("last_complete_frame")
+            more, done = self._random.randint(0, 4), self._first - 1 if done is None else done
+            if not (holds_folder(out, process) if more == 0 else reaches(out, process, done + more)):
+                return
+        time.sleep(self._frame_seconds * self._random.random())
 
 
 def stop(process, signal):

@@ -3,7 +3,8 @@
 It is not Slurm. It knows the options that docs/farm/slurm.sbatch uses, as sbatch(1) describes them: `--signal=B:SIG@s`
 (to the shell alone), `--requeue`, `--open-mode`; the variables SLURM_JOB_ID, SLURM_JOB_NAME, SLURM_RESTART_COUNT,
 SLURM_CPUS_PER_TASK and SLURM_JOB_END_TIME; and `scontrol requeue`. There is no queue, and no time limit passes: a test
-says at which frame the notice comes, the job is cancelled or the machine fails.
+says at which frame the notice comes, the job is cancelled or the machine fails. A script may take its time to end, too:
+Slurm would kill it after the seconds that it asked for, but here the machine may be loaded.
 """
 
 import json
@@ -13,11 +14,7 @@ import signal
 import subprocess
 import time
 
-# How long a script may take from the notice to its end [s]. Slurm would give the seconds that the script asks for.
-NOTICE = 15
-
-# How long a frame may be waited for [s].
-PATIENCE = 60
+from farm import PATIENCE
 
 JOB = "4711"
 
@@ -115,7 +112,7 @@ class Slurm:
                     make_foreign(out, silent_for=20)
                     return "node failure"
                 self._notify(process, event)
-                return process.wait(NOTICE)
+                return process.wait(PATIENCE)
             finally:
                 if process.poll() is None:
                     os.killpg(process.pid, signal.SIGKILL)

@@ -13,8 +13,9 @@ import subprocess
 import pytest
 
 from conftest import program
+from farm import PATIENCE
 from judges import ROOT
-from slurm_stand_in import NOTICE, Slurm, frame_of, make_foreign, wait_for_frame
+from slurm_stand_in import Slurm, frame_of, make_foreign, wait_for_frame
 
 FARM = ROOT / "docs" / "farm"
 SCENE = ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml"
@@ -27,7 +28,7 @@ PLAIN = FARM / "plain.sh"
 def drapery(*arguments, **options):
     """Runs the command; standard output, standard error and exit code."""
     command = [program("DRAPERY", "drapery"), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=60, **options)
+    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=PATIENCE, **options)
 
 
 @pytest.fixture(autouse=True)
@@ -58,11 +59,16 @@ def start_plain(out, *arguments, shot=ARGUMENTS):
 
 
 def test_the_plain_script_starts_attempts_until_the_shot_is_done(whole, tmp_path):
-    out = tmp_path / "out"
-    assert start_plain(out, "--max-wall", "0.3s").wait(NOTICE * 2) == 0
-    ends = [attempt["end"] for attempt in attempts(out)]
-    assert ends[-1] == "done" and set(ends[:-1]) == {"max-wall"} and len(ends) > 2, ends
-    assert_same(out, whole)
+    # A fast machine needs a shorter limit to be stopped twice.
+    for limit in ("0.3s", "0.1s", "0.03s"):
+        out = tmp_path / limit
+        assert start_plain(out, "--max-wall", limit).wait(PATIENCE) == 0
+        ends = [attempt["end"] for attempt in attempts(out)]
+        assert ends[-1] == "done" and set(ends[:-1]) == {"max-wall"}, ends
+        assert_same(out, whole)
+        if len(ends) > 2:
+            return
+    pytest.fail("no limit stopped the run twice")
 
 
 def test_the_plain_script_passes_signals_on_and_ends_when_it_is_told(run_scene, tmp_path):
@@ -72,14 +78,14 @@ def test_the_plain_script_passes_signals_on_and_ends_when_it_is_told(run_scene, 
     script = start_plain(out, shot=shot)
     wait_for_frame(out, FIRST + 2, script)
     script.send_signal(signal.SIGTERM)
-    assert script.wait(NOTICE) == 75
+    assert script.wait(PATIENCE) == 75
     script = start_plain(out, shot=shot)
     wait_for_frame(out, frame_of(out) + 2, script)
     assert drapery("stop", out).returncode == 0
-    code = script.wait(NOTICE)
+    code = script.wait(PATIENCE)
     assert [attempt["end"] for attempt in attempts(out)] == ["signal TERM", "control/stop"]
     assert code == 75
-    assert start_plain(out, shot=shot).wait(NOTICE) == 0
+    assert start_plain(out, shot=shot).wait(PATIENCE) == 0
     assert_same(out, whole)
 
 
@@ -88,7 +94,7 @@ def test_a_signal_to_the_run_alone_is_followed_by_the_next_attempt(whole, tmp_pa
     script = start_plain(out)
     wait_for_frame(out, FIRST + 5, script)
     os.kill(json.loads((out / "lock.json").read_text())["pid"], signal.SIGUSR1)
-    assert script.wait(NOTICE) == 0
+    assert script.wait(PATIENCE) == 0
     assert [attempt["end"] for attempt in attempts(out)] == ["signal USR1", "done"]
     assert_same(out, whole)
 
@@ -100,9 +106,9 @@ def test_the_plain_script_takes_a_silent_lock_over_and_no_other(whole, tmp_path)
     os.killpg(script.pid, signal.SIGKILL)
     script.wait()
     make_foreign(out, silent_for=20)
-    assert start_plain(out).wait(NOTICE) == 73
+    assert start_plain(out).wait(PATIENCE) == 73
     make_foreign(out, silent_for=400)
-    assert start_plain(out).wait(NOTICE) == 0
+    assert start_plain(out).wait(PATIENCE) == 0
     assert attempts(out)[-1]["first_frame"] > FIRST, "it began at the first frame again"
     assert_same(out, whole)
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from farm import BAD_INPUT, DONE, DRAPERY, IO, MISSING_INPUT, STOPPED, Shot
+from farm import BAD_INPUT, DONE, DRAPERY, IO, MISSING_INPUT, PATIENCE, STOPPED, Shot
 from judges import ROOT, SHARED
 from test_mpi import AS_ROOT, MORE_THAN_CORES, running
 
@@ -24,9 +24,6 @@ ENVIRONMENT = {**os.environ, **AS_ROOT, **MORE_THAN_CORES, "OMPI_MCA_mpi_yield_w
 
 # Exit codes beside those in `farm`.
 USAGE, SCENE = 2, 78
-
-# Longest wait for what ranks are to do together [s]: they share few cores here, with other tests.
-PATIENCE = 180.0
 
 SAMPLES = ROOT / "sample_assets" / "scenes"
 
@@ -42,7 +39,7 @@ CASES = {
 def is_built_with_mpi():
     """A process that seems to be one of two says which of them it knows."""
     alone = os.environ | {"OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "0"} | AS_ROOT
-    done = subprocess.run([PROGRAM, "run", "none.toml"], env=alone, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([PROGRAM, "run", "none.toml"], env=alone, capture_output=True, text=True, timeout=PATIENCE)
     return "built without MPI" not in done.stderr
 
 
@@ -153,8 +150,8 @@ def processes(out):
     return found
 
 
-def wait(job, out, code, patience=PATIENCE):
-    job.wait(timeout=patience)
+def wait(job, out, code):
+    job.wait(timeout=PATIENCE)
     assert job.returncode == code, f"exit code {job.returncode}\n{Path(f'{out}.words').read_text()[-4000:]}"
 
 
@@ -213,17 +210,17 @@ def test_a_launcher_that_is_terminated_leaves_a_run_that_goes_on(whole, tmp_path
 
 
 @pytest.mark.parametrize("lost", [0, 2])
-def test_a_killed_rank_ends_the_job_within_a_minute_and_it_goes_on(whole, tmp_path, report_figure, lost):
+def test_a_killed_rank_ends_the_job_and_it_goes_on(whole, tmp_path, report_figure, lost):
     out = tmp_path / "out"
     job = Ranks(LONG, 3).start(out, "--checkpoint-every", "2f")
     await_frame(job, out, 4)
     found = processes(out)
     began = time.monotonic()
     os.kill(found[lost], signal.SIGKILL)
-    job.wait(timeout=60)
+    job.wait(timeout=PATIENCE)
     assert job.returncode != 0
     while any(map(running, found.values())):
-        assert time.monotonic() - began < 60.0, "a rank is still there"
+        assert time.monotonic() - began < PATIENCE, "a rank is still there"
         time.sleep(0.1)
     report_figure(f"without rank {lost} the others ended after {time.monotonic() - began:.1f} s")
     Ranks(LONG, 2).run(out, "--checkpoint-every", "2f")

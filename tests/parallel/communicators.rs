@@ -40,7 +40,7 @@ fn end_of<T: Send + 'static>(
 ) -> Result<Vec<T>, CommError> {
     let (sender, receiver) = std::sync::mpsc::channel();
     std::thread::spawn(move || sender.send(LocalRanks::run(ranks, 1, work)));
-    receiver.recv_timeout(Duration::from_secs(60)).expect("ranks that lost one of them end within a minute")
+    receiver.recv_timeout(Duration::from_secs(1200)).expect("ranks that lost one of them do not wait for ever")
 }
 
 #[test]

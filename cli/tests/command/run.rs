@@ -2,7 +2,7 @@
 
 use std::io::Read;
 use std::process::Stdio;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde_json::Value;
 
@@ -110,9 +110,8 @@ fn a_killed_run_leaves_every_committed_frame() {
         serde_json::from_str::<Value>(&text).expect("the manifest is whole at every moment")["last_complete_frame"]
             .as_i64()
     };
-    let start = Instant::now();
     while last_frame() < Some(1005) {
-        assert!(start.elapsed() < Duration::from_secs(60), "no frame after a minute");
+        assert!(child.try_wait().unwrap().is_none(), "the run ended before its fifth frame");
         std::thread::sleep(Duration::from_millis(1));
     }
     child.kill().unwrap();

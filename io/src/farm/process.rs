@@ -113,11 +113,9 @@ mod tests {
         let owner = Owner { pid, started: started(pid).unwrap(), ..Owner::this_process() };
         assert!(owner.is_running());
         child.kill().unwrap();
-        let deadline = std::time::Instant::now() + std::time::Duration::from_secs(20);
-        while owner.is_running() && std::time::Instant::now() < deadline {
+        while owner.is_running() {
             std::thread::yield_now();
         }
-        assert!(!owner.is_running());
         child.wait().unwrap();
         assert!(!owner.is_running());
     }

@@ -141,14 +141,13 @@ fn heartbeats_go_on_while_nobody_asks() {
     // Taken in the past: the first heartbeat brings the time of today.
     let lock = RunLock::take_beating(folder.path(), &me(), false, at(1000), Duration::from_millis(1)).unwrap();
     let read = || serde_json::from_slice::<Record>(&fs::read(folder.path().join(LOCK)).unwrap());
-    let deadline = std::time::Instant::now() + Duration::from_secs(20);
+    let today = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap().as_secs();
     // The file can be understood at every moment.
-    while read().unwrap().heartbeat == 1000 && std::time::Instant::now() < deadline {
+    while read().unwrap().heartbeat == 1000 {
         std::thread::yield_now();
     }
     let record = read().unwrap();
-    let today = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap().as_secs();
-    assert!(today - record.heartbeat < 20, "{record:?}");
+    assert!(record.heartbeat >= today, "{record:?}");
     assert_eq!(record.owner, me());
     drop(lock);
 }
