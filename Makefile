@@ -19,8 +19,9 @@ setup: ## install what is missing: Debian packages and the Python environment .v
 	@.ci/setup
 
 .PHONY: build
-build: setup ## release build of the commands
+build: setup ## release build of the commands, their debug tables beside them in *.debug
 	cargo build --release --workspace --features drapery/mpi
+	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
 
 .PHONY: demo
 demo: build ## simulate a dressed character and render six frames of it; QUALITY=full for the fine garments
@@ -33,6 +34,7 @@ bare: setup ## what the proof that absent effects are free compares with: builds
 .PHONY: test
 test: bare build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
 	cargo test --release --workspace --features drapery/mpi
+	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
 	cargo run --release --quiet --package drapery-alembic --example write_demo -- $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle
 

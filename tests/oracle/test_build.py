@@ -1,0 +1,24 @@
+"""What `make build` leaves: a program without debug tables, and the tables beside it."""
+
+import subprocess
+from pathlib import Path
+
+from conftest import program
+
+# Bytes; with its tables it has a hundred million.
+LARGEST = 25_000_000
+
+
+def output(*command):
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_the_program_is_small_and_its_lines_are_found_beside_it():
+    drapery = Path(program("DRAPERY", "drapery"))
+    tables = Path(f"{drapery}.debug")
+    assert drapery.stat().st_size < LARGEST and tables.is_file(), "build it with `make build`"
+    assert ".debug_line" not in output("objdump", "--section-headers", str(drapery))
+    symbols = output("nm", "--demangle", str(drapery)).splitlines()
+    (address,) = [line.split()[0] for line in symbols if line.endswith(" drapery::main")]
+    # Follows the link from the program, as perf, gdb and backtraces do.
+    assert "cli/src/main.rs:" in output("addr2line", "--exe", str(drapery), address)
