@@ -488,6 +488,7 @@ LIMITS = {"max-wall": None, "stop-at": "DRAPERY_STOP_AT", "job-end": "SLURM_JOB_
 
 def seconds_left(limit, shot, tmp_path):
     """Runs all kinds of limits at once, until `limit` seconds are over; returns how many were left when all had ended."""
+    tmp_path.mkdir()
     begin = time.time()
     running = {}
     for reason, variable in LIMITS.items():
