@@ -35,7 +35,7 @@ bare: setup ## what the proof that absent effects are free compares with: builds
 test: bare build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
 	cargo test --release --workspace --features drapery/mpi
 	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
-	cargo run --release --quiet --package drapery-alembic --example write_demo -- $(TARGET)/alembic_demo
+	$(TARGET)/release/examples/write_demo $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle
 
 .PHONY: test-full
@@ -75,4 +75,4 @@ study: build ## what accuracy costs in time on the spinning ball and the dressed
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --features drapery/mpi -- -D warnings
+	cargo clippy --release --workspace --all-targets --features drapery/mpi -- -D warnings

@@ -1,5 +1,5 @@
 //! Bodies at both ends of a time step, and what a cloth vertex finds of them: analytic shapes in rigid motion and animated
-//! triangle surfaces behind one interface (method 5.1).
+//! triangle surfaces behind one interface (`docs/theory/friction.md#one-vertex-on-one-body`).
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 

@@ -109,7 +109,8 @@ pub struct SolverSettings {
     /// Largest relative change of an edge's length in one step.
     pub strain_per_step: f64,
     /// Largest nodal residual at which the damping solve stops [m/s]; `None` takes the smaller of 1e-2 m/s and a tenth
-    /// of what gravity adds in one step, so that accuracy does not fade as steps get shorter (method 2.5).
+    /// of what gravity adds in one step, so that accuracy does not fade as steps get shorter
+    /// (`docs/theory/step.md#the-damping-solve`).
     pub cg_tolerance: Option<f64>,
     /// Largest number of conjugate gradient iterations of one solve; a solve that reaches it is counted, not fatal.
     pub cg_max_iterations: usize,
@@ -140,15 +141,16 @@ pub enum Integrator {
     /// Explicit, with implicit damping: the paper's step. Of second order; elastic forces limit the time step.
     #[default]
     SemiImplicit,
-    /// Springs are linearised over the step and implicit like damping (method 2.2 iii); other forces stay explicit. Of first
-    /// order, loses energy like backward Euler; springs do not limit the time step.
+    /// Springs are linearised over the step and implicit like damping (`docs/theory/variants.md#fully-implicit`); other
+    /// forces stay explicit. Of first order, loses energy like backward Euler; springs do not limit the time step.
     Implicit,
 }
 
 /// Where in a step friction between cloth and bodies acts; see `docs/theory/variants.md`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BodyFriction {
-    /// In the position half (B.4), and in B.7 on the final velocities with the load of the whole step: the paper's (method 5).
+    /// In the position half (B.4), and in B.7 on the final velocities with the load of the whole step: the paper's
+    /// (`docs/theory/friction.md#why-it-is-accurate`).
     #[default]
     WholeStep,
     /// In the position half alone; B.7 only stops what approaches. It loses the friction of resting contact.

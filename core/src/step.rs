@@ -1,4 +1,4 @@
-//! One time step, line by line as in the paper (method 0.3 and 2.2).
+//! One time step, line by line as in the paper (`docs/theory/step.md`).
 //!
 //! ```text
 //! A    self-contact: remember the collision-free state, find pairs near it and their sides      (every K steps)

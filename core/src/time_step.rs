@@ -1,4 +1,4 @@
-//! The choice of the time step (method 1.12 and 2.7).
+//! The choice of the time step (`docs/theory/step.md#the-choice-of-dt`).
 //!
 //! Elastic limit: per vertex `ω² = Σ 4 k / (m cfl²)` over its springs, dt = min 1/ω. It depends on masses and rest lengths
 //! alone and is computed once. Damping is implicit and sets no limit. Strain rate: no edge changes its length by more than a

@@ -1,8 +1,9 @@
 //! The only place with small numbers. Each says what it means, what it scales with, and which test breaks if it is wrong.
 
 /// Distance outside a body's offset surface at which a vertex in contact is parked, as a fraction of the mean rest edge
-/// length. It only has to exceed rounding: contact is tested against the same offset (method 5.6), so its size does not
-/// change how a vertex rests or slides. Guarded by `a_block_sticks_on_an_incline_at_every_step_length`.
+/// length. It only has to exceed rounding: contact is tested against the same offset
+/// (`docs/theory/friction.md#corrections`), so its size does not change how a vertex rests or slides. Guarded by
+/// `a_block_sticks_on_an_incline_at_every_step_length`.
 pub const CONTACT_GAP: f64 = 1e-5;
 
 /// Rounding that bounds on rigid bodies allow for, as a fraction of the distances from the origin that they are computed
@@ -25,11 +26,11 @@ pub const DEGENERATE_AREA: f64 = 1e-10;
 pub const SET_APART: f64 = 1e-4;
 
 /// Fraction of the remaining time that a step may take when two steps remain before the end of an interval; a little over
-/// a half, so that rounding leaves no sliver of a third step (method 2.7).
+/// a half, so that rounding leaves no sliver of a third step (`docs/theory/step.md#the-choice-of-dt`).
 pub const LAST_TWO_STEPS: f64 = 0.51;
 
-/// Share of one step's free fall at which the damping solve stops when the scene gives no tolerance (method 2.5, 8 no. 15).
-/// Guarded by `a_swinging_sheet_converges_with_second_order`.
+/// Share of one step's free fall at which the damping solve stops when the scene gives no tolerance
+/// (`docs/theory/step.md#the-damping-solve`). Guarded by `a_swinging_sheet_converges_with_second_order`.
 pub const CG_GRAVITY_FRACTION: f64 = 0.1;
 
 /// Cosine between two contact normals below which the contacts face each other (a pinch) and above which they form a

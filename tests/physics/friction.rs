@@ -1,4 +1,4 @@
-//! Coulomb friction on inclines, turntables, belts and capstans (method 5.7; truths.json).
+//! Coulomb friction on inclines, turntables, belts and capstans (`docs/theory/friction.md#tests-against-closed-forms`).
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;

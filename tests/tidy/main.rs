@@ -1,6 +1,7 @@
 //! Rules of the source tree that no compiler checks: what each crate may depend on, how long files and functions may get,
 //! which words and numbers may not appear, and that the documentation names only what exists.
 
+mod citations;
 mod core_rules;
 mod counts;
 mod dependencies;

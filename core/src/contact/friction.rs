@@ -1,4 +1,4 @@
-//! Contact of one vertex with one body and accurate friction (method 5.2), corrected as in 5.4 and 5.6.
+//! Contact of one vertex with one body and accurate friction (`docs/theory/friction.md#one-vertex-on-one-body`).
 //!
 //! The position correction never feeds a velocity back. The velocity of the vertex and its average velocity over the step
 //! are corrected separately, each with its own normal impulse, so a vertex at rest on a body feels no friction on the

@@ -31,8 +31,8 @@ use crate::parallel::wire::{vector_of, words_of};
 mod packing;
 mod response;
 
-/// Attempts with impulses alone. The authors make three, and ten or twenty in older scenes (method 4.6): most of what
-/// three leave are a handful of pairs that a few more end.
+/// Attempts with impulses alone. The authors make three, and ten or twenty in older scenes
+/// (`docs/theory/self_contact.md#impact-zones`): most of what three leave are a handful of pairs that a few more end.
 const IMPULSE_ATTEMPTS: u32 = 6;
 
 /// Attempts with impulses that are added where the usual ones did not do.

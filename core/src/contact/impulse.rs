@@ -1,4 +1,5 @@
-//! Impulses between the nodes of a pair: what every contact of cloth with cloth comes down to (method 3.6, 4.5).
+//! Impulses between the nodes of a pair: what every contact of cloth with cloth comes down to
+//! (`docs/theory/self_contact.md#pairs-and-impulses`).
 //!
 //! A pair touches at one point of each of its two primitives. The relative velocity there is a weighted sum of the
 //! velocities of four nodes, with weights that add up to zero: (1, −wa, −wb, −wc) for a point and a face, (1 − α,
@@ -38,7 +39,8 @@ pub fn normal_velocity(constraint: &Constraint, v: &[Vec3]) -> f64 {
 /// `mobility` [1/kg].
 ///
 /// Zero where no impulse can change it: all nodes prescribed, or the free ones with so short a lever that they
-/// would have to be thrown at thousands of times the change asked for. Source: S of method 3.6.
+/// would have to be thrown at thousands of times the change asked for. Source: S of
+/// `docs/theory/self_contact.md#pairs-and-impulses`.
 pub fn response(constraint: &Constraint, mobility: &[Vec3]) -> f64 {
     let squares = constraint.normal.component_mul(&constraint.normal);
     let (mut sum, mut largest) = (0.0, 0.0_f64);

@@ -22,11 +22,12 @@ use crate::contact::surface::ContactSurface;
 use crate::contact::tolerances::USABLE_REACH;
 use crate::geometry::aabb::Aabb;
 
-/// Repulsions act on pairs closer than this times their thickness (method 3.11, detection multiplier).
+/// Repulsions act on pairs closer than this times their thickness
+/// (`docs/theory/self_contact.md#repulsion-with-history`).
 pub const ACTIVE: f64 = 1.1;
 
 /// Pairs of one garment that are closer at rest than this times the distance at which repulsions act are left out for good
-/// (method 3.4, proximity turn-off).
+/// (`docs/theory/self_contact.md#repulsion-with-history`).
 const CLOSE_AT_REST: f64 = 1.5;
 
 /// Nodes that one task moves.
@@ -312,7 +313,7 @@ fn below(x: f64) -> f32 {
     x as f32 * (1.0 - f32::EPSILON)
 }
 
-/// Thickness of a pair (method 3.2).
+/// Thickness of a pair (`docs/theory/self_contact.md#repulsion-with-history`).
 fn pair_thickness(pair: &Pair, thickness: &[f64]) -> f64 {
     let [a, b] = pair.fold(thickness, f64::min);
     a.max(b)

@@ -24,7 +24,7 @@ use crate::tolerances::NO_DIRECTION;
 
 mod borders;
 
-/// Sweeps of the inelastic pass (method 3.7).
+/// Sweeps of the inelastic pass (`docs/theory/self_contact.md#repulsion-with-history`).
 const INELASTIC_SWEEPS: usize = 3;
 
 /// Pairs of one colour below which a second thread costs more than it brings.
@@ -33,7 +33,7 @@ const PARALLEL: usize = 512;
 /// Pairs that one task looks at.
 const CHUNK: usize = 1024;
 
-/// Settings of the laws (method 3.6 and 3.11).
+/// Settings of the laws (`docs/theory/self_contact.md#repulsion-with-history`).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Laws {
     /// Repulsion modulus E_r [N s²/(kg m) per unit of overlap; the authors' Young's modulus of repulsion].
@@ -47,7 +47,8 @@ pub struct Laws {
     pub edge_attraction: f64,
     /// Whether points that have passed through a triangle are attracted; without, the side is that of the moment.
     pub attraction: bool,
-    /// Whether the laws act once per collision step, before C, instead of in every time step (method 3.10).
+    /// Whether the laws act once per collision step, before C, instead of in every time step
+    /// (`docs/theory/variants.md#repulsion-once-per-collision-step`).
     pub per_collision_step: bool,
 }
 
@@ -102,7 +103,8 @@ struct Touching {
     friction: f64,
 }
 
-/// A law of method 3.6: the change of a pair's normal velocity [m/s], if it acts, from that velocity.
+/// A law of `docs/theory/self_contact.md#repulsion-with-history`: the change of a pair's normal velocity [m/s], if it
+/// acts, from that velocity.
 type Law<'a> = dyn Fn(&Touching, f64) -> Option<f64> + Sync + 'a;
 
 impl Touching {
@@ -391,7 +393,8 @@ fn sided(neighbour: &Neighbour, x: &[Vec3], limit: f64) -> Option<Sided> {
 }
 
 impl Sided {
-    /// The pair at `x`, if it is within touching distance and in front of each other (method 3.5).
+    /// The pair at `x`, if it is within touching distance and in front of each other
+    /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
     fn touching(&self, laws: &Laws, moment: &Moment<'_>) -> Option<Touching> {
         let at = self.pair.positions(moment.x);
@@ -459,7 +462,7 @@ impl Sided {
 }
 
 impl Laws {
-    /// Approach speed that a pair may keep in a step [m/s] (method 3.6).
+    /// Approach speed that a pair may keep in a step [m/s] (`docs/theory/self_contact.md#repulsion-with-history`).
     fn speed_limit(&self, t: &Touching, dt: f64) -> f64 {
         self.limit / dt * (t.thickness - t.distance)
     }

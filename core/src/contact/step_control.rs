@@ -1,6 +1,6 @@
 //! How many time steps lie between two collision-free states, and how long they are.
 
-/// Collision steps without a rewind after which K is doubled (method 2.1).
+/// Collision steps without a rewind after which K is doubled (`docs/architecture.md#3-one-time-step`).
 const GROWTH_PERIOD: u32 = 3;
 
 /// Shortest share of a time step to which hard contact shortens it.

@@ -28,7 +28,8 @@ pub const CCD_LARGEST: f64 = (1u128 << 100) as f64;
 pub const SHORTEST_LEVER_SQUARED: f64 = 1e-8;
 
 /// Moments of inertia below this share of the largest have no axis to turn about: the nodes lie on a line, or in a point
-/// (method 4.7). Squared lengths, so a millionth in length. Guarded by `a_collinear_zone_turns_across_its_line_only`.
+/// (`docs/theory/self_contact.md#impact-zones`). Squared lengths, so a millionth in length. Guarded by
+/// `a_collinear_zone_turns_across_its_line_only`.
 pub const NO_INERTIA: f64 = 1e-12;
 
 /// Error of the rotation of a rigid zone, relative to its angle: some tens of roundings. Guarded by

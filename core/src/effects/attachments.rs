@@ -1,4 +1,5 @@
-//! Attachments: springs of zero length that pull vertices to the place where a pin would hold them (method 1.9, 2.6).
+//! Attachments: springs of zero length that pull vertices to the place where a pin would hold them
+//! (`docs/theory/step.md#pins`).
 //!
 //! ```toml
 //! [[garment.pin]]

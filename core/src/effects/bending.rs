@@ -1,4 +1,5 @@
-//! Bending: a spring across every inner edge, between the two vertices that its triangles do not share (method 1.2).
+//! Bending: a spring across every inner edge, between the two vertices that its triangles do not share
+//! (`docs/theory/step.md#springs`).
 //!
 //! ```toml
 //! [garment.bending]

@@ -275,8 +275,8 @@ impl BodyCollision {
     }
 
     /// B.7: no vertex approaches a body that it would touch in the next step, and if `rubs` friction acts with the full load.
-    /// The look-ahead is relative to the body (method 5.4). `v` are those of own vertices; `concerns` tells which of them, by
-    /// their places in it, this is about.
+    /// The look-ahead is relative to the body (`docs/theory/friction.md#corrections`). `v` are those of own vertices;
+    /// `concerns` tells which of them, by their places in it, this is about.
     pub fn final_velocity(
         &self,
         (bodies, dt, rubs): (&Bodies, f64, bool),

@@ -1,5 +1,5 @@
 //! Dihedral bending: the angle between neighbouring triangles resists change, with a bending rigidity as textile
-//! laboratories measure it, the same at every density and for every kind of mesh (method 1.6).
+//! laboratories measure it, the same at every density and for every kind of mesh (`docs/theory/step.md#springs`).
 //!
 //! ```toml
 //! [garment.dihedral_bending]
@@ -11,7 +11,7 @@
 //! The three angles around a triangle say how the cloth is curved there: they are linear in the curvature tensor κ, with
 //! coefficients that follow from the rest shape, and are exact where the curvature is uniform. A triangle of area A holds
 //! the energy ½ A κ:C:κ with C diagonal: rigidity along warp and weft, and for twist. Every angle θ acts on its four
-//! vertices along ∂θ/∂x, the directions of Bridson, Marino and Fedkiw 2003 (method 1.6); damping acts along the same
+//! vertices along ∂θ/∂x, the directions of Bridson, Marino and Fedkiw 2003; damping acts along the same
 //! directions, angle by angle, so that it is symmetric and never adds energy. How this compares with elements that look at
 //! one angle alone is in decision 13.
 //!

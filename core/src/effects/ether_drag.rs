@@ -1,4 +1,5 @@
-//! Ether drag: every vertex is pulled towards the velocity of a medium that fills space (method 1.10).
+//! Ether drag: every vertex is pulled towards the velocity of a medium that fills space
+//! (`docs/theory/step.md#membranes-altitudes-ether`).
 //!
 //! ```toml
 //! [ether_drag]

@@ -1,5 +1,5 @@
 //! Membrane: triangles of constant strain with the measured stiffness of cloth along its warp, along its weft and in shear
-//! (method 1.8). It takes the place of the springs of `stretch`.
+//! (`docs/theory/step.md#membranes-altitudes-ether`). It takes the place of the springs of `stretch`.
 //!
 //! ```toml
 //! [garment.membrane]

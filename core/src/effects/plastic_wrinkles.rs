@@ -1,4 +1,4 @@
-//! Plastic wrinkles: folds sharper than the cloth can spring back from stay in it (method 1.4, for angles).
+//! Plastic wrinkles: folds sharper than the cloth can spring back from stay in it.
 //!
 //! ```toml
 //! [garment.dihedral_bending]

@@ -1,4 +1,5 @@
-//! Shear: an altitude spring in every triangle, from the corner opposite its longest edge to that edge (method 1.5).
+//! Shear: an altitude spring in every triangle, from the corner opposite its longest edge to that edge
+//! (`docs/theory/step.md#membranes-altitudes-ether`).
 //!
 //! ```toml
 //! [garment.shear]

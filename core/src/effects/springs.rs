@@ -1,4 +1,4 @@
-//! Networks of linear springs, shared by the stretch and bending effects (method 1.2).
+//! Networks of linear springs, shared by the stretch and bending effects (`docs/theory/step.md#springs`).
 //!
 //! A spring between vertices 1 and 2 with unit direction e from 1 to 2 pulls vertex 1 with
 //! `k (l - l_rest) e - c ((v1 - v2)·e) e` and vertex 2 with the opposite; `k` in N/m, `c` in N s/m. The elastic term is
@@ -22,7 +22,8 @@ pub enum Stiffness {
     /// stiffness does not depend on the mesh (exact for equilateral triangles: k = Y √3/2). Source: A. Van Gelder,
     /// "Approximate simulation of elastic membranes by triangulated spring meshes", 1998.
     Membrane(f64),
-    /// The authors' constant E [N]: `k = E / l0`; refining the mesh makes the cloth stiffer (method 1.3).
+    /// The authors' constant E [N]: `k = E / l0`; refining the mesh makes the cloth stiffer
+    /// (`docs/theory/step.md#springs`).
     Constant(f64),
 }
 
@@ -153,8 +154,9 @@ pub(super) fn stiffnesses_of(
     Ok(stiffnesses(elements, lengths, (stiffness, painted), settings.optional("short_edges"), ranks))
 }
 
-/// Stiffness of each spring [N/m], the length to which the shorter ones are softened [m], and a note on those (method 1.4: a
-/// rest length that is clamped from below in the stiffness and in the rate of strain, not in the length at rest).
+/// Stiffness of each spring [N/m], the length to which the shorter ones are softened [m], and a note on those: a
+/// rest length that is clamped from below in the stiffness and in the rate of strain, not in the length at rest
+/// (`docs/theory/step.md#springs`).
 fn stiffnesses(
     elements: &[SpringElement],
     lengths: &[f64],

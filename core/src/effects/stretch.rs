@@ -1,4 +1,4 @@
-//! Stretch: a spring along every edge of the triangulation, the paper's in-plane model (method 1.2).
+//! Stretch: a spring along every edge of the triangulation, the paper's in-plane model (`docs/theory/step.md#springs`).
 //!
 //! ```toml
 //! [garment.stretch]

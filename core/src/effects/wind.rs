@@ -1,4 +1,4 @@
-//! Wind and the drag of the air (method 1.10): what moves relative to the air feels it.
+//! Wind and the drag of the air (`docs/theory/step.md#the-air`): what moves relative to the air feels it.
 //!
 //! With R = W − V the wind W relative to the cloth's velocity V, there are three forces, each only if it is asked for:
 //!

@@ -1,5 +1,5 @@
-//! What happens when a collision step goes wrong (hard cases, ladder): it is taken back to its collision-free state and
-//! tried again, each time more carefully, and every attempt is counted and named.
+//! What happens when a collision step goes wrong (`docs/hard_cases.md#when-a-step-goes-wrong`): it is taken back to its
+//! collision-free state and tried again, each time more carefully, and every attempt is counted and named.
 //!
 //! A step has gone wrong where a number is not finite, where an edge would change its length several times over in the
 //! next step, where a solve has diverged, or where zones of collisions had to be stopped. The rungs are: half the time

@@ -1,4 +1,5 @@
-//! Matrix-free, projected conjugate gradients for `(I - h M⁻¹ G) v = b` in the mass inner product (method 2.3-2.5).
+//! Matrix-free, projected conjugate gradients for `(I - h M⁻¹ G) v = b` in the mass inner product
+//! (`docs/theory/step.md#the-damping-solve`).
 //!
 //! The unknowns are velocities; the residual is measured by its largest nodal length [m/s]. Because the initial guess
 //! satisfies every constraint, the first projected residual is `P h M⁻¹ G v` and the right-hand side itself is not needed.

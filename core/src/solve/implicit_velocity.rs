@@ -1,4 +1,4 @@
-//! Half a step of velocity, B.1 and B.5: elastic forces explicit, damping implicit (method 2.2).
+//! Half a step of velocity, B.1 and B.5: elastic forces explicit, damping implicit (`docs/theory/step.md`).
 //!
 //! `(I - h M⁻¹ G) v' = v + h M⁻¹ F` with h half the time step, F the forces that do not depend on velocity and G the damping
 //! matrix, both at given positions. In the fully implicit variant G has `dt · dF/dx` added to it (2.2 iii).

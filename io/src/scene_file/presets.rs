@@ -46,7 +46,7 @@ fn fill_solver(root: &mut Node) {
             ("cg_tolerance", Value::Float(2e-2)),
             ("cg_max_iterations", Value::Integer(100)),
         ],
-        // 2.8 is below 2.83, under which the elastic part is proven stable (method 1.12).
+        // 2.8 is below 2.83, under which the elastic part is proven stable (`docs/theory/step.md#the-choice-of-dt`).
         "hero" => vec![
             ("cfl", Value::Float(2.8)),
             ("strain_per_step", Value::Float(0.05)),

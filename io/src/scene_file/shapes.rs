@@ -1,4 +1,4 @@
-//! Generated garments: the authors' panel (method 1.1), disc, sphere, tube, and a cloud of small panels.
+//! Generated garments: the authors' panel, disc, sphere, tube, and a cloud of small panels.
 //!
 //! All are triangles in metres, with texture coordinates in metres along the cloth where the shape can be unrolled. The
 //! same numbers give the same bytes on every machine.
@@ -112,7 +112,7 @@ fn cells(panel: &Panel) -> [u32; 2] {
 }
 
 /// The authors' panel: nodes with i (along x) fastest, node (i, j) at (i dx, 0.5, j dy), diagonals in a herring-bone by
-/// the parity of i. With a centre or a rotation its bounding box is first moved to the origin (method 1.1).
+/// the parity of i. With a centre or a rotation its bounding box is first moved to the origin.
 fn panel_points(panel: &Panel, take: TakePoint<'_>) {
     if panel.center.is_none() && panel.rotation.is_none() {
         return unplaced_panel(panel, take);

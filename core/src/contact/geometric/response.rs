@@ -25,7 +25,7 @@ const INELASTIC_ATTEMPTS: u32 = 12;
 /// Attempts after which zones are rigid.
 const RIGID_FROM: u32 = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
 
-/// Attempts with rigid zones, before their nodes stay where they were (method 4.8).
+/// Attempts with rigid zones, before their nodes stay where they were (`docs/theory/self_contact.md#impact-zones`).
 const RIGID_ATTEMPTS: u32 = 8;
 
 /// Attempts after which what still meets is left alone: the loop ends also where a vertex that is held in some

@@ -49,7 +49,7 @@ impl RigidMotion {
 }
 
 /// Replaces the ends of all nodes by the rigid motion of their starts that has the same linear and angular momentum
-/// over `dt` [s] (method 4.7), and returns its velocities.
+/// over `dt` [s] (`docs/theory/self_contact.md#impact-zones`), and returns its velocities.
 ///
 /// Angular momentum is Σ m start × (end − start)/dt; the turned positions keep it exactly up to turns of somewhat
 /// less than a right angle, where no rotation has more of it; beyond, the turn is the angular velocity times dt.

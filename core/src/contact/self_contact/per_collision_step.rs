@@ -7,8 +7,8 @@ use crate::metrics::Metrics;
 
 impl SelfContact {
     /// Before C, where repulsions act once per collision step: on the average velocities of the collision step, which took
-    /// `duration` [s], with the geometry of its start (method 3.10). `x` and `v` are those at its end; the vertices that were
-    /// moved go to `moved`, each with how far [m].
+    /// `duration` [s], with the geometry of its start (`docs/theory/variants.md#repulsion-once-per-collision-step`).
+    /// `x` and `v` are those at its end; the vertices that were moved go to `moved`, each with how far [m].
     pub fn repel_interval(
         &mut self,
         (x, v): (&mut [Vec3], &mut [Vec3]),

@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::tolerances::SQUASHED;
 
 /// How the angle of a hinge changes with its vertices [rad/m]: `u₁` at the first opposite vertex, `u₂` at the second,
-/// `p u₁ + q u₂` and `−(1 + p) u₁ − (1 + q) u₂` at the ends of the edge, which is the same as in method 1.6.
+/// `p u₁ + q u₂` and `−(1 + p) u₁ − (1 + q) u₂` at the ends of the edge, as in Bridson, Marino and Fedkiw 2003.
 #[derive(Debug, Clone, Copy, Default)]
 struct Gradient {
     u: [Vec3; 2],

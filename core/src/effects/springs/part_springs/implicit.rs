@@ -1,4 +1,5 @@
-//! Springs whose elastic force is implicit (method 2.2 iii): to the damping matrix comes the force's own derivative.
+//! Springs whose elastic force is implicit (`docs/theory/variants.md#fully-implicit`): to the damping matrix comes the
+//! force's own derivative.
 //!
 //! With e the direction of a spring, l its length and k, c, l0 as ever, dF/dx on (x1, x2) is `-[K, -K; -K, K]` with
 //! `K = k e eᵀ + k (1 - l0/l) (I - e eᵀ)`. Where the spring is shorter than at rest its second term is left out, so that the matrix

@@ -1,0 +1,99 @@
+//! Citations: the pages that code and pages cite are in the repository, with the headings that they are cited by.
+
+use std::path::Path;
+
+use crate::tree::{SourceFile, report, root, text_files};
+
+/// What a heading is called in a link: small letters, digits and hyphens.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim().chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+    kept.flat_map(char::to_lowercase).map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+/// The anchors of a page.
+fn anchors(page: &str) -> Vec<String> {
+    let mut fenced = false;
+    let mut found = Vec::new();
+    for line in page.lines() {
+        fenced ^= line.trim_start().starts_with("```");
+        if !fenced && line.starts_with('#') {
+            found.push(anchor(line.trim_start_matches('#')));
+        }
+    }
+    found
+}
+
+fn is_of_path(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "_-./".contains(c)
+}
+
+/// Pages cited with an anchor, as `page.md#anchor`, with their line. `page` is empty for the page itself.
+fn cited(text: &str) -> Vec<(usize, String, String)> {
+    let mut found = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        for (at, _) in line.match_indices('#') {
+            let before = &line[..at];
+            let page = &before[before.trim_end_matches(is_of_path).len()..];
+            let anchor: String =
+                line[at + 1..].chars().take_while(|c| c.is_alphanumeric() || "-_".contains(*c)).collect();
+            let is_in_page = page.is_empty() && before.ends_with("](");
+            if !anchor.is_empty() && (page.ends_with(".md") || is_in_page) {
+                found.push((number + 1, page.to_owned(), anchor));
+            }
+        }
+    }
+    found
+}
+
+/// What is wrong with the citations of a file. Code names pages from the root, a page also from its own folder.
+fn complaints(file: &SourceFile) -> Vec<String> {
+    let own = root().join(&file.name);
+    let complaint = |(line, page, anchor): (usize, String, String)| {
+        let beside = own.parent().unwrap_or(Path::new("")).join(&page);
+        let path = match page.as_str() {
+            "" => own.clone(),
+            _ if file.name.ends_with(".md") && beside.is_file() => beside,
+            _ => root().join(&page),
+        };
+        let text = std::fs::read_to_string(path).ok();
+        let wrong = match text.map(|text| anchors(&text).contains(&anchor)) {
+            Some(true) => return None,
+            Some(false) => "has no such heading",
+            None => "does not exist",
+        };
+        Some(format!("{}:{line}: {page}#{anchor}: {wrong}", file.name))
+    };
+    cited(&file.text).into_iter().filter_map(complaint).collect()
+}
+
+#[test]
+fn headings_that_code_and_pages_cite_exist() {
+    // The tests of these rules hold made-up pages.
+    let files = text_files().into_iter().filter(|file| !file.name.starts_with("tests/tidy/"));
+    report(&files.flat_map(|file| complaints(&file)).collect::<Vec<_>>());
+}
+
+#[test]
+fn no_file_cites_a_book_that_is_not_here() {
+    // In two halves, so that this file does not hold it itself.
+    let book = ["meth", "od "].concat();
+    let cites = |line: &str| {
+        let after = line.match_indices(&book).filter_map(|(at, _)| line[at + book.len()..].chars().next());
+        after.into_iter().any(|next| next.is_ascii_digit())
+    };
+    let of_file = |file: SourceFile| {
+        let lines: Vec<usize> =
+            file.text.lines().enumerate().filter(|(_, line)| cites(line)).map(|(n, _)| n + 1).collect();
+        lines.into_iter().map(move |line| format!("{}:{line}: cite a page of docs/theory, or the paper", file.name))
+    };
+    report(&text_files().into_iter().flat_map(of_file).collect::<Vec<_>>());
+}
+
+#[test]
+fn citations_are_recognised() {
+    assert_eq!(anchor("3. One time step"), "3-one-time-step");
+    assert_eq!(anchors("# A\n```\n# no\n```\n## The choice of dt\n"), ["a", "the-choice-of-dt"]);
+    let text = "see `docs/a.md#b-c`, [d](e.md#f) and [g](#h); 3 # 4";
+    let found = [(1, "docs/a.md", "b-c"), (1, "e.md", "f"), (1, "", "h")];
+    assert_eq!(cited(text), found.map(|(line, page, anchor)| (line, page.to_owned(), anchor.to_owned())));
+}
