@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::time::Instant;
 
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::Wire;
+use crate::parallel::wire::{Wire, decode};
 
 /// A clock that was started.
 #[derive(Debug, Clone, Copy)]
@@ -155,8 +155,8 @@ impl Metrics {
             return self;
         }
         let mut together = Self::default();
-        let read = |bytes: &Vec<u8>| Record::take(&mut bytes.as_slice()).unwrap_or_default();
-        let records: Vec<Record> = all.iter().map(read).collect();
+        let records: Vec<Record> =
+            all.iter().map(|bytes| decode(ranks, "stages and counts of a rank", bytes)).collect();
         for (name, (_, calls)) in records.iter().flat_map(|(stages, _)| stages) {
             if together.stages.iter().any(|stage| stage.name == *name) {
                 continue;

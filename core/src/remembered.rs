@@ -12,7 +12,7 @@ use crate::Vec3;
 use crate::effects::Section;
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::Wire;
+use crate::parallel::wire::{Incoming, Wire};
 use crate::scene::{FARTHEST, is_possible};
 use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, ValueKind, Values};
 
@@ -149,24 +149,23 @@ fn share<T: Pod>(ranks: &Ranks, read: impl FnOnce() -> Result<Vec<T>, SnapshotEr
     if ranks.is_first() {
         match read() {
             Ok(values) => {
-                bytes.push(1);
+                true.put(&mut bytes);
                 bytes.extend_from_slice(bytemuck::cast_slice(&values));
             }
             Err(error) => {
-                bytes.push(0);
+                false.put(&mut bytes);
                 (error.section, error.what).put(&mut bytes);
             }
         }
     }
     ranks.broadcast(&mut bytes);
-    match bytes.split_first() {
-        Some((1, values)) => Ok(bytemuck::pod_collect_to_vec(values)),
-        Some((_, mut error)) => {
-            let (section, what) = <(String, String)>::take(&mut error).unwrap_or_default();
-            Err(SnapshotError { section, what })
-        }
-        None => Err(SnapshotError { section: String::new(), what: "rank 0 has told nothing of it".into() }),
+    let mut message = Incoming::new(ranks, "rows of a snapshot", &bytes);
+    if bool::take(&mut message) {
+        return Ok(message.all_values());
     }
+    let (section, what) = Wire::take(&mut message);
+    message.end();
+    Err(SnapshotError { section, what })
 }
 
 /// Numbers of nodes in the scene as numbers that no partition enters: garments' own, points of bodies after them. The same on
@@ -177,7 +176,11 @@ pub(crate) fn own_order(parts: &Parts, numbers: &[u32]) -> Vec<u32> {
         let (garment, own) = parts.own_vertex(local);
         Some(parts.partition().garments()[garment].start as u32 + own)
     });
-    found.into_iter().map(|number| number.max(0.0) as u32).collect()
+    let known = |number: f64| {
+        assert!(number >= 0.0, "what a snapshot names exists on the rank that owns it");
+        number as u32
+    };
+    found.into_iter().map(known).collect()
 }
 
 /// The inverse of [`own_order`]; `None` if a number is not that of a vertex.
@@ -488,10 +491,13 @@ impl Remembered {
     }
 
     /// A number of this name.
+    ///
+    /// # Panics
+    /// The section has no such field, which is a fault of the program; so in the functions below that return no `Option`.
     pub(crate) fn number(&self, name: &str) -> f64 {
         match self.field(name) {
             Some(Field::Number(value)) => *value,
-            _ => 0.0,
+            _ => self.lacks(name),
         }
     }
 
@@ -499,7 +505,7 @@ impl Remembered {
     pub(crate) fn count(&self, name: &str) -> u64 {
         match self.field(name) {
             Some(Field::Count(value)) => *value,
-            _ => 0,
+            _ => self.lacks(name),
         }
     }
 
@@ -507,7 +513,7 @@ impl Remembered {
     pub(crate) fn vertices(&self, name: &str) -> &[f64] {
         match self.field(name) {
             Some(Field::Vertices(_, values)) => values,
-            _ => &[],
+            _ => self.lacks(name),
         }
     }
 
@@ -515,15 +521,15 @@ impl Remembered {
     pub(crate) fn vectors(&self, name: &str) -> &[Vec3] {
         match self.field(name) {
             Some(Field::Vectors(values)) => values,
-            _ => &[],
+            _ => self.lacks(name),
         }
     }
 
     /// The values of own targets in the field of this name.
-    pub(crate) fn targets(&self, name: &str) -> Option<&Values> {
+    pub(crate) fn targets(&self, name: &str) -> &Values {
         match self.field(name) {
-            Some(Field::Targets(_, values)) => Some(values),
-            _ => None,
+            Some(Field::Targets(_, values)) => values,
+            _ => self.lacks(name),
         }
     }
 
@@ -531,7 +537,7 @@ impl Remembered {
     pub(crate) fn numbers(&self, name: &str) -> &[u32] {
         match self.field(name) {
             Some(Field::Numbers(_, values)) => values,
-            _ => &[],
+            _ => self.lacks(name),
         }
     }
 
@@ -553,5 +559,9 @@ impl Remembered {
 
     fn field(&self, name: &str) -> Option<&Field> {
         self.fields.iter().find(|(known, _)| *known == name).map(|(_, field)| field)
+    }
+
+    fn lacks(&self, name: &str) -> ! {
+        panic!("section `{}` was declared without a field `{name}` of this kind", self.name)
     }
 }

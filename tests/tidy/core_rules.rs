@@ -19,6 +19,9 @@ const FORBIDDEN: [(&str, &str); 9] = [
 /// The only file with a clock.
 const CLOCK: &str = "core/src/metrics.rs";
 
+/// The only file in which bytes of messages become values, or end the run: `pod_collect_to_vec` fills up a broken one.
+const DECODING: (&str, &str) = ("core/src/parallel/wire.rs", "pod_collect_to_vec");
+
 /// The only files with small numbers.
 const TOLERANCES: [&str; 3] =
     ["core/src/tolerances.rs", "core/src/contact/tolerances.rs", "core/src/geometry/tolerances.rs"];
@@ -53,6 +56,14 @@ fn the_solver_reads_no_files_prints_nothing_and_has_one_clock() {
         }
     }
     report(&complaints);
+}
+
+#[test]
+fn messages_are_decoded_where_broken_ones_end_the_run() {
+    let (place, word) = DECODING;
+    let strays = solver_files().into_iter().filter(|f| f.name != place);
+    let strays = strays.filter(|f| without_tests(&code_only(&f.text)).contains(word));
+    report(&strays.map(|f| format!("{}: {word}: use parallel::wire::values", f.name)).collect::<Vec<_>>());
 }
 
 #[test]

@@ -417,7 +417,8 @@ impl SelfContact {
     /// Refuses a memory that would be followed into nodes that do not exist. What it looks at is alike on all ranks.
     fn check_memory(&self, memory: &Remembered) -> Result<(), SnapshotError> {
         let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
-        for name in ["wear", "list_reach", "step_share"] {
+        let of_geometric = |name| self.geometric.as_ref().map(|_| name);
+        for name in ["wear", "list_reach"].into_iter().chain(of_geometric("step_share")) {
             let number = memory.number(name);
             if !(number >= 0.0 && number.is_finite()) {
                 return error(format!("`{name}` is {number}"));
@@ -425,7 +426,7 @@ impl SelfContact {
         }
         let nodes = self.surface.nodes();
         let all = nodes.all_cloth() as usize + nodes.count() - nodes.cloth();
-        for name in ["crossings", "pinched"] {
+        for name in ["crossings", "pinched"].into_iter().filter_map(of_geometric) {
             if let Some(number) = memory.numbers(name).iter().find(|number| **number as usize >= all) {
                 return error(format!("`{name}` names node {number} of {all}"));
             }

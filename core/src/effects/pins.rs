@@ -232,14 +232,16 @@ impl PinTargets {
     pub(crate) fn go_on(&mut self, memory: &Remembered, bodies: &Bodies) -> Result<(), SnapshotError> {
         let error = |what: String| SnapshotError { section: memory.name.to_owned(), what };
         let reals = |name: &str| match memory.targets(name) {
-            Some(Values::F64(values)) => values.as_chunks::<3>().0,
-            _ => &[],
+            Values::F64(values) => values.as_slice(),
+            _ => unreachable!("`{name}` was declared as numbers"),
         };
-        let (places, weights, offsets, at_end) = (reals("places"), reals("weights"), reals("offsets"), reals("at_end"));
-        let points: &[[u32; 3]] = match memory.targets("body_points") {
-            Some(Values::U32(values)) => values.as_chunks().0,
-            _ => &[],
+        let rows = |name: &str| reals(name).as_chunks::<3>().0;
+        let (places, weights, offsets, at_end) = (rows("places"), rows("weights"), rows("offsets"), rows("at_end"));
+        let (Values::U32(points), Values::U8(active)) = (memory.targets("body_points"), memory.targets("active"))
+        else {
+            unreachable!("points and marks were declared as such")
         };
+        let points = points.as_chunks::<3>().0;
         for (name, rows) in [("places", places), ("weights", weights), ("offsets", offsets), ("at_end", at_end)] {
             if let Some(i) = rows.iter().position(|row| !is_possible(&Vec3::from(*row))) {
                 return Err(error(format!(
@@ -264,11 +266,9 @@ impl PinTargets {
             }
         }
         self.at_t1 = at_end.iter().map(|place| Vec3::from(*place)).collect();
-        if let Some(Values::U8(active)) = memory.targets("active") {
-            self.active = active.iter().map(|mark| *mark != 0).collect();
-        }
-        if let Some(Values::F64(times)) = memory.targets("broken_at") {
-            self.broken_at.clone_from(times);
+        self.active = active.iter().map(|mark| *mark != 0).collect();
+        if self.breakable {
+            self.broken_at = reals("broken_at").to_vec();
         }
         Ok(())
     }

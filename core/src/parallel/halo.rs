@@ -6,6 +6,7 @@ use bytemuck::Pod;
 
 use crate::parallel::communicator::{Exchange, Expected, Message};
 use crate::parallel::ranks::Ranks;
+use crate::parallel::wire::Incoming;
 
 /// Which own vertices go to which rank, and where those of other ranks stand here. Numbers are local: places in arrays that
 /// hold [ghosts below | own vertices | ghosts above], ascending in the scene's numbering.
@@ -114,10 +115,11 @@ impl Halo {
         };
         let received = self.exchange(ranks, pack, |_| None).finish();
         for ((_, range), bytes) in self.receives.iter().zip(received) {
-            for entry in bytes.chunks_exact(size_of::<u32>() + size_of::<T>()) {
-                let (place, value) = entry.split_at(size_of::<u32>());
-                let place: u32 = bytemuck::pod_read_unaligned(place);
-                take(range.start + place as usize, bytemuck::pod_read_unaligned(value));
+            let mut message = Incoming::new(ranks, "values that have changed", &bytes);
+            while !message.is_empty() {
+                let place: u32 = bytemuck::pod_read_unaligned(message.bytes(size_of::<u32>()));
+                let value = bytemuck::pod_read_unaligned(message.bytes(size_of::<T>()));
+                take(range.start + place as usize, value);
             }
         }
     }

@@ -7,6 +7,7 @@ use bytemuck::Pod;
 
 use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::ranks::Ranks;
+use crate::parallel::wire;
 
 /// Rows of a message: few enough for rank 0 to hold, enough for messages to be few.
 pub const PIECE: usize = 8192;
@@ -89,7 +90,7 @@ pub fn spread<T: Pod>(ranks: &Ranks, homes: &Homes, give: impl FnOnce(&mut dyn F
     let mut own = Vec::new();
     for _ in 0..homes.rows(ranks.rank()).len().div_ceil(PIECE) {
         for bytes in ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish() {
-            own.extend(bytemuck::pod_collect_to_vec::<u8, T>(&bytes));
+            own.extend(wire::values::<T>(ranks, "rows that rank 0 reads", &bytes));
         }
     }
     own
@@ -103,7 +104,7 @@ pub fn ask<T: Pod>(ranks: &Ranks, wanted: &[u32], owner: impl Fn(u32) -> usize, 
     let answers = asked.into_iter().map(|rows| rows.into_iter().map(&answer).collect()).collect();
     let answers: Vec<Vec<T>> = ranks.send_lists(answers);
     let mut next: Vec<_> = answers.iter().map(|list| list.iter().copied()).collect();
-    wanted.iter().filter_map(|row| next[owner(*row)].next()).collect()
+    wanted.iter().map(|row| next[owner(*row)].next().expect("each question has its answer")).collect()
 }
 
 #[cfg(test)]

@@ -1,16 +1,114 @@
 //! Plain data as bytes, for what rank 0 tells the others once. Large arrays go as they are (`Ranks`).
+//!
+//! Ranks run the same program, so that a message is what was sent. One that is not is a fault of the program, and no rank may
+//! go on without what it was told: decoding gives the value or panics, which ends all ranks.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
+
+use bytemuck::Pod;
 
 use crate::Vec3;
+use crate::parallel::ranks::Ranks;
+
+/// What is left of a message that is being decoded.
+#[derive(Debug)]
+pub(crate) struct Incoming<'a> {
+    rest: &'a [u8],
+    name: &'static str,
+    rank: usize,
+}
+
+impl<'a> Incoming<'a> {
+    /// A message that came to this rank; its name is for the report of a broken one.
+    pub(crate) fn new(ranks: &Ranks, name: &'static str, bytes: &'a [u8]) -> Self {
+        Self { rest: bytes, name, rank: ranks.rank() }
+    }
+
+    /// The next so many bytes.
+    ///
+    /// # Panics
+    /// The message has fewer.
+    pub(crate) fn bytes(&mut self, count: usize) -> &'a [u8] {
+        let Some((next, rest)) = self.rest.split_at_checked(count) else {
+            self.is_broken(format_args!("{count} bytes are to follow, and {} are left", self.rest.len()));
+        };
+        self.rest = rest;
+        next
+    }
+
+    /// The next so many plain values.
+    ///
+    /// # Panics
+    /// The message has fewer.
+    pub(crate) fn values<T: Pod>(&mut self, count: usize) -> Vec<T> {
+        bytemuck::pod_collect_to_vec(self.bytes(count.saturating_mul(size_of::<T>())))
+    }
+
+    /// All plain values that are left.
+    ///
+    /// # Panics
+    /// The message ends within one.
+    pub(crate) fn all_values<T: Pod>(mut self) -> Vec<T> {
+        let values = self.values(self.rest.len() / size_of::<T>());
+        self.end();
+        values
+    }
+
+    /// Whether nothing is left.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.rest.is_empty()
+    }
+
+    /// Makes sure that nothing is left.
+    ///
+    /// # Panics
+    /// Something is.
+    pub(crate) fn end(self) {
+        if !self.rest.is_empty() {
+            self.is_broken(format_args!("{} bytes are left behind its end", self.rest.len()));
+        }
+    }
+
+    fn array<const N: usize>(&mut self) -> [u8; N] {
+        *self.bytes(N).first_chunk().expect("so many bytes were asked for")
+    }
+
+    /// Ends the run.
+    pub(crate) fn is_broken(&self, what: impl Display) -> ! {
+        panic!("the message \"{}\" to rank {} cannot be decoded: {what}", self.name, self.rank)
+    }
+}
+
+/// The value that a message to this rank holds.
+///
+/// # Panics
+/// It holds none, or more than that.
+pub(crate) fn decode<T: Wire>(ranks: &Ranks, name: &'static str, bytes: &[u8]) -> T {
+    let mut message = Incoming::new(ranks, name, bytes);
+    let value = T::take(&mut message);
+    message.end();
+    value
+}
+
+/// The plain values that a message to this rank holds.
+///
+/// # Panics
+/// It ends within one.
+pub(crate) fn values<T: Pod>(ranks: &Ranks, name: &'static str, bytes: &[u8]) -> Vec<T> {
+    Incoming::new(ranks, name, bytes).all_values()
+}
 
 /// A value that can be sent. What was put is taken again in the same order.
 pub(crate) trait Wire: Sized {
     /// Appends the value.
     fn put(&self, out: &mut Vec<u8>);
 
-    /// Takes a value from the front; `None` if the bytes hold none.
-    fn take(bytes: &mut &[u8]) -> Option<Self>;
+    /// Takes a value from the front of a message.
+    ///
+    /// # Panics
+    /// The message does not begin with one.
+    fn take(message: &mut Incoming<'_>) -> Self;
 
     /// The value alone.
     fn to_bytes(&self) -> Vec<u8> {
@@ -27,10 +125,8 @@ macro_rules! wire_numbers {
                 out.extend_from_slice(&self.to_le_bytes());
             }
 
-            fn take(bytes: &mut &[u8]) -> Option<Self> {
-                let (own, rest) = bytes.split_first_chunk()?;
-                *bytes = rest;
-                Some(Self::from_le_bytes(*own))
+            fn take(message: &mut Incoming<'_>) -> Self {
+                Self::from_le_bytes(message.array())
             }
         }
     )+};
@@ -42,8 +138,9 @@ impl Wire for usize {
         (*self as u64).put(out);
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        usize::try_from(u64::take(bytes)?).ok()
+    fn take(message: &mut Incoming<'_>) -> Self {
+        let number = u64::take(message);
+        Self::try_from(number).unwrap_or_else(|_| message.is_broken(format_args!("{number} is no count")))
     }
 }
 
@@ -52,8 +149,12 @@ impl Wire for bool {
         u8::from(*self).put(out);
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        Some(u8::take(bytes)? != 0)
+    fn take(message: &mut Incoming<'_>) -> Self {
+        match u8::take(message) {
+            0 => false,
+            1 => true,
+            other => message.is_broken(format_args!("{other} is no flag")),
+        }
     }
 }
 
@@ -62,8 +163,8 @@ impl Wire for String {
         self.as_bytes().to_vec().put(out);
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        Self::from_utf8(Vec::take(bytes)?).ok()
+    fn take(message: &mut Incoming<'_>) -> Self {
+        Self::from_utf8(Vec::take(message)).unwrap_or_else(|error| message.is_broken(error))
     }
 }
 
@@ -73,9 +174,14 @@ impl<T: Wire> Wire for Vec<T> {
         self.iter().for_each(|item| item.put(out));
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        let count = usize::take(bytes)?;
-        (0..count).map(|_| T::take(bytes)).collect()
+    fn take(message: &mut Incoming<'_>) -> Self {
+        let count = usize::take(message);
+        // A count that is broken asks for no more room than its message has.
+        let mut all = Self::with_capacity(count.min(message.rest.len()));
+        for _ in 0..count {
+            all.push(T::take(message));
+        }
+        all
     }
 }
 
@@ -85,22 +191,18 @@ impl<T: Wire> Wire for Option<T> {
         self.iter().for_each(|item| item.put(out));
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        if bool::take(bytes)? { T::take(bytes).map(Some) } else { Some(None) }
+    fn take(message: &mut Incoming<'_>) -> Self {
+        bool::take(message).then(|| T::take(message))
     }
 }
 
-impl<T: Wire + Copy + Default, const N: usize> Wire for [T; N] {
+impl<T: Wire, const N: usize> Wire for [T; N] {
     fn put(&self, out: &mut Vec<u8>) {
         self.iter().for_each(|item| item.put(out));
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        let mut all = [T::default(); N];
-        for item in &mut all {
-            *item = T::take(bytes)?;
-        }
-        Some(all)
+    fn take(message: &mut Incoming<'_>) -> Self {
+        [(); N].map(|()| T::take(message))
     }
 }
 
@@ -109,8 +211,8 @@ impl Wire for Vec3 {
         <[f64; 3]>::from(*self).put(out);
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        <[f64; 3]>::take(bytes).map(Self::from)
+    fn take(message: &mut Incoming<'_>) -> Self {
+        <[f64; 3]>::take(message).into()
     }
 }
 
@@ -120,8 +222,8 @@ impl<A: Wire, B: Wire> Wire for (A, B) {
         self.1.put(out);
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        Some((A::take(bytes)?, B::take(bytes)?))
+    fn take(message: &mut Incoming<'_>) -> Self {
+        (A::take(message), B::take(message))
     }
 }
 
@@ -134,8 +236,8 @@ impl<K: Wire + Ord, V: Wire> Wire for BTreeMap<K, V> {
         });
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
-        Some(Vec::<(K, V)>::take(bytes)?.into_iter().collect())
+    fn take(message: &mut Incoming<'_>) -> Self {
+        Vec::<(K, V)>::take(message).into_iter().collect()
     }
 }
 
@@ -159,9 +261,9 @@ macro_rules! wire {
                 $($crate::parallel::wire::Wire::put($field, out);)*
             }
 
-            fn take(bytes: &mut &[u8]) -> Option<Self> {
-                $(let $field = $crate::parallel::wire::Wire::take(bytes)?;)*
-                Some(Self { $($field),* })
+            fn take(message: &mut $crate::parallel::wire::Incoming<'_>) -> Self {
+                $(let $field = $crate::parallel::wire::Wire::take(message);)*
+                Self { $($field),* }
             }
         }
     };
@@ -178,17 +280,75 @@ macro_rules! wire {
                 }
             }
 
-            fn take(bytes: &mut &[u8]) -> Option<Self> {
-                match u8::take(bytes)? {
+            fn take(message: &mut $crate::parallel::wire::Incoming<'_>) -> Self {
+                match u8::take(message) {
                     $($tag => {
-                        $($(let $field = $crate::parallel::wire::Wire::take(bytes)?;)*)?
-                        $($(let $item = $crate::parallel::wire::Wire::take(bytes)?;)*)?
-                        Some($name::$variant $({ $($field),* })? $(( $($item),* ))?)
+                        $($(let $field = $crate::parallel::wire::Wire::take(message);)*)?
+                        $($(let $item = $crate::parallel::wire::Wire::take(message);)*)?
+                        $name::$variant $({ $($field),* })? $(( $($item),* ))?
                     })*
-                    _ => None,
+                    other => message.is_broken(format_args!("{other} is no {}", stringify!($name))),
                 }
             }
         }
     };
 }
 pub(crate) use wire;
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Debug;
+
+    use super::*;
+    use crate::parallel::local_ranks::LocalRanks;
+
+    fn comes_back<T: Wire + PartialEq + Debug>(value: &T) {
+        assert_eq!(&decode::<T>(&Ranks::default(), "value", &value.to_bytes()), value);
+    }
+
+    #[test]
+    fn what_was_put_is_taken_again() {
+        comes_back(&(vec![(7_usize, -0.0_f64), (usize::MAX, f64::MIN)], String::from("skirt")));
+        comes_back(&([Some(Vec3::x()), None], BTreeMap::from([(2_u32, true), (5, false)])));
+    }
+
+    /// What is said of a rank that gets these bytes as texts, while the other two wait for it.
+    fn said_of(bytes: &[u8]) -> String {
+        let ended = LocalRanks::run(3, 1, |communicator| {
+            let ranks = Ranks::new(communicator);
+            if ranks.rank() == 1 {
+                drop(decode::<Vec<String>>(&ranks, "names of garments", bytes));
+            }
+            ranks.barrier();
+        });
+        ended.map(|_| ()).expect_err("a rank that was not told does not go on").to_string()
+    }
+
+    #[test]
+    fn a_message_that_cannot_be_decoded_ends_all_ranks_and_is_named() {
+        let whole = vec![String::from("skirt")].to_bytes();
+        let (short, long) = (&whole[..whole.len() - 1], [whole.as_slice(), &[0]].concat());
+        let (mut no_text, endless) = (whole.clone(), u64::MAX.to_bytes());
+        no_text[16] = 0xff;
+        let broken = [
+            (&[][..], "8 bytes are to follow, and 0 are left"),
+            (short, "1 bytes are to follow, and 0 are left"),
+            (&long, "1 bytes are left behind its end"),
+            (&no_text, "invalid utf-8"),
+            (&endless, "8 bytes are to follow"),
+        ];
+        for (bytes, what) in broken {
+            let said = said_of(bytes);
+            for part in ["rank 1:", "the message \"names of garments\" to rank 1", what] {
+                assert!(said.contains(part), "{part}: {said}");
+            }
+        }
+    }
+
+    #[test]
+    fn plain_values_fill_their_message() {
+        let ended = std::panic::catch_unwind(|| values::<u64>(&Ranks::default(), "numbers", &[0; 12]));
+        assert!(ended.is_err());
+        assert_eq!(values::<u32>(&Ranks::default(), "numbers", &[0; 12]), [0; 3]);
+    }
+}

@@ -77,7 +77,7 @@ impl<'a> Home<'a> {
         let mut rest = self.corners.as_slice();
         let faces = std::iter::from_fn(move || {
             let (count, after) = rest.split_first()?;
-            let (corners, after) = after.split_at_checked(*count as usize)?;
+            let (corners, after) = after.split_at(*count as usize);
             rest = after;
             Some(corners)
         });

@@ -198,7 +198,7 @@ fn repeated_polygons(ranks: &Ranks, home: &Home<'_>) -> Vec<u32> {
     let mut rest = words.as_slice();
     let next = || {
         let (count, after) = rest.split_first()?;
-        let (row, after) = after.split_at_checked(*count as usize + 1)?;
+        let (row, after) = after.split_at(*count as usize + 1);
         rest = after;
         Some(row)
     };

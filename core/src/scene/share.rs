@@ -17,7 +17,7 @@ use crate::effects::{self, Need};
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::Wire;
+use crate::parallel::wire::{Incoming, Wire, decode};
 use crate::scene::inert::Follower;
 use crate::scene::painted::{PaintedMap, PaintedMaps};
 use crate::scene::sewn::{Sewn, partners, sewn_to};
@@ -58,16 +58,19 @@ impl Piece {
         bytes
     }
 
-    fn from_bytes(mut bytes: &[u8]) -> Option<Self> {
-        let [vertices, start, velocities, maps, triangles] = <[usize; 5]>::take(&mut bytes)?;
-        Some(Self {
-            vertices: next(&mut bytes, vertices)?,
-            rest: next(&mut bytes, vertices)?,
-            start: next(&mut bytes, start)?,
-            velocities: next(&mut bytes, velocities)?,
-            maps: (0..maps).map(|_| next(&mut bytes, vertices)).collect::<Option<_>>()?,
-            triangles: next(&mut bytes, triangles)?,
-        })
+    fn from_bytes(ranks: &Ranks, bytes: &[u8]) -> Self {
+        let mut message = Incoming::new(ranks, "cloth that moves to another rank", bytes);
+        let [vertices, start, velocities, maps, triangles] = <[usize; 5]>::take(&mut message);
+        let piece = Self {
+            vertices: message.values(vertices),
+            rest: message.values(vertices),
+            start: message.values(start),
+            velocities: message.values(velocities),
+            maps: (0..maps).map(|_| message.values(vertices)).collect(),
+            triangles: message.values(triangles),
+        };
+        message.end();
+        piece
     }
 
     /// The piece around the vertices `own` of the scene, all of them this rank's own, of what it has of a garment, with those
@@ -138,13 +141,6 @@ impl Piece {
 /// Values of a map at these vertices.
 fn painted(map: &PaintedMap, vertices: &[u32]) -> Vec<f64> {
     vertices.iter().map(|v| map.values[*v as usize]).collect()
-}
-
-/// The next so many values of a message.
-fn next<T: bytemuck::Pod>(bytes: &mut &[u8], count: usize) -> Option<Vec<T>> {
-    let (own, rest) = bytes.split_at_checked(count * size_of::<T>())?;
-    *bytes = rest;
-    Some(bytemuck::pod_collect_to_vec(own))
 }
 
 /// What all ranks know of a scene, and this rank's pieces.
@@ -240,7 +236,8 @@ pub(super) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
             own => Piece::of_local(scene, garment, &own).to_bytes(),
         };
         let received = ranks.send_lists((0..ranks.count()).map(piece).collect());
-        pieces.push(Piece::joined(received.iter().filter_map(|bytes| Piece::from_bytes(bytes)).collect()));
+        let told = received.iter().filter(|bytes| !bytes.is_empty());
+        pieces.push(Piece::joined(told.map(|bytes| Piece::from_bytes(ranks, bytes)).collect()));
     }
     let numbered = scene.pinned.iter().map(|pinned| Pinned { vertex: parts.number(pinned.vertex as usize), ..*pinned });
     let numbered: Vec<Pinned> = numbered.collect();
@@ -253,8 +250,8 @@ pub(super) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
     };
     let received = ranks.send_lists((0..ranks.count()).map(pins).collect());
     let (mut pinned, mut sewn) = (Vec::new(), Vec::new());
-    for bytes in received {
-        let (pins, pairs) = <(Vec<Pinned>, Vec<Sewn>)>::take(&mut bytes.as_slice()).unwrap_or_default();
+    for bytes in received.iter().filter(|bytes| !bytes.is_empty()) {
+        let (pins, pairs): (Vec<Pinned>, Vec<Sewn>) = decode(ranks, "pins and seams that move to another rank", bytes);
         pinned.extend(pins);
         sewn.extend(pairs);
     }

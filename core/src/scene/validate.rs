@@ -13,7 +13,7 @@ use crate::geometry::shapes::Shape;
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::Wire;
+use crate::parallel::wire::{Wire, decode};
 use crate::scene::painted::PaintedMaps;
 use crate::scene::place::check_origin;
 use crate::scene::sewn::Sewn;
@@ -44,12 +44,9 @@ impl Scene {
     pub fn distribute(ranks: &Ranks, description: Option<SceneDescription>) -> Result<Self, Problems> {
         let description = description.filter(|_| ranks.is_first());
         let mut problems = description.as_ref().map_or_else(Vec::new, check_description);
-        let broken =
-            || Problems(vec![Problem::scene("scene", "its pieces did not arrive as they were sent", "report this")]);
-        let handed = HandingOut::begin(ranks, description, &mut problems).ok_or_else(broken)?;
+        let handed = HandingOut::begin(ranks, description, &mut problems);
         agree(ranks, problems)?;
-        let received = handed.finish(ranks).ok_or_else(broken)?;
-        let mut scene = Self::derive(received);
+        let mut scene = Self::derive(handed.finish(ranks));
         agree(ranks, check_inert(&scene.description, &scene.parts, &scene.sewn, scene.inert()))?;
         scene.settle_origin();
         Ok(scene)
@@ -123,7 +120,7 @@ pub(crate) fn agree(ranks: &Ranks, problems: Vec<Problem>) -> Result<(), Problem
     }
     let all = ranks.all_gather_each(&problems.to_bytes());
     let mut together: Vec<Problem> = Vec::new();
-    for problem in all.iter().flat_map(|bytes| Vec::take(&mut bytes.as_slice()).unwrap_or_default()) {
+    for problem in all.iter().flat_map(|bytes| decode::<Vec<Problem>>(ranks, "problems of a rank", bytes)) {
         if !together.contains(&problem) {
             together.push(problem);
         }

@@ -7,7 +7,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use crate::error::{Problem, ProblemKind};
 use crate::geometry::shapes::Shape;
 use crate::mesh::{MeshStream, PolygonMesh};
-use crate::parallel::wire::{Wire, wire};
+use crate::parallel::wire::{Incoming, Wire, wire};
 use crate::scene::inert::Follower;
 use crate::scene::painted::PaintedMap;
 use crate::scene::sewn::Sewn;
@@ -63,8 +63,8 @@ wire!(struct Problem { place, what, advice, kind });
 impl Wire for Option<Arc<dyn MeshStream>> {
     fn put(&self, _: &mut Vec<u8>) {}
 
-    fn take(_: &mut &[u8]) -> Option<Self> {
-        Some(None)
+    fn take(_: &mut Incoming<'_>) -> Self {
+        None
     }
 }
 
@@ -73,9 +73,9 @@ impl Wire for UnitQuaternion<f64> {
         <[f64; 4]>::from(self.coords).put(out);
     }
 
-    fn take(bytes: &mut &[u8]) -> Option<Self> {
+    fn take(message: &mut Incoming<'_>) -> Self {
         // As it was, to the last bit: it was of unit length.
-        <[f64; 4]>::take(bytes).map(|coords| Self::new_unchecked(Quaternion::from_vector(coords.into())))
+        Self::new_unchecked(Quaternion::from_vector(<[f64; 4]>::take(message).into()))
     }
 }
 
@@ -83,6 +83,8 @@ impl Wire for UnitQuaternion<f64> {
 mod tests {
     use super::*;
     use crate::Vec3;
+    use crate::parallel::ranks::Ranks;
+    use crate::parallel::wire::decode;
 
     #[test]
     fn a_description_comes_back_as_it_was() {
@@ -121,10 +123,9 @@ mod tests {
         let gravity = EffectRequest::of_scene("gravity").with_vector("acceleration", [0.0, -9.81, 0.0]);
         description.effects.push(gravity.with_flag("flag", true).with("number", 4.0));
         let bytes = description.to_bytes();
-        let mut rest = bytes.as_slice();
-        let back = SceneDescription::take(&mut rest).expect("the bytes of a description");
-        assert!(rest.is_empty());
+        let back: SceneDescription = decode(&Ranks::default(), "scene", &bytes);
         assert_eq!(format!("{back:?}"), format!("{description:?}"));
-        assert!((0..bytes.len()).all(|end| SceneDescription::take(&mut &bytes[..end]).is_none()));
+        let cut = |end: usize| decode::<SceneDescription>(&Ranks::default(), "scene", &bytes[..end]);
+        assert!((0..bytes.len()).all(|end| std::panic::catch_unwind(|| cut(end)).is_err()));
     }
 }

@@ -4,7 +4,7 @@
 use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::{Wire, wire};
+use crate::parallel::wire::{Wire, decode, wire};
 use crate::scene::Scene;
 use crate::scene::inert::Follower;
 use crate::wind_grid::WindSample;
@@ -34,7 +34,7 @@ impl Scene {
         let tracks = std::mem::take(&mut input.tracks);
         let mut bytes = (input, tracks.len()).to_bytes();
         ranks.broadcast(&mut bytes);
-        let (mut shared, count) = <(FrameInput, usize)>::take(&mut bytes.as_slice()).unwrap_or_default();
+        let (mut shared, count): (FrameInput, usize) = decode(ranks, "input of a frame", &bytes);
         shared.tracks = (0..count).map(|track| self.share_track(track, tracks.get(track))).collect();
         shared
     }
@@ -52,8 +52,7 @@ impl Scene {
         };
         let mut lists: Vec<Vec<u8>> = wanted.iter().map(rows).collect();
         lists.resize(ranks.count(), Vec::new());
-        let received = ranks.send_lists(lists).into_iter().next().unwrap_or_default();
-        Vec::take(&mut received.as_slice()).unwrap_or_default()
+        decode(ranks, "samples of a track", &ranks.send_lists(lists)[0])
     }
 }
 

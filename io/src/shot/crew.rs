@@ -56,7 +56,7 @@ fn give(ranks: &Ranks, order: Order) {
 fn receive(ranks: &Ranks) -> Order {
     let mut bytes = Vec::new();
     ranks.broadcast(&mut bytes);
-    serde_json::from_slice(&bytes).expect("all ranks run the same program, so that rank 0 gives known orders")
+    from_bytes(ranks, "order of rank 0", &bytes)
 }
 
 /// A simulation on all ranks, as rank 0 has it.
@@ -179,15 +179,20 @@ pub fn start_threads(
     give(ranks, Order::Threads { count });
     let all = ranks.gather(&to_bytes(&start(count)));
     let of_rank = |(rank, bytes): (usize, &Vec<u8>)| {
-        let told: Result<usize, String> = serde_json::from_slice(bytes).unwrap_or_else(|e| Err(e.to_string()));
+        let told: Result<usize, String> = from_bytes(ranks, "number of threads", bytes);
         told.map_err(|error| if rank == 0 { error } else { format!("rank {rank}: {error}") })
     };
     all.iter().enumerate().map(of_rank).collect()
 }
 
-/// Numbers and texts always have a JSON form.
 fn to_bytes(value: &impl Serialize) -> Vec<u8> {
-    serde_json::to_vec(value).unwrap_or_default()
+    serde_json::to_vec(value).expect("numbers and texts have a JSON form")
+}
+
+/// What another rank has told. All ranks run the same program, so that it can be decoded.
+fn from_bytes<'a, T: Deserialize<'a>>(ranks: &Ranks, name: &str, bytes: &'a [u8]) -> T {
+    serde_json::from_slice(bytes)
+        .unwrap_or_else(|error| panic!("the message \"{name}\" to rank {} cannot be decoded: {error}", ranks.rank()))
 }
 
 /// Ends all other ranks, each with the exit code of rank 0. They do nothing more after that.

@@ -18,6 +18,7 @@ use crate::contact::pair::Pair;
 use crate::contact::zones::{Action, Hit, Motion, Solved, Zone, Zones};
 use crate::metrics::Metrics;
 use crate::parallel::communicator::{Expected, Message};
+use crate::parallel::wire;
 
 /// Attempts with inelastic zones; then pairs with a prescribed node are given up, and as many attempts follow.
 const INELASTIC_ATTEMPTS: u32 = 12;
@@ -401,7 +402,7 @@ fn named_by_others(nodes: &ContactNodes, hits: &[Hit]) -> Vec<u32> {
     let answers = nodes.ranks().start(messages, &expected).finish();
     let mut named = Vec::new();
     for ((_, list), bytes) in halo.sends().iter().zip(answers) {
-        let places: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+        let places: Vec<u32> = wire::values(nodes.ranks(), "nodes of hits", &bytes);
         named.extend(places.iter().map(|place| nodes.number(list[*place as usize])));
     }
     named.sort_unstable();

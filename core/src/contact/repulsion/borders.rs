@@ -11,6 +11,7 @@ use crate::contact::repulsion::{PairsOfKind, Touching};
 use crate::contact::shared::SharedVectors;
 use crate::parallel::communicator::{Exchange, Expected, Message};
 use crate::parallel::ranks::Ranks;
+use crate::parallel::wire;
 
 /// What is told when.
 #[derive(Debug, Default)]
@@ -56,7 +57,7 @@ impl Borders {
         let expected: Vec<Expected> = halo.receives().iter().map(expected).collect();
         let answers = nodes.ranks().start(messages, &expected).finish();
         for ((from, range), bytes) in halo.receives().iter().zip(answers) {
-            let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+            let words: Vec<u32> = wire::values(nodes.ranks(), "places of active pairs", &bytes);
             for ([kind, colour], places) in Entries(&words) {
                 let received = places.iter().map(|place| range.start as u32 + place).collect();
                 rounds[kind][colour].receives.push((*from, received));
@@ -86,7 +87,7 @@ impl Borders {
     /// Gives the ghosts of active pairs their velocities.
     pub(super) fn before_sweeps(&self, ranks: &Ranks, velocities: &SharedVectors) {
         if let Some(exchange) = self.first.start(ranks, velocities) {
-            self.first.finish(exchange, velocities);
+            self.first.finish(ranks, exchange, velocities);
         }
     }
 
@@ -105,7 +106,7 @@ impl Borders {
         let exchange = round.start(ranks, velocities);
         treat(rest);
         if let Some(exchange) = exchange {
-            round.finish(exchange, velocities);
+            round.finish(ranks, exchange, velocities);
         }
     }
 }
@@ -128,9 +129,9 @@ impl Round {
     }
 
     /// Waits for those of others.
-    fn finish(&self, exchange: Box<dyn Exchange + '_>, velocities: &SharedVectors) {
+    fn finish(&self, ranks: &Ranks, exchange: Box<dyn Exchange + '_>, velocities: &SharedVectors) {
         for ((_, list), bytes) in self.receives.iter().zip(exchange.finish()) {
-            let values: Vec<Vec3> = bytemuck::pod_collect_to_vec(&bytes);
+            let values: Vec<Vec3> = wire::values(ranks, "velocities of active pairs", &bytes);
             list.iter().zip(&values).for_each(|(node, value)| velocities.set(*node, value));
         }
     }
@@ -206,7 +207,10 @@ impl<'a> Iterator for Entries<'a> {
     type Item = ([usize; 2], &'a [u32]);
 
     fn next(&mut self) -> Option<Self::Item> {
-        let [kind, colour, count, rest @ ..] = self.0 else { return None };
+        if self.0.is_empty() {
+            return None;
+        }
+        let [kind, colour, count, rest @ ..] = self.0 else { unreachable!("a message holds whole entries") };
         let (places, rest) = rest.split_at(*count as usize);
         self.0 = rest;
         Some(([*kind as usize, *colour as usize], places))

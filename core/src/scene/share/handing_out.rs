@@ -17,7 +17,7 @@ use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::spread::{Homes, ask, spread};
-use crate::parallel::wire::{Wire, vector_of, words_of};
+use crate::parallel::wire::{Wire, decode, vector_of, words_of};
 use crate::scene::coincident::{self, Apart};
 use crate::scene::home::Home;
 use crate::scene::inert::{Follower, Sound};
@@ -64,13 +64,13 @@ pub(in crate::scene) struct HandingOut {
 }
 
 impl HandingOut {
-    /// Tells all ranks what is small, reads the garments and spreads them. `None` if rank 0's message is not one. All ranks
-    /// call it together, rank 0 with the description.
+    /// Tells all ranks what is small, reads the garments and spreads them. All ranks call it together, rank 0 with the
+    /// description.
     pub(in crate::scene) fn begin(
         ranks: &Ranks,
         description: Option<SceneDescription>,
         problems: &mut Vec<Problem>,
-    ) -> Option<Self> {
+    ) -> Self {
         let mut meshes = Vec::new();
         let (mut columns, mut pins, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
         let mut all = Vec::new();
@@ -88,13 +88,10 @@ impl HandingOut {
             (description, counts)
         });
         ranks.broadcast(&mut all);
-        let (description, counts) = match given {
-            Some(given) => given,
-            None => {
-                let (bytes, counts) = <(Vec<u8>, Vec<(usize, usize)>)>::take(&mut all.as_slice())?;
-                (SceneDescription::take(&mut bytes.as_slice())?, counts)
-            }
-        };
+        let (description, counts) = given.unwrap_or_else(|| {
+            let (bytes, counts): (Vec<u8>, _) = decode(ranks, "counts of the garments", &all);
+            (decode(ranks, "description of the scene", &bytes), counts)
+        });
         drop(all);
         let mut meshes = meshes.into_iter();
         let mut homes = Vec::new();
@@ -110,11 +107,11 @@ impl HandingOut {
         let assignment = partition.share_out(&partition.sizes(), ranks.count());
         let starts = assignment.iter().map(|part| partition.starts()[*part] as u32).collect();
         let points_of = homes.iter().map(|home| home.points_of.clone()).collect();
-        Some(Self { description, partition, assignment, starts, homes, points_of, columns, pins, pairs })
+        Self { description, partition, assignment, starts, homes, points_of, columns, pins, pairs }
     }
 
     /// What this rank gets of the scene, which has no problems so far. All ranks call it together.
-    pub(in crate::scene) fn finish(mut self, ranks: &Ranks) -> Option<Received> {
+    pub(in crate::scene) fn finish(mut self, ranks: &Ranks) -> Received {
         let mut owns = Vec::new();
         let mut places = Vec::new();
         for g in 0..self.homes.len() {
@@ -122,7 +119,7 @@ impl HandingOut {
             places.push(self.places(ranks, g, &own.vertices));
             owns.push(own);
         }
-        let (mut held, pinned) = self.held(ranks, &owns, &places)?;
+        let (mut held, pinned) = self.held(ranks, &owns, &places);
         let (mut pieces, mut warnings) = (Vec::new(), Vec::new());
         // One garment after the other, and each is forgotten when it is handed out.
         let garments = std::mem::take(&mut self.homes).into_iter().zip(owns).zip(places);
@@ -141,9 +138,9 @@ impl HandingOut {
         }
         let mut followers = held.followers.to_bytes();
         ranks.broadcast(&mut followers);
-        held.followers = Vec::take(&mut followers.as_slice())?;
+        held.followers = decode(ranks, "vertices that follow others", &followers);
         let received = settle(ranks, self.description, (self.partition, self.assignment), pieces, held);
-        Some(Received { warnings, ..received })
+        Received { warnings, ..received }
     }
 
     /// Own vertices of the scene.
@@ -200,7 +197,7 @@ impl HandingOut {
 
     /// What is held or sewn of own vertices; and on rank 0, which knows all and asks where they are, the vertices of all ranks
     /// that a pin moves, ascending.
-    fn held(&self, ranks: &Ranks, owns: &[Own], places: &[Vec<u32>]) -> Option<(Held, Vec<u32>)> {
+    fn held(&self, ranks: &Ranks, owns: &[Own], places: &[Vec<u32>]) -> (Held, Vec<u32>) {
         let mut pinned = Vec::new();
         let mut sewn = Vec::new();
         if !self.description.pins.is_empty() {
@@ -222,11 +219,11 @@ impl HandingOut {
             let mut moved: Vec<u32> = pinned.iter().filter(is_hard).map(|pinned| pinned.vertex).collect();
             moved.sort_unstable();
             let (pinned, sewn) = (pins_of(&pinned, &own(0)), sewn_to(&sewn, &own(0)));
-            return Some((Held { pinned, pin_targets, sewn, followers }, moved));
+            return (Held { pinned, pin_targets, sewn, followers }, moved);
         }
-        let bytes = ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish().pop()?;
-        let (pin_targets, (pinned, sewn)) = <(usize, (Vec<Pinned>, Vec<Sewn>))>::take(&mut bytes.as_slice())?;
-        Some((Held { pinned, pin_targets, sewn, followers }, Vec::new()))
+        let received = ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish();
+        let (pin_targets, (pinned, sewn)) = decode(ranks, "pins and seams of a rank", &received[0]);
+        (Held { pinned, pin_targets, sewn, followers }, Vec::new())
     }
 
     /// Sets apart what coincides of a garment, at rest and at the start, each for itself: in what the owners have. Says on rank 0
