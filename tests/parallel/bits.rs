@@ -23,10 +23,10 @@ use drapery_tests::*;
 const COUNTS: [[usize; 2]; 6] = [[1, 1], [2, 1], [3, 2], [4, 1], [7, 1], [8, 1]];
 
 /// A scene and the frames of its bodies and tracks.
-struct Shot {
-    description: SceneDescription,
-    input: fn(i64) -> FrameInput,
-    frames: i64,
+pub(crate) struct Shot {
+    pub(crate) description: SceneDescription,
+    pub(crate) input: fn(i64) -> FrameInput,
+    pub(crate) frames: i64,
 }
 
 /// What a run leaves: its state, and what it says of every frame.
@@ -65,7 +65,7 @@ impl Shot {
     }
 
     /// Any number of ranks comes to the same, and so does a run that goes on with another number.
-    fn has_the_same_bits_everywhere(&self) {
+    pub(crate) fn has_the_same_bits_everywhere(&self) {
         let [one, ..] = COUNTS;
         let (whole, summaries) = self.run(one, None, [0, self.frames]);
         for count in &COUNTS[1..] {
@@ -127,7 +127,7 @@ fn cloth(height: f64) -> SceneDescription {
     description
 }
 
-fn no_input(frame: i64) -> FrameInput {
+pub(crate) fn no_input(frame: i64) -> FrameInput {
     FrameInput::to_frame(frame)
 }
 

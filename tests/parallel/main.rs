@@ -3,3 +3,4 @@
 mod bits;
 mod communicators;
 mod handing_out;
+mod odd_meshes;

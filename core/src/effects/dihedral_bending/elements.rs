@@ -63,7 +63,8 @@ pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: impl Fn(usize) -> Option<Ri
     };
     let mut elements: Vec<Element> = mesh.hinges().iter().map(element).collect();
     for (triangle, known) in angles_of_triangles(mesh).iter().enumerate() {
-        let Some(rigidity) = rigidity(triangle) else { continue };
+        // A triangle that shares no edge, such as a button, has no angle to hold.
+        let Some(rigidity) = rigidity(triangle).filter(|_| !known.is_empty()) else { continue };
         let moments = moments_of_triangle(mesh, triangle, known, rigidity);
         for (a, hinge) in known.iter().enumerate() {
             for (b, other) in known.iter().enumerate() {
