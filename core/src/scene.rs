@@ -19,7 +19,7 @@ mod winding;
 mod wire;
 
 pub use inert::simulated_triangles;
-pub use place::{FARTHEST, is_possible};
+pub use place::{FARTHEST, coarse_place, is_possible};
 pub(crate) use validate::{agree, listed};
 
 use std::collections::BTreeMap;

@@ -8,7 +8,7 @@ use crate::mesh::{PolygonMesh, triangulate_face};
 use crate::parallel::ranks::Ranks;
 use crate::parallel::spread::Homes;
 use crate::scene::home::{Home, Known, joined};
-use crate::scene::{Scene, listed};
+use crate::scene::{Scene, coarse_place, listed};
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 
 /// A vertex that takes no part and goes with another.
@@ -41,11 +41,16 @@ impl Sound {
         let shortest = DEGENERATE_EDGE * size(ranks, home);
         let mut repeated = repeated_polygons(ranks, home);
         let (mut triangles, mut flat, mut cut) = (Vec::new(), Vec::new(), Vec::new());
+        let mut farthest = [0.0_f64; 2];
         let once = |(polygon, _): &(u32, &[u32])| repeated.binary_search(polygon).is_err();
         for (polygon, corners) in home.faces(ranks).filter(once) {
             triangulate_face(|vertex| positions.at(vertex), corners, &mut cut);
             for [a, b, c] in cut.drain(..) {
-                let is_flat = is_flat([a, b, c].map(|v| positions.at(v)), shortest);
+                let corners = [a, b, c].map(|v| positions.at(v));
+                let is_flat = is_flat(corners, shortest);
+                if let Some((far, apart)) = coarse_place(corners).filter(|_| is_flat) {
+                    farthest = [farthest[0].max(far), farthest[1].max(apart)];
+                }
                 let list = if is_flat { &mut flat } else { &mut triangles };
                 list.push([polygon, a, b, c]);
             }
@@ -54,7 +59,8 @@ impl Sound {
         let lives = lives(ranks, &home.points_of, &triangles);
         let follows = leaders(ranks, &home.points_of, &flat, &lives, &positions);
         let flat = flat.into_iter().map(|[polygon, ..]| polygon).collect();
-        let warnings = warnings(ranks, name, home, [repeated, flat], (&lives, &follows));
+        let mut warnings = warnings(ranks, name, home, [repeated, flat], (&lives, &follows));
+        warnings.extend(told_coarse(ranks, name, farthest));
         Self { triangles, lives, follows, warnings }
     }
 }
@@ -129,6 +135,19 @@ fn warnings(
         warnings.extend(list.map(|list| format!("{place}: {what} {list} {is}")));
     }
     if ranks.is_first() { warnings } else { Vec::new() }
+}
+
+/// Says on rank 0 of faces without area that single precision may have taken it: how far from the origin the farthest of them is
+/// on each rank [m], and how far apart numbers are there.
+fn told_coarse(ranks: &Ranks, name: &str, farthest: [f64; 2]) -> Option<String> {
+    let [far, apart] = ranks.max_of(farthest);
+    (far > 0.0 && ranks.is_first()).then(|| {
+        format!(
+            "garment \"{name}\": its faces without area are {far:.0} m from the origin, where numbers of single precision are \
+             {apart:.1e} m apart and points of a file fall together: bake the garment near the origin, and put the distance into \
+             a transform above the mesh, which is of double precision"
+        )
+    })
 }
 
 impl Scene {

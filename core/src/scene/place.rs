@@ -87,6 +87,21 @@ fn largest_rounding(bounds: &Bounds, origin: Vec3) -> f64 {
     if farthest.is_finite() { 0.5 * (f64::from(farthest) - f64::from(farthest.next_down())) } else { 0.0 }
 }
 
+/// Size of a triangle, in distances of neighbouring numbers of single precision at its place, up to which these may have taken its
+/// area.
+const TAKEN_BY_ROUNDING: f64 = 16.0;
+
+/// Of a triangle without area whether it may have lost it where it was stored in single precision so far from the origin: how far
+/// [m], and how far apart the numbers there are [m].
+pub fn coarse_place(corners: [Vec3; 3]) -> Option<(f64, f64)> {
+    let [a, b, c] = corners;
+    let farthest = corners.iter().map(Vec3::amax).fold(0.0, f64::max);
+    let apart = f64::from((farthest as f32).next_up()) - f64::from(farthest as f32);
+    let longest = [(b - a).norm(), (c - b).norm(), (a - c).norm()].into_iter().fold(0.0, f64::max);
+    // Near the origin a point that is there three times is no matter of rounding.
+    (farthest > FAR && longest <= TAKEN_BY_ROUNDING * apart).then_some((farthest, apart))
+}
+
 fn told(name: &str, rounding: f64, thickness: f64, origin: Vec3) -> String {
     let [x, y, z] = <[f64; 3]>::from(origin);
     format!(

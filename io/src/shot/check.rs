@@ -6,7 +6,7 @@ use drapery_core::Vec3;
 use drapery_core::error::Problem;
 use drapery_core::geometry::moving_surface::{is_closed, is_inside_out};
 use drapery_core::mesh::{sides, turned_edges};
-use drapery_core::scene::{FARTHEST, Timeline, is_possible};
+use drapery_core::scene::{FARTHEST, Timeline, coarse_place, is_possible};
 use drapery_core::tolerances::DEGENERATE_AREA;
 
 use crate::cache::Connectivity;
@@ -100,11 +100,6 @@ pub(crate) fn check_faces(
         return Vec::new();
     }
     let at = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
-    let flat = triangles.iter().filter(|&&[a, b, c]| {
-        let [u, v, w] = [at(b) - at(a), at(c) - at(a), at(c) - at(b)];
-        let longest = u.norm_squared().max(v.norm_squared()).max(w.norm_squared());
-        0.5 * u.cross(&v).norm() <= DEGENERATE_AREA * longest
-    });
     let mut seen = BTreeSet::new();
     let doubled = triangles.iter().filter(|corners| {
         let mut key = **corners;
@@ -112,11 +107,7 @@ pub(crate) fn check_faces(
         !seen.insert(key)
     });
     let place = place(motion, span, span.first_time());
-    let mut problems = Vec::new();
-    problems.extend(listed(flat).map(|list| {
-        let what = format!("faces between the points {list} have no area, so they have no outside");
-        Problem::data(&place, what, "delete these faces or dissolve their corners")
-    }));
+    let mut problems = flat_faces(triangles, &at, &place);
     problems.extend(listed(doubled).map(|list| {
         Problem::data(&place, format!("faces between the points {list} are there twice"), "delete the duplicate faces")
     }));
@@ -129,6 +120,33 @@ pub(crate) fn check_faces(
         warnings.push(format!("{place}: {} points belong to no face", positions.len() - used.len()));
     }
     problems
+}
+
+/// Faces without area; those that may have lost it to rounding far from the origin are told from the others.
+fn flat_faces(triangles: &[[u32; 3]], at: &impl Fn(u32) -> Vec3, place: &str) -> Vec<Problem> {
+    let is_flat = |&&[a, b, c]: &&[u32; 3]| {
+        let [u, v, w] = [at(b) - at(a), at(c) - at(a), at(c) - at(b)];
+        let longest = u.norm_squared().max(v.norm_squared()).max(w.norm_squared());
+        0.5 * u.cross(&v).norm() <= DEGENERATE_AREA * longest
+    };
+    let coarse = |corners: &&[u32; 3]| coarse_place(corners.map(at));
+    let (lost, flat): (Vec<_>, Vec<_>) =
+        triangles.iter().filter(is_flat).partition(|corners| coarse(corners).is_some());
+    let farthest = lost.iter().filter_map(coarse).max_by(|a, b| a.0.total_cmp(&b.0));
+    let lost = listed(lost.into_iter()).zip(farthest).map(|(list, (far, apart))| {
+        let what = format!(
+            "faces between the points {list} have no area, so they have no outside: {far:.0} m from the origin, numbers of \
+             single precision are {apart:.1e} m apart, and points of a file fall together"
+        );
+        let advice = "bake the body near the origin, and put the distance into a transform above the mesh, which is of double \
+                      precision; shot.origin does not help, it is about what is written";
+        Problem::data(place, what, advice)
+    });
+    let flat = listed(flat.into_iter()).map(|list| {
+        let what = format!("faces between the points {list} have no area, so they have no outside");
+        Problem::data(place, what, "delete these faces or dissolve their corners")
+    });
+    lost.into_iter().chain(flat).collect()
 }
 
 /// The first few triangles or edges as text; `None` when there are none.
