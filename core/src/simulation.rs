@@ -21,6 +21,7 @@ use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
 
 mod balance;
+mod between_pins;
 mod cost;
 mod interval;
 mod measure;
@@ -98,6 +99,8 @@ pub struct FrameSummary {
     pub metrics: Metrics,
     /// The most stretched edge at the end of the frame.
     pub max_strain: Option<StrainRecord>,
+    /// The most stretched edge between two vertices that hard pins hold in all directions, likewise.
+    pub between_pins: Option<StrainRecord>,
     /// Kinetic energy at the end of the frame [J].
     pub kinetic_energy: f64,
     /// Potential energy at the end of the frame [J].
@@ -121,6 +124,7 @@ impl FrameSummary {
             cg_iterations: 0,
             metrics: Metrics::default(),
             max_strain: None,
+            between_pins: None,
             kinetic_energy: 0.0,
             potential_energy: 0.0,
             body_self_crossings: 0,
@@ -182,6 +186,8 @@ pub struct Simulation {
     sent: Sent,
     balance: Balance,
     care: Care,
+    /// What is suspicious of how pins hold the cloth at the start; on rank 0.
+    warnings: Vec<String>,
 }
 
 impl Simulation {
@@ -197,6 +203,7 @@ impl Simulation {
             let Self { scene, state, bodies, pins, .. } = &simulation;
             start_outside(scene, state, bodies, pins.as_ref())?;
         }
+        simulation.warn_of_far_bound();
         simulation.pins_take_hold();
         simulation.crossings = simulation.find_crossings();
         Ok(simulation)
@@ -287,6 +294,7 @@ impl Simulation {
             sent: Sent::default(),
             balance: Balance::default(),
             care: Care::default(),
+            warnings: Vec::new(),
         })
     }
 

@@ -64,3 +64,15 @@ pub const STRAIN_OVER_LIMIT: f64 = 1e-4;
 /// well enough to push along. The rounding of positions metres away from the origin by edges of a millimetre is a thousandth
 /// of it. Guarded by `a_triangle_collapsed_to_a_line_or_a_point_has_finite_forces_along_what_is_left`.
 pub const FLAT_TRIANGLE: f64 = 1e-9;
+
+/// Strain of an edge between two pinned vertices above which it counts as torn apart: twice what the most elastic woven cloth
+/// gives, and more than skin stretches below a waistband. Guarded by
+/// `pinned_neighbours_that_are_torn_apart_are_known_beforehand_and_named_and_counted_by_any_ranks`.
+pub const STRETCHED_BETWEEN_PINS: f64 = 0.3;
+
+/// Distance from the nearest place of a body, in mean edges at the vertex and in thicknesses of garment and body together, above
+/// both of which a pinned vertex is far from it: neighbours of a vertex so many edges away find places apart from each other, and
+/// clothes are modelled a few thicknesses off the skin. Guarded by `vertices_bound_far_from_a_body_are_named_by_any_ranks`.
+pub const FAR_BOUND_EDGES: f64 = 3.0;
+/// See [`FAR_BOUND_EDGES`].
+pub const FAR_BOUND_THICKNESSES: f64 = 10.0;

@@ -8,7 +8,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::{BrokenAttachment, FrameSummary};
+use drapery_core::simulation::{BrokenAttachment, FrameSummary, StrainRecord};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -234,10 +234,7 @@ pub fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
 
 /// Everything that was measured in one frame; `spent` is what reading and writing took and counted.
 pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Value {
-    let strain = summary
-        .max_strain
-        .as_ref()
-        .map(|strain| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain}));
+    let strain = |strain: &StrainRecord| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain});
     let mut all = summary.metrics.clone();
     spent.counts().iter().for_each(|(name, amount)| all.add_count(name.clone(), *amount));
     // What the solver took is told by its own stages.
@@ -251,7 +248,7 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         "dt_min": summary.dt_min,
         "dt_max": summary.dt_max,
         "cg_iterations": summary.cg_iterations,
-        "max_strain": strain,
+        "max_strain": summary.max_strain.as_ref().map(strain),
         "kinetic_energy": summary.kinetic_energy,
         "potential_energy": summary.potential_energy,
         "body_self_crossings": summary.body_self_crossings,
@@ -259,6 +256,9 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         "stages": stages(&all),
         "counts": counts(&all),
     });
+    if let Some(between_pins) = &summary.between_pins {
+        record["strain_between_pins"] = strain(between_pins);
+    }
     if !summary.recoveries.is_empty() {
         record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
     }

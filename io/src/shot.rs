@@ -13,6 +13,7 @@ mod folder;
 mod inputs;
 pub mod motion;
 mod output;
+mod pinned;
 pub mod quality;
 mod resume;
 mod rewritten;
@@ -191,6 +192,7 @@ impl Shot {
         let Some(crew) = crew.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };
+        warnings.extend_from_slice(crew.simulation().warnings());
         Ok(Self { crew, inputs, garments, about, warnings })
     }
 

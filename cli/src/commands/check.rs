@@ -12,6 +12,9 @@ use crate::say;
 /// Checks the scene and every frame of its inputs.
 pub(crate) fn check(args: &CheckArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
     let (shot, _) = plan::prepare(&args.scene, around, &Ranks::default())?;
+    if let Some(warning) = shot.check_pins()? {
+        tracing::warn!("{warning}");
+    }
     let [first, last] = shot.frames();
     say::line(format_args!("{}: frames {first}-{last} can be simulated", shot.name()));
     Ok(ExitCode::Done)

@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 
 use crate::Vec3;
-use crate::bodies::{Bodies, Samples};
+use crate::bodies::{Bodies, Sample, Samples};
 use crate::catch_up::CatchUp;
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
 use crate::error::Problem;
@@ -31,12 +31,15 @@ pub static SPEC: EffectSpec = EffectSpec {
     requires: &[],
     cost: Cost { elements: "vertices", step: 40.0, iteration: 2.0 },
     section: Some(SECTION),
-    counts: &[BEHIND],
+    counts: &[BEHIND, STRETCHED],
     build,
 };
 
 /// Count of held vertices that do not reach their targets in a step.
 pub(crate) const BEHIND: &str = "pins_behind";
+
+/// Count of edges that are torn apart between two held vertices at the end of a frame.
+pub(crate) const STRETCHED: &str = "pins_stretched";
 
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let pins = HardPins::new(context.scene);
@@ -273,6 +276,38 @@ impl PinTargets {
         Ok(())
     }
 
+    /// Where a target is at a time [s] to which these samples of bodies and tracks lead [m]; `None` if it does not hold then, or
+    /// if its place is known only when it takes hold.
+    pub(crate) fn place_at(&self, target: usize, time: f64, [bodies, tracks]: [&[Vec<Sample>]; 2]) -> Option<Vec3> {
+        let target = &self.targets[target];
+        let (from, until) = self.windows[target.pin];
+        if target.taken_when_held || !(from..until).contains(&time) {
+            return None;
+        }
+        match &target.source {
+            Source::Path { place, pin } => Some(place + along_path(&self.paths[*pin], time)),
+            Source::Track { track, row } => last(tracks, *track)?.get(*row).copied(),
+            Source::Surface { body, attachment } => {
+                let points = last(bodies, *body)?;
+                Some(attached_position(attachment, attachment.body_points.map(|p| points[p as usize])))
+            }
+        }
+    }
+
+    /// Own vertices that were bound to the nearest place of a body: the pin, the vertex, the body and the distance [m].
+    pub(crate) fn nearest_bound<'a>(
+        &'a self,
+        scene: &'a Scene,
+    ) -> impl Iterator<Item = (usize, usize, usize, f64)> + 'a {
+        let pins = &scene.description().pins;
+        self.targets.iter().filter_map(|target| match (&pins[target.pin].target, &target.source) {
+            (PinTarget::BodyNearest { body, .. }, Source::Surface { attachment, .. }) => {
+                Some((target.pin, target.vertex, *body, attachment.offset.norm()))
+            }
+            _ => None,
+        })
+    }
+
     /// Numbers of own targets in the scene, ascending.
     pub(crate) fn numbers(&self) -> Vec<u32> {
         self.targets.iter().map(|target| target.number).collect()
@@ -319,6 +354,11 @@ impl PinTargets {
             }
         }
     }
+}
+
+/// Positions of one of several meshes at the last of its samples [m].
+fn last(all: &[Vec<Sample>], mesh: usize) -> Option<&[Vec3]> {
+    all.get(mesh)?.last().map(|sample| sample.positions.as_slice())
 }
 
 /// Piecewise linear value at `time`, held before the first and after the last key; zero without keys.

@@ -30,6 +30,7 @@ impl Simulation {
         }
         [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);
         summary.max_strain = self.largest_strain();
+        summary.between_pins = self.strain_between_pins();
         self.crossings = self.find_crossings();
         if self.self_contact.as_ref().is_some_and(SelfContact::keeps_free) {
             self.metrics.count_once(&ranks, "crossings", self.crossings.len() as u64);
@@ -86,8 +87,12 @@ impl Simulation {
 
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
     pub(super) fn largest_strain(&self) -> Option<StrainRecord> {
+        self.largest_of(self.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.state.x)))
+    }
+
+    /// The most stretched of these edges of all ranks, given by strain and local vertices; likewise.
+    pub(super) fn largest_of(&self, all: impl Iterator<Item = (f64, [usize; 2])>) -> Option<StrainRecord> {
         let (parts, ranks) = (self.scene.parts(), self.ranks());
-        let all = self.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.state.x));
         let numbered = all.map(|(strain, ends)| {
             let mut numbers = ends.map(|local| parts.number(local));
             numbers.sort_unstable();

@@ -15,6 +15,7 @@ pub const LIMITS: &[(&str, &str)] = &[
     ("steps_accepted", "collision steps that were kept although something went wrong in them"),
     ("pairs_pinched", "pairs of cloth left to pass because a body squeezes them together"),
     ("pins_behind", "pinned vertices that were not where their pins have them, and came after them"),
+    ("pins_stretched", "edges between two pinned vertices that the pins tear apart, by more than 30 % of their length"),
     ("strain_over_limit", "edges that a limit on strain could not keep, as bodies or pins pull them"),
     ("body_pinched", "vertices that bodies squeeze from both sides, so that they are inside of one"),
 ];

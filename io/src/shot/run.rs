@@ -23,6 +23,7 @@ use crate::run_record::{self, AttemptRecord};
 use crate::shot::bundle;
 use crate::shot::folder::{self, Earlier};
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
+use crate::shot::pinned;
 use crate::shot::quality::{self, Exceeded};
 use crate::shot::resume;
 use crate::shot::totals::{Partial, Totals};
@@ -421,6 +422,9 @@ impl<'a> Run<'a> {
         if let Some(first) = summary.and_then(|summary| summary.recoveries.first()) {
             let also = summary.map_or(0, |summary| summary.recoveries.len() - 1);
             observer.note(first_recovery(first, also));
+        }
+        if let Some(torn) = summary.and_then(|summary| pinned::news(&mut self.totals.told_strain, summary)) {
+            observer.note(torn);
         }
         self.output.frame_done(frame, taken)?;
         self.options.requests.note_frame(taken);

@@ -18,6 +18,8 @@ pub(super) struct Totals {
     pub(super) exceeded: Vec<Exceeded>,
     /// The frame that is being computed.
     pub(super) partial: Partial,
+    /// The largest strain between pins that this attempt has told.
+    pub(super) told_strain: f64,
 }
 
 /// What was done since the last frame.
@@ -75,6 +77,7 @@ impl Totals {
             seconds: value["seconds"].as_f64().unwrap_or(0.0),
             exceeded: value["exceeded"].as_array().into_iter().flatten().filter_map(exceeded).collect(),
             partial: Partial { summary, spent: metrics_from(&partial["spent"]), sub_step },
+            told_strain: 0.0,
         }
     }
 }

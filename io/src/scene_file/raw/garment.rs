@@ -388,7 +388,8 @@ pub(in crate::scene_file) struct Pin {
     #[serde(default = "default_to")]
     pub(in crate::scene_file) to: String,
     /// With `to = "body:…"`: "file" takes the attachments of the JSON file, "nearest" the nearest point of the body's
-    /// surface at the start; "auto" takes those of the file if it was made for a body of the same file name.
+    /// surface at the start; "auto" takes those of the file if it was made for a body of the same file name. A vertex that
+    /// is farther from it than three of its edges and ten thicknesses is warned of.
     #[serde(default)]
     pub(in crate::scene_file) bind: Bind,
     /// With `to = "track"`: a mesh with as many points as the garment, as "file.abc" or "file.abc@/path/of/mesh".
