@@ -55,6 +55,38 @@ impl fmt::Display for Problems {
 
 impl std::error::Error for Problems {}
 
+/// What asks for a short step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShortStep {
+    /// Edges change their lengths fast.
+    StrainRate,
+    /// Springs are stiff for the masses at their ends.
+    Stiffness,
+}
+
+impl ShortStep {
+    fn remedy(self) -> &'static str {
+        match self {
+            Self::StrainRate => {
+                "the cloth is being stretched faster than it can follow; look at this frame's bodies and pins"
+            }
+            Self::Stiffness => {
+                "edges are too short and light for their stiffness: see that the unit of length of the garments is right \
+                 ([units]), merge points that almost coincide, or lower the stiffness"
+            }
+        }
+    }
+}
+
+impl fmt::Display for ShortStep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::StrainRate => "the rate of strain",
+            Self::Stiffness => "the stiffness of the springs",
+        })
+    }
+}
+
 /// Why a step could not be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepError {
@@ -80,7 +112,8 @@ pub enum StepError {
     /// The step that stability asks for is shorter than the scene allows.
     #[error(
         "frame {frame}, time {time} s: the time step fell to {dt:e} s, below solver.min_dt = {min_dt:e} s, because of \
-         {because}\n  help: the cloth is being stretched faster than it can follow; look at this frame's bodies and pins"
+         {because}\n  help: {}",
+        because.remedy()
     )]
     StepTooSmall {
         /// Frame being computed.
@@ -92,7 +125,7 @@ pub enum StepError {
         /// Smallest step allowed [s].
         min_dt: f64,
         /// What asked for it.
-        because: &'static str,
+        because: ShortStep,
     },
     /// The caller's samples do not cover the frame or do not fit the scene.
     #[error("frame {frame}: {what}")]

@@ -12,12 +12,16 @@ use drapery_core::Vec3;
 use drapery_core::error::Problems;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, SceneDescription, Timeline,
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinDescription, PinHold, PinTarget, RigidMotion,
+    SceneDescription, Timeline,
 };
+use drapery_io::cache::{MeshData, Uvs};
 use drapery_io::error::IoError;
+use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_source::MeshSource;
+use drapery_io::scene_file;
 use drapery_io::shot::motion::{InputMotion, Preroll};
-use drapery_io::shot::run::{FrameReport, Outcome, Resume, RunOptions};
+use drapery_io::shot::run::{FrameReport, Observer, Outcome, Resume, RunOptions};
 use drapery_io::shot::{Shot, ShotDescription, ShotError};
 use drapery_io::units::Units;
 
@@ -46,6 +50,22 @@ fn options(folder: &Path) -> RunOptions {
 
 /// Writes a tetrahedron that rises by 1 cm a frame from frame 1001 on; `change` may alter a frame's points and faces.
 fn body_file(folder: &Path, frames: &[i64], change: impl Fn(i64, &mut Vec<[f32; 3]>, &mut Vec<i32>)) -> PathBuf {
+    mesh_file(folder, frames, 3, |frame| {
+        let y = (frame - 1001) as f32 * 0.01;
+        let mut points = vec![[0.0, y, 0.0], [1.0, y, 0.0], [0.0, y, 1.0], [0.0, y + 0.9, 0.0]];
+        let mut indices = vec![0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3];
+        change(frame, &mut points, &mut indices);
+        (points, indices)
+    })
+}
+
+/// Writes the mesh that `sample` gives for each frame, of faces with so many corners.
+fn mesh_file(
+    folder: &Path,
+    frames: &[i64],
+    corners: usize,
+    sample: impl Fn(i64) -> (Vec<[f32; 3]>, Vec<i32>),
+) -> PathBuf {
     let path = folder.join("body.abc");
     let mut archive = ArchiveWriter::create(&path, &ArchiveOptions::default()).unwrap();
     let times = frames.iter().map(|&frame| frame as f64 / 24.0).collect();
@@ -54,11 +74,9 @@ fn body_file(folder: &Path, frames: &[i64], change: impl Fn(i64, &mut Vec<[f32; 
     let xform = XformWriter::still(&mut archive, root, "body", None).unwrap();
     let mut mesh = PolyMeshWriter::declare(&mut archive, xform.object(), "bodyShape", sampling).unwrap();
     for &frame in frames {
-        let y = (frame - 1001) as f32 * 0.01;
-        let mut points = vec![[0.0, y, 0.0], [1.0, y, 0.0], [0.0, y, 1.0], [0.0, y + 0.9, 0.0]];
-        let mut indices = vec![0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3];
-        change(frame, &mut points, &mut indices);
-        let topology = Topology { face_counts: &vec![3; indices.len() / 3], face_indices: &indices };
+        let (points, indices) = sample(frame);
+        let face_counts = vec![corners as i32; indices.len() / corners];
+        let topology = Topology { face_counts: &face_counts, face_indices: &indices };
         mesh.write(&mut archive, &PolyMeshSample { topology: Some(topology), ..PolyMeshSample::of(&points) }).unwrap();
     }
     archive.finish(Durability::Flushed).unwrap();
@@ -266,4 +284,119 @@ fn several_problems_are_reported_at_once() {
         }
     });
     assert!(text.contains("vertex 0") && text.contains("from frame 1001 to 1002"), "{text}");
+}
+
+#[test]
+fn faces_that_rounding_has_taken_far_from_the_origin_are_told_from_bad_ones() {
+    let shrunk = |far: f32| {
+        problems_of(&[1001, 1002, 1003], move |_, points, _| {
+            points.iter_mut().flatten().for_each(|x| *x = far + 1e-4 * *x);
+        })
+    };
+    // Numbers of single precision are 1 mm apart there.
+    let far = shrunk(1e4);
+    for part in ["body \"hero\"", "frame 1001", "1-2-0", "10000 m from the origin", "9.8e-4 m apart", "a transform"] {
+        assert!(far.contains(part), "{part}: {far}");
+    }
+    assert!(!far.contains("delete these faces"), "{far}");
+    let flat = problems_of(&[1001, 1002, 1003], |_, points, _| points[2] = points[1]);
+    assert!(flat.contains("delete these faces") && !flat.contains("transform"), "{flat}");
+}
+
+#[test]
+fn a_garment_deep_inside_a_body_is_refused() {
+    let text = problems_of(&[1001, 1002, 1003], |_, points, indices| {
+        points.iter_mut().flatten().for_each(|x| *x = 60.0 * *x - 13.0);
+        // It faces outwards.
+        indices.reverse();
+    });
+    assert!(text.contains("9 of its vertices start inside body \"hero\"") && text.contains("more than"), "{text}");
+}
+
+/// Hears what is said of a run.
+#[derive(Default)]
+struct Listener(Vec<String>);
+
+impl Observer for Listener {
+    fn note(&mut self, text: String) {
+        self.0.push(text);
+    }
+
+    fn frame(&mut self, _: &FrameReport<'_>) {}
+}
+
+#[test]
+fn pins_that_tear_neighbours_apart_are_told_before_a_run_and_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    // The body gets four times as wide in the last frame.
+    let file = body_file(folder.path(), &[1001, 1002, 1003], |frame, points, _| {
+        points.iter_mut().for_each(|p| p[0] *= if frame == 1003 { 4.0 } else { 1.0 });
+    });
+    let pinned = || {
+        let mut shot = over_body(folder.path(), &file).unwrap();
+        shot.scene.pins.push(PinDescription {
+            garment: 0,
+            target: PinTarget::BodyNearest { body: 0, vertices: vec![0, 1] },
+            axes: [true; 3],
+            from: f64::NEG_INFINITY,
+            until: f64::INFINITY,
+            hold: PinHold::Hard,
+        });
+        shot.scene.effects.push(EffectRequest::of_scene("pins"));
+        Shot::prepare(shot, None).unwrap()
+    };
+    let said = pinned().check_pins().unwrap().expect("they tear");
+    for part in ["garment \"sheet\", frame 1003: vertices 0 and 1", "times their distance", "worst of 1 frames"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    assert_eq!(Shot::prepare(falling(folder.path()), None).unwrap().check_pins().unwrap(), None);
+    let mut heard = Listener::default();
+    let report = pinned().run(&options(folder.path()), &mut heard).unwrap();
+    assert!(heard.0.iter().any(|note| said.starts_with(note.as_str())), "{:?}", heard.0);
+    let exceeded: Vec<_> = report.exceeded.iter().map(|e| (e.name, e.total, e.first_frame)).collect();
+    assert_eq!(exceeded, [("pins_stretched", 1, 1003)]);
+    let record = std::fs::read_to_string(folder.path().join("out/run.jsonl")).unwrap();
+    assert!(record.contains("\"strain_between_pins\":{\"garment\":\"sheet\""), "{record}");
+}
+
+#[test]
+fn quads_of_a_body_are_cut_along_the_shorter_diagonal_of_the_first_frame_of_the_shot() {
+    let folder = tempfile::tempdir().unwrap();
+    // Sheared to the one side in the first sample of the file, and to the other one from the shot's first frame on.
+    mesh_file(folder.path(), &[1000, 1001, 1002], 4, |frame| {
+        let s = if frame == 1000 { -0.5 } else { 0.5 };
+        (vec![[0.0, 0.0, 0.0], [s, 0.0, 1.0], [1.0 + s, 0.0, 1.0], [1.0, 0.0, 0.0]], vec![0, 1, 2, 3])
+    });
+    let scene = "drapery = 1\n[shot]\nframes = \"1001-1002\"\n[units]\nlength = \"m\"\nup = \"Y\"\n\
+                 [[body]]\nname = \"quad\"\nfile = \"body.abc\"\n\
+                 [[garment]]\nname = \"sheet\"\npanel = { resolution = 2, center = [0, 1, 0] }\ndensity = \"100 g/m²\"\n";
+    let path = folder.path().join("quad.toml");
+    std::fs::write(&path, scene).unwrap();
+    let shot = scene_file::load(&path, &[]).unwrap().resolve().unwrap_or_else(|errors| panic!("{errors:?}"));
+    let BodyShape::Surface { triangles, .. } = &shot.scene.bodies[0].shape else { panic!("it is a mesh") };
+    // Corners run the other way in Alembic.
+    assert_eq!(*triangles, [[3, 2, 1], [3, 1, 0]]);
+}
+
+#[test]
+fn garments_without_points_and_with_texture_coordinates_that_are_no_numbers_are_delivered() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |out: &str, last: i64| {
+        let mut shot = falling(folder.path());
+        shot.output.formats = vec!["abc".to_owned(), "h5".to_owned()];
+        let (values, indices) = (vec![[f32::NAN, f32::INFINITY]; 9], shot.scene.garments[0].mesh.face_indices.clone());
+        let uvs = Some(Uvs { name: String::new(), values, indices });
+        shot.garments[0] = GarmentMesh::kept(MeshData { uvs, ..MeshData::new(sheet(1.0)) });
+        shot.scene.garments.push(GarmentDescription::new("nothing", PolygonMesh::default(), 0.2));
+        shot.garments.push(GarmentMesh::kept(MeshData::new(PolygonMesh::default())));
+        let options = RunOptions::new(folder.path().join(out));
+        Shot::prepare(shot, Some([1001, last])).unwrap().run(&options, &mut |_: &FrameReport<'_>| {}).unwrap()
+    };
+    run("whole", 1003);
+    run("out", 1002);
+    assert_eq!(run("out", 1003).outcome, Outcome::Done);
+    for file in ["sheet.abc", "sheet.h5", "nothing.abc", "nothing.h5"] {
+        let bytes = |out: &str| std::fs::read(folder.path().join(out).join(file)).unwrap();
+        assert!(bytes("out") == bytes("whole"), "{file}");
+    }
 }

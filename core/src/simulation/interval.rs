@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::recovery::Trouble;
 use super::{FrameSummary, Simulation};
 use crate::contact::self_contact::{Ending, SelfContact};
-use crate::error::StepError;
+use crate::error::{ShortStep, StepError};
 use crate::metrics::Watch;
 use crate::parallel::split::PerPart;
 use crate::solve::conjugate_gradient::Stop;
@@ -143,7 +143,7 @@ impl Simulation {
         let choice = self.limit.choose(settings, rate, (self.state.time, end), (share, part));
         self.metrics.add_time("dt".into(), watch.seconds(), 1);
         if choice.limit < settings.min_dt {
-            let because = if choice.by_strain { "the rate of strain" } else { "the stiffness of the springs" };
+            let because = if choice.by_strain { ShortStep::StrainRate } else { ShortStep::Stiffness };
             let (dt, min_dt, time) = (choice.limit, settings.min_dt, self.state.time);
             self.take_back();
             return Err(StepError::StepTooSmall { frame, time, dt, min_dt, because });

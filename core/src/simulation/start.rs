@@ -53,7 +53,10 @@ pub(super) fn start_outside(
             let reach = scene.mean_edge() * 10.0;
             let depth = |vertex: usize| {
                 // A vertex lies inside a crossing body's own overlap as soon as its nearest surface says so.
-                bodies.closest(b, &state.x[vertex], &state.x[vertex], reach, None).map_or(f64::INFINITY, |at| at.phi)
+                let x = &state.x[vertex];
+                // Beyond the reach nothing is known but whether it is inside.
+                let deep = || if bodies.contains(b, x) { -reach } else { f64::INFINITY };
+                bodies.closest(b, x, x, reach, None).map_or_else(deep, |at| at.phi)
             };
             let inside: Vec<(f64, usize)> = scene
                 .parts()
@@ -75,8 +78,9 @@ pub(super) fn start_outside(
             problems.push(Problem::data(
                 format!("garment \"{}\", vertex {own}", garment.name),
                 format!(
-                    "{count} of its vertices start inside body \"{}\"; this one is deepest, {:.2} mm",
+                    "{count} of its vertices start inside body \"{}\"; this one is deepest, {}{:.2} mm",
                     body.name,
+                    if deepest == -reach { "more than " } else { "" },
                     -1e3 * deepest
                 ),
                 if is_surface {

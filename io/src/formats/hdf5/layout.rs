@@ -143,6 +143,9 @@ fn place<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Res
     if dataset.shape() != shape || !dataset.dtype()?.is::<T>() {
         return Ok(None);
     }
+    if shape.contains(&0) {
+        return Ok(Some(0));
+    }
     place_of(&dataset, file.size())
 }
 
@@ -229,9 +232,6 @@ impl Fixed<'_> {
 
     /// Whether the file has this dataset with these values.
     fn is_in(&self, file: &hdf5::File) -> hdf5::Result<bool> {
-        fn same<T: H5Type + PartialEq>(dataset: &Dataset, values: &[T]) -> hdf5::Result<bool> {
-            Ok(dataset.read_raw::<T>()? == values)
-        }
         if !file.link_exists(self.name) {
             return Ok(false);
         }
@@ -239,20 +239,27 @@ impl Fixed<'_> {
         if dataset.shape() != self.shape {
             return Ok(false);
         }
+        // By their bits: an input may have coordinates that are no numbers, which are handed through.
         match &self.values {
-            Values::F32(values) => same(&dataset, values),
-            Values::F64(values) => same(&dataset, values),
+            Values::F32(values) => {
+                Ok(dataset.read_raw::<f32>()?.into_iter().map(f32::to_bits).eq(values.iter().map(|v| v.to_bits())))
+            }
+            Values::F64(values) => {
+                Ok(dataset.read_raw::<f64>()?.into_iter().map(f64::to_bits).eq(values.iter().map(|v| v.to_bits())))
+            }
             Values::U32(values) => Ok(dataset.read_raw::<i32>()?.into_iter().eq(values.iter().map(|&v| v as i32))),
-            Values::I64(values) => same(&dataset, values),
+            Values::I64(values) => Ok(dataset.read_raw::<i64>()? == *values),
         }
     }
 }
 
-/// Where a new dataset lies whose space is reserved in the file.
+/// Where a new dataset lies whose space is reserved in the file; anywhere if it holds nothing.
 fn growing<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Result<u64> {
-    reserved::<T>(file, name, shape)?
-        .offset()
-        .ok_or_else(|| hdf5::Error::from(format!("dataset {name} has no fixed place in the file")))
+    let dataset = reserved::<T>(file, name, shape)?;
+    if shape.contains(&0) {
+        return Ok(0);
+    }
+    dataset.offset().ok_or_else(|| hdf5::Error::from(format!("dataset {name} has no fixed place in the file")))
 }
 
 /// A new dataset whose space is reserved in the file but not written; what nobody writes reads as zeros.
