@@ -216,9 +216,13 @@ pub(crate) struct FileArgs {
 /// same mesh or of another, or touch one with which they share no point. Give the garments of a shot together.
 #[derive(Debug, Args)]
 pub(crate) struct VerifyArgs {
-    /// Alembic caches that belong together
-    #[arg(required = true, value_name = "CACHE")]
+    /// Alembic caches that belong together; with --record also HDF5 caches
+    #[arg(required_unless_present = "record", value_name = "CACHE")]
     pub(crate) files: Vec<PathBuf>,
+    /// Also compare every frame with the record of the run in this folder, or, without caches, nothing but that for all of its
+    /// caches
+    #[arg(long, value_name = "DIR")]
+    pub(crate) record: Option<PathBuf>,
     /// Also count where the caches cross this mesh, in their own unit; a body is told about, not judged
     #[arg(long, value_name = "FILE")]
     pub(crate) body: Option<PathBuf>,

@@ -3,32 +3,78 @@
 
 use std::fs::File;
 use std::io::{IsTerminal, Write};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use drapery_io::error::IoError;
+use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::filter::EnvFilter;
-use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{Layer, fmt};
 
 use crate::args::LogArgs;
 use crate::failure::Failure;
 
-/// A file that is not known yet when the log is set up.
-#[derive(Debug, Clone, Default)]
-struct LateFile(Arc<Mutex<Option<File>>>);
+/// Bytes that wait for a file at most: more than any run says before its folder is known.
+const MOST_WAITING: usize = 1 << 20;
+
+/// Warnings that were given so far.
+static WARNINGS: AtomicUsize = AtomicUsize::new(0);
+
+/// Number of warnings that were given so far, whether or not they are shown.
+pub(crate) fn warnings() -> usize {
+    WARNINGS.load(Ordering::Relaxed)
+}
+
+/// Counts warnings where they are given, so that none is left out of the number at the end.
+struct CountWarnings;
+
+impl<S: Subscriber> Layer<S> for CountWarnings {
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        if *event.metadata().level() == Level::WARN {
+            WARNINGS.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// A file that is not known yet when the log is set up; until then it is kept in memory what goes there.
+#[derive(Debug, Clone)]
+struct LateFile(Arc<Mutex<Place>>);
+
+#[derive(Debug)]
+enum Place {
+    Waiting(Vec<u8>),
+    File(File),
+}
+
+impl Default for LateFile {
+    fn default() -> Self {
+        Self(Arc::new(Mutex::new(Place::Waiting(Vec::new()))))
+    }
+}
 
 impl LateFile {
-    fn open(&self, file: File) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(file);
+    fn open(&self, mut file: File) {
+        let mut place = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Place::Waiting(bytes) = &*place {
+            // As with all of the log: a full disk is reported by what matters.
+            let _ = file.write_all(bytes);
+        }
+        *place = Place::File(file);
     }
 }
 
 impl Write for LateFile {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
-            Some(file) => file.write(bytes),
-            None => Ok(bytes.len()),
+            Place::File(file) => file.write(bytes),
+            Place::Waiting(waiting) => {
+                if waiting.len() + bytes.len() <= MOST_WAITING {
+                    waiting.extend_from_slice(bytes);
+                }
+                Ok(bytes.len())
+            }
         }
     }
 
@@ -80,6 +126,12 @@ pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
         .with_writer(move || folder_words.clone())
         .with_filter(filter("info"));
     let folder_lines = fmt::layer().json().with_writer(move || folder_lines.clone()).with_filter(filter("debug"));
-    tracing_subscriber::registry().with(words).with(lines).with(folder_words).with(folder_lines).init();
+    tracing_subscriber::registry()
+        .with(CountWarnings)
+        .with(words)
+        .with(lines)
+        .with(folder_words)
+        .with(folder_lines)
+        .init();
     Ok(logs)
 }

@@ -6,12 +6,12 @@
 
 use std::path::{Path, PathBuf};
 
-use drapery_alembic::{Archive, IDENTITY, PolyMesh};
+use drapery_alembic::{Archive, Bounds, IDENTITY, PolyMesh, Samples};
 use drapery_core::Vec3;
 
 use crate::cache::Connectivity;
 use crate::error::IoError;
-use crate::formats::alembic_writer::reverse;
+use crate::formats::alembic_writer::{CROSSINGS, bounds_of, reverse, shifted};
 use crate::formats::hdf5::stored;
 use crate::units::{LengthUnit, Units, UpAxis};
 use crate::verify::triangles_of;
@@ -54,9 +54,23 @@ pub struct StoredPositions {
     pub points: Vec<[f32; 3]>,
 }
 
+/// All that a cache stores of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredFrame {
+    /// Positions, counted from the cache's origin.
+    pub positions: Vec<[f32; 3]>,
+    /// Velocities, if there are any.
+    pub velocities: Option<Vec<[f32; 3]>>,
+    /// Number of crossings, if the cache counts them.
+    pub crossings: Option<u32>,
+    /// Whether the bounds that are stored, if any, are those of the positions to the last bit.
+    pub has_bounds_of_points: bool,
+}
+
 #[derive(Debug)]
 enum Stored {
-    Alembic(Vec<PolyMesh>),
+    /// The meshes, and the bounds of everything.
+    Alembic(Vec<PolyMesh>, Option<Samples>),
     /// The file, and what its positions are counted from.
     Hdf5(hdf5::File, [f64; 3]),
 }
@@ -67,10 +81,18 @@ impl CacheFrames {
     /// # Errors
     /// The file is missing, damaged, of another format, or holds no mesh.
     pub fn open(path: &Path) -> Result<Self, IoError> {
+        Self::open_at(path, None)
+    }
+
+    /// The same; of an Alembic file the commit whose tables stand at `root`, if that is given.
+    ///
+    /// # Errors
+    /// As [`CacheFrames::open`].
+    pub fn open_at(path: &Path, root: Option<u64>) -> Result<Self, IoError> {
         std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match extension.as_str() {
-            "abc" => Self::open_alembic(path),
+            "abc" => Self::open_alembic(path, root),
             "h5" => Self::open_hdf5(path).map_err(|source| not_a_cache(path, &source)),
             _ => Err(IoError::Format {
                 path: path.to_owned(),
@@ -96,7 +118,7 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub fn positions(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
         match &self.stored {
-            Stored::Alembic(meshes) => {
+            Stored::Alembic(meshes, _) => {
                 let points = meshes[mesh].world_positions(sample)?;
                 Ok(points.into_iter().map(|p| self.units.to_si(Vec3::from(p))).collect())
             }
@@ -113,7 +135,7 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub fn stored_positions(&self, mesh: usize, sample: usize) -> Result<Option<StoredPositions>, IoError> {
         let (origin, points) = match &self.stored {
-            Stored::Alembic(meshes) => {
+            Stored::Alembic(meshes, _) => {
                 let mut matrix = meshes[mesh].world_matrix_at(meshes[mesh].time(sample))?;
                 let origin = [matrix[12], matrix[13], matrix[14]];
                 matrix[12..15].fill(0.0);
@@ -127,13 +149,33 @@ impl CacheFrames {
         Ok(Some(StoredPositions { units: self.units, origin, points }))
     }
 
+    /// All that the cache stores of a sample of a mesh.
+    ///
+    /// # Errors
+    /// The sample cannot be read.
+    pub fn stored_frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError> {
+        match &self.stored {
+            Stored::Alembic(meshes, bounds) => {
+                let of_file = bounds.as_ref().map(|bounds| bounds.elements::<f64, 6>(sample)).transpose()?;
+                stored_in_alembic(&meshes[mesh], sample, of_file.and_then(|all| all.first().copied()))
+            }
+            Stored::Hdf5(file, _) => {
+                let has = |name: &str| file.link_exists(name);
+                let velocities = has("velocities").then(|| self.rows(file, "velocities", sample)).transpose()?;
+                let crossings = has(CROSSINGS).then(|| self.number(file, CROSSINGS, sample)).transpose()?;
+                let positions = self.rows(file, "positions", sample)?;
+                Ok(StoredFrame { positions, velocities, crossings, has_bounds_of_points: true })
+            }
+        }
+    }
+
     /// Velocities of a sample of a mesh [m/s], Y up; `None` when the cache stores none.
     ///
     /// # Errors
     /// The sample cannot be read.
     pub fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<Vec3>>, IoError> {
         match &self.stored {
-            Stored::Alembic(meshes) => {
+            Stored::Alembic(meshes, _) => {
                 let rates = meshes[mesh].velocities(sample)?;
                 let si = |v: [f32; 3]| self.units.to_si(Vec3::from(v.map(f64::from)));
                 Ok(rates.map(|rates| rates.into_iter().map(si).collect()))
@@ -146,8 +188,8 @@ impl CacheFrames {
         }
     }
 
-    fn open_alembic(path: &Path) -> Result<Self, IoError> {
-        let archive = Archive::open(path)?;
+    fn open_alembic(path: &Path, root: Option<u64>) -> Result<Self, IoError> {
+        let archive = root.map_or_else(|| Archive::open(path), |root| Archive::open_at(path, root))?;
         let word = |key: &str| archive.metadata().get(key).unwrap_or_default().to_owned();
         let units = units(&word("lengthUnit"), &word("upAxis"));
         let mut stored = PolyMesh::all(&archive)?;
@@ -157,7 +199,8 @@ impl CacheFrames {
         }
         let fps = archive.frames_per_second_hint();
         let meshes = stored.iter().map(|mesh| alembic_mesh(mesh, fps)).collect::<Result<_, _>>()?;
-        Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(stored) })
+        let bounds = archive.bounds()?;
+        Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(stored, bounds) })
     }
 
     fn open_hdf5(path: &Path) -> hdf5::Result<Self> {
@@ -185,6 +228,16 @@ impl CacheFrames {
         Ok(Self { path: path.to_owned(), units, meshes: vec![mesh], stored: Stored::Hdf5(file, origin) })
     }
 
+    /// The number of a sample as it is stored.
+    fn number(&self, file: &hdf5::File, name: &str, sample: usize) -> Result<u32, IoError> {
+        let read = || match stored::dataset::<1>(file, name)? {
+            (dataset, [samples]) if sample < samples => dataset.read_slice_1d::<u32, _>(sample..=sample),
+            (_, extents) => Err(format!("dataset {name} has the extents {extents:?}").into()),
+        };
+        let values = read().map_err(|source| not_a_cache(&self.path, &source))?;
+        Ok(values[0])
+    }
+
     /// The vectors of a sample as they are stored.
     fn rows(&self, file: &hdf5::File, name: &str, sample: usize) -> Result<Vec<[f32; 3]>, IoError> {
         let read = || match stored::dataset::<3>(file, name)? {
@@ -198,6 +251,23 @@ impl CacheFrames {
 
 fn not_a_cache(path: &Path, source: &hdf5::Error) -> IoError {
     IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
+}
+
+/// All that is stored of a sample; `of_file` are the bounds of everything in it.
+fn stored_in_alembic(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) -> Result<StoredFrame, IoError> {
+    let positions = mesh.positions(sample)?;
+    let bounds = bounds_of(&positions);
+    let matrix = mesh.world_matrix_at(mesh.time(sample))?;
+    let in_world = shifted(bounds, [matrix[12], matrix[13], matrix[14]]);
+    let same = |stored: Option<Bounds>, bounds: Bounds| stored.is_none_or(|stored| stored == bounds);
+    let counts = mesh.user_properties().and_then(|properties| properties.samples(CROSSINGS));
+    let crossings = counts.map(|counts| counts.values::<u32>(sample)).transpose()?;
+    Ok(StoredFrame {
+        has_bounds_of_points: same(mesh.bounds(sample)?, bounds) && same(of_file, in_world),
+        velocities: mesh.velocities(sample)?,
+        crossings: crossings.and_then(|values| values.first().copied()),
+        positions,
+    })
 }
 
 /// Units by their words; metres with Y up where a file does not say.

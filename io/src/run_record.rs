@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
+use crate::frame_digest::FrameDigests;
 use crate::shot::bundle::recovery_value;
 
 /// Stage of a frame that holds all stages of the solver.
@@ -188,12 +189,30 @@ impl RunRecord {
         let file = options.read(true).append(true).create(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
         let mut record = Self { path, file };
         let present = record.length()?;
-        if let Some(length) = length.filter(|length| *length < present) {
+        let cut = length.filter(|length| *length < present);
+        // A record that somebody has changed has another length there: it stays, and `resume` voids what comes after.
+        if let Some(length) = cut.filter(|length| record.ends_line(*length)) {
             let events = record.events_after(length, frame)?;
             record.file.set_len(length).map_err(|e| IoError::writing(&record.path, e))?;
             events.iter().try_for_each(|event| record.line(event))?;
         }
+        record.end_half_line()?;
         Ok(record)
+    }
+
+    /// Whether a line ends at `length` bytes.
+    fn ends_line(&mut self, length: u64) -> bool {
+        let mut last = [0];
+        let at = length.checked_sub(1).map(SeekFrom::Start);
+        at.is_none_or(|at| self.file.seek(at).and_then(|_| self.file.read_exact(&mut last)).is_ok() && last == *b"\n")
+    }
+
+    /// Gives a line its end that a process which was killed left without, so that the next one is not lost with it.
+    fn end_half_line(&mut self) -> Result<(), IoError> {
+        match self.length().map(|length| self.ends_line(length))? {
+            true => Ok(()),
+            false => self.file.write_all(b"\n").map_err(|e| IoError::writing(&self.path, e)),
+        }
     }
 
     /// Lines behind `length` bytes that are not about a frame and not about what came after `frame`.
@@ -267,6 +286,28 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
         record["broken_attachments"] = summary.broken.iter().map(broken).collect();
     }
     record
+}
+
+/// Digests of what the caches hold of a frame, where they are not those that its own line has: caches that were written anew.
+pub fn digests_record(frame: i64, digests: &FrameDigests) -> Value {
+    json!({"record": "digests", "frame": frame, "digests": digests})
+}
+
+/// What is said of a frame in which steps went wrong, from the `recoveries` of its line; nothing where there are none.
+pub fn recovery_line(recoveries: &[Value]) -> Option<String> {
+    let first = recoveries.first()?;
+    let word = |key: &str| first[key].as_str().unwrap_or_default();
+    let vertices: Vec<u64> = first["vertices"].as_array().into_iter().flatten().filter_map(Value::as_u64).collect();
+    let place = match word("garment") {
+        "" => String::new(),
+        garment => format!(", garment \"{garment}\", vertices {vertices:?}"),
+    };
+    let more = match recoveries.len() - 1 {
+        0 => String::new(),
+        also => format!(", and {also} more in this frame"),
+    };
+    let (frame, time) = (first["frame"].as_i64().unwrap_or_default(), first["time"].as_f64().unwrap_or_default());
+    Some(format!("frame {frame}, time {time:.6} s{place}: {}; {}{more}", word("trouble"), word("rung")))
 }
 
 /// Stages with seconds and calls, in the order of their first call; over ranks the seconds are their mean, with the least and

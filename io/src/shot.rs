@@ -8,9 +8,11 @@
 
 pub mod bundle;
 pub(crate) mod check;
+mod counted;
 pub mod crew;
 mod folder;
 mod inputs;
+mod kept_frames;
 pub mod motion;
 mod output;
 mod pinned;

@@ -3,6 +3,7 @@
 //! second that agree with the motion, true bounds; and no crossing, of a mesh with itself or with another.
 
 mod crossings;
+mod recorded;
 
 use std::path::Path;
 
@@ -13,6 +14,7 @@ use crate::error::IoError;
 use crate::formats;
 
 pub(crate) use crossings::triangles_of;
+pub use recorded::recorded;
 
 /// Stored velocities over the motion seen between frames; outside of it the unit is wrong (per frame, say).
 const VELOCITY_RATIO: std::ops::RangeInclusive<f64> = 0.5..=2.0;

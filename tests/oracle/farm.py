@@ -169,7 +169,7 @@ def assert_same(out, expected):
     assert manifest(out)["state"] == "done", f"{out}: {manifest(out)}"
     # What a starter that was killed had prepared may stay: it could be that of a starter elsewhere. So may a copy for
     # `stale` of a run that has all its frames and finds nothing to do: the next attempt that writes removes it.
-    may_stay = [".lock.json.", ".part"]
+    may_stay = [".lock.json.", "attempt_"]
     left = [str(path) for path in Path(out).rglob("*.part") if not path.name.startswith(tuple(may_stay))]
     assert not left, f"unfinished files are left: {left}"
 
@@ -265,7 +265,7 @@ def read_json(path):
 def readers(out):
     """Every file under a final name, with what reads it."""
     for path in sorted(out.rglob("*")):
-        if path.name.startswith(".") or path.name.endswith(".part") or not path.is_file():
+        if path.name.startswith(".") or any(name.endswith(".part") for name in path.parts) or not path.is_file():
             continue
         if path.suffix == ".abc":
             yield path, read_archive

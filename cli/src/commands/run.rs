@@ -6,15 +6,16 @@ use std::time::SystemTime;
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
+use drapery_io::report::record::in_words;
 use drapery_io::shot::bundle::Bundle;
-use drapery_io::shot::quality::{Exceeded, LIMITS};
+use drapery_io::shot::quality::{self, Exceeded, LIMITS};
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
 
 use crate::args::{OnTerm, ProgressStyle, RunArgs, SceneArgs};
 use crate::config::{RunSettings, Surroundings};
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
-use crate::log::FolderLogs;
+use crate::log::{self, FolderLogs};
 use crate::progress::{Progress, duration};
 use crate::ranks::launcher;
 use crate::{Ended, plan, say, signals};
@@ -26,7 +27,13 @@ fn replay(args: &RunArgs, ranks: &Ranks, around: &Surroundings) -> Result<Ended,
     let (shot, _) = plan::prepare(&scene, around, ranks)?;
     say::line(format_args!("the run gave up: {}", bundle.error));
     let summary = shot.replay(&bundle)?;
+    let mut exceeded = Vec::new();
+    quality::watch(&mut exceeded, summary.frame, |name| summary.metrics.counted(name));
+    exceeded.iter().map(quality::first_rise).for_each(|text| tracing::warn!("{text}"));
     say::line(format_args!("frame {} is reached now, in {} steps", summary.frame, summary.steps));
+    if args.strict {
+        limits_kept("the frame is reached", &exceeded, &[])?;
+    }
     Ok(ExitCode::Done.into())
 }
 
@@ -47,15 +54,17 @@ pub(crate) fn run(
         Progress::new(style, quiet, 0).end(failure.code as u8, false);
     })?;
     let (style, requests) = (settings.progress.value, settings.requests());
-    let (progress, told, notes) = (None, false, 0);
-    let mut watcher = Watcher { progress, logs, args, style, requests: &requests, told, quiet, notes };
+    let (progress, told) = (None, false);
+    let mut watcher = Watcher { progress, logs, args, style, requests: &requests, told, quiet };
     let outcome = run_shot(args, ranks, (&settings, &around), &mut watcher);
-    let Watcher { progress, notes, .. } = watcher;
-    let mut progress = progress.unwrap_or_else(|| Progress::new(style, quiet, 0));
+    let mut progress = watcher.progress.unwrap_or_else(|| Progress::new(style, quiet, 0));
     match outcome {
         Ok(report) => {
             let stopped = matches!(report.outcome, Outcome::Stopped(_));
-            let verdict = if args.strict && !stopped { limits_kept(&report) } else { Ok(()) };
+            let verdict = match args.strict && !stopped {
+                true => limits_kept("all frames are written", &report.exceeded, &report.uncounted),
+                false => Ok(()),
+            };
             let by_term = settings.on_term.value == OnTerm::Signal
                 && report.outcome == Outcome::Stopped(Reason::Signal(Signal::Terminate));
             let code = match (&verdict, stopped) {
@@ -64,7 +73,7 @@ pub(crate) fn run(
                 (Ok(()), true) => settings.resumable_exit_code.value,
                 (Ok(()), false) => ExitCode::Done as u8,
             };
-            let last = last_line(&report, notes, ranks.count());
+            let last = last_line(&report, ranks.count());
             tracing::info!(exit_code = code, "{last}");
             if !quiet && !matches!(style, ProgressStyle::Json | ProgressStyle::None) {
                 progress.clear();
@@ -97,7 +106,6 @@ fn run_shot(
     // Before anything that takes long: a signal during the checks is a request, too.
     signals::listen(watcher.requests)?;
     let (shot, (threads, of_ranks)) = plan::prepare(&args.scene, around, ranks)?;
-    watcher.notes += shot.warnings().len();
     let out = args.settings.out.clone().unwrap_or_else(|| plan::default_folder(&shot));
     let [first, last] = shot.frames();
     tracing::info!(
@@ -151,8 +159,8 @@ pub(crate) fn quoted(word: String) -> String {
 }
 
 /// Frame, time, warnings and what to do next.
-fn last_line(report: &RunReport, notes: usize, ranks: usize) -> String {
-    let warnings = match notes + report.exceeded.len() {
+fn last_line(report: &RunReport, ranks: usize) -> String {
+    let warnings = match log::warnings() {
         0 => "no warnings".to_owned(),
         1 => "1 warning".to_owned(),
         many => format!("{many} warnings"),
@@ -160,7 +168,7 @@ fn last_line(report: &RunReport, notes: usize, ranks: usize) -> String {
     let (frame, time) = (report.frame, duration(report.seconds));
     match report.outcome {
         Outcome::Done => format!("done: frame {frame}, {time}, {warnings}"),
-        Outcome::NothingToDo => format!("all frames up to {frame} are there already; nothing was done"),
+        Outcome::NothingToDo => format!("all frames up to {frame} are there already; nothing was done; {warnings}"),
         Outcome::Stopped(reason) => {
             format!("stopped ({reason}): frame {frame}, {time}, {warnings}; continue with: {}", command(ranks))
         }
@@ -177,8 +185,6 @@ struct Watcher<'a> {
     /// Whether it was said how much notice checkpoints need.
     told: bool,
     quiet: bool,
-    /// Number of warnings.
-    notes: usize,
 }
 
 impl Watcher<'_> {
@@ -208,7 +214,6 @@ impl Observer for Watcher<'_> {
     }
 
     fn note(&mut self, text: String) {
-        self.notes += 1;
         tracing::warn!("{text}");
     }
 
@@ -234,20 +239,26 @@ fn log_frame(report: &FrameReport<'_>) {
     );
 }
 
-/// Refuses a run in which a count rose that should stay zero. The caches are complete all the same.
-fn limits_kept(report: &RunReport) -> Result<(), Failure> {
-    if report.exceeded.is_empty() {
+/// Refuses a run in which a count rose that should stay zero, or in which nobody knows. The caches are complete all the same.
+fn limits_kept(done: &str, exceeded: &[Exceeded], uncounted: &[[i64; 2]]) -> Result<(), Failure> {
+    if exceeded.is_empty() && uncounted.is_empty() {
         return Ok(());
     }
     let line = |limit: &Exceeded| {
         let Exceeded { name, meaning, total, first_frame } = limit;
         format!("\n  {name} {total}, first in frame {first_frame}: {meaning}")
     };
-    let lines: String = report.exceeded.iter().map(line).collect();
-    let text = format!(
-        "all frames are written, but quality limits are exceeded{lines}\n  \
-         help: look at these frames; without --strict such a run counts as done"
-    );
+    let mut lines: String = exceeded.iter().map(line).collect();
+    if !uncounted.is_empty() {
+        lines += &format!("\n  {}: what was counted in them is not known", in_words(uncounted));
+    }
+    let what = if exceeded.is_empty() {
+        "whether quality limits are kept is not known"
+    } else {
+        "quality limits are exceeded"
+    };
+    let text =
+        format!("{done}, but {what}{lines}\n  help: look at these frames; without --strict such a run counts as done");
     Err(Failure::new(ExitCode::QualityLimits, text))
 }
 

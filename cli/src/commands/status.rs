@@ -1,8 +1,11 @@
 //! `drapery status`: how far a run is.
 
 use std::fmt::Write;
+use std::path::Path;
 use std::time::SystemTime;
 
+use drapery_io::farm::stale;
+use drapery_io::report::record::in_words;
 use drapery_io::report::status::{Process, Status};
 
 use crate::args::StatusArgs;
@@ -18,12 +21,12 @@ pub(crate) fn status(args: &StatusArgs) -> Result<ExitCode, Failure> {
         // A struct of texts and numbers always has a JSON form.
         say::line(serde_json::to_string_pretty(&status).unwrap_or_default());
     } else {
-        say::line(text(&status).trim_end());
+        say::line(text(&status, &args.folder).trim_end());
     }
     Ok(ExitCode::Done)
 }
 
-fn text(status: &Status) -> String {
+fn text(status: &Status, folder: &Path) -> String {
     let mut text = format!("{}: {}\n", status.shot, state(status));
     let mut line = |name: &str, value: String| {
         // Writing into a text cannot fail.
@@ -44,12 +47,22 @@ fn text(status: &Status) -> String {
         let ranks = if status.ranks > 1 { format!(", rank 0 of {}", status.ranks) } else { String::new() };
         line("process", process_text(process) + &ranks);
     }
-    let total: u64 = status.degradations.iter().map(|found| found.total).sum();
+    let total = status.degradations.iter().fold(0, |sum: u64, found| sum.saturating_add(found.total));
     line("degradations", if total == 0 { "none".to_owned() } else { total.to_string() });
     for found in &status.degradations {
         let (name, meaning) = (found.name, found.meaning);
         let (count, first, worst) = (found.total, found.first_frame, found.worst_frame);
         line("", format!("{name} {count}, first in frame {first}, most in frame {worst}: {meaning}"));
+    }
+    if !status.uncounted.is_empty() {
+        line("", format!("{}: not counted; run.jsonl does not hold all of it", in_words(&status.uncounted)));
+    }
+    if let Some(stale) = &status.stale {
+        let attempts =
+            if stale.attempts == 1 { "1 attempt".to_owned() } else { format!("{} attempts", stale.attempts) };
+        let folder = folder.join(stale::FOLDER);
+        let size = stale.bytes as f64 / 1e6;
+        line("stale", format!("{attempts}, {size:.1} MB; delete {} when the shot is accepted", folder.display()));
     }
     if let Some(error) = &status.error {
         line("error", error.replace('\n', "\n               "));

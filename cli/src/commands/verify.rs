@@ -1,9 +1,10 @@
-//! `drapery verify`: would other applications load these caches, and does cloth pass through cloth?
+//! `drapery verify`: would other applications load these caches, does cloth pass through cloth, and do they still hold what the
+//! run has written?
 
 use std::path::Path;
 
-use drapery_io::error::IoErrorKind;
-use drapery_io::verify;
+use drapery_io::error::{IoError, IoErrorKind};
+use drapery_io::verify::{self, Verification};
 
 use crate::args::VerifyArgs;
 use crate::exit_code::ExitCode;
@@ -13,18 +14,38 @@ use crate::say;
 /// Checks every frame of caches that belong together.
 pub(crate) fn verify(args: &VerifyArgs) -> Result<ExitCode, Failure> {
     let paths: Vec<&Path> = args.files.iter().map(AsRef::as_ref).collect();
-    let found = verify::verify(&paths, args.body.as_deref()).map_err(|error| match error.kind() {
-        // What cannot be understood cannot be loaded either; a file that is not there is another matter.
-        IoErrorKind::BadInput => Failure::new(ExitCode::VerificationFailed, error.to_string()),
-        _ => Failure::from(error),
-    })?;
+    let mut found = Verification::default();
+    // Of HDF5 caches there are no rules but those of the record.
+    let alembic: Vec<&Path> = paths.iter().copied().filter(|path| args.record.is_none() || !is_hdf5(path)).collect();
+    if !alembic.is_empty() {
+        found = verify::verify(&alembic, args.body.as_deref()).map_err(unusable)?;
+    }
+    if let Some(folder) = &args.record {
+        let of_record = verify::recorded(folder, &paths)?;
+        found.facts.extend(of_record.facts);
+        found.warnings.extend(of_record.warnings);
+        found.failures.extend(of_record.failures);
+    }
     found.facts.iter().for_each(say::line);
     found.warnings.iter().for_each(|warning| say::line(format_args!("warning: {warning}")));
-    let names = args.files.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    let shown = if args.files.is_empty() { args.record.as_slice() } else { &args.files };
+    let names = shown.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
     if found.failures.is_empty() {
         say::line(format_args!("{names}: every rule is kept"));
         return Ok(ExitCode::Done);
     }
     let text = format!("{names}: {} rules are broken\n{}", found.failures.len(), found.failures.join("\n"));
     Err(Failure::new(ExitCode::VerificationFailed, text))
+}
+
+/// What cannot be understood cannot be loaded either; a file that is not there is another matter.
+fn unusable(error: IoError) -> Failure {
+    match error.kind() {
+        IoErrorKind::BadInput => Failure::new(ExitCode::VerificationFailed, error.to_string()),
+        _ => Failure::from(error),
+    }
+}
+
+fn is_hdf5(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("h5"))
 }

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod effects;
+mod farm;
 mod inspection;
 mod replay;
 mod run;

@@ -94,7 +94,8 @@ pub struct Store {
 }
 
 impl Store {
-    /// Opens the checkpoints in the folder `out` of a run, and removes what an earlier run left unfinished.
+    /// Opens the checkpoints in the folder `out` of a run, and removes what an earlier run left unfinished: parts of files, and
+    /// accounts whose checkpoint was never written.
     ///
     /// The last `keep` are kept, at least one, beside those at the frames `pinned`. Only the holder of the run's lock
     /// may do this.
@@ -106,7 +107,7 @@ impl Store {
         fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
         for path in files(&folder)? {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name.ends_with(".part") {
+            if name.ends_with(".part") || is_orphan(&path) {
                 fs::remove_file(&path).map_err(|e| IoError::writing(&path, e))?;
             }
         }
@@ -251,6 +252,14 @@ pub fn list(out: &Path) -> Result<Vec<Entry>, IoError> {
     if folder.is_dir() { entries(&folder) } else { Ok(Vec::new()) }
 }
 
+/// The checkpoints in a folder, earliest first.
+///
+/// # Errors
+/// The folder cannot be read.
+pub(crate) fn in_folder(folder: &Path) -> Result<Vec<Entry>, IoError> {
+    entries(folder)
+}
+
 /// Opens a checkpoint and what belongs to it.
 ///
 /// # Errors
@@ -307,6 +316,12 @@ fn part_path(path: &Path) -> PathBuf {
 /// The account that belongs to a checkpoint.
 fn account_path(path: &Path) -> PathBuf {
     path.with_extension("json")
+}
+
+/// Whether a file is an account that belongs to no checkpoint.
+fn is_orphan(path: &Path) -> bool {
+    let of = path.with_extension("h5");
+    account_path(&of) == path && !of.exists() && entry(of).is_some()
 }
 
 /// A name in `folder` that is not taken.

@@ -1,9 +1,11 @@
 //! Attempts: each start of a run in a folder has its own two logs, `OUT/logs/001.log` (words) and `001.jsonl`.
 
 use std::fs::{self, File, OpenOptions};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
+use crate::farm::stale;
 
 /// Folder of the logs in the folder of a run.
 pub const LOGS: &str = "logs";
@@ -20,24 +22,28 @@ pub struct Attempt {
 }
 
 impl Attempt {
-    /// The attempt after those that the logs in `folder` tell of. Its log file exists when this returns, empty, so that
+    /// The attempt after those that the logs in `folder` tell of, and what they have set aside. Its log file exists when this returns, empty, so that
     /// nobody else gets the number.
     ///
     /// # Errors
-    /// The logs' folder or the file cannot be created.
+    /// The logs' folder or the file cannot be created; there is no number left.
     pub fn next(folder: &Path) -> Result<Self, IoError> {
         let logs = folder.join(LOGS);
         fs::create_dir_all(&logs).map_err(|e| IoError::creating(&logs, e))?;
-        loop {
-            let number = last(&logs)? + 1;
+        // Logs may have been deleted to save room; what was set aside keeps its name.
+        let last = last(&logs)?.max(stale::last_attempt(folder));
+        let mut refused = None;
+        for number in last.saturating_add(1)..=u32::MAX {
             let attempt = Self::named(&logs, number);
             match OpenOptions::new().write(true).create_new(true).open(&attempt.log) {
                 Ok(_) => return Ok(attempt),
                 // Another process was faster; its file now counts.
-                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => refused = Some((attempt.log, error)),
                 Err(error) => return Err(IoError::creating(&attempt.log, error)),
             }
         }
+        let (log, error) = refused.unwrap_or_else(|| (logs, ErrorKind::QuotaExceeded.into()));
+        Err(IoError::creating(&log, error))
     }
 
     /// Opens the two logs to append to them: words, then JSON lines.
@@ -64,7 +70,7 @@ fn last(logs: &Path) -> Result<u32, IoError> {
         let name = entry.map_err(|e| IoError::reading(logs, e))?.file_name();
         let stem = Path::new(&name).file_stem().and_then(|stem| stem.to_str());
         // Other files in the folder are somebody else's.
-        last = last.max(stem.and_then(|stem| stem.parse().ok()).filter(|n| *n < u32::MAX).unwrap_or(0));
+        last = last.max(stem.and_then(|stem| stem.parse().ok()).unwrap_or(0));
     }
     Ok(last)
 }
@@ -89,6 +95,9 @@ mod tests {
         let next = Attempt::next(folder.path()).unwrap();
         assert_eq!((next.number, next.log.ends_with("logs/1042.log")), (1042, true));
         assert_eq!(fs::read_to_string(first.log).unwrap(), "first");
+        fs::remove_dir_all(folder.path().join(LOGS)).unwrap();
+        fs::create_dir_all(folder.path().join("stale/attempt_007")).unwrap();
+        assert_eq!(Attempt::next(folder.path()).unwrap().number, 8);
     }
 
     #[test]

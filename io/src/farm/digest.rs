@@ -36,6 +36,9 @@ const FRAMES: &str = "shot.frames";
 const FIRST_FRAME: &str = "shot.first_frame";
 const LAST_FRAME: &str = "shot.last_frame";
 
+/// Key of the scene that says whether caches hold velocities.
+const VELOCITIES: &str = "output.velocities";
+
 /// Longest value that is shown in full, in characters.
 const SHOWN: usize = 48;
 
@@ -100,6 +103,11 @@ impl Fingerprint {
         digests.insert("format".to_owned(), versions.format.to_string());
         digests.insert("application".to_owned(), versions.application.to_owned());
         Ok(Self { digests, scene })
+    }
+
+    /// What the scene says about velocities in the caches.
+    pub fn stores_velocities(&self) -> Option<&str> {
+        self.scene.get(VELOCITIES).map(String::as_str)
     }
 }
 
@@ -195,7 +203,8 @@ fn content_digest(path: &Path) -> Result<String, IoError> {
     }
 }
 
-fn hex(all: Sha256) -> String {
+/// A digest as text.
+pub(crate) fn hex(all: Sha256) -> String {
     all.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

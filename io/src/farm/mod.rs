@@ -5,6 +5,7 @@
 //! OUT/control/stop       "write a checkpoint and leave"             stop.rs, with duration.rs
 //! OUT/control/checkpoint "write a checkpoint and go on"
 //! OUT/logs/001.log       log of the first attempt, and 001.jsonl    attempts.rs
+//! OUT/stale/attempt_002  what an attempt did not go on from         stale.rs
 //! ```
 //!
 //! What a resumed run is compared with is computed in `digest`; it is kept in the manifest and in checkpoints.
@@ -14,4 +15,5 @@ pub mod digest;
 pub mod duration;
 pub mod lock;
 pub mod process;
+pub mod stale;
 pub mod stop;

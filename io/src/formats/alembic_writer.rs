@@ -291,11 +291,9 @@ impl AlembicWriter {
 impl Declared {
     fn write(&mut self, archive: &mut ArchiveWriter, sample: &PolyMeshSample<'_>) -> Result<(), AlembicError> {
         self.mesh.write(archive, sample)?;
-        let mut bounds = sample.bounds.unwrap_or(EMPTY_BOUNDS);
-        if let Some(origin) = self.origin {
-            // Those of the archive are in the world.
-            bounds.iter_mut().zip(origin.iter().cycle()).for_each(|(bound, origin)| *bound += origin);
-        }
+        let bounds = sample.bounds.unwrap_or(EMPTY_BOUNDS);
+        // Those of the archive are in the world.
+        let bounds = self.origin.map_or(bounds, |origin| shifted(bounds, origin));
         archive.write_archive_bounds(self.sampling, &bounds)
     }
 
@@ -429,7 +427,14 @@ fn shift(origin: [f64; 3]) -> Matrix {
     matrix
 }
 
-fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
+/// Bounds of what is moved by `origin`.
+pub(crate) fn shifted(mut bounds: Bounds, origin: [f64; 3]) -> Bounds {
+    bounds.iter_mut().zip(origin.iter().cycle()).for_each(|(bound, origin)| *bound += origin);
+    bounds
+}
+
+/// The smallest bounds that hold all positions.
+pub(crate) fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
     let mut bounds = EMPTY_BOUNDS;
     for p in positions {
         for axis in 0..3 {

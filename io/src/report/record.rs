@@ -3,16 +3,20 @@
 //! The file may be read while a run writes it, so the last line may be half a line; lines that cannot be understood are
 //! counted and passed over. A run that was resumed may have written frames more than once: the last word counts.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use serde::Deserialize;
 use serde_json::Value;
 
 use crate::error::IoError;
+use crate::frame_digest::FrameDigests;
 use crate::run_record::FRAMES;
+
+/// Bytes that are taken for a line at most: a file that is something else does not fill the memory.
+const LONGEST_LINE: u64 = 1 << 26;
 
 /// A whole record.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -23,6 +27,8 @@ pub struct Record {
     pub frames: Vec<FrameRow>,
     /// Checkpoints, stops and resumes, in the order in which they happened.
     pub events: Vec<Event>,
+    /// Frames of which a part was simulated by an attempt whose counts are lost.
+    pub partly_counted: BTreeSet<i64>,
     /// Lines that could not be understood; half a line at the end of a record that is being written is none of them.
     pub unreadable: usize,
 }
@@ -81,6 +87,10 @@ pub struct FrameRow {
     pub counts: BTreeMap<String, u64>,
     /// Memory that the process occupied at the end of the frame.
     pub resident_bytes: Option<u64>,
+    /// What was done about steps that went wrong, as [`crate::run_record::recovery_line`] reads it.
+    pub recoveries: Vec<Value>,
+    /// Digests of what the caches hold of the frame, by garment; empty where none were recorded.
+    pub digests: FrameDigests,
 }
 
 /// The most stretched edge of a frame.
@@ -168,8 +178,8 @@ impl Record {
         let mut record = Self::default();
         let mut frames = BTreeMap::new();
         let mut line = Vec::new();
-        while reader.read_until(b'\n', &mut line)? > 0 {
-            let is_whole = line.ends_with(b"\n");
+        while reader.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)? > 0 {
+            let is_whole = line.ends_with(b"\n") || line.len() as u64 == LONGEST_LINE;
             match serde_json::from_slice(&line) {
                 Ok(value) => record.take(value, &mut frames),
                 Err(_) => record.unreadable += usize::from(is_whole),
@@ -184,6 +194,7 @@ impl Record {
         let last = || frames.last_key_value().map_or(0, |(frame, _)| *frame);
         let at = line["frame"].as_i64();
         let kind = line["record"].as_str().unwrap_or_default().to_owned();
+        let begins_uncounted = line["counts_lost"] == true;
         let event = match kind.as_str() {
             "header" => {
                 // A second header is that of an attempt that went on; it says the same.
@@ -193,6 +204,14 @@ impl Record {
                 match serde_json::from_value::<FrameRow>(line) {
                     Ok(row) if FRAMES.contains(&row.frame) => drop(frames.insert(row.frame, row)),
                     Ok(_) | Err(_) => self.unreadable += 1,
+                }
+                return;
+            }
+            "digests" => {
+                let row = at.and_then(|frame| frames.get_mut(&frame));
+                match (row, serde_json::from_value(line["digests"].clone())) {
+                    (Some(row), Ok(digests)) => row.digests = digests,
+                    _ => self.unreadable += 1,
                 }
                 return;
             }
@@ -211,18 +230,50 @@ impl Record {
         if matches!(event, EventKind::Resume { .. }) {
             // What came after the checkpoint is simulated again.
             frames.split_off(&(frame + 1));
+            self.partly_counted.split_off(&(frame + 1));
+            if begins_uncounted {
+                self.partly_counted.insert(frame + 1);
+            }
         }
         self.events.push(Event { frame, kind: event });
+    }
+
+    /// Frames from `first` to `last` whose counts are not known, or only in part, as ranges: lines that are missing or cannot be
+    /// understood, and frames that an attempt went on with whose counts were lost.
+    pub fn uncounted(&self, first: i64, last: i64) -> Vec<[i64; 2]> {
+        let known = |row: &&FrameRow| (first..=last).contains(&row.frame) && !self.partly_counted.contains(&row.frame);
+        gaps(first, last, self.frames.iter().filter(known).map(|row| row.frame))
     }
 
     /// Totals of all counts.
     pub fn totals(&self) -> BTreeMap<&str, u64> {
         let mut totals = BTreeMap::new();
         for (name, amount) in self.frames.iter().flat_map(|row| &row.counts) {
-            *totals.entry(name.as_str()).or_default() += amount;
+            let total: &mut u64 = totals.entry(name.as_str()).or_default();
+            *total = total.saturating_add(*amount);
         }
         totals
     }
+}
+
+/// Ranges of the numbers from `first` to `last` that do not come in `present`, which ascends and holds no others.
+pub(crate) fn gaps(first: i64, last: i64, present: impl Iterator<Item = i64>) -> Vec<[i64; 2]> {
+    let (mut next, mut found) = (first, Vec::new());
+    for number in present.chain([last + 1]) {
+        if number > next {
+            found.push([next, number - 1]);
+        }
+        next = number + 1;
+    }
+    found
+}
+
+/// Ranges of frames in words, as in `frames 1001-1003, 1007`.
+pub fn in_words(ranges: &[[i64; 2]]) -> String {
+    let one = |[first, last]: &[i64; 2]| if first == last { first.to_string() } else { format!("{first}-{last}") };
+    let is_one = matches!(ranges, [[first, last]] if first == last);
+    let word = if is_one { "frame" } else { "frames" };
+    format!("{word} {}", ranges.iter().map(one).collect::<Vec<_>>().join(", "))
 }
 
 /// The value in the middle, of an even number the upper one; `None` of nothing.
@@ -266,6 +317,17 @@ mod tests {
         assert_eq!(kinds[0], (1, EventKind::Checkpoint { seconds: 0.5, bytes: 7 }));
         assert_eq!(kinds[1], (3, EventKind::Stop { reason: "signal TERM".into() }));
         assert_eq!(kinds[2], (1, EventKind::Resume { attempt: 2 }));
+    }
+
+    #[test]
+    fn frames_without_a_line_and_frames_begun_without_an_account_are_uncounted() {
+        let frame = |n: i64| format!("{{\"record\":\"frame\",\"frame\":{n}}}\n");
+        let resume = "{\"record\":\"resume\",\"frame\":5,\"sub_step\":3,\"counts_lost\":true}\n";
+        let record = record(&(frame(2) + &frame(3) + &frame(5) + resume + &frame(6) + &frame(7)));
+        assert_eq!(record.uncounted(1, 8), [[1, 1], [4, 4], [6, 6], [8, 8]]);
+        assert_eq!(record.uncounted(2, 3), [[0; 2]; 0]);
+        assert_eq!(in_words(&record.uncounted(1, 8)), "frames 1, 4, 6, 8");
+        assert_eq!((in_words(&[[7, 9]]).as_str(), in_words(&[[7, 7]]).as_str()), ("frames 7-9", "frame 7"));
     }
 
     #[test]

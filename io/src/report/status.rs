@@ -9,6 +9,7 @@ use super::folder::RunFolder;
 use super::record::median;
 use crate::error::IoError;
 use crate::farm::lock::{self, Holder, Presence};
+use crate::farm::stale::{self, Stale};
 use crate::run_record::ManifestCheckpoint;
 use crate::shot::quality::LIMITS;
 
@@ -47,6 +48,10 @@ pub struct Status {
     pub checkpoint: Option<ManifestCheckpoint>,
     /// Counts that should be zero and are not.
     pub degradations: Vec<Degradation>,
+    /// Frames whose counts are not known, as ranges: nobody can say whether these hold more such counts.
+    pub uncounted: Vec<[i64; 2]>,
+    /// What attempts have set aside, if they have.
+    pub stale: Option<Stale>,
     /// The process that works on it; rank 0 of several.
     pub process: Option<Process>,
     /// Number of ranks of the last attempt.
@@ -100,6 +105,9 @@ impl Status {
         let reached = rows.last().map(|row| row.frame).or(folder.record.header.start_frame);
         let left = folder.manifest.last_frame - reached.unwrap_or(folder.manifest.first_frame);
         let degradations = degradations(&folder);
+        let start = folder.record.header.start_frame.unwrap_or(folder.manifest.first_frame);
+        let counted_to = folder.manifest.last_complete_frame.or(reached);
+        let uncounted = counted_to.map_or_else(Vec::new, |last| folder.record.uncounted(start, last));
         let process = lock::holder(path, now)?.map(Process::from);
         let manifest = folder.manifest;
         Ok(Self {
@@ -116,6 +124,8 @@ impl Status {
             seconds_left: rate.filter(|_| left > 0).map(|rate| rate * left as f64),
             checkpoint: manifest.checkpoint,
             degradations,
+            uncounted,
+            stale: stale::look(path),
             process,
             // Older programs had one.
             ranks: manifest.attempts.last().map_or(1, |attempt| attempt.ranks.max(1)),
@@ -138,7 +148,8 @@ pub fn degradations(folder: &RunFolder) -> Vec<Degradation> {
         let (first_frame, _) = *bad.first()?;
         // Of equally bad frames the first.
         let (worst_frame, _) = *bad.iter().rev().max_by_key(|(_, amount)| amount)?;
-        let total = bad.iter().map(|(_, amount)| amount).sum();
+        // A record may say anything; a sum beyond all numbers is still a large one.
+        let total = bad.iter().fold(0, |sum: u64, (_, amount)| sum.saturating_add(*amount));
         Some(Degradation { name, meaning, total, first_frame, worst_frame, frames: bad.len() })
     };
     LIMITS.iter().filter_map(summed).collect()

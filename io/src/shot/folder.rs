@@ -2,23 +2,21 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use serde_json::Value;
 
 use crate::atomic_file;
-use crate::checkpoint::store;
+use crate::checkpoint::{Store, store};
 use crate::error::IoError;
+use crate::farm::attempts::Attempt;
 use crate::farm::digest::Fingerprint;
+use crate::farm::lock::RunLock;
+use crate::farm::process::Owner;
+use crate::farm::stale;
 use crate::run_record::{self, AttemptRecord, FINGERPRINT, MANIFEST, RECORD, RESOLVED};
-
-/// Folder inside that of a run for what a resumed run does not go on from.
-const STALE: &str = "stale";
-
-/// Name of a copy that is not whole yet.
-const UNFINISHED: &str = ".part";
-
-/// Key of the scene that says whether caches hold velocities.
-const VELOCITIES: &str = "output.velocities";
+use crate::shot::ShotError;
+use crate::shot::run::{Observer, RunOptions};
 
 /// An earlier run in a folder.
 #[derive(Debug)]
@@ -48,8 +46,7 @@ impl Earlier {
 
     /// Whether its caches hold velocities where those of a shot would not, or the other way round.
     pub(super) fn stores_other_velocities(&self, now: &Fingerprint) -> bool {
-        let stored = |fingerprint: &Fingerprint| fingerprint.scene.get(VELOCITIES).cloned();
-        self.fingerprint.as_ref().is_some_and(|then| stored(then) != stored(now))
+        self.fingerprint.as_ref().is_some_and(|then| then.stores_velocities() != now.stores_velocities())
     }
 
     /// What positions in its caches are counted from [m]; the origin of the world in folders of older programs.
@@ -79,6 +76,46 @@ impl Earlier {
     }
 }
 
+/// A folder that this attempt has taken.
+pub(super) struct Held {
+    /// This process.
+    pub(super) owner: Owner,
+    /// The folder's lock.
+    pub(super) lock: RunLock,
+    /// Number and logs.
+    pub(super) attempt: Attempt,
+    /// The folder's checkpoints.
+    pub(super) store: Store,
+}
+
+impl Held {
+    /// Takes the folder, opens the logs, and clears up what earlier attempts left unfinished.
+    pub(super) fn take(
+        options: &RunOptions,
+        notes: Vec<String>,
+        observer: &mut dyn Observer,
+    ) -> Result<Self, ShotError> {
+        let out = &options.out;
+        let owner = Owner::this_process();
+        let lock = RunLock::take(out, &owner, options.steal_lock, SystemTime::now())?;
+        let attempt = Attempt::next(out)?;
+        observer.logs(attempt.open()?);
+        notes.into_iter().for_each(|note| observer.note(note));
+        if let Some(former) = lock.former() {
+            observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
+        }
+        for name in options.requests.watch_folder(out)? {
+            observer.note(format!("control/{name} was asked of an earlier attempt and is removed"));
+        }
+        let store = Store::open(out, options.keep, &options.pinned)?;
+        if options.overwrite {
+            store.remove_all()?;
+        }
+        stale::clear_unfinished(out)?;
+        Ok(Self { owner, lock, attempt, store })
+    }
+}
+
 /// Writes what a run depends on.
 pub(super) fn write_fingerprint(folder: &Path, fingerprint: &Fingerprint) -> Result<(), IoError> {
     // Texts only: they always have a JSON form.
@@ -97,36 +134,4 @@ pub(super) fn files_of_run(folder: &Path, planned: &[PathBuf]) -> Vec<PathBuf> {
     files.sort();
     files.dedup();
     files
-}
-
-/// The folder into which an attempt sets aside what it does not go on from.
-pub(super) fn stale(folder: &Path, attempt: u32) -> PathBuf {
-    folder.join(STALE).join(format!("attempt_{attempt:03}"))
-}
-
-/// Removes what a killed attempt left unfinished among what it set aside.
-pub(super) fn clear_unfinished(folder: &Path) -> Result<(), IoError> {
-    let attempts = fs::read_dir(folder.join(STALE)).into_iter().flatten().flatten();
-    for part in attempts.map(|attempt| attempt.path().join(UNFINISHED)).filter(|part| part.exists()) {
-        fs::remove_file(&part).map_err(|e| IoError::writing(&part, e))?;
-    }
-    Ok(())
-}
-
-/// Copies files into `stale`, each whole or not at all.
-pub(super) fn set_aside(files: &[PathBuf], stale: &Path) -> Result<(), IoError> {
-    if !files.is_empty() {
-        fs::create_dir_all(stale).map_err(|e| IoError::creating(stale, e))?;
-    }
-    for file in files {
-        let to = stale.join(file.file_name().unwrap_or_default());
-        let part = stale.join(UNFINISHED);
-        let copied = fs::copy(file, &part).and_then(|_| fs::rename(&part, &to));
-        if copied.is_err() {
-            // What is left of it would only take room.
-            let _ = fs::remove_file(&part);
-        }
-        copied.map_err(|e| IoError::writing(&to, e))?;
-    }
-    Ok(())
 }

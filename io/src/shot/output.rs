@@ -1,5 +1,7 @@
 //! The folder of a run: caches, manifest, record and the resolved scene.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +17,7 @@ use crate::error::IoError;
 use crate::farm::digest::Fingerprint;
 use crate::farm::stop::Reason;
 use crate::formats::{self, CreateCache, ResumeCache};
+use crate::frame_digest::{FrameDigests, GarmentDigests};
 use crate::run_record::{
     self, AttemptRecord, MANIFEST, Manifest, ManifestCheckpoint, ManifestGarment, RESOLVED, RunRecord,
 };
@@ -97,6 +100,7 @@ impl Output {
         let planned = planned(shot, &folder);
         let marks: Vec<CacheMark> =
             from.head.caches.iter().filter_map(|mark| serde_json::from_value(mark.clone()).ok()).collect();
+        let rewritten = RefCell::new(BTreeMap::<i64, FrameDigests>::new());
         let resume = |cache: &Planned, plan: CachePlan<'_>| {
             let mark = marks.iter().find(|mark| mark.file == file_name(&cache.path));
             match (mark, from.head.delivered) {
@@ -109,7 +113,11 @@ impl Output {
                     let source = own.or(other).map(|mark| folder.join(&mark.file));
                     let source = source.unwrap_or_else(|| cache.path.clone());
                     let open = (cache.create, cache.resume);
-                    NewForm { path: &cache.path, plan, open }.write(&source, last)
+                    let garment = plan.garment.to_owned();
+                    let mut take = |frame, digests| {
+                        rewritten.borrow_mut().entry(frame).or_default().insert(garment.clone(), digests);
+                    };
+                    NewForm { path: &cache.path, plan, open }.write(&source, last, &mut take)
                 }
             }
         };
@@ -124,7 +132,12 @@ impl Output {
             "checkpoint": from.checkpoint.file,
             "attempt": attempt,
             "changes": start.attempts.last().map(|attempt| attempt.changes.clone()).unwrap_or_default(),
+            "counts_lost": from.account.is_none() && from.head.sub_step > 0,
         }))?;
+        if from.other_form {
+            let lines = rewritten.into_inner();
+            lines.iter().try_for_each(|(frame, all)| record.line(&run_record::digests_record(*frame, all)))?;
+        }
         let mut manifest = manifest(shot, start.options, &planned, start.attempts);
         manifest.last_complete_frame = from.head.delivered;
         manifest.checkpoint = Some(from.checkpoint);
@@ -149,16 +162,21 @@ impl Output {
         self.writers.iter().flatten().map(|writer| writer.path().to_owned()).collect()
     }
 
-    /// Writes the state of the simulation as a frame of every cache, then tells the manifest.
-    pub(super) fn write_frame(&mut self, frame: i64, crew: &mut Crew, spent: &mut Metrics) -> Result<(), IoError> {
+    /// Writes the state of the simulation as a frame of every cache, then tells the manifest; returns digests of what was written.
+    pub(super) fn write_frame(
+        &mut self,
+        frame: i64,
+        crew: &mut Crew,
+        spent: &mut Metrics,
+    ) -> Result<FrameDigests, IoError> {
         let units = self.units;
         let crossings = self.crossings.then(|| spent.stage("check caches", |_| crew.crossings_of_stored(units)));
         if let Some(count) = crossings {
             spent.count(CROSSINGS_WRITTEN, u64::from(count));
         }
-        spent.stage("write caches", |_| self.write_caches(frame, crew, crossings))?;
+        let digests = spent.stage("write caches", |_| self.write_caches(frame, crew, crossings))?;
         self.manifest.last_complete_frame = Some(frame);
-        Ok(())
+        Ok(digests)
     }
 
     /// Notes in the manifest that this attempt has finished a frame, pre-roll included, which took so long [s].
@@ -198,7 +216,8 @@ impl Output {
     }
 
     /// One garment after the other: no more than one is in memory as a whole.
-    fn write_caches(&mut self, frame: i64, crew: &Crew, crossings: Option<u32>) -> Result<(), IoError> {
+    fn write_caches(&mut self, frame: i64, crew: &Crew, crossings: Option<u32>) -> Result<FrameDigests, IoError> {
+        let mut digests = FrameDigests::new();
         let (units, with_velocities) = (self.units, self.velocities);
         for (garment, writers) in self.writers.iter_mut().enumerate().filter(|(_, writers)| !writers.is_empty()) {
             let positions = crew.stored(garment, Field::Positions, units);
@@ -207,8 +226,10 @@ impl Output {
             for writer in writers {
                 writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
             }
+            let name = self.manifest.garments[garment].name.clone();
+            digests.insert(name, GarmentDigests::of(positions, velocities));
         }
-        Ok(())
+        Ok(digests)
     }
 
     /// Appends a line to the record.

@@ -1,7 +1,5 @@
 //! Counts that mean a loss of quality: what `drapery run --strict` does not let pass.
 
-use drapery_core::metrics::Metrics;
-
 /// Counts that should stay zero, and what each of them means.
 pub const LIMITS: &[(&str, &str)] = &[
     ("crossings", "edges through triangles of cloth or bodies at the end of a frame, in the solver's positions"),
@@ -36,16 +34,25 @@ pub struct Exceeded {
     pub first_frame: i64,
 }
 
-/// Adds the counts of a frame.
-pub(super) fn watch(exceeded: &mut Vec<Exceeded>, frame: i64, counts: &Metrics) {
+/// What is said when a count rises for the first time; the total is then that of the frame.
+pub fn first_rise(limit: &Exceeded) -> String {
+    let Exceeded { name, meaning, total, first_frame } = limit;
+    format!("frame {first_frame}: {name} is {total} and should stay zero: {meaning}")
+}
+
+/// Adds the counts of a frame, told by name; returns those that rise in it for the first time, in the order of [`LIMITS`].
+pub fn watch(exceeded: &mut Vec<Exceeded>, frame: i64, counted: impl Fn(&str) -> u64) -> Vec<Exceeded> {
+    let mut risen = Vec::new();
     for &(name, meaning) in LIMITS {
-        let amount = counts.counted(name);
+        let amount = counted(name);
         match exceeded.iter_mut().find(|known| known.name == name) {
-            Some(known) => known.total += amount,
-            None if amount > 0 => exceeded.push(Exceeded { name, meaning, total: amount, first_frame: frame }),
+            Some(known) => known.total = known.total.saturating_add(amount),
+            None if amount > 0 => risen.push(Exceeded { name, meaning, total: amount, first_frame: frame }),
             None => {}
         }
     }
+    exceeded.extend_from_slice(&risen);
+    risen
 }
 
 #[cfg(test)]
@@ -56,10 +63,9 @@ mod tests {
     fn the_first_frame_and_the_total_of_each_limit_are_kept() {
         let mut exceeded = Vec::new();
         for (frame, crossings, other) in [(1001, 0, 5), (1002, 3, 5), (1003, 0, 5), (1004, 4, 5)] {
-            let mut counts = Metrics::default();
-            counts.count("crossings", crossings);
-            counts.count("body_contacts", other);
-            watch(&mut exceeded, frame, &counts);
+            let counted = |name: &str| if name == "crossings" { crossings } else { other * u64::from(name == "zones") };
+            let risen = watch(&mut exceeded, frame, counted);
+            assert_eq!(!risen.is_empty(), frame == 1002, "what has risen is told once");
         }
         let (name, meaning) = LIMITS[0];
         assert_eq!(exceeded, [Exceeded { name, meaning, total: 7, first_frame: 1002 }]);

@@ -1,17 +1,21 @@
 //! Whether a run starts, goes on or has nothing to do, from what its folder holds.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use drapery_core::simulation::{FrameInput, RestoreError};
 
 use crate::atomic_file;
 use crate::cache::APPLICATION;
+use crate::cache_frames::CacheFrames;
 use crate::checkpoint::{CheckpointReader, FORMAT_VERSION, Loaded, Store};
 use crate::error::IoError;
 use crate::farm::digest::{self, Fingerprint, Versions};
+use crate::farm::stale;
+use crate::report::record::Record;
 use crate::run_record::MANIFEST;
 use crate::shot::crew::Crew;
-use crate::shot::folder::{Earlier, files_of_run, set_aside, stale};
+use crate::shot::folder::{Earlier, files_of_run};
+use crate::shot::kept_frames;
 use crate::shot::output::planned_files;
 use crate::shot::run::{Resume, RunOptions};
 use crate::shot::{Shot, ShotError};
@@ -45,11 +49,16 @@ pub(super) fn changes(
     found.forbidden
 }
 
-/// Whether all frames that are asked for are there, in the form that is asked for, so that nothing needs to be touched. Where an
-/// attempt was killed while it replaced the manifest, the next one clears up.
+/// Whether all frames that are asked for are there, in the form that is asked for, so that nothing needs to be touched. Caches are
+/// asked for the last of them: a manifest may promise what is gone. Where an attempt was killed while it replaced the manifest, the
+/// next one clears up.
 pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Earlier>, now: &Fingerprint) -> bool {
     let Some(earlier) = earlier.filter(|_| options.resume == Resume::Auto) else { return false };
-    let has_form = || planned_files(shot, &options.out).iter().all(|file| file.is_file());
+    let holds_last = |file: &PathBuf| {
+        let cache = CacheFrames::open(file).ok();
+        cache.is_some_and(|cache| cache.meshes()[0].frames.binary_search(&shot.about.last_frame).is_ok())
+    };
+    let has_form = || planned_files(shot, &options.out).iter().all(holds_last);
     let is_whole = || !atomic_file::unfinished(&options.out.join(MANIFEST)).exists();
     earlier.has_all(&options.out, shot.about.last_frame)
         && has_form()
@@ -75,20 +84,33 @@ pub(super) fn refuse_others(shot: &Shot, options: &RunOptions, earlier: Option<&
     }
 }
 
-/// The checkpoint to go on from, if there is an earlier run with one; else the run starts at the first frame.
+/// The checkpoint to go on from, if there is an earlier run with one, whose `record` is given; else the run starts at the first
+/// frame.
+///
+/// It is the newest one behind which all frames are still what was written.
 pub(super) fn decide(
     shot: &Shot,
     options: &RunOptions,
-    (earlier, now): (Option<&Earlier>, &Fingerprint),
+    (record, now): (Option<&Record>, &Fingerprint),
     store: &Store,
     note: &mut dyn FnMut(String),
 ) -> Result<Option<Loaded>, ShotError> {
+    let Some(record) = record else { return Ok(None) };
     let at_most = match options.resume {
-        _ if earlier.is_none() => return Ok(None),
         Resume::Frame(frame) => frame,
         Resume::Auto | Resume::Never => shot.about.last_frame,
     };
-    let search = store.newest_valid(Some(at_most))?;
+    let mut search = store.newest_valid(Some(at_most))?;
+    if let Some(found) = &search.found {
+        let head = (&found.checkpoint.head, shot.about.timeline.origin);
+        if let Some(fault) = kept_frames::earliest_fault(&options.out, head, record, note) {
+            if let Resume::Frame(frame) = options.resume {
+                return Err(IoError::FrameChanged { fault, asked: frame }.into());
+            }
+            note(format!("{fault}; the run goes back to the last checkpoint before this frame and simulates it again"));
+            search = store.newest_valid(Some(fault.frame - 1))?;
+        }
+    }
     for refused in &search.refused {
         note(format!("a checkpoint cannot be used, the one before is tried: {refused}"));
     }
@@ -144,11 +166,11 @@ pub(super) fn set_aside_after(
     found: Option<&Loaded>,
     (store, attempt): (&Store, u32),
 ) -> Result<bool, IoError> {
-    let stale = stale(folder, attempt);
+    let stale = stale::attempt(folder, attempt);
     let delivered = found.and_then(|found| found.checkpoint.head.delivered);
     let has_more = earlier.last_complete_frame() > delivered;
     if has_more {
-        set_aside(&files_of_run(folder, &planned_files(shot, folder)), &stale)?;
+        stale::set_aside(&files_of_run(folder, &planned_files(shot, folder)), &stale)?;
         earlier.take_back(folder, delivered)?;
     }
     let (frame, sub_step) = match found {

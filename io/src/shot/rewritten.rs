@@ -10,6 +10,7 @@ use crate::cache::{CacheFrame, CachePlan, CacheWriter};
 use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
 use crate::formats::{CreateCache, ResumeCache};
+use crate::frame_digest::GarmentDigests;
 use crate::run_record::{RECORD, frame_counts};
 use crate::shot::quality::CROSSINGS_WRITTEN;
 
@@ -24,15 +25,21 @@ pub(super) struct NewForm<'a> {
 }
 
 impl NewForm<'_> {
-    /// Writes the frames up to `last` from the cache `source`, puts the file in its place and goes on with it.
+    /// Writes the frames up to `last` from the cache `source`, puts the file in its place and goes on with it; `take` is given each
+    /// frame with the digests of what was written of it.
     ///
     /// # Errors
     /// The source cannot be read, lacks a frame or the velocities that are asked for; the disk refuses.
-    pub(super) fn write(&self, source: &Path, last: i64) -> Result<Box<dyn CacheWriter>, IoError> {
+    pub(super) fn write(
+        &self,
+        source: &Path,
+        last: i64,
+        take: &mut dyn FnMut(i64, GarmentDigests),
+    ) -> Result<Box<dyn CacheWriter>, IoError> {
         let (create, resume) = self.open;
         let aside = aside(self.path);
         let mut writer = create(&aside, &self.plan)?;
-        self.copy_frames(source, last, writer.as_mut())?;
+        self.copy_frames(source, last, (writer.as_mut(), take))?;
         writer.finish()?;
         let mut mark = writer.mark();
         drop(writer);
@@ -41,7 +48,12 @@ impl NewForm<'_> {
         resume(self.path, &self.plan, &mark)
     }
 
-    fn copy_frames(&self, source: &Path, last: i64, writer: &mut dyn CacheWriter) -> Result<(), IoError> {
+    fn copy_frames(
+        &self,
+        source: &Path,
+        last: i64,
+        (writer, take): (&mut dyn CacheWriter, &mut dyn FnMut(i64, GarmentDigests)),
+    ) -> Result<(), IoError> {
         let lacks = |what: String| {
             let advice = "leave [output] as it was, or start anew with --overwrite";
             IoError::data(source, "the frames so far", what, advice)
@@ -62,6 +74,8 @@ impl NewForm<'_> {
             let velocities = self.plan.units.stored_all(&velocities);
             let (positions, velocities) = (&positions[..], &velocities[..]);
             writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
+            let stored = if self.plan.velocities { velocities } else { &[] };
+            take(frame, GarmentDigests::of(positions, stored));
         }
         Ok(())
     }

@@ -9,19 +9,21 @@ use std::time::{Instant, SystemTime};
 
 use drapery_core::error::StepError;
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::{Advance, FrameSummary, Recovery};
+use drapery_core::simulation::{Advance, FrameSummary};
 use serde_json::json;
 
 use crate::checkpoint::{Account, Cadence, Every, FORMAT_VERSION, Head, Store};
 use crate::error::IoError;
-use crate::farm::attempts::Attempt;
 use crate::farm::digest::Fingerprint;
 use crate::farm::lock::RunLock;
-use crate::farm::process::Owner;
+use crate::farm::stale;
 use crate::farm::stop::{Reason, Request, StopRequests};
-use crate::run_record::{self, AttemptRecord};
+use crate::frame_digest::FrameDigests;
+use crate::report::record::Record;
+use crate::run_record::{self, AttemptRecord, RECORD};
 use crate::shot::bundle;
-use crate::shot::folder::{self, Earlier};
+use crate::shot::counted::{Counted, SoFar};
+use crate::shot::folder::{Earlier, Held};
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
 use crate::shot::pinned;
 use crate::shot::quality::{self, Exceeded};
@@ -136,6 +138,8 @@ pub struct RunReport {
     pub files: Vec<PathBuf>,
     /// Counts that should have stayed zero, in the order in which they rose.
     pub exceeded: Vec<Exceeded>,
+    /// Frames whose counts are not known, as ranges: earlier attempts simulated them, and the record does not tell.
+    pub uncounted: Vec<[i64; 2]>,
     /// Number of ranks of this attempt.
     pub ranks: usize,
 }
@@ -176,6 +180,8 @@ struct Run<'a> {
     clock: Instant,
     attempt: u32,
     totals: Totals,
+    /// What the frames so far have counted that should have stayed zero.
+    counted: Counted,
     /// Whether it begins at the first frame.
     is_new: bool,
     /// Frame and step of the last checkpoint that tells of the caches as they are.
@@ -202,7 +208,7 @@ impl Shot {
         }
         resume::refuse_others(&self, options, earlier.as_ref())?;
         if changed.is_empty() && resume::is_complete(&self, options, earlier.as_ref(), &fingerprint) {
-            return Ok(self.nothing_to_do(options));
+            return self.nothing_to_do(options, observer);
         }
         let mut run = Run::prepare(self, options, fingerprint, (changed, notes), observer)?;
         match run.frames(observer) {
@@ -219,17 +225,22 @@ impl Shot {
         }
     }
 
-    fn nothing_to_do(&self, options: &RunOptions) -> RunReport {
-        RunReport {
+    /// Says of the run what was said when it was made; its record tells.
+    fn nothing_to_do(&self, options: &RunOptions, observer: &mut dyn Observer) -> Result<RunReport, ShotError> {
+        let record = Record::read(&options.out.join(RECORD))?;
+        let frames = [self.about.timeline.start, self.about.last_frame];
+        let Counted { exceeded, uncounted } = Counted::of(&record, frames, &mut |text| observer.note(text));
+        Ok(RunReport {
             outcome: Outcome::NothingToDo,
             frame: self.about.last_frame,
             metrics: Metrics::default(),
             seconds: 0.0,
             frames: self.delivered_frames(),
             files: planned_files(self, &options.out),
-            exceeded: Vec::new(),
+            exceeded,
+            uncounted,
             ranks: self.crew.ranks().count(),
-        }
+        })
     }
 
     fn delivered_frames(&self) -> u64 {
@@ -270,26 +281,12 @@ impl<'a> Run<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self, ShotError> {
         let out = &options.out;
-        let owner = Owner::this_process();
-        let lock = RunLock::take(out, &owner, options.steal_lock, SystemTime::now())?;
-        let attempt = Attempt::next(out)?;
-        observer.logs(attempt.open()?);
-        notes.into_iter().for_each(|note| observer.note(note));
-        if let Some(former) = lock.former() {
-            observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
-        }
-        for name in options.requests.watch_folder(out)? {
-            observer.note(format!("control/{name} was asked of an earlier attempt and is removed"));
-        }
-        let store = Store::open(out, options.keep, &options.pinned)?;
-        if options.overwrite {
-            store.remove_all()?;
-        }
-        folder::clear_unfinished(out)?;
+        let Held { owner, lock, attempt, store } = Held::take(options, notes, observer)?;
         // Read again under the lock: another run may have gone on in the meantime.
         let earlier = Earlier::read(out).filter(|_| !options.overwrite);
+        let record = earlier.as_ref().map(|_| Record::read(&out.join(RECORD))).transpose()?;
         let note = &mut |text| observer.note(text);
-        let mut found = resume::decide(&shot, options, (earlier.as_ref(), &fingerprint), &store, note)?;
+        let mut found = resume::decide(&shot, options, (record.as_ref(), &fingerprint), &store, note)?;
         if let Some(found) = &mut found {
             let input = shot.inputs.at(found.checkpoint.head.frame)?;
             shot.crew = resume::restored(shot.crew, input, (&mut found.checkpoint, &found.path))?;
@@ -297,7 +294,13 @@ impl<'a> Run<'a> {
         if let Some(earlier) = &earlier
             && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
         {
-            observer.note("what is simulated again was set aside in the folder `stale`".to_owned());
+            let set_aside = stale::attempt(out, attempt.number);
+            let removed = stale::prune(out, &fingerprint)?;
+            observer.note(format!(
+                "what is simulated again was set aside in {}{}",
+                set_aside.display(),
+                stale::removed_in_words(&removed)
+            ));
         }
         let differs = |earlier: &Earlier| {
             earlier.stores_other_velocities(&fingerprint) || earlier.origin() != <[f64; 3]>::from(shot.origin())
@@ -315,28 +318,37 @@ impl<'a> Run<'a> {
             ..AttemptRecord::default()
         });
         let start = Start { options, fingerprint: &fingerprint, attempts };
-        let (output, totals, saved) = match &found {
-            None => (Output::create(&shot, start)?, Totals::default(), None),
+        let (output, so_far, saved) = match &found {
+            None => (Output::create(&shot, start)?, SoFar::default(), None),
             Some(found) => {
                 let head = &found.checkpoint.head;
+                let so_far = SoFar::of(found, shot.about.timeline.start, &record.unwrap_or_default(), observer);
                 let checkpoint = manifest_checkpoint(&found.path, head.frame, head.sub_step);
                 let from = From { head, account: found.account.as_ref(), checkpoint, other_form };
-                let totals = found.account.as_ref().map_or_else(
-                    || Totals {
-                        partial: Partial { sub_step: head.sub_step, ..Partial::default() },
-                        ..Totals::default()
-                    },
-                    |account| Totals::from_json(&account.totals, head.frame + 1, head.sub_step),
-                );
                 observer.resumed(head.frame, head.frame.abs_diff(shot.about.timeline.start) + 1);
                 let output = Output::resume(&shot, start, from)?;
                 let saved = output.has_caches_of(head).then_some((head.frame, head.sub_step));
-                (output, totals, saved)
+                (output, so_far, saved)
             }
         };
+        let SoFar { totals, counted } = so_far;
         let (attempt, cadence) = (attempt.number, Cadence::new(options.checkpoint_every, 0.0));
         let (clock, is_new) = (Instant::now(), found.is_none());
-        Ok(Self { shot, options, fingerprint, output, store, lock, cadence, clock, attempt, totals, is_new, saved })
+        Ok(Self {
+            shot,
+            options,
+            fingerprint,
+            output,
+            store,
+            lock,
+            cadence,
+            clock,
+            attempt,
+            totals,
+            counted,
+            is_new,
+            saved,
+        })
     }
 
     /// All frames that are missing.
@@ -403,26 +415,30 @@ impl<'a> Run<'a> {
         let mut spent = std::mem::take(&mut self.totals.partial).spent;
         let Shot { about, crew, .. } = &mut self.shot;
         let is_preroll = frame < about.timeline.origin;
-        if !is_preroll {
-            self.output.write_frame(frame, crew, &mut spent)?;
-        }
+        let digests = match is_preroll {
+            true => FrameDigests::new(),
+            false => self.output.write_frame(frame, crew, &mut spent)?,
+        };
         let taken = spent.stages().iter().fold(0.0, |sum, stage| sum + stage.seconds);
         let totals = &mut self.totals;
         totals.seconds += taken;
         totals.metrics.add(&spent);
-        quality::watch(&mut totals.exceeded, frame, &spent);
-        match summary {
-            Some(summary) => {
-                totals.metrics.add(&summary.metrics);
-                quality::watch(&mut totals.exceeded, frame, &summary.metrics);
-                self.output.record(&run_record::frame_record(summary, &spent, taken))?;
-            }
-            None => self.output.record(&run_record::start_record(frame, &spent, taken))?,
+        let none = Metrics::default();
+        let simulated = summary.map_or(&none, |summary| &summary.metrics);
+        totals.metrics.add(simulated);
+        let mut line = match summary {
+            Some(summary) => run_record::frame_record(summary, &spent, taken),
+            None => run_record::start_record(frame, &spent, taken),
+        };
+        if !digests.is_empty() {
+            line["digests"] = json!(digests);
         }
-        if let Some(first) = summary.and_then(|summary| summary.recoveries.first()) {
-            let also = summary.map_or(0, |summary| summary.recoveries.len() - 1);
-            observer.note(first_recovery(first, also));
-        }
+        self.output.record(&line)?;
+        let recoveries = line["recoveries"].as_array();
+        recoveries.and_then(|all| run_record::recovery_line(all)).into_iter().for_each(|text| observer.note(text));
+        let counted = |name: &str| spent.counted(name) + simulated.counted(name);
+        let risen = quality::watch(&mut self.counted.exceeded, frame, counted);
+        risen.iter().map(quality::first_rise).for_each(|text| observer.note(text));
         if let Some(torn) = summary.and_then(|summary| pinned::news(&mut self.totals.told_strain, summary)) {
             observer.note(torn);
         }
@@ -543,17 +559,9 @@ impl<'a> Run<'a> {
             seconds: self.totals.seconds,
             frames,
             files: self.output.files(),
-            exceeded: self.totals.exceeded,
+            exceeded: self.counted.exceeded,
+            uncounted: self.counted.uncounted,
             ranks: self.shot.crew.ranks().count(),
         })
     }
-}
-
-/// What is said of a frame in which steps went wrong.
-fn first_recovery(first: &Recovery, also: usize) -> String {
-    let Recovery { frame, time, trouble, rung, garment, vertices } = first;
-    let place =
-        if garment.is_empty() { String::new() } else { format!(", garment \"{garment}\", vertices {vertices:?}") };
-    let more = if also == 0 { String::new() } else { format!(", and {also} more in this frame") };
-    format!("frame {frame}, time {time:.6} s{place}: {trouble}; {rung}{more}")
 }

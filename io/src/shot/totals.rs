@@ -5,7 +5,7 @@ use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
 use serde_json::{Value, json};
 
-use crate::shot::quality::{Exceeded, LIMITS};
+use crate::report::record::FrameRow;
 
 /// Sums over the frames that are done, and what was done since the last one.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -14,8 +14,6 @@ pub(super) struct Totals {
     pub(super) metrics: Metrics,
     /// Seconds of all frames.
     pub(super) seconds: f64,
-    /// Counts that should have stayed zero, in the order in which they rose.
-    pub(super) exceeded: Vec<Exceeded>,
     /// The frame that is being computed.
     pub(super) partial: Partial,
     /// The largest strain between pins that this attempt has told.
@@ -36,7 +34,6 @@ pub(super) struct Partial {
 impl Totals {
     /// As JSON.
     pub(super) fn to_json(&self) -> Value {
-        let exceeded = |limit: &Exceeded| json!([limit.name, limit.total, limit.first_frame]);
         let summary = self.partial.summary.as_ref().map(|summary| {
             json!({
                 "steps": summary.steps,
@@ -49,17 +46,12 @@ impl Totals {
         json!({
             "seconds": self.seconds,
             "metrics": metrics_json(&self.metrics),
-            "exceeded": self.exceeded.iter().map(exceeded).collect::<Vec<_>>(),
             "partial": {"summary": summary, "spent": metrics_json(&self.partial.spent)},
         })
     }
 
     /// From JSON, on the way to frame `next`; what is missing counts as nothing.
     pub(super) fn from_json(value: &Value, next: i64, sub_step: u64) -> Self {
-        let exceeded = |limit: &Value| {
-            let (name, meaning) = LIMITS.iter().copied().find(|(name, _)| limit[0].as_str() == Some(name))?;
-            Some(Exceeded { name, meaning, total: limit[1].as_u64()?, first_frame: limit[2].as_i64()? })
-        };
         let partial = &value["partial"];
         let summary = partial["summary"].as_object().map(|_| {
             let summary = &partial["summary"];
@@ -75,11 +67,25 @@ impl Totals {
         Self {
             metrics: metrics_from(&value["metrics"]),
             seconds: value["seconds"].as_f64().unwrap_or(0.0),
-            exceeded: value["exceeded"].as_array().into_iter().flatten().filter_map(exceeded).collect(),
             partial: Partial { summary, spent: metrics_from(&partial["spent"]), sub_step },
             told_strain: 0.0,
         }
     }
+}
+
+/// What the frames of a record took and counted: what is known where the account beside a checkpoint is lost.
+pub(super) fn of_rows<'a>(rows: impl Iterator<Item = &'a FrameRow>, sub_step: u64) -> Totals {
+    let mut totals = Totals { partial: Partial { sub_step, ..Partial::default() }, ..Totals::default() };
+    for row in rows {
+        totals.seconds += row.seconds;
+        for stage in &row.stages {
+            totals.metrics.add_time(stage.stage.clone().into(), stage.seconds, stage.calls);
+        }
+        for (name, amount) in &row.counts {
+            totals.metrics.add_count(name.clone().into(), *amount);
+        }
+    }
+    totals
 }
 
 /// Lists: an object would not keep the order in which the table at the end shows them.
@@ -123,8 +129,6 @@ mod tests {
         totals.metrics.add_time("simulate".into(), 1.5, 4);
         totals.metrics.add_time("A neighbours".into(), 1.0, 4);
         totals.metrics.add_spread("A neighbours", [0.5, 1.25]);
-        let (name, meaning) = LIMITS[0];
-        totals.exceeded.push(Exceeded { name, meaning, total: 3, first_frame: 17 });
         let mut summary =
             FrameSummary { steps: 3, dt_min: 0.1, dt_max: 0.3, cg_iterations: 9, ..FrameSummary::empty(5) };
         summary.metrics.count("repulsions", 2);

@@ -70,6 +70,12 @@ impl Archive {
         Self::read(source, root)
     }
 
+    /// The same for the commit whose root group stands at `root` ([`crate::ArchiveMark::root`]), whatever was committed after it.
+    pub fn open_at(path: impl AsRef<Path>, root: u64) -> Result<Self, AlembicError> {
+        let (source, root) = ChunkSource::open_at(path.as_ref(), root)?;
+        Self::read(source, root)
+    }
+
     /// The same for an archive in memory; `name` stands for the path in messages.
     pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Self, AlembicError> {
         let (source, root) = ChunkSource::from_bytes(bytes, Path::new(name))?;

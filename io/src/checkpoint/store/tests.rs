@@ -179,9 +179,12 @@ fn unfinished_files_are_removed_at_the_start_and_never_read() {
     let out = tempfile::tempdir().unwrap();
     let path = save(&Store::open(out.path(), 3, &[]).unwrap(), 1, 0);
     fs::copy(&path, part_path(&path.with_file_name("frame_00002.h5"))).unwrap();
+    // An account goes before its checkpoint. Files that are called otherwise are somebody else's.
+    fs::copy(account_path(&path), path.with_file_name("frame_00003.step_000002.json")).unwrap();
+    fs::write(path.with_file_name("notes.json"), "{}").unwrap();
     assert_eq!(list(out.path()).unwrap().len(), 1);
     let store = Store::open(out.path(), 3, &[]).unwrap();
-    assert_eq!(names(&out.path().join(FOLDER)), ["frame_00001.h5", "frame_00001.json"]);
+    assert_eq!(names(&out.path().join(FOLDER)), ["frame_00001.h5", "frame_00001.json", "notes.json"]);
     assert_eq!(places(&store), [(1, 0)]);
 }
 

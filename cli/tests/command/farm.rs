@@ -1,0 +1,170 @@
+//! The same command again, as a farm gives it: verdicts, numbers of warnings, and what is left of attempts that were killed.
+
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use crate::{Outcome, SHEET, command, drapery, folder_with};
+
+/// Two sheets that pass through one another from the start; crossings are counted.
+fn crossing() -> String {
+    let second = r#"[[garment]]
+name = "second"
+density = 1.0
+[garment.panel]
+resolution = 2
+side = 0.4
+center = [0.31, 0.52, 0.47]
+rotation = { axis = [1, 0, 0], degrees = 90 }
+[self_collision]
+[output]"#;
+    SHEET.replace("[output]", second)
+}
+
+/// Lines of counts that should stay zero in the message of a strict run.
+fn limits(outcome: &Outcome) -> Vec<&str> {
+    outcome.stderr.lines().filter(|line| line.starts_with("  crossings")).collect()
+}
+
+/// The number of warnings that the last line of a text names.
+fn named(text: &str) -> usize {
+    let line = text.lines().rev().find(|line| line.contains("warning")).expect("a line that counts warnings");
+    let words: Vec<&str> = line.split(' ').collect();
+    let at = words.iter().position(|word| word.starts_with("warning")).unwrap();
+    if words[at - 1] == "no" { 0 } else { words[at - 1].parse().unwrap() }
+}
+
+fn shown(text: &str) -> usize {
+    text.lines().filter(|line| line.contains("WARN ")).count()
+}
+
+#[test]
+fn a_strict_run_gives_the_same_verdict_again_whatever_came_between() {
+    let folder = folder_with(&crossing());
+    let run = |more: &[&str]| drapery(folder.path(), &[&["run", "scene.toml", "--strict"], more].concat());
+    let first = run(&[]);
+    assert_eq!((first.code, limits(&first).len()), (Some(81), 2), "{}", first.stderr);
+    let again = run(&[]);
+    assert_eq!((again.code, limits(&again)), (Some(81), limits(&first)), "{}", again.stderr);
+    assert!(again.stdout.contains("nothing was done; 2 warnings"), "{}", again.stdout);
+    // Of fewer frames, those that are asked for count.
+    let fewer = run(&["--frames", "1001-1001"]);
+    assert!(fewer.code == Some(81) && limits(&fewer).len() == 1, "{}", fewer.stderr);
+    // The same frames in two attempts, the account of the first of them lost.
+    let parts = ["--out", "parts"];
+    assert_eq!(run(&[&["--frames", "1001-1002"], &parts[..]].concat()).code, Some(81));
+    std::fs::remove_file(folder.path().join("parts/checkpoints/frame_01002.json")).unwrap();
+    let second = run(&parts);
+    assert_eq!((second.code, limits(&second)), (Some(81), limits(&first)), "{}", second.stderr);
+    assert!(second.stderr.contains("the account of times and counts is missing"), "{}", second.stderr);
+}
+
+#[test]
+fn a_strict_run_does_not_pass_frames_that_nobody_has_counted() {
+    let folder = folder_with(&SHEET.replace("[output]", "[self_collision]\n[output]"));
+    let run = || drapery(folder.path(), &["run", "scene.toml", "--strict"]);
+    assert_eq!((run().code, run().code), (Some(0), Some(0)));
+    let record = folder.path().join("out/sheet/run.jsonl");
+    let text = std::fs::read_to_string(&record).unwrap();
+    let without: Vec<&str> = text.lines().filter(|line| !line.contains("\"frame\":1003,")).collect();
+    std::fs::write(&record, without.join("\n") + "\n").unwrap();
+    let again = run();
+    assert_eq!(again.code, Some(81), "{}", again.stderr);
+    assert!(again.stderr.contains("frame 1003: what was counted in them is not known"), "{}", again.stderr);
+    let status = drapery(folder.path(), &["status", "out/sheet"]);
+    assert!(status.stdout.contains("frame 1003: not counted"), "{}", status.stdout);
+}
+
+#[test]
+fn the_last_line_names_as_many_warnings_as_were_given() {
+    let folder = folder_with(&crossing());
+    for (arguments, expected) in [(&["--frames", "1001-1900"][..], 3), (&["--frames", "1001-1900"], 3), (&[], 2)] {
+        let run = drapery(folder.path(), &[&["run", "scene.toml"], arguments].concat());
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert_eq!((shown(&run.stderr), named(&run.stdout)), (expected, expected), "{}{}", run.stderr, run.stdout);
+    }
+    let log = std::fs::read_to_string(folder.path().join("out/sheet/logs/001.log")).unwrap();
+    assert_eq!((shown(&log), named(&log)), (3, 3), "{log}");
+    // A variable that makes no sense is one more.
+    let mut odd = command(folder.path(), &["run", "scene.toml", "--progress", "alf"]);
+    let odd: Outcome = odd.env("OMP_NUM_THREADS", "many").output().unwrap().into();
+    assert_eq!((shown(&odd.stderr), named(&odd.stdout)), (3, 3), "{}{}", odd.stderr, odd.stdout);
+}
+
+#[test]
+fn a_changed_frame_is_found_by_the_record() {
+    let folder = folder_with(SHEET);
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "-q"]).code, Some(0));
+    let verify = || drapery(folder.path(), &["verify", "--record", "out/sheet"]);
+    let sound = verify();
+    assert_eq!(sound.code, Some(0), "{}", sound.stderr);
+    assert!(sound.stdout.contains("sheet.abc: 4 of 4 frames are as recorded"), "{}", sound.stdout);
+    let record = folder.path().join("out/sheet/run.jsonl");
+    let lines = std::fs::read_to_string(&record).unwrap();
+    let changed: String = lines
+        .lines()
+        .map(|line| match line.contains("\"frame\":1003,") {
+            true => line.replacen("\"positions\":\"", "\"positions\":\"0", 1) + "\n",
+            false => line.to_owned() + "\n",
+        })
+        .collect();
+    std::fs::write(&record, changed).unwrap();
+    let found = verify();
+    assert_eq!(found.code, Some(82), "{}", found.stderr);
+    assert!(found.stderr.contains("sheet.abc: frame 1003: the positions"), "{}", found.stderr);
+    assert_eq!(drapery(folder.path(), &["verify"]).code, Some(2));
+    assert_eq!(drapery(folder.path(), &["verify", "--record", "."]).code, Some(66));
+}
+
+/// Starts a run and kills it when its manifest names a frame.
+fn kill_at(folder: &Path, arguments: &[&str], frame: i64) {
+    let mut child: Child = command(folder, arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let manifest = folder.join("out/sheet/manifest.json");
+    let done = || {
+        let text = std::fs::read_to_string(&manifest).unwrap_or_default();
+        let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
+        let own = manifest["attempts"].as_array().and_then(|all| all.last()?["pid"].as_u64());
+        own == Some(child.id().into()) && manifest["last_complete_frame"].as_i64() >= Some(frame)
+    };
+    while !done() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn ten_kills_before_the_first_checkpoint_leave_three_copies_and_status_tells() {
+    let folder = folder_with(&SHEET.replace("1001-1004", "1001-9000"));
+    let arguments = ["run", "scene.toml", "--threads", "1", "--checkpoint-every", "100000f"];
+    for attempt in 1..=10 {
+        kill_at(folder.path(), &arguments, if attempt == 4 { 1012 } else { 1002 });
+    }
+    let out = folder.path().join("out/sheet");
+    let names = || {
+        let mut names: Vec<String> = std::fs::read_dir(out.join("stale"))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect();
+        names.sort_unstable();
+        names
+    };
+    let last_frame = |name: &str| {
+        let text = std::fs::read_to_string(out.join("stale").join(name).join("manifest.json")).unwrap();
+        serde_json::from_str::<Value>(&text).unwrap()["last_complete_frame"].as_i64().unwrap()
+    };
+    assert!(names().len() <= 3, "{:?}", names());
+    assert!(names().iter().map(|name| last_frame(name)).max() >= Some(1012), "the longest copy stays");
+    assert!(names().contains(&"attempt_010".to_owned()) && names().contains(&"attempt_009".to_owned()));
+    let status = drapery(folder.path(), &["status", "out/sheet"]);
+    assert!(status.stdout.contains("  stale        3 attempts, "), "{}", status.stdout);
+    assert!(status.stdout.contains("delete out/sheet/stale"), "{}", status.stdout);
+    let json: Value = serde_json::from_str(&drapery(folder.path(), &["status", "out/sheet", "--json"]).stdout).unwrap();
+    assert!(json["stale"]["attempts"] == 3 && json["stale"]["bytes"].as_u64() > Some(10_000), "{json}");
+    // The log says what was removed.
+    let logs: String =
+        (1..=10).map(|n| std::fs::read_to_string(out.join(format!("logs/{n:03}.log"))).unwrap()).collect();
+    assert!(logs.contains("removed there"), "{logs}");
+}
