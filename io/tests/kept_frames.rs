@@ -108,7 +108,7 @@ fn a_frame_that_has_changed_on_the_disk_is_named_and_simulated_again_to_the_same
         assert_eq!(report.unwrap().outcome, Outcome::Done);
         assert_eq!(heard.frames, [1004, 1005, 1006, 1007, 1008], "{values:?}");
         let said = heard.notes.iter().find(|note| note.contains("frame 1005")).expect("the frame is named");
-        assert!(said.contains(FILES[file]) && said.contains("not those that"), "{said}");
+        assert!(said.contains(FILES[file]) && said.contains("are not those"), "{said}");
         assert_same_caches(&out, &whole);
         assert!(out.join("stale/attempt_002").join(FILES[file]).is_file(), "what was there is not lost");
         assert!(verify::recorded(&out, &[]).unwrap().failures.is_empty());

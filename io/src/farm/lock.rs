@@ -59,6 +59,8 @@ pub struct Holder {
     pub owner: Option<Owner>,
     /// Time since its last heartbeat.
     pub silent_for: Duration,
+    /// How far its last heartbeat lies in the future: one of the clocks is wrong, or was set back.
+    pub ahead: Duration,
     /// Whether it is still there.
     pub presence: Presence,
 }
@@ -223,7 +225,7 @@ impl Found {
         let silent_for = now.duration_since(last).unwrap_or_default();
         let owner = self.record.as_ref().map(|record| record.owner.clone());
         let presence = presence(owner.as_ref(), self.user, me, silent_for);
-        Holder { owner, silent_for, presence }
+        Holder { owner, silent_for, ahead: last.duration_since(now).unwrap_or_default(), presence }
     }
 }
 
@@ -256,6 +258,14 @@ fn refusal(path: &Path, holder: &Holder) -> IoError {
         Presence::Silent => (
             format!("{holder} holds this folder, and is probably dead: its last heartbeat was {seconds} s ago"),
             "make sure that it has ended, then run again with --steal-lock",
+        ),
+        // Silence could not be noticed before that moment.
+        _ if holder.ahead >= DEAD_AFTER => (
+            format!(
+                "this folder holds a run in progress by {holder}, whose last heartbeat lies {} s in the future: a clock is wrong",
+                holder.ahead.as_secs()
+            ),
+            "wait for it, or make sure that it has ended and run again with --steal-lock",
         ),
         _ => (
             format!("this folder holds a run in progress by {holder}, last heartbeat {seconds} s ago"),

@@ -87,6 +87,17 @@ fn a_run_elsewhere_is_never_pushed_aside_unasked() {
 }
 
 #[test]
+fn a_heartbeat_far_in_the_future_is_said_to_be_one_with_the_way_out() {
+    let folder = tempfile::tempdir().unwrap();
+    leave(folder.path(), &elsewhere(), NOW + 3600);
+    let ahead = take(folder.path(), false).unwrap_err().to_string();
+    assert!(ahead.contains("3600 s in the future") && ahead.contains("--steal-lock"), "{ahead}");
+    // Clocks of a farm are not the same to the second.
+    leave(folder.path(), &elsewhere(), NOW + 20);
+    assert!(!take(folder.path(), false).unwrap_err().to_string().contains("future"));
+}
+
+#[test]
 fn a_container_of_this_machine_is_judged_by_its_heartbeat_and_a_restart_of_it_ends_everything() {
     let folder = tempfile::tempdir().unwrap();
     let container = Owner { namespace: "pid:[1]".into(), ..ended() };
