@@ -1,7 +1,7 @@
 //! What flags, environment and site file say about a run. A flag wins over the environment, that over the site file,
 //! and that over the default; each value remembers who said it.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -63,7 +63,7 @@ fn first_of<T>(flag: Option<T>, name: &'static str, site: Option<T>, default: T)
 
 /// What surrounds the command: the environment and the site file.
 pub(crate) struct Surroundings {
-    variable: fn(&str) -> Option<String>,
+    variable: fn(&str) -> Option<OsString>,
     /// The site file and who named it.
     pub(crate) site_path: Option<Chosen<PathBuf>>,
     site: SiteFile,
@@ -73,13 +73,12 @@ impl Surroundings {
     /// Reads the site file that the flag or the environment names.
     pub(crate) fn find(config: Option<&Path>) -> Result<Self, Failure> {
         Self::with(config, |name| {
-            let text = std::env::var_os(name)?.to_string_lossy().into_owned();
             // A variable is often emptied to take it back.
-            Some(text).filter(|text| !text.trim().is_empty())
+            std::env::var_os(name).filter(|text| !text.to_string_lossy().trim().is_empty())
         })
     }
 
-    fn with(config: Option<&Path>, variable: fn(&str) -> Option<String>) -> Result<Self, Failure> {
+    fn with(config: Option<&Path>, variable: fn(&str) -> Option<OsString>) -> Result<Self, Failure> {
         let flag = config.map(|path| Chosen::new(path.to_owned(), "--config"));
         let site_path = flag.or_else(|| Some(Chosen::new(PathBuf::from(variable(CONFIG)?), CONFIG)));
         let site = match &site_path {
@@ -88,10 +87,16 @@ impl Surroundings {
                 SceneErrorKind::Missing => {
                     Failure::new(ExitCode::MissingInput, format!("the site file of {source}: {error}"))
                 }
-                SceneErrorKind::Scene | SceneErrorKind::Data => Failure::new(ExitCode::Scene, error.to_string()),
+                SceneErrorKind::Scene => Failure::new(ExitCode::Scene, error.to_string()),
+                SceneErrorKind::Data => Failure::new(ExitCode::BadInput, error.to_string()),
             })?,
         };
         Ok(Self { variable, site_path, site })
+    }
+
+    /// A variable whose words are plain text.
+    fn word(&self, name: &str) -> Option<String> {
+        (self.variable)(name).map(|text| text.to_string_lossy().into_owned())
     }
 
     /// Number of threads that somebody asks for: flag, environment, site file.
@@ -100,7 +105,7 @@ impl Surroundings {
             return Some(Chosen::new(count.into(), "--threads"));
         }
         for name in THREADS {
-            let Some(text) = (self.variable)(name) else { continue };
+            let Some(text) = self.word(name) else { continue };
             // OMP_NUM_THREADS may be a list, one number a nesting level.
             match text.split(',').next().unwrap_or_default().trim().parse() {
                 Ok(count) if count > 0 => return Some(Chosen::new(count, name)),
@@ -117,7 +122,7 @@ impl Surroundings {
         };
         let folders = match (&flag.materials, (self.variable)(MATERIALS)) {
             (Some(text), _) => Chosen::new(split(text), "--materials"),
-            (None, Some(text)) => Chosen::new(split(OsStr::new(&text)), MATERIALS),
+            (None, Some(text)) => Chosen::new(split(&text), MATERIALS),
             (None, None) => first_of(None, "", Some(self.site.materials.clone()).filter(|m| !m.is_empty()), Vec::new()),
         };
         let maps = self.site.paths.clone();
@@ -179,7 +184,7 @@ impl RunSettings {
             around.site_word("progress", site.progress.as_ref())?,
             ProgressStyle::Auto,
         );
-        if let (None, Some(text)) = (args.progress, (around.variable)(PROGRESS)) {
+        if let (None, Some(text)) = (args.progress, around.word(PROGRESS)) {
             progress = Chosen::new(word(&text).map_err(|error| usage(PROGRESS, &text, error))?, PROGRESS);
         }
         let mut limits = Vec::new();
@@ -188,7 +193,7 @@ impl RunSettings {
             limits.push(Chosen::new(Limit::After(value), source));
         }
         for (name, key, reason) in STOP_TIMES {
-            if let Some(text) = (around.variable)(name) {
+            if let Some(text) = around.word(name) {
                 let at = parse_epoch(&text).map_err(|error| usage(name, &text, error.to_string()))?;
                 limits.push(Chosen::new(Limit::At(key, reason, at), name));
             }
@@ -228,23 +233,23 @@ mod tests {
     use super::*;
 
     /// Surroundings with a site file in a folder that is kept beside them.
-    fn around(site: &str, variable: fn(&str) -> Option<String>) -> (Surroundings, tempfile::TempDir) {
+    fn around(site: &str, variable: fn(&str) -> Option<OsString>) -> (Surroundings, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("site.toml");
         std::fs::write(&path, site).unwrap();
         (Surroundings::with(Some(&path), variable).unwrap(), folder)
     }
 
-    fn nothing(_: &str) -> Option<String> {
+    fn nothing(_: &str) -> Option<OsString> {
         None
     }
 
     #[test]
     fn the_flag_wins_over_the_environment_that_over_the_site_file_and_that_over_the_default() {
         let set = |name: &str| match name {
-            "OMP_NUM_THREADS" => Some("3,2".to_owned()),
-            "CUE_THREADS" => Some("7".to_owned()),
-            "DRAPERY_PROGRESS" => Some("tr".to_owned()),
+            "OMP_NUM_THREADS" => Some("3,2".into()),
+            "CUE_THREADS" => Some("7".into()),
+            "DRAPERY_PROGRESS" => Some("tr".into()),
             _ => None,
         };
         let (all, _kept) = around("threads = 9\nprogress = \"alf\"\nkeep = 7", set);
@@ -262,13 +267,13 @@ mod tests {
         assert_eq!(site.threads(None), Some(Chosen::new(9, SITE_FILE)));
         let chosen = RunSettings::choose(&RunSettingsArgs::default(), &site).unwrap();
         assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Alf, SITE_FILE));
-        let broken = |name: &str| (name == "DRAPERY_THREADS").then(|| "many".to_owned());
+        let broken = |name: &str| (name == "DRAPERY_THREADS").then(|| "many".into());
         assert_eq!(around("", broken).0.threads(None), None);
     }
 
     #[test]
     fn limits_of_time_are_all_kept_and_the_earliest_counts() {
-        let set = |name: &str| (name == "SLURM_JOB_END_TIME").then(|| "9999999999".to_owned());
+        let set = |name: &str| (name == "SLURM_JOB_END_TIME").then(|| "9999999999".into());
         let (around, _kept) = around("max_wall = \"1h\"", set);
         let chosen = RunSettings::choose(&RunSettingsArgs::default(), &around).unwrap();
         let sources: Vec<_> = chosen.limits.iter().map(|limit| limit.source).collect();

@@ -25,12 +25,12 @@ pub(crate) const TABLE: &str = "Exit codes:
    0  done
    1  differences found (diff), or a case failed (selftest)
    2  the command line could not be understood
-  65  an input file holds data that cannot be used
+  65  an input file holds data that cannot be used, or is no file
   66  an input file is missing
   70  internal error
   71  the machine has too little memory for the shot
   73  an output could not be created, or holds another run
-  74  reading or writing failed (disk full)
+  74  reading or writing failed (disk full), also of standard output
   75  stopped early at a checkpoint: run the same command again (run --resumable-exit-code)
   78  the scene file, a material file or the site file is wrong
   80  the solver gave up

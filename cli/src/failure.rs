@@ -23,7 +23,7 @@ pub(crate) struct Failure {
 impl Failure {
     /// An error with its text.
     pub(crate) fn new(code: ExitCode, text: impl Into<String>) -> Self {
-        Self { code, text: text.into() }
+        Self { code, text: say::visible(&text.into()) }
     }
 
     /// A fault of the program itself; the panic has printed its own message.
@@ -103,7 +103,8 @@ impl From<Vec<SceneFileError>> for Failure {
             many => format!("{} problems", many.len()),
         };
         let excerpts: String = errors.into_iter().map(excerpt).collect();
-        Self::new(code, format!("{count} in the scene file\n{}", excerpts.trim_end()))
+        // Excerpts have colours, and nothing else that a terminal obeys.
+        Self { code, text: format!("{count} in the scene file\n{}", excerpts.trim_end()) }
     }
 }
 
@@ -122,13 +123,15 @@ struct SceneExcerpt {
 
 /// The error with an excerpt of the scene and a mark under the words that are meant.
 fn excerpt(error: SceneFileError) -> String {
-    let Some(location) = &error.location else {
-        return format!("{error}\n");
+    let Some(location) = error.location.as_ref().filter(|location| location.fits_a_screen()) else {
+        return say::visible(&format!("{error}\n"));
     };
+    // As many bytes as before, so that the mark stays under the words.
+    let seen = |c: char| c.is_ascii_control() && !matches!(c, '\n' | '\r' | '\t');
     let report = SceneExcerpt {
-        message: error.message.clone(),
-        help: error.help.clone(),
-        source_text: NamedSource::new(&location.source_name, location.source.clone()),
+        message: say::visible(&error.message),
+        help: error.help.as_deref().map(say::visible),
+        source_text: NamedSource::new(say::visible(&location.source_name), location.source.replace(seen, "?").into()),
         span: location.span.clone().into(),
     };
     let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
@@ -138,7 +141,7 @@ fn excerpt(error: SceneFileError) -> String {
     match handler.render_report(&mut text, &report) {
         Ok(()) => text,
         // The plain form has its own excerpt.
-        Err(_) => format!("{error}\n"),
+        Err(_) => say::visible(&format!("{error}\n")),
     }
 }
 

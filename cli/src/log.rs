@@ -103,7 +103,10 @@ pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
         _ => "debug",
     };
     // DRAPERY_LOG chooses levels when no flag does.
-    let chosen = std::env::var("DRAPERY_LOG").ok().filter(|_| !args.quiet && args.verbose == 0);
+    let chosen = std::env::var_os("DRAPERY_LOG")
+        .map(|text| text.to_string_lossy().into_owned())
+        .filter(|_| !args.quiet && args.verbose == 0);
+    let not_levels = chosen.as_ref().and_then(|chosen| EnvFilter::try_new(chosen).err());
     let filter = |level: &str| EnvFilter::try_new(level).unwrap_or_else(|_| EnvFilter::new("warn"));
     let words = fmt::layer()
         .without_time()
@@ -133,5 +136,8 @@ pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
         .with(folder_words)
         .with(folder_lines)
         .init();
+    if let (Some(error), Some(chosen)) = (not_levels, chosen) {
+        tracing::warn!("DRAPERY_LOG={chosen} names no levels and is passed over: {error}");
+    }
     Ok(logs)
 }

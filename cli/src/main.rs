@@ -14,7 +14,9 @@ mod say;
 mod signals;
 
 use clap::Parser;
+use clap::error::ErrorKind;
 use drapery_core::parallel::ranks::Ranks;
+use drapery_io::farm::command_line::quoted;
 use drapery_io::shot::crew;
 
 use crate::args::{Cli, Command};
@@ -54,10 +56,10 @@ fn main() -> std::process::ExitCode {
         Ok(cli) => cli,
         Err(message) => {
             if ranks.is_first() {
-                // Help and version come here too, and go to standard output.
-                let _ = message.print();
+                explain(&message);
             }
-            return if message.use_stderr() { ExitCode::Usage } else { ExitCode::Done }.into();
+            let code = if message.use_stderr() { ExitCode::Usage } else { ExitCode::Done };
+            return printed(code.into()).code.into();
         }
     };
     if !ranks.is_first() {
@@ -65,10 +67,10 @@ fn main() -> std::process::ExitCode {
     }
     // A panic is a fault of the program; the farm is to see an exit code that says so. One of several ranks ends them all.
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| dispatch(&cli, &ranks)));
-    let ended = outcome.unwrap_or_else(|_| Err(Failure::internal())).unwrap_or_else(|failure| {
+    let ended = printed(outcome.unwrap_or_else(|_| Err(Failure::internal())).unwrap_or_else(|failure| {
         failure.report();
         failure.code.into()
-    });
+    }));
     crew::dismiss(&ranks, ended.code);
     // Waits for the others.
     drop(ranks);
@@ -76,6 +78,31 @@ fn main() -> std::process::ExitCode {
         signals::end_by_term();
     }
     ended.code.into()
+}
+
+/// Prints what is wrong with the command line; help and version come here too, and go to standard output.
+fn explain(message: &clap::Error) {
+    let printed = message.print();
+    if !message.use_stderr() {
+        say::note_loss(printed);
+    }
+    if message.kind() == ErrorKind::InvalidUtf8 {
+        let wrong = std::env::args_os().filter(|word| word.to_str().is_none());
+        wrong.for_each(|word| say::complaint(format_args!("not UTF-8: {}", quoted(&word))));
+    }
+}
+
+/// How the program ends when what it printed counts: one that has done what it was asked for, and could not say so, has failed.
+/// Other ends stay: a run that stopped has to be continued all the same.
+fn printed(ended: Ended) -> Ended {
+    let done = [ExitCode::Done, ExitCode::Differences].map(|code| code as u8);
+    match say::loss() {
+        Some(failure) if done.contains(&ended.code) => {
+            failure.report();
+            failure.code.into()
+        }
+        _ => ended,
+    }
 }
 
 fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {

@@ -50,9 +50,10 @@ impl Progress {
         }
         match self.style {
             ProgressStyle::None => return,
-            ProgressStyle::Json => return say::line(frame_json(report, left, resident_bytes())),
+            ProgressStyle::Json => say::line(frame_json(report, left, resident_bytes())),
             _ => say::line(text),
         }
+        say::warn_of_loss();
         // A full 100 is for the end, when everything is on the disk.
         self.percent(report.done * 99 / report.total.max(1));
     }

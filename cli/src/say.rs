@@ -1,15 +1,69 @@
-//! Printing that never fails: when nobody reads any more, the work goes on.
+//! Printing that never fails: when nobody reads any more, the work goes on, and the exit code says so at its end.
 
 use std::fmt::Display;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+
+/// Why standard output could not be written for the first time. A reader that has gone away (`drapery run … | head`) is no reason.
+static LOST: OnceLock<String> = OnceLock::new();
+
+/// Whether the loss was told.
+static TOLD: AtomicBool = AtomicBool::new(false);
 
 /// A line on standard output.
 pub(crate) fn line(text: impl Display) {
-    // A closed pipe (`drapery run … | head`) is no reason to lose a simulation.
-    let _ = writeln!(std::io::stdout().lock(), "{text}");
+    note_loss(writeln!(std::io::stdout().lock(), "{}", visible(&text.to_string())));
 }
 
 /// A line on standard error.
 pub(crate) fn complaint(text: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
+/// A text without what a terminal would obey: names come from files, and files from strangers.
+pub(crate) fn visible(text: &str) -> String {
+    text.replace(|c: char| c.is_control() && !matches!(c, '\n' | '\t'), "\u{fffd}")
+}
+
+/// Takes note of what became of something that was printed on standard output.
+pub(crate) fn note_loss(printed: std::io::Result<()>) {
+    if let Err(error) = printed
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        LOST.get_or_init(|| error.to_string());
+    }
+}
+
+/// Tells, once, that output is lost: in the middle of what takes long, so that somebody can look after it.
+pub(crate) fn warn_of_loss() {
+    if let Some(error) = LOST.get()
+        && !TOLD.swap(true, Ordering::Relaxed)
+    {
+        tracing::warn!("standard output could not be written: {error}; the work goes on without it");
+    }
+}
+
+/// The failure as which a command ends that has done everything but print all of it.
+pub(crate) fn loss() -> Option<Failure> {
+    note_loss(std::io::stdout().flush());
+    let error = LOST.get()?;
+    let text = format!(
+        "standard output could not be written: {error}\n  \
+         help: make room where it goes, or send it elsewhere; what the command writes into files is complete"
+    );
+    Some(Failure::new(ExitCode::Io, text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_to_a_terminal_are_not_printed() {
+        assert_eq!(visible("a\tb\n\u{1b}[2Jc\u{9b}1m\r\u{7f}é"), "a\tb\n\u{fffd}[2Jc\u{fffd}1m\u{fffd}\u{fffd}é");
+    }
 }

@@ -13,6 +13,7 @@ use crate::cache::Connectivity;
 use crate::error::IoError;
 use crate::formats::alembic_writer::{CROSSINGS, bounds_of, reverse, shifted};
 use crate::formats::hdf5::stored;
+use crate::input_file;
 use crate::units::{LengthUnit, Units, UpAxis};
 use crate::verify::triangles_of;
 
@@ -89,11 +90,14 @@ impl CacheFrames {
     /// # Errors
     /// As [`CacheFrames::open`].
     pub fn open_at(path: &Path, root: Option<u64>) -> Result<Self, IoError> {
-        std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
+        input_file::open(path)?;
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match extension.as_str() {
             "abc" => Self::open_alembic(path, root),
-            "h5" => Self::open_hdf5(path).map_err(|source| not_a_cache(path, &source)),
+            "h5" => {
+                input_file::check_for_hdf5(path)?;
+                Self::open_hdf5(path).map_err(|source| not_a_cache(path, &source))
+            }
             _ => Err(IoError::Format {
                 path: path.to_owned(),
                 what: format!("files of the kind .{extension} are no caches"),

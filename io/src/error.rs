@@ -31,6 +31,27 @@ pub enum IoError {
         /// Reason given by the system.
         source: std::io::Error,
     },
+    /// What is to be read is no file: a folder, a pipe, a socket or a device.
+    #[error(
+        "{}: this is {what}, not a file\n  \
+         help: give a regular file; what comes out of a pipe has to be written into one first",
+        path.display()
+    )]
+    NotAFile {
+        /// What was given.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+    },
+    /// An output folder has a name that files of HDF5 cannot be written under.
+    #[error(
+        "{path:?}: this path is not UTF-8, and checkpoints (HDF5) are written only below paths that are\n  \
+         help: choose another folder with --out"
+    )]
+    OutputNotUtf8 {
+        /// The folder.
+        path: PathBuf,
+    },
     /// An output file or folder could not be created.
     #[error(
         "{}: could not be created: {source}\n  \
@@ -205,9 +226,11 @@ impl IoError {
         match self {
             Self::Missing { .. } | Self::Read { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
+            Self::OutputNotUtf8 { .. } => IoErrorKind::CannotCreate,
             Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
             Self::Write { .. } | Self::NoRoom { .. } => IoErrorKind::Io,
-            Self::Data { .. } | Self::Format { .. } | Self::FrameChanged { .. } => IoErrorKind::BadInput,
+            Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
+            Self::FrameChanged { .. } | Self::NotAFile { .. } => IoErrorKind::BadInput,
             Self::Alembic(AlembicError::Io { action: "create", .. }) => IoErrorKind::CannotCreate,
             Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
             Self::Alembic(AlembicError::Refused { .. } | AlembicError::TimeSampling { .. }) => IoErrorKind::Internal,

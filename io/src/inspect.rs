@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::cache::MeshReader;
 use crate::error::IoError;
 use crate::formats::obj::ObjMesh;
+use crate::input_file;
 
 /// What a file holds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -55,7 +56,7 @@ pub struct MeshSummary {
 /// # Errors
 /// The file is missing, damaged, or of a format that is not read here.
 pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
-    std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
+    input_file::open(path)?;
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     match extension.as_str() {
         "abc" => inspect_alembic(path),

@@ -13,6 +13,7 @@ pub mod farm;
 pub mod formats;
 pub mod frame_digest;
 pub mod garment_mesh;
+pub mod input_file;
 pub mod inspect;
 pub mod materials;
 pub mod mesh_source;

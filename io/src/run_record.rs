@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::{BrokenAttachment, FrameSummary, StrainRecord};
@@ -16,6 +16,7 @@ use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
 use crate::frame_digest::FrameDigests;
+use crate::input_file;
 use crate::shot::bundle::recovery_value;
 
 /// Stage of a frame that holds all stages of the solver.
@@ -148,16 +149,20 @@ impl Manifest {
 
 /// Caches that the manifest of a folder lists; none when there is no manifest that can be read.
 pub fn listed_files(folder: &Path) -> Vec<PathBuf> {
-    let text = std::fs::read_to_string(folder.join(MANIFEST)).unwrap_or_default();
-    let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
+    let text = input_file::bytes(&folder.join(MANIFEST)).unwrap_or_default();
+    let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
     let garments = manifest["garments"].as_array().into_iter().flatten();
     let names =
         garments.flat_map(|garment| garment["files"].as_array().into_iter().flatten()).filter_map(Value::as_str);
-    // Names only: a manifest that was tampered with must not reach files elsewhere.
-    names
-        .filter(|name| Path::new(name).components().count() == 1 && *name != "..")
-        .map(|name| folder.join(name))
-        .collect()
+    names.filter_map(|name| named_in(folder, name)).collect()
+}
+
+/// The file of this name in a folder; `None` for what leads out of it: a manifest that was tampered with must not reach files
+/// elsewhere.
+pub(crate) fn named_in(folder: &Path, name: &str) -> Option<PathBuf> {
+    let mut parts = Path::new(name).components();
+    let is_name = matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None));
+    is_name.then(|| folder.join(name))
 }
 
 /// The record being written.
@@ -330,7 +335,7 @@ pub fn counts(metrics: &Metrics) -> Value {
 
 /// A count of every frame in a record; frames that a resumed run came to again count the last time.
 pub fn frame_counts(record: &Path, name: &str) -> BTreeMap<i64, u64> {
-    let text = std::fs::read_to_string(record).unwrap_or_default();
-    let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let text = input_file::bytes(record).unwrap_or_default();
+    let lines = text.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Value>(line).ok());
     lines.filter_map(|line| Some((line["frame"].as_i64()?, line["counts"][name].as_u64()?))).collect()
 }

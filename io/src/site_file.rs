@@ -25,7 +25,6 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
 use crate::checkpoint::Every;
-use crate::error::IoError;
 use crate::farm::duration::parse_duration;
 use crate::scene_file::{self, PathMaps, SceneFileError};
 
@@ -62,9 +61,7 @@ impl SiteFile {
     /// # Errors
     /// It cannot be read, is not TOML, or holds a key or value that is not understood; the first such place.
     pub fn read(path: &Path) -> Result<Self, SceneFileError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| SceneFileError::of_file(None, &IoError::reading(path, error)))?;
-        let mut site: Self = scene_file::read_table(&text, &path.to_string_lossy())?;
+        let mut site: Self = scene_file::read_table(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         for materials in &mut site.materials {
             *materials = folder.join(&materials);

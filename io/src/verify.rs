@@ -12,6 +12,7 @@ use drapery_core::Vec3;
 
 use crate::error::IoError;
 use crate::formats;
+use crate::input_file;
 
 pub(crate) use crossings::triangles_of;
 pub use recorded::recorded;
@@ -74,7 +75,7 @@ fn prefix_of(path: &Path, all: &[&Path]) -> String {
 
 /// Opens a file and checks the rules that concern it alone.
 fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<Cache, IoError> {
-    std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
+    input_file::open(path)?;
     let archive = Archive::open(path)?;
     let meshes = PolyMesh::all(&archive)?;
     if meshes.is_empty() {

@@ -17,6 +17,7 @@ use hdf5::{Dataset, Hyperslab};
 
 use crate::error::IoError;
 use crate::formats::hdf5::stored;
+use crate::input_file;
 use crate::shot::motion::file_time;
 
 /// Times closer than this share of a sample step are the same: programs round frame / fps differently.
@@ -42,7 +43,7 @@ impl WindFile {
     /// The file is missing, is not HDF5, or its datasets are not those of wind.
     pub fn open(path: &Path) -> Result<Self, IoError> {
         // The library's own message for a missing file is long and says little.
-        std::fs::File::open(path).map_err(|error| IoError::reading(path, error))?;
+        input_file::check_for_hdf5(path)?;
         let damaged = |error: hdf5::Error| IoError::data(path, "HDF5", error.to_string(), ADVICE);
         let file = hdf5::File::open(path).map_err(damaged)?;
         let numbers = |name: &str| {

@@ -5,6 +5,7 @@ use std::time::SystemTime;
 
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::ranks::Ranks;
+use drapery_io::farm::command_line::quoted;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
 use drapery_io::report::record::in_words;
 use drapery_io::shot::bundle::Bundle;
@@ -139,23 +140,17 @@ fn run_shot(
 
 /// The command line that continues this run: without what would start it anew, or was meant for this once.
 fn command(ranks: usize) -> String {
-    let mut arguments = std::env::args().skip(1);
+    let mut arguments = std::env::args_os().skip(1);
     let mut words = vec![launcher(ranks) + "drapery"];
     while let Some(argument) = arguments.next() {
-        match argument.as_str() {
-            "--overwrite" | "--steal-lock" | "--resume-with-changes" => {}
-            "--resume" => drop(arguments.next()),
-            _ if argument.starts_with("--resume=") => {}
-            _ => words.push(quoted(argument)),
+        match argument.to_str() {
+            Some("--overwrite" | "--steal-lock" | "--resume-with-changes") => {}
+            Some("--resume") => drop(arguments.next()),
+            Some(word) if word.starts_with("--resume=") => {}
+            _ => words.push(quoted(&argument)),
         }
     }
     words.join(" ")
-}
-
-/// A word as a shell wants it.
-pub(crate) fn quoted(word: String) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
 /// Frame, time, warnings and what to do next.

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::atomic_file;
+use drapery_io::farm::command_line::quoted;
 use drapery_io::study::record::{Asked, Study};
 use drapery_io::study::space::Wish;
 use drapery_io::study::{self, Observer, Options, analysis, preset, table};
 
 use crate::args::StudyArgs;
-use crate::commands::run::quoted;
 use crate::config::Surroundings;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
@@ -56,7 +56,8 @@ fn simulate(
     let (threads, _) = ranks::start_threads(ranks, around.threads(args.threads))?;
     let name = scene.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}_study")));
-    let command: Vec<String> = std::env::args().skip(1).filter(|word| word != "--overwrite").map(quoted).collect();
+    let command: Vec<String> =
+        std::env::args_os().skip(1).filter(|word| word != "--overwrite").map(|word| quoted(&word)).collect();
     let options = Options {
         scene: scene.to_owned(),
         settings: args.settings.clone(),
@@ -93,6 +94,7 @@ impl Observer for Watcher {
         if !self.quiet {
             let about = seconds.map_or(String::new(), |seconds| format!(", about {seconds:.1} s"));
             say::line(format_args!("run {number} of {all}: {}{about}", wish.label()));
+            say::warn_of_loss();
         }
     }
 }

@@ -41,7 +41,9 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<ExitCode, Failure> {
 /// What cannot be understood cannot be loaded either; a file that is not there is another matter.
 fn unusable(error: IoError) -> Failure {
     match error.kind() {
-        IoErrorKind::BadInput => Failure::new(ExitCode::VerificationFailed, error.to_string()),
+        IoErrorKind::BadInput if !matches!(error, IoError::NotAFile { .. }) => {
+            Failure::new(ExitCode::VerificationFailed, error.to_string())
+        }
         _ => Failure::from(error),
     }
 }

@@ -27,7 +27,7 @@ format = ["abc"]
 "#;
 
 /// Runs `check` and `run`; both have to end with `code` and say all `parts`, and no output may appear.
-fn refused(folder: &Path, code: i32, parts: &[&str]) {
+pub(crate) fn refused(folder: &Path, code: i32, parts: &[&str]) {
     for arguments in [&["check", "scene.toml"][..], &["run", "scene.toml", "--out", "out"][..]] {
         let outcome = drapery(folder, arguments);
         assert_eq!(outcome.code, Some(code), "{arguments:?}\n{}", outcome.stderr);
@@ -40,7 +40,7 @@ fn refused(folder: &Path, code: i32, parts: &[&str]) {
 }
 
 /// The scene of files with these texts in place of the body and the garment.
-fn with_files(body: &str, skirt: &str) -> tempfile::TempDir {
+pub(crate) fn with_files(body: &str, skirt: &str) -> tempfile::TempDir {
     let folder = folder_with(FROM_FILES);
     std::fs::write(folder.path().join("body.obj"), body).unwrap();
     std::fs::write(folder.path().join("skirt.obj"), skirt).unwrap();

@@ -3,6 +3,7 @@
 mod bad_input;
 mod effects;
 mod farm;
+mod files;
 mod inspection;
 mod replay;
 mod run;

@@ -245,6 +245,10 @@ fn check_solver(description: &SceneDescription, problems: &mut Vec<Problem>) {
     }
 }
 
+/// Longest name of a garment or body [bytes]: file systems allow 255, of which the endings of a cache take up to 20 while it is
+/// written anew.
+const LONGEST_NAME: usize = 235;
+
 fn check_names(description: &SceneDescription, problems: &mut Vec<Problem>) {
     let kinds: [(&str, Vec<&str>); 2] = [
         ("garment", description.garments.iter().map(|g| g.name.as_str()).collect()),
@@ -257,8 +261,13 @@ fn check_names(description: &SceneDescription, problems: &mut Vec<Problem>) {
                 && name.chars().all(|c| c.is_alphanumeric() || "_-.".contains(c))
                 && !name.starts_with('.');
             if !usable {
-                let what = format!("\"{name}\" cannot be a name: it names files and objects");
+                let what = format!("{name:?} cannot be a name: it names files and objects");
                 problems.push(Problem::scene(kind, what, "use letters, digits, _ and -"));
+            }
+            if name.len() > LONGEST_NAME {
+                let what = format!("a name of {} bytes is too long: it names files", name.len());
+                let advice = format!("use at most {LONGEST_NAME} bytes; letters without accents take one each");
+                problems.push(Problem::scene(format!("{kind} {name:?}"), what, advice));
             }
             if !seen.insert(name) {
                 problems.push(Problem::scene(format!("{kind} \"{name}\""), "two have this name", "rename one of them"));
@@ -269,6 +278,9 @@ fn check_names(description: &SceneDescription, problems: &mut Vec<Problem>) {
 
 fn check_garment(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     let place = |what: &str| format!("garment \"{}\"{what}", garment.name);
+    if garment.point_count() == 0 {
+        problems.push(Problem::data(place(""), "it has no points", "export a mesh with polygons; its file is empty"));
+    }
     match garment.mass {
         Mass::Density(m) | Mass::UniformTotal(m) if !(m > 0.0 && m.is_finite()) => {
             problems.push(Problem::scene(

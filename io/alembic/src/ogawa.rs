@@ -98,11 +98,12 @@ impl ChunkSource {
 
     fn open_file(path: &Path) -> Result<Self, AlembicError> {
         let failed = |source| AlembicError::Io { path: path.to_owned(), action: "open", source };
-        let mut file = File::open(path).map_err(failed)?;
-        if !file.metadata().map_err(failed)?.is_file() {
+        // Looked at before it is opened, because to open a pipe waits for a writer.
+        if !std::fs::metadata(path).map_err(failed)?.is_file() {
             let reason = "this is not a regular file".into();
             return Err(AlembicError::NotOgawa { path: path.to_owned(), reason });
         }
+        let mut file = File::open(path).map_err(failed)?;
         let mut header = Vec::new();
         (&mut file).take(HEADER_SIZE).read_to_end(&mut header).map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();

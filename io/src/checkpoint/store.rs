@@ -18,6 +18,7 @@ use super::file::{CheckpointReader, CheckpointWriter, Head};
 use super::seal::damaged;
 use crate::atomic_file;
 use crate::error::IoError;
+use crate::input_file;
 
 /// Folder of the checkpoints inside that of a run.
 pub const FOLDER: &str = "checkpoints";
@@ -276,7 +277,7 @@ pub fn load(entry: &Entry) -> Result<Loaded, IoError> {
 }
 
 fn read_account(path: &Path, hash: &str) -> Option<Account> {
-    let text = fs::read_to_string(account_path(path)).ok()?;
+    let text = input_file::text(&account_path(path)).ok()?;
     let stored: StoredAccount = serde_json::from_str(&text).ok()?;
     (stored.content_hash == hash).then_some(stored.account)
 }

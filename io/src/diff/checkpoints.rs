@@ -1,6 +1,5 @@
 //! Two checkpoints, section by section and array by array.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -9,6 +8,7 @@ use drapery_core::snapshot::{Dataset, Section, Values};
 use super::{DatasetDifference, PartComparison, Verdict, WorstVertex};
 use crate::checkpoint::Checkpoint;
 use crate::error::IoError;
+use crate::input_file;
 
 /// What only checkpoints begin with: the seal is checked before the HDF5 library sees a byte of a damaged file.
 const SEAL: &[u8] = b"Drapery checkpoint ";
@@ -19,8 +19,8 @@ const POSITIONS: &str = "state/positions";
 /// Whether a file is a checkpoint.
 pub(super) fn is_checkpoint(path: &Path) -> bool {
     let mut start = Vec::with_capacity(SEAL.len());
-    let read = File::open(path).and_then(|file| file.take(SEAL.len() as u64).read_to_end(&mut start));
-    read.is_ok() && start == SEAL
+    let read = input_file::open(path).map(|file| file.take(SEAL.len() as u64).read_to_end(&mut start));
+    matches!(read, Ok(Ok(_))) && start == SEAL
 }
 
 /// Compares everything that two checkpoints remember.

@@ -7,13 +7,13 @@ mod caches;
 mod checkpoints;
 mod folders;
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use serde::Serialize;
 
 use crate::error::IoError;
+use crate::input_file;
 
 /// Bytes that are compared at a time.
 const BLOCK: usize = 1 << 16;
@@ -174,7 +174,7 @@ impl PartComparison {
 /// Whether two files have the same bytes.
 fn same_bytes(a: &Path, b: &Path) -> Result<bool, IoError> {
     let open = |path: &Path| {
-        let file = File::open(path).map_err(|e| IoError::reading(path, e))?;
+        let file = input_file::open(path)?;
         let length = file.metadata().map_err(|e| IoError::reading(path, e))?.len();
         Ok::<_, IoError>((file, length))
     };

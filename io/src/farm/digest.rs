@@ -9,7 +9,6 @@
 //! another folder is allowed.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf, absolute};
 
@@ -17,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::error::IoError;
+use crate::input_file;
 use crate::scene_file::FILES;
 
 /// Digests by name: `scene`, `solver`, `format`, `application`, and `input:<path>` for each input file.
@@ -191,7 +191,7 @@ fn input_name(path: &Path) -> String {
 
 /// Digest of all bytes of a file.
 fn content_digest(path: &Path) -> Result<String, IoError> {
-    let mut file = File::open(path).map_err(|e| IoError::reading(path, e))?;
+    let mut file = input_file::open(path)?;
     let (mut all, mut block) = (Sha256::new(), vec![0; BLOCK]);
     loop {
         match file.read(&mut block) {

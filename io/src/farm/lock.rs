@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::IoError;
 use crate::farm::process::Owner;
+use crate::input_file;
 
 /// File name of the lock in the folder of a run.
 pub const LOCK: &str = "lock.json";
@@ -205,9 +206,9 @@ struct Found {
 
 impl Found {
     fn read(path: &Path) -> Result<Option<Self>, IoError> {
-        let mut file = match File::open(path) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            opened => opened.map_err(|e| IoError::reading(path, e))?,
+        let mut file = match input_file::open(path) {
+            Err(IoError::Missing { .. }) => return Ok(None),
+            opened => opened?,
         };
         let mut text = Vec::new();
         file.read_to_end(&mut text).map_err(|e| IoError::reading(path, e))?;

@@ -11,6 +11,7 @@
 //! What a resumed run is compared with is computed in `digest`; it is kept in the manifest and in checkpoints.
 
 pub mod attempts;
+pub mod command_line;
 pub mod digest;
 pub mod duration;
 pub mod lock;

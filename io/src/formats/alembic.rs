@@ -17,6 +17,7 @@ use globset::GlobBuilder;
 use super::alembic_writer::reverse;
 use crate::cache::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
 use crate::error::IoError;
+use crate::input_file;
 
 /// Points or faces that are read at a time.
 const PIECE: usize = 8192;
@@ -43,7 +44,7 @@ impl AlembicMesh {
     /// The file is missing or damaged, the pattern is malformed, or no mesh fits it.
     pub fn open(path: &Path, pattern: Option<&str>) -> Result<Self, IoError> {
         // The system's own words for a missing file are the same everywhere; ours carry advice.
-        std::fs::metadata(path).map_err(|e| IoError::reading(path, e))?;
+        input_file::open(path)?;
         let archive = Archive::open(path)?;
         let mut meshes = PolyMesh::all(&archive)?;
         meshes.sort_by(|a, b| a.object().path().cmp(b.object().path()));

@@ -40,6 +40,7 @@ use super::continuing::{cannot_continue, hexadecimal, marked_frames, remove, syn
 use crate::atomic_file::unfinished;
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
+use crate::input_file;
 use crate::inspect::{FileSummary, MeshSummary, face_kinds};
 
 /// An HDF5 cache being written.
@@ -277,6 +278,7 @@ impl CacheWriter for Hdf5Writer {
 /// # Errors
 /// The file cannot be opened or has another layout.
 pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
+    input_file::check_for_hdf5(path)?;
     read_summary(path).map_err(|source| {
         IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
     })

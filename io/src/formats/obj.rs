@@ -13,6 +13,7 @@ use drapery_core::mesh::PolygonMesh;
 
 use crate::cache::{Connectivity, FaceSet, MeshData, MeshReader, Uvs};
 use crate::error::IoError;
+use crate::input_file::{self, MARK};
 
 /// An OBJ file. It is kept in memory once its positions are asked for as a whole, as those of bodies are with every frame.
 #[derive(Debug)]
@@ -21,6 +22,9 @@ pub struct ObjMesh {
     name: String,
     data: OnceLock<MeshData>,
 }
+
+/// Longest line that may be made of several [bytes].
+const LONGEST_CONTINUED: usize = 1 << 26;
 
 /// Index that stands for "this corner has no texture coordinate".
 const NO_UV: u32 = u32::MAX;
@@ -86,13 +90,7 @@ impl ObjMesh {
 
 /// The text of a file.
 fn lines(path: &Path) -> Result<BufReader<File>, IoError> {
-    let opened = File::open(path).map_err(|e| IoError::reading(path, e))?;
-    // A folder can be opened, but not read.
-    let about = opened.metadata().map_err(|e| IoError::reading(path, e))?;
-    if about.is_dir() {
-        return Err(IoError::reading(path, std::io::ErrorKind::IsADirectory.into()));
-    }
-    Ok(BufReader::new(opened))
+    input_file::open(path).map(BufReader::new)
 }
 
 impl MeshReader for ObjMesh {
@@ -177,19 +175,20 @@ fn scan(mut text: impl BufRead, path: &Path, take: &mut dyn FnMut(Line<'_>)) -> 
     let mut scanner = Scanner::default();
     let (mut bytes, mut continued) = (Vec::new(), String::new());
     let mut number = 0;
-    loop {
-        bytes.clear();
-        if text.read_until(b'\n', &mut bytes).map_err(|e| IoError::reading(path, e))? == 0 {
-            return Ok(());
-        }
+    while input_file::read_line(path, &mut text, &mut bytes)? {
         number += 1;
         let place = Place { path, line: number };
-        let line = String::from_utf8_lossy(&bytes);
+        // Some programs mark a text as UTF-8 by its first bytes; the first point must not be lost by them.
+        let start = if number == 1 && bytes.starts_with(MARK) { MARK.len() } else { 0 };
+        let line = String::from_utf8_lossy(&bytes[start..]);
         let line = line.trim_end();
         // A backslash at the end of a line joins the next one.
         if let Some(start) = line.strip_suffix('\\') {
             continued.push_str(start);
             continued.push(' ');
+            if continued.len() > LONGEST_CONTINUED {
+                return Err(place.error("too many lines are joined by backslashes"));
+            }
         } else if continued.is_empty() {
             scanner.take_line(line, &place, take)?;
         } else {
@@ -198,6 +197,8 @@ fn scan(mut text: impl BufRead, path: &Path, take: &mut dyn FnMut(Line<'_>)) -> 
             continued.clear();
         }
     }
+    // The file may end where a line is to go on.
+    scanner.take_line(&continued, &Place { path, line: number }, take)
 }
 
 fn parse(text: impl BufRead, path: &Path) -> Result<MeshData, IoError> {
@@ -369,6 +370,12 @@ mod tests {
         let sets = parsed(HOUSE).unwrap().face_sets;
         assert_eq!(sets[0], FaceSet { name: "wall".into(), faces: vec![0, 2] });
         assert_eq!(sets[1], FaceSet { name: "roof".into(), faces: vec![1] });
+    }
+
+    #[test]
+    fn the_first_and_the_last_line_count_behind_a_mark_and_before_a_backslash() {
+        let data = parsed("\u{feff}v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 \\\n3 \\").unwrap();
+        assert_eq!((data.mesh.points.len(), data.mesh.face_indices), (3, vec![0, 1, 2]));
     }
 
     #[test]

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::record::Record;
 use crate::error::IoError;
-use crate::run_record::{FRAMES, MANIFEST, Manifest, RECORD};
+use crate::input_file;
+use crate::run_record::{FRAMES, MANIFEST, Manifest, RECORD, named_in};
 
 /// What a run folder tells.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -26,13 +27,10 @@ impl RunFolder {
     /// The folder holds no run, or its manifest cannot be understood.
     pub fn read(path: &Path) -> Result<Self, IoError> {
         let manifest = path.join(MANIFEST);
-        let text = match std::fs::read_to_string(&manifest) {
-            Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Err(IoError::NoRun { path: path.to_owned() });
-            }
-            Err(e) => return Err(IoError::reading(&manifest, e)),
-        };
+        let text = input_file::text(&manifest).map_err(|error| match error {
+            IoError::Missing { .. } => IoError::NoRun { path: path.to_owned() },
+            error => error,
+        })?;
         let damaged = |place: String, what: String| {
             let advice = "it is replaced as a whole with every frame; restore it, or run the shot again";
             IoError::data(&manifest, place, what, advice)
@@ -56,7 +54,6 @@ impl RunFolder {
 
     /// The file of a cache; `None` for a name that leads out of the folder.
     pub fn cache(&self, name: &str) -> Option<PathBuf> {
-        let is_name = Path::new(name).components().count() == 1 && name != "..";
-        is_name.then(|| self.path.join(name))
+        named_in(&self.path, name)
     }
 }

@@ -4,8 +4,7 @@
 //! counted and passed over. A run that was resumed may have written frames more than once: the last word counts.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use serde::Deserialize;
@@ -13,10 +12,8 @@ use serde_json::Value;
 
 use crate::error::IoError;
 use crate::frame_digest::FrameDigests;
+use crate::input_file;
 use crate::run_record::FRAMES;
-
-/// Bytes that are taken for a line at most: a file that is something else does not fill the memory.
-const LONGEST_LINE: u64 = 1 << 26;
 
 /// A whole record.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -166,25 +163,24 @@ impl Record {
     /// # Errors
     /// The file is there and cannot be read.
     pub fn read(path: &Path) -> Result<Self, IoError> {
-        match File::open(path) {
-            Ok(file) => Self::from_lines(BufReader::new(file)).map_err(|e| IoError::reading(path, e)),
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(e) => Err(IoError::reading(path, e)),
+        match input_file::open(path) {
+            Ok(file) => Self::from_lines(path, BufReader::new(file)),
+            Err(IoError::Missing { .. }) => Ok(Self::default()),
+            Err(error) => Err(error),
         }
     }
 
     /// Reads lines; see the module.
-    fn from_lines(mut reader: impl BufRead) -> std::io::Result<Self> {
+    fn from_lines(path: &Path, mut reader: impl BufRead) -> Result<Self, IoError> {
         let mut record = Self::default();
         let mut frames = BTreeMap::new();
         let mut line = Vec::new();
-        while reader.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)? > 0 {
-            let is_whole = line.ends_with(b"\n") || line.len() as u64 == LONGEST_LINE;
+        while input_file::read_line(path, &mut reader, &mut line)? {
+            let is_whole = line.ends_with(b"\n");
             match serde_json::from_slice(&line) {
                 Ok(value) => record.take(value, &mut frames),
                 Err(_) => record.unreadable += usize::from(is_whole),
             }
-            line.clear();
         }
         record.frames = frames.into_values().collect();
         Ok(record)
@@ -288,7 +284,7 @@ mod tests {
     use super::*;
 
     fn record(text: &str) -> Record {
-        Record::from_lines(text.as_bytes()).unwrap()
+        Record::from_lines(Path::new("run.jsonl"), text.as_bytes()).unwrap()
     }
 
     #[test]

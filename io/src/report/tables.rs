@@ -3,6 +3,7 @@
 use super::folder::RunFolder;
 use super::record::{EventKind, FrameRow, OverRanks, StageRow};
 use super::status::Degradation;
+use crate::input_file;
 use crate::page::table::{Cell, number, section, table, words};
 use crate::page::text::{self, escape};
 use crate::run_record::RESOLVED;
@@ -196,7 +197,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
         let table = table(&[words("count"), number("total of all frames")], &totals);
         folded += &format!("<div class=\"card\"><details><summary>All counts</summary>{table}</details></div>");
     }
-    if let Ok(scene) = std::fs::read_to_string(run.path.join(RESOLVED)) {
+    if let Ok(scene) = input_file::text(&run.path.join(RESOLVED)) {
         let shown: String = scene.chars().take(SCENE_LETTERS).collect();
         let rest = if shown.len() < scene.len() { "\n… the rest is in resolved.toml" } else { "" };
         folded += &format!(

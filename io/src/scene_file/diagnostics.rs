@@ -32,6 +32,9 @@ pub enum SceneErrorKind {
     Data,
 }
 
+/// Longest line that is shown [bytes]; of a file that is no scene all may be one line.
+const LONGEST_SHOWN: usize = 1000;
+
 /// A stretch of text in a scene file or in a `--set` argument.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Location {
@@ -49,6 +52,12 @@ impl Location {
         let before = &self.source[..self.start()];
         let line_start = before.rfind('\n').map_or(0, |i| i + 1);
         (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+    }
+
+    /// Whether the lines around it are short enough to be shown.
+    pub fn fits_a_screen(&self) -> bool {
+        let (line, _) = self.line_column();
+        self.source.lines().skip(line.saturating_sub(2)).take(3).all(|line| line.len() <= LONGEST_SHOWN)
     }
 
     /// Start of the span, moved to a character of the text if it points outside.
@@ -103,7 +112,11 @@ fn write_excerpt(f: &mut fmt::Formatter<'_>, location: &Location, message: &str)
     let end = floor_char(&location.source, location.span.end.max(location.start()));
     let width = location.source[location.start()..end].lines().next().unwrap_or("").chars().count().max(1);
     let gutter = line.to_string().len();
-    writeln!(f, "{}:{line}:{column}: {message}", location.source_name)?;
+    write!(f, "{}:{line}:{column}: {message}", location.source_name)?;
+    if !location.fits_a_screen() {
+        return Ok(());
+    }
+    writeln!(f)?;
     writeln!(f, "{:gutter$} |", "")?;
     writeln!(f, "{line} | {text}")?;
     // Tabs are repeated, so that the carets stand below the span however wide a tab is shown.

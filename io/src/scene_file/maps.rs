@@ -5,6 +5,7 @@ use drapery_core::scene::painted::{PaintedMap, PaintedMaps};
 use crate::cache::{DataType, MeshData, MeshParam, Scope};
 use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
+use crate::input_file;
 
 use super::deserialize::suggestion;
 use super::raw::Garment;
@@ -47,8 +48,7 @@ impl Resolver<'_> {
     /// The numbers of a text file, separated by commas, blanks or lines; a list in brackets, as of JSON, is one too.
     fn map_file(&mut self, path: &Path, file: &str) -> Option<Vec<f64>> {
         let file = self.scene.folder.join(file);
-        let read = std::fs::read_to_string(&file).map_err(|error| IoError::reading(&file, error));
-        let numbers = read.and_then(|text| {
+        let numbers = input_file::text(&file).and_then(|text| {
             numbers(&text).map_err(|(line, what)| {
                 let advice = "a map holds one number for each vertex, separated by commas or lines";
                 IoError::data(&file, format!("line {line}"), what, advice)

@@ -97,7 +97,10 @@ pub(super) fn find(name: &str, folders: &[PathBuf]) -> Option<PathBuf> {
     if name.is_empty() || name.contains(['/', '\\']) {
         return None;
     }
-    folders.iter().map(|folder| folder.join(format!("{name}.{ENDING}"))).find(|path| path.is_file())
+    let paths: Vec<PathBuf> = folders.iter().map(|folder| folder.join(format!("{name}.{ENDING}"))).collect();
+    let file = paths.iter().find(|path| path.is_file());
+    // What is there and no file is named when it is read.
+    file.or_else(|| paths.iter().find(|path| path.symlink_metadata().is_ok())).cloned()
 }
 
 /// Names of the materials in folders, for messages: a folder that cannot be read has none.
@@ -115,9 +118,7 @@ pub(super) fn read(
     sources: &mut Sources,
     asked_at: Option<&Place>,
 ) -> Result<Material, SceneFileError> {
-    let text = std::fs::read_to_string(path).map_err(|error| {
-        SceneFileError::of_file(asked_at.map(|place| sources.location(place)), &IoError::reading(path, error))
-    })?;
+    let text = super::read_text(path, asked_at.map(|place| sources.location(place)))?;
     let source = sources.add(path.to_string_lossy().into_owned(), &text);
     let root = tree::parse(sources, source, &Origin::Scene)?;
     let file: MaterialFile = deserialize::read(&root, sources, |_| Vec::new())?;

@@ -44,7 +44,7 @@ use std::path::{Path as FilePath, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-use crate::error::IoError;
+use crate::input_file;
 use crate::shot::ShotDescription;
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
@@ -87,8 +87,7 @@ pub fn load_with(
     overrides: &[(String, String)],
     search: &SearchPaths,
 ) -> Result<SceneFile, SceneFileError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|error| SceneFileError::of_file(None, &IoError::reading(path, error)))?;
+    let text = read_text(path, None)?;
     let folder = path.parent().unwrap_or(FilePath::new(""));
     let scene = parse_with(&text, &path.to_string_lossy(), folder, overrides, search)?;
     Ok(SceneFile { path: path.to_owned(), ..scene })
@@ -138,12 +137,17 @@ fn parse_with(
     Ok(SceneFile { document, root, sources, parameters, material_files, folder, path })
 }
 
-/// Reads TOML that is no scene, with the same messages. `name` is that of the file.
+/// The text of a scene, or of another file in TOML; `asked_at` is where a scene names it.
+fn read_text(path: &FilePath, asked_at: Option<Location>) -> Result<String, SceneFileError> {
+    input_file::text(path).map_err(|error| SceneFileError::of_file(asked_at, &error))
+}
+
+/// Reads a file in TOML that is no scene, with the same messages.
 ///
 /// # Errors
-/// The text is not TOML, or does not fit the type; the first such place.
-pub(crate) fn read_table<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, SceneFileError> {
-    let sources = Sources::new(name, text);
+/// The file cannot be read, is not TOML, or does not fit the type; the first such place.
+pub(crate) fn read_table<T: DeserializeOwned>(path: &FilePath) -> Result<T, SceneFileError> {
+    let sources = Sources::new(&path.to_string_lossy(), &read_text(path, None)?);
     deserialize::read(&tree::parse(&sources, 0, &Origin::Scene)?, &sources, |_| Vec::new())
 }
 

@@ -8,6 +8,7 @@ use drapery_core::settings::Dimension;
 use serde::Deserialize;
 
 use crate::error::IoError;
+use crate::input_file;
 use crate::shot::motion::InputMotion;
 
 use super::deserialize::suggestion;
@@ -40,7 +41,7 @@ struct FilePin {
 /// # Errors
 /// It is missing, or not what a pin file looks like.
 fn read_file(path: &FilePath) -> Result<PinFile, IoError> {
-    let text = std::fs::read_to_string(path).map_err(|error| IoError::reading(path, error))?;
+    let text = input_file::text(path)?;
     serde_json::from_str(&text).map_err(|error| {
         let place = format!("line {}, column {}", error.line(), error.column());
         let advice = "a pin file holds {\"body\": name, \"pins\": [{\"vertex\": …, \"body_vertices\": [a, b, c], \

@@ -1,5 +1,6 @@
 //! From the scene file to the solver's description: units, files, shapes.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use drapery_core::Vec3;
@@ -89,9 +90,12 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
     }
+    // What material files say is written out.
+    let named_files = resolver.input_files[scene.material_files.len()..].to_vec();
     if !scene.path.as_os_str().is_empty() {
         resolver.input_files.insert(0, scene.path.clone());
     }
+    let unnamed = unnamed_files(&named_files);
     Ok(ShotDescription {
         name: document.shot.name.clone(),
         scene_path: scene.path.clone(),
@@ -105,8 +109,55 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         preroll: resolver.preroll,
         output: output(scene),
         resolved: resolved::write(scene),
-        warnings: Vec::new(),
+        warnings: same_files(&document.garment).into_iter().chain(unnamed).collect(),
     })
+}
+
+/// Longest name of a file or folder [bytes].
+const LONGEST_FILE_NAME: usize = 255;
+
+/// Whether a name can be that of one folder, inside another.
+fn usable_folder_name(name: &str) -> Result<(), String> {
+    match name {
+        "" => Err("it is empty".to_owned()),
+        "." | ".." => Err("it leads to another folder".to_owned()),
+        _ if name.contains(['/', '\\']) => Err("it leads to another folder".to_owned()),
+        _ if name.contains(char::is_control) => Err("it holds a character that cannot be seen".to_owned()),
+        _ if name.len() > LONGEST_FILE_NAME => {
+            Err(format!("it has {} bytes, and file systems allow {LONGEST_FILE_NAME}", name.len()))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Warnings of files that `resolved.toml`, which is UTF-8, cannot name.
+fn unnamed_files(files: &[PathBuf]) -> Vec<String> {
+    let whole = |file: &PathBuf| std::path::absolute(file).unwrap_or_else(|_| file.clone());
+    let unnamed = files.iter().map(whole).filter(|file| file.to_str().is_none());
+    let warning = |file: PathBuf| {
+        format!(
+            "{file:?}: this path is not UTF-8, so resolved.toml, which can be run again otherwise, does not find the file: \
+             rename it or its folder"
+        )
+    };
+    unnamed.map(warning).collect()
+}
+
+/// Warnings of garments whose caches would be one file where names that differ in capital letters alone are the same.
+fn same_files(garments: &[raw::Garment]) -> Vec<String> {
+    // By way of capitals, so that letters with two small forms count as one.
+    let folded = |garment: &raw::Garment| garment.name.to_uppercase().to_lowercase();
+    let mut by_name: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    garments.iter().for_each(|garment| by_name.entry(folded(garment)).or_default().push(&garment.name));
+    let warning = |names: &Vec<&str>| {
+        let quoted: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
+        format!(
+            "garments {}: their names differ in capital letters alone, so on disks of Windows and macOS each cache would \
+             replace the other: rename one of them",
+            quoted.join(" and ")
+        )
+    };
+    by_name.values().filter(|names| names.iter().any(|name| *name != names[0])).map(warning).collect()
 }
 
 fn units(units: FileUnits) -> Units {
@@ -221,6 +272,14 @@ impl Resolver<'_> {
     fn shot(&mut self) -> Option<(i64, i64)> {
         let shot = &self.scene.document.shot;
         let here = Path::default().key("shot");
+        if let Err(what) = usable_folder_name(&shot.name) {
+            let help = "use letters, digits, _ and -; it names the folder of the run".to_owned();
+            self.error_with(
+                &here.clone().key("name"),
+                format!("{:?} cannot be the name of a shot: {what}", shot.name),
+                help,
+            );
+        }
         let fps = self.check(&here.clone().key("fps"), frame_rate(&shot.fps));
         let frames = self.check(&here.key("frames"), frame_range(&shot.frames));
         let ((fps_numerator, fps_denominator), (first, last)) = (fps?, frames?);

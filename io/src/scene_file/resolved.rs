@@ -24,11 +24,13 @@ pub(super) fn write(scene: &SceneFile) -> String {
     );
     for entry in &scene.parameters.0 {
         let origin = if matches!(entry.node.origin, Origin::Set(_)) { "--set" } else { "scene" };
-        out.push_str(&format!("# parameter {} = {} ({origin})\n", entry.key, inline(&entry.node.value)));
+        let text = format!("# parameter {} = {} ({origin})", entry.key, inline(&entry.node.value));
+        out.push_str(&(on_one_line(&text) + "\n"));
     }
     for file in &scene.material_files {
         let name = file.file_stem().unwrap_or_default().to_string_lossy();
-        out.push_str(&format!("# material {name} = {}\n", std::path::absolute(file).unwrap_or(file.clone()).display()));
+        let text = format!("# material {name} = {}", std::path::absolute(file).unwrap_or(file.clone()).display());
+        out.push_str(&(on_one_line(&text) + "\n"));
     }
     let Value::Table(root) = &scene.root.value else {
         return out;
@@ -54,7 +56,8 @@ fn section(out: &mut String, scene: &SceneFile, table: &Table, path: &str) {
             other => other.clone(),
         };
         let line = format!("{} = {}", entry.key, inline(&value));
-        out.push_str(&format!("{line:<COMMENT_COLUMN$} # {}\n", origin(&entry.node)));
+        let comment = on_one_line(&origin(&entry.node).to_string());
+        out.push_str(&format!("{line:<COMMENT_COLUMN$} # {comment}\n"));
     }
     for entry in table.0.iter().filter(|e| is_section(&e.node.value)) {
         let name = if path.is_empty() { entry.key.clone() } else { format!("{path}.{}", entry.key) };
@@ -72,6 +75,12 @@ fn section(out: &mut String, scene: &SceneFile, table: &Table, path: &str) {
             _ => {}
         }
     }
+}
+
+/// A comment: names of parameters and files may hold ends of lines, and what comes behind one would no longer be a comment.
+fn on_one_line(text: &str) -> String {
+    let visible = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.chars().map(visible).collect()
 }
 
 /// Whether a value is written as tables of its own.

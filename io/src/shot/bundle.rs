@@ -20,7 +20,9 @@ use crate::atomic_file;
 use crate::cache::MeshData;
 use crate::checkpoint::{CheckpointReader, CheckpointWriter, Head};
 use crate::error::IoError;
+use crate::farm::command_line::quoted;
 use crate::garment_mesh::GarmentMesh;
+use crate::input_file;
 use crate::shot::{Shot, ShotError, resume};
 
 /// Folder inside that of a run.
@@ -59,7 +61,7 @@ pub(super) fn write(shot: &Shot, out: &Path, head: &Head, error: &StepError) -> 
         "scene": format!("{stem}.toml"),
         "checkpoint": format!("{stem}.h5"),
         "cloth": format!("{stem}.abc"),
-        "replay": format!("drapery run --replay {}", bundle.display()),
+        "replay": format!("drapery run --replay {}", quoted(bundle.as_os_str())),
     });
     atomic_file::replace(&bundle, format!("{text:#}\n").as_bytes())?;
     write_cloth(shot, &file("abc"), (&garment, &vertices))?;
@@ -123,7 +125,7 @@ impl Bundle {
     /// # Errors
     /// There is no such file, or it is no bundle.
     pub fn read(path: &Path) -> Result<Self, IoError> {
-        let text = fs::read_to_string(path).map_err(|e| IoError::reading(path, e))?;
+        let text = input_file::text(path)?;
         let value: Value = serde_json::from_str(&text).unwrap_or_default();
         let folder = path.parent().unwrap_or(Path::new(""));
         let named = |key: &str| value[key].as_str().map(|name| folder.join(name));

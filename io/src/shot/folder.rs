@@ -1,6 +1,5 @@
 //! What an earlier run has left in a folder, and how it makes room for another.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -14,6 +13,7 @@ use crate::farm::digest::Fingerprint;
 use crate::farm::lock::RunLock;
 use crate::farm::process::Owner;
 use crate::farm::stale;
+use crate::input_file;
 use crate::run_record::{self, AttemptRecord, FINGERPRINT, MANIFEST, RECORD, RESOLVED};
 use crate::shot::ShotError;
 use crate::shot::run::{Observer, RunOptions};
@@ -32,7 +32,7 @@ pub(super) struct Earlier {
 impl Earlier {
     /// The run in a folder, if there is one.
     pub(super) fn read(folder: &Path) -> Option<Self> {
-        let read = |name: &str| fs::read_to_string(folder.join(name)).ok();
+        let read = |name: &str| input_file::text(&folder.join(name)).ok();
         let manifest: Value = serde_json::from_str(&read(MANIFEST)?).ok()?;
         let fingerprint = read(FINGERPRINT).and_then(|text| serde_json::from_str(&text).ok());
         let attempts = serde_json::from_value(manifest["attempts"].clone()).unwrap_or_default();

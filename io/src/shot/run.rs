@@ -14,6 +14,7 @@ use serde_json::json;
 
 use crate::checkpoint::{Account, Cadence, Every, FORMAT_VERSION, Head, Store};
 use crate::error::IoError;
+use crate::farm::command_line::quoted;
 use crate::farm::digest::Fingerprint;
 use crate::farm::lock::RunLock;
 use crate::farm::stale;
@@ -195,6 +196,9 @@ impl Shot {
     /// The folder holds another run, is in use or cannot be written; an input breaks; the solver gives up. Frames before
     /// stay valid.
     pub fn run(self, options: &RunOptions, observer: &mut dyn Observer) -> Result<RunReport, ShotError> {
+        if options.out.to_str().is_none() {
+            return Err(IoError::OutputNotUtf8 { path: options.out.clone() }.into());
+        }
         refuse_inputs(&self, &planned_files(&self, &options.out))?;
         let fingerprint = resume::fingerprint(&self)?;
         let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
@@ -258,7 +262,7 @@ impl Shot {
             "record": "header",
             "application": crate::cache::APPLICATION,
             "shot": self.about.name,
-            "scene": self.about.scene_path,
+            "scene": self.about.scene_path.to_string_lossy(),
             "fps": [timeline.fps_numerator, timeline.fps_denominator],
             "start_frame": timeline.start,
             "first_frame": timeline.origin,
@@ -490,8 +494,9 @@ impl<'a> Run<'a> {
         let bundle = bundle::write(&self.shot, &self.options.out, &head, error).map_err(|e| e.to_string());
         observer.note(match written.and(bundle) {
             Ok(path) => format!(
-                "the last good state and what went wrong are in {0}; see it again with: drapery run --replay {0}",
-                path.display()
+                "the last good state and what went wrong are in {}; see it again with: drapery run --replay {}",
+                path.display(),
+                quoted(path.as_os_str())
             ),
             Err(error) => format!("what went wrong could not be written down: {error}"),
         });

@@ -57,9 +57,7 @@ pub fn text(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> Opti
 /// # Errors
 /// The file cannot be read, or is none.
 pub fn read(path: &Path) -> Result<Vec<(String, String)>, SceneFileError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|error| SceneFileError::of_file(None, &IoError::reading(path, error)))?;
-    let preset: Preset = read_table(&text, &path.to_string_lossy())?;
+    let preset: Preset = read_table(path)?;
     if preset.drapery_preset != VERSION {
         let what = format!("it is of version {}; this program reads version {VERSION}", preset.drapery_preset);
         let error = IoError::data(path, "drapery_preset", what, "write it again with `drapery study --write-preset`");

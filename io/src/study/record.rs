@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic_file;
 use crate::error::IoError;
+use crate::input_file;
 
 /// File name of the record.
 pub const RECORD: &str = "study.json";
@@ -351,7 +352,7 @@ impl Study {
     /// # Errors
     /// The file cannot be read, is no record of a study, or one of a newer program.
     pub fn read(path: &Path) -> Result<Self, IoError> {
-        let text = std::fs::read_to_string(path).map_err(|error| IoError::reading(path, error))?;
+        let text = input_file::text(path)?;
         Self::parse(path, &text)
     }
 

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use drapery_core::Vec3;
 
 use crate::error::IoError;
+use crate::input_file;
 use crate::study::cloth::Cloth;
 
 /// What is wrong with a file that cannot be understood.
@@ -88,7 +89,7 @@ impl StatesReader {
     /// # Errors
     /// It cannot be read, or is no such file.
     pub fn open(path: &Path) -> Result<Self, IoError> {
-        let file = File::open(path).map_err(|error| IoError::reading(path, error))?;
+        let file = input_file::open(path)?;
         let length = file.metadata().map_err(|error| IoError::reading(path, error))?.len();
         let cloth = Cloth::default();
         let mut reader = Self { path: path.to_owned(), file: BufReader::new(file), cloth };

@@ -1,5 +1,6 @@
 //! How a run would be made, and who says so.
 
+use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::ValueEnum;
@@ -40,11 +41,11 @@ pub(super) fn all(
     (shot, threads): (&Shot, &Chosen<usize>),
 ) -> Vec<Said> {
     let out = match &args.settings.out {
-        Some(out) => Said::new("out", json!(out), "--out"),
-        None => Said::new("out", json!(plan::default_folder(shot)), DEFAULT),
+        Some(out) => Said::new("out", path(out), "--out"),
+        None => Said::new("out", path(&plan::default_folder(shot)), DEFAULT),
     };
     let config = match &around.site_path {
-        Some(path) => Said::new("config", json!(path.value), path.source),
+        Some(file) => Said::new("config", path(&file.value), file.source),
         None => Said::new("config", Value::Null, DEFAULT),
     };
     let RunSettings { progress, resumable_exit_code: code, on_term, checkpoint_every: every, keep, limits } = settings;
@@ -60,7 +61,8 @@ pub(super) fn all(
     ];
     all.extend(limits.iter().map(limit));
     let search = around.search(&args.scene.materials);
-    all.push(Said::new("materials", json!(search.value.materials), search.source));
+    let folders = search.value.materials.iter().map(|folder| path(folder)).collect();
+    all.push(Said::new("materials", folders, search.source));
     if !search.value.maps.pairs().is_empty() {
         let maps = search.value.maps.pairs();
         let text: Vec<String> = maps.iter().map(|(from, to)| format!("{from}/ -> {to}/")).collect();
@@ -68,6 +70,11 @@ pub(super) fn all(
         all.push(Said { text: text.join(", "), ..Said::new("paths", value.into(), SITE_FILE) });
     }
     all
+}
+
+/// A path; what of it is not UTF-8 cannot be said in JSON.
+fn path(path: &Path) -> Value {
+    path.to_string_lossy().into()
 }
 
 /// A limit of time: a span in seconds, or seconds since 1970.

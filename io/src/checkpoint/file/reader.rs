@@ -17,6 +17,7 @@ use crate::checkpoint::bytes::{self, ContentHash};
 use crate::checkpoint::seal::{self, damaged};
 use crate::error::IoError;
 use crate::formats::hdf5::stored::place_of;
+use crate::input_file;
 
 /// Number of bytes that are checked at a time.
 const BLOCK: u64 = 1 << 20;
@@ -44,7 +45,8 @@ impl CheckpointReader {
     /// The file is missing, is no checkpoint, was cut off or changed in any bit, or was written by a newer program. It
     /// is not interpreted before its hash was checked.
     pub fn open(path: &Path) -> Result<Self, IoError> {
-        let mut file = File::open(path).map_err(|e| IoError::reading(path, e))?;
+        input_file::check_for_hdf5(path)?;
+        let mut file = input_file::open(path)?;
         seal::check(path, &mut file)?;
         let length = file.metadata().map_err(|e| IoError::reading(path, e))?.len();
         let (head, content_hash, sections) = read_sealed(path, length)

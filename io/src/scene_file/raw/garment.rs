@@ -11,7 +11,7 @@ use super::values::{Quantity, Rotation};
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Garment {
-    /// Name, unique among the garments; it names the output files.
+    /// Name, unique among the garments; it names the output files: letters, digits, "_", "-" and ".", up to 235 bytes.
     pub(in crate::scene_file) name: String,
     /// Rest shape from an Alembic or OBJ file, as "file.abc" or "file.abc@frame".
     #[serde(skip_serializing_if = "Option::is_none")]
