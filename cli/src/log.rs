@@ -2,11 +2,13 @@
 //! of a run once that is known.
 
 use std::fs::File;
-use std::io::{IsTerminal, Write};
+use std::io::{IsTerminal, Read, Write};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use drapery_io::error::IoError;
+use drapery_io::input_file;
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::filter::EnvFilter;
 use tracing_subscriber::layer::{Context, SubscriberExt};
@@ -14,6 +16,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{Layer, fmt};
 
 use crate::args::LogArgs;
+use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 
 /// Bytes that wait for a file at most: more than any run says before its folder is known.
@@ -94,6 +97,23 @@ impl FolderLogs {
     }
 }
 
+/// With what each line of a log begins, and no scene, mesh or cache.
+const LINE: &[u8] = b"{\"timestamp\"";
+
+/// Creates a log, in the place of an earlier one. Another file of this name is one that was named by mistake, and is kept.
+fn create(path: &Path) -> Result<File, Failure> {
+    let mut start = Vec::new();
+    if let Ok(file) = input_file::open(path) {
+        file.take(LINE.len() as u64).read_to_end(&mut start).map_err(|e| IoError::reading(path, e))?;
+    }
+    if !start.is_empty() && start != LINE {
+        let help = "give another name, or remove the file";
+        let text = format!("{}: this file holds no log, and would be replaced by one\n  help: {help}", path.display());
+        return Err(Failure::new(ExitCode::CannotCreate, text));
+    }
+    Ok(File::create(path).map_err(|e| IoError::creating(path, e))?)
+}
+
 /// Sets up the log; the logs in the folder of a run wait for their files.
 pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
     let level = match (args.quiet, args.verbose) {
@@ -117,7 +137,7 @@ pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
     let lines = match &args.log_json {
         None => None,
         Some(path) => {
-            let file = File::create(path).map_err(|e| Failure::from(IoError::creating(path, e)))?;
+            let file = create(path)?;
             Some(fmt::layer().json().with_writer(Mutex::new(file)).with_filter(filter("debug")))
         }
     };

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use crate::atomic_file;
 use crate::error::IoError;
 use crate::farm::process::resident_bytes;
+use crate::formats;
 use crate::frame_digest::FrameDigests;
 use crate::input_file;
 use crate::shot::bundle::recovery_value;
@@ -147,14 +148,18 @@ impl Manifest {
     }
 }
 
-/// Caches that the manifest of a folder lists; none when there is no manifest that can be read.
+/// Caches that the manifest of a folder lists, and nothing else that it may name; none when there is no manifest that can be read.
 pub fn listed_files(folder: &Path) -> Vec<PathBuf> {
     let text = input_file::bytes(&folder.join(MANIFEST)).unwrap_or_default();
     let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
     let garments = manifest["garments"].as_array().into_iter().flatten();
     let names =
         garments.flat_map(|garment| garment["files"].as_array().into_iter().flatten()).filter_map(Value::as_str);
-    names.filter_map(|name| named_in(folder, name)).collect()
+    let is_cache = |path: &PathBuf| {
+        let format = path.extension().and_then(|extension| formats::by_extension(extension.to_str()?));
+        format.is_some_and(|format| format.create.is_some())
+    };
+    names.filter_map(|name| named_in(folder, name)).filter(is_cache).collect()
 }
 
 /// The file of this name in a folder; `None` for what leads out of it: a manifest that was tampered with must not reach files
@@ -338,4 +343,31 @@ pub fn frame_counts(record: &Path, name: &str) -> BTreeMap<i64, u64> {
     let text = input_file::bytes(record).unwrap_or_default();
     let lines = text.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Value>(line).ok());
     lines.filter_map(|line| Some((line["frame"].as_i64()?, line["counts"][name].as_u64()?))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_manifest_that_was_tampered_with_names_no_files_but_caches_in_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = [
+            "sheet.abc",
+            "sheet.h5",
+            "../a.abc",
+            "/a.abc",
+            "b/a.abc",
+            "..",
+            ".",
+            "/",
+            "",
+            "scene.toml",
+            "body.obj",
+            "logs",
+        ];
+        let manifest = json!({"garments": [{"files": names}]});
+        std::fs::write(folder.path().join(MANIFEST), manifest.to_string()).unwrap();
+        assert_eq!(listed_files(folder.path()), ["sheet.abc", "sheet.h5"].map(|name| folder.path().join(name)));
+    }
 }

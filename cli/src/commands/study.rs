@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::atomic_file;
+use drapery_io::error::IoError;
 use drapery_io::farm::command_line::quoted;
+use drapery_io::input_file;
 use drapery_io::study::record::{Asked, Study};
 use drapery_io::study::space::Wish;
 use drapery_io::study::{self, Observer, Options, analysis, preset, table};
@@ -17,6 +19,7 @@ use crate::{ranks, say};
 
 /// Makes a study or writes the pages of one again, prints the table, and writes the preset if one is asked for.
 pub(crate) fn study(args: &StudyArgs, ranks: &Ranks, around: &Surroundings, quiet: bool) -> Result<ExitCode, Failure> {
+    args.write_preset.as_deref().map_or(Ok(()), keep_what_is_no_preset)?;
     let (study, folder) = match (&args.from, &args.scene) {
         (Some(record), _) => {
             let folder = record.parent().unwrap_or(Path::new("")).to_owned();
@@ -42,6 +45,19 @@ pub(crate) fn study(args: &StudyArgs, ranks: &Ranks, around: &Surroundings, quie
         pages.iter().for_each(|page| say::line(format_args!("wrote {}", page.display())));
     }
     Ok(ExitCode::Done)
+}
+
+/// Refuses to write a preset over something else, before anything takes long.
+fn keep_what_is_no_preset(path: &Path) -> Result<(), Failure> {
+    let is_other = |text: String| !text.trim().is_empty() && !text.contains(preset::KEY);
+    match input_file::text(path).map(is_other) {
+        Err(IoError::Missing { .. }) | Ok(false) => Ok(()),
+        Ok(true) => {
+            let what = "this file holds no preset, and would be replaced by one\n  help: give another name, or remove the file";
+            Err(Failure::new(ExitCode::CannotCreate, format!("{}: {what}", path.display())))
+        }
+        Err(error) => Err(error.into()),
+    }
 }
 
 fn simulate(

@@ -88,6 +88,24 @@ fn a_garment_without_points_is_refused_before_anything_is_written() {
 }
 
 #[test]
+fn caches_of_another_run_that_a_shot_reads_do_not_give_way_to_its_own() {
+    let folder = folder_with(SHEET);
+    assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--out", "shared", "-q"]).code, Some(0));
+    let cache = folder.path().join("shared/sheet.abc");
+    let before = std::fs::read(&cache).unwrap();
+    let scene = SHEET.replace(
+        "name = \"sheet\"\npanel = { resolution = \"$resolution\" }",
+        "name = \"copy\"\nrest = \"shared/sheet.abc\"",
+    );
+    std::fs::write(folder.path().join("copy.toml"), scene.replace("[gravity]", "[units]\nlength = \"m\"\n[gravity]"))
+        .unwrap();
+    let run = drapery(folder.path(), &["run", "copy.toml", "--out", "shared", "--overwrite"]);
+    assert_eq!(run.code, Some(73), "{}", run.stderr);
+    assert!(run.stderr.contains("shared/sheet.abc: this file is an input of the shot"), "{}", run.stderr);
+    assert!(std::fs::read(&cache).unwrap() == before);
+}
+
+#[test]
 fn what_is_no_file_is_refused_wherever_a_file_is_read() {
     let folder = with_files(BODY, SKIRT);
     let at = |name: &str| folder.path().join(name);
@@ -182,6 +200,25 @@ fn what_a_terminal_would_obey_is_not_printed_and_lines_without_an_end_are_not_sh
         let printed = stdout + &stderr;
         assert!(!printed.contains(['\u{1b}', '\u{9b}']), "{arguments:?}\n{printed}");
         assert!(printed.len() < 2000, "{arguments:?}: {} bytes", printed.len());
+    }
+}
+
+#[test]
+fn a_log_and_a_preset_replace_their_like_and_nothing_else() {
+    let folder = folder_with(SHEET);
+    for arguments in [
+        &["check", "scene.toml", "--log-json", "scene.toml"][..],
+        &["study", "scene.toml", "--write-preset", "scene.toml"],
+    ] {
+        let outcome = drapery(folder.path(), arguments);
+        assert_eq!(outcome.code, Some(73), "{arguments:?}\n{}", outcome.stderr);
+        assert!(outcome.stderr.contains("scene.toml: this file holds no"), "{}", outcome.stderr);
+        assert_eq!(std::fs::read_to_string(folder.path().join("scene.toml")).unwrap(), SHEET);
+    }
+    for _ in 0..2 {
+        let run = drapery(folder.path(), &["run", "scene.toml", "-q", "--log-json", "log.jsonl"]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert!(std::fs::metadata(folder.path().join("log.jsonl")).unwrap().len() > 0);
     }
 }
 

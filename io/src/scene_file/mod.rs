@@ -23,6 +23,7 @@ mod bodies;
 mod deserialize;
 mod diagnostics;
 mod effects;
+mod file_names;
 mod garments;
 mod maps;
 mod material_files;

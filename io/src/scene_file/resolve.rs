@@ -1,6 +1,5 @@
 //! From the scene file to the solver's description: units, files, shapes.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use drapery_core::Vec3;
@@ -25,7 +24,7 @@ use super::SceneFile;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
 use super::raw::{self, FileUnits, Quantity};
 use super::tree::Path;
-use super::{effects, resolved};
+use super::{effects, file_names, resolved};
 
 /// What pins have to know of a garment.
 pub(super) struct ReadGarment<'a> {
@@ -95,7 +94,7 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
     if !scene.path.as_os_str().is_empty() {
         resolver.input_files.insert(0, scene.path.clone());
     }
-    let unnamed = unnamed_files(&named_files);
+    let unnamed = file_names::not_utf8(&named_files);
     Ok(ShotDescription {
         name: document.shot.name.clone(),
         scene_path: scene.path.clone(),
@@ -109,55 +108,8 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         preroll: resolver.preroll,
         output: output(scene),
         resolved: resolved::write(scene),
-        warnings: same_files(&document.garment).into_iter().chain(unnamed).collect(),
+        warnings: file_names::one_on_some_disks(&document.garment).into_iter().chain(unnamed).collect(),
     })
-}
-
-/// Longest name of a file or folder [bytes].
-const LONGEST_FILE_NAME: usize = 255;
-
-/// Whether a name can be that of one folder, inside another.
-fn usable_folder_name(name: &str) -> Result<(), String> {
-    match name {
-        "" => Err("it is empty".to_owned()),
-        "." | ".." => Err("it leads to another folder".to_owned()),
-        _ if name.contains(['/', '\\']) => Err("it leads to another folder".to_owned()),
-        _ if name.contains(char::is_control) => Err("it holds a character that cannot be seen".to_owned()),
-        _ if name.len() > LONGEST_FILE_NAME => {
-            Err(format!("it has {} bytes, and file systems allow {LONGEST_FILE_NAME}", name.len()))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Warnings of files that `resolved.toml`, which is UTF-8, cannot name.
-fn unnamed_files(files: &[PathBuf]) -> Vec<String> {
-    let whole = |file: &PathBuf| std::path::absolute(file).unwrap_or_else(|_| file.clone());
-    let unnamed = files.iter().map(whole).filter(|file| file.to_str().is_none());
-    let warning = |file: PathBuf| {
-        format!(
-            "{file:?}: this path is not UTF-8, so resolved.toml, which can be run again otherwise, does not find the file: \
-             rename it or its folder"
-        )
-    };
-    unnamed.map(warning).collect()
-}
-
-/// Warnings of garments whose caches would be one file where names that differ in capital letters alone are the same.
-fn same_files(garments: &[raw::Garment]) -> Vec<String> {
-    // By way of capitals, so that letters with two small forms count as one.
-    let folded = |garment: &raw::Garment| garment.name.to_uppercase().to_lowercase();
-    let mut by_name: BTreeMap<String, Vec<&str>> = BTreeMap::new();
-    garments.iter().for_each(|garment| by_name.entry(folded(garment)).or_default().push(&garment.name));
-    let warning = |names: &Vec<&str>| {
-        let quoted: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
-        format!(
-            "garments {}: their names differ in capital letters alone, so on disks of Windows and macOS each cache would \
-             replace the other: rename one of them",
-            quoted.join(" and ")
-        )
-    };
-    by_name.values().filter(|names| names.iter().any(|name| *name != names[0])).map(warning).collect()
 }
 
 fn units(units: FileUnits) -> Units {
@@ -272,7 +224,7 @@ impl Resolver<'_> {
     fn shot(&mut self) -> Option<(i64, i64)> {
         let shot = &self.scene.document.shot;
         let here = Path::default().key("shot");
-        if let Err(what) = usable_folder_name(&shot.name) {
+        if let Err(what) = file_names::usable_for_folder(&shot.name) {
             let help = "use letters, digits, _ and -; it names the folder of the run".to_owned();
             self.error_with(
                 &here.clone().key("name"),

@@ -199,7 +199,9 @@ impl Shot {
         if options.out.to_str().is_none() {
             return Err(IoError::OutputNotUtf8 { path: options.out.clone() }.into());
         }
-        refuse_inputs(&self, &planned_files(&self, &options.out))?;
+        // An earlier run's caches give way to those of this one.
+        let listed = run_record::listed_files(&options.out);
+        refuse_inputs(&self, &[planned_files(&self, &options.out), listed].concat())?;
         let fingerprint = resume::fingerprint(&self)?;
         let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
         let (mut notes, mut changed) = (Vec::new(), Vec::new());

@@ -22,6 +22,9 @@ use crate::study::table::error_words;
 /// Version of presets that this program writes and reads.
 const VERSION: u32 = 1;
 
+/// Key by which a file is known to be a preset.
+pub const KEY: &str = "drapery_preset";
+
 /// A preset as it is written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -60,7 +63,7 @@ pub fn read(path: &Path) -> Result<Vec<(String, String)>, SceneFileError> {
     let preset: Preset = read_table(path)?;
     if preset.drapery_preset != VERSION {
         let what = format!("it is of version {}; this program reads version {VERSION}", preset.drapery_preset);
-        let error = IoError::data(path, "drapery_preset", what, "write it again with `drapery study --write-preset`");
+        let error = IoError::data(path, KEY, what, "write it again with `drapery study --write-preset`");
         return Err(SceneFileError::of_file(None, &error));
     }
     Ok(preset.set.into_iter().collect())

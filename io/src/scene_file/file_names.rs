@@ -1,0 +1,53 @@
+//! Names of a scene that become names of files.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::raw::Garment;
+
+/// Longest name of a file or folder [bytes].
+const LONGEST_FILE_NAME: usize = 255;
+
+/// Whether a name can be that of one folder, inside another.
+pub(super) fn usable_for_folder(name: &str) -> Result<(), String> {
+    match name {
+        "" => Err("it is empty".to_owned()),
+        "." | ".." => Err("it leads to another folder".to_owned()),
+        _ if name.contains(['/', '\\']) => Err("it leads to another folder".to_owned()),
+        _ if name.contains(char::is_control) => Err("it holds a character that cannot be seen".to_owned()),
+        _ if name.len() > LONGEST_FILE_NAME => {
+            Err(format!("it has {} bytes, and file systems allow {LONGEST_FILE_NAME}", name.len()))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Warnings of files that `resolved.toml`, which is UTF-8, cannot name.
+pub(super) fn not_utf8(files: &[PathBuf]) -> Vec<String> {
+    let whole = |file: &PathBuf| std::path::absolute(file).unwrap_or_else(|_| file.clone());
+    let unnamed = files.iter().map(whole).filter(|file| file.to_str().is_none());
+    let warning = |file: PathBuf| {
+        format!(
+            "{file:?}: this path is not UTF-8, so resolved.toml, which can be run again otherwise, does not find the file: \
+             rename it or its folder"
+        )
+    };
+    unnamed.map(warning).collect()
+}
+
+/// Warnings of garments whose caches would be one file where names that differ in capital letters alone are the same.
+pub(super) fn one_on_some_disks(garments: &[Garment]) -> Vec<String> {
+    // By way of capitals, so that letters with two small forms count as one.
+    let folded = |garment: &Garment| garment.name.to_uppercase().to_lowercase();
+    let mut by_name: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    garments.iter().for_each(|garment| by_name.entry(folded(garment)).or_default().push(&garment.name));
+    let warning = |names: &Vec<&str>| {
+        let quoted: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
+        format!(
+            "garments {}: their names differ in capital letters alone, so on disks of Windows and macOS each cache would \
+             replace the other: rename one of them",
+            quoted.join(" and ")
+        )
+    };
+    by_name.values().filter(|names| names.iter().any(|name| *name != names[0])).map(warning).collect()
+}
