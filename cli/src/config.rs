@@ -87,7 +87,7 @@ impl Surroundings {
                 SceneErrorKind::Missing => {
                     Failure::new(ExitCode::MissingInput, format!("the site file of {source}: {error}"))
                 }
-                SceneErrorKind::Scene => Failure::new(ExitCode::Scene, error.to_string()),
+                SceneErrorKind::Scene | SceneErrorKind::Memory => Failure::new(ExitCode::Scene, error.to_string()),
                 SceneErrorKind::Data => Failure::new(ExitCode::BadInput, error.to_string()),
             })?,
         };

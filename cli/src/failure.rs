@@ -93,6 +93,7 @@ impl From<Vec<SceneFileError>> for Failure {
         let has = |kind: SceneErrorKind| errors.iter().any(|error| error.kind == kind);
         let code = match () {
             () if has(SceneErrorKind::Scene) => ExitCode::Scene,
+            () if has(SceneErrorKind::Memory) => ExitCode::NoMemory,
             () if has(SceneErrorKind::Missing) => ExitCode::MissingInput,
             () => ExitCode::BadInput,
         };

@@ -28,7 +28,7 @@ pub(crate) fn prepare(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) ->
 /// The shot alone, where threads run already.
 pub(crate) fn shot(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) -> Result<Shot, Failure> {
     let search = around.search(&args.materials).value;
-    let description = scene_file::load_with(&args.scene, &settings(args)?, &search)?.resolve()?;
+    let description = scene_file::load_with(&args.scene, &settings(args)?, &search)?.resolve_on(ranks.count())?;
     let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
     Ok(Shot::prepare_on(ranks, description, frames)?)
 }

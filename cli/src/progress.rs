@@ -58,6 +58,19 @@ impl Progress {
         self.percent(report.done * 99 / report.total.max(1));
     }
 
+    /// Reports a frame that takes long: its collision-free states so far, and the share of its time that is done.
+    pub(crate) fn underway(&mut self, frame: i64, states: u64, share: f64) {
+        let text = format!("frame {frame}: {:.1} % of it after {states} steps", 100.0 * share);
+        match (&self.bar, self.style) {
+            (Some(bar), _) => bar.set_message(text),
+            (None, ProgressStyle::None) => {}
+            (None, ProgressStyle::Json) => {
+                say::line(json!({"record": "underway", "frame": frame, "steps": states, "share": share}));
+            }
+            (None, _) => say::line(text),
+        }
+    }
+
     /// Takes the bar off the terminal.
     pub(crate) fn clear(&mut self) {
         if let Some(bar) = self.bar.take() {

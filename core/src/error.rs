@@ -127,6 +127,22 @@ pub enum StepError {
         /// What asked for it.
         because: ShortStep,
     },
+    /// A frame takes far more steps than the cloth asks for.
+    #[error(
+        "frame {frame}, time {time} s: {steps} steps are done, and the frame is not; {planned:.0} were planned for all of it\n  \
+         help: something in this frame is faster than cloth can follow; look at its bodies and pins (`drapery check` names jumps), \
+         and at solver.strain_per_step if the scene sets it"
+    )]
+    TooManySteps {
+        /// Frame being computed.
+        frame: i64,
+        /// Solver time that is reached [s].
+        time: f64,
+        /// Collision-free states since the frame began.
+        steps: u64,
+        /// Steps that the elastic forces and the scene ask for in a frame.
+        planned: f64,
+    },
     /// The caller's samples do not cover the frame or do not fit the scene.
     #[error("frame {frame}: {what}")]
     Input {

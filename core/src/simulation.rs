@@ -34,6 +34,7 @@ mod start;
 
 pub use crate::bodies::Sample;
 use balance::Balance;
+pub use cost::PlannedSteps;
 use recovery::Care;
 pub use recovery::Recovery;
 pub use saved::RestoreError;
@@ -265,6 +266,7 @@ impl Simulation {
         for effect in &mut plan {
             let [elements, bytes] = parts.ranks().sum_of([effect.elements as u64, effect.bytes as u64]);
             (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
+            effect.longest_step = -parts.ranks().max(-effect.longest_step);
         }
         let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
         let scratch = Scratch::new(parts, collision.is_some() || after_position, sees_velocities);

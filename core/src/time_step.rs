@@ -48,17 +48,14 @@ impl StepLimit {
         settings: &SolverSettings,
         frame: f64,
     ) -> Self {
-        let (cfl, implicit) = (settings.cfl, settings.integrator == Integrator::Implicit);
+        let implicit = settings.integrator == Integrator::Implicit;
         // Without a limit of its own, implicit cloth takes no step longer than a frame.
         let mut elastic = if implicit { frame } else { f64::INFINITY };
         let mut sums = Vec::new();
         for (range, forces) in parts.ranges().iter().zip(forces) {
             sums.clear();
             sums.resize(range.len(), 0.0);
-            let explicit = forces.iter().filter(|f| !(implicit && f.can_be_implicit()));
-            explicit.for_each(|f| f.add_stiffness(&mut sums));
-            let squared = sums.iter().zip(&masses[range.clone()]).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
-            elastic = squared.fold(elastic, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt });
+            elastic = elastic.min(limit(forces, settings, &masses[range.clone()], &mut sums));
         }
         let elastic = -parts.ranks().max(-elastic);
         Self { elastic, strain_rates: vec![0.0; parts.count()], rate: None, frame, last: 0.0 }
@@ -149,6 +146,16 @@ impl StepLimit {
             Choice { dt: limit, ends_interval: false, limit, by_strain }
         }
     }
+}
+
+/// Longest step that the explicit ones of these forces of a part allow together [s], with the masses of its vertices [kg].
+/// `sums` are zeros, one for each vertex.
+pub(crate) fn limit(forces: &[Box<dyn Force>], settings: &SolverSettings, masses: &[f64], sums: &mut [f64]) -> f64 {
+    let (cfl, implicit) = (settings.cfl, settings.integrator == Integrator::Implicit);
+    let explicit = forces.iter().filter(|f| !(implicit && f.can_be_implicit()));
+    explicit.for_each(|f| f.add_stiffness(sums));
+    let squared = sums.iter().zip(masses).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
+    squared.fold(f64::INFINITY, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt })
 }
 
 #[cfg(test)]

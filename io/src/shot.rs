@@ -13,6 +13,7 @@ pub mod crew;
 mod folder;
 mod inputs;
 mod kept_frames;
+mod long_frames;
 pub mod motion;
 mod output;
 mod pinned;
@@ -191,6 +192,10 @@ impl Shot {
                 inputs.start(ranks, scene, &mut problems)?
             }
         };
+        if let Some(crew) = &crew {
+            let (simulation, min_dt) = (crew.simulation(), crew.simulation().scene().description().solver.min_dt);
+            problems.extend(long_frames::judge(&simulation.planned_steps(), min_dt, &mut warnings));
+        }
         let Some(crew) = crew.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };

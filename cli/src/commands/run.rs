@@ -212,6 +212,13 @@ impl Observer for Watcher<'_> {
         tracing::warn!("{text}");
     }
 
+    fn underway(&mut self, frame: i64, states: u64, share: f64) {
+        tracing::info!(frame, states, share, "underway");
+        if let Some(progress) = &mut self.progress {
+            progress.underway(frame, states, share);
+        }
+    }
+
     fn frame(&mut self, report: &FrameReport<'_>) {
         log_frame(report);
         self.tell_notice(false);

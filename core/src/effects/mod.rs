@@ -37,6 +37,7 @@ use crate::parallel::lanes::{Lanes, PartLanes};
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::scene::Scene;
 use crate::settings::{Field, Settings};
+use crate::time_step;
 use crate::volumes::{Volume, Volumes};
 use crate::wind_grid::WindGrid;
 
@@ -370,6 +371,8 @@ pub struct PlannedEffect {
     pub bytes: usize,
     /// What the effect had to change to run well.
     pub notes: Vec<String>,
+    /// Longest time step that its forces allow by themselves [s]; infinite if they set no limit.
+    pub longest_step: f64,
 }
 
 /// The effect of this name.
@@ -422,14 +425,37 @@ pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems
             Ok(effect) => {
                 let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
                 let (needs, cost, elements) = (spec.needs, spec.cost, effect.elements);
-                let planned =
-                    PlannedEffect { name: spec.name, garment, because, settings, needs, cost, elements, bytes, notes };
+                let (name, longest_step) = (spec.name, longest_step(scene, &effect.forces));
+                let planned = PlannedEffect {
+                    name,
+                    garment,
+                    because,
+                    settings,
+                    needs,
+                    cost,
+                    elements,
+                    bytes,
+                    notes,
+                    longest_step,
+                };
                 built.push((planned, effect));
             }
             Err(problem) => problems.push(problem),
         }
     }
     if problems.is_empty() { Ok(built) } else { Err(Problems(problems)) }
+}
+
+/// Longest step that these forces allow by themselves on this rank [s].
+fn longest_step(scene: &Scene, forces: &[PartForce]) -> f64 {
+    let (ranges, solver) = (scene.parts().ranges(), &scene.description().solver);
+    let mut sums = Vec::new();
+    forces.iter().fold(f64::INFINITY, |longest, (part, force)| {
+        let range = ranges[*part].clone();
+        sums.clear();
+        sums.resize(range.len(), 0.0);
+        time_step::limit(std::slice::from_ref(force), solver, &scene.masses()[range], &mut sums).min(longest)
+    })
 }
 
 #[cfg(test)]

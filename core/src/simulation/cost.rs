@@ -17,17 +17,45 @@ const UPDATES: f64 = 2.0;
 /// Damping products in a time step besides those of the iterations: the first residual of each solve.
 const RESIDUALS: f64 = 2.0;
 
+/// The time steps of a frame as they are planned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedSteps {
+    /// Their number.
+    pub steps: f64,
+    /// Longest step that the elastic forces and the scene allow [s].
+    pub longest: f64,
+    /// What allows no longer ones, in words.
+    pub because: String,
+}
+
+impl PlannedSteps {
+    /// The cause where the scene itself limits the step.
+    pub const MAX_DT: &str = "solver.max_dt";
+}
+
 impl Simulation {
     /// What a frame is expected to cost, if every step is as long as the elastic forces and the scene allow.
     pub fn expected_cost(&self) -> FrameCost {
+        let vertices = self.scene.parts().partition().vertex_count();
+        FrameCost::expected(&self.plan, vertices, self.planned_steps().steps)
+    }
+
+    /// Time steps of a frame, if every step is as long as the elastic forces and the scene allow, and what asks for them.
+    pub fn planned_steps(&self) -> PlannedSteps {
         let description = self.scene.description();
         let frame = description.timeline.frame_duration();
-        let longest = self.limit.elastic.min(description.solver.max_dt.unwrap_or(f64::INFINITY));
-        FrameCost::expected(
-            &self.plan,
-            self.scene.parts().partition().vertex_count(),
-            (frame / longest).ceil().max(1.0),
-        )
+        let max_dt = description.solver.max_dt.unwrap_or(f64::INFINITY);
+        let longest = self.limit.elastic.min(max_dt);
+        let stiffest = self.plan.iter().min_by(|a, b| a.longest_step.total_cmp(&b.longest_step));
+        let because = match stiffest {
+            _ if max_dt <= longest => PlannedSteps::MAX_DT.to_owned(),
+            Some(effect) => {
+                let of = effect.garment.as_ref().map_or(String::new(), |garment| format!(" of garment \"{garment}\""));
+                format!("the stiffness of `{}`{of}", effect.name)
+            }
+            None => "the frame rate".to_owned(),
+        };
+        PlannedSteps { steps: (frame / longest).ceil().max(1.0), longest, because }
     }
 
     /// What the frame of `summary`, which ran just now, has cost. Forces are timed by themselves, on one thread and where the

@@ -15,6 +15,7 @@ pub mod command_line;
 pub mod digest;
 pub mod duration;
 pub mod lock;
+pub(crate) mod memory;
 pub mod process;
 pub mod stale;
 pub mod stop;

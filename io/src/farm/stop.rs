@@ -113,6 +113,8 @@ impl std::fmt::Display for Reason {
 /// What the frame loop is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
+    /// Say how far the frame is, and go on.
+    Report,
     /// Write a checkpoint and go on. Asked for once.
     Checkpoint,
     /// Write a checkpoint and end. Asked for again until the run ends.
@@ -127,9 +129,10 @@ impl Request {
         let place = |reason| REASONS.iter().position(|known| *known == reason).unwrap_or(0);
         let urgency = match request {
             None => 0,
-            Some(Self::Checkpoint) => 1,
-            Some(Self::Stop(reason)) => 2 + place(reason),
-            Some(Self::StopAtOnce(reason)) => 2 + REASONS.len() + place(reason),
+            Some(Self::Report) => 1,
+            Some(Self::Checkpoint) => 2,
+            Some(Self::Stop(reason)) => 3 + place(reason),
+            Some(Self::StopAtOnce(reason)) => 3 + REASONS.len() + place(reason),
         };
         urgency as f64
     }
@@ -139,10 +142,11 @@ impl Request {
         let reason = |place: usize| REASONS.get(place).copied();
         match urgency as usize {
             0 => None,
-            1 => Some(Self::Checkpoint),
-            stop => match reason(stop - 2) {
+            1 => Some(Self::Report),
+            2 => Some(Self::Checkpoint),
+            stop => match reason(stop - 3) {
                 Some(reason) => Some(Self::Stop(reason)),
-                None => reason(stop - 2 - REASONS.len()).map(Self::StopAtOnce),
+                None => reason(stop - 3 - REASONS.len()).map(Self::StopAtOnce),
             },
         }
     }

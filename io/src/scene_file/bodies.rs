@@ -22,7 +22,7 @@ impl Resolver<'_> {
                 Some((shape, input, faces_inwards)) => (shape, still(), Some(input), faces_inwards),
                 None => (BodyShape::Rigid(Shape::HalfSpace), still(), None, false),
             },
-            (None, Some(shape)) => (self.shape(shape, path), self.motion(body, path), None, false),
+            (None, Some(shape)) => (of_shape(shape), self.motion(body, path), None, false),
             _ => {
                 let help = "for example shape = { sphere = { radius = 0.25 } }, or file = \"hero.abc\"".to_owned();
                 self.error_with(path, format!("body \"{}\" needs either a `shape` or a `file`", body.name), help);
@@ -32,9 +32,6 @@ impl Resolver<'_> {
         };
         let thickness = self.quantity(&path.clone().key("thickness"), &body.thickness, Dimension::Length);
         let speed = self.quantity(&path.clone().key("max_push_speed"), &body.max_push_speed, Dimension::Speed);
-        if !(body.friction >= 0.0 && body.friction.is_finite()) {
-            self.error(&path.clone().key("friction"), format!("friction {} is not zero or more", body.friction));
-        }
         self.bodies.push(input);
         let (Some(thickness), Some(max_push_speed)) = (thickness, speed) else {
             return;
@@ -44,34 +41,6 @@ impl Resolver<'_> {
         let body =
             BodyDescription { friction, thickness, max_push_speed, ..BodyDescription::new(&name, shape, motion) };
         self.description.bodies.push(BodyDescription { faces_inwards, ..body });
-    }
-
-    fn shape(&mut self, shape: raw::Shape, path: &Path) -> BodyShape {
-        let here = path.clone().key("shape");
-        let mut positive = |word: &str, key: &str, value: f64| {
-            self.positive(&here.clone().key(word).key(key), value);
-        };
-        match shape {
-            raw::Shape::HalfSpace {} => BodyShape::Rigid(Shape::HalfSpace),
-            raw::Shape::Sphere { radius } => {
-                positive("sphere", "radius", radius);
-                BodyShape::Rigid(Shape::Sphere { radius })
-            }
-            raw::Shape::Capsule { radius, half_length } => {
-                positive("capsule", "radius", radius);
-                positive("capsule", "half_length", half_length);
-                BodyShape::Rigid(Shape::Capsule { radius, half_length })
-            }
-            raw::Shape::Cylinder { radius, half_length } => {
-                positive("cylinder", "radius", radius);
-                positive("cylinder", "half_length", half_length);
-                BodyShape::Rigid(Shape::Cylinder { radius, half_length })
-            }
-            raw::Shape::Box { half_extents } => {
-                half_extents.iter().for_each(|extent| positive("box", "half_extents", *extent));
-                BodyShape::Rigid(Shape::Box { half_extents })
-            }
-        }
     }
 
     fn motion(&mut self, body: &Body, path: &Path) -> RigidMotion {
@@ -175,4 +144,14 @@ impl Resolver<'_> {
         self.data_error(path, format!("{a} has {found} points, and {b} has {count}"), help);
         None
     }
+}
+
+fn of_shape(shape: raw::Shape) -> BodyShape {
+    BodyShape::Rigid(match shape {
+        raw::Shape::HalfSpace {} => Shape::HalfSpace,
+        raw::Shape::Sphere { radius } => Shape::Sphere { radius },
+        raw::Shape::Capsule { radius, half_length } => Shape::Capsule { radius, half_length },
+        raw::Shape::Cylinder { radius, half_length } => Shape::Cylinder { radius, half_length },
+        raw::Shape::Box { half_extents } => Shape::Box { half_extents },
+    })
 }

@@ -30,6 +30,8 @@ pub enum SceneErrorKind {
     Missing,
     /// The content of a file that the scene names.
     Data,
+    /// This machine has too little memory for it.
+    Memory,
 }
 
 /// Longest line that is shown [bytes]; of a file that is no scene all may be one line.

@@ -1,6 +1,7 @@
 //! Garments of a scene file.
 
 use std::borrow::Cow;
+use std::f64::consts::TAU;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::Arc;
 
@@ -15,9 +16,9 @@ use crate::garment_mesh::{GarmentMesh, GarmentReader};
 use crate::mesh_source::MeshSource;
 use crate::units::Units;
 
-use super::raw::{Garment, Rotation};
+use super::raw::{Garment, Leaves};
 use super::resolve::{ReadGarment, Resolver};
-use super::shapes::{Form, MAX_RESOLUTION, Shape};
+use super::shapes::{Form, Shape};
 use super::tree::Path;
 
 /// A generated mesh.
@@ -72,7 +73,7 @@ impl GarmentReader for FromFile {
 }
 
 /// Longest leaf that is made [m]; the cells around leaves grow step by step until no two touch.
-const LARGEST_LEAF: f64 = 100.0;
+pub(super) const LARGEST_LEAF: f64 = 100.0;
 
 impl Resolver<'_> {
     /// Resolves one garment and its pins. Problems are recorded.
@@ -95,8 +96,7 @@ impl Resolver<'_> {
             }
         }
         let here = path.clone().key("thickness");
-        let thickness =
-            self.quantity(&here, &garment.thickness, Dimension::Length).and_then(|t| self.positive(&here, t));
+        let thickness = self.quantity(&here, &garment.thickness, Dimension::Length);
         let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
         let velocity = Vec3::from(garment.velocity);
         let stream: Option<Arc<dyn MeshStream>> = Some(Arc::new(mesh.clone()));
@@ -127,10 +127,9 @@ impl Resolver<'_> {
         match (&garment.density, garment.total_mass) {
             (Some(density), None) => {
                 let here = path.clone().key("density");
-                let density = self.quantity(&here, density, Dimension::ArealDensity)?;
-                self.positive(&here, density).map(Mass::Density)
+                self.quantity(&here, density, Dimension::ArealDensity).map(Mass::Density)
             }
-            (None, Some(total)) => self.positive(&path.clone().key("total_mass"), total).map(Mass::UniformTotal),
+            (None, Some(total)) => Some(Mass::UniformTotal(total)),
             (None, None) => {
                 let help = "add density = \"150 g/m²\", total_mass in kg, or a material".to_owned();
                 self.error_with(path, format!("it is not said what garment \"{}\" weighs", garment.name), help);
@@ -168,6 +167,7 @@ impl Resolver<'_> {
             let reader = FromFile { file: source.path().to_owned(), objects: garment.path.clone(), units, time };
             let mesh = GarmentMesh::new(source.path(), object, reader);
             let mesh = self.of_file(&here, mesh)?;
+            self.has_room(&here, mesh.point_count() as f64)?;
             // They are read again with the first frame, which would be late for bad news.
             self.of_file(&here, source.check_attributes_at(time))?;
             return Some((mesh, None));
@@ -185,31 +185,29 @@ impl Resolver<'_> {
     }
 
     fn generate(&mut self, garment: &Garment, path: &Path) -> Option<Form> {
-        if let Some(panel) = garment.panel {
-            let here = path.clone().key("panel");
-            self.sizes(&here, panel.resolution, 1, &[("side", panel.side), ("aspect", panel.aspect)], panel.rotation)?;
-            self.count(&here, panel.aspect * f64::from(panel.resolution).powi(2))?;
-            return Form::of(garment);
+        let Garment { panel, disc, sphere, tube, leaves, .. } = garment;
+        let (key, rotation, points) = match (panel, disc, sphere, tube, leaves) {
+            (Some(panel), ..) => ("panel", panel.rotation, panel.aspect * f64::from(panel.resolution).powi(2)),
+            (_, Some(disc), ..) => ("disc", disc.rotation, 3.0 * f64::from(disc.resolution).powi(2)),
+            (_, _, Some(sphere), ..) => ("sphere", None, 4.0 * f64::from(sphere.resolution).powi(2)),
+            (_, _, _, Some(tube), _) => {
+                let points = f64::from(tube.resolution).powi(2) * tube.length / tube.radius / TAU;
+                ("tube", tube.rotation, points)
+            }
+            (_, _, _, _, leaves) => ("leaves", None, self.leaf_points(leaves.as_ref()?, path)?),
+        };
+        let here = path.clone().key(key);
+        if let Some(rotation) = rotation {
+            self.rotation(rotation, &here.clone().key("rotation"));
         }
-        if let Some(disc) = garment.disc {
-            self.sizes(&path.clone().key("disc"), disc.resolution, 1, &[("radius", disc.radius)], disc.rotation)?;
-            self.count(&path.clone().key("disc"), 3.0 * f64::from(disc.resolution).powi(2))?;
-            return Form::of(garment);
-        }
-        if let Some(sphere) = garment.sphere {
-            self.sizes(&path.clone().key("sphere"), sphere.resolution, 1, &[("radius", sphere.radius)], None)?;
-            self.count(&path.clone().key("sphere"), 4.0 * f64::from(sphere.resolution).powi(2))?;
-            return Form::of(garment);
-        }
-        if let Some(tube) = garment.tube {
-            let here = path.clone().key("tube");
-            self.sizes(&here, tube.resolution, 3, &[("radius", tube.radius), ("length", tube.length)], tube.rotation)?;
-            self.count(&here, f64::from(tube.resolution).powi(2) * tube.length / tube.radius / 6.0)?;
-            return Form::of(garment);
-        }
-        let leaves = garment.leaves?;
+        self.has_room(&here, points)?;
+        self.count(&here, points)?;
+        Form::of(garment)
+    }
+
+    /// About how many points leaves have.
+    fn leaf_points(&mut self, leaves: &Leaves, path: &Path) -> Option<f64> {
         let here = path.clone().key("leaves");
-        self.sizes(&here, leaves.resolution, 1, &[("side", leaves.side), ("aspect", leaves.aspect)], None)?;
         let total: f64 = leaves.count.iter().map(|c| f64::from(*c)).product();
         // Every pair is tested until the cells are large enough.
         if !(1.0..=2000.0).contains(&total) {
@@ -220,31 +218,7 @@ impl Resolver<'_> {
             self.error(&here.key("side"), format!("leaves longer than {LARGEST_LEAF} m are not possible"));
             return None;
         }
-        self.count(&here, total * leaves.aspect * f64::from(leaves.resolution).powi(2))?;
-        Form::of(garment)
-    }
-
-    /// Checks a resolution, lengths and a rotation.
-    fn sizes(
-        &mut self,
-        path: &Path,
-        resolution: u32,
-        least: u32,
-        lengths: &[(&str, f64)],
-        rotation: Option<Rotation>,
-    ) -> Option<()> {
-        if let Some(rotation) = rotation {
-            self.rotation(rotation, &path.clone().key("rotation"));
-        }
-        for (key, length) in lengths {
-            self.positive(&path.clone().key(key), *length)?;
-        }
-        if (least..=MAX_RESOLUTION).contains(&resolution) {
-            return Some(());
-        }
-        let here = path.clone().key("resolution");
-        self.error(&here, format!("a resolution of {resolution} is not possible; {least} to {MAX_RESOLUTION} are"));
-        None
+        Some(total * leaves.aspect * f64::from(leaves.resolution).powi(2))
     }
 
     /// Refuses meshes that no machine could simulate.

@@ -27,10 +27,12 @@ mod file_names;
 mod garments;
 mod maps;
 mod material_files;
+mod memory;
 mod parameters;
 mod pins;
 mod presets;
 mod random;
+mod ranges;
 mod raw;
 mod resolve;
 mod resolved;
@@ -125,12 +127,14 @@ fn parse_with(
     let material_files = presets::fill(&mut root, &mut sources, &search.materials)?;
     search.maps.apply_to_files(&mut root);
     effects::check_and_fill(&mut root, &sources)?;
-    let document: raw::Document = deserialize::read(&effects::without(&root), &sources, effects::names_at)?;
+    let own = effects::without(&root);
+    let document: raw::Document = deserialize::read(&own, &sources, effects::names_at)?;
     if document.drapery != VERSION {
         let place = Path::default().key("drapery").place(&root);
         let text = format!("this scene is of version {}; this program reads version {VERSION}", document.drapery);
         return Err(sources.error(&place, text, Some("a newer Drapery may read it".to_owned())));
     }
+    ranges::check(&own, &sources)?;
     let defaults = toml::Value::try_from(&document)
         .map_err(|error| sources.error(&root.place, format!("this scene cannot be written back: {error}"), None))?;
     root.fill_from(&defaults);
@@ -158,7 +162,15 @@ impl SceneFile {
     /// # Errors
     /// Every problem found: of the scene file with its place, and of the files it names.
     pub fn resolve(&self) -> Result<ShotDescription, Vec<SceneFileError>> {
-        resolve::resolve(self)
+        self.resolve_on(1)
+    }
+
+    /// The same for so many ranks, of which each has to have room for its share of the garments.
+    ///
+    /// # Errors
+    /// As [`SceneFile::resolve`].
+    pub fn resolve_on(&self, ranks: usize) -> Result<ShotDescription, Vec<SceneFileError>> {
+        resolve::resolve(self, ranks)
     }
 
     /// Value of a parameter that is a number.

@@ -202,8 +202,7 @@ impl Resolver<'_> {
                 let break_force = match &pin.break_force {
                     Some(force) => {
                         let here = path.clone().key("break_force");
-                        let force = self.quantity(&here, force, Dimension::Force)?;
-                        Some(self.positive(&here, force)?)
+                        Some(self.quantity(&here, force, Dimension::Force)?)
                     }
                     None => None,
                 };

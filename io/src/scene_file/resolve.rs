@@ -22,9 +22,10 @@ use crate::wind_file::WindFile;
 
 use super::SceneFile;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
+use super::memory::Memory;
 use super::raw::{self, FileUnits, Quantity};
 use super::tree::Path;
-use super::{effects, file_names, resolved};
+use super::{effects, file_names, ranges, resolved};
 
 /// What pins have to know of a garment.
 pub(super) struct ReadGarment<'a> {
@@ -50,10 +51,12 @@ pub(super) struct Resolver<'a> {
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
+    /// What the garments so far need.
+    pub(super) memory: Memory,
 }
 
-/// Resolves a scene file.
-pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFileError>> {
+/// Resolves a scene file for so many ranks.
+pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription, Vec<SceneFileError>> {
     let document = &scene.document;
     let mut resolver = Resolver {
         scene,
@@ -67,6 +70,7 @@ pub(super) fn resolve(scene: &SceneFile) -> Result<ShotDescription, Vec<SceneFil
         tracks: Vec::new(),
         wind: None,
         input_files: scene.material_files.clone(),
+        memory: Memory::new(ranks),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
     let Some((first, last)) = resolver.shot() else {
@@ -146,6 +150,12 @@ impl Resolver<'_> {
         self.errors.push(SceneFileError { kind: SceneErrorKind::Data, ..error });
     }
 
+    /// Records that there is too little memory.
+    pub(super) fn memory_error(&mut self, path: &Path, message: impl Into<String>, help: String) {
+        let error = self.scene.sources.error(&path.place(&self.scene.root), message, Some(help));
+        self.errors.push(SceneFileError { kind: SceneErrorKind::Memory, ..error });
+    }
+
     /// The value, or `None` after recording why there is none.
     pub(super) fn check<T>(&mut self, path: &Path, result: Result<T, String>) -> Option<T> {
         result.map_err(|message| self.error(path, message)).ok()
@@ -157,23 +167,13 @@ impl Resolver<'_> {
         result.map_err(|error| self.errors.push(SceneFileError::of_file(Some(location), &error))).ok()
     }
 
-    /// A number of a dimension, not negative.
+    /// A number of a dimension, in the range of its key.
     pub(super) fn quantity(&mut self, path: &Path, quantity: &Quantity, dimension: Dimension) -> Option<f64> {
         let value = self.check(path, quantity.si(dimension))?;
-        if value >= 0.0 {
-            return Some(value);
-        }
-        self.error(path, format!("{value} {} is not possible here; expected zero or more", dimension.si_unit()));
-        None
-    }
-
-    /// Refuses a number that is not above zero.
-    pub(super) fn positive(&mut self, path: &Path, value: f64) -> Option<f64> {
-        if value > 0.0 && value.is_finite() {
-            return Some(value);
-        }
-        self.error(path, format!("{value} is not possible here; expected a number above zero"));
-        None
+        let unit = dimension.si_unit();
+        let in_range = ranges::at(path).map_or(Ok(()), |range| range.check(value));
+        self.check(path, in_range.map_err(|what| format!("in {unit}, {what}")))?;
+        Some(value)
     }
 
     /// Units of a file: its own, or those of the scene.
@@ -256,8 +256,6 @@ impl Resolver<'_> {
             cg_tolerance = self.quantity(&here("cg_tolerance"), &solver.cg_tolerance, Dimension::Speed);
         }
         let min_dt = self.quantity(&here("min_dt"), &solver.min_dt, Dimension::Time);
-        self.positive(&here("cfl"), solver.cfl);
-        self.positive(&here("strain_per_step"), solver.strain_per_step);
         self.description.solver = SolverSettings {
             cfl: solver.cfl,
             max_dt,
@@ -396,7 +394,12 @@ fn frame_rate(fps: &Quantity) -> Result<(u32, u32), String> {
     } else {
         (text.parse().map_err(|_| wrong())?, 1)
     };
-    if numerator == 0 || denominator == 0 { Err(wrong()) } else { Ok((numerator, denominator)) }
+    if numerator == 0 || denominator == 0 {
+        return Err(wrong());
+    }
+    let range = ranges::at(&Path::default().key("shot").key("fps"));
+    range.map_or(Ok(()), |range| range.check(f64::from(numerator) / f64::from(denominator)))?;
+    Ok((numerator, denominator))
 }
 
 fn greatest_common_divisor(a: u32, b: u32) -> u32 {

@@ -26,7 +26,7 @@ impl Resolver<'_> {
         let from = self.seam_side(&seam.from, &path.clone().key("from"));
         let to = self.seam_side(&seam.to, &path.clone().key("to"));
         let here = path.clone().key("strength");
-        let strength = self.quantity(&here, &seam.strength, Dimension::Stiffness).and_then(|s| self.positive(&here, s));
+        let strength = self.quantity(&here, &seam.strength, Dimension::Stiffness);
         let gap =
             seam.rest_gap.as_ref().map(|gap| self.quantity(&path.clone().key("rest_gap"), gap, Dimension::Length));
         let (Some(from), Some(to), Some(stiffness)) = (from, to, strength) else { return };

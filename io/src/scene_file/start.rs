@@ -88,7 +88,6 @@ impl Resolver<'_> {
         };
         let here = path.clone().key("random_velocity").key("speed");
         let speed = self.quantity(&here, &random.speed, Dimension::Speed)?;
-        let speed = self.positive(&here, speed)?;
         let mut stream = Random::new(random.seed);
         Some(Some((0..count).map(|_| Vec3::from(garment.velocity) + stream.direction() * speed).collect()))
     }

@@ -119,7 +119,13 @@ fn wrong_types_units_and_ranges_show_the_value() {
         "{}",
         panel("\"fine\"")
     );
-    assert!(panel("0").contains("sheet.toml:12:24: a resolution of 0 is not possible"), "{}", panel("0"));
+    assert!(
+        panel("0").contains(
+            "sheet.toml:12:24: `garment.0.panel.resolution`: 0 is not possible; expected a number from 1 to 20000"
+        ),
+        "{}",
+        panel("0")
+    );
     let three = message(&SHEET.replace("[0, \"$height\", 0]", "[0, 1]"));
     assert!(three.contains("expected three numbers, found a list of 2"), "{three}");
     let four = message(&SHEET.replace("[0, \"$height\", 0]", "[0, 1, 2, 3]"));

@@ -1,5 +1,7 @@
 //! What can be wrong with moving inputs, frame by frame: everything is reported at once, before anything is simulated.
 
+mod poses;
+
 use std::collections::BTreeSet;
 
 use drapery_core::Vec3;
@@ -13,6 +15,9 @@ use crate::cache::Connectivity;
 use crate::error::IoError;
 use crate::shot::motion::{InputMotion, file_time};
 use crate::units::guess_problem;
+
+use poses::Poses;
+pub(crate) use poses::path_told;
 
 /// A step between samples this many times longer than usual is a hole.
 const HOLE: f64 = 1.5;
@@ -99,7 +104,6 @@ pub(crate) fn check_faces(
     if motion.source.positions_at(span.first_time(), &mut positions).is_err() {
         return Vec::new();
     }
-    let at = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
     let mut seen = BTreeSet::new();
     let doubled = triangles.iter().filter(|corners| {
         let mut key = **corners;
@@ -107,7 +111,7 @@ pub(crate) fn check_faces(
         !seen.insert(key)
     });
     let place = place(motion, span, span.first_time());
-    let mut problems = flat_faces(triangles, &at, &place);
+    let mut problems = problems_of_flat_faces(triangles, &positions, &place);
     problems.extend(listed(doubled).map(|list| {
         Problem::data(&place, format!("faces between the points {list} are there twice"), "delete the duplicate faces")
     }));
@@ -122,16 +126,12 @@ pub(crate) fn check_faces(
     problems
 }
 
-/// Faces without area; those that may have lost it to rounding far from the origin are told from the others.
-fn flat_faces(triangles: &[[u32; 3]], at: &impl Fn(u32) -> Vec3, place: &str) -> Vec<Problem> {
-    let is_flat = |&&[a, b, c]: &&[u32; 3]| {
-        let [u, v, w] = [at(b) - at(a), at(c) - at(a), at(c) - at(b)];
-        let longest = u.norm_squared().max(v.norm_squared()).max(w.norm_squared());
-        0.5 * u.cross(&v).norm() <= DEGENERATE_AREA * longest
-    };
+/// What is wrong with faces without area; those that may have lost it to rounding far from the origin are told from the others.
+fn problems_of_flat_faces(triangles: &[[u32; 3]], positions: &[Vec3], place: &str) -> Vec<Problem> {
+    let at = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
     let coarse = |corners: &&[u32; 3]| coarse_place(corners.map(at));
     let (lost, flat): (Vec<_>, Vec<_>) =
-        triangles.iter().filter(is_flat).partition(|corners| coarse(corners).is_some());
+        flat_faces(triangles, positions).partition(|corners| coarse(corners).is_some());
     let farthest = lost.iter().filter_map(coarse).max_by(|a, b| a.0.total_cmp(&b.0));
     let lost = listed(lost.into_iter()).zip(farthest).map(|(list, (far, apart))| {
         let what = format!(
@@ -147,6 +147,16 @@ fn flat_faces(triangles: &[[u32; 3]], at: &impl Fn(u32) -> Vec3, place: &str) ->
         Problem::data(place, what, "delete these faces or dissolve their corners")
     });
     lost.into_iter().chain(flat).collect()
+}
+
+/// Triangles that have no area at these positions.
+fn flat_faces<'a>(triangles: &'a [[u32; 3]], positions: &'a [Vec3]) -> impl Iterator<Item = &'a [u32; 3]> {
+    let at = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
+    triangles.iter().filter(move |&&[a, b, c]| {
+        let [u, v, w] = [at(b) - at(a), at(c) - at(a), at(c) - at(b)];
+        let longest = u.norm_squared().max(v.norm_squared()).max(w.norm_squared());
+        0.5 * u.cross(&v).norm() <= DEGENERATE_AREA * longest
+    })
 }
 
 /// The first few triangles or edges as text; `None` when there are none.
@@ -222,6 +232,7 @@ fn check_samples(
     let mut first: Option<Connectivity> = None;
     let mut positions = Vec::new();
     let mut bad_number = false;
+    let mut poses = Poses::new(body.map_or(&[], |body| body.triangles));
     for time in times {
         if let Some(now) = source.connectivity_at(time)? {
             let before = first.get_or_insert_with(|| now.clone());
@@ -245,6 +256,7 @@ fn check_samples(
             ));
             return Ok(());
         }
+        poses.look(time, &positions, &|| place(motion, span, time));
         let turned = |body: &BodySurface<'_>| is_inside_out(body.triangles, &positions, body.faces_inwards);
         if closed.as_ref().is_some_and(turned) {
             closed = None;
@@ -260,6 +272,7 @@ fn check_samples(
             ));
         }
     }
+    warnings.extend(poses.told());
     Ok(())
 }
 

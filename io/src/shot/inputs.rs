@@ -7,7 +7,7 @@ use drapery_core::simulation::FrameInput;
 
 use crate::error::IoError;
 use crate::shot::ShotError;
-use crate::shot::check::{BodySurface, Span, check_faces, check_motion, check_size};
+use crate::shot::check::{BodySurface, Span, check_faces, check_motion, check_size, path_told};
 use crate::shot::crew::Crew;
 use crate::shot::motion::{InputMotion, Preroll};
 use crate::wind_file::WindFile;
@@ -43,6 +43,8 @@ impl Inputs {
                 problems.extend(check_motion(motion, span, Some(surface), warnings));
                 problems.extend(check_size(motion, span, warnings));
                 problems.extend(check_faces(motion, span, triangles, warnings));
+            } else {
+                warnings.extend(path_told(&body.name, &body.motion));
             }
         }
         for track in &self.tracks {

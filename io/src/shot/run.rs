@@ -25,6 +25,7 @@ use crate::run_record::{self, AttemptRecord, RECORD};
 use crate::shot::bundle;
 use crate::shot::counted::{Counted, SoFar};
 use crate::shot::folder::{Earlier, Held};
+use crate::shot::long_frames::Watch;
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
 use crate::shot::pinned;
 use crate::shot::quality::{self, Exceeded};
@@ -155,6 +156,9 @@ pub trait Observer {
 
     /// Something that whoever looks after the run should know.
     fn note(&mut self, text: String);
+
+    /// A frame takes long: it has so many collision-free states so far, and this share of its time is done.
+    fn underway(&mut self, _frame: i64, _states: u64, _share: f64) {}
 
     /// A frame is on the disk.
     fn frame(&mut self, report: &FrameReport<'_>);
@@ -382,13 +386,15 @@ impl<'a> Run<'a> {
         let frame = self.shot.simulation().frame() + 1;
         let (shot, spent) = (&self.shot, &mut self.totals.partial.spent);
         let input = spent.stage("read inputs", |_| shot.inputs.at(frame).map(|input| shot.crew.share(input)))?;
+        let mut watch = Watch::start(self.shot.simulation(), self.totals.partial.sub_step);
         loop {
             let Partial { spent, sub_step, summary: before } = &mut self.totals.partial;
             let (requests, cadence, clock) = (&self.options.requests, &self.cadence, &self.clock);
             let mut ask = || {
                 *sub_step += 1;
                 let due = || cadence.due(clock.elapsed().as_secs_f64(), false).then_some(Request::Checkpoint);
-                requests.poll(SystemTime::now()).or_else(due)
+                let report = || watch.is_due(*sub_step).then_some(Request::Report);
+                requests.poll(SystemTime::now()).or_else(due).or_else(report)
             };
             let crew = &mut self.shot.crew;
             let (advance, request) = spent.stage(run_record::SIMULATE, |_| crew.advance(&input, &mut ask))?;
@@ -399,7 +405,15 @@ impl<'a> Run<'a> {
                 return self.between_frames();
             }
             *before = Some(summary);
+            let done = *sub_step;
+            watch.check(self.shot.simulation(), done)?;
+            if watch.tells() {
+                let timeline = self.shot.about.timeline;
+                let since = self.shot.simulation().state().time - timeline.time(frame - 1);
+                observer.underway(frame, done, since / timeline.frame_duration());
+            }
             match request {
+                Some(Request::Report) => {}
                 Some(Request::StopAtOnce(reason)) => return Ok(Some(reason)),
                 Some(Request::Stop(reason)) => {
                     self.checkpoint()?;

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::FileUnits;
 use super::values::{Quantity, Rotation};
+use crate::scene_file::garments::LARGEST_LEAF;
+use crate::scene_file::ranges::{fractions, points_in_space};
+use crate::scene_file::shapes::MAX_RESOLUTION;
 
 /// A garment: a mesh from a file or a generated one, what it weighs, what holds it. Tables of effects
 /// (`[garment.stretch]`, `[garment.bending]`) say how it resists.
@@ -51,13 +54,16 @@ pub(in crate::scene_file) struct Garment {
     pub(in crate::scene_file) material: Option<String>,
     /// Mass per area, in kg/m² or as "150 g/m²".
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
     pub(in crate::scene_file) density: Option<Quantity>,
     /// Mass of the whole garment in kg, the same for every vertex; instead of `density`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-9, max = 1e9))]
     pub(in crate::scene_file) total_mass: Option<f64>,
     /// Distance that `self_repulsion` keeps between its layers and from other garments, in metres or as "0.5 mm"; lowered
     /// where edges are short. Left out: that of the material, or 0.5 mm.
     #[serde(default = "default_thickness")]
+    #[schemars(range(min = 1e-9, max = 1e3))]
     pub(in crate::scene_file) thickness: Quantity,
     /// Quantities that differ among the vertices, each the name of an attribute of the rest shape with one value for each
     /// point (of a colour, its red), or "file:" and a text file with one number for each vertex. Values multiply the number for
@@ -69,6 +75,7 @@ pub(in crate::scene_file) struct Garment {
     pub(in crate::scene_file) absolute_maps: Vec<String>,
     /// Velocity at the start in m/s.
     #[serde(default)]
+    #[schemars(inner(range(min = -1e6, max = 1e6)))]
     pub(in crate::scene_file) velocity: [f64; 3],
     /// Random velocities of the points at the start, added to `velocity`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -212,18 +219,22 @@ impl Maps {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Panel {
     /// Cells along the side (z). There are floor(aspect · resolution) along x.
+    #[schemars(range(min = 1, max = MAX_RESOLUTION))]
     pub(in crate::scene_file) resolution: u32,
     /// Length along z in metres.
     #[serde(default = "one")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
     pub(in crate::scene_file) side: f64,
     /// Length along x over length along z.
     #[serde(default = "default_aspect")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
     pub(in crate::scene_file) aspect: f64,
     /// Flat in the plane y = const, or bent along a parabola.
     #[serde(default)]
     pub(in crate::scene_file) shape: PanelShape,
     /// Where the centre of its bounding box goes. Left out, with no rotation: one corner is at (0, 0.5, 0).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) center: Option<[f64; 3]>,
     /// How it is turned about its centre.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -254,11 +265,14 @@ pub(in crate::scene_file) enum PanelShape {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Disc {
     /// Number of rings.
+    #[schemars(range(min = 1, max = MAX_RESOLUTION))]
     pub(in crate::scene_file) resolution: u32,
     /// Radius in metres.
+    #[schemars(range(min = 1e-6, max = 1e6))]
     pub(in crate::scene_file) radius: f64,
     /// Centre.
     #[serde(default)]
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) center: [f64; 3],
     /// How it is turned about its centre.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -270,11 +284,14 @@ pub(in crate::scene_file) struct Disc {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Ball {
     /// Rows of triangles from a pole to the equator.
+    #[schemars(range(min = 1, max = MAX_RESOLUTION))]
     pub(in crate::scene_file) resolution: u32,
     /// Radius in metres.
+    #[schemars(range(min = 1e-6, max = 1e6))]
     pub(in crate::scene_file) radius: f64,
     /// Centre.
     #[serde(default)]
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) center: [f64; 3],
 }
 
@@ -283,13 +300,17 @@ pub(in crate::scene_file) struct Ball {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Tube {
     /// Cells around.
+    #[schemars(range(min = 3, max = MAX_RESOLUTION))]
     pub(in crate::scene_file) resolution: u32,
     /// Radius in metres.
+    #[schemars(range(min = 1e-6, max = 1e6))]
     pub(in crate::scene_file) radius: f64,
     /// Length in metres.
+    #[schemars(range(min = 1e-6, max = 1e6))]
     pub(in crate::scene_file) length: f64,
     /// Centre.
     #[serde(default)]
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) center: [f64; 3],
     /// How it is turned about its centre.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -302,20 +323,26 @@ pub(in crate::scene_file) struct Tube {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Leaves {
     /// Panels along x, y and z.
+    #[schemars(inner(range(min = 1, max = 2000)))]
     pub(in crate::scene_file) count: [u32; 3],
     /// Cells along the side of each panel.
+    #[schemars(range(min = 1, max = MAX_RESOLUTION))]
     pub(in crate::scene_file) resolution: u32,
     /// Length of a panel along its z in metres.
     #[serde(default = "one")]
+    #[schemars(range(min = 1e-6, max = LARGEST_LEAF))]
     pub(in crate::scene_file) side: f64,
     /// Length of a panel along its x over its side.
     #[serde(default = "default_aspect")]
+    #[schemars(range(min = 1e-6, max = 1e6))]
     pub(in crate::scene_file) aspect: f64,
     /// Height of the centres of the lowest layer in metres.
+    #[schemars(range(min = -1e9, max = 1e9))]
     pub(in crate::scene_file) base_height: f64,
     /// Seed of the random orientations.
     pub(in crate::scene_file) seed: u64,
     /// Largest angle of a panel from the horizontal, in degrees.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub(in crate::scene_file) max_angle: f64,
 }
 
@@ -326,6 +353,7 @@ pub(in crate::scene_file) struct Jitter {
     /// Axis of the displacement.
     pub(in crate::scene_file) axis: Axis,
     /// Displacements are uniform between zero and this, in metres.
+    #[schemars(range(min = -1e6, max = 1e6))]
     pub(in crate::scene_file) amplitude: f64,
     /// Seed of the random numbers.
     pub(in crate::scene_file) seed: u64,
@@ -337,8 +365,10 @@ pub(in crate::scene_file) struct Jitter {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Folds {
     /// Layers, one over the other along the panel's y; at least 2, each of at least 3 cells along x.
+    #[schemars(range(min = 2, max = MAX_RESOLUTION))]
     pub(in crate::scene_file) layers: u32,
     /// Distance between layers in metres; less than two cells, because two cells make a fold.
+    #[schemars(range(min = 1e-9, max = 1e6))]
     pub(in crate::scene_file) gap: f64,
 }
 
@@ -347,6 +377,7 @@ pub(in crate::scene_file) struct Folds {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct RandomVelocity {
     /// Speed of every point, in m/s or as "100 m/s".
+    #[schemars(range(min = 1e-9, max = 1e6))]
     pub(in crate::scene_file) speed: Quantity,
     /// Seed of the random directions.
     pub(in crate::scene_file) seed: u64,
@@ -376,6 +407,7 @@ pub(in crate::scene_file) struct Pin {
     pub(in crate::scene_file) corners: Option<Vec<Corner>>,
     /// Nodes of a panel nearest to fractions of its length along x and z: [[0.5, 0], …].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = fractions)]
     pub(in crate::scene_file) nodes: Option<Vec<[f64; 2]>>,
     /// A region: vertices that start inside are held.
     #[serde(rename = "where", skip_serializing_if = "Option::is_none")]
@@ -407,18 +439,22 @@ pub(in crate::scene_file) struct Pin {
     /// With `to = "start"` or `to = "here"`: offsets from that place, [[seconds since the first frame, [dx, dy, dz]],
     /// …].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(transform = points_in_space)]
     pub(in crate::scene_file) path: Vec<(f64, [f64; 3])>,
     /// "hard": the vertex is where its target is. "spring": a spring pulls it there.
     #[serde(default)]
     pub(in crate::scene_file) mode: PinMode,
     /// With `mode = "spring"`: stiffness in N/m.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-12, max = 1e10))]
     pub(in crate::scene_file) stiffness: Option<Quantity>,
     /// With `mode = "spring"`: damping as a fraction of critical; 1 if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e3))]
     pub(in crate::scene_file) damping_ratio: Option<f64>,
     /// With `mode = "spring"`: a vertex that is pulled with more, in N or as "60 N", is let go for good.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-12, max = 1e12))]
     pub(in crate::scene_file) break_force: Option<Quantity>,
 }
 

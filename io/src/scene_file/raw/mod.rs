@@ -76,6 +76,7 @@ pub(in crate::scene_file) struct Shot {
     pub(in crate::scene_file) name: String,
     /// Frames per second: "24", "24000/1001", "23.976" (which means 24000/1001), or a number.
     #[serde(default = "default_fps")]
+    #[schemars(range(min = 0.1, max = 1e6))]
     pub(in crate::scene_file) fps: Quantity,
     /// First and last frame, as in "1001-1100".
     pub(in crate::scene_file) frames: String,
@@ -101,8 +102,10 @@ fn default_fps() -> Quantity {
 #[serde(deny_unknown_fields, default)]
 pub(in crate::scene_file) struct Preroll {
     /// Frames in which the cloth settles while bodies hold their rest pose (or their first pose, if they have none).
+    #[schemars(range(min = 0, max = 100_000))]
     pub(in crate::scene_file) settle: u32,
     /// Frames in which bodies then blend from the rest pose to their first pose.
+    #[schemars(range(min = 0, max = 100_000))]
     pub(in crate::scene_file) blend: u32,
 }
 
@@ -157,17 +160,23 @@ pub(in crate::scene_file) struct Solver {
     /// Quality preset; the other keys override it.
     pub(in crate::scene_file) preset: SolverPreset,
     /// CFL number of the elastic step limit; 4 is usual for cloth, below 2.83 is provably stable.
+    #[schemars(range(min = 1e-3, max = 1e4))]
     pub(in crate::scene_file) cfl: f64,
     /// Largest time step: seconds or "2 ms"; "auto" leaves it to cfl and strain_per_step.
+    #[schemars(range(min = 1e-9, max = 1e3))]
     pub(in crate::scene_file) max_dt: Quantity,
     /// A step that would have to be shorter ends the run: seconds or text with a unit.
+    #[schemars(range(min = 1e-15, max = 1.0))]
     pub(in crate::scene_file) min_dt: Quantity,
     /// Largest relative change of an edge's length in one step.
+    #[schemars(range(min = 1e-6, max = 1e9))]
     pub(in crate::scene_file) strain_per_step: f64,
     /// Residual at which the damping solve stops, in m/s; "auto" takes the smaller of 1 cm/s and a tenth of what
     /// gravity adds in one step.
+    #[schemars(range(min = 1e-18, max = 1e6))]
     pub(in crate::scene_file) cg_tolerance: Quantity,
     /// Largest number of iterations of one damping solve.
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub(in crate::scene_file) cg_max_iterations: usize,
     /// "semi_implicit" is the paper's step; "implicit" makes springs implicit, so that they do not limit the time step, of
     /// first order only. Only to compare.
@@ -220,6 +229,7 @@ pub(in crate::scene_file) struct Body {
     pub(in crate::scene_file) units: Option<FileUnits>,
     /// With `shape`: where it stands.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) position: Option<[f64; 3]>,
     /// With `shape`: how it is turned.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -229,14 +239,17 @@ pub(in crate::scene_file) struct Body {
     pub(in crate::scene_file) spin: Option<Spin>,
     /// Coulomb friction against cloth. Left out: the largest of the garments' materials, or 0.3.
     #[serde(default = "default_friction")]
+    #[schemars(range(min = 0.0, max = 1e3))]
     pub(in crate::scene_file) friction: f64,
     /// Distance that cloth keeps, in metres or as "2 mm". Left out: the largest thickness of the garments' materials,
     /// or 1 mm.
     #[serde(default = "default_thickness")]
+    #[schemars(range(min = 0.0, max = 1e3))]
     pub(in crate::scene_file) thickness: Quantity,
     /// Fastest speed, in m/s, at which cloth that is too deep is pushed out; `inf` leaves it to the solver, which has it out
     /// within a frame.
     #[serde(default = "unlimited")]
+    #[schemars(range(min = 0.0))]
     pub(in crate::scene_file) max_push_speed: Quantity,
 }
 
@@ -261,25 +274,31 @@ pub(in crate::scene_file) enum Shape {
     /// A ball.
     Sphere {
         /// Radius in metres.
+        #[schemars(range(min = 1e-9, max = 1e9))]
         radius: f64,
     },
     /// A cylinder along y with round ends.
     Capsule {
         /// Radius in metres.
+        #[schemars(range(min = 1e-9, max = 1e9))]
         radius: f64,
         /// Half the length of the axis between the round ends, in metres.
+        #[schemars(range(min = 1e-9, max = 1e9))]
         half_length: f64,
     },
     /// A cylinder along y.
     Cylinder {
         /// Radius in metres.
+        #[schemars(range(min = 1e-9, max = 1e9))]
         radius: f64,
         /// Half the height in metres.
+        #[schemars(range(min = 1e-9, max = 1e9))]
         half_length: f64,
     },
     /// A box.
     Box {
         /// Half the edge lengths along x, y and z in metres.
+        #[schemars(inner(range(min = 1e-9, max = 1e9)))]
         half_extents: [f64; 3],
     },
 }
@@ -289,9 +308,11 @@ pub(in crate::scene_file) enum Shape {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Spin {
     /// Angular velocity about world axes in rad/s.
+    #[schemars(inner(range(min = -1e5, max = 1e5)))]
     pub(in crate::scene_file) angular_velocity: [f64; 3],
     /// When it starts, in seconds since the first frame.
     #[serde(default)]
+    #[schemars(range(min = -1e9, max = 1e9))]
     pub(in crate::scene_file) from: f64,
 }
 

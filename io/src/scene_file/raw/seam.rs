@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::garment::{Corner, Region};
 use super::values::Quantity;
+use crate::scene_file::ranges::fractions;
 
 /// Vertices that are drawn together and stay together, of one garment or of two.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -19,20 +20,25 @@ pub(in crate::scene_file) struct Seam {
     #[serde(default)]
     pub(in crate::scene_file) pairing: Pairing,
     /// Stiffness of each pair, in N/m or as "800 N/m".
+    #[schemars(range(min = 1e-12, max = 1e10))]
     pub(in crate::scene_file) strength: Quantity,
     /// Damping as a fraction of critical.
     #[serde(default = "one")]
+    #[schemars(range(min = 0.0, max = 1e3))]
     pub(in crate::scene_file) damping_ratio: f64,
     /// What is left of the gap, in metres or as "0 mm". Left out: the larger thickness of the garments if cloth touches cloth
     /// in this scene, otherwise nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e3))]
     pub(in crate::scene_file) rest_gap: Option<Quantity>,
     /// When it starts to close, in seconds since the first frame. Left out: when the simulation starts.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = -1e9, max = 1e9))]
     pub(in crate::scene_file) start: Option<f64>,
     /// When it is closed, in seconds since the first frame. Left out: at the end of the pre-roll, or a second after the start
     /// if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = -1e9, max = 1e9))]
     pub(in crate::scene_file) closed: Option<f64>,
 }
 
@@ -67,6 +73,7 @@ pub(in crate::scene_file) struct SeamSide {
     pub(in crate::scene_file) corners: Option<Vec<Corner>>,
     /// Nodes of a panel nearest to fractions of its length along x and z: [[0.5, 0], …].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = fractions)]
     pub(in crate::scene_file) nodes: Option<Vec<[f64; 2]>>,
     /// A region: vertices that start inside are sewn.
     #[serde(rename = "where", skip_serializing_if = "Option::is_none")]

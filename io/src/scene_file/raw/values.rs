@@ -6,6 +6,8 @@ use drapery_core::settings::Dimension;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
+use crate::scene_file::ranges::{path, place};
+
 /// A number in the SI unit, or text with a unit such as "2 mm".
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::scene_file) enum Quantity {
@@ -120,7 +122,7 @@ impl JsonSchema for BodyPath {
     }
 
     fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        schemars::json_schema!({ "type": ["string", "array"] })
+        schemars::json_schema!({ "type": ["string", "array"], "items": path() })
     }
 }
 
@@ -175,7 +177,7 @@ impl JsonSchema for Origin {
     }
 
     fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        schemars::json_schema!({ "type": ["string", "array"] })
+        schemars::json_schema!({ "type": ["string", "array"], "items": place() })
     }
 }
 
@@ -184,7 +186,9 @@ impl JsonSchema for Origin {
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Rotation {
     /// Axis; its length does not matter.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub(in crate::scene_file) axis: [f64; 3],
     /// Angle in degrees, counter-clockwise seen from the tip of the axis.
+    #[schemars(range(min = -1e6, max = 1e6))]
     pub(in crate::scene_file) degrees: f64,
 }

@@ -1,0 +1,173 @@
+//! Poses that no cloth could follow, from sample to sample of a moving input: jumps, changes of size, faces that lose their
+//! area. They are possible, so they are said and not refused.
+
+use drapery_core::Vec3;
+use drapery_core::scene::RigidMotion;
+
+use super::{flat_faces, listed};
+
+/// Speed from which on a motion is taken for a jump [m/s]. The hand of a dancer reaches 15 m/s and a thrown ball 50; what
+/// appears elsewhere after a cut goes metres in a frame, which at 24 frames a second is 100 m/s and more.
+const JUMP: f64 = 100.0;
+
+/// Factor by which a body may change its size (the root of its area) from one sample to the next. Skin stretches by a few
+/// percent in a frame; a factor of two is a wrong unit or a broken sample.
+const RESIZED: f64 = 2.0;
+
+/// What was found of one kind: the worst, and in how many samples.
+#[derive(Debug, Default)]
+struct Found {
+    /// What is said of the first sample in which it is so.
+    first: Option<String>,
+    samples: usize,
+}
+
+impl Found {
+    fn note(&mut self, place: impl FnOnce() -> String) {
+        self.samples += 1;
+        self.first.get_or_insert_with(place);
+    }
+
+    fn told(self, advice: &str) -> Option<String> {
+        let more = match self.samples {
+            0 | 1 => String::new(),
+            2 => ", and in 1 more sample".to_owned(),
+            samples => format!(", and in {} more samples", samples - 1),
+        };
+        self.first.map(|first| format!("{first}{more}: {advice}"))
+    }
+}
+
+/// The samples of an input, looked at in their order.
+#[derive(Debug)]
+pub(super) struct Poses<'a> {
+    /// Faces of a body.
+    triangles: &'a [[u32; 3]],
+    /// Time [s], size [m] and positions of the sample before.
+    before: Option<(f64, f64, Vec<Vec3>)>,
+    jumps: Found,
+    sizes: Found,
+    flat: Found,
+}
+
+impl<'a> Poses<'a> {
+    /// Nothing seen yet of an input with these faces; a track has none.
+    pub(super) fn new(triangles: &'a [[u32; 3]]) -> Self {
+        Self { triangles, before: None, jumps: Found::default(), sizes: Found::default(), flat: Found::default() }
+    }
+
+    /// Looks at the sample of a time [s]; `place` names it.
+    pub(super) fn look(&mut self, time: f64, positions: &[Vec3], place: &dyn Fn() -> String) {
+        let size = size(self.triangles, positions);
+        if let Some((since, size_before, before)) = &self.before {
+            let (speed, vertex) = fastest(before, positions, time - since);
+            if speed > JUMP {
+                self.jumps.note(|| format!("{}: vertex {vertex} gets there at {speed:.0} m/s", place()));
+            }
+            let factor = size / size_before;
+            if !(1.0 / RESIZED..=RESIZED).contains(&factor) && !factor.is_nan() {
+                self.sizes
+                    .note(|| format!("{}: the body is {factor:.3e} times the size it had a sample before", place()));
+            }
+            // Those of the first sample are errors, and are told as such.
+            if let Some(faces) = listed(flat_faces(self.triangles, positions)) {
+                self.flat.note(|| format!("{}: faces between the points {faces} have no area", place()));
+            }
+        }
+        let mut kept = self.before.take().map_or_else(Vec::new, |(.., positions)| positions);
+        kept.clear();
+        kept.extend_from_slice(positions);
+        self.before = Some((time, size, kept));
+    }
+
+    /// What is to be said.
+    pub(super) fn told(self) -> impl Iterator<Item = String> {
+        let jumps = self.jumps.told(
+            "cloth cannot follow that; if the animation is cut there, simulate what comes after it as a shot of its own, with a \
+             pre-roll",
+        );
+        let sizes = self.sizes.told("look at this frame and the units of the file, and export it again");
+        let flat = self.flat.told("they have no outside as long as that lasts; look at this frame of the animation");
+        [jumps, sizes, flat].into_iter().flatten()
+    }
+}
+
+/// Root of the area of triangles [m].
+fn size(triangles: &[[u32; 3]], positions: &[Vec3]) -> f64 {
+    let area = |corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|v| positions.get(v as usize).copied().unwrap_or_default());
+        0.5 * (b - a).cross(&(c - a)).norm()
+    };
+    triangles.iter().map(area).sum::<f64>().sqrt()
+}
+
+/// The highest speed with which a vertex gets from one place to the other in this time [s], and that vertex.
+fn fastest(from: &[Vec3], to: &[Vec3], time: f64) -> (f64, usize) {
+    let ways = from.iter().zip(to).map(|(a, b)| (b - a).norm()).enumerate();
+    let (vertex, way) = ways.fold((0, 0.0), |most, next| if next.1 > most.1 { next } else { most });
+    (if way > 0.0 { way / time } else { 0.0 }, vertex)
+}
+
+/// What is to be said of the path of an ideal shape.
+pub(crate) fn path_told(name: &str, motion: &RigidMotion) -> Option<String> {
+    let mut jumps = Found::default();
+    for ends in motion.path.windows(2) {
+        let ((since, from), (time, to)) = (ends[0], ends[1]);
+        let speed = (to - from).norm() / (time - since);
+        if speed > JUMP {
+            jumps
+                .note(|| format!("body \"{name}\": it moves at {speed:.0} m/s from {since} s to {time} s of its path"));
+        }
+    }
+    jumps.told("cloth cannot follow that; give these points of the path more time")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Corners of a tetrahedron of this size around a place.
+    fn pose(place: Vec3, size: f64) -> Vec<Vec3> {
+        [Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z()].map(|corner| place + corner * size).into()
+    }
+
+    const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+
+    fn told(samples: &[Vec<Vec3>]) -> Vec<String> {
+        let mut poses = Poses::new(&FACES);
+        for (frame, sample) in samples.iter().enumerate() {
+            poses.look(frame as f64 / 24.0, sample, &|| format!("frame {frame}"));
+        }
+        poses.told().collect()
+    }
+
+    #[test]
+    fn a_dancer_and_a_body_that_grows_slowly_pass_in_silence() {
+        let walking =
+            (0..6).map(|frame| pose(Vec3::x() * (f64::from(frame) * 15.0 / 24.0), 1.0 + 0.3 * f64::from(frame)));
+        assert_eq!(told(&walking.collect::<Vec<_>>()), Vec::<String>::new());
+    }
+
+    #[test]
+    fn jumps_collapses_and_growth_are_said_with_their_frame_and_how_much() {
+        let at = |place: f64, size: f64| pose(Vec3::x() * place, size);
+        let jump = told(&[at(0.0, 1.0), at(0.0, 1.0), at(100.0, 1.0), at(100.0, 1.0)]);
+        assert_eq!(jump.len(), 1, "{jump:?}");
+        assert!(jump[0].starts_with("frame 2: vertex 0 gets there at 2400 m/s: "), "{jump:?}");
+        let point = told(&[at(0.0, 1.0), at(0.0, 0.0), at(0.0, 1.0)]);
+        assert!(point[0].starts_with("frame 1: the body is 0.000e0 times the size"), "{point:?}");
+        assert!(point[0].contains("in 1 more sample"), "{point:?}");
+        assert!(point[1].contains("faces between the points 0-2-1") && point[1].contains("have no area"), "{point:?}");
+        let grown = told(&[at(0.0, 1.0), at(0.0, 1000.0), at(0.0, 1.0)]);
+        assert!(grown[0].contains("m/s, and in 1 more sample:"), "{grown:?}");
+        assert!(grown[1].starts_with("frame 1: the body is 1.000e3 times the size"), "{grown:?}");
+    }
+
+    #[test]
+    fn a_path_that_jumps_is_said_with_its_times() {
+        let mut motion = RigidMotion::at(Vec3::zeros());
+        motion.path = vec![(0.0, Vec3::zeros()), (1.0, Vec3::x() * 99.0), (1.1, Vec3::zeros())];
+        let told = path_told("ball", &motion).unwrap_or_default();
+        assert!(told.starts_with("body \"ball\": it moves at 990 m/s from 1 s to 1.1 s"), "{told}");
+    }
+}
