@@ -379,7 +379,7 @@ fn quads_of_a_body_are_cut_along_the_shorter_diagonal_of_the_first_frame_of_the_
 }
 
 #[test]
-fn garments_without_points_and_with_texture_coordinates_that_are_no_numbers_are_delivered() {
+fn texture_coordinates_that_are_no_numbers_are_delivered() {
     let folder = tempfile::tempdir().unwrap();
     let run = |out: &str, last: i64| {
         let mut shot = falling(folder.path());
@@ -387,16 +387,61 @@ fn garments_without_points_and_with_texture_coordinates_that_are_no_numbers_are_
         let (values, indices) = (vec![[f32::NAN, f32::INFINITY]; 9], shot.scene.garments[0].mesh.face_indices.clone());
         let uvs = Some(Uvs { name: String::new(), values, indices });
         shot.garments[0] = GarmentMesh::kept(MeshData { uvs, ..MeshData::new(sheet(1.0)) });
-        shot.scene.garments.push(GarmentDescription::new("nothing", PolygonMesh::default(), 0.2));
-        shot.garments.push(GarmentMesh::kept(MeshData::new(PolygonMesh::default())));
         let options = RunOptions::new(folder.path().join(out));
         Shot::prepare(shot, Some([1001, last])).unwrap().run(&options, &mut |_: &FrameReport<'_>| {}).unwrap()
     };
     run("whole", 1003);
     run("out", 1002);
     assert_eq!(run("out", 1003).outcome, Outcome::Done);
-    for file in ["sheet.abc", "sheet.h5", "nothing.abc", "nothing.h5"] {
+    for file in ["sheet.abc", "sheet.h5"] {
         let bytes = |out: &str| std::fs::read(folder.path().join(out).join(file)).unwrap();
         assert!(bytes("out") == bytes("whole"), "{file}");
     }
+}
+
+#[test]
+fn a_body_that_jumps_and_grows_is_said_with_its_frame_before_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let warned = |change: &dyn Fn(i64, &mut Vec<[f32; 3]>)| {
+        let file = body_file(folder.path(), &[1001, 1002, 1003], |frame, points, _| change(frame, points));
+        let mut shot = over_body(folder.path(), &file).unwrap();
+        // Out of the body's way.
+        shot.scene.garments[0].mesh = sheet(5.0);
+        Shot::prepare(shot, None).unwrap().warnings().join("\n")
+    };
+    assert_eq!(warned(&|_, _| {}), "");
+    let jump = warned(&|frame, points| {
+        if frame == 1003 {
+            points.iter_mut().for_each(|p| p[0] += 100.0);
+        }
+    });
+    assert!(jump.contains("body \"hero\"") && jump.contains("frame 1003: vertex 0 gets there at 2400 m/s"), "{jump}");
+    let grown = warned(&|frame, points| {
+        if frame == 1002 {
+            points.iter_mut().flatten().for_each(|c| *c *= 3.0);
+        }
+    });
+    assert!(grown.contains("frame 1002: the body is 3.000e0 times the size it had a sample before"), "{grown}");
+    let point = warned(&|frame, points| {
+        if frame == 1002 {
+            points.fill([0.0; 3]);
+        }
+    });
+    assert!(point.contains("frame 1002") && point.contains("have no area"), "{point}");
+}
+
+#[test]
+fn a_frame_of_far_more_steps_than_planned_ends_the_run_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut shot = falling(folder.path());
+    let garment = &mut shot.scene.garments[0];
+    garment.start_velocities = Some((0..9).map(|i| Vec3::x() * f64::from(i % 3)).collect());
+    shot.scene.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 1e-3));
+    // Edges that change by a millionth of their length in a step, at a rate of a few 1/s.
+    shot.scene.solver.strain_per_step = 1e-7;
+    let error =
+        Shot::prepare(shot, None).unwrap().run(&options(folder.path()), &mut |_: &FrameReport<'_>| {}).unwrap_err();
+    let said = error.to_string();
+    assert!(said.starts_with("frame 1002, time ") && said.contains("100000 steps are done"), "{said}");
+    assert!(folder.path().join("out/debug").read_dir().unwrap().count() > 0, "a bundle is left behind");
 }

@@ -38,7 +38,8 @@ const HEAD: &str = "# The scene file
 Written by a test from the JSON schema (`drapery schema`), which comes from the structs that read the file
 (`io/src/scene_file/raw/mod.rs`); change it there. The file is TOML. Bold keys have to be given. Positions, velocities and
 times are in metres, metres per second and seconds with Y up; `[units]` are those of the mesh files. Where a key takes a
-number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Any value may be \"$name\", which takes the
+number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both ends
+included; a number outside is an error that names the line. Any value may be \"$name\", which takes the
 parameter `name`. A key that is not here is an error that names the line and the nearest right word. Files are looked for
 from the folder of the scene file.
 ";
@@ -172,7 +173,23 @@ fn kind_of_choice(root: &Value, choice: &Value) -> String {
         other => other.to_owned(),
     };
     let shown = kinds.iter().filter(|kind| !(is_plain && **kind == "string"));
-    shown.map(word).collect::<Vec<_>>().join(" or ")
+    shown.map(word).collect::<Vec<_>>().join(" or ") + &range(root, choice)
+}
+
+/// The numbers that are possible, where both ends are declared; those of a list are of its items.
+fn range(root: &Value, choice: &Value) -> String {
+    let of = |part: &Value| Some((part["minimum"].as_f64()?, part["maximum"].as_f64()?));
+    match (of(choice), of(resolved(root, &choice["items"]))) {
+        (Some((least, most)), _) => format!(", {} to {}", short(least), short(most)),
+        (None, Some((least, most))) => format!(", each {} to {}", short(least), short(most)),
+        (None, None) => String::new(),
+    }
+}
+
+/// A number with as few digits as it has.
+fn short(value: f64) -> String {
+    let is_long = value != 0.0 && !(1e-3..1e6).contains(&value.abs());
+    if is_long { format!("{value:e}") } else { value.to_string() }
 }
 
 fn array_word(root: &Value, array: &Value) -> String {

@@ -200,8 +200,9 @@ impl Resolver<'_> {
         if let Some(rotation) = rotation {
             self.rotation(rotation, &here.clone().key("rotation"));
         }
-        self.has_room(&here, points)?;
-        self.count(&here, points)?;
+        let resolution = here.key("resolution");
+        self.has_room(&resolution, points)?;
+        self.count(&resolution, points)?;
         Form::of(garment)
     }
 

@@ -21,6 +21,7 @@ use crate::units::Units;
 use crate::wind_file::WindFile;
 
 use super::SceneFile;
+use super::deserialize::dotted;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
 use super::memory::Memory;
 use super::raw::{self, FileUnits, Quantity};
@@ -170,9 +171,9 @@ impl Resolver<'_> {
     /// A number of a dimension, in the range of its key.
     pub(super) fn quantity(&mut self, path: &Path, quantity: &Quantity, dimension: Dimension) -> Option<f64> {
         let value = self.check(path, quantity.si(dimension))?;
-        let unit = dimension.si_unit();
         let in_range = ranges::at(path).map_or(Ok(()), |range| range.check(value));
-        self.check(path, in_range.map_err(|what| format!("in {unit}, {what}")))?;
+        let told = |what| format!("`{}` [{}]: {what}", dotted(path), dimension.si_unit());
+        self.check(path, in_range.map_err(told))?;
         Some(value)
     }
 
