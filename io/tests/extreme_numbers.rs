@@ -202,7 +202,7 @@ fn keys_of(scene: &str) -> Vec<String> {
 
 /// What is wrong with what was made of a key with this value; nothing if it was refused with its place, or is within bounds.
 fn wrong(scene: &str, key: &str, value: &str) -> Option<String> {
-    let place = format!("--set {key}={value}");
+    let place = format!("{key}={value}");
     let is_told =
         |message: &str| (!message.contains(&place)).then(|| format!("{place}: its place is missing in {message}"));
     let set = [(key.to_owned(), value.to_owned())];

@@ -421,7 +421,7 @@ fn a_body_that_jumps_and_grows_is_said_with_its_frame_before_a_run() {
             points.iter_mut().flatten().for_each(|c| *c *= 3.0);
         }
     });
-    assert!(grown.contains("frame 1002: the body is 3.000e0 times the size it had a sample before"), "{grown}");
+    assert!(grown.contains("frame 1002: the body is 3.000 times the size it had a sample before"), "{grown}");
     let point = warned(&|frame, points| {
         if frame == 1002 {
             points.fill([0.0; 3]);

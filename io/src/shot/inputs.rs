@@ -2,7 +2,7 @@
 
 use drapery_core::error::{Problem, Problems};
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{BodyShape, Scene, SceneDescription, Timeline, is_possible};
+use drapery_core::scene::{BodyShape, PinTarget, Scene, SceneDescription, Timeline, is_possible};
 use drapery_core::simulation::FrameInput;
 
 use crate::error::IoError;
@@ -44,7 +44,12 @@ impl Inputs {
                 problems.extend(check_size(motion, span, warnings));
                 problems.extend(check_faces(motion, span, triangles, warnings));
             } else {
-                warnings.extend(path_told(&body.name, &body.motion));
+                warnings.extend(path_told(&format!("body \"{}\"", body.name), &body.motion.path));
+            }
+        }
+        for (number, pin) in scene.pins.iter().enumerate() {
+            if let (PinTarget::Path { offsets, .. }, Some(garment)) = (&pin.target, scene.garments.get(pin.garment)) {
+                warnings.extend(path_told(&format!("garment \"{}\", pin {number}", garment.name), offsets));
             }
         }
         for track in &self.tracks {
