@@ -17,18 +17,26 @@ const LONGEST_LINE: u64 = 1 << 26;
 /// Bytes with which some programs begin a text in UTF-8.
 pub(crate) const MARK: &[u8] = "\u{feff}".as_bytes();
 
+/// Makes sure that there is a regular file, directly or by links.
+///
+/// # Errors
+/// The file is missing, or is a folder, a pipe, a socket or a device.
+pub fn check(path: &Path) -> Result<(), IoError> {
+    let about = fs::metadata(path).map_err(|error| IoError::reading(path, error))?;
+    if about.is_file() {
+        return Ok(());
+    }
+    Err(IoError::NotAFile { path: path.to_owned(), what: word(about.file_type()) })
+}
+
 /// Opens a regular file, directly or by links.
 ///
 /// # Errors
-/// The file is missing, may not be read, or is a folder, a pipe, a socket or a device.
+/// As [`check`]; the file may not be read.
 pub fn open(path: &Path) -> Result<File, IoError> {
-    let failed = |error| IoError::reading(path, error);
-    // Looked at before it is opened: to open a pipe waits for a writer, and to open a device may do something to it.
-    let about = fs::metadata(path).map_err(failed)?;
-    if !about.is_file() {
-        return Err(IoError::NotAFile { path: path.to_owned(), what: word(about.file_type()) });
-    }
-    File::open(path).map_err(failed)
+    // Before it is opened: to open a pipe waits for a writer, and to open a device may do something to it.
+    check(path)?;
+    File::open(path).map_err(|error| IoError::reading(path, error))
 }
 
 /// Makes sure that the HDF5 library can open a file: it takes names in UTF-8 alone, and would wait for a pipe.

@@ -357,6 +357,10 @@ fn pins_that_tear_neighbours_apart_are_told_before_a_run_and_in_it() {
     assert_eq!(exceeded, [("pins_stretched", 1, 1003)]);
     let record = std::fs::read_to_string(folder.path().join("out/run.jsonl")).unwrap();
     assert!(record.contains("\"strain_between_pins\":{\"garment\":\"sheet\""), "{record}");
+    // Where there is nothing to do, the same is said again.
+    let mut again = Listener::default();
+    assert_eq!(pinned().run(&options(folder.path()), &mut again).unwrap().outcome, Outcome::NothingToDo);
+    assert_eq!(again.0, heard.0);
 }
 
 #[test]

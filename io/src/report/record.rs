@@ -74,6 +74,8 @@ pub struct FrameRow {
     pub cg_iterations: u64,
     /// Most stretched edge.
     pub max_strain: Option<StrainRow>,
+    /// Most stretched edge between two pinned vertices, if any are neighbours.
+    pub strain_between_pins: Option<StrainRow>,
     /// Energy of motion [J].
     pub kinetic_energy: Option<f64>,
     /// Elastic energy and that of gravity [J].

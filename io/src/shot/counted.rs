@@ -1,20 +1,25 @@
 //! What frames that are done have counted, from the record: what an attempt that goes on, or finds nothing to do, says of
 //! the whole run.
 
+use serde_json::Value;
+
 use crate::checkpoint::{Head, Loaded};
-use crate::report::record::{Record, in_words};
+use crate::report::record::{FrameRow, Record, in_words};
 use crate::run_record::{RECORD, recovery_line};
+use crate::shot::pinned;
 use crate::shot::quality::{self, Exceeded};
 use crate::shot::run::Observer;
 use crate::shot::totals::{self, Totals};
 
 /// What a run has to answer for.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Counted {
     /// Counts that should have stayed zero, in the order in which they rose.
     pub(super) exceeded: Vec<Exceeded>,
     /// Frames whose counts are not known, as ranges.
     pub(super) uncounted: Vec<[i64; 2]>,
+    /// The largest strain between pins that was told.
+    told_strain: f64,
 }
 
 impl Counted {
@@ -26,12 +31,28 @@ impl Counted {
             note(format!("{frames}: what was counted in them is not known; {RECORD} does not hold all of it"));
         }
         for row in record.frames.iter().filter(|row| (start..=last).contains(&row.frame)) {
-            recovery_line(&row.recoveries).into_iter().for_each(&mut *note);
-            let count = |name: &str| row.counts.get(name).copied().unwrap_or(0);
-            let risen = quality::watch(&mut counted.exceeded, row.frame, count);
-            risen.iter().map(quality::first_rise).for_each(&mut *note);
+            counted.add(row).into_iter().for_each(&mut *note);
         }
         counted
+    }
+
+    /// Adds the line of a frame as it stands in the record, so that the same is said when that is read again.
+    pub(super) fn add_line(&mut self, line: Value, frame: i64) -> Vec<String> {
+        // A number that JSON has no form for makes the line one that the record is read without.
+        let Ok(row) = serde_json::from_value(line) else {
+            self.uncounted.push([frame, frame]);
+            return Vec::new();
+        };
+        self.add(&row)
+    }
+
+    /// Adds a frame; returns what is to be said of it.
+    fn add(&mut self, row: &FrameRow) -> Vec<String> {
+        let count = |name: &str| row.counts.get(name).copied().unwrap_or(0);
+        let risen = quality::watch(&mut self.exceeded, row.frame, count);
+        let limits = risen.iter().map(quality::first_rise);
+        let torn = pinned::news(&mut self.told_strain, row);
+        recovery_line(&row.recoveries).into_iter().chain(limits).chain(torn).collect()
     }
 }
 

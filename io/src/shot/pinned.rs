@@ -1,8 +1,9 @@
 //! What pins ask of the cloth between them, known before anything is simulated: they are prescribed.
 
-use drapery_core::simulation::{FrameSummary, StrainRecord};
+use drapery_core::simulation::StrainRecord;
 use drapery_core::tolerances::STRETCHED_BETWEEN_PINS;
 
+use crate::report::record::{FrameRow, StrainRow};
 use crate::shot::{Shot, ShotError};
 
 impl Shot {
@@ -27,7 +28,8 @@ impl Shot {
             }
         }
         Ok(worst.map(|(frame, record)| {
-            let (text, first, count) = (torn_between_pins(frame, &record), torn[0], torn.len());
+            let text = torn_between_pins(frame, &record.garment, record.vertices.map(u64::from), record.strain);
+            let (first, count) = (torn[0], torn.len());
             format!("{text} (worst of {count} frames, from frame {first} on)")
         }))
     }
@@ -38,18 +40,18 @@ const MUCH_WORSE: f64 = 1.5;
 
 /// Says of a frame of a run where pins tear the cloth between them apart: for the first time, and where it has become much worse
 /// than was `told`.
-pub(super) fn news(told: &mut f64, summary: &FrameSummary) -> Option<String> {
-    let record = summary.between_pins.as_ref()?;
-    let is_news = record.strain > STRETCHED_BETWEEN_PINS.max(MUCH_WORSE * *told);
+pub(super) fn news(told: &mut f64, frame: &FrameRow) -> Option<String> {
+    let StrainRow { garment, vertices, strain } = frame.strain_between_pins.as_ref()?;
+    let &[a, b] = vertices.as_slice() else { return None };
+    let is_news = *strain > STRETCHED_BETWEEN_PINS.max(MUCH_WORSE * *told);
     is_news.then(|| {
-        *told = record.strain;
-        torn_between_pins(summary.frame, record)
+        *told = *strain;
+        torn_between_pins(frame.frame, garment, [a, b], *strain)
     })
 }
 
 /// Says how far pins tear the cloth between two vertices apart at a frame.
-fn torn_between_pins(frame: i64, record: &StrainRecord) -> String {
-    let StrainRecord { garment, vertices: [a, b], strain } = record;
+fn torn_between_pins(frame: i64, garment: &str, [a, b]: [u64; 2], strain: f64) -> String {
     format!(
         "garment \"{garment}\", frame {frame}: vertices {a} and {b} are neighbours, and pins pull them to {:.2} times their distance \
          at rest (strain {strain:.2}): cloth cannot follow; bind them to places that move together, or leave one of them out of \

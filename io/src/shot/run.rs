@@ -20,15 +20,15 @@ use crate::farm::lock::RunLock;
 use crate::farm::stale;
 use crate::farm::stop::{Reason, Request, StopRequests};
 use crate::frame_digest::FrameDigests;
+use crate::input_file;
 use crate::report::record::Record;
 use crate::run_record::{self, AttemptRecord, RECORD};
 use crate::shot::bundle;
 use crate::shot::counted::{Counted, SoFar};
-use crate::shot::folder::{Earlier, Held};
+use crate::shot::folder::{Earlier, Held, files_of_run};
 use crate::shot::long_frames::Watch;
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
-use crate::shot::pinned;
-use crate::shot::quality::{self, Exceeded};
+use crate::shot::quality::Exceeded;
 use crate::shot::resume;
 use crate::shot::totals::{Partial, Totals};
 use crate::shot::{Shot, ShotError};
@@ -204,8 +204,11 @@ impl Shot {
             return Err(IoError::OutputNotUtf8 { path: options.out.clone() }.into());
         }
         // An earlier run's caches give way to those of this one.
-        let listed = run_record::listed_files(&options.out);
-        refuse_inputs(&self, &[planned_files(&self, &options.out), listed].concat())?;
+        let (planned, listed) = (planned_files(&self, &options.out), run_record::listed_files(&options.out));
+        refuse_inputs(&self, &[planned.as_slice(), &listed].concat())?;
+        if !options.overwrite {
+            files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;
+        }
         let fingerprint = resume::fingerprint(&self)?;
         let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
         let (mut notes, mut changed) = (Vec::new(), Vec::new());
@@ -239,7 +242,7 @@ impl Shot {
     fn nothing_to_do(&self, options: &RunOptions, observer: &mut dyn Observer) -> Result<RunReport, ShotError> {
         let record = Record::read(&options.out.join(RECORD))?;
         let frames = [self.about.timeline.start, self.about.last_frame];
-        let Counted { exceeded, uncounted } = Counted::of(&record, frames, &mut |text| observer.note(text));
+        let Counted { exceeded, uncounted, .. } = Counted::of(&record, frames, &mut |text| observer.note(text));
         Ok(RunReport {
             outcome: Outcome::NothingToDo,
             frame: self.about.last_frame,
@@ -443,9 +446,7 @@ impl<'a> Run<'a> {
         let totals = &mut self.totals;
         totals.seconds += taken;
         totals.metrics.add(&spent);
-        let none = Metrics::default();
-        let simulated = summary.map_or(&none, |summary| &summary.metrics);
-        totals.metrics.add(simulated);
+        summary.into_iter().for_each(|summary| totals.metrics.add(&summary.metrics));
         let mut line = match summary {
             Some(summary) => run_record::frame_record(summary, &spent, taken),
             None => run_record::start_record(frame, &spent, taken),
@@ -454,14 +455,7 @@ impl<'a> Run<'a> {
             line["digests"] = json!(digests);
         }
         self.output.record(&line)?;
-        let recoveries = line["recoveries"].as_array();
-        recoveries.and_then(|all| run_record::recovery_line(all)).into_iter().for_each(|text| observer.note(text));
-        let counted = |name: &str| spent.counted(name) + simulated.counted(name);
-        let risen = quality::watch(&mut self.counted.exceeded, frame, counted);
-        risen.iter().map(quality::first_rise).for_each(|text| observer.note(text));
-        if let Some(torn) = summary.and_then(|summary| pinned::news(&mut self.totals.told_strain, summary)) {
-            observer.note(torn);
-        }
+        self.counted.add_line(line, frame).into_iter().for_each(|text| observer.note(text));
         self.output.frame_done(frame, taken)?;
         self.options.requests.note_frame(taken);
         self.cadence.frame_done();

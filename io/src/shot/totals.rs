@@ -16,8 +16,6 @@ pub(super) struct Totals {
     pub(super) seconds: f64,
     /// The frame that is being computed.
     pub(super) partial: Partial,
-    /// The largest strain between pins that this attempt has told.
-    pub(super) told_strain: f64,
 }
 
 /// What was done since the last frame.
@@ -68,7 +66,6 @@ impl Totals {
             metrics: metrics_from(&value["metrics"]),
             seconds: value["seconds"].as_f64().unwrap_or(0.0),
             partial: Partial { summary, spent: metrics_from(&partial["spent"]), sub_step },
-            told_strain: 0.0,
         }
     }
 }
