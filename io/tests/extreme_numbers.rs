@@ -203,8 +203,14 @@ fn keys_of(scene: &str) -> Vec<String> {
 /// What is wrong with what was made of a key with this value; nothing if it was refused with its place, or is within bounds.
 fn wrong(scene: &str, key: &str, value: &str) -> Option<String> {
     let place = format!("{key}={value}");
-    let is_told =
-        |message: &str| (!message.contains(&place)).then(|| format!("{place}: its place is missing in {message}"));
+    // A number in a list is told by the key of the list.
+    let list =
+        key.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches('.').rsplit('.').next().unwrap_or(key);
+    let names = [place.clone(), format!("`{list}` = ")];
+    let is_told = |message: &str| {
+        let is_named = names.iter().any(|name| message.contains(name));
+        (!is_named).then(|| format!("{place}: its place is missing in {message}"))
+    };
     let set = [(key.to_owned(), value.to_owned())];
     let description = match scene_file::parse(scene, "scene.toml", Path::new(""), &set) {
         Err(error) => return is_told(&error.to_string()),

@@ -193,7 +193,7 @@ fn what_is_no_checkpoint_is_refused() {
         std::fs::write(&path, content).unwrap();
         assert!(Checkpoint::read(&path).unwrap_err().to_string().contains("no checkpoint"));
     }
-    assert_eq!(Checkpoint::read(folder.path()).unwrap_err().kind(), IoErrorKind::MissingInput);
+    assert_eq!(Checkpoint::read(folder.path()).unwrap_err().kind(), IoErrorKind::BadInput);
 }
 
 #[test]
