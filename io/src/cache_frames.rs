@@ -70,8 +70,8 @@ pub struct StoredFrame {
 
 #[derive(Debug)]
 enum Stored {
-    /// The meshes, and the bounds of everything.
-    Alembic(Vec<PolyMesh>, Option<Samples>),
+    /// The archive, its meshes, and the bounds of everything.
+    Alembic(Archive, Vec<PolyMesh>, Option<Samples>),
     /// The file, and what its positions are counted from.
     Hdf5(hdf5::File, [f64; 3]),
 }
@@ -122,7 +122,7 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub fn positions(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
         match &self.stored {
-            Stored::Alembic(meshes, _) => {
+            Stored::Alembic(_, meshes, _) => {
                 let points = meshes[mesh].world_positions(sample)?;
                 Ok(points.into_iter().map(|p| self.units.to_si(Vec3::from(p))).collect())
             }
@@ -139,7 +139,7 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub fn stored_positions(&self, mesh: usize, sample: usize) -> Result<Option<StoredPositions>, IoError> {
         let (origin, points) = match &self.stored {
-            Stored::Alembic(meshes, _) => {
+            Stored::Alembic(_, meshes, _) => {
                 let mut matrix = meshes[mesh].world_matrix_at(meshes[mesh].time(sample))?;
                 let origin = [matrix[12], matrix[13], matrix[14]];
                 matrix[12..15].fill(0.0);
@@ -159,7 +159,7 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub fn stored_frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError> {
         match &self.stored {
-            Stored::Alembic(meshes, bounds) => {
+            Stored::Alembic(_, meshes, bounds) => {
                 let of_file = bounds.as_ref().map(|bounds| bounds.elements::<f64, 6>(sample)).transpose()?;
                 stored_in_alembic(&meshes[mesh], sample, of_file.and_then(|all| all.first().copied()))
             }
@@ -173,13 +173,25 @@ impl CacheFrames {
         }
     }
 
+    /// Checks what is the same in all frames (faces, texture coordinates, transforms, attributes) by the digests in the file, if
+    /// its format has any.
+    ///
+    /// # Errors
+    /// Something is not what was written, by name.
+    pub fn check_constants(&self) -> Result<(), IoError> {
+        match &self.stored {
+            Stored::Alembic(archive, ..) => Ok(archive.check_constants()?),
+            Stored::Hdf5(..) => Ok(()),
+        }
+    }
+
     /// Velocities of a sample of a mesh [m/s], Y up; `None` when the cache stores none.
     ///
     /// # Errors
     /// The sample cannot be read.
     pub fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<Vec3>>, IoError> {
         match &self.stored {
-            Stored::Alembic(meshes, _) => {
+            Stored::Alembic(_, meshes, _) => {
                 let rates = meshes[mesh].velocities(sample)?;
                 let si = |v: [f32; 3]| self.units.to_si(Vec3::from(v.map(f64::from)));
                 Ok(rates.map(|rates| rates.into_iter().map(si).collect()))
@@ -204,7 +216,7 @@ impl CacheFrames {
         let fps = archive.frames_per_second_hint();
         let meshes = stored.iter().map(|mesh| alembic_mesh(mesh, fps)).collect::<Result<_, _>>()?;
         let bounds = archive.bounds()?;
-        Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(stored, bounds) })
+        Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(archive, stored, bounds) })
     }
 
     fn open_hdf5(path: &Path) -> hdf5::Result<Self> {

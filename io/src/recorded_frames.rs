@@ -49,9 +49,10 @@ impl RecordedCache<'_> {
     /// Compares the frames from `first` to `last`; ends after the first fault where `only_first` says so.
     ///
     /// # Errors
-    /// The file is missing, or cannot be read as a whole.
+    /// The file is missing, cannot be read as a whole, or what is the same in all frames is not what was written.
     pub fn compare(&self, record: &Record, [first, last]: [i64; 2], only_first: bool) -> Result<Compared, IoError> {
         let cache = CacheFrames::open_at(self.path, self.root)?;
+        cache.check_constants()?;
         let (mut compared, mut recorded) = (Compared::default(), Vec::new());
         for row in record.frames.iter().filter(|row| (first..=last).contains(&row.frame)) {
             let Some(digests) = row.digests.get(self.garment) else { continue };

@@ -207,6 +207,15 @@ fn caches_are_compared_with_the_record_frame_by_frame_also_where_they_were_copie
     assert_eq!(failures.len(), 2, "{failures:?}");
     assert!(failures[0].contains("frame 1004: the velocities"), "{failures:?}");
     assert!(failures[1].contains("frame 1007: the bounds"), "{failures:?}");
+    // What is the same in all frames: the corners of the triangle, clockwise in Alembic.
+    fs::copy(whole.join("sheet.abc"), &copy).unwrap();
+    let corners: Vec<u8> = [2_i32, 1, 0].iter().flat_map(|corner| corner.to_le_bytes()).collect();
+    let mut bytes = fs::read(&copy).unwrap();
+    let at = bytes.windows(corners.len()).position(|window| window == corners).expect("the file holds the faces");
+    bytes[at..at + corners.len()].rotate_left(4);
+    fs::write(&copy, bytes).unwrap();
+    let failures = verify::recorded(&whole, &[&copy]).unwrap().failures;
+    assert!(failures.len() == 1 && failures[0].contains(".faceIndices"), "{failures:?}");
     fs::remove_file(whole.join("sheet.h5")).unwrap();
     let failures = verify::recorded(&whole, &[]).unwrap().failures;
     assert!(failures.len() == 1 && failures[0].contains("sheet.h5: there is no such file"), "{failures:?}");

@@ -146,6 +146,14 @@ impl Archive {
         Ok(object)
     }
 
+    /// Checks that what does not change in any object (faces, texture coordinates, transforms, attributes) is stored as the
+    /// digests say that stand beside it.
+    ///
+    /// Fails at the first property that is damaged, by its path.
+    pub fn check_constants(&self) -> Result<(), AlembicError> {
+        std::iter::once(self.top()).chain(self.objects()).try_for_each(|object| object.properties()?.check_constants())
+    }
+
     /// World bounds of everything, when the writer stored them.
     pub fn bounds(&self) -> Result<Option<Samples>, AlembicError> {
         Ok(self.top().properties()?.samples(".childBnds").cloned())

@@ -7,6 +7,7 @@ use super::archive::{Budget, Shared};
 use super::tables::sample_group_size;
 use crate::error::{AlembicError, Fault};
 use crate::metadata::MetaData;
+use crate::murmur::murmur3_x64_128;
 use crate::ogawa::{Group, Slot};
 use crate::packed::{PackedSamples, unpack_properties};
 use crate::property::{DataType, PodValue, decode, decode_strings};
@@ -129,6 +130,21 @@ impl Compound {
         }
     }
 
+    /// Checks the digests of all properties that do not change, with those in compounds inside.
+    ///
+    /// Fails at the first that is damaged.
+    pub(super) fn check_constants(&self) -> Result<(), AlembicError> {
+        self.properties.iter().try_for_each(|property| match property.kind() {
+            PropertyKind::Compound(inside) => inside.check_constants(),
+            PropertyKind::Scalar(samples) | PropertyKind::Array(samples)
+                if samples.is_constant() && !samples.is_empty() =>
+            {
+                samples.check_digest(0)
+            }
+            PropertyKind::Scalar(_) | PropertyKind::Array(_) => Ok(()),
+        })
+    }
+
     /// The samples of the scalar or array property of this name.
     pub fn samples(&self, name: &str) -> Option<&Samples> {
         match self.property(name)?.kind() {
@@ -225,6 +241,19 @@ impl Samples {
                 let reason = format!("the {} bytes of sample {index} are not what its type needs", bytes.len());
                 Err(at(Fault::Damaged(reason)))
             }
+        }
+    }
+
+    /// Checks that the bytes of sample `index` are those whose digest is stored before them.
+    ///
+    /// Fails when they are not, and when there is no such sample.
+    pub fn check_digest(&self, index: usize) -> Result<(), AlembicError> {
+        let at = |fault: Fault| fault.at(&self.shared.source.path, &self.place);
+        let whole = self.shared.source.data(self.slot(index)?).map_err(at)?;
+        match whole.split_at_checked(DIGEST as usize) {
+            Some((digest, payload)) if murmur3_x64_128(payload) == digest => Ok(()),
+            _ if whole.is_empty() => Ok(()),
+            _ => Err(at(Fault::damaged(format!("sample {index} is not what was written")))),
         }
     }
 
