@@ -188,3 +188,17 @@ fn frames_that_skip_or_start_late() {
     assert_eq!(skipping.code, Some(2));
     assert!(skipping.stderr.contains("cannot leave out frames"), "{}", skipping.stderr);
 }
+
+#[test]
+fn a_mesh_that_no_machine_has_room_for_is_refused_before_it_is_made() {
+    // Hundreds of millions of points.
+    let folder = folder_with(&SHEET.replace("resolution = 6", "resolution = 20000"));
+    for command in ["check", "plan", "run"] {
+        let refused = drapery(folder.path(), &[command, "scene.toml"]);
+        assert_eq!(refused.code, Some(71), "{command}: {}", refused.stderr);
+        for part in ["scene.toml", "points are too many here", "GiB are free"] {
+            assert!(refused.stderr.contains(part), "{part}: {}", refused.stderr);
+        }
+        assert!(!refused.stderr.contains("backtrace") && !folder.path().join("out").exists(), "{}", refused.stderr);
+    }
+}
