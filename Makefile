@@ -42,6 +42,10 @@ test: bare build ## Rust tests, then the outside judges (Alembic's own reader, B
 test-full: build ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
 	@.ci/test-full "$(ONLY)"
 
+.PHONY: compare
+compare: build ## that results have the bytes of an earlier commit, on threads, ranks and after a stop: BASE=COMMIT
+	@.ci/compare-results $(BASE)
+
 SECONDS_EACH ?= 600
 
 .PHONY: fuzz
