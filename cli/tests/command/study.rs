@@ -119,7 +119,7 @@ fn a_study_takes_no_longer_than_its_limit_and_says_what_is_missing() {
         let watch = Instant::now();
         let limit_text = format!("{limit}s");
         // Far more than fits: thousands of times the steps.
-        let vary = ["--vary", "cfl=2,0.004,0.002", "--max-wall", &limit_text];
+        let vary = ["--vary", "cfl=2,0.0004,0.0002", "--max-wall", &limit_text];
         let study =
             command(folder.path(), &[&["study", "scene.toml", "--out", "s"], &vary[..]].concat()).output().unwrap();
         assert_eq!(study.status.code(), Some(0), "{}", String::from_utf8_lossy(&study.stderr));

@@ -160,7 +160,7 @@ pub(in crate::scene_file) struct Solver {
     /// Quality preset; the other keys override it.
     pub(in crate::scene_file) preset: SolverPreset,
     /// CFL number of the elastic step limit; 4 is usual for cloth, below 2.83 is provably stable.
-    #[schemars(range(min = 1e-3, max = 1e4))]
+    #[schemars(range(min = 1e-6, max = 1e4))]
     pub(in crate::scene_file) cfl: f64,
     /// Largest time step: seconds or "2 ms"; "auto" leaves it to cfl and strain_per_step.
     #[schemars(range(min = 1e-9, max = 1e3))]
