@@ -12,7 +12,7 @@ use crate::error::IoError;
 const LONGEST_FILE: u64 = 1 << 30;
 
 /// Longest line of a file that is read line by line [bytes]: a polygon with a million corners fits.
-const LONGEST_LINE: u64 = 1 << 26;
+pub(crate) const LONGEST_LINE: u64 = 1 << 26;
 
 /// Bytes with which some programs begin a text in UTF-8.
 pub(crate) const MARK: &[u8] = "\u{feff}".as_bytes();

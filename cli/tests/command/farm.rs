@@ -6,22 +6,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::{Outcome, SHEET, command, drapery, folder_with};
-
-/// Two sheets that pass through one another from the start; crossings are counted.
-fn crossing() -> String {
-    let second = r#"[[garment]]
-name = "second"
-density = 1.0
-[garment.panel]
-resolution = 2
-side = 0.4
-center = [0.31, 0.52, 0.47]
-rotation = { axis = [1, 0, 0], degrees = 90 }
-[self_collision]
-[output]"#;
-    SHEET.replace("[output]", second)
-}
+use crate::{Outcome, SHEET, command, crossing, drapery, folder_with};
 
 /// Lines of counts that should stay zero in the message of a strict run.
 fn limits(outcome: &Outcome) -> Vec<&str> {

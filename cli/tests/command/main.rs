@@ -55,3 +55,18 @@ pub(crate) fn folder_with(scene: &str) -> tempfile::TempDir {
     std::fs::write(folder.path().join("scene.toml"), scene).expect("it can be written to");
     folder
 }
+
+/// Two sheets that pass through one another from the start; crossings are counted.
+pub(crate) fn crossing() -> String {
+    let second = r#"[[garment]]
+name = "second"
+density = 1.0
+[garment.panel]
+resolution = 2
+side = 0.4
+center = [0.31, 0.52, 0.47]
+rotation = { axis = [1, 0, 0], degrees = 90 }
+[self_collision]
+[output]"#;
+    SHEET.replace("[output]", second)
+}

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::{SHEET, command, drapery, folder_with};
+use crate::{SHEET, command, crossing, drapery, folder_with};
 
 #[test]
 fn a_run_prints_a_line_a_frame_and_a_table_and_writes_a_cache_that_verifies() {
@@ -172,17 +172,7 @@ fn a_broken_cache_fails_verification() {
 
 #[test]
 fn strict_runs_end_with_81_when_cloth_crosses_cloth_and_verify_with_82() {
-    let second = r#"[[garment]]
-name = "second"
-density = 1.0
-[garment.panel]
-resolution = 2
-side = 0.4
-center = [0.31, 0.52, 0.47]
-rotation = { axis = [1, 0, 0], degrees = 90 }
-[self_collision]
-[output]"#;
-    let folder = folder_with(&SHEET.replace("[output]", second));
+    let folder = folder_with(&crossing());
     let strict = drapery(folder.path(), &["run", "scene.toml", "--strict"]);
     assert_eq!(strict.code, Some(81), "{}", strict.stderr);
     for word in ["crossings_written", "first in frame 1001", "all frames are written"] {

@@ -253,14 +253,6 @@ pub fn list(out: &Path) -> Result<Vec<Entry>, IoError> {
     if folder.is_dir() { entries(&folder) } else { Ok(Vec::new()) }
 }
 
-/// The checkpoints in a folder, earliest first.
-///
-/// # Errors
-/// The folder cannot be read.
-pub(crate) fn in_folder(folder: &Path) -> Result<Vec<Entry>, IoError> {
-    entries(folder)
-}
-
 /// Opens a checkpoint and what belongs to it.
 ///
 /// # Errors
@@ -282,7 +274,11 @@ fn read_account(path: &Path, hash: &str) -> Option<Account> {
     (stored.content_hash == hash).then_some(stored.account)
 }
 
-fn entries(folder: &Path) -> Result<Vec<Entry>, IoError> {
+/// The checkpoints in a folder, earliest first.
+///
+/// # Errors
+/// The folder cannot be read.
+pub(crate) fn entries(folder: &Path) -> Result<Vec<Entry>, IoError> {
     let mut found: Vec<Entry> = files(folder)?.into_iter().filter_map(entry).collect();
     found.sort_unstable();
     Ok(found)

@@ -2,6 +2,8 @@
 
 use std::fs;
 
+use super::process;
+
 /// Bytes that this process may still take: the least of what the machine has free, what the control group of the process leaves
 /// and what its limit of address space leaves. `None` where the system does not say.
 pub(crate) fn available() -> Option<u64> {
@@ -15,7 +17,7 @@ fn of_machine() -> Option<u64> {
 }
 
 /// The number behind a word in the tables of `/proc`, in bytes.
-fn kibibytes(table: &str, word: &str) -> Option<u64> {
+pub(crate) fn kibibytes(table: &str, word: &str) -> Option<u64> {
     let line = table.lines().find_map(|line| line.strip_prefix(word))?;
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
@@ -43,7 +45,7 @@ fn of_address_space() -> Option<u64> {
     let limits = fs::read_to_string("/proc/self/limits").ok()?;
     let limit = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     let limit: u64 = limit.split_whitespace().next()?.parse().ok()?;
-    let taken = kibibytes(&fs::read_to_string("/proc/self/status").ok()?, "VmSize:")?;
+    let taken = process::memory("VmSize:")?;
     Some(limit.saturating_sub(taken))
 }
 

@@ -151,7 +151,7 @@ fn copy_of(path: &Path, now: &Fingerprint) -> Option<Copy> {
     let manifest: Value = serde_json::from_str(&read(MANIFEST)?).ok()?;
     let is_same = digest::compare(&then, now).forbidden.is_empty();
     let has_form = then.stores_velocities() == now.stores_velocities();
-    let holds_checkpoints = !store::in_folder(path).ok()?.is_empty();
+    let holds_checkpoints = !store::entries(path).ok()?.is_empty();
     if !is_same || !has_form || holds_checkpoints {
         return None;
     }

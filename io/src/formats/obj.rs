@@ -13,7 +13,7 @@ use drapery_core::mesh::PolygonMesh;
 
 use crate::cache::{Connectivity, FaceSet, MeshData, MeshReader, Uvs};
 use crate::error::IoError;
-use crate::input_file::{self, MARK};
+use crate::input_file::{self, LONGEST_LINE, MARK};
 
 /// An OBJ file. It is kept in memory once its positions are asked for as a whole, as those of bodies are with every frame.
 #[derive(Debug)]
@@ -22,9 +22,6 @@ pub struct ObjMesh {
     name: String,
     data: OnceLock<MeshData>,
 }
-
-/// Longest line that may be made of several [bytes].
-const LONGEST_CONTINUED: usize = 1 << 26;
 
 /// Index that stands for "this corner has no texture coordinate".
 const NO_UV: u32 = u32::MAX;
@@ -186,7 +183,7 @@ fn scan(mut text: impl BufRead, path: &Path, take: &mut dyn FnMut(Line<'_>)) -> 
         if let Some(start) = line.strip_suffix('\\') {
             continued.push_str(start);
             continued.push(' ');
-            if continued.len() > LONGEST_CONTINUED {
+            if continued.len() as u64 > LONGEST_LINE {
                 return Err(place.error("too many lines are joined by backslashes"));
             }
         } else if continued.is_empty() {

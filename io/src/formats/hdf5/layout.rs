@@ -143,9 +143,6 @@ fn place<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Res
     if dataset.shape() != shape || !dataset.dtype()?.is::<T>() {
         return Ok(None);
     }
-    if shape.contains(&0) {
-        return Ok(Some(0));
-    }
     place_of(&dataset, file.size())
 }
 
@@ -253,13 +250,11 @@ impl Fixed<'_> {
     }
 }
 
-/// Where a new dataset lies whose space is reserved in the file; anywhere if it holds nothing.
+/// Where a new dataset lies whose space is reserved in the file.
 fn growing<T: H5Type>(file: &hdf5::File, name: &str, shape: &[usize]) -> hdf5::Result<u64> {
-    let dataset = reserved::<T>(file, name, shape)?;
-    if shape.contains(&0) {
-        return Ok(0);
-    }
-    dataset.offset().ok_or_else(|| hdf5::Error::from(format!("dataset {name} has no fixed place in the file")))
+    reserved::<T>(file, name, shape)?
+        .offset()
+        .ok_or_else(|| hdf5::Error::from(format!("dataset {name} has no fixed place in the file")))
 }
 
 /// A new dataset whose space is reserved in the file but not written; what nobody writes reads as zeros.
