@@ -29,8 +29,8 @@ use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use drapery_core::Vec3;
-use drapery_core::bodies::Bodies;
-use drapery_core::catch_up::CatchUp;
+use drapery_core::contact::bodies::Bodies;
+use drapery_core::contact::bodies::recovery_speed::CatchUp;
 use drapery_core::effects::body_collision::{BodyCollision, CollisionStep};
 use drapery_core::effects::pins::PinTargets;
 use drapery_core::effects::{PartView, Surroundings, build_all};

@@ -27,8 +27,6 @@
 //! Read the modules in this order: `scene` (what is simulated), `step` (one time step, line by line as in the paper),
 //! `simulation` (the loop around it), then what the step calls.
 
-pub mod bodies;
-pub mod catch_up;
 pub mod contact;
 pub mod effects;
 pub mod error;

@@ -18,8 +18,8 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::bodies::{Bodies, Samples};
-use crate::catch_up::CatchUp;
+use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::Surroundings;
 use crate::effects::body_collision::{BodyCollision, CollisionStep};

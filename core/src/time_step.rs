@@ -5,7 +5,7 @@
 //! given fraction in a step.
 
 use crate::Vec3;
-use crate::catch_up::CatchUp;
+use crate::contact::bodies::recovery_speed::CatchUp;
 use crate::effects::{Force, PartMotion};
 use crate::parallel::parts::Parts;
 use crate::parallel::split::PerPart;

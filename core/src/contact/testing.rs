@@ -3,7 +3,7 @@
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-use crate::contact::nodes::ContactNodes;
+use crate::contact::topology::nodes::ContactNodes;
 use crate::geometry::testing::Random;
 use crate::parallel::local_ranks::LocalRanks;
 use crate::parallel::ranks::Ranks;

@@ -3,72 +3,72 @@
 /// Bound on the rounding of a corner's height along a unit vector, relative to the largest component: the analysis in
 /// `ccd/motion.rs` needs 46 units of 2⁻⁵³, this is 64. Less finds collisions too late or never, more reports pairs that
 /// only come close. Guarded by `generated_queries_have_no_false_negative_and_no_late_time`.
-pub const CCD_ROUNDING: f64 = 32.0 * f64::EPSILON;
+pub(crate) const CCD_ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Largest number of proofs before a pair is reported at the time that is proven. A miss seldom needs more
 /// than three, a hit some more; only pairs that turn or graze closely for long need more. Guarded by
 /// `a_contact_is_at_the_gap`.
-pub const CCD_ROUNDS: usize = 64;
+pub(crate) const CCD_ROUNDS: usize = 64;
 
 /// Excess over the gap at which a pair that approaches is in contact, relative to the gap: a thousandth of a
 /// micrometre at the gap of the solver. Smaller costs rounds. Guarded by `a_contact_is_at_the_gap`.
-pub const CCD_CLOSE_ENOUGH: f64 = 1e-3;
+pub(crate) const CCD_CLOSE_ENOUGH: f64 = 1e-3;
 
 /// Smallest and largest size of a query \[m\] that is computed as it is: the sixth power of lengths must be an ordinary
 /// `f64`. Others are scaled by these powers of two, 2⁻¹⁰⁰ and 2¹⁰⁰. Guarded by
 /// `tiny_and_huge_queries_are_answered_like_ordinary_ones`.
-pub const CCD_SMALLEST: f64 = 1.0 / CCD_LARGEST;
+pub(crate) const CCD_SMALLEST: f64 = 1.0 / CCD_LARGEST;
 
 /// See [`CCD_SMALLEST`].
-pub const CCD_LARGEST: f64 = (1u128 << 100) as f64;
+pub(crate) const CCD_LARGEST: f64 = (1u128 << 100) as f64;
 
 /// Smallest square of a lever, relative to the largest inverse mass, through which an impulse is tried: at 1e-4, free nodes
 /// that share a contact with prescribed ones would move ten thousand times faster than the contact. Guarded by
 /// `an_impulse_is_not_tried_on_too_short_a_lever`.
-pub const SHORTEST_LEVER_SQUARED: f64 = 1e-8;
+pub(crate) const SHORTEST_LEVER_SQUARED: f64 = 1e-8;
 
 /// Moments of inertia below this share of the largest have no axis to turn about: the nodes lie on a line, or in a point
 /// (`docs/theory/self_contact.md#impact-zones`). Squared lengths, so a millionth in length. Guarded by
 /// `a_collinear_zone_turns_across_its_line_only`.
-pub const NO_INERTIA: f64 = 1e-12;
+pub(crate) const NO_INERTIA: f64 = 1e-12;
 
 /// Error of the rotation of a rigid zone, relative to its angle: some tens of roundings. Guarded by
 /// `a_rigid_zone_keeps_linear_and_angular_momentum`.
-pub const ZONE_ROTATION: f64 = 1e-14;
+pub(crate) const ZONE_ROTATION: f64 = 1e-14;
 
 /// Largest error of an impact zone's relative normal velocities, as a share of the largest one at its start. It is a
 /// change of the gap, a millionth of a millimetre for a metre of approach. Guarded by
 /// `an_inelastic_zone_is_the_solution_of_the_quadratic_program`.
-pub const ZONE_RESIDUAL: f64 = 1e-9;
+pub(crate) const ZONE_RESIDUAL: f64 = 1e-9;
 
 /// Cosine between the line of closest points of a pair and its normal below which the pair lies beside rather than in front of
 /// each other, and has no side yet. Guarded by `a_pair_beside_each_other_has_no_side`.
-pub const TRUSTED_SIDE: f64 = 0.5;
+pub(crate) const TRUSTED_SIDE: f64 = 0.5;
 
 /// Share of its reach that a node may use up: the rest covers the gap of collisions, which is far smaller than an edge, and
 /// rounding. Guarded by `a_list_of_neighbours_holds_all_that_brute_force_finds`.
-pub const USABLE_REACH: f64 = 0.98;
+pub(crate) const USABLE_REACH: f64 = 0.98;
 
 /// Sine of the angle between an edge and a triangle below which they have no clear way out of each other. Guarded by
 /// `sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart`.
-pub const ALONG_TRIANGLE: f64 = 1e-3;
+pub(crate) const ALONG_TRIANGLE: f64 = 1e-3;
 
 /// The gap that collisions keep, in roundings to single precision of the largest distance from the scene's origin. Rounding
 /// moves a point by up to √3/2 of one, and two primitives approach by twice that. Guarded by `what_is_written_in_single_precision_does_not_cross`.
-pub const GAP_ROUNDINGS: f64 = 4.0;
+pub(crate) const GAP_ROUNDINGS: f64 = 4.0;
 
 /// Pairs closer than this many gaps are opened to it when they meet. Guarded by
 /// `a_pair_that_starts_too_close_is_opened_to_the_gap`.
-pub const OPEN_GAP: f64 = 2.0;
+pub(crate) const OPEN_GAP: f64 = 2.0;
 
 /// A pair that starts closer than the gap may come this much closer, but not meet. Guarded by
 /// `a_pair_that_starts_too_close_is_opened_to_the_gap`.
-pub const CLOSER_THAN_GAP: f64 = 0.9;
+pub(crate) const CLOSER_THAN_GAP: f64 = 0.9;
 
 /// Curvature of an impact zone's energy along a set of impulses, relative to the sum of those of its contacts one by
 /// one, that may be rounding: impulses that cancel each other. Guarded by `contradicting_and_hopeless_contacts_are_reported`.
-pub const ZONE_FLAT: f64 = 1e-14;
+pub(crate) const ZONE_FLAT: f64 = 1e-14;
 
 /// Speed above that with which a node stays on its body, relative to both, that may be rounding: thousands of roundings of the
 /// impulses that it has got. Guarded by `a_node_on_a_body_passes_impulses_on_and_the_body_bears_them`.
-pub const RESTING: f64 = 1e-12;
+pub(crate) const RESTING: f64 = 1e-12;

@@ -1,4 +1,4 @@
-//! Body collision: cloth vertices stay outside bodies and feel their friction (method section 5).
+//! Body collision: cloth vertices stay outside bodies and feel their friction (`docs/theory/friction.md`).
 //!
 //! It exists as soon as the scene has a body; each body brings its own `friction` and `thickness`. Only vertices are tested:
 //! a body's edge sharper than the cloth's triangles can show through between them.
@@ -17,10 +17,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::bodies::{Bodies, BodyPoint};
-use crate::catch_up::CatchUp;
-use crate::contact::friction::{coulomb, respond};
-use crate::contact::supports::HOLDS;
+use crate::contact::bodies::friction::{coulomb, respond};
+use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::{Bodies, BodyPoint};
+use crate::contact::repulsion::body_constraints::HOLDS;
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, SLEEPS, Scope, Section};
 use crate::error::Problem;
 use crate::metrics::Metrics;

@@ -11,8 +11,8 @@
 use std::collections::BTreeMap;
 
 use crate::Vec3;
-use crate::bodies::{Bodies, Sample, Samples};
-use crate::catch_up::CatchUp;
+use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::{Bodies, Sample, Samples};
 use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
 use crate::error::Problem;
 use crate::parallel::parts::Parts;

@@ -1,4 +1,4 @@
-//! Self-collision: what starts free of crossings stays free of them (method section 4).
+//! Self-collision: what starts free of crossings stays free of them (`docs/theory/self_contact.md#geometric-collisions`).
 //!
 //! After every few time steps the straight way of every vertex since the last collision-free state is looked at; what
 //! would pass through something is stopped, cloth against cloth and cloth against the faces and edges of deforming bodies.

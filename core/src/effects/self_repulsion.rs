@@ -1,5 +1,5 @@
 //! Self-repulsion: cloth keeps its distance from cloth, within a garment and between garments, by impulses in every time
-//! step (method section 3).
+//! step (`docs/theory/self_contact.md#repulsion-with-history`).
 //!
 //! Pairs of a point and a triangle, and of two edges, that are closer than their thickness push each other apart, feel friction
 //! and stop approaching. The side on which they belong is remembered from the last collision-free state, so a pair that

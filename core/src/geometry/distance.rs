@@ -118,7 +118,7 @@ fn closest_on_edges(p: &Vec3, corners: &[Vec3; 3], wanted: [bool; 3]) -> Triangl
     best
 }
 
-/// Closest points of the segments `a` and `b` (method, Appendix B.1).
+/// Closest points of the segments `a` and `b` (C. Ericson, "Real-Time Collision Detection", 2005, 5.1.9).
 ///
 /// Parallel and shortened segments take the best of the four end-to-segment distances, in the order first end of `a`,
 /// second end of `a`, first end of `b`, second end of `b`; an earlier one wins a tie.

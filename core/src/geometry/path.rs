@@ -3,7 +3,7 @@
 //! With AB, AC, AP the vectors from the first corner, all linear in the fraction s of the step, the signed volume
 //! f(s) = (AB × AC) · AP is a cubic: positive in front of the triangle, negative behind it. It is held in Bernstein form,
 //! whose four coefficients of one sign prove that there is no crossing, and whose ends are the exact start and end
-//! values, so that consecutive steps agree on which side a point is (method, sections 4.2 and 4.4).
+//! values, so that consecutive steps agree on which side a point is (`docs/theory/friction.md#one-vertex-on-one-body`).
 //!
 //! Limits: made for bodies, where a missed graze is caught by the closest-point test at the end of the step. Transversal
 //! crossings are found also if the triangle turns, shrinks or loses its area on the way; two crossings of one triangle

@@ -5,7 +5,7 @@
 /// `a_triangle_without_area_is_its_edges`.
 pub const SLIVER_SINE: f64 = 1e-10;
 
-/// Squared sine of the angle between two segments below which they count as parallel (method, Appendix B.1). Guarded by
+/// Squared sine of the angle between two segments below which they count as parallel (`distance`). Guarded by
 /// `segments_are_as_close_as_the_best_sample`.
 pub const PARALLEL_SINE_SQUARED: f64 = 1e-12;
 

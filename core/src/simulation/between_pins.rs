@@ -136,7 +136,7 @@ fn farthest(ranks: &Ranks, far: &[(f64, u32)]) -> (f64, u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bodies::Sample;
+    use crate::contact::bodies::Sample;
     use crate::mesh::PolygonMesh;
     use crate::parallel::local_ranks::LocalRanks;
     use crate::scene::{

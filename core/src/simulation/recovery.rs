@@ -12,7 +12,7 @@
 
 use super::Simulation;
 use crate::Vec3;
-use crate::contact::geometric::Effort;
+use crate::contact::collisions::collision_loop::Effort;
 use crate::contact::self_contact::Ending;
 use crate::error::StepError;
 use crate::solve::conjugate_gradient::Stop;

@@ -1,6 +1,6 @@
 //! What has to hold before a simulation starts.
 
-use crate::bodies::{Bodies, Samples};
+use crate::contact::bodies::{Bodies, Samples};
 use crate::effects::pins::HardPins;
 use crate::error::{Problem, Problems};
 use crate::scene::{BodyShape, PinTarget, Scene, agree};

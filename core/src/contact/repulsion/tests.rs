@@ -1,7 +1,7 @@
 use super::*;
-use crate::contact::search::PairSearch;
-use crate::contact::supports::Support;
-use crate::contact::surface::ContactSurface;
+use crate::contact::broad_phase::bvh_search::PairSearch;
+use crate::contact::repulsion::body_constraints::Support;
+use crate::contact::topology::surface::ContactSurface;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
 use crate::state::State;

@@ -2,8 +2,8 @@
 
 use super::SelfContact;
 use crate::Vec3;
+use crate::contact::repulsion::body_constraints::{Supports, tell_ghosts};
 use crate::contact::repulsion::{Moment, Passes};
-use crate::contact::supports::{Supports, tell_ghosts};
 use crate::effects::body_collision::BodyCollision;
 use crate::metrics::Metrics;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::contact::supports::tell_ghosts;
+use crate::contact::repulsion::body_constraints::tell_ghosts;
 use crate::contact::testing::{below, held, on_ranks, random_starts};
 use crate::geometry::testing::Random;
 use crate::parallel::ranks::Ranks;

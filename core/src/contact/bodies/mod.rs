@@ -1,0 +1,583 @@
+//! Bodies at both ends of a time step, and what a cloth vertex finds of them: analytic shapes in rigid motion and animated
+//! triangle surfaces behind one interface (`docs/theory/friction.md#one-vertex-on-one-body`).
+
+pub mod friction;
+pub mod recovery_speed;
+
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
+
+use crate::Vec3;
+use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::effects::pins::{along_path, attach};
+use crate::error::{Problem, Problems};
+use crate::geometry::aabb::Aabb;
+use crate::geometry::moving_surface::MovingSurface;
+use crate::geometry::path::{Crossings, Side};
+use crate::geometry::shapes::Shape;
+use crate::scene::{BodyDescription, BodyShape, RigidMotion, Scene, SurfaceAttachment};
+use crate::tolerances;
+
+/// Rings of triangles around those of a surface that cross each other in which cloth counts as pinched.
+const CROSSING_RINGS: usize = 2;
+
+/// Positions of the points of a mesh at one time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Solver time [s].
+    pub time: f64,
+    /// Positions [m], in the mesh's own order.
+    pub positions: Vec<Vec3>,
+}
+
+/// Two samples between which positions move straight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Samples {
+    /// The earlier one.
+    pub a: Sample,
+    /// The later one; the same at the very start.
+    pub b: Sample,
+}
+
+impl Samples {
+    /// Standing still at one sample.
+    pub fn still(sample: Sample) -> Self {
+        Self { a: sample.clone(), b: sample }
+    }
+
+    /// Goes on to the next sample.
+    pub fn push(&mut self, next: Sample) {
+        self.a = std::mem::replace(&mut self.b, next);
+    }
+
+    /// Position of a row at a time between the samples [m].
+    pub fn position(&self, row: usize, time: f64) -> Vec3 {
+        let span = self.b.time - self.a.time;
+        let share = if span > 0.0 { ((time - self.a.time) / span).clamp(0.0, 1.0) } else { 1.0 };
+        self.a.positions[row].lerp(&self.b.positions[row], share)
+    }
+}
+
+/// A place of a body near a vertex, at the end of the step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyPoint {
+    /// Signed distance from the surface to the vertex [m], negative inside.
+    pub phi: f64,
+    /// Outward unit direction in which that distance grows.
+    pub normal: Vec3,
+    /// Velocity of the material point below the vertex at the end of the step [m/s].
+    pub velocity: Vec3,
+    /// How far the body would have carried the vertex from where it was at the start of the step [m]: the displacement of the
+    /// body's material, which is the frame in which the vertex sticks or slides.
+    pub displacement: Vec3,
+    /// Triangle, for surfaces.
+    pub triangle: u32,
+}
+
+/// What a rigid body cannot do to a vertex in a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// The vertex is at least this far from the body at the start of the step [m].
+    pub distance: f64,
+    /// The body carries the vertex at most this far [m].
+    pub displacement: f64,
+}
+
+/// One body.
+#[derive(Debug)]
+pub struct Body {
+    kind: Kind,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Distance from the surface at which a vertex is in contact: thickness plus gap [m].
+    pub offset: f64,
+    /// Distance that cloth keeps [m].
+    pub thickness: f64,
+    /// Fastest speed of pushing out [m/s].
+    pub max_push_speed: f64,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Rigid(Box<Rigid>),
+    Surface(Box<Surface>),
+}
+
+#[derive(Debug)]
+struct Rigid {
+    shape: Shape,
+    motion: RigidMotion,
+    /// Poses at the start and the end of the step.
+    poses: [Isometry3<f64>; 2],
+    /// Whether it spins at the end of the step.
+    spinning: bool,
+    /// Whether its rotation changes in the step.
+    turning: bool,
+    /// Way of its origin in the step [m].
+    moved: Vec3,
+    /// Velocity of its origin [m/s].
+    linear: Vec3,
+    /// From directions of the world to those of its own frame at the start of the step.
+    into_start: Matrix3<f64>,
+    /// Angle that it turns in the step [rad].
+    angle: f64,
+    /// Length of `moved` [m].
+    way: f64,
+    /// Sum of the largest coordinates of its origins at both ends [m], for rounding.
+    extent: f64,
+}
+
+#[derive(Debug)]
+struct Surface {
+    mesh: MovingSurface,
+    /// The later of the two samples that the mesh moves between.
+    latest: Sample,
+    /// Boxes of the triangles that cross each other at the two samples.
+    crossing_regions: [Aabb; 2],
+    /// Points around those triangles at the two samples, ascending.
+    crossing_points: [Vec<u32>; 2],
+    /// Pairs of triangles that cross each other at the later sample.
+    crossings: usize,
+    /// Fastest point between the samples [m/s].
+    speed: f64,
+}
+
+/// All bodies of a scene, between the ends of one step.
+#[derive(Debug, Default)]
+pub struct Bodies {
+    list: Vec<Body>,
+    times: [f64; 2],
+}
+
+impl Bodies {
+    /// The bodies of a scene at its start; `samples[b]` is the first sample of each surface.
+    ///
+    /// # Errors
+    /// A surface without a sample, or one whose sample does not fit.
+    pub fn new(scene: &Scene, samples: &[Vec<Sample>], time: f64) -> Result<Self, Problems> {
+        let gap = tolerances::CONTACT_GAP * scene.mean_edge();
+        let mut list = Vec::new();
+        let mut problems = Vec::new();
+        for (b, description) in scene.description().bodies.iter().enumerate() {
+            let first = samples.get(b).and_then(|s| s.last());
+            match Kind::new(description, first) {
+                Ok(kind) => list.push(Body {
+                    kind,
+                    friction: description.friction,
+                    offset: description.thickness + gap,
+                    thickness: description.thickness,
+                    max_push_speed: description.max_push_speed,
+                }),
+                Err(what) => problems.push(Problem::data(
+                    format!("body \"{}\"", description.name),
+                    what,
+                    "look at the body's file around the first frame",
+                )),
+            }
+        }
+        let mut bodies = Self { list, times: [time; 2] };
+        if !problems.is_empty() {
+            return Err(Problems(problems));
+        }
+        bodies.set_step(time, time);
+        Ok(bodies)
+    }
+
+    /// The bodies.
+    pub fn list(&self) -> &[Body] {
+        &self.list
+    }
+
+    /// Takes the next sample of a surface; its motion from now on is from the last one to this one.
+    ///
+    /// # Errors
+    /// The sample does not fit the surface.
+    pub fn push_sample(&mut self, body: usize, sample: Sample) -> Result<(), String> {
+        match &mut self.list[body].kind {
+            Kind::Surface(surface) => surface.push(sample).map_err(|e| e.to_string()),
+            Kind::Rigid(_) => Err("an analytic body takes no samples".into()),
+        }
+    }
+
+    /// Time of the latest sample of a surface [s].
+    pub fn sampled_until(&self, body: usize) -> f64 {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.latest.time,
+            Kind::Rigid(_) => f64::INFINITY,
+        }
+    }
+
+    /// Puts all bodies at the ends of a step [s].
+    pub fn set_step(&mut self, t0: f64, t1: f64) {
+        self.times = [t0, t1];
+        for body in &mut self.list {
+            match &mut body.kind {
+                Kind::Rigid(rigid) => rigid.set_step(t0, t1),
+                Kind::Surface(surface) => surface.mesh.set_step(t0, t1),
+            }
+        }
+    }
+
+    /// Positions of a surface's points at the end of the step [m]; empty for analytic bodies.
+    pub fn surface_positions(&self, body: usize) -> &[Vec3] {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.mesh.positions(),
+            Kind::Rigid(_) => &[],
+        }
+    }
+
+    /// Pairs of triangles of all bodies that cross each other at their latest samples.
+    pub fn self_crossings(&self) -> usize {
+        let crossings = |body: &Body| if let Kind::Surface(surface) = &body.kind { surface.crossings } else { 0 };
+        self.list.iter().map(crossings).sum()
+    }
+
+    /// Number of bodies that are inside out at the end of the step.
+    pub fn turned(&self) -> usize {
+        let is_turned = |body: &&Body| matches!(&body.kind, Kind::Surface(surface) if surface.mesh.is_turned());
+        self.list.iter().filter(is_turned).count()
+    }
+
+    /// The attachment of a garment's vertex at `place` [m] to the nearest place of a surface at the end of the step.
+    pub fn bind(&self, body: usize, vertex: u32, place: Vec3) -> Option<SurfaceAttachment> {
+        let Kind::Surface(surface) = &self.list[body].kind else { return None };
+        let found = surface.mesh.closest(&place, f64::MAX.sqrt(), None)?;
+        let points = surface.mesh.triangles()[found.triangle as usize];
+        let corners = points.map(|p| surface.mesh.positions()[p as usize]);
+        Some(attach(vertex, place, points, found.weights, corners))
+    }
+
+    /// Length of the step [s].
+    fn dt(&self) -> f64 {
+        self.times[1] - self.times[0]
+    }
+
+    /// The place of a body closest to `x` [m] at the end of the step, if it is within `reach` [m]; `from` is where the vertex
+    /// was at its start.
+    pub fn closest(&self, body: usize, from: &Vec3, x: &Vec3, reach: f64, hint: Option<u32>) -> Option<BodyPoint> {
+        match &self.list[body].kind {
+            Kind::Rigid(rigid) => {
+                let local = rigid.local(1, x);
+                let (phi, normal) = rigid.shape.signed_distance(&local);
+                (phi <= reach).then(|| rigid.point(from, &local, phi, &normal))
+            }
+            Kind::Surface(surface) => {
+                let found = surface.mesh.closest(x, reach, hint)?;
+                let velocity = surface.mesh.velocity(found.triangle, found.weights);
+                Some(BodyPoint {
+                    phi: found.distance,
+                    normal: found.gradient(x),
+                    velocity,
+                    displacement: velocity * self.dt(),
+                    triangle: found.triangle,
+                })
+            }
+        }
+    }
+
+    /// The place through which a vertex enters a body when it moves straight from `from` at the start of the step to `to`
+    /// at its end, as seen from `to`: the distance is that to the tangent plane of the entry.
+    pub fn entry(&self, body: usize, from: &Vec3, to: &Vec3) -> Option<BodyPoint> {
+        match &self.list[body].kind {
+            Kind::Rigid(rigid) => {
+                let (local_from, local_to) = (rigid.local(0, from), rigid.local(1, to));
+                let share = rigid.shape.first_entry(&local_from, &local_to, self.list[body].thickness)?;
+                let entry = local_from.lerp(&local_to, share);
+                let (phi, normal) = rigid.shape.signed_distance(&entry);
+                let phi = phi + normal.dot(&(local_to - entry));
+                Some(rigid.point(from, &entry, phi, &normal))
+            }
+            Kind::Surface(surface) => {
+                let hit = surface.mesh.path_hit(from, to, surface.crossings_that_count())?;
+                let corners =
+                    surface.mesh.triangles()[hit.triangle as usize].map(|p| surface.mesh.positions()[p as usize]);
+                let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).try_normalize(0.0)?;
+                let normal = if hit.side == Side::Front { normal } else { -normal };
+                let velocity = surface.mesh.velocity(hit.triangle, hit.weights);
+                Some(BodyPoint {
+                    phi: normal.dot(&(to - surface.mesh.point_at(hit.triangle, hit.weights, 1.0))),
+                    normal,
+                    velocity,
+                    displacement: velocity * self.dt(),
+                    triangle: hit.triangle,
+                })
+            }
+        }
+    }
+
+    /// Whether a body may pass through itself around `x` [m] during the step: inside the boxes of its crossings at the two
+    /// samples, joined and enlarged by `margin` [m].
+    pub fn may_cross_itself(&self, body: usize, x: &Vec3, margin: f64) -> bool {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => {
+                let [a, b] = &surface.crossing_regions;
+                a.union(b).enlarged(margin).overlaps(&Aabb::of_point(x))
+            }
+            Kind::Rigid(_) => false,
+        }
+    }
+
+    /// Whether a surface crosses itself close to one of its points, at the sample before or after now.
+    pub fn crosses_itself_at(&self, body: usize, point: u32) -> bool {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.crossing_points.iter().any(|points| points.binary_search(&point).is_ok()),
+            Kind::Rigid(_) => false,
+        }
+    }
+
+    /// Whether `x` [m] lies inside a body at the end of the step, also where the body's surfaces pass through one another.
+    pub fn contains(&self, body: usize, x: &Vec3) -> bool {
+        match &self.list[body].kind {
+            Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(1, x)).0 < 0.0,
+            Kind::Surface(surface) => surface.mesh.is_closed() && surface.mesh.winding_number(x) > 0,
+        }
+    }
+
+    /// Signed distance of `x` from a rigid body at the start of the step [m]; zero for surfaces, which keep no tree there.
+    pub fn distance_at_start(&self, body: usize, x: &Vec3) -> f64 {
+        match &self.list[body].kind {
+            Kind::Rigid(rigid) => rigid.shape.signed_distance(&rigid.local(0, x)).0,
+            Kind::Surface(_) => 0.0,
+        }
+    }
+
+    /// Bounds on a rigid body around `x` [m] at the start of the step, cheap and safe from rounding; none on surfaces.
+    pub fn bounds(&self, body: usize, x: &Vec3) -> Option<Bounds> {
+        match &self.list[body].kind {
+            Kind::Rigid(rigid) => Some(rigid.bounds(x)),
+            Kind::Surface(_) => None,
+        }
+    }
+
+    /// Fastest point of a surface between its samples [m/s]; infinite for rigid bodies, whose distances are cheap.
+    pub fn fastest(&self, body: usize) -> f64 {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.speed,
+            Kind::Rigid(_) => f64::INFINITY,
+        }
+    }
+}
+
+impl Rigid {
+    fn new(shape: Shape, motion: RigidMotion) -> Self {
+        Self {
+            shape,
+            motion,
+            poses: [Isometry3::identity(); 2],
+            spinning: false,
+            turning: false,
+            moved: Vec3::zeros(),
+            linear: Vec3::zeros(),
+            into_start: Matrix3::identity(),
+            angle: 0.0,
+            way: 0.0,
+            extent: 0.0,
+        }
+    }
+
+    fn set_step(&mut self, t0: f64, t1: f64) {
+        self.poses = [t0, t1].map(|t| pose(&self.motion, t));
+        self.spinning = t1 > self.motion.spin_start;
+        let [start, end] = &self.poses;
+        let dt = t1 - t0;
+        self.moved = end.translation.vector - start.translation.vector;
+        self.linear = if dt > 0.0 { self.moved / dt } else { Vec3::zeros() };
+        // A body that does not turn carries everything alike, to the last bit.
+        self.turning = start.rotation != end.rotation;
+        self.angle = if self.turning { start.rotation.angle_to(&end.rotation) } else { 0.0 };
+        self.into_start = start.rotation.inverse().to_rotation_matrix().into_inner();
+        self.way = self.moved.norm();
+        self.extent = start.translation.vector.amax() + end.translation.vector.amax();
+    }
+
+    /// A displacement is the way of the origin plus a chord of the circle that a turn moves `x` on.
+    fn bounds(&self, x: &Vec3) -> Bounds {
+        let rounding = tolerances::BOUND_ROUNDING * (x.x.abs() + x.y.abs() + x.z.abs() + self.extent);
+        let from_origin = x - self.poses[0].translation.vector;
+        let turned = if self.turning { self.angle * from_origin.norm() } else { 0.0 };
+        Bounds {
+            distance: self.shape.distance(&(self.into_start * from_origin)) - rounding,
+            displacement: self.way + turned + rounding,
+        }
+    }
+
+    /// A place in the body's own frame, at the start (0) or the end (1) of the step.
+    fn local(&self, end: usize, x: &Vec3) -> Vec3 {
+        self.poses[end].inverse_transform_point(&(*x).into()).coords
+    }
+
+    /// What the material does at `local`, and with a vertex that was at `from`.
+    fn point(&self, from: &Vec3, local: &Vec3, phi: f64, normal: &Vec3) -> BodyPoint {
+        let end = &self.poses[1];
+        let arm = end.rotation * local;
+        let turning = if self.spinning { self.motion.angular_velocity.cross(&arm) } else { Vec3::zeros() };
+        let displacement =
+            if self.turning { end.transform_point(&self.local(0, from).into()).coords - from } else { self.moved };
+        BodyPoint { phi, normal: end.rotation * normal, velocity: self.linear + turning, displacement, triangle: 0 }
+    }
+}
+
+impl Body {
+    /// Friction on a vertex with this painted friction: what multiplies the body's, and what is added.
+    pub(crate) fn friction_on(&self, painted: Option<&[f64; 2]>) -> f64 {
+        painted.map_or(self.friction, |[times, more]| times * self.friction + more)
+    }
+
+    /// How much of a depth [m] cloth comes out in a step of `dt` [s].
+    pub(crate) fn pushed_out(&self, depth: f64, (dt, catch_up): (f64, CatchUp)) -> f64 {
+        catch_up.of(depth).min(dt * self.max_push_speed)
+    }
+
+    /// Whether it is a triangle surface.
+    pub fn is_surface(&self) -> bool {
+        matches!(self.kind, Kind::Surface(_))
+    }
+}
+
+impl Kind {
+    fn new(description: &BodyDescription, first: Option<&Sample>) -> Result<Self, String> {
+        let shape = match &description.shape {
+            BodyShape::Rigid(shape) => *shape,
+            BodyShape::Surface { triangles, point_count } => {
+                let first = first.ok_or("there is no sample of its positions at the start")?;
+                let mut surface = Surface {
+                    mesh: MovingSurface::new(triangles.clone(), *point_count)
+                        .map_err(|e| e.to_string())?
+                        .facing(description.faces_inwards),
+                    latest: first.clone(),
+                    crossing_regions: [Aabb::EMPTY; 2],
+                    crossing_points: [Vec::new(), Vec::new()],
+                    crossings: 0,
+                    speed: 0.0,
+                };
+                surface.push(first.clone()).map_err(|e| e.to_string())?;
+                surface.crossing_regions[0] = surface.crossing_regions[1];
+                return Ok(Self::Surface(Box::new(surface)));
+            }
+        };
+        Ok(Self::Rigid(Box::new(Rigid::new(shape, description.motion.clone()))))
+    }
+}
+
+impl Surface {
+    fn push(&mut self, sample: Sample) -> Result<(), crate::geometry::moving_surface::SurfaceError> {
+        let (a, b) = (&self.latest, &sample);
+        self.mesh.set_samples(a.time, &a.positions, b.time, &b.positions)?;
+        let span = b.time - a.time;
+        let farthest =
+            a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max).sqrt();
+        self.speed = if span > 0.0 { farthest / span } else { 0.0 };
+        let found = self.mesh.self_crossing(&b.positions);
+        self.crossings = found.pairs.len();
+        let corners = found.pairs.iter().flatten().flat_map(|t| self.mesh.triangles()[*t as usize]);
+        let region = corners.fold(Aabb::EMPTY, |r, c| r.union(&Aabb::of_point(&b.positions[c as usize])));
+        self.crossing_regions = [self.crossing_regions[1], region];
+        self.crossing_points.swap(0, 1);
+        self.crossing_points[1] = points_around(self.mesh.triangles(), &found.triangles());
+        let inside = self.points_inside(&region);
+        self.crossing_points[1].extend(inside);
+        self.crossing_points[1].sort_unstable();
+        self.crossing_points[1].dedup();
+        self.latest = sample;
+        Ok(())
+    }
+
+    /// Points of a closed surface in `region` that lie inside another part of it, at the latest positions, ascending.
+    fn points_inside(&self, region: &Aabb) -> Vec<u32> {
+        let (triangles, x) = (self.mesh.triangles(), self.mesh.positions());
+        let within = |point: u32| region.overlaps(&Aabb::of_point(&x[point as usize]));
+        if !self.mesh.is_closed() || self.crossings == 0 {
+            return Vec::new();
+        }
+        // A little outside of the surface around the point: inside only if another part of the body is there.
+        let mut outwards = vec![Vec3::zeros(); x.len()];
+        for corners in triangles {
+            let [a, b, c] = corners.map(|point| x[point as usize]);
+            let normal = (b - a).cross(&(c - a));
+            corners.iter().for_each(|&point| outwards[point as usize] += normal);
+        }
+        let is_inside = |point: &u32| {
+            let (place, across) = (x[*point as usize], outwards[*point as usize]);
+            let length = across.norm().sqrt();
+            let outside = across.try_normalize(0.0).map(|n| place + n * (tolerances::BESIDE_SURFACE * length));
+            outside.is_some_and(|p| self.mesh.winding_number(&p) > 0)
+        };
+        (0..x.len() as u32).filter(|&point| within(point)).filter(is_inside).collect()
+    }
+
+    /// A closed body can only be entered; an open surface is met from both sides.
+    fn crossings_that_count(&self) -> Crossings {
+        if self.mesh.is_closed() { Crossings::Entering } else { Crossings::Any }
+    }
+}
+
+/// The points of some triangles and of their neighbours, ascending.
+fn points_around(triangles: &[[u32; 3]], some: &[u32]) -> Vec<u32> {
+    let mut points: Vec<u32> = some.iter().flat_map(|&t| triangles[t as usize]).collect();
+    for _ in 0..CROSSING_RINGS {
+        points.sort_unstable();
+        points.dedup();
+        let touches = |t: &&[u32; 3]| t.iter().any(|point| points.binary_search(point).is_ok());
+        let more: Vec<u32> =
+            if points.is_empty() { Vec::new() } else { triangles.iter().filter(touches).flatten().copied().collect() };
+        points.extend(more);
+    }
+    points.sort_unstable();
+    points.dedup();
+    points
+}
+
+/// Pose of a rigid motion at a time.
+fn pose(motion: &RigidMotion, time: f64) -> Isometry3<f64> {
+    let turned = motion.angular_velocity * (time - motion.spin_start).max(0.0);
+    let rotation = UnitQuaternion::from_scaled_axis(turned) * motion.rotation;
+    Isometry3::from_parts(Translation3::from(along_path(&motion.path, time)), rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::testing::{Random, SHAPES};
+
+    /// One body between 0 and 0.1 s.
+    fn moving(shape: Shape, motion: RigidMotion) -> Bodies {
+        let kind = Kind::Rigid(Box::new(Rigid::new(shape, motion)));
+        let body = Body { kind, friction: 0.0, offset: 0.0, thickness: 0.0, max_push_speed: 0.0 };
+        let mut bodies = Bodies { list: vec![body], times: [0.0; 2] };
+        bodies.set_step(0.0, 0.1);
+        bodies
+    }
+
+    #[test]
+    fn bounds_on_a_rigid_body_hold_at_both_ends_of_a_step() {
+        let mut random = Random(21);
+        for round in 0..20_000_usize {
+            // Near and far from the origin, with and without a way and a turn, the latter up to several times around.
+            let origin = random.vector() * [1.0, 1e3][round % 2];
+            let way = random.vector() * [0.0, 0.2][round / 2 % 2];
+            let motion = RigidMotion {
+                path: vec![(0.0, origin), (0.1, origin + way)],
+                rotation: UnitQuaternion::from_scaled_axis(random.vector() * 3.0),
+                angular_velocity: random.vector() * [0.0, 1e-6, 3.0, 100.0][round / 4 % 4],
+                spin_start: 0.05 * random.number(),
+            };
+            let shape = SHAPES[round % SHAPES.len()];
+            let bodies = moving(shape, motion);
+            let x = origin + random.vector() * 3.0;
+            let to = x + random.vector() * [0.0, 1.0][round / 16 % 2];
+            let bounds = bodies.bounds(0, &x).unwrap();
+            let at_end = bodies.closest(0, &x, &to, f64::INFINITY, None).unwrap();
+            assert!(bounds.distance <= bodies.distance_at_start(0, &x), "{shape:?} {x:?}");
+            assert!(bounds.displacement >= at_end.displacement.norm(), "{shape:?} {x:?}");
+            let least = bounds.distance - bounds.displacement - (to - x).norm();
+            assert!(at_end.phi >= least, "{shape:?} {x:?} {to:?}: {} {least}", at_end.phi);
+        }
+    }
+
+    #[test]
+    fn bounds_on_a_rigid_body_are_close_to_what_they_bound() {
+        let spin = RigidMotion { angular_velocity: Vec3::y(), ..RigidMotion::at(Vec3::x()) };
+        let bounds = moving(Shape::Sphere { radius: 0.5 }, spin).bounds(0, &(Vec3::x() * 3.0)).unwrap();
+        assert!((bounds.distance - 1.5).abs() < 1e-10);
+        assert!((bounds.displacement - 0.2).abs() < 1e-10); // 2 m from the axis, 0.1 rad
+    }
+}

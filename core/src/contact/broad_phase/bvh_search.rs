@@ -1,0 +1,262 @@
+//! The search for pairs: trees over the triangles of cloth and of deforming bodies.
+//!
+//! The caller gives every node a box; a pair is met when the boxes of its primitives, which join those of their nodes,
+//! overlap. With boxes around points this finds what is close; with boxes around paths, what may have met.
+//!
+//! Every pair is found on one rank, that of its smallest node. On many ranks a search has three steps: `fit`, after which
+//! `invite` lets the triangles of other ranks in, whose nodes are ghosts then, and `fit_visitors` when these have their values.
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::broad_phase::ghost_triangles;
+use crate::contact::broad_phase::ghost_triangles::Visitor;
+use crate::contact::topology::faces::Faces;
+use crate::contact::topology::nodes::Renumber;
+use crate::contact::topology::pair::{Pair, PairKind};
+use crate::contact::topology::surface::ContactSurface;
+use crate::geometry::aabb::Aabb;
+use crate::geometry::bvh::{Bvh, PairTask};
+use crate::geometry::tolerances::REBUILD_COST;
+
+mod swept;
+
+pub(crate) use swept::Around;
+
+/// Pieces of a search: enough for many threads, few enough for their overhead not to show.
+const TASKS: usize = 256;
+
+/// Nodes and triangles whose boxes one task makes.
+const CHUNK: usize = 4096;
+
+/// Trees over the surfaces of a scene.
+#[derive(Debug)]
+pub(crate) struct PairSearch {
+    node_boxes: Vec<Aabb>,
+    cloth: Fitted,
+    bodies: Fitted,
+    /// Triangles of higher ranks, for one search.
+    visitors: Faces,
+    visiting: Fitted,
+    /// What all nodes move alike on the paths searched last, which was taken out before [m].
+    shift: Vec3,
+}
+
+/// Boxes of triangles and of the edges that hang on them, and a tree over the triangles.
+#[derive(Debug)]
+struct Fitted {
+    triangle_boxes: Vec<Aabb>,
+    edge_boxes: Vec<Aabb>,
+    tree: Bvh,
+    built_cost: f64,
+}
+
+/// Triangles with their boxes.
+#[derive(Clone, Copy)]
+struct Side<'a> {
+    faces: &'a Faces,
+    fitted: &'a Fitted,
+}
+
+impl Fitted {
+    /// Boxes of nothing.
+    fn empty() -> Self {
+        let (triangle_boxes, edge_boxes) = (Vec::new(), Vec::new());
+        Self { triangle_boxes, edge_boxes, tree: Bvh::build(&[]), built_cost: 0.0 }
+    }
+
+    /// Makes the boxes from those of the nodes and fits the tree to them; builds it anew where motion has spoiled it.
+    fn fit(&mut self, faces: &Faces, nodes: &[Aabb]) {
+        self.triangle_boxes.resize(faces.triangles().len(), Aabb::EMPTY);
+        self.edge_boxes.resize(faces.edges().len(), Aabb::EMPTY);
+        let chunks = self.triangle_boxes.par_chunks_mut(CHUNK).zip(faces.triangles().par_chunks(CHUNK));
+        chunks.for_each(|(boxes, triangles)| {
+            for (b, [i, j, k]) in boxes.iter_mut().zip(triangles) {
+                *b = nodes[*i as usize].union(&nodes[*j as usize]).union(&nodes[*k as usize]);
+            }
+        });
+        let chunks = self.edge_boxes.par_chunks_mut(CHUNK).zip(faces.edges().par_chunks(CHUNK));
+        chunks.for_each(|(boxes, edges)| {
+            for (b, [i, j]) in boxes.iter_mut().zip(edges) {
+                *b = nodes[*i as usize].union(&nodes[*j as usize]);
+            }
+        });
+        let boxes = &self.triangle_boxes;
+        if self.tree.len() == boxes.len() {
+            self.tree.refit(|t| boxes[t as usize]);
+            if self.tree.cost() <= REBUILD_COST * self.built_cost {
+                return;
+            }
+        }
+        self.tree = Bvh::build(boxes);
+        self.built_cost = self.tree.cost();
+    }
+
+    fn bytes(&self) -> usize {
+        (self.edge_boxes.len() + 4 * self.triangle_boxes.len()) * size_of::<Aabb>()
+    }
+}
+
+impl PairSearch {
+    /// A search without boxes yet.
+    pub(crate) fn new() -> Self {
+        let [cloth, bodies, visiting] = [(); 3].map(|()| Fitted::empty());
+        let (visitors, shift) = (Faces::default(), Vec3::zeros());
+        Self { node_boxes: Vec::new(), cloth, bodies, visitors, visiting, shift }
+    }
+
+    /// Memory held [bytes], trees estimated at two nodes a triangle.
+    pub(crate) fn bytes(&self) -> usize {
+        let boxes = self.node_boxes.len() * size_of::<Aabb>();
+        boxes + self.cloth.bytes() + self.bodies.bytes() + self.visiting.bytes() + self.visitors.bytes()
+    }
+
+    /// Gives every node its box and fits the trees.
+    pub(crate) fn fit(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb + Sync) {
+        self.node_boxes.resize(surface.nodes().count(), Aabb::EMPTY);
+        let chunks = self.node_boxes.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(c, boxes)| boxes.iter_mut().enumerate().for_each(|(i, b)| *b = box_of(c * CHUNK + i)));
+        self.cloth.fit(surface.cloth(), &self.node_boxes);
+        self.bodies.fit(surface.bodies(), &self.node_boxes);
+        if !self.visitors.triangles().is_empty() {
+            (self.visitors, self.visiting) = (Faces::default(), Fitted::empty());
+        }
+    }
+
+    /// Lets the triangles of higher ranks in that may meet those of this rank: their nodes become ghosts, besides those there
+    /// are. All ranks call it together after `fit`. Returns what nodes are called now, unless nothing has changed.
+    pub(crate) fn invite(&mut self, surface: &mut ContactSurface) -> Option<Renumber> {
+        if surface.ranks().is_alone() {
+            return None;
+        }
+        let Fitted { tree, triangle_boxes, .. } = &self.cloth;
+        let visitors: Vec<Visitor> = ghost_triangles::visit(surface.nodes(), surface.cloth(), tree, triangle_boxes);
+        let numbers = visitors.iter().flat_map(|[a, b, c, _]| [*a, *b, *c]);
+        let mut ghosts: Vec<u32> = numbers.filter(|number| !surface.nodes().owns(*number)).collect();
+        ghosts.extend_from_slice(surface.nodes().ghosts());
+        ghosts.sort_unstable();
+        ghosts.dedup();
+        let renumber = surface.set_ghosts(ghosts);
+        let local = |number: u32| surface.nodes().local(number).expect("the nodes of visitors are own or ghosts");
+        let triangles = visitors.iter().map(|[a, b, c, _]| [*a, *b, *c].map(local)).collect();
+        let carried: Vec<u32> = visitors.iter().map(|[.., carried]| *carried).collect();
+        self.visitors = Faces::told(triangles, &carried);
+        if let Some(renumber) = &renumber {
+            renumber.apply(&mut self.node_boxes, Aabb::EMPTY);
+        }
+        renumber
+    }
+
+    /// Gives the ghosts their boxes, and fits the tree of the visitors.
+    pub(crate) fn fit_visitors(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb) {
+        let nodes = surface.nodes();
+        if nodes.ranks().is_alone() {
+            return;
+        }
+        nodes.ghost_places().for_each(|i| self.node_boxes[i] = box_of(i));
+        self.visiting.fit(&self.visitors, &self.node_boxes);
+    }
+
+    /// A tree over the triangles of cloth, and one over those of the bodies, with the boxes given last.
+    pub(crate) fn trees(&self) -> [&Bvh; 2] {
+        [&self.cloth.tree, &self.bodies.tree]
+    }
+
+    /// Boxes of the triangles of cloth.
+    pub(crate) fn cloth_boxes(&self) -> &[Aabb] {
+        &self.cloth.triangle_boxes
+    }
+
+    /// Meets every pair of this rank whose boxes overlap, once, and keeps what `keep` makes of it. Primitives that share a node
+    /// are no pair. The order depends on the trees: sort what order matters for.
+    pub(crate) fn pairs<T: Send>(
+        &self,
+        surface: &ContactSurface,
+        keep: impl Fn(Pair, &mut Vec<T>) + Sync,
+        found: &mut Vec<T>,
+    ) {
+        let [cloth, bodies, visitors] = self.sides(surface);
+        let tree = &self.cloth.tree;
+        let work = |other: Side<'_>, task: &PairTask| {
+            let mut out = Vec::new();
+            let mut meet = |s, t| self.meet((cloth, s), (other, t), &keep, &mut out);
+            tree.pairs_of(task, &other.fitted.tree, &mut meet);
+            out
+        };
+        let mut tasks: Vec<(Side<'_>, PairTask)> = tree.self_tasks(TASKS).into_iter().map(|t| (cloth, t)).collect();
+        for other in [bodies, visitors].into_iter().filter(|other| !other.fitted.tree.is_empty()) {
+            tasks.extend(tree.tasks_with(&other.fitted.tree, TASKS).into_iter().map(|task| (other, task)));
+        }
+        let pieces: Vec<Vec<T>> = tasks.par_iter().map(|(other, task)| work(*other, task)).collect();
+        found.clear();
+        found.extend(pieces.into_iter().flatten());
+    }
+
+    /// Cloth, bodies and visitors.
+    fn sides<'a>(&'a self, surface: &'a ContactSurface) -> [Side<'a>; 3] {
+        [(surface.cloth(), &self.cloth), (surface.bodies(), &self.bodies), (&self.visitors, &self.visiting)]
+            .map(|(faces, fitted)| Side { faces, fitted })
+    }
+
+    /// The pairs of points, triangles and edges that belong to two triangles.
+    #[inline]
+    fn meet<T>(
+        &self,
+        one: (Side<'_>, u32),
+        other: (Side<'_>, u32),
+        keep: &impl Fn(Pair, &mut Vec<T>),
+        out: &mut Vec<T>,
+    ) {
+        let (s, t) = (one.1, other.1);
+        let [own_boxes, boxes] = [one.0.fitted, other.0.fitted];
+        let triangle_box = &boxes.triangle_boxes[t as usize];
+        if !own_boxes.triangle_boxes[s as usize].overlaps(triangle_box) {
+            return;
+        }
+        self.points_against(one, other, keep, out);
+        self.points_against(other, one, keep, out);
+        let others = other.0.faces.edges_of(t);
+        for e in one.0.faces.edges_of(s) {
+            let own = &own_boxes.edge_boxes[e];
+            if !own.overlaps(triangle_box) {
+                continue;
+            }
+            let [a, b] = one.0.faces.edges()[e];
+            let edges = &other.0.faces.edges()[others.clone()];
+            for (&[c, d], bounds) in edges.iter().zip(&boxes.edge_boxes[others.clone()]) {
+                let apart = (a != c) & (a != d) & (b != c) & (b != d);
+                if apart & own.overlaps(bounds) {
+                    let nodes = if [a, b] < [c, d] { [a, b, c, d] } else { [c, d, a, b] };
+                    keep(Pair { kind: PairKind::EdgeEdge, nodes }, out);
+                }
+            }
+        }
+    }
+
+    /// The points that hang on one triangle against another.
+    #[inline]
+    fn points_against<T>(
+        &self,
+        (one, s): (Side<'_>, u32),
+        (other, t): (Side<'_>, u32),
+        keep: &impl Fn(Pair, &mut Vec<T>),
+        out: &mut Vec<T>,
+    ) {
+        if !other.faces.is_face(t) {
+            return;
+        }
+        let corners = other.faces.triangles()[t as usize];
+        let triangle_box = &other.fitted.triangle_boxes[t as usize];
+        for &p in one.faces.points(s) {
+            if !corners.contains(&p) && self.node_boxes[p as usize].overlaps(triangle_box) {
+                keep(Pair { kind: PairKind::PointTriangle, nodes: [p, corners[0], corners[1], corners[2]] }, out);
+            }
+        }
+    }
+}
+
+impl Default for PairSearch {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,174 @@
+//! The search along paths, and its renewal where nodes have left what was searched.
+//!
+//! While collisions are resolved, a few nodes at a time come to leave their boxes. Only what these may meet is searched again.
+
+use rayon::prelude::*;
+
+use super::{PairSearch, Side, TASKS};
+use crate::Vec3;
+use crate::contact::broad_phase::proximity_list::Neighbours;
+use crate::contact::topology::nodes::{ContactNodes, Renumber};
+use crate::contact::topology::pair::Pair;
+use crate::contact::topology::surface::{ContactSurface, NodePaths};
+use crate::geometry::aabb::Aabb;
+use crate::geometry::bvh::{Bvh, PairTask};
+
+/// How far around its path a node may meet something: so far [m], and this share of its edges.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Around {
+    /// For all nodes alike [m].
+    pub gap: f64,
+    /// As a share of the edges of each.
+    pub margin: f64,
+}
+
+impl Around {
+    /// The box of a node.
+    fn swept(&self, surface: &ContactSurface, paths: &NodePaths, shift: &Vec3, node: usize) -> Aabb {
+        let reach = self.gap + self.margin * surface.edge_length()[node];
+        Aabb::of_segment(&paths.start[node], &(paths.end[node] - shift)).enlarged(reach)
+    }
+}
+
+impl PairSearch {
+    /// Finds the pairs of this rank that may come within `around` on their paths. All ranks call it together. Ghosts may come
+    /// to the ones there are: then the paths and the list of neighbours are laid out anew, and what nodes are called now is
+    /// returned.
+    pub(crate) fn swept_pairs(
+        &mut self,
+        surface: &mut ContactSurface,
+        neighbours: &mut Neighbours,
+        paths: &mut NodePaths,
+        around: Around,
+        found: &mut Vec<Pair>,
+    ) -> Option<Renumber> {
+        // What all do alike brings no two of them closer.
+        let shift = neighbours.common_shift();
+        self.shift = shift;
+        self.fit(surface, |i| around.swept(surface, paths, &shift, i));
+        let renumber = self.invite(surface);
+        if let Some(renumber) = &renumber {
+            lay_out(renumber, surface, neighbours, paths);
+        }
+        self.fit_visitors(surface, |i| around.swept(surface, paths, &shift, i));
+        self.pairs(surface, |pair, out| out.push(pair), found);
+        renumber
+    }
+
+    /// Brings the pairs found last along paths to those with the present ends of the nodes that `left` marks: own ones that left
+    /// their boxes. All ranks call it together, and everything is as with [`PairSearch::swept_pairs`].
+    pub(crate) fn renew_swept_pairs(
+        &mut self,
+        surface: &mut ContactSurface,
+        neighbours: &mut Neighbours,
+        paths: &mut NodePaths,
+        around: Around,
+        (left, found): (&mut Vec<u8>, &mut Vec<Pair>),
+    ) -> Option<Renumber> {
+        for node in surface.nodes().own().filter(|node| left[*node] != 0) {
+            self.node_boxes[node] = around.swept(surface, paths, &self.shift, node);
+        }
+        // The box of a ghost is that of its owner, who judges whether it is left.
+        self.share(surface.nodes(), left);
+        self.cloth.fit(surface.cloth(), &self.node_boxes);
+        let renumber = self.invite(surface);
+        if let Some(renumber) = &renumber {
+            lay_out(renumber, surface, neighbours, paths);
+            renumber.apply(left, 0);
+            renumber.renumber(found.iter_mut().flat_map(|pair| &mut pair.nodes));
+            self.share(surface.nodes(), left);
+        }
+        if !surface.ranks().is_alone() {
+            self.visiting.fit(&self.visitors, &self.node_boxes);
+        }
+        let concerned = |pair: &Pair| pair.nodes.iter().any(|node| left[*node as usize] != 0);
+        found.retain(|pair| !concerned(pair));
+        let keep = |pair: Pair, out: &mut Vec<Pair>| out.extend(Some(pair).filter(concerned));
+        self.pairs_with(surface, left, keep, found);
+        renumber
+    }
+
+    /// Whether the pairs found last along paths hold for a node with this end.
+    pub(crate) fn covers(&self, node: u32, end: &Vec3) -> bool {
+        let (bounds, end) = (&self.node_boxes[node as usize], end - self.shift);
+        (0..3).all(|k| f64::from(bounds.min[k]) <= end[k] && end[k] <= f64::from(bounds.max[k]))
+    }
+
+    /// Brings the ghosts' boxes and marks to those of their owners.
+    fn share(&mut self, nodes: &ContactNodes, marks: &mut [u8]) {
+        if nodes.ranks().is_alone() {
+            return;
+        }
+        let mut corners: Vec<[[f32; 3]; 2]> = self.node_boxes.iter().map(|b| [b.min, b.max]).collect();
+        nodes.refresh(&mut corners);
+        for (node_box, [min, max]) in self.node_boxes.iter_mut().zip(corners) {
+            *node_box = Aabb { min, max };
+        }
+        nodes.refresh(marks);
+    }
+
+    /// Adds what `keep` makes of every pair of this rank whose boxes overlap and of which one triangle has a marked node.
+    fn pairs_with(
+        &self,
+        surface: &ContactSurface,
+        marks: &[u8],
+        keep: impl Fn(Pair, &mut Vec<Pair>) + Sync,
+        found: &mut Vec<Pair>,
+    ) {
+        let [cloth, bodies, visitors] = self.sides(surface);
+        let [marked, marked_visitors] = [cloth, visitors].map(|side| side.tree_where(marks));
+        // Two marked triangles of cloth meet once; those of visitors meet marked ones as the others do.
+        let searches = [
+            (&marked, cloth, &cloth.fitted.tree),
+            (&marked, bodies, &bodies.fitted.tree),
+            (&marked, visitors, &visitors.fitted.tree),
+            (&cloth.fitted.tree, visitors, &marked_visitors),
+        ];
+        let work = |search: usize, task: &PairTask| {
+            let (tree, other, others) = searches[search];
+            // Leaves of the trees of marked triangles hold others too.
+            let is_new = |s: u32, t: u32| match search {
+                0 => cloth.has(s, marks) && (s < t || !cloth.has(t, marks)),
+                1 | 2 => cloth.has(s, marks),
+                _ => visitors.has(t, marks) && !cloth.has(s, marks),
+            };
+            let mut out = Vec::new();
+            tree.pairs_of(task, others, &mut |s, t| {
+                if is_new(s, t) {
+                    self.meet((cloth, s), (other, t), &keep, &mut out);
+                }
+            });
+            out
+        };
+        let mut tasks: Vec<(usize, PairTask)> = Vec::new();
+        for (search, (tree, _, others)) in searches.iter().enumerate() {
+            if !tree.is_empty() && !others.is_empty() {
+                tasks.extend(tree.tasks_with(others, TASKS).into_iter().map(|task| (search, task)));
+            }
+        }
+        let pieces: Vec<Vec<Pair>> = tasks.par_iter().map(|(search, task)| work(*search, task)).collect();
+        found.extend(pieces.into_iter().flatten());
+    }
+}
+
+impl Side<'_> {
+    /// Whether a triangle has a marked node.
+    fn has(&self, triangle: u32, marks: &[u8]) -> bool {
+        self.faces.triangles()[triangle as usize].iter().any(|node| marks[*node as usize] != 0)
+    }
+
+    /// The tree in which only triangles with a marked node are anywhere.
+    fn tree_where(&self, marks: &[u8]) -> Bvh {
+        let mut tree = self.fitted.tree.clone();
+        let boxes = &self.fitted.triangle_boxes;
+        tree.refit(|t| if self.has(t, marks) { boxes[t as usize] } else { Aabb::EMPTY });
+        tree
+    }
+}
+
+/// Lays the paths and the list of neighbours out for other ghosts.
+fn lay_out(renumber: &Renumber, surface: &ContactSurface, neighbours: &mut Neighbours, paths: &mut NodePaths) {
+    paths.renumber(renumber);
+    paths.refresh(surface.nodes());
+    neighbours.renumber(renumber, surface);
+}

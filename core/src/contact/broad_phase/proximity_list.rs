@@ -1,0 +1,329 @@
+//! The list of pairs that are close: made by a search now and then, and used by many steps.
+//!
+//! Each node has a *reach*. As long as no node is farther than its reach from where it was when the list was made, every
+//! pair within touching distance is in the list, and for each pair of it the distance then, less what its nodes have moved,
+//! bounds the distance now. Most pairs are dismissed by that bound alone (`docs/theory/self_contact.md#what-is-near`). Motion
+//! that all nodes have in common does not count.
+//!
+//! Every rank that owns a node of a pair holds the pair, with the same entry.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::broad_phase::bvh_search::PairSearch;
+use crate::contact::broad_phase::common_rigid_motion::RigidFit;
+use crate::contact::broad_phase::pair_replication;
+use crate::contact::colouring::order::Order;
+use crate::contact::tolerances::USABLE_REACH;
+use crate::contact::topology::nodes::{ContactNodes, Renumber};
+use crate::contact::topology::pair::{Pair, PairKind};
+use crate::contact::topology::surface::ContactSurface;
+use crate::geometry::aabb::Aabb;
+
+/// Repulsions act on pairs closer than this times their thickness
+/// (`docs/theory/self_contact.md#repulsion-with-history`).
+pub(crate) const ACTIVE: f64 = 1.1;
+
+/// Pairs of one garment that are closer at rest than this times the distance at which repulsions act are left out for good
+/// (`docs/theory/self_contact.md#repulsion-with-history`).
+const CLOSE_AT_REST: f64 = 1.5;
+
+/// Nodes that one task moves.
+const CHUNK: usize = 4096;
+
+/// A pair of the list.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Neighbour {
+    /// The pair.
+    pub pair: Pair,
+    /// Not more than its distance when the list was made [m].
+    pub distance: f32,
+    /// Thickness of the pair [m]; zero where repulsions do not act.
+    pub thickness: f32,
+}
+
+/// The list.
+#[derive(Debug)]
+pub(crate) struct Neighbours {
+    /// Points and triangles; then edges; each in the order of its colours if repulsions need one.
+    lists: [Vec<Neighbour>; 2],
+    orders: [Order; 2],
+    /// Positions of the nodes when the list was made [m]; none before.
+    reference: Option<Vec<Vec3>>,
+    /// Mean rest length of the edges of each node [m]: the measure of its reach.
+    edge_length: Vec<f64>,
+    /// Own nodes of cloth: pairs with the smallest node among them are at home.
+    own: Range<u32>,
+    /// Number and centre of the nodes that stand for all, when the list was made [m].
+    centre: (f64, Vec3),
+    /// Reach of the present list, as a share of those lengths.
+    reach: f64,
+    /// Pairs per vertex of the present list, on all ranks.
+    density: f64,
+    /// What every node has moved since the list was made, at most, besides the common motion [m].
+    way: Vec<f64>,
+    /// The common motion since the list was made, at both ends of the paths noted last.
+    common: [RigidFit; 2],
+    /// What the paths between those two leave of every distance at least.
+    shortening: f64,
+    coloured: bool,
+}
+
+impl Neighbours {
+    /// An empty list over a surface. With `coloured` the pairs get colours.
+    pub(crate) fn new(surface: &ContactSurface, coloured: bool) -> Self {
+        let (edge_length, reach) = (surface.edge_length().to_vec(), 0.0);
+        let way = vec![0.0; surface.nodes().count()];
+        let (lists, orders, density) = Default::default();
+        let (common, centre) = ([RigidFit::NONE; 2], (0.0, Vec3::zeros()));
+        let (reference, shortening, own) = (None, 1.0, own_nodes(surface));
+        Self { lists, orders, reference, edge_length, own, centre, reach, density, way, common, shortening, coloured }
+    }
+
+    /// Memory held [bytes].
+    pub(crate) fn bytes(&self) -> usize {
+        let pairs = self.lists.iter().map(Vec::capacity).sum::<usize>();
+        pairs * size_of::<Neighbour>() + self.way.len() * (3 * size_of::<f64>() + size_of::<Vec3>())
+    }
+
+    /// Pairs of a kind, in the order of their colours.
+    pub(crate) fn list(&self, kind: PairKind) -> &[Neighbour] {
+        &self.lists[kind as usize]
+    }
+
+    /// Colours of the pairs of a kind.
+    pub(crate) fn order(&self, kind: PairKind) -> &Order {
+        &self.orders[kind as usize]
+    }
+
+    /// What nodes may move until the list lacks pairs, as a share of their edges.
+    pub(crate) fn reach(&self) -> f64 {
+        USABLE_REACH * self.reach
+    }
+
+    /// The reach that the list was made with, as a share of the nodes' edges.
+    pub(crate) fn full_reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// Pairs per vertex in the lists of all ranks, which know it alike; none before there is a list.
+    pub(crate) fn density(&self) -> f64 {
+        self.density
+    }
+
+    /// Positions of the nodes when the list was made [m]; none before.
+    pub(crate) fn reference(&self) -> Option<&[Vec3]> {
+        self.reference.as_deref()
+    }
+
+    /// Makes the list anew around `x`, the positions of all nodes [m], with a reach given as a share of the nodes' edges,
+    /// and the gap that collisions keep [m]. All ranks call it together; the surface gets the ghosts that the pairs need, and
+    /// `x` is laid out for them.
+    pub(crate) fn rebuild(
+        &mut self,
+        surface: &mut ContactSurface,
+        search: &mut PairSearch,
+        x: &mut Vec<Vec3>,
+        reach: f64,
+        gap: f64,
+    ) {
+        self.reach = reach;
+        let around = |surface: &ContactSurface, x: &[Vec3], i: usize| {
+            Aabb::of_point(&x[i]).enlarged(ACTIVE * surface.thickness()[i] + reach * surface.edge_length()[i] + gap)
+        };
+        let fetch = |renumber: &Renumber, surface: &ContactSurface, x: &mut Vec<Vec3>| {
+            renumber.apply(x, Vec3::zeros());
+            surface.nodes().refresh(x);
+        };
+        search.fit(surface, |i| around(surface, x, i));
+        if let Some(renumber) = search.invite(surface) {
+            fetch(&renumber, surface, x);
+        }
+        search.fit_visitors(surface, |i| around(surface, x, i));
+        let mut found: Vec<Neighbour> = Vec::new();
+        let keep = |pair: Pair, out: &mut Vec<Neighbour>| out.extend(close(pair, surface, x, reach, gap));
+        search.pairs(surface, keep, &mut found);
+        let [all_found] = surface.ranks().sum_of([found.len() as u64]);
+        self.density = all_found as f64 / f64::from(surface.nodes().all_cloth().max(1));
+        if let Some(renumber) = share(surface, &mut found) {
+            fetch(&renumber, surface, x);
+        }
+        self.lists.iter_mut().for_each(Vec::clear);
+        found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
+        if self.coloured {
+            self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
+            // One after the other, since ranks colour together.
+            for (list, order) in self.lists.iter_mut().zip(&mut self.orders) {
+                *order = Order::of(list, surface.nodes(), |n| n.pair.nodes);
+            }
+        }
+        self.edge_length.clear();
+        self.edge_length.extend_from_slice(surface.edge_length());
+        self.own = own_nodes(surface);
+        self.way.resize(x.len(), 0.0);
+        self.centre = surface.samples().centre(surface.nodes(), x);
+        let reference = self.reference.get_or_insert_default();
+        reference.clear();
+        reference.extend_from_slice(x);
+    }
+
+    /// Lays everything out for other ghosts.
+    pub(crate) fn renumber(&mut self, renumber: &Renumber, surface: &ContactSurface) {
+        renumber.renumber(self.lists.iter_mut().flatten().flat_map(|n| &mut n.pair.nodes));
+        self.edge_length = surface.edge_length().to_vec();
+        self.own = own_nodes(surface);
+        renumber.apply(&mut self.way, 0.0);
+        if let Some(reference) = &mut self.reference {
+            renumber.apply(reference, Vec3::zeros());
+        }
+    }
+
+    /// Notes the way of every node on the straight path from `start` to `end` [m]. Returns the longest of all ranks as a share
+    /// of the node's edges: above the reach the list may lack pairs. Infinite before the list is made. All ranks call it
+    /// together.
+    pub(crate) fn note_ways(&mut self, surface: &ContactSurface, start: &[Vec3], end: &[Vec3]) -> f64 {
+        let Some(reference) = &self.reference else { return f64::INFINITY };
+        self.common = surface.samples().fits(surface.nodes(), reference, self.centre, [start, end]);
+        self.shortening = self.common[0].shortening_to(&self.common[1]);
+        let chunks = self.way.par_chunks_mut(CHUNK).enumerate();
+        let largest = chunks.map(|(c, ways)| {
+            let mut largest = 0.0_f64;
+            for (i, way) in ways.iter_mut().enumerate() {
+                let node = c * CHUNK + i;
+                let from = &reference[node];
+                let [a, b] =
+                    [(start, 0), (end, 1)].map(|(x, at)| (x[node] - self.common[at].apply(from)).norm_squared());
+                *way = a.max(b).sqrt();
+                largest = largest.max(*way / self.edge_length[node]);
+            }
+            largest
+        });
+        // A path between two rotations shortens distances.
+        surface.ranks().max(largest.reduce(|| 0.0, f64::max)) / self.shortening
+    }
+
+    /// How far all nodes have moved alike on the paths noted last [m].
+    pub(crate) fn common_shift(&self) -> Vec3 {
+        self.common[1].centre() - self.common[0].centre()
+    }
+
+    /// Whether a node with a new end has moved no farther than noted, up to a share of its edges.
+    pub(crate) fn covers(&self, node: usize, end: &Vec3, margin: f64) -> bool {
+        self.way_to(node, end) <= self.way[node] + margin * self.edge_length[node]
+    }
+
+    /// Notes the way of one node again, after its end has changed. Returns it as a share of the node's edges.
+    pub(crate) fn note_way(&mut self, node: usize, end: &Vec3) -> f64 {
+        self.way[node] = self.way[node].max(self.way_to(node, end));
+        self.way[node] / (self.edge_length[node] * self.shortening)
+    }
+
+    /// Brings the ways of ghosts to what their owners have noted again. All ranks call it together.
+    pub(crate) fn share_ways(&mut self, nodes: &ContactNodes) {
+        nodes.refresh(&mut self.way);
+    }
+
+    /// Infinite before the list is made.
+    fn way_to(&self, node: usize, end: &Vec3) -> f64 {
+        let Some(reference) = &self.reference else { return f64::INFINITY };
+        (end - self.common[1].apply(&reference[node])).norm()
+    }
+
+    /// The pairs at home here that may come within `gap` [m] on the paths noted last, also if all nodes move a share `margin`
+    /// of their edges farther.
+    pub(crate) fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
+        out.clear();
+        let may_meet = |n: &&Neighbour| self.may_come_within(n, gap, margin) && self.is_home(&n.pair);
+        let chunks = self.lists[0].par_chunks(CHUNK).chain(self.lists[1].par_chunks(CHUNK));
+        out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
+    }
+
+    /// Marks the nodes of pairs held here that may touch on the paths noted last, also if all nodes move a share `margin` of
+    /// their edges farther; one entry for each node. Own nodes are marked by their owner.
+    pub(crate) fn mark_close(&self, margin: f64, marks: &mut [u8]) {
+        let touching = self.lists.iter().flatten().filter(|n| self.may_come_within(n, 0.0, margin));
+        touching.flat_map(|n| n.pair.nodes).for_each(|node| marks[node as usize] = 1);
+    }
+
+    /// Whether a pair may come within `gap` [m] on the paths noted last, also if its nodes move a share `margin` of their edges
+    /// farther.
+    #[inline]
+    fn may_come_within(&self, neighbour: &Neighbour, gap: f64, margin: f64) -> bool {
+        let [a, b] = neighbour.pair.fold(&self.edge_length, f64::max);
+        self.distance_bound(neighbour) - margin * (a + b) <= gap
+    }
+
+    /// Whether this rank owns the smallest node of a pair.
+    #[inline]
+    fn is_home(&self, pair: &Pair) -> bool {
+        let [a, b, c, d] = pair.nodes;
+        self.own.contains(&a.min(b).min(c.min(d)))
+    }
+
+    /// A bound from below on the distance of a pair anywhere on the paths noted last [m].
+    #[inline]
+    pub(crate) fn distance_bound(&self, neighbour: &Neighbour) -> f64 {
+        let [a, b] = neighbour.pair.fold(&self.way, f64::max);
+        f64::from(neighbour.distance) * self.shortening - a - b
+    }
+}
+
+/// Own nodes of cloth, in local numbers.
+fn own_nodes(surface: &ContactSurface) -> Range<u32> {
+    let own = surface.nodes().own();
+    own.start as u32..own.end as u32
+}
+
+/// The entry of a pair, if it is close enough for the list.
+fn close(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: f64) -> Option<Neighbour> {
+    let [a, b] = pair.fold(surface.edge_length(), f64::max);
+    let thick = pair_thickness(&pair, surface.thickness());
+    let limit = ACTIVE * thick + reach * (a + b) + gap;
+    let distance_squared = pair.closest(&pair.positions(x)).apart.norm_squared();
+    if distance_squared > limit * limit {
+        return None;
+    }
+    let repels = surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
+    let thickness = if repels { thick as f32 } else { 0.0 };
+    Some(Neighbour { pair, distance: below(distance_squared.sqrt()), thickness })
+}
+
+/// Brings the pairs found to all ranks that hold them, and leaves no ghosts but those that pairs or triangles need.
+fn share(surface: &mut ContactSurface, pairs: &mut Vec<Neighbour>) -> Option<Renumber> {
+    if surface.ranks().is_alone() {
+        return None;
+    }
+    let nodes = surface.nodes();
+    pairs.iter_mut().for_each(|n| n.pair = nodes.numbered(&n.pair));
+    pair_replication::spread(nodes, pairs);
+    let is_ghost = |number: &u32| *number < nodes.all_cloth() && !nodes.owns(*number);
+    let mut ghosts: Vec<u32> = pairs.iter().flat_map(|n| n.pair.nodes).filter(is_ghost).collect();
+    ghosts.sort_unstable();
+    ghosts.dedup();
+    let renumber = surface.set_ghosts(ghosts);
+    let local = |number: u32| surface.nodes().local(number).expect("the nodes of held pairs are own or ghosts");
+    pairs.iter_mut().for_each(|n| n.pair.nodes = n.pair.nodes.map(local));
+    renumber
+}
+
+/// `f32` not above a positive `x`.
+fn below(x: f64) -> f32 {
+    x as f32 * (1.0 - f32::EPSILON)
+}
+
+/// Thickness of a pair (`docs/theory/self_contact.md#repulsion-with-history`).
+fn pair_thickness(pair: &Pair, thickness: &[f64]) -> f64 {
+    let [a, b] = pair.fold(thickness, f64::min);
+    a.max(b)
+}
+
+/// Whether the two belong to one garment and lie this close by construction.
+fn is_close_at_rest(surface: &ContactSurface, pair: &Pair, thickness: f64) -> bool {
+    let limit = CLOSE_AT_REST * ACTIVE * thickness;
+    surface.is_one_garment(pair) && pair.closest(&pair.positions(surface.rest())).apart.norm_squared() <= limit * limit
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,327 @@
+//! Geometric collisions: what is left to pass through something between two states is stopped
+//! (`docs/theory/self_contact.md`).
+//!
+//! All nodes move straight from a collision-free state to where the time steps have put them. A pair *meets* when it
+//! comes closer than a small gap on the way (`ccd`); it then gets an impulse. When impulses alone do not end it, the
+//! pairs that still meet form impact zones: first inelastic ones, where everything may slide but nothing approach, then
+//! rigid ones, and at last the nodes stay where they were. The loop always ends, since the state it started from is
+//! free of collisions.
+//!
+//! Pairs are judged at home, by the rank of their smallest node (`response` says who answers). What is decided for all
+//! is decided by all ranks alike.
+//!
+//! The gap is wider than the rounding of a position to single precision, so that what a cache stores is as free of
+//! crossings as what is computed.
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::broad_phase::bvh_search::{Around, PairSearch};
+use crate::contact::broad_phase::proximity_list::Neighbours;
+use crate::contact::ccd::Contact;
+use crate::contact::collisions::first_contact::first_contact;
+use crate::contact::collisions::impact_zones::Hit;
+use crate::contact::collisions::response::{Field, IMPULSE_ATTEMPTS, Response};
+use crate::contact::tolerances::OPEN_GAP;
+use crate::contact::topology::nodes::ContactNodes;
+use crate::contact::topology::pair::Pair;
+use crate::contact::topology::surface::{ContactSurface, NodePaths};
+use crate::effects::SLEEPS;
+use crate::metrics::Metrics;
+use crate::parallel::wire::{vector_of, words_of};
+
+/// Attempts with impulses that are added where the usual ones did not do.
+const MORE_ATTEMPTS: u32 = 3 * IMPULSE_ATTEMPTS;
+
+/// A collision step is hard if more than one in so many vertices is left to impact zones: small zones cost less than
+/// the shorter steps that avoid them (`docs/decisions/0007-self-contact.md`).
+const HARD_SHARE: u64 = 5;
+
+/// Edge lengths per second at which pairs closer than the gap are opened [1/s].
+const OPENING_RATE: f64 = 1.0;
+
+/// How much farther than on its path a node may come until pairs are looked for again, as a share of the edges around
+/// it.
+pub(crate) const MARGIN: f64 = 0.02;
+
+/// Pairs that one task looks at.
+const CHUNK: usize = 1024;
+
+/// What the collisions work on.
+pub(crate) struct Collisions<'a> {
+    /// The surfaces. Ghosts may come to those they have.
+    pub surface: &'a mut ContactSurface,
+    /// Distance that everything keeps [m].
+    pub gap: f64,
+    /// Length of the interval [s].
+    pub duration: f64,
+    /// Pairs that are left alone because they cross at the start, by the scene's numbers of their nodes.
+    pub ignored: &'a (dyn Fn(&Pair) -> bool + Sync),
+    /// Whether what impulses do not resolve is given back for a shorter collision step.
+    pub may_give_back: bool,
+    /// How hard it is tried.
+    pub effort: Effort,
+}
+
+/// How hard collisions are resolved: more than usual where that did not do.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Effort {
+    /// Some attempts with impulses, then zones.
+    #[default]
+    Usual,
+    /// More attempts with impulses.
+    MoreAttempts,
+    /// Zones from the beginning.
+    Zones,
+}
+
+impl Effort {
+    /// What the attempt of this number is like, as a number of the usual ones.
+    fn attempt(self, number: u32) -> u32 {
+        match self {
+            Self::Usual => number,
+            Self::MoreAttempts => number.saturating_sub(MORE_ATTEMPTS).max(1),
+            Self::Zones => number + IMPULSE_ATTEMPTS,
+        }
+    }
+}
+
+/// What was done; all but the vertices is the same on all ranks.
+#[derive(Debug, Default)]
+pub(crate) struct Resolution {
+    /// Own cloth vertices whose end was changed, ascending, by the local numbers that they have now.
+    pub moved: Vec<u32>,
+    /// Whether large impact zones were needed.
+    pub hard: bool,
+    /// Whether pairs were given up, so that cloth may cross what is prescribed.
+    pub pinched: bool,
+    /// Whether nothing was resolved, for a shorter collision step to try.
+    pub given_back: bool,
+    /// Whether zones stayed where they were, because nothing else resolved them.
+    pub stopped: bool,
+    /// Nodes of such zones of this rank, by their numbers in the scene.
+    pub stopped_nodes: Vec<u32>,
+}
+
+/// Arrays of the loop, over the nodes of this rank.
+#[derive(Debug, Default)]
+pub(crate) struct CollisionLoop {
+    /// Displacements over the interval [m].
+    displacements: Vec<Vec3>,
+    /// Not zero for nodes that the last attempt has changed, and for those that any has.
+    recent: Vec<u8>,
+    moved: Vec<u8>,
+    /// Pairs at home here that may meet.
+    candidates: Vec<Pair>,
+    /// Not zero for own nodes that have come out of what the candidates were looked for in.
+    left: Vec<u8>,
+}
+
+impl CollisionLoop {
+    /// Changes the ends of `paths` until nothing meets. `used` is the longest way of a node ([`Neighbours::note_ways`]
+    /// for these paths). All ranks call it together.
+    pub(crate) fn resolve(
+        &mut self,
+        collisions: &mut Collisions<'_>,
+        neighbours: &mut Neighbours,
+        search: &mut PairSearch,
+        paths: &mut NodePaths,
+        mut used: f64,
+        metrics: &mut Metrics,
+    ) -> Resolution {
+        let ranks = collisions.surface.ranks().clone();
+        let mut response = Response::default();
+        let mut source = Source::of(used, neighbours);
+        [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(Vec::clear);
+        self.displacements.clear();
+        self.prepare(source, collisions, neighbours, search, paths, metrics);
+        let mut hits = self.detect(collisions, paths, &response);
+        let [mut everywhere] = ranks.sum_of([hits.len() as u64]);
+        if everywhere == 0 {
+            return Resolution::default();
+        }
+        self.displacements.extend(paths.start.iter().zip(&paths.end).map(|(a, b)| b - a));
+        let all = paths.start.len();
+        [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(|marks| marks.resize(all, 0));
+        let is_hard = |collisions: &Collisions<'_>, nodes: u64| {
+            nodes * HARD_SHARE > u64::from(collisions.surface.nodes().all_cloth())
+        };
+        let mut attempts = 0;
+        while everywhere > 0 {
+            attempts += 1;
+            let attempt = collisions.effort.attempt(attempts);
+            if attempt == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(collisions, everywhere) {
+                return Resolution { given_back: true, ..Resolution::default() };
+            }
+            metrics.count("collision_hits", hits.len() as u64);
+            let (surface, gap) = (&*collisions.surface, collisions.gap);
+            let field = Field { nodes: surface.nodes(), start: &paths.start, mobility: surface.mobility(), gap };
+            let touched = response.respond(&field, attempt, hits, &mut self.displacements, metrics);
+            let covers = |node: u32, end: &Vec3| match source {
+                Source::Swept | Source::Renewed => search.covers(node, end),
+                Source::Neighbours => neighbours.covers(node as usize, end, MARGIN),
+            };
+            let covered = self.note_touched(surface.nodes(), &touched, paths, covers);
+            if ranks.any(!covered) {
+                let nodes = surface.nodes();
+                let moved = nodes.own().filter(|&node| self.moved[node] != 0);
+                used = ranks.max(moved.map(|node| neighbours.note_way(node, &paths.end[node])).fold(used, f64::max));
+                neighbours.share_ways(nodes);
+                source = Source::of(used, neighbours).after(source);
+                self.prepare(source, collisions, neighbours, search, paths, metrics);
+            }
+            hits = self.detect(collisions, paths, &response);
+            [everywhere] = ranks.sum_of([hits.len() as u64]);
+        }
+        metrics.count_once(&ranks, "collision_attempts", attempts.into());
+        metrics.count_once(&ranks, "collision_loops", 1);
+        let nodes = collisions.surface.nodes();
+        let [zone_nodes, given_up, stopped] = response.report(nodes, metrics);
+        let moved = nodes.own().filter(|&node| self.moved[node] != 0).map(|node| node as u32).collect();
+        let hard = is_hard(collisions, zone_nodes);
+        Resolution {
+            moved,
+            hard,
+            pinched: given_up > 0,
+            given_back: false,
+            stopped: stopped > 0,
+            stopped_nodes: response.stopped_nodes,
+        }
+    }
+
+    /// Finds the pairs that may meet on these paths, with a little more, so that impulses seldom lead beyond.
+    fn prepare(
+        &mut self,
+        source: Source,
+        collisions: &mut Collisions<'_>,
+        neighbours: &mut Neighbours,
+        search: &mut PairSearch,
+        paths: &mut NodePaths,
+        metrics: &mut Metrics,
+    ) {
+        let (around, surface) = (Around { gap: collisions.gap, margin: MARGIN }, &mut *collisions.surface);
+        let found = &mut self.candidates;
+        let renumber = match source {
+            Source::Neighbours => return neighbours.close_pairs(around.gap, around.margin, found),
+            Source::Swept => {
+                metrics.count_once(surface.ranks(), "swept_searches", 1);
+                search.swept_pairs(surface, neighbours, paths, around, found)
+            }
+            Source::Renewed => {
+                metrics.count_once(surface.ranks(), "swept_renewals", 1);
+                search.renew_swept_pairs(surface, neighbours, paths, around, (&mut self.left, found))
+            }
+        };
+        self.left.fill(0);
+        if let Some(renumber) = renumber.filter(|_| !self.displacements.is_empty()) {
+            let nodes = collisions.surface.nodes();
+            renumber.apply(&mut self.displacements, Vec3::zeros());
+            nodes.refresh(&mut self.displacements);
+            self.left.resize(nodes.count(), 0);
+            for marks in [&mut self.recent, &mut self.moved] {
+                renumber.apply(marks, 0);
+                nodes.refresh(marks);
+            }
+        }
+    }
+
+    /// The candidates that meet, sorted; of these, once nodes have been changed, only those with such a node, which
+    /// have not moved as one body: they are as far apart at the end as at the start.
+    fn detect(&self, collisions: &Collisions<'_>, paths: &NodePaths, response: &Response) -> Vec<Hit> {
+        let concerns =
+            |pair: &Pair| self.recent.is_empty() || pair.nodes.iter().any(|&node| self.recent[node as usize] != 0);
+        let judge = |pair: &Pair| {
+            let (contact, start_distance) =
+                first_contact(pair.kind, &pair.positions(&paths.start), &pair.positions(&paths.end), collisions.gap)?;
+            let hit = collisions.hit(pair, &contact, start_distance);
+            let left_alone = (collisions.ignored)(&hit.pair) || response.leaves_alone(&hit);
+            (!left_alone).then_some(hit)
+        };
+        let chunks = self.candidates.par_chunks(CHUNK);
+        let mut hits: Vec<Hit> =
+            chunks.flat_map_iter(|chunk| chunk.iter().filter(|p| concerns(p)).filter_map(judge)).collect();
+        hits.sort_unstable_by_key(|hit| hit.pair);
+        hits
+    }
+
+    /// Brings the ends of own nodes, and of the copies of such nodes, to their new displacements. Returns whether the
+    /// pairs that were looked for with `covers` still hold.
+    fn note_touched(
+        &mut self,
+        nodes: &ContactNodes,
+        touched: &[u32],
+        paths: &mut NodePaths,
+        covers: impl Fn(u32, &Vec3) -> bool,
+    ) -> bool {
+        self.recent.fill(0);
+        let mut covered = true;
+        for &node in touched {
+            if !covers(node, &self.note(node, paths)) {
+                (covered, self.left[node as usize]) = (false, 1);
+            }
+        }
+        let mut copies = Vec::new();
+        let (recent, displacements) = (&self.recent, &self.displacements);
+        let own = |node: u32| (recent[node as usize] != 0).then(|| words_of(&displacements[node as usize]));
+        nodes.halo().refresh_changed(nodes.ranks(), own, |copy, words: [u64; 3]| copies.push((copy, words)));
+        for (copy, words) in copies {
+            self.displacements[copy] = vector_of(words);
+            self.note(copy as u32, paths);
+        }
+        covered
+    }
+
+    /// Brings the end of a node to its new displacement; returns it.
+    fn note(&mut self, node: u32, paths: &mut NodePaths) -> Vec3 {
+        let node = node as usize;
+        let end = paths.start[node] + self.displacements[node];
+        (paths.end[node], self.recent[node], self.moved[node]) = (end, 1, 1);
+        end
+    }
+}
+
+/// Whether the list of neighbours holds all that can meet where `used` is the longest way of a node, and a little farther.
+pub(crate) fn holds_all(neighbours: &Neighbours, used: f64) -> bool {
+    SLEEPS && used + MARGIN <= neighbours.reach()
+}
+
+/// Where the pairs to look at come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Source {
+    /// The list of neighbours holds all that can meet.
+    Neighbours,
+    /// Nodes have left their reach: the paths themselves are searched.
+    Swept,
+    /// They have been searched, but some nodes have left what was searched.
+    Renewed,
+}
+
+impl Source {
+    fn of(used: f64, neighbours: &Neighbours) -> Self {
+        if holds_all(neighbours, used) { Self::Neighbours } else { Self::Swept }
+    }
+
+    /// This source where the candidates are from `before`.
+    fn after(self, before: Self) -> Self {
+        if self == Self::Neighbours || before == Self::Neighbours { self } else { Self::Renewed }
+    }
+}
+
+impl Collisions<'_> {
+    /// What is to be said of a pair that meets.
+    fn hit(&self, pair: &Pair, contact: &Contact, start_distance: f64) -> Hit {
+        let (nodes, mobility) = (self.surface.nodes(), self.surface.mobility());
+        // A gap opened at once would throw the vertices of a short interval.
+        let slowly = OPENING_RATE * self.duration * self.surface.edge_length()[pair.nodes[0] as usize];
+        Hit {
+            pair: nodes.numbered(pair),
+            moves: pair.nodes.map(|node| mobility[node as usize] != Vec3::zeros()),
+            weights: contact.weights,
+            normal: contact.normal,
+            target: (OPEN_GAP * self.gap - start_distance).clamp(0.0, slowly),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

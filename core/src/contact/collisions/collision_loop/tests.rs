@@ -1,0 +1,128 @@
+use std::sync::Arc;
+
+use super::*;
+use crate::contact::broad_phase::proximity_list::tests::ranks::Heap;
+use crate::contact::testing::on_ranks;
+use crate::geometry::testing::Random;
+use crate::parallel::ranks::Ranks;
+
+/// Counts that have to be the same on any number of ranks.
+const COUNTS: [&str; 12] = [
+    "collision_hits",
+    "collision_attempts",
+    "collision_loops",
+    "swept_searches",
+    "swept_renewals",
+    "zones",
+    "zones_large",
+    "zone_nodes",
+    "zone_sweeps",
+    "zones_rigid",
+    "zone_fallbacks",
+    "pairs_pinched",
+];
+
+/// What became of a heap.
+#[derive(Debug, Clone, PartialEq)]
+struct Outcome {
+    /// Ends of own nodes, as bits, and the scene's numbers of those that were moved.
+    ends: Vec<[u64; 3]>,
+    moved: Vec<u32>,
+    /// Hard, pinched, given back.
+    flags: [bool; 3],
+    counts: [u64; 12],
+}
+
+impl Outcome {
+    fn counted(&self, name: &str) -> u64 {
+        COUNTS.iter().zip(self.counts).filter(|(n, _)| **n == name).map(|(_, count)| count).sum()
+    }
+}
+
+/// Resolves the collisions of a heap that goes so many times the way between its first two times.
+fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], way: f64, may_give_back: bool) -> Outcome {
+    let mut surface = heap.surface(ranks, starts);
+    let nodes = surface.nodes().clone();
+    surface.change_mobility(|mobility| {
+        for node in nodes.own() {
+            match nodes.number(node as u32) {
+                number if number.is_multiple_of(31) => mobility[node] = Vec3::zeros(),
+                number if number.is_multiple_of(23) => mobility[node].y = 0.0,
+                _ => {}
+            }
+        }
+    });
+    let (mut search, mut neighbours) = (PairSearch::new(), Neighbours::new(&surface, false));
+    let mut start = heap.at(&surface, 0);
+    neighbours.rebuild(&mut surface, &mut search, &mut start, 0.3, 1e-6);
+    let end = start.iter().zip(heap.at(&surface, 1)).map(|(a, b)| a + (b - a) * way).collect();
+    let mut paths = NodePaths { start, end };
+    let used = neighbours.note_ways(&surface, &paths.start, &paths.end);
+    let ignored = |pair: &Pair| pair.nodes[0].is_multiple_of(97);
+    let mut collisions = Collisions {
+        surface: &mut surface,
+        gap: 1e-6,
+        duration: 0.1,
+        ignored: &ignored,
+        may_give_back,
+        effort: Effort::Usual,
+    };
+    let mut metrics = Metrics::default();
+    let mut work = CollisionLoop::default();
+    let resolution = work.resolve(&mut collisions, &mut neighbours, &mut search, &mut paths, used, &mut metrics);
+    let nodes = surface.nodes();
+    let mut refreshed = paths.end.clone();
+    nodes.refresh(&mut refreshed);
+    assert_eq!(refreshed, paths.end, "copies end where their owners do");
+    Outcome {
+        ends: nodes.own().map(|node| paths.end[node]).map(|x| [x.x, x.y, x.z].map(f64::to_bits)).collect(),
+        moved: resolution.moved.iter().map(|node| nodes.number(*node)).collect(),
+        flags: [resolution.hard, resolution.pinched, resolution.given_back],
+        counts: ranks.sum_of(COUNTS.map(|name| metrics.counted(name))),
+    }
+}
+
+/// The outcome on one rank, which is checked to be that on several.
+fn check(random: &mut Random, mixed: bool, way: f64, may_give_back: bool) -> Outcome {
+    let heap = Arc::new(Heap::random(random, mixed));
+    let alone = resolve(&heap, &Ranks::default(), &heap.cut(random, 1), way, may_give_back);
+    for count in [2, 3, 5] {
+        let (heap, starts) = (heap.clone(), heap.cut(random, count));
+        let found = on_ranks(count, move |ranks| resolve(&heap, &ranks, &starts, way, may_give_back));
+        for rank in &found {
+            assert_eq!((rank.flags, rank.counts), (alone.flags, alone.counts), "{count} ranks");
+        }
+        let moved: Vec<u32> = found.iter().flat_map(|rank| &rank.moved).copied().collect();
+        assert_eq!(moved, alone.moved, "{count} ranks");
+        let ends: Vec<[u64; 3]> = found.iter().flat_map(|rank| &rank.ends).copied().collect();
+        assert!(ends == alone.ends, "{count} ranks");
+    }
+    alone
+}
+
+#[test]
+fn impulses_and_small_zones_give_the_same_bits_on_any_number_of_ranks() {
+    let mut random = Random(51);
+    for mixed in [false, true] {
+        let outcome = check(&mut random, mixed, 5.0, false);
+        assert!(outcome.counted("collision_hits") > 100 && outcome.counted("zones") > 0, "{:?}", outcome.counts);
+        assert!(outcome.counted("swept_renewals") > 1, "ghosts come and go meanwhile");
+    }
+}
+
+#[test]
+fn large_zones_that_let_go_and_turn_give_the_same_bits_on_any_number_of_ranks() {
+    let mut random = Random(52);
+    for mixed in [false, true] {
+        let outcome = check(&mut random, mixed, 25.0, false);
+        assert!(["zones_large", "zones_rigid", "pairs_pinched"].iter().all(|name| outcome.counted(name) > 0));
+        assert_eq!(outcome.flags, [true, true, false]);
+    }
+}
+
+#[test]
+fn any_number_of_ranks_gives_back_what_is_hard() {
+    let mut random = Random(53);
+    let outcome = check(&mut random, false, 25.0, true);
+    assert!(outcome.flags[2]);
+}

@@ -1,0 +1,275 @@
+//! Impact zones as they grow during one loop of collisions: which pairs belong together, and what each zone does.
+//!
+//! A zone is all pairs that hang together by nodes that can move: what is prescribed is in many zones and joins none.
+//! Zones only grow, each is solved by itself, and all numbers of nodes are those of the scene, so that it does not
+//! matter which rank keeps it.
+
+use std::collections::BTreeMap;
+
+use crate::Vec3;
+use crate::contact::collisions::impulse::Constraint;
+use crate::contact::collisions::union_find::Sets;
+use crate::contact::collisions::zone_solvers;
+use crate::contact::collisions::zone_solvers::ZoneNode;
+use crate::contact::topology::pair::Pair;
+use crate::metrics::Metrics;
+
+/// Sizes of zones that are counted apart, in nodes.
+const LARGE_ZONE: usize = 100;
+
+/// A pair that meets on the way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Hit {
+    /// The pair, by the scene's numbers of its nodes.
+    pub pair: Pair,
+    /// Which of its nodes can move.
+    pub moves: [bool; 4],
+    /// Weights of the nodes in the relative displacement.
+    pub weights: [f64; 4],
+    /// Direction in which it separates.
+    pub normal: Vec3,
+    /// Relative displacement along the normal that it needs [m].
+    pub target: f64,
+}
+
+impl Hit {
+    /// Its nodes that can move.
+    pub(crate) fn moving(&self) -> impl Iterator<Item = u32> {
+        self.pair.nodes.into_iter().zip(self.moves).filter(|(_, moves)| *moves).map(|(node, _)| node)
+    }
+
+    /// Whether one of its nodes is prescribed.
+    pub(crate) fn has_prescribed(&self) -> bool {
+        self.moves.contains(&false)
+    }
+
+    /// What holds between the nodes, given by other numbers.
+    pub(crate) fn constraint(&self, nodes: [u32; 4]) -> Constraint {
+        Constraint { nodes, weights: self.weights, normal: self.normal }
+    }
+}
+
+/// How a node moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Motion {
+    /// Position at the collision-free state [m].
+    pub start: Vec3,
+    /// Displacement since then [m].
+    pub displacement: Vec3,
+    /// Inverse mass per axis [1/kg]; zero for what is prescribed.
+    pub mobility: Vec3,
+}
+
+/// What a zone does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Action {
+    /// Everything may slide, but nothing approach.
+    Inelastic,
+    /// It moves as one body.
+    Rigid,
+    /// It stays where it was.
+    Stop,
+}
+
+/// What came out of it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Solved {
+    /// Displacement of each member [m].
+    pub displacements: Vec<Vec3>,
+    /// Passes over the pairs.
+    pub passes: u64,
+    /// Whether the pairs contradict each other, as between bodies that close: impulses then grow without end. Such a
+    /// zone stays as it was and lets go of what is prescribed, or needs to be made rigid if nothing is.
+    pub contradicts: bool,
+}
+
+/// Pairs that hang together.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Zone {
+    /// Nodes that can move of all pairs it ever had, ascending; the first stands for it.
+    pub nodes: Vec<u32>,
+    /// Its pairs, each with the attempt in which it met; ascending by attempt and pair.
+    pub hits: Vec<(u32, Hit)>,
+    /// The nodes that last moved as one body, ascending; none if they did not.
+    pub rigid: Vec<u32>,
+    /// Whether it has let go of what is prescribed, because its pairs contradicted each other.
+    pub has_let_go: bool,
+    /// Whether its pairs contradict each other though nothing in them is prescribed.
+    pub contradicts: bool,
+}
+
+impl Zone {
+    /// Nodes of its pairs, ascending.
+    pub(crate) fn members(&self) -> Vec<u32> {
+        let mut members: Vec<u32> = self.hits.iter().flat_map(|(_, hit)| hit.pair.nodes).collect();
+        members.sort_unstable();
+        members.dedup();
+        members
+    }
+
+    /// What the action does to the members, which move like this.
+    pub(crate) fn solve(&self, action: Action, members: &[u32], motions: &[Motion]) -> Solved {
+        let mut displacements: Vec<Vec3> = motions.iter().map(|motion| motion.displacement).collect();
+        let (mut passes, mut contradicts) = (0, false);
+        match action {
+            Action::Inelastic => {
+                let place = |node: u32| members.partition_point(|member| *member < node) as u32;
+                let constraints: Vec<_> =
+                    self.hits.iter().map(|(_, hit)| hit.constraint(hit.pair.nodes.map(place))).collect();
+                let targets: Vec<f64> = self.hits.iter().map(|(_, hit)| hit.target).collect();
+                let mobility: Vec<Vec3> = motions.iter().map(|motion| motion.mobility).collect();
+                let outcome = zone_solvers::inelastic(&constraints, &targets, &mobility, &mut displacements);
+                passes = outcome.iterations as u64;
+                if !outcome.converged {
+                    contradicts = true;
+                    displacements = motions.iter().map(|motion| motion.displacement).collect();
+                }
+            }
+            Action::Rigid => {
+                let node = |&Motion { start, displacement, mobility }: &Motion| ZoneNode {
+                    start,
+                    end: start + displacement,
+                    mobility,
+                };
+                let mut nodes: Vec<ZoneNode> = motions.iter().map(node).collect();
+                zone_solvers::rigid(&mut nodes);
+                displacements = nodes.iter().map(|node| node.end - node.start).collect();
+            }
+            Action::Stop => {
+                for (displacement, motion) in displacements.iter_mut().zip(motions) {
+                    displacement.component_mul_assign(&motion.mobility.map(|w| f64::from(w == 0.0)));
+                }
+            }
+        }
+        Solved { displacements, passes, contradicts }
+    }
+
+    /// Notes what came out of an action.
+    pub(crate) fn note(&mut self, action: Action, contradicts: bool) {
+        self.rigid = if action == Action::Rigid { self.members() } else { Vec::new() };
+        if contradicts {
+            let before = self.hits.len();
+            self.hits.retain(|(_, hit)| !hit.has_prescribed());
+            let lets_go = self.hits.len() < before;
+            self.has_let_go |= lets_go;
+            self.contradicts |= !lets_go;
+        }
+    }
+
+    fn join(&mut self, other: Self) {
+        if self.nodes.is_empty() {
+            *self = other;
+            return;
+        }
+        self.nodes.extend(other.nodes);
+        self.hits.extend(other.hits);
+        self.rigid.clear();
+        self.has_let_go |= other.has_let_go;
+        self.contradicts |= other.contradicts;
+    }
+}
+
+/// Zones that share no node that can move.
+#[derive(Debug, Default)]
+pub(crate) struct Zones {
+    /// In the order of their first nodes.
+    zones: Vec<Zone>,
+    /// Nodes that can move, ascending, each with the place of its zone.
+    places: Vec<(u32, u32)>,
+}
+
+impl Zones {
+    /// The zones, in the order of their first nodes.
+    pub(crate) fn zones(&self) -> &[Zone] {
+        &self.zones
+    }
+
+    /// One of them.
+    pub(crate) fn zone_mut(&mut self, place: usize) -> &mut Zone {
+        &mut self.zones[place]
+    }
+
+    /// The zone that a node which can move belongs to.
+    pub(crate) fn of(&self, node: u32) -> Option<&Zone> {
+        let found = self.places.binary_search_by_key(&node, |(node, _)| *node).ok()?;
+        Some(&self.zones[self.places[found].1 as usize])
+    }
+
+    /// Whether a zone that the hit touches has let go of what is prescribed.
+    pub(crate) fn have_let_go(&self, hit: &Hit) -> bool {
+        hit.moving().any(|node| self.of(node).is_some_and(|zone| zone.has_let_go))
+    }
+
+    /// Whether the nodes of a hit have moved as one body: they are as far apart at the end as at the start.
+    pub(crate) fn are_rigid(&self, hit: &Hit) -> bool {
+        let zone = hit.moving().next().and_then(|node| self.of(node));
+        zone.is_some_and(|zone| hit.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))
+    }
+
+    /// Adds zones, and pairs that have met in an attempt; what hangs together becomes one. Returns the places of the
+    /// zones that have got one of these pairs.
+    pub(crate) fn add(&mut self, others: Vec<Zone>, attempt: u32, hits: &[Hit]) -> Vec<usize> {
+        if others.is_empty() && hits.is_empty() {
+            return Vec::new();
+        }
+        let before: Vec<Zone> = std::mem::take(&mut self.zones).into_iter().chain(others).collect();
+        let mut sets = Sets::default();
+        before.iter().for_each(|zone| sets.push(zone.nodes.iter().copied()));
+        hits.iter().for_each(|hit| sets.push(hit.moving()));
+        let smallest = sets.smallest();
+        let (of_zones, of_hits) = smallest.split_at(before.len());
+        let mut joined: BTreeMap<u32, (Zone, bool)> = BTreeMap::new();
+        for (zone, first) in before.into_iter().zip(of_zones) {
+            joined.entry(*first).or_default().0.join(zone);
+        }
+        for (hit, first) in hits.iter().zip(of_hits) {
+            let (zone, is_hit) = joined.entry(*first).or_default();
+            zone.nodes.extend(hit.moving());
+            zone.hits.push((attempt, *hit));
+            *is_hit = true;
+        }
+        let mut active = Vec::new();
+        for (place, (mut zone, is_hit)) in joined.into_values().enumerate() {
+            zone.nodes.sort_unstable();
+            zone.nodes.dedup();
+            zone.hits.sort_unstable_by_key(|(attempt, hit)| (*attempt, hit.pair));
+            self.zones.push(zone);
+            active.extend(is_hit.then_some(place));
+        }
+        self.note_places();
+        active
+    }
+
+    /// Takes out zones, by their places, which ascend.
+    pub(crate) fn take(&mut self, places: &[usize]) -> Vec<Zone> {
+        if places.is_empty() {
+            return Vec::new();
+        }
+        let all = std::mem::take(&mut self.zones).into_iter().enumerate();
+        let (taken, kept): (Vec<_>, Vec<_>) = all.partition(|(place, _)| places.binary_search(place).is_ok());
+        self.zones = kept.into_iter().map(|(_, zone)| zone).collect();
+        self.note_places();
+        taken.into_iter().map(|(_, zone)| zone).collect()
+    }
+
+    fn note_places(&mut self) {
+        self.places.clear();
+        for (zone, place) in self.zones.iter().zip(0..) {
+            self.places.extend(zone.nodes.iter().map(|node| (*node, place)));
+        }
+        self.places.sort_unstable();
+    }
+
+    /// Nodes of all zones.
+    pub(crate) fn node_count(&self) -> u64 {
+        self.zones.iter().map(|zone| zone.members().len() as u64).sum()
+    }
+
+    /// Counts what there was.
+    pub(crate) fn report(&self, metrics: &mut Metrics) {
+        let sizes: Vec<usize> = self.zones.iter().map(|zone| zone.members().len()).filter(|size| *size > 0).collect();
+        metrics.count("zones", sizes.len() as u64);
+        metrics.count("zones_large", sizes.iter().filter(|size| **size > LARGE_ZONE).count() as u64);
+        metrics.count("zone_nodes", sizes.iter().map(|size| *size as u64).sum());
+    }
+}

@@ -1,0 +1,418 @@
+//! Who answers the pairs that meet, and how: with impulses first, then in impact zones.
+//!
+//! Pairs that hang together by nodes that can move are answered together, in the order of their nodes; others do not
+//! concern them. Where all of that belongs to one rank it is *closed* and stays there. The rest is *open*: all ranks
+//! are told of it, the rank of its smallest node answers, and tells the others. An open zone stays open.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::collisions::first_contact::first_contact;
+use crate::contact::collisions::impact_zones::{Action, Hit, Motion, Solved, Zone, Zones};
+use crate::contact::collisions::impulse::{change_normal_velocity, normal_velocity, response};
+use crate::contact::collisions::packing::{Packed, Unpacked};
+use crate::contact::collisions::union_find::Sets;
+use crate::contact::topology::nodes::ContactNodes;
+use crate::contact::topology::pair::Pair;
+use crate::metrics::Metrics;
+use crate::parallel::communicator::{Expected, Message};
+use crate::parallel::wire;
+
+/// Attempts with impulses alone. The authors make three, and ten or twenty in older scenes
+/// (`docs/theory/self_contact.md#impact-zones`): most of what three leave are a handful of pairs that a few more end.
+pub(super) const IMPULSE_ATTEMPTS: u32 = 6;
+
+/// Attempts with inelastic zones; then pairs with a prescribed node are given up, and as many attempts follow.
+const INELASTIC_ATTEMPTS: u32 = 12;
+
+/// Attempts after which zones are rigid.
+const RIGID_FROM: u32 = IMPULSE_ATTEMPTS + 2 * INELASTIC_ATTEMPTS;
+
+/// Attempts with rigid zones, before their nodes stay where they were (`docs/theory/self_contact.md#impact-zones`).
+const RIGID_ATTEMPTS: u32 = 8;
+
+/// Attempts after which what still meets is left alone: the loop ends also where a vertex that is held in some
+/// directions is driven through something.
+const LAST_ATTEMPT: u32 = RIGID_FROM + 2 * RIGID_ATTEMPTS + 50;
+
+/// Where the nodes of this rank are, and how they can move.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Field<'a> {
+    pub(super) nodes: &'a ContactNodes,
+    /// Positions at the collision-free state [m].
+    pub(super) start: &'a [Vec3],
+    /// Inverse masses per axis [1/kg]; zero for what is prescribed.
+    pub(super) mobility: &'a [Vec3],
+    /// Distance that everything keeps [m].
+    pub(super) gap: f64,
+}
+
+impl Field<'_> {
+    /// The local number of a node of a pair that is known here.
+    fn local(&self, number: u32) -> u32 {
+        self.nodes.local(number).expect("the nodes of pairs at home here are known here")
+    }
+
+    fn motion(&self, number: u32, displacements: &[Vec3]) -> Motion {
+        let node = self.local(number) as usize;
+        Motion { start: self.start[node], displacement: displacements[node], mobility: self.mobility[node] }
+    }
+}
+
+/// What was given up, and the zones so far, of one loop of collisions.
+#[derive(Debug, Default)]
+pub(super) struct Response {
+    /// Pairs at home here that are left alone, ascending.
+    given_up: Vec<Pair>,
+    /// Zones of this rank alone.
+    closed: Zones,
+    /// Zones that all ranks keep, alike.
+    open: Zones,
+    /// How the nodes of open pairs and zones move, by their numbers in the scene; alike on all ranks.
+    told: BTreeMap<u32, Motion>,
+    /// How often zones were made rigid, or stopped, here.
+    rigid: u64,
+    stopped: u64,
+    /// Nodes of stopped zones that were solved here.
+    pub(super) stopped_nodes: Vec<u32>,
+}
+
+impl Response {
+    /// Whether a pair at home here is left alone: because it was given up, or because its nodes moved as one body.
+    pub(super) fn leaves_alone(&self, hit: &Hit) -> bool {
+        self.given_up.binary_search(&hit.pair).is_ok() || self.closed.are_rigid(hit) || self.open.are_rigid(hit)
+    }
+
+    /// Changes the displacements of own nodes so that the hits, sorted, go away, more firmly with every attempt;
+    /// returns the nodes that may have changed, ascending. All ranks call it together.
+    pub(super) fn respond(
+        &mut self,
+        field: &Field<'_>,
+        attempt: u32,
+        hits: Vec<Hit>,
+        displacements: &mut [Vec3],
+        metrics: &mut Metrics,
+    ) -> Vec<u32> {
+        let hits = self.without_hopeless(field, attempt, hits);
+        let (own, shared, opened) = self.share(field, hits, displacements);
+        let mut touched = Vec::new();
+        if attempt <= IMPULSE_ATTEMPTS {
+            for hit in own {
+                let places = hit.pair.nodes.map(|number| field.local(number));
+                if impulse(&hit, places, field.gap, [field.start, field.mobility], displacements) {
+                    touched.extend(hit.moving().map(|number| field.local(number)));
+                }
+            }
+            self.shared_impulses(field, &shared, displacements, &mut touched);
+        } else {
+            self.open.add(opened, attempt, &[]);
+            let (own, shared) = self.without_released(field.nodes, own, shared);
+            let active = [self.closed.add(Vec::new(), attempt, &own), self.open.add(Vec::new(), attempt, &shared)];
+            self.zones(field, attempt, &active, displacements, &mut touched, metrics);
+        }
+        touched.sort_unstable();
+        touched.dedup();
+        touched
+    }
+
+    /// Counts what there was; returns the nodes of zones, the pairs given up, and how often zones were stopped, on all ranks.
+    pub(super) fn report(&self, nodes: &ContactNodes, metrics: &mut Metrics) -> [u64; 3] {
+        let ranks = nodes.ranks();
+        self.closed.report(metrics);
+        if ranks.is_first() {
+            self.open.report(metrics);
+        }
+        metrics.count("zones_rigid", self.rigid);
+        metrics.count("zone_fallbacks", self.stopped);
+        metrics.count("pairs_pinched", self.given_up.len() as u64);
+        let zone_nodes = self.closed.node_count() + if ranks.is_first() { self.open.node_count() } else { 0 };
+        ranks.sum_of([zone_nodes, self.given_up.len() as u64, self.stopped])
+    }
+
+    /// Gives up what cannot be helped: pairs that no impulse can change, and, when zones have failed, pairs with a
+    /// prescribed node.
+    fn without_hopeless(&mut self, field: &Field<'_>, attempt: u32, hits: Vec<Hit>) -> Vec<Hit> {
+        let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
+        let is_hopeless = |hit: &Hit| {
+            let constraint = hit.constraint(hit.pair.nodes.map(|number| field.local(number)));
+            response(&constraint, field.mobility) == 0.0
+        };
+        let give_up = |hit: &Hit| attempt > LAST_ATTEMPT || (last_chance && hit.has_prescribed()) || is_hopeless(hit);
+        let (given_up, kept): (Vec<_>, Vec<_>) = hits.into_iter().partition(give_up);
+        self.give_up(given_up);
+        kept
+    }
+
+    /// Gives up pairs with a prescribed node that touch a zone which has let go of these.
+    fn without_released(&mut self, nodes: &ContactNodes, own: Vec<Hit>, shared: Vec<Hit>) -> (Vec<Hit>, Vec<Hit>) {
+        let (closed, open) = (&self.closed, &self.open);
+        let let_go = |zones: &Zones, hit: &Hit| hit.has_prescribed() && zones.have_let_go(hit);
+        let (mut given_up, own): (Vec<_>, Vec<_>) = own.into_iter().partition(|hit| let_go(closed, hit));
+        let (of_all, shared): (Vec<_>, Vec<_>) = shared.into_iter().partition(|hit| let_go(open, hit));
+        let is_home = |hit: &Hit| hit.pair.nodes.into_iter().min().is_some_and(|number| nodes.owns(number));
+        given_up.extend(of_all.into_iter().filter(is_home));
+        self.give_up(given_up);
+        (own, shared)
+    }
+
+    fn give_up(&mut self, hits: Vec<Hit>) {
+        if !hits.is_empty() {
+            self.given_up.extend(hits.iter().map(|hit| hit.pair));
+            self.given_up.sort_unstable();
+        }
+    }
+
+    /// Tells all ranks of open hits and of zones that they open. Returns the hits that stay here, those of all ranks
+    /// that are open, in order, and the zones that are open now.
+    fn share(&mut self, field: &Field<'_>, hits: Vec<Hit>, displacements: &[Vec3]) -> (Vec<Hit>, Vec<Hit>, Vec<Zone>) {
+        let nodes = field.nodes;
+        if nodes.ranks().is_alone() {
+            return (hits, Vec::new(), Vec::new());
+        }
+        let (own, mut shared, mut zones) = self.split(nodes, hits);
+        let mut packed = Packed::default();
+        if !shared.is_empty() || !zones.is_empty() {
+            let motion = |number: u32| field.motion(number, displacements);
+            packed.list(&shared, |packed, hit| packed.shared_hit(hit, motion));
+            packed.list(&zones, |packed, zone| packed.zone(zone, motion));
+        }
+        shared.clear();
+        zones.clear();
+        for words in nodes.ranks().all_gather_each(packed.words()).iter().filter(|words| !words.is_empty()) {
+            let mut unpacked = Unpacked::new(words);
+            shared.extend(unpacked.list(|unpacked| unpacked.shared_hit(&mut self.told)));
+            zones.extend(unpacked.list(|unpacked| unpacked.zone(&mut self.told)));
+        }
+        shared.sort_unstable_by_key(|hit| hit.pair);
+        (own, shared, zones)
+    }
+
+    /// Splits the hits into those that concern nobody else and the others, and takes out the zones of this rank that
+    /// others are concerned with from now on.
+    fn split(&mut self, nodes: &ContactNodes, hits: Vec<Hit>) -> (Vec<Hit>, Vec<Hit>, Vec<Zone>) {
+        let named = named_by_others(nodes, &hits);
+        let is_open = |number: &u32| {
+            !nodes.owns(*number) || named.binary_search(number).is_ok() || self.open.of(*number).is_some()
+        };
+        let mut sets = Sets::default();
+        let mut open_seeds = Vec::new();
+        let mut push = |of: &mut dyn Iterator<Item = u32>| {
+            let of: Vec<u32> = of.collect();
+            open_seeds.push(of.iter().any(is_open));
+            sets.push(of);
+        };
+        hits.iter().for_each(|hit| push(&mut hit.moving()));
+        self.closed.zones().iter().for_each(|zone| push(&mut zone.nodes.iter().copied()));
+        let smallest = sets.smallest();
+        let mut open: Vec<u32> = smallest.iter().zip(open_seeds).filter(|(_, open)| *open).map(|(s, _)| *s).collect();
+        open.sort_unstable();
+        open.dedup();
+        let mut is_open = smallest.iter().map(|smallest| open.binary_search(smallest).is_ok());
+        let (mut own, mut shared) = (Vec::new(), Vec::new());
+        for (hit, is_open) in hits.into_iter().zip(&mut is_open) {
+            if is_open { &mut shared } else { &mut own }.push(hit);
+        }
+        let places: Vec<usize> = is_open.enumerate().filter(|(_, is_open)| *is_open).map(|(place, _)| place).collect();
+        (own, shared, self.closed.take(&places))
+    }
+
+    /// One Gauss-Seidel pass over the open hits, each by the rank of the smallest node that it hangs together with.
+    fn shared_impulses(
+        &mut self,
+        field: &Field<'_>,
+        shared: &[Hit],
+        displacements: &mut [Vec3],
+        touched: &mut Vec<u32>,
+    ) {
+        if shared.is_empty() {
+            return;
+        }
+        let nodes = field.nodes;
+        let mut sets = Sets::default();
+        shared.iter().for_each(|hit| sets.push(hit.moving()));
+        let numbers: Vec<u32> = self.told.keys().copied().collect();
+        let start: Vec<Vec3> = self.told.values().map(|motion| motion.start).collect();
+        let mobility: Vec<Vec3> = self.told.values().map(|motion| motion.mobility).collect();
+        let mut moved: Vec<Vec3> = self.told.values().map(|motion| motion.displacement).collect();
+        let mut changed = Vec::new();
+        for (hit, _) in shared.iter().zip(sets.smallest()).filter(|(_, smallest)| nodes.owns(*smallest)) {
+            let place = |number: u32| numbers.partition_point(|n| *n < number) as u32;
+            if impulse(hit, hit.pair.nodes.map(place), field.gap, [&start, &mobility], &mut moved) {
+                changed.extend(hit.moving().map(place));
+            }
+        }
+        changed.sort_unstable();
+        changed.dedup();
+        let mut packed = Packed::default();
+        for place in changed {
+            packed.number(numbers[place as usize]);
+            packed.vector(&moved[place as usize]);
+        }
+        for words in nodes.ranks().all_gather_each(packed.words()) {
+            let mut unpacked = Unpacked::new(&words);
+            while !unpacked.is_empty() {
+                let (number, displacement) = (unpacked.node(), unpacked.vector());
+                if nodes.owns(number) {
+                    displacements[field.local(number) as usize] = displacement;
+                    touched.push(field.local(number));
+                }
+            }
+        }
+    }
+
+    /// Solves the closed and the open zones at these places, each by itself.
+    fn zones(
+        &mut self,
+        field: &Field<'_>,
+        attempt: u32,
+        [closed, open]: &[Vec<usize>; 2],
+        displacements: &mut [Vec3],
+        touched: &mut Vec<u32>,
+        metrics: &mut Metrics,
+    ) {
+        let mut tasks: Vec<Task<'_>> = Vec::new();
+        for &place in closed {
+            let zone = &self.closed.zones()[place];
+            tasks.push(Task::new(zone, attempt, place, |number| field.motion(number, displacements)));
+        }
+        for &place in open.iter().filter(|place| field.nodes.owns(self.open.zones()[**place].nodes[0])) {
+            let motion = |number: u32| self.told[&number];
+            tasks.push(Task::new(&self.open.zones()[place], attempt, place, motion));
+        }
+        let mut solved: Vec<Answer> = tasks.par_iter().map(Task::solve).collect();
+        metrics.count("zone_sweeps", solved.iter().map(|answer| answer.solved.passes).sum());
+        self.rigid += solved.iter().filter(|answer| answer.action == Action::Rigid).count() as u64;
+        for answer in solved.iter().filter(|answer| answer.action == Action::Stop) {
+            self.stopped += 1;
+            self.stopped_nodes.extend(&answer.members);
+        }
+        let shared = solved.split_off(closed.len());
+        for answer in solved {
+            answer.apply(field, displacements, touched);
+            self.closed.zone_mut(answer.place).note(answer.action, answer.solved.contradicts);
+        }
+        if open.is_empty() {
+            return;
+        }
+        let mut packed = Packed::default();
+        shared.iter().for_each(|answer| packed.answer(answer));
+        for words in field.nodes.ranks().all_gather_each(packed.words()) {
+            let mut unpacked = Unpacked::new(&words);
+            while !unpacked.is_empty() {
+                let answer = unpacked.answer(|place| Task::members(&self.open.zones()[place], attempt));
+                for (number, displacement) in answer.moved() {
+                    self.told.entry(number).and_modify(|motion| motion.displacement = *displacement);
+                }
+                answer.apply(field, displacements, touched);
+                self.open.zone_mut(answer.place).note(answer.action, answer.solved.contradicts);
+            }
+        }
+    }
+}
+
+/// A zone to be solved.
+struct Task<'a> {
+    zone: &'a Zone,
+    place: usize,
+    action: Action,
+    members: Vec<u32>,
+    motions: Vec<Motion>,
+}
+
+impl<'a> Task<'a> {
+    fn new(zone: &'a Zone, attempt: u32, place: usize, motion: impl Fn(u32) -> Motion) -> Self {
+        let (action, members) = Task::members(zone, attempt);
+        let motions = members.iter().map(|number| motion(*number)).collect();
+        Self { zone, place, action, members, motions }
+    }
+
+    /// What a zone does in an attempt, and its members.
+    fn members(zone: &Zone, attempt: u32) -> (Action, Vec<u32>) {
+        let action = match attempt {
+            ..=RIGID_FROM if !zone.contradicts => Action::Inelastic,
+            attempt if attempt <= RIGID_FROM + RIGID_ATTEMPTS => Action::Rigid,
+            _ => Action::Stop,
+        };
+        (action, zone.members())
+    }
+
+    fn solve(&self) -> Answer {
+        let solved = self.zone.solve(self.action, &self.members, &self.motions);
+        let moves = self.motions.iter().map(|motion| motion.mobility != Vec3::zeros()).collect();
+        Answer { place: self.place, action: self.action, members: self.members.clone(), moves, solved }
+    }
+}
+
+/// What came out of solving the zone at a place.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Answer {
+    pub(super) place: usize,
+    pub(super) action: Action,
+    pub(super) members: Vec<u32>,
+    /// Which members can move.
+    pub(super) moves: Vec<bool>,
+    pub(super) solved: Solved,
+}
+
+impl Answer {
+    /// The members that can move, and their displacements.
+    fn moved(&self) -> impl Iterator<Item = (u32, &Vec3)> {
+        let members = self.members.iter().zip(&self.moves).zip(&self.solved.displacements);
+        members.filter(|((_, moves), _)| **moves).map(|((number, _), displacement)| (*number, displacement))
+    }
+
+    /// Moves the own nodes among the members.
+    fn apply(&self, field: &Field<'_>, displacements: &mut [Vec3], touched: &mut Vec<u32>) {
+        for (number, displacement) in self.moved().filter(|(number, _)| field.nodes.owns(*number)) {
+            displacements[field.local(number) as usize] = *displacement;
+            touched.push(field.local(number));
+        }
+    }
+}
+
+/// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it
+/// does. What meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the
+/// arrays.
+fn impulse(hit: &Hit, places: [u32; 4], gap: f64, [start, mobility]: [&[Vec3]; 2], displacements: &mut [Vec3]) -> bool {
+    let start = places.map(|place| start[place as usize]);
+    let end = [0, 1, 2, 3].map(|q| start[q] + displacements[places[q] as usize]);
+    let Some((contact, _)) = first_contact(hit.pair.kind, &start, &end, gap) else { return false };
+    let hit = Hit { weights: contact.weights, normal: contact.normal, ..*hit };
+    let constraint = hit.constraint(places);
+    let change = hit.target - normal_velocity(&constraint, displacements);
+    if change > 0.0 {
+        change_normal_velocity(&constraint, mobility, displacements, change);
+    }
+    true
+}
+
+/// Own nodes that hits of other ranks name, by their numbers in the scene, ascending.
+fn named_by_others(nodes: &ContactNodes, hits: &[Hit]) -> Vec<u32> {
+    let halo = nodes.halo();
+    let ghosts = hits.iter().flat_map(Hit::moving).filter(|number| !nodes.owns(*number));
+    let mut ghosts: Vec<u32> = ghosts.filter_map(|number| nodes.local(number)).collect();
+    ghosts.sort_unstable();
+    ghosts.dedup();
+    let message = |(to, range): &(usize, std::ops::Range<usize>)| {
+        let place = |end: usize| ghosts.partition_point(|ghost| (*ghost as usize) < end);
+        let named = &ghosts[place(range.start)..place(range.end)];
+        let places: Vec<u32> = named.iter().map(|ghost| ghost - range.start as u32).collect();
+        Message { to: *to, bytes: bytemuck::cast_slice(&places).to_vec() }
+    };
+    let messages = halo.receives().iter().map(message).collect();
+    let expected: Vec<Expected> = halo.sends().iter().map(|(from, _)| Expected { from: *from, length: None }).collect();
+    let answers = nodes.ranks().start(messages, &expected).finish();
+    let mut named = Vec::new();
+    for ((_, list), bytes) in halo.sends().iter().zip(answers) {
+        let places: Vec<u32> = wire::values(nodes.ranks(), "nodes of hits", &bytes);
+        named.extend(places.iter().map(|place| nodes.number(list[*place as usize])));
+    }
+    named.sort_unstable();
+    named.dedup();
+    named
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,429 @@
+//! Colours of pairs, alike on any number of ranks: greedily in an order that looks random, so that what waits for what
+//! does not reach far, and that follows from the scene's numbers of the nodes alone.
+//!
+//! A pair takes the first colour that none before it has taken at one of its nodes. Pairs with nodes in several logical
+//! parts come before those within one, which no other rank has to wait for. 128 colours are a *page*; pairs that find none
+//! of them free wait for the next page, where all are free again.
+//!
+//! Each rank colours all pairs it *holds*, those with a node of its own. It knows all pairs of its own nodes, so a pair
+//! of these alone can be decided when all before it are. For the others ranks tell each other in rounds, for every node
+//! that somebody else has a copy of, the first pair there that is undecided and the colours taken (M. Jones, P.
+//! Plassmann, "A parallel graph coloring heuristic", SIAM Journal on Scientific Computing 14, 1993): a pair that is the
+//! first at all its nodes is decided by all its holders in the same round, with the same result.
+
+pub(crate) mod order;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+
+use crate::contact::topology::nodes::ContactNodes;
+
+/// The colour of pairs that have none.
+pub(crate) const NO_COLOUR: u32 = u32::MAX;
+
+/// Colours of a page: bits of a mask.
+const PAGE: u32 = u128::BITS;
+
+/// Classes of the order: pairs go class by class, those of a class by their nodes. So many that few pairs of one node
+/// are in one class, and so few that neighbours in memory are still met one soon after the other. First those of pairs
+/// between parts, then those of pairs within a part.
+const CLASSES: usize = 2 * WITHIN;
+
+/// Number of the first class of pairs within a part.
+const WITHIN: usize = 256;
+
+/// Rounds after which ranks look for pairs that will find no colour of a page free: few enough that a page does not take a
+/// round for each of them, and more than there are where contacts are few.
+const ROUNDS_UNTIL_FULL: usize = 16;
+
+/// A pair by the scene's numbers of its nodes; [`NOBODY`] for none.
+type Key = [u32; 4];
+
+const NOBODY: Key = [u32::MAX; 4];
+
+/// The colour of each of `count` pairs, ascending by their nodes, and the number of colours, the same on all ranks.
+/// Pairs with a point of a body have [`NO_COLOUR`]: nothing acts on them in the order of colours. All ranks call it
+/// together.
+pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
+    let (order, between) = order(count, nodes, &nodes_of);
+    let (mut colours, mut taken) = (vec![NO_COLOUR; count], Taken::new(nodes.cloth()));
+    let alone = nodes.ranks().is_alone() || cfg!(feature = "rank-order");
+    let decided = if alone { 0 } else { between };
+    if !alone {
+        colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut taken);
+    }
+    // What is within a part is of one rank, and all before it is decided.
+    for &pair in &order[decided..] {
+        let of = nodes_of(pair as usize);
+        colours[pair as usize] = taken.first_free(&of);
+        taken.take(&of, colours[pair as usize]);
+    }
+    let highest = colours.iter().filter(|colour| **colour != NO_COLOUR).max();
+    let number = nodes.ranks().max(highest.map_or(0.0, |colour| f64::from(*colour) + 1.0));
+    (colours, number as usize)
+}
+
+/// Colours the pairs of `order`, which several ranks hold, page by page.
+fn colour_together(
+    nodes: &ContactNodes,
+    (nodes_of, order): (impl Fn(usize) -> [u32; 4], &[u32]),
+    colours: &mut [u32],
+    taken: &mut Taken,
+) {
+    let has_copies = !nodes.halo().is_empty();
+    let copied = if has_copies { nodes.cloth() } else { 0 };
+    let mut colouring = Colouring {
+        nodes,
+        nodes_of,
+        order,
+        colours,
+        used: vec![0; nodes.cloth()],
+        waits: vec![false; nodes.cloth()],
+        told: vec![NOBODY; copied],
+        has_changed: vec![false; copied],
+    };
+    let mut waiting: Vec<u32> = (0..order.len() as u32).collect();
+    for page in 0.. {
+        if !nodes.ranks().any(!waiting.is_empty()) {
+            break;
+        }
+        waiting = colouring.page(page, waiting);
+        taken.keep(page, &colouring.used);
+    }
+}
+
+/// Colours that are taken at each node, on all pages.
+struct Taken {
+    /// Masks of each node.
+    pages: usize,
+    masks: Vec<u128>,
+}
+
+impl Taken {
+    /// None at so many nodes.
+    fn new(nodes: usize) -> Self {
+        Self { pages: 1, masks: vec![0; nodes] }
+    }
+
+    /// Masks of a node.
+    fn at(&self, node: u32) -> &[u128] {
+        &self.masks[node as usize * self.pages..][..self.pages]
+    }
+
+    /// The first colour that is free at all these nodes.
+    fn first_free(&self, of: &[u32; 4]) -> u32 {
+        let [a, b, c, d] = of.map(|node| self.at(node));
+        let masks = a.iter().zip(b).zip(c).zip(d).map(|(((a, b), c), d)| a | b | c | d);
+        let free = |(page, mask): (u32, u128)| (mask != u128::MAX).then(|| page * PAGE + mask.trailing_ones());
+        (0..).zip(masks).find_map(free).unwrap_or(self.pages as u32 * PAGE)
+    }
+
+    /// Takes a colour at these nodes.
+    fn take(&mut self, of: &[u32; 4], colour: u32) {
+        let page = (colour / PAGE) as usize;
+        self.make_room(page);
+        of.iter().for_each(|node| self.masks[*node as usize * self.pages + page] |= 1 << (colour % PAGE));
+    }
+
+    /// Takes what is taken of a page at every node.
+    fn keep(&mut self, page: u32, used: &[u128]) {
+        self.make_room(page as usize);
+        for (masks, used) in self.masks.chunks_mut(self.pages).zip(used) {
+            masks[page as usize] = *used;
+        }
+    }
+
+    /// Makes room for a page and, so that it is seldom done, for as many again.
+    fn make_room(&mut self, page: usize) {
+        if page >= self.pages {
+            let pages = 2 * page.max(1);
+            let mut masks = vec![0; self.masks.len() / self.pages * pages];
+            for (wide, narrow) in masks.chunks_mut(pages).zip(self.masks.chunks(self.pages)) {
+                wide[..narrow.len()].copy_from_slice(narrow);
+            }
+            (self.pages, self.masks) = (pages, masks);
+        }
+    }
+}
+
+/// The pairs without bodies in the order in which they choose, and how many of them are between parts.
+fn order(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
+    let class = |pair: usize| {
+        let of = nodes_of(pair);
+        (!of.iter().any(|node| nodes.is_body(*node))).then(|| {
+            let key = of.map(|node| nodes.number(node));
+            usize::from(class(&key)) + if nodes.is_in_one_part(&key) { WITHIN } else { 0 }
+        })
+    };
+    let mut starts = [0usize; CLASSES + 1];
+    let classes: Vec<Option<usize>> = (0..count).map(class).collect();
+    classes.iter().flatten().for_each(|class| starts[class + 1] += 1);
+    (0..CLASSES).for_each(|class| starts[class + 1] += starts[class]);
+    let between = starts[WITHIN];
+    let mut order = vec![0; starts[CLASSES]];
+    for (pair, class) in classes.iter().enumerate() {
+        if let Some(class) = class {
+            let place = &mut starts[*class];
+            order[*place] = pair as u32;
+            *place += 1;
+        }
+    }
+    (order, between)
+}
+
+/// A number that looks random, from those of the nodes.
+fn class(key: &Key) -> u8 {
+    if cfg!(feature = "rank-order") {
+        return 0;
+    }
+    // The odd number nearest to 2⁶⁴ over the golden ratio (D. Knuth, The Art of Computer Programming 3, 6.4).
+    let mix = |mixed: u64, node: &u32| {
+        let mixed = (mixed ^ u64::from(*node)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        mixed ^ (mixed >> 32)
+    };
+    let [.., class] = key.iter().fold(0, mix).wrapping_mul(0x9E37_79B9_7F4A_7C15).to_le_bytes();
+    class
+}
+
+/// What is known while a page is filled.
+struct Colouring<'a, F> {
+    nodes: &'a ContactNodes,
+    nodes_of: F,
+    /// Pairs in the order in which they choose.
+    order: &'a [u32],
+    colours: &'a mut [u32],
+    /// Colours of the page that are taken at each node.
+    used: Vec<u128>,
+    /// Nodes of which this pass has met a pair that it could not decide.
+    waits: Vec<bool>,
+    /// The first undecided pair at each node as of the last round, until it is decided.
+    told: Vec<Key>,
+    /// Own nodes of which the others do not know yet what has changed; none between rounds.
+    has_changed: Vec<bool>,
+}
+
+impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
+    /// Gives out the colours of a page to the pairs at these places of the order, ascending; returns those that found
+    /// none free.
+    fn page(&mut self, page: u32, undecided: Vec<u32>) -> Vec<u32> {
+        self.used.fill(0);
+        let mut full = Vec::new();
+        let left = self.pass(page, undecided, &mut full);
+        self.rounds(page, left, &mut full);
+        full.sort_unstable();
+        full
+    }
+
+    /// Decides, in their order, those that this rank can decide by itself; returns the others.
+    fn pass(&mut self, page: u32, mut undecided: Vec<u32>, full: &mut Vec<u32>) -> Vec<u32> {
+        self.waits.fill(false);
+        undecided.retain(|place| {
+            let of = self.nodes_at(*place);
+            let is_left = !self.is_own(&of) || of.iter().any(|node| self.waits[*node as usize]);
+            if is_left {
+                of.iter().for_each(|node| self.waits[*node as usize] = true);
+            } else {
+                self.decide(page, *place, full);
+            }
+            is_left
+        });
+        undecided
+    }
+
+    /// Decides these pairs together with the other ranks that hold them. A round looks only at pairs that are the first
+    /// at a node, because where everything is near everything there are very many rounds.
+    fn rounds(&mut self, page: u32, mut left: Vec<u32>, full: &mut Vec<u32>) {
+        if !self.nodes.ranks().any(!left.is_empty()) {
+            return;
+        }
+        let mut queues = Queues::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
+        let mut changed = queues.nodes();
+        let mut round = 0;
+        loop {
+            let mut looked_at = self.tell(&queues, &changed);
+            changed.clear();
+            round += 1;
+            if round % ROUNDS_UNTIL_FULL == 0 {
+                self.take_out_full(&mut left, &mut queues, full, &mut changed);
+                looked_at.extend_from_slice(&changed);
+            }
+            while let Some(node) = looked_at.pop() {
+                let Some(place) = queues.first(node) else { continue };
+                let of = self.nodes_at(place);
+                if of.iter().all(|node| queues.first(*node) == Some(place)) && self.is_known(&of) {
+                    self.decide(page, place, full);
+                    queues.take_out(place, &of);
+                    looked_at.extend(of);
+                    changed.extend(of);
+                }
+            }
+            if !self.nodes.ranks().any(!queues.is_empty()) {
+                break;
+            }
+        }
+    }
+
+    /// Puts with the `full` what will find no colour of this page free, whatever comes before it: colours that are taken
+    /// stay taken. Just after ranks have told each other what is, all holders of a pair come to the same.
+    fn take_out_full(&self, left: &mut Vec<u32>, queues: &mut Queues, full: &mut Vec<u32>, changed: &mut Vec<u32>) {
+        left.retain(|place| {
+            if queues.is_out(*place) {
+                return false;
+            }
+            let of = self.nodes_at(*place);
+            let is_full = self.taken(&of) == u128::MAX;
+            if is_full {
+                full.push(*place);
+                queues.take_out(*place, &of);
+                changed.extend(of);
+            }
+            !is_full
+        });
+    }
+
+    /// Gives the pair at this place of the order the first free colour of the page, or puts it with the `full`.
+    fn decide(&mut self, page: u32, place: u32, full: &mut Vec<u32>) {
+        let of = self.nodes_at(place);
+        let colour = (!self.taken(&of)).trailing_zeros();
+        if colour < PAGE {
+            of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
+            self.colours[self.order[place as usize] as usize] = page * PAGE + colour;
+        } else {
+            full.push(place);
+        }
+    }
+
+    /// Colours of the page that are taken at any of these nodes.
+    fn taken(&self, of: &[u32; 4]) -> u128 {
+        of.iter().fold(0, |taken, node| taken | self.used[*node as usize])
+    }
+
+    /// Nodes of the pair at a place of the order.
+    fn nodes_at(&self, place: u32) -> [u32; 4] {
+        (self.nodes_of)(self.order[place as usize] as usize)
+    }
+
+    fn is_own(&self, of: &[u32; 4]) -> bool {
+        of.iter().all(|node| self.nodes.is_own(*node))
+    }
+
+    /// Whether all holders of this pair, the first at its nodes, know that it is.
+    fn is_known(&mut self, of: &[u32; 4]) -> bool {
+        if self.is_own(of) {
+            return true;
+        }
+        let key = of.map(|node| self.nodes.number(node));
+        let is_told = of.iter().all(|node| self.told[*node as usize] == key);
+        if is_told {
+            // What comes next at these nodes is not known to everybody yet.
+            of.iter().for_each(|node| self.told[*node as usize] = NOBODY);
+        }
+        is_told
+    }
+
+    /// Tells the copies of those own nodes that have `changed` what is first there and what is taken; returns nodes of
+    /// which something else is known now.
+    fn tell(&mut self, queues: &Queues, changed: &[u32]) -> Vec<u32> {
+        let nodes = self.nodes;
+        let mut known: Vec<u32> = changed.iter().copied().filter(|node| nodes.is_own(*node)).collect();
+        if nodes.halo().is_empty() {
+            return known;
+        }
+        for node in &known {
+            let first = queues.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
+            self.told[*node as usize] = first.unwrap_or(NOBODY);
+            self.has_changed[*node as usize] = true;
+        }
+        let (told, used, has_changed) = (&self.told, &self.used, &self.has_changed);
+        let mut copies = Vec::new();
+        let own = |node: u32| has_changed[node as usize].then(|| pack(&told[node as usize], used[node as usize]));
+        nodes.halo().refresh_changed(nodes.ranks(), own, |copy, words: [u64; 4]| copies.push((copy, words)));
+        known.iter().for_each(|node| self.has_changed[*node as usize] = false);
+        for (copy, words) in copies {
+            (self.told[copy], self.used[copy]) = unpack(&words);
+            known.push(copy as u32);
+        }
+        known
+    }
+}
+
+/// The undecided pairs of each node, by their places in the order, ascending.
+struct Queues {
+    places: Vec<u32>,
+    /// Where in `places` those of each node begin and end.
+    ranges: Vec<Range<usize>>,
+    /// What has been taken out, by place.
+    is_out: Vec<bool>,
+    /// How many are left.
+    count: usize,
+}
+
+impl Queues {
+    /// Those at these places, ascending.
+    fn new(left: &[u32], nodes: usize, nodes_at: impl Fn(u32) -> [u32; 4]) -> Self {
+        let mut ranges = vec![0..0; nodes];
+        left.iter().for_each(|place| nodes_at(*place).iter().for_each(|node| ranges[*node as usize].end += 1));
+        let mut total = 0;
+        for range in &mut ranges {
+            let count = range.end;
+            *range = total..total;
+            total += count;
+        }
+        let mut places = vec![0; total];
+        for place in left {
+            for node in nodes_at(*place) {
+                let end = &mut ranges[node as usize].end;
+                places[*end] = *place;
+                *end += 1;
+            }
+        }
+        let is_out = vec![false; left.last().map_or(0, |last| *last as usize + 1)];
+        Self { places, ranges, is_out, count: left.len() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Nodes that have any.
+    fn nodes(&self) -> Vec<u32> {
+        (0..self.ranges.len() as u32).filter(|node| self.first(*node).is_some()).collect()
+    }
+
+    /// The first pair of a node.
+    fn first(&self, node: u32) -> Option<u32> {
+        let range = &self.ranges[node as usize];
+        (!range.is_empty()).then(|| self.places[range.start])
+    }
+
+    /// Whether a pair that was there is not any more.
+    fn is_out(&self, place: u32) -> bool {
+        self.is_out[place as usize]
+    }
+
+    /// Takes out a pair of these nodes.
+    fn take_out(&mut self, place: u32, of: &[u32; 4]) {
+        self.is_out[place as usize] = true;
+        self.count -= 1;
+        for node in of {
+            let range = &mut self.ranges[*node as usize];
+            while range.start < range.end && self.is_out[self.places[range.start] as usize] {
+                range.start += 1;
+            }
+        }
+    }
+}
+
+/// A key and a mask as they travel.
+fn pack(&[a, b, c, d]: &Key, used: u128) -> [u64; 4] {
+    let two = |low: u32, high: u32| u64::from(low) | u64::from(high) << u32::BITS;
+    [two(a, b), two(c, d), used as u64, (used >> u64::BITS) as u64]
+}
+
+/// See [`pack`].
+fn unpack(&[ab, cd, low, high]: &[u64; 4]) -> (Key, u128) {
+    let two = |both: u64| [both as u32, (both >> u32::BITS) as u32];
+    let ([a, b], [c, d]) = (two(ab), two(cd));
+    ([a, b, c, d], u128::from(low) | u128::from(high) << u64::BITS)
+}

@@ -1,0 +1,276 @@
+//! Getting out of crossings that were there at the start, or that a body has pinched into the cloth: the edge and the
+//! triangle that cross are pushed, gently, the way that shortens the line along which the surfaces meet.
+//!
+//! Which side cloth belongs on cannot be told where it crosses; which way the line of intersection gets shorter can (P.
+//! Volino, N. Magnenat-Thalmann, "Resolving surface collisions through intersection contour minimization", SIGGRAPH
+//! 2006). With e the direction of the edge, N the normal of the triangle, and R_i the unit directions of the line of
+//! intersection from the edge into the triangles that have it, a shift d of the edge moves the point where it crosses
+//! by d − (d·N)/(e·N) e, so the line gets shorter by d · Σ_i (R_i − (R_i·e)/(e·N) N). A line that ends at a border is drawn
+//! out along itself (`contours`).
+
+mod contours;
+
+use std::collections::BTreeMap;
+
+use crate::Vec3;
+use crate::contact::collisions::packing::{Packed, Unpacked};
+use crate::contact::tolerances::ALONG_TRIANGLE;
+use crate::contact::topology::surface::ContactSurface;
+use crate::geometry::crossings::Crossing;
+use contours::along_lines;
+
+/// Edge lengths per second at which cloth that crosses cloth is pushed apart [1/s].
+const PUSH_RATE: f64 = 10.0;
+
+/// The same for cloth that crosses a body: it was pinched, and has to be out soon after the body lets go [1/s].
+const RELEASE_RATE: f64 = 60.0;
+
+/// Gives every crossing a relative velocity out of itself, at least [m/s]; positions `x` [m] of all nodes, `velocity`
+/// of the bodies' nodes [m/s], velocities `v` of own vertices in the order of the scene [m/s].
+///
+/// The crossings are those of all ranks, which call it together: each tells what it knows of their nodes, and all push
+/// alike.
+pub(crate) fn push_apart(
+    surface: &ContactSurface,
+    crossings: &[Crossing],
+    x: &[Vec3],
+    velocity: impl Fn(u32) -> Vec3,
+    v: &mut [Vec3],
+) {
+    if crossings.is_empty() {
+        return;
+    }
+    let nodes = surface.nodes();
+    let mut known = Known::of_all(surface, crossings, x, velocity, v);
+    let (cloth, others): (Vec<Crossing>, Vec<Crossing>) = crossings.iter().partition(|c| surface.is_cloth(c));
+    let place = |crossing: &Crossing| Place::new(&known, crossing);
+    let places: Vec<Option<Place>> = cloth.iter().map(place).collect();
+    let mut pushes: Vec<(Push, f64)> = Vec::new();
+    let speed = |crossing: &Crossing, rate: f64| rate * known.edges[&crossing.edge].length;
+    for ((crossing, place), along) in cloth.iter().zip(&places).zip(along_lines(&known, &cloth, &places)) {
+        let Some(place) = place else { continue };
+        let Some(direction) = along.or_else(|| place.shortening()) else { continue };
+        pushes.push((place.pushed(direction), speed(crossing, PUSH_RATE)));
+    }
+    for crossing in &others {
+        let Some(place) = place(crossing) else { continue };
+        let Some(direction) = place.shortening() else { continue };
+        pushes.push((place.pushed(direction), speed(crossing, RELEASE_RATE)));
+    }
+    pushes.iter().for_each(|(push, speed)| push.apply(&mut known, *speed));
+    for (number, point) in known.points.range(nodes.owned()) {
+        v[(number - nodes.owned().start) as usize] = point.v;
+    }
+}
+
+/// A node of a crossing.
+struct Point {
+    /// Position [m].
+    x: Vec3,
+    /// Velocity [m/s].
+    v: Vec3,
+    /// Inverse mass per axis [1/kg].
+    mobility: Vec3,
+}
+
+/// An edge that crosses.
+struct Edge {
+    /// Mean rest length of the edges around its first node [m].
+    length: f64,
+    /// Third corners of the triangles that have it: numbers, positions [m].
+    corners: Vec<(u32, Vec3)>,
+}
+
+/// What is known of the crossings, by the scene's numbers of the nodes; alike on all ranks.
+struct Known {
+    points: BTreeMap<u32, Point>,
+    edges: BTreeMap<[u32; 2], Edge>,
+}
+
+impl Known {
+    fn of_all(
+        surface: &ContactSurface,
+        crossings: &[Crossing],
+        x: &[Vec3],
+        velocity: impl Fn(u32) -> Vec3,
+        v: &[Vec3],
+    ) -> Self {
+        let nodes = surface.nodes();
+        // What bodies do is known everywhere: one rank tells it.
+        let tells = |number: u32| nodes.owns(number) || (number >= nodes.all_cloth() && nodes.ranks().is_first());
+        let mut numbers: Vec<u32> = crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle)).collect();
+        let mut edges: Vec<[u32; 2]> = crossings.iter().map(|crossing| crossing.edge).collect();
+        numbers.retain(|number| tells(*number));
+        edges.retain(|[first, _]| tells(*first));
+        numbers.sort_unstable();
+        numbers.dedup();
+        edges.sort_unstable();
+        edges.dedup();
+        let local = |number: u32| nodes.local(number).expect("own nodes, their edges' other ends and bodies are known");
+        let mut packed = Packed::default();
+        packed.list(&numbers, |packed, number| {
+            let node = local(*number);
+            let v = if nodes.owns(*number) { v[(number - nodes.owned().start) as usize] } else { velocity(node) };
+            packed.number(*number);
+            [x[node as usize], v, surface.mobility()[node as usize]].iter().for_each(|vector| packed.vector(vector));
+        });
+        packed.list(&edges, |packed, edge| {
+            let of = edge.map(local);
+            let opposite = |triangle: [u32; 3]| triangle.into_iter().find(|node| !of.contains(node));
+            let corners: Vec<u32> = surface.triangles_of_edge(of).filter_map(opposite).collect();
+            edge.iter().for_each(|number| packed.number(*number));
+            packed.float(surface.edge_length()[of[0] as usize]);
+            packed.list(&corners, |packed, node| {
+                packed.number(nodes.number(*node));
+                packed.vector(&x[*node as usize]);
+            });
+        });
+        let mut known = Self { points: BTreeMap::new(), edges: BTreeMap::new() };
+        for words in nodes.ranks().all_gather_each(packed.words()) {
+            let mut unpacked = Unpacked::new(&words);
+            unpacked.list(|unpacked| {
+                let number = unpacked.node();
+                let [x, v, mobility] = [(); 3].map(|()| unpacked.vector());
+                known.points.insert(number, Point { x, v, mobility })
+            });
+            unpacked.list(|unpacked| {
+                let edge = [(); 2].map(|()| unpacked.node());
+                let length = unpacked.float();
+                let corners = unpacked.list(|unpacked| (unpacked.node(), unpacked.vector()));
+                known.edges.insert(edge, Edge { length, corners })
+            });
+        }
+        known
+    }
+}
+
+/// Where an edge crosses a triangle.
+struct Place {
+    nodes: [u32; 5],
+    /// Weights of the relative displacement: of the edge at the point where it crosses, less that of the triangle.
+    weights: [f64; 5],
+    /// The point [m].
+    point: Vec3,
+    /// A unit direction of the line of intersection.
+    line: Vec3,
+    /// The direction in which the edge has to go for the line to get shorter, not normalised; zero inside a straight line.
+    gradient: Vec3,
+}
+
+impl Place {
+    fn new(known: &Known, crossing: &Crossing) -> Option<Self> {
+        let Crossing { edge: [p, q], triangle: [a, b, c] } = *crossing;
+        let at = |number: u32| known.points[&number].x;
+        let across = (at(b) - at(a)).cross(&(at(c) - at(a)));
+        let normal = across.try_normalize(0.0)?;
+        let along = at(q) - at(p);
+        let e = along.try_normalize(0.0)?;
+        let steep = e.dot(&normal);
+        if steep.abs() < ALONG_TRIANGLE {
+            return None;
+        }
+        let share = ((at(a) - at(p)).dot(&normal) / along.dot(&normal)).clamp(0.0, 1.0);
+        let point = at(p) + along * share;
+        let area = across.norm_squared();
+        let wb = (point - at(a)).cross(&(at(c) - at(a))).dot(&across) / area;
+        let wc = (at(b) - at(a)).cross(&(point - at(a))).dot(&across) / area;
+        let (mut gradient, mut last) = (Vec3::zeros(), Vec3::zeros());
+        for (_, corner) in &known.edges[&crossing.edge].corners {
+            let inwards = corner - point;
+            let own_normal = along.cross(&inwards);
+            let Some(line) = own_normal.cross(&normal).try_normalize(0.0) else { continue };
+            // From the edge into the triangle that has it.
+            let into = inwards - e * inwards.dot(&e);
+            last = if line.dot(&into) < 0.0 { -line } else { line };
+            gradient += last - normal * (last.dot(&e) / steep);
+        }
+        let weights = [1.0 - share, share, wb + wc - 1.0, -wb, -wc];
+        Some(Self { nodes: [p, q, a, b, c], weights, point, line: last, gradient })
+    }
+
+    /// The unit direction in which the line gets shorter here, if there is one.
+    fn shortening(&self) -> Option<Vec3> {
+        self.gradient.try_normalize(ALONG_TRIANGLE)
+    }
+
+    /// The unit direction along the line away from another place on it; the opposite if it is the triangle that goes there.
+    fn away_from(&self, other: &Vec3, is_edge: bool) -> Option<Vec3> {
+        let ahead = self.line.dot(&(self.point - other)) >= 0.0;
+        let direction = if ahead == is_edge { self.line } else { -self.line };
+        (direction != Vec3::zeros()).then_some(direction)
+    }
+
+    fn pushed(&self, direction: Vec3) -> Push {
+        Push { nodes: self.nodes, weights: self.weights, direction }
+    }
+}
+
+/// Where and how one crossing is pushed.
+struct Push {
+    nodes: [u32; 5],
+    /// As of its place.
+    weights: [f64; 5],
+    direction: Vec3,
+}
+
+impl Push {
+    /// Makes the two part with this speed [m/s], unless they do so faster.
+    fn apply(&self, known: &mut Known, wanted: f64) {
+        let nodes = self.nodes.iter().zip(self.weights);
+        let squares = self.direction.component_mul(&self.direction);
+        let (mut speed, mut response) = (0.0, 0.0);
+        for (number, w) in nodes.clone() {
+            let point = &known.points[number];
+            speed += point.v.dot(&self.direction) * w;
+            response += w * w * point.mobility.dot(&squares);
+        }
+        if speed >= wanted || response <= 0.0 {
+            return;
+        }
+        let impulse = self.direction * ((wanted - speed) / response);
+        for (number, w) in nodes {
+            if let Some(point) = known.points.get_mut(number) {
+                point.v += point.mobility.component_mul(&impulse) * w;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::contact::broad_phase::bvh_search::PairSearch;
+    use crate::contact::broad_phase::proximity_list::tests::ranks::Heap;
+    use crate::contact::intersections::exact;
+    use crate::contact::testing::on_ranks;
+    use crate::geometry::aabb::Aabb;
+    use crate::geometry::testing::Random;
+    use crate::parallel::ranks::Ranks;
+
+    /// Velocities of own vertices after the crossings of a heap were pushed apart, as bits; and how many there were.
+    fn pushed(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> (Vec<[u64; 3]>, usize) {
+        let surface = heap.surface(ranks, starts);
+        let x = heap.at(&surface, 2);
+        let mut search = PairSearch::new();
+        search.fit(&surface, |i| Aabb::of_point(&x[i]));
+        let crossings = exact::crossings(&surface, &search, &x, None);
+        let mut v: Vec<Vec3> = surface.nodes().own().map(|node| x[node] * 0.1).collect();
+        push_apart(&surface, &crossings, &x, |node| x[node as usize] * 0.2, &mut v);
+        (v.iter().map(|v| [v.x, v.y, v.z].map(f64::to_bits)).collect(), crossings.len())
+    }
+
+    #[test]
+    fn any_number_of_ranks_pushes_alike() {
+        let mut random = Random(41);
+        let heap = Arc::new(Heap::random(&mut random, true));
+        let (alone, crossings) = pushed(&heap, &Ranks::default(), &heap.cut(&mut random, 1));
+        assert!(crossings > 20);
+        for count in [2, 3, 5] {
+            let (heap, starts) = (heap.clone(), heap.cut(&mut random, count));
+            let found = on_ranks(count, move |ranks| pushed(&heap, &ranks, &starts).0).concat();
+            assert!(found == alone, "{count} ranks");
+        }
+    }
+}

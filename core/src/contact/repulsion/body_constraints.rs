@@ -1,0 +1,62 @@
+//! Bodies that nodes lie on, as repulsion sees them in B.8: what would move such a node into its body is borne by the body.
+//!
+//! Along the body's normal the node counts as infinitely heavy, so that all of an impulse goes to its partners. What it would
+//! have taken is its *load*: it is handed over to B.7, where the body stops it and rubs with it.
+
+use crate::Vec3;
+use crate::contact::tolerances::RESTING;
+use crate::contact::topology::nodes::ContactNodes;
+
+/// Bodies that can hold a vertex at the same time.
+pub(crate) const HOLDS: usize = 2;
+
+/// A body that a node lies on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Support {
+    /// Unit normal of the body, outwards.
+    pub normal: Vec3,
+    /// Least velocity along the normal with which the node does not get into the body in the next step [m/s].
+    pub least: f64,
+}
+
+/// The bodies that one node lies on.
+pub(crate) type Supports = [Option<Support>; HOLDS];
+
+impl Support {
+    /// Whether a node with this velocity goes as far into the body as it can.
+    fn rests(&self, v: &Vec3) -> bool {
+        v.dot(&self.normal) - self.least <= RESTING * (v.norm() + self.least.abs())
+    }
+}
+
+/// The velocity that bodies leave a node [m/s]; what they take goes to `load`.
+pub(super) fn borne(supports: &Supports, v: &Vec3, load: &mut Vec3) -> Vec3 {
+    supports.iter().flatten().fold(*v, |v, support| {
+        let taken = support.normal * (support.least - v.dot(&support.normal)).max(0.0);
+        *load += taken;
+        v + taken
+    })
+}
+
+/// Share of a node's mobility that bodies take from a push along `direction`, a unit vector.
+pub(super) fn share_borne(supports: &Supports, v: &Vec3, direction: &Vec3) -> f64 {
+    let resting = supports.iter().flatten().filter(|support| support.rests(v));
+    let along = resting.map(|support| support.normal.dot(direction).min(0.0).powi(2));
+    along.sum::<f64>().min(1.0)
+}
+
+/// Gives ghosts the supports of their owners. All ranks call it together.
+pub(crate) fn tell_ghosts(nodes: &ContactNodes, all: &mut [Supports]) {
+    // Four numbers each; nothing has a normal of zero.
+    let numbers = |support: &Option<Support>| {
+        support.map_or([0.0; 4], |Support { normal, least }| [normal.x, normal.y, normal.z, least])
+    };
+    let mut told: Vec<[[f64; 4]; HOLDS]> = all.iter().map(|supports| supports.each_ref().map(numbers)).collect();
+    nodes.refresh(&mut told);
+    for node in nodes.ghost_places() {
+        all[node] = told[node].map(|[x, y, z, least]| {
+            let normal = Vec3::new(x, y, z);
+            (normal != Vec3::zeros()).then_some(Support { normal, least })
+        });
+    }
+}

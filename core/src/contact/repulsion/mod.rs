@@ -1,0 +1,505 @@
+//! History-based repulsion: impulses between pairs that are close, in every time step (`docs/theory/self_contact.md#repulsion-with-history`).
+//!
+//! At a collision-free state every pair gets its *side*: which way it has to be apart. Until the next such state the
+//! signed distance is measured against it. A pair that has passed through has a negative distance, and the same laws
+//! that push others apart then pull it back: attraction.
+//!
+//! Every rank treats all pairs that it holds, and so its ghosts too, with the same operands and results as their
+//! owners. What the pairs of a colour that it does not hold do to its ghosts it is told after that colour (`borders`).
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::broad_phase::proximity_list::{ACTIVE, Neighbour, Neighbours};
+use crate::contact::colouring::order::Order;
+use crate::contact::repulsion::atomic_vectors::SharedVectors;
+use crate::contact::repulsion::body_constraints::{Supports, borne, share_borne};
+use crate::contact::repulsion::colour_halo::Borders;
+use crate::contact::tolerances::TRUSTED_SIDE;
+use crate::contact::topology::nodes::ContactNodes;
+use crate::contact::topology::pair::{KINDS, Pair, PairKind};
+use crate::effects::SLEEPS;
+use crate::metrics::Metrics;
+use crate::tolerances::NO_DIRECTION;
+
+pub(crate) mod atomic_vectors;
+pub(crate) mod body_constraints;
+mod colour_halo;
+
+/// Sweeps of the inelastic pass (`docs/theory/self_contact.md#repulsion-with-history`).
+const INELASTIC_SWEEPS: usize = 3;
+
+/// Pairs of one colour below which a second thread costs more than it brings.
+const PARALLEL: usize = 512;
+
+/// Pairs that one task looks at.
+const CHUNK: usize = 1024;
+
+/// Settings of the laws (`docs/theory/self_contact.md#repulsion-with-history`).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Laws {
+    /// Repulsion modulus E_r [N s²/(kg m) per unit of overlap; the authors' Young's modulus of repulsion].
+    pub stiffness: f64,
+    /// Largest fraction of the overlap that one step may restore.
+    pub limit: f64,
+    /// Coulomb friction between cloth and cloth.
+    pub friction: f64,
+    /// Cosine between the direction of two edges now and at the collision-free state below which they have passed
+    /// through each other; below -1 edges never attract.
+    pub edge_attraction: f64,
+    /// Whether points that have passed through a triangle are attracted; without, the side is that of the moment.
+    pub attraction: bool,
+    /// Whether the laws act once per collision step, before C, instead of in every time step
+    /// (`docs/theory/variants.md#repulsion-once-per-collision-step`).
+    pub per_collision_step: bool,
+}
+
+/// Which passes run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Passes {
+    /// Inelastic and elastic, with friction: B.2.
+    Full,
+    /// Inelastic, with friction: B.8.
+    WithoutSprings,
+}
+
+/// What the sweeps act on; arrays over this rank's nodes of cloth, ghosts included.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moment<'a> {
+    /// The numbering of the nodes.
+    pub nodes: &'a ContactNodes,
+    /// Length of the time step [s].
+    pub dt: f64,
+    /// Positions, the ghosts' as their owners have them [m].
+    pub x: &'a [Vec3],
+    /// Inverse masses, zero where a vertex is held [1/kg].
+    pub mobility: &'a [f64],
+    /// What the friction of the laws is multiplied by, and what is added to it; `None` if it is nowhere painted.
+    pub friction: Option<&'a [[f64; 2]]>,
+    /// Bodies that the nodes lie on; `None` where repulsion does not care.
+    pub supports: Option<&'a [Supports]>,
+}
+
+/// A pair and its side.
+#[derive(Debug, Clone, Copy)]
+struct Sided {
+    pair: Pair,
+    thickness: f64,
+    /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction
+    /// from the second to the first.
+    side: Vec3,
+}
+
+/// A pair as the laws see it.
+#[derive(Debug, Clone, Copy)]
+struct Touching {
+    nodes: [u32; 4],
+    weights: [f64; 4],
+    normal: Vec3,
+    /// Signed distance [m].
+    distance: f64,
+    thickness: f64,
+    /// Change of relative velocity per impulse [1/kg], as if all nodes were free.
+    response: f64,
+    mean_mobility: f64,
+    friction: f64,
+}
+
+/// A law of `docs/theory/self_contact.md#repulsion-with-history`: the change of a pair's normal velocity [m/s], if it
+/// acts, from that velocity.
+type Law<'a> = dyn Fn(&Touching, f64) -> Option<f64> + Sync + 'a;
+
+impl Touching {
+    /// How many times the normal impulse of a free pair is needed where nodes that move with `v` [m/s] lie on bodies, which do
+    /// not give way.
+    fn stiffer_on_bodies(&self, supports: &[Supports], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
+        // Of each side: nodes with positive weight are pushed along the normal, the others against it.
+        let mut firm = [0.0; 2];
+        for ((node, weight), v) in self.nodes.into_iter().zip(self.weights).zip(v) {
+            let direction = self.normal * weight.signum();
+            let share = share_borne(&supports[node as usize], v, &direction);
+            firm[usize::from(weight < 0.0)] += share * weight * weight * mobility[node as usize];
+        }
+        // Between bodies that bear both sides, nodes in between would be thrown where their weights are small.
+        let [one, other] = firm;
+        if one > 0.0 && other > 0.0 { 1.0 } else { self.response / (self.response - one - other) }
+    }
+}
+
+/// All pairs of one kind.
+#[derive(Debug, Default)]
+struct PairsOfKind {
+    sided: Vec<Sided>,
+    order: Order,
+    /// One entry for each of `sided`, in the order of their colours.
+    touching: Vec<Option<Touching>>,
+    /// The active ones.
+    live: Vec<u32>,
+    live_order: Order,
+}
+
+impl PairsOfKind {
+    /// The active pairs, in the order of their colours.
+    fn active(&self) -> impl Iterator<Item = &Touching> {
+        self.live.iter().filter_map(|&i| self.touching[i as usize].as_ref())
+    }
+}
+
+/// The repulsions of a scene.
+#[derive(Debug)]
+pub(crate) struct Repulsions {
+    laws: Laws,
+    kinds: [PairsOfKind; 2],
+    velocities: SharedVectors,
+    /// What bodies bear, as changes of velocities; only with supports.
+    loads: SharedVectors,
+    /// Nodes of active pairs.
+    nodes: Vec<u32>,
+    seen: Vec<bool>,
+    /// What ranks tell each other during a pass.
+    borders: Borders,
+    /// Active pairs at home here, and those of them that have passed through each other.
+    active: u64,
+    inverted: u64,
+    /// Whether the active pairs are those of the positions that come next.
+    fresh: bool,
+}
+
+impl Repulsions {
+    /// Repulsions without pairs yet.
+    pub(crate) fn new(laws: Laws) -> Self {
+        let (kinds, velocities, loads) = (Default::default(), SharedVectors::new(0), SharedVectors::new(0));
+        let (nodes, seen, borders) = Default::default();
+        Self { laws, kinds, velocities, loads, nodes, seen, borders, active: 0, inverted: 0, fresh: false }
+    }
+
+    /// Memory held [bytes].
+    pub(crate) fn bytes(&self) -> usize {
+        let kind = |k: &PairsOfKind| k.sided.capacity() * (size_of::<Sided>() + size_of::<Option<Touching>>() + 4);
+        let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
+        self.kinds.iter().map(kind).sum::<usize>() + vectors + self.seen.len()
+    }
+
+    /// Whether the laws act once per collision step instead of in every time step.
+    pub(crate) fn per_collision_step(&self) -> bool {
+        self.laws.per_collision_step
+    }
+
+    /// A: gives every pair that may come within touching distance its side, at the collision-free positions `x` [m].
+    /// `slack` is how far any two nodes may approach until the next collision-free state [m]; pairs for which `ignored`
+    /// holds, by the scene's numbers of their nodes, get none.
+    pub(crate) fn take_sides(
+        &mut self,
+        nodes: &ContactNodes,
+        neighbours: &Neighbours,
+        x: &[Vec3],
+        slack: f64,
+        ignored: &(impl Fn(&Pair) -> bool + Sync),
+    ) {
+        for kind in KINDS {
+            let list = neighbours.list(kind);
+            let of_kind = &mut self.kinds[kind as usize];
+            let near = |n: &Neighbour| {
+                let limit = if SLEEPS { ACTIVE * f64::from(n.thickness) + slack } else { f64::INFINITY };
+                if n.thickness <= 0.0 || neighbours.distance_bound(n) > limit {
+                    return None;
+                }
+                sided(n, x, limit).filter(|s| !ignored(&nodes.numbered(&s.pair)))
+            };
+            let pieces: Vec<(Vec<u32>, Vec<Sided>)> = list
+                .par_chunks(CHUNK)
+                .enumerate()
+                .map(|(c, chunk)| {
+                    let found =
+                        chunk.iter().enumerate().filter_map(|(i, n)| near(n).map(|s| ((c * CHUNK + i) as u32, s)));
+                    found.unzip()
+                })
+                .collect();
+            of_kind.live.clear();
+            of_kind.sided.clear();
+            for (places, pairs) in pieces {
+                of_kind.live.extend(places);
+                of_kind.sided.extend(pairs);
+            }
+            of_kind.order = neighbours.order(kind).restricted(&of_kind.live);
+            of_kind.touching.resize(of_kind.sided.len(), None);
+        }
+        self.fresh = false;
+    }
+
+    /// The positions have changed since the last pass.
+    pub(crate) fn positions_changed(&mut self) {
+        self.fresh = false;
+    }
+
+    /// B.2 or B.8: changes the velocities `v` [m/s], over this rank's nodes of cloth, of the nodes of all active pairs.
+    /// Those of ghosts may be anything before, and are of no use after. With supports, velocities point into bodies afterwards
+    /// by what these have to bear. All ranks call it together.
+    pub(crate) fn apply(&mut self, passes: Passes, at: &Moment<'_>, v: &mut [Vec3], metrics: &mut Metrics) {
+        if !self.fresh {
+            self.refresh(at);
+            self.fresh = true;
+        }
+        if self.nodes.is_empty() {
+            return;
+        }
+        self.nodes.iter().for_each(|&node| self.velocities.set(node, &v[node as usize]));
+        self.lay_down(at);
+        self.borders.before_sweeps(at.nodes.ranks(), &self.velocities);
+        let dt = at.dt;
+        let law = |kind: usize, law: &Law<'_>| self.sweep(kind, at, law);
+        let laws = self.laws;
+        let with_springs = passes == Passes::Full;
+        for kind in 0..2 {
+            (0..INELASTIC_SWEEPS).for_each(|_| law(kind, &|t, approach| laws.inelastic_change(t, approach, dt)));
+        }
+        if with_springs {
+            (0..2).for_each(|kind| law(kind, &|t, approach| laws.elastic_change(t, approach, dt)));
+        }
+        self.nodes.iter().for_each(|&node| v[node as usize] = self.velocities.get(node));
+        if at.supports.is_some() {
+            self.nodes.iter().for_each(|&node| v[node as usize] -= self.loads.get(node));
+        }
+        metrics.count("repulsions", self.active - self.inverted);
+        metrics.count("attractions", self.inverted);
+    }
+
+    /// Whether bodies have to bear something of what the last pass, which knew of them, did to a node.
+    pub(crate) fn is_pressed(&self, node: u32) -> bool {
+        self.seen.get(node as usize).is_some_and(|seen| *seen) && self.loads.get(node) != Vec3::zeros()
+    }
+
+    /// Number of active pairs at home here that had passed through each other at the positions of the last pass.
+    pub(crate) fn inverted(&self) -> u64 {
+        self.inverted
+    }
+
+    /// Finds the active pairs and their geometry.
+    fn refresh(&mut self, at: &Moment<'_>) {
+        let laws = self.laws;
+        for of_kind in &mut self.kinds {
+            let chunks = of_kind.touching.par_chunks_mut(CHUNK).zip(of_kind.sided.par_chunks(CHUNK));
+            chunks.for_each(|(touching, sided)| {
+                touching.iter_mut().zip(sided).for_each(|(t, s)| *t = s.touching(&laws, at));
+            });
+            of_kind.live.clear();
+            of_kind.live.extend((0..of_kind.touching.len() as u32).filter(|&i| of_kind.touching[i as usize].is_some()));
+            of_kind.live_order = of_kind.order.restricted(&of_kind.live);
+        }
+        self.nodes.iter().for_each(|&node| self.seen[node as usize] = false);
+        self.nodes.clear();
+        if self.seen.len() != at.nodes.cloth() {
+            self.seen = vec![false; at.nodes.cloth()];
+            self.velocities = SharedVectors::new(at.nodes.cloth());
+        }
+        (self.active, self.inverted) = (0, 0);
+        for touching in self.kinds.iter().flat_map(PairsOfKind::active) {
+            let is_home = at.nodes.is_home(&touching.nodes);
+            self.active += u64::from(is_home);
+            self.inverted += u64::from(is_home && touching.distance < 0.0);
+            for node in touching.nodes {
+                if !std::mem::replace(&mut self.seen[node as usize], true) {
+                    self.nodes.push(node);
+                }
+            }
+        }
+        self.borders = Borders::of(at.nodes, &self.kinds, &self.seen);
+        self.borders.put_first(&mut self.kinds);
+    }
+
+    /// Before the sweeps: nothing on a body moves into it any more.
+    fn lay_down(&mut self, at: &Moment<'_>) {
+        let Some(supports) = at.supports else { return };
+        if self.loads.count() != at.nodes.cloth() {
+            self.loads = SharedVectors::new(at.nodes.cloth());
+        }
+        for &node in &self.nodes {
+            let mut load = Vec3::zeros();
+            self.velocities.set(node, &borne(&supports[node as usize], &self.velocities.get(node), &mut load));
+            self.loads.set(node, &load);
+        }
+    }
+
+    /// Gives a node the velocity that an impulse would; what bodies bear of it goes to its load.
+    fn push(&self, at: &Moment<'_>, node: u32, velocity: &Vec3) {
+        let Some(supports) = at.supports else { return self.velocities.set(node, velocity) };
+        let mut load = self.loads.get(node);
+        self.velocities.set(node, &borne(&supports[node as usize], velocity, &mut load));
+        self.loads.set(node, &load);
+    }
+
+    /// One Gauss-Seidel pass in the order of the colours. `law` gives the change of the normal velocity that it wants, from
+    /// that velocity.
+    fn sweep(&self, kind: usize, at: &Moment<'_>, law: &Law<'_>) {
+        let of_kind = &self.kinds[kind];
+        let one = |&i: &u32| {
+            let Some(t) = &of_kind.touching[i as usize] else { return };
+            let v = t.nodes.map(|node| self.velocities.get(node));
+            let [a, b, c, d] = t.weights;
+            let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
+            let Some(change) = law(t, relative.dot(&t.normal)) else { return };
+            let stiffer = at.supports.map_or(1.0, |supports| t.stiffer_on_bodies(supports, at.mobility, &v));
+            let impulse = self.laws.with_friction(t, &relative, change * stiffer) / t.response;
+            for ((node, weight), v) in t.nodes.into_iter().zip(t.weights).zip(v) {
+                let share = weight * at.mobility[node as usize];
+                self.push(at, node, &(v + impulse * share));
+            }
+        };
+        let treat = |live: &[u32]| {
+            if live.len() >= PARALLEL {
+                live.par_iter().with_min_len(PARALLEL / 4).for_each(one);
+            } else {
+                live.iter().for_each(one);
+            }
+        };
+        for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
+            let live = &of_kind.live[colour.clone()];
+            self.borders.with_colour(at.nodes.ranks(), [kind, number], live, &self.velocities, treat);
+        }
+        if cfg!(feature = "rank-order") {
+            self.borders.before_sweeps(at.nodes.ranks(), &self.velocities);
+        }
+    }
+}
+
+/// The side of a pair at a collision-free state, unless it is farther apart than `limit` or next to each other rather
+/// than in front of each other, where no side can be trusted.
+fn sided(neighbour: &Neighbour, x: &[Vec3], limit: f64) -> Option<Sided> {
+    let pair = neighbour.pair;
+    let at = pair.positions(x);
+    let apart = pair.closest(&at).apart;
+    let distance = apart.norm();
+    if distance > limit || distance <= NO_DIRECTION {
+        return None;
+    }
+    let across = match pair.kind {
+        PairKind::PointTriangle => (at[2] - at[1]).cross(&(at[3] - at[1])),
+        PairKind::EdgeEdge => (at[1] - at[0]).cross(&(at[3] - at[2])),
+    };
+    let along = across.try_normalize(NO_DIRECTION)?.dot(&apart);
+    if along.abs() < TRUSTED_SIDE * distance {
+        return None;
+    }
+    let side = match pair.kind {
+        PairKind::PointTriangle => Vec3::x() * along.signum(),
+        PairKind::EdgeEdge => apart / distance,
+    };
+    Some(Sided { pair, thickness: f64::from(neighbour.thickness), side })
+}
+
+impl Sided {
+    /// The pair at `x`, if it is within touching distance and in front of each other
+    /// (`docs/theory/self_contact.md#repulsion-with-history`).
+    #[inline]
+    fn touching(&self, laws: &Laws, moment: &Moment<'_>) -> Option<Touching> {
+        let at = self.pair.positions(moment.x);
+        let reach = ACTIVE * self.thickness;
+        let (weights, normal, distance) = match self.pair.kind {
+            PairKind::PointTriangle => self.point_triangle(laws, &at, reach)?,
+            PairKind::EdgeEdge => self.edges(laws, &at, reach)?,
+        };
+        let nodes = self.pair.nodes;
+        // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
+        // small.
+        let [a, b, c, d] = nodes.map(|node| moment.mobility[node as usize]);
+        let free = a.max(b).max(c).max(d);
+        let (mut response, sum) = (0.0, a + b + c + d);
+        for (own, w) in [a, b, c, d].into_iter().zip(weights) {
+            response += w * w * if own > 0.0 { own } else { free };
+        }
+        let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
+        let friction = moment.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
+        (response > 0.0).then_some(Touching {
+            nodes,
+            weights,
+            normal,
+            distance,
+            thickness,
+            response,
+            mean_mobility,
+            friction,
+        })
+    }
+
+    #[inline]
+    fn point_triangle(&self, laws: &Laws, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+        let (ab, ac, ap) = (x[2] - x[1], x[3] - x[1], x[0] - x[1]);
+        let across = ab.cross(&ac);
+        let area = across.norm_squared();
+        let height = ap.dot(&across);
+        if height * height > reach * reach * area || area <= NO_DIRECTION {
+            return None;
+        }
+        let (b, c) = (ap.cross(&ac).dot(&across), ab.cross(&ap).dot(&across));
+        if b < 0.0 || c < 0.0 || b + c > area {
+            return None;
+        }
+        let (wb, wc) = (b / area, c / area);
+        let length = area.sqrt();
+        let side = if laws.attraction { self.side.x } else { height.signum() };
+        Some(([1.0, wb + wc - 1.0, -wb, -wc], across * (side / length), height * side / length))
+    }
+
+    #[inline]
+    fn edges(&self, laws: &Laws, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+        let found = self.pair.closest(x);
+        let squared = found.apart.norm_squared();
+        if !found.inside || squared > reach * reach {
+            return None;
+        }
+        let distance = squared.sqrt();
+        let normal = if distance > NO_DIRECTION { found.apart / distance } else { self.side };
+        if laws.attraction && normal.dot(&self.side) < laws.edge_attraction {
+            return Some((found.weights, -normal, -distance));
+        }
+        Some((found.weights, normal, distance))
+    }
+}
+
+impl Laws {
+    /// Approach speed that a pair may keep in a step [m/s] (`docs/theory/self_contact.md#repulsion-with-history`).
+    fn speed_limit(&self, t: &Touching, dt: f64) -> f64 {
+        self.limit / dt * (t.thickness - t.distance)
+    }
+
+    /// What the repulsion spring adds to the relative velocity in a step [m/s].
+    fn spring(&self, t: &Touching, dt: f64) -> f64 {
+        dt * self.stiffness * t.mean_mobility / t.thickness * (t.thickness - t.distance).max(0.0)
+    }
+
+    /// Law (a): the repulsion spring.
+    fn elastic_change(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
+        let limit = self.speed_limit(t, dt);
+        let change = || (limit - normal_velocity).min(self.spring(t, dt));
+        (normal_velocity < limit).then(change)
+    }
+
+    /// Law (b): approach is stopped; pairs slightly apart may still approach slowly.
+    fn inelastic_change(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
+        let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
+        let approaches = normal_velocity < 0.0 && normal_velocity < limit;
+        approaches.then_some(limit - normal_velocity)
+    }
+
+    /// Friction of a pair: the mean of what is painted on its two sides where they touch.
+    fn mean_friction(&self, painted: &[[f64; 2]], nodes: [u32; 4], weights: [f64; 4]) -> f64 {
+        let at = |node: u32| {
+            let [times, more] = painted[node as usize];
+            times * self.friction + more
+        };
+        // The weights of each side add up to one, or to minus one.
+        0.5 * nodes.into_iter().zip(weights).map(|(node, weight)| weight.abs() * at(node)).sum::<f64>()
+    }
+
+    /// A change of the normal velocity, and with it law (c): Coulomb friction that this change bears. What other pairs of
+    /// the same vertices have borne already is no load any more.
+    fn with_friction(&self, t: &Touching, relative: &Vec3, change: f64) -> Vec3 {
+        let tangential = relative - t.normal * relative.dot(&t.normal);
+        let speed = tangential.norm();
+        let share = if speed > NO_DIRECTION { (t.friction * change / speed).min(1.0) } else { 0.0 };
+        t.normal * change - tangential * share
+    }
+}
+
+#[cfg(test)]
+mod tests;

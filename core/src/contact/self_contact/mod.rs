@@ -1,0 +1,456 @@
+//! Contact of cloth with cloth, and of cloth with the faces of deforming bodies, through one collision step.
+//!
+//! A collision step goes from one collision-free state to the next: A remembers the state and the sides of all pairs that
+//! are close, K time steps follow with repulsions in B.2 and B.8, and C stops what would pass through something on the way.
+//! Where C does not come to an end with impulses alone and K is above one, the state is put back to A and K halved.
+
+mod intersections;
+mod per_collision_step;
+mod per_time_step;
+pub(super) mod substeps;
+
+use crate::Vec3;
+use crate::contact::bodies::Bodies;
+use crate::contact::broad_phase::bvh_search::PairSearch;
+use crate::contact::broad_phase::proximity_list::Neighbours;
+use crate::contact::broad_phase::skin;
+use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, Effort, Resolution};
+use crate::contact::intersections::exact::ignored_pairs;
+use crate::contact::repulsion::body_constraints::Supports;
+use crate::contact::repulsion::{Laws, Repulsions};
+use crate::contact::self_contact::substeps::StepControl;
+use crate::contact::tolerances::GAP_ROUNDINGS;
+use crate::contact::topology::pair::Pair;
+use crate::contact::topology::surface::{ContactSurface, NodePaths};
+use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::{SLEEPS, Section};
+use crate::geometry::crossings::Crossing;
+use crate::metrics::Metrics;
+use crate::remembered::{Field, Remembered};
+use crate::scene::Scene;
+use crate::snapshot::SnapshotError;
+use crate::state::State;
+
+/// What both halves of self-contact remember.
+pub(crate) const SECTION: Section = Section { name: "self_contact", version: 1 };
+
+/// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
+const STEP_COUNTS: [&str; 5] =
+    ["collision_steps_k1", "collision_steps_k2", "collision_steps_k4", "collision_steps_k8", "collision_steps_k16"];
+
+/// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
+const LONGEST_WAY: f64 = 0.5;
+
+/// What may go wrong with foreseeing motion from the last collision step.
+const FORESIGHT: f64 = 1.3;
+
+/// Settings of geometric collisions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CollisionSettings {
+    /// Largest number of time steps between two collision-free states.
+    pub max_steps: u32,
+    /// Whether collisions are resolved after the position half of every step, as in the authors' later code, instead of
+    /// after whole steps.
+    pub after_position: bool,
+}
+
+/// The geometric half.
+#[derive(Debug)]
+struct Geometric {
+    after_position: bool,
+    control: StepControl,
+    work: CollisionLoop,
+    /// Velocities at the collision-free state [m/s].
+    velocities: Vec<Vec3>,
+    /// Crossings of the collision-free state: those of the start, and of cloth that bodies have pinched. These and what follows
+    /// from them are alike on all ranks, in numbers of the scene.
+    crossings: Vec<Crossing>,
+    /// Pairs that are left alone because of them, ascending.
+    ignored: Vec<Pair>,
+    /// Vertices of cloth that crosses a body where that body crosses itself, ascending. No face of a body may hold them: they
+    /// may have to leave by another than they came in.
+    pinched: Vec<u32>,
+}
+
+/// The state of self-contact; whole, or repulsions alone, or collisions alone.
+#[derive(Debug)]
+pub struct SelfContact {
+    surface: ContactSurface,
+    search: PairSearch,
+    neighbours: Neighbours,
+    repulsions: Option<Repulsions>,
+    geometric: Option<Geometric>,
+    /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
+    mobility: Vec<f64>,
+    /// Bodies that the nodes of cloth lie on in B.8; empty without bodies.
+    supports: Vec<Supports>,
+    paths: NodePaths,
+    /// Whether some rank has vertices that no triangle has.
+    has_inert: bool,
+    /// Positions and velocities of the nodes of cloth in B.2 and B.8, where there are ghosts.
+    cloth: [Vec<Vec3>; 2],
+    /// Distance that collisions keep in this collision step [m].
+    gap: f64,
+    /// Time of the collision-free state [s].
+    start_time: f64,
+    /// Longest way of a node as a share of its edges [1/s], in the last collision step.
+    wear: f64,
+    /// Longest way since the list was made, at the last collision-free state.
+    used: f64,
+    /// How hard the collisions of this collision step are resolved.
+    effort: Effort,
+    /// Vertices that nothing repels in this collision step, by their numbers in the scene, ascending.
+    thinned: Vec<u32>,
+    /// Vertices of zones that stayed where they were in the last collision step, likewise; those that this rank has solved.
+    stopped: Vec<u32>,
+}
+
+/// How a collision step ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// The state is free of collisions, or as good as can be; this says what was left.
+    Resolved,
+    /// So is this one, but zones stayed where they were because nothing else resolved them.
+    Stopped,
+    /// The state was put back to the start of the collision step, to be tried again with shorter ones.
+    Rewound,
+}
+
+impl SelfContact {
+    /// Self-contact with these laws of repulsion and settings of collisions; `clamp` is the largest thickness as a fraction of
+    /// the rest edges around a vertex.
+    pub fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
+        let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
+        let neighbours = Neighbours::new(&surface, repulsion.is_some());
+        let geometric = collision.map(|settings| Geometric {
+            after_position: settings.after_position,
+            control: StepControl::new(settings.max_steps),
+            work: CollisionLoop::default(),
+            velocities: Vec::new(),
+            crossings: Vec::new(),
+            ignored: Vec::new(),
+            pinched: Vec::new(),
+        });
+        Self {
+            search: PairSearch::new(),
+            neighbours,
+            repulsions: repulsion.map(|(laws, _)| Repulsions::new(laws)),
+            geometric,
+            mobility: cloth_mobility(&surface),
+            supports: Vec::new(),
+            paths: NodePaths::default(),
+            has_inert: scene.inert().is_some(),
+            cloth: Default::default(),
+            gap: 0.0,
+            start_time: 0.0,
+            wear: 0.0,
+            used: f64::INFINITY,
+            effort: Effort::Usual,
+            thinned: Vec::new(),
+            stopped: Vec::new(),
+            surface,
+        }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        let nodes = self.surface.node_count() * (2 * size_of::<Vec3>() + size_of::<f64>())
+            + size_of_val(self.supports.as_slice());
+        let repulsions = self.repulsions.as_ref().map_or(0, Repulsions::bytes);
+        self.surface.bytes() + self.search.bytes() + self.neighbours.bytes() + repulsions + nodes
+    }
+
+    /// Whether repulsions act in every time step.
+    pub fn repels(&self) -> bool {
+        self.repulsions.as_ref().is_some_and(|repulsions| !repulsions.per_collision_step())
+    }
+
+    /// Whether repulsions act once per collision step.
+    pub fn repels_per_collision_step(&self) -> bool {
+        self.repulsions.as_ref().is_some_and(Repulsions::per_collision_step)
+    }
+
+    /// Whether collisions are resolved between B.4 and B.5.
+    pub fn collides_after_position(&self) -> bool {
+        self.geometric.as_ref().is_some_and(|g| g.after_position)
+    }
+
+    /// Notes which vertices are held during the coming step.
+    pub fn set_held(&mut self, masses: &[f64], pins: Option<&HardPins>, targets: &PinTargets) {
+        let Some(pins) = pins else { return };
+        let Self { surface, mobility, .. } = self;
+        let place = surface.place();
+        let shift = surface.nodes().own().start;
+        let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + shift);
+        surface.change_mobility(|all| {
+            for (vertex, node) in pins.axes().filter_map(|(vertex, ..)| Some((vertex, own(vertex)?))) {
+                all[node] = Vec3::repeat(1.0 / masses[vertex]);
+            }
+            for (vertex, target, axes) in pins.axes() {
+                if let Some(node) = own(vertex).filter(|_| targets.is_active(target)) {
+                    (0..3).filter(|axis| axes[*axis]).for_each(|axis| all[node][axis] = 0.0);
+                }
+            }
+        });
+        let pinned = pins.axes().filter_map(|(vertex, ..)| own(vertex));
+        for node in pinned.chain(surface.nodes().ghost_places()) {
+            mobility[node] = surface.mobility()[node].max();
+        }
+    }
+
+    /// Share of the time step that the cloth allows, shortened where contact needs it.
+    pub fn step_share(&self) -> f64 {
+        self.geometric.as_ref().map_or(1.0, |g| g.control.share)
+    }
+
+    /// Says how hard the next collision step is tried, and which vertices nothing repels in it, by their numbers in the scene,
+    /// ascending: alike on all ranks.
+    pub fn set_effort(&mut self, effort: Effort, thinned: Vec<u32>) {
+        (self.effort, self.thinned) = (effort, thinned);
+    }
+
+    /// Vertices of zones that stayed where they were in the last collision step, by their numbers in the scene; those that this
+    /// rank has solved.
+    pub fn stopped_vertices(&self) -> &[u32] {
+        &self.stopped
+    }
+
+    /// A: remembers the collision-free state and gives close pairs their sides; returns how many time steps of length `dt` [s]
+    /// the collision step may have.
+    pub fn begin_interval(&mut self, state: &State, bodies: &Bodies, dt: f64, metrics: &mut Metrics) -> u32 {
+        self.surface.gather(&state.x, bodies, &mut self.paths.start);
+        self.start_time = state.time;
+        if let Some(geometric) = &mut self.geometric {
+            geometric.velocities.clear();
+            geometric.velocities.extend_from_slice(&state.v);
+        }
+        let wanted = self.geometric.as_ref().map_or(1, |g| g.control.steps);
+        let per_step = FORESIGHT * self.wear * dt;
+        let affordable = (LONGEST_WAY / per_step.max(f64::MIN_POSITIVE)) as u32;
+        let steps = wanted.min(affordable).max(1);
+        let way = per_step * f64::from(steps);
+        self.gap = self.gap_now();
+        self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
+        if !SLEEPS || self.used + way > self.neighbours.reach() || self.used.is_nan() {
+            metrics.count_once(self.surface.ranks(), "pair_searches", 1);
+            self.rebuild(skin::after(&self.neighbours, way));
+            self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
+        }
+        if let Some(repulsions) = &mut self.repulsions {
+            let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
+            // What acts at the start of the collision step alone has no need of pairs that come close later.
+            let ahead = if repulsions.per_collision_step() { 0.0 } else { way.min(self.neighbours.reach()) };
+            let slack = 2.0 * ahead * self.surface.longest_edge();
+            let is_thinned = |pair: &Pair| pair.nodes.iter().any(|number| self.thinned.binary_search(number).is_ok());
+            let is_ignored = |pair: &Pair| {
+                ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok())
+                    || (!self.thinned.is_empty() && is_thinned(pair))
+            };
+            repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
+        }
+        let ranks = self.surface.ranks();
+        metrics.count_once(ranks, "collision_steps", 1);
+        metrics.count_once(ranks, STEP_COUNTS[(steps.ilog2() as usize).min(STEP_COUNTS.len() - 1)], 1);
+        metrics.count_once(ranks, "collision_steps_shortened", u64::from(self.step_share() < 1.0));
+        steps
+    }
+
+    /// Distance that everything keeps [m]: several times what rounding to single precision can close, at the largest distance
+    /// from the scene's origin, which does not change when the scene is turned. What takes no part may lie anywhere.
+    fn gap_now(&self) -> f64 {
+        let (surface, x) = (&self.surface, &self.paths.start);
+        let farthest = |largest: f64, p: &Vec3| largest.max((p - surface.origin()).norm());
+        let largest = if self.has_inert {
+            let corners = surface.cloth().triangles().iter().flatten().map(|node| &x[*node as usize]);
+            corners.chain(&x[surface.nodes().cloth()..]).fold(0.0, farthest)
+        } else {
+            x.iter().fold(0.0, farthest)
+        };
+        GAP_ROUNDINGS * f64::from(f32::EPSILON) * surface.ranks().max(largest)
+    }
+
+    /// Makes the list of neighbours anew around the collision-free state.
+    fn rebuild(&mut self, reach: f64) {
+        let Self { surface, search, neighbours, paths, mobility, gap, .. } = self;
+        neighbours.rebuild(surface, search, &mut paths.start, reach, *gap);
+        if surface.nodes().cloth() != mobility.len() || !surface.ranks().is_alone() {
+            *mobility = cloth_mobility(surface);
+        }
+    }
+
+    /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
+    /// [s]; `bodies` stand at its end. With `may_rewind` a hard case is left to a shorter collision step. The vertices that
+    /// were moved go to `moved`, each with how far [m].
+    pub fn end_interval(
+        &mut self,
+        (x, v): (&mut [Vec3], &mut [Vec3]),
+        bodies: &Bodies,
+        duration: f64,
+        may_rewind: bool,
+        metrics: &mut Metrics,
+        mut moved: impl FnMut(usize, f64),
+    ) -> Ending {
+        if let Some(repulsions) = &mut self.repulsions {
+            metrics.count("inverted_pairs", repulsions.inverted());
+            repulsions.positions_changed();
+        }
+        self.surface.gather(x, bodies, &mut self.paths.end);
+        let used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.end);
+        if duration > 0.0 {
+            self.wear = (used - self.used).max(0.0) / duration;
+        }
+        if self.geometric.is_none() {
+            return Ending::Resolved;
+        }
+        let outcome = self.resolve(duration, may_rewind, used, metrics);
+        let Some(geometric) = &mut self.geometric else { return Ending::Resolved };
+        if outcome.given_back {
+            metrics.count_once(self.surface.ranks(), "rewinds", 1);
+            geometric.control.failed();
+            return Ending::Rewound;
+        }
+        if outcome.hard {
+            geometric.control.failed()
+        } else {
+            geometric.control.succeeded()
+        }
+        let (place, first) = (self.surface.place(), self.surface.nodes().own().start);
+        for &node in &outcome.moved {
+            let node = node as usize;
+            let vertex = node - first + place.start;
+            let change = self.paths.end[node] - x[vertex];
+            x[vertex] = self.paths.end[node];
+            // Held velocities stay as prescribed: where a pin was ahead of its vertex, the way back may be of any length.
+            v[vertex] += (change / duration).component_mul(&self.surface.free_axes(node));
+            moved(vertex, change.norm());
+        }
+        let has_crossings = !geometric.crossings.is_empty() || outcome.pinched;
+        if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings) {
+            self.check(&outcome.moved, (x, v), bodies, duration, metrics);
+        }
+        let cloth = self.surface.nodes().all_cloth();
+        self.stopped.clear();
+        self.stopped.extend(outcome.stopped_nodes.iter().filter(|number| **number < cloth));
+        if outcome.stopped { Ending::Stopped } else { Ending::Resolved }
+    }
+
+    /// Stops what would pass through something on the paths, of which `used` is the longest way. The ghosts are those of
+    /// before when it is done.
+    fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> Resolution {
+        let Self { surface, search, neighbours, geometric, paths, gap, .. } = self;
+        let Some(Geometric { control, work, ignored, pinched, .. }) = geometric else { return Resolution::default() };
+        let cloth = surface.nodes().all_cloth();
+        // Pairs have numbers of the scene here.
+        let is_ignored = |pair: &Pair| {
+            let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
+            let lets_out = || of_body() && pair.nodes.iter().any(|number| pinched.binary_search(number).is_ok());
+            ignored.binary_search(pair).is_ok() || (!pinched.is_empty() && lets_out())
+        };
+        let mut collisions = Collisions {
+            surface,
+            gap: *gap,
+            duration,
+            ignored: &is_ignored,
+            may_give_back: may_rewind && control.steps > 1,
+            effort: self.effort,
+        };
+        let kept = collisions.surface.nodes().clone();
+        let mut outcome = work.resolve(&mut collisions, neighbours, search, paths, used, metrics);
+        // Where another rank alone has new ghosts, this one sends more.
+        if !surface.nodes().is_laid_out_as(&kept) {
+            let renumber = surface.set_nodes(kept);
+            neighbours.renumber(&renumber, surface);
+            paths.renumber(&renumber);
+            renumber.renumber(outcome.moved.iter_mut());
+        }
+        outcome
+    }
+
+    /// What self-contact remembers at a collision-free state: the list of neighbours by the positions it was made around, the
+    /// number and length of the steps it takes, and what crosses.
+    pub(crate) fn remember(&self) -> Remembered {
+        let (reference, nodes) = (self.neighbours.reference(), self.surface.nodes());
+        let list = reference.map(|x| (x[nodes.own()].to_vec(), x[nodes.cloth()..].to_vec()));
+        let memory = Remembered::new(SECTION)
+            .with("wear", Field::Number(self.wear))
+            .with("list_reach", Field::Number(self.neighbours.full_reach()))
+            .with("list_positions", Field::Nodes(nodes.count() - nodes.cloth(), list));
+        let Some(geometric) = &self.geometric else { return memory };
+        let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
+        memory
+            .with("steps", Field::Count(geometric.control.steps.into()))
+            .with("step_share", Field::Number(geometric.control.share))
+            .with("successes", Field::Count(geometric.control.successes.into()))
+            .with("crossings", Field::Numbers(5, crossings.collect()))
+            .with("pinched", Field::Numbers(1, geometric.pinched.clone()))
+    }
+
+    /// Goes on from what was remembered. All ranks call it together.
+    ///
+    /// # Errors
+    /// The same on all ranks: it names nodes that do not exist, or numbers that are none.
+    pub(crate) fn go_on(&mut self, memory: &Remembered) -> Result<(), SnapshotError> {
+        self.check_memory(memory)?;
+        self.wear = memory.number("wear");
+        if let Some((cloth, bodies)) = memory.nodes("list_positions") {
+            let nodes = self.surface.nodes();
+            let start = &mut self.paths.start;
+            *start = vec![Vec3::zeros(); nodes.count()];
+            start[nodes.own()].copy_from_slice(cloth);
+            start[nodes.cloth()..].copy_from_slice(bodies);
+            nodes.refresh(start);
+            let reach = memory.number("list_reach");
+            // The list follows from the positions it was made around, to the last bit and in the same order.
+            self.gap = self.gap_now();
+            self.rebuild(reach);
+        }
+        let Some(geometric) = &mut self.geometric else { return Ok(()) };
+        let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
+        geometric.control.go_on(count("steps"), memory.number("step_share"), count("successes"));
+        let rows = memory.numbers("crossings").as_chunks::<5>().0;
+        let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
+        geometric.crossings = rows.iter().map(crossing).collect();
+        geometric.ignored = ignored_pairs(&geometric.crossings);
+        geometric.pinched = memory.numbers("pinched").to_vec();
+        Ok(())
+    }
+
+    /// Refuses a memory that would be followed into nodes that do not exist. What it looks at is alike on all ranks.
+    fn check_memory(&self, memory: &Remembered) -> Result<(), SnapshotError> {
+        let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
+        let of_geometric = |name| self.geometric.as_ref().map(|_| name);
+        for name in ["wear", "list_reach"].into_iter().chain(of_geometric("step_share")) {
+            let number = memory.number(name);
+            if !(number >= 0.0 && number.is_finite()) {
+                return error(format!("`{name}` is {number}"));
+            }
+        }
+        let nodes = self.surface.nodes();
+        let all = nodes.all_cloth() as usize + nodes.count() - nodes.cloth();
+        for name in ["crossings", "pinched"].into_iter().filter_map(of_geometric) {
+            if let Some(number) = memory.numbers(name).iter().find(|number| **number as usize >= all) {
+                return error(format!("`{name}` names node {number} of {all}"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the state back to the last collision-free one; of the positions, those of own vertices.
+    pub fn rewind(&self, state: &mut State) {
+        if let Some(geometric) = &self.geometric {
+            state.x[self.surface.place()].copy_from_slice(&self.paths.start[self.surface.nodes().own()]);
+            state.v.copy_from_slice(&geometric.velocities);
+            state.time = self.start_time;
+        }
+    }
+
+    /// Whether geometric collisions keep the state free of crossings.
+    pub fn keeps_free(&self) -> bool {
+        self.geometric.is_some()
+    }
+}
+
+/// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
+fn cloth_mobility(surface: &ContactSurface) -> Vec<f64> {
+    surface.mobility()[..surface.nodes().cloth()].iter().map(Vec3::max).collect()
+}

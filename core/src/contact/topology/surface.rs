@@ -1,0 +1,366 @@
+//! The triangles, edges and vertices that can touch: all garments, then all deforming bodies, in one numbering.
+//!
+//! *Nodes* are the cloth's vertices in solver order, followed by the points of the deforming bodies (`nodes` says which of
+//! them a rank knows). Of the cloth a rank has the triangles with a vertex of its own; of the bodies, all.
+
+use std::ops::Range;
+
+use crate::Vec3;
+use crate::contact::bodies::Bodies;
+use crate::contact::broad_phase::common_rigid_motion::Samples;
+use crate::contact::topology::cloth_surface::ClothShare;
+use crate::contact::topology::faces::{Faces, Sides};
+use crate::contact::topology::nodes::{ContactNodes, Renumber};
+use crate::contact::topology::pair::Pair;
+use crate::geometry::crossings::Crossing;
+use crate::parallel::ranks::Ranks;
+use crate::scene::{BodyShape, Scene};
+
+/// Garment of the points of bodies.
+const NO_GARMENT: u32 = u32::MAX;
+
+/// The surfaces of a scene that can touch.
+#[derive(Debug)]
+pub(crate) struct ContactSurface {
+    nodes: ContactNodes,
+    /// Ghosts that are there always, by their numbers in the scene, ascending: the other corners of own triangles.
+    corners: Vec<u32>,
+    cloth: Faces,
+    bodies: Faces,
+    sides: [Sides; 2],
+    /// Deforming bodies and their first points, counted over all of them, in their order.
+    first_points: Vec<(usize, u32)>,
+    /// Where own vertices stand in arrays over the scene's local vertices.
+    place: Range<usize>,
+    samples: Samples,
+    /// Arrays over the nodes: thickness that repulsions keep, zero for bodies [m].
+    thickness: Vec<f64>,
+    /// What the friction of cloth on cloth is multiplied by, and what is added to it; `None` if it is nowhere painted.
+    friction: Option<Vec<[f64; 2]>>,
+    /// Positions at rest, zero for bodies [m].
+    rest: Vec<Vec3>,
+    garment: Vec<u32>,
+    /// Mean rest length of the edges of each node [m]; of all cloth for bodies.
+    edge_length: Vec<f64>,
+    /// Inverse masses per axis, zero where held [1/kg].
+    mobility: Vec<Vec3>,
+    longest_edge: f64,
+    /// What positions are counted from where single precision stores them [m].
+    origin: Vec3,
+}
+
+/// Friction of what is not painted.
+const PLAIN: [f64; 2] = [1.0, 0.0];
+
+/// The surface of a deforming body.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BodyFaces<'a> {
+    /// Its number among the bodies.
+    pub body: usize,
+    /// Its triangles, by its own points.
+    pub triangles: &'a [[u32; 3]],
+    /// Number of its points.
+    pub points: usize,
+}
+
+impl ContactSurface {
+    /// The surfaces of a scene; `clamp` is the largest thickness of a vertex as a fraction of its shortest rest edge.
+    pub(crate) fn new(scene: &Scene, clamp: f64) -> Self {
+        let of_body = |(body, shape): (usize, _)| match shape {
+            &BodyShape::Surface { ref triangles, point_count } => {
+                Some(BodyFaces { body, triangles, points: point_count })
+            }
+            _ => None,
+        };
+        let shapes = scene.description().bodies.iter().map(|body| &body.shape).enumerate();
+        // Without their effect bodies are there only for pins to follow.
+        let collide = scene.description().effects.iter().any(|request| request.effect == "body_collision");
+        let bodies: Vec<BodyFaces<'_>> = shapes.filter(|_| collide).filter_map(of_body).collect();
+        let surface = Self::of_share(ClothShare::of(scene, clamp), &bodies);
+        let starts = scene.parts().partition().starts().iter().map(|start| *start as u32);
+        Self { nodes: surface.nodes.with_parts(starts), origin: scene.origin(), ..surface }
+    }
+
+    /// The surfaces that a rank has. All ranks call it together.
+    pub(crate) fn of_share(share: ClothShare, bodies: &[BodyFaces<'_>]) -> Self {
+        let ClothShare { ranks, rank_starts, mut triangles, mean_edge, .. } = share;
+        // Neighbours on the cloth become neighbours in memory, as the vertices are.
+        triangles.sort_by_key(|t| t.iter().copied().min());
+        let own = rank_starts[ranks.rank()]..rank_starts[ranks.rank() + 1];
+        let mut corners: Vec<u32> = triangles.iter().flatten().copied().filter(|v| !own.contains(v)).collect();
+        corners.sort_unstable();
+        corners.dedup();
+        let points = bodies.iter().map(|body| body.points).sum();
+        let nodes = ContactNodes::new(&ranks, &rank_starts, corners.clone(), points);
+        let local = |v: u32| nodes.local(v).expect("the corners of all triangles are own or ghosts");
+        let triangles = triangles.iter().map(|t| t.map(local)).collect();
+        let (cloth, cloth_sides) = Faces::new(triangles, |node| nodes.is_own(node));
+        let (mut of_bodies, mut first_points, mut first) = (Vec::new(), Vec::new(), 0);
+        for body in bodies {
+            of_bodies.extend(body.triangles.iter().map(|t| t.map(|v| v + first + nodes.cloth() as u32)));
+            first_points.push((body.body, first));
+            first += body.points as u32;
+        }
+        let (of_bodies, body_sides) = Faces::new(of_bodies, |_| true);
+        let longest = share.edge_length.iter().copied().fold(if points > 0 { mean_edge } else { 0.0 }, f64::max);
+        let mobility: Vec<Vec3> = share.mobility.iter().map(|w| Vec3::repeat(*w)).collect();
+        let mut surface = Self {
+            thickness: over_nodes(&nodes, share.thickness, 0.0),
+            friction: share.friction.map(|painted| over_nodes(&nodes, painted, PLAIN)),
+            rest: over_nodes(&nodes, share.rest, Vec3::zeros()),
+            garment: over_nodes(&nodes, share.garment, NO_GARMENT),
+            edge_length: over_nodes(&nodes, share.edge_length, mean_edge),
+            mobility: over_nodes(&nodes, mobility, Vec3::zeros()),
+            longest_edge: ranks.max(longest),
+            origin: Vec3::zeros(),
+            samples: Samples::new(&ranks, share.blocks, share.block_starts),
+            nodes,
+            corners,
+            cloth,
+            bodies: of_bodies,
+            sides: [cloth_sides, body_sides],
+            first_points,
+            place: share.place,
+        };
+        surface.refresh();
+        surface
+    }
+
+    /// Brings what is known of the ghosts to what their owners know.
+    fn refresh(&mut self) {
+        self.nodes.refresh(&mut self.thickness);
+        if let Some(friction) = &mut self.friction {
+            self.nodes.refresh(friction);
+        }
+        self.nodes.refresh(&mut self.rest);
+        self.nodes.refresh(&mut self.garment);
+        self.nodes.refresh(&mut self.edge_length);
+        self.nodes.refresh(&mut self.mobility);
+    }
+
+    /// Replaces the ghosts by these, and those without which there are no triangles; numbers of the scene, ascending. All ranks
+    /// call it together. Returns what nodes are called now, unless nothing has changed on any rank.
+    pub(crate) fn set_ghosts(&mut self, ghosts: Vec<u32>) -> Option<Renumber> {
+        let ranks = self.ranks().clone();
+        if ranks.is_alone() {
+            return None;
+        }
+        let ghosts = union(ghosts, &self.corners);
+        if !ranks.any(ghosts != self.nodes.ghosts()) {
+            return None;
+        }
+        let nodes = self.nodes.with_ghosts(ghosts);
+        let renumber = self.set_nodes(nodes);
+        self.refresh();
+        Some(renumber)
+    }
+
+    /// Goes over to other nodes, among them the corners of all triangles. What is known of those that are new is yet to be
+    /// fetched; where none is, this is no matter of other ranks.
+    pub(crate) fn set_nodes(&mut self, nodes: ContactNodes) -> Renumber {
+        let renumber = Renumber::between(&self.nodes, &nodes);
+        [&mut self.cloth, &mut self.bodies].into_iter().for_each(|faces| faces.renumber(&renumber));
+        let edges = self.sides.iter_mut().flatten().map(|(edge, _)| edge);
+        renumber.renumber(edges.flatten());
+        renumber.apply(&mut self.thickness, 0.0);
+        if let Some(friction) = &mut self.friction {
+            renumber.apply(friction, PLAIN);
+        }
+        renumber.apply(&mut self.rest, Vec3::zeros());
+        renumber.apply(&mut self.garment, NO_GARMENT);
+        renumber.apply(&mut self.edge_length, 0.0);
+        renumber.apply(&mut self.mobility, Vec3::zeros());
+        self.nodes = nodes;
+        renumber
+    }
+
+    /// The nodes that this rank knows.
+    pub(crate) fn nodes(&self) -> &ContactNodes {
+        &self.nodes
+    }
+
+    /// Number of nodes here, ghosts and bodies included.
+    pub(crate) fn node_count(&self) -> usize {
+        self.nodes.count()
+    }
+
+    /// This rank and the others.
+    pub(crate) fn ranks(&self) -> &Ranks {
+        self.nodes.ranks()
+    }
+
+    /// Triangles of cloth with a node of this rank, and what is at home here.
+    pub(crate) fn cloth(&self) -> &Faces {
+        &self.cloth
+    }
+
+    /// Triangles of the bodies.
+    pub(crate) fn bodies(&self) -> &Faces {
+        &self.bodies
+    }
+
+    /// Which nodes stand for all in fits of common motion.
+    pub(crate) fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    /// Where own vertices stand in arrays over the scene's local vertices.
+    pub(crate) fn place(&self) -> Range<usize> {
+        self.place.clone()
+    }
+
+    /// Thickness of each node, zero for bodies [m].
+    pub(crate) fn thickness(&self) -> &[f64] {
+        &self.thickness
+    }
+
+    /// What the friction of cloth on cloth is multiplied by at each node, and what is added to it; `None` if it is nowhere
+    /// painted.
+    pub(crate) fn friction(&self) -> Option<&[[f64; 2]]> {
+        self.friction.as_deref()
+    }
+
+    /// Nodes at rest, bodies at zero [m].
+    pub(crate) fn rest(&self) -> &[Vec3] {
+        &self.rest
+    }
+
+    /// Mean rest length of the edges of each node [m]; of all cloth for bodies.
+    pub(crate) fn edge_length(&self) -> &[f64] {
+        &self.edge_length
+    }
+
+    /// Longest entry of `edge_length` on any rank [m].
+    pub(crate) fn longest_edge(&self) -> f64 {
+        self.longest_edge
+    }
+
+    /// Inverse masses of the nodes per axis, zero where held [1/kg].
+    pub(crate) fn mobility(&self) -> &[Vec3] {
+        &self.mobility
+    }
+
+    /// One on the axes on which a node is free, zero where it is held.
+    pub(crate) fn free_axes(&self, node: usize) -> Vec3 {
+        self.mobility[node].map(|mobility| f64::from(u8::from(mobility > 0.0)))
+    }
+
+    /// Changes the inverse masses of own nodes. All ranks call it together.
+    pub(crate) fn change_mobility(&mut self, change: impl FnOnce(&mut [Vec3])) {
+        change(&mut self.mobility);
+        self.nodes.refresh(&mut self.mobility);
+    }
+
+    /// Positions of all nodes [m]: cloth at `x`, over the scene's local vertices, bodies where they stand at the end of their
+    /// step. All ranks call it together.
+    pub(crate) fn gather(&self, x: &[Vec3], bodies: &Bodies, nodes: &mut Vec<Vec3>) {
+        nodes.clear();
+        nodes.resize(self.nodes.own().start, Vec3::zeros());
+        nodes.extend_from_slice(&x[self.place.clone()]);
+        nodes.resize(self.nodes.cloth(), Vec3::zeros());
+        self.first_points.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.surface_positions(*body)));
+        self.nodes.refresh(nodes);
+    }
+
+    /// What positions are counted from where single precision stores them [m].
+    pub(crate) fn origin(&self) -> Vec3 {
+        self.origin
+    }
+
+    /// Whether all nodes of a pair are of one garment.
+    pub(crate) fn is_one_garment(&self, pair: &Pair) -> bool {
+        let [a, b, c, d] = pair.nodes.map(|node| self.garment[node as usize]);
+        a == b && b == c && c == d
+    }
+
+    /// Whether repulsions act on a pair: between cloth and cloth; bodies have their own contact.
+    pub(crate) fn repels(&self, pair: &Pair) -> bool {
+        !pair.nodes.iter().any(|&node| self.is_body(node))
+    }
+
+    /// Whether a node belongs to a body.
+    pub(crate) fn is_body(&self, node: u32) -> bool {
+        self.nodes.is_body(node)
+    }
+
+    /// Whether an edge of cloth crosses a triangle of cloth, and no body has part in it. Crossings have numbers of the scene.
+    pub(crate) fn is_cloth(&self, crossing: &Crossing) -> bool {
+        !crossing.edge.iter().chain(&crossing.triangle).any(|&number| number >= self.nodes.all_cloth())
+    }
+
+    /// Whether cloth crosses a body where that body crosses itself. Crossings have numbers of the scene.
+    pub(crate) fn is_pinched(&self, crossing: &Crossing, bodies: &Bodies) -> bool {
+        let cloth = self.nodes.all_cloth();
+        crossing.edge.iter().chain(&crossing.triangle).filter(|&&number| number >= cloth).any(|&number| {
+            let point = number - cloth;
+            let last = self.first_points.partition_point(|(_, first)| *first <= point) - 1;
+            let (body, first) = self.first_points[last];
+            bodies.crosses_itself_at(body, point - first)
+        })
+    }
+
+    /// Marks the corners of all triangles of cloth that have a marked corner; right for own nodes.
+    pub(crate) fn grow(&self, marked: &mut [u8]) {
+        let is_touched = |corners: &&[u32; 3]| corners.iter().any(|&node| marked[node as usize] != 0);
+        let touched: Vec<u32> = self.cloth.triangles().iter().filter(is_touched).flatten().copied().collect();
+        touched.iter().for_each(|&node| marked[node as usize] = 1);
+    }
+
+    /// The triangles that have an edge, given with its smaller node first; all of them where the edge is at home.
+    pub(crate) fn triangles_of_edge(&self, edge: [u32; 2]) -> impl Iterator<Item = [u32; 3]> + '_ {
+        let kind = usize::from(self.is_body(edge[0]));
+        let (sides, triangles) = (&self.sides[kind], [&self.cloth, &self.bodies][kind].triangles());
+        let first = sides.partition_point(|(e, _)| *e < edge);
+        let same = sides[first..].iter().take_while(move |(e, _)| *e == edge);
+        same.map(|(_, triangle)| triangles[*triangle as usize])
+    }
+
+    /// Memory held [bytes].
+    pub(crate) fn bytes(&self) -> usize {
+        let sides = self.sides.iter().map(Vec::len).sum::<usize>() * size_of::<([u32; 2], u32)>();
+        let traits = 2 * size_of::<f64>() + 2 * size_of::<Vec3>() + size_of::<u32>();
+        let friction = self.friction.as_ref().map_or(0, |painted| size_of_val(painted.as_slice()));
+        self.cloth.bytes() + self.bodies.bytes() + sides + self.nodes.count() * traits + friction
+    }
+}
+
+/// An array over all nodes from one over own vertices, with `body` for points of bodies.
+fn over_nodes<T: Clone>(nodes: &ContactNodes, own: Vec<T>, body: T) -> Vec<T> {
+    if nodes.count() == own.len() {
+        return own;
+    }
+    let mut all = vec![body; nodes.count()];
+    all[nodes.own()].clone_from_slice(&own);
+    all
+}
+
+/// Both lists in one, ascending.
+fn union(mut a: Vec<u32>, b: &[u32]) -> Vec<u32> {
+    a.extend_from_slice(b);
+    a.sort_unstable();
+    a.dedup();
+    a
+}
+
+/// Positions of all nodes at both ends of a collision step.
+#[derive(Debug, Default)]
+pub(crate) struct NodePaths {
+    /// Where the nodes are at the collision-free state [m].
+    pub start: Vec<Vec3>,
+    /// Where they are now [m].
+    pub end: Vec<Vec3>,
+}
+
+impl NodePaths {
+    /// Lays the paths out for other ghosts. Those that are new have none yet.
+    pub(crate) fn renumber(&mut self, renumber: &Renumber) {
+        renumber.apply(&mut self.start, Vec3::zeros());
+        renumber.apply(&mut self.end, Vec3::zeros());
+    }
+
+    /// Brings the ghosts' paths to those of their owners. All ranks call it together.
+    pub(crate) fn refresh(&mut self, nodes: &ContactNodes) {
+        nodes.refresh(&mut self.start);
+        nodes.refresh(&mut self.end);
+    }
+}

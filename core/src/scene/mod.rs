@@ -1,0 +1,586 @@
+//! What is simulated: plain data that anyone may fill in ([`SceneDescription`]), and its checked, immutable form
+//! ([`Scene`]).
+//!
+//! All lengths are in metres, times in seconds, masses in kilograms. A description promises nothing; a scene promises
+//! that every index is in range, every number finite and every rest edge longer than zero: what of a garment has no area takes
+//! no part, and the scene says so in its warnings.
+
+mod coincident;
+mod home;
+pub(crate) mod inert;
+mod left_out;
+pub mod painted;
+mod place;
+pub mod sewn;
+mod share;
+mod streamed;
+mod validate;
+mod winding;
+mod wire;
+
+pub use inert::simulated_triangles;
+pub use place::{FARTHEST, coarse_place, is_possible};
+pub(crate) use validate::{agree, listed};
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::UnitQuaternion;
+
+use crate::Vec3;
+use crate::geometry::shapes::Shape;
+use crate::mesh::{MeshStream, PolygonMesh, TriangleMesh};
+use crate::parallel::parts::Parts;
+use crate::settings::SettingValue;
+use inert::Follower;
+use painted::PaintedMaps;
+use sewn::Sewn;
+
+/// A scene as plain data, in SI units. Nothing in it is checked.
+#[derive(Debug, Clone)]
+pub struct SceneDescription {
+    /// Name of the shot, for messages.
+    pub name: String,
+    /// Frame rate and the frame from which time is counted.
+    pub timeline: Timeline,
+    /// What positions are counted from where single precision stores them [m]; `None` chooses it by where the garments start.
+    pub origin: Option<Vec3>,
+    /// Settings of the time integration.
+    pub solver: SolverSettings,
+    /// Garments, in the order of their output.
+    pub garments: Vec<GarmentDescription>,
+    /// Bodies that the garments collide with, in order of priority.
+    pub bodies: Vec<BodyDescription>,
+    /// Vertices whose motion is prescribed or that are held by springs.
+    pub pins: Vec<PinDescription>,
+    /// Vertices that are drawn together.
+    pub seams: Vec<SeamDescription>,
+    /// Where the grid of the wind stands, if the caller pushes one ([`crate::simulation::FrameInput::wind`]).
+    pub wind: Option<WindGridShape>,
+    /// Effects asked for. What is not here does not exist while the scene runs.
+    pub effects: Vec<EffectRequest>,
+    /// Effects that were asked for and then left out, for messages and `drapery plan`.
+    pub left_out: Vec<String>,
+}
+
+/// Frame rate as a rational number and the frame at which time is zero.
+///
+/// Times are computed from integers, never accumulated: frame `f` is at `(f - origin) · denominator / numerator` s.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timeline {
+    /// Numerator of the frames per second, for example 24 or 24000.
+    pub fps_numerator: u32,
+    /// Denominator of the frames per second, for example 1 or 1001.
+    pub fps_denominator: u32,
+    /// Frame at which solver time is zero. Bodies' motions count their seconds from here.
+    pub origin: i64,
+    /// Frame at which the simulation starts, at or before `origin` (earlier when there is a pre-roll).
+    pub start: i64,
+}
+
+impl Timeline {
+    /// Solver time of a frame [s].
+    pub fn time(&self, frame: i64) -> f64 {
+        (frame - self.origin) as f64 * f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
+    }
+
+    /// Length of one frame [s].
+    pub fn frame_duration(&self) -> f64 {
+        f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
+    }
+}
+
+impl Default for Timeline {
+    /// 24 frames per second from frame 0.
+    fn default() -> Self {
+        Self { fps_numerator: 24, fps_denominator: 1, origin: 0, start: 0 }
+    }
+}
+
+/// Settings of the time integration (`docs/theory/step.md`).
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolverSettings {
+    /// CFL number of the elastic step limit; 4 is the authors' value for cloth, below 2.83 is provably stable.
+    pub cfl: f64,
+    /// Largest time step [s]; `None` leaves the choice to the CFL number and the strain rate.
+    pub max_dt: Option<f64>,
+    /// A step that would have to be shorter than this ends the run with an error [s].
+    pub min_dt: f64,
+    /// Largest relative change of an edge's length in one step.
+    pub strain_per_step: f64,
+    /// Largest nodal residual at which the damping solve stops [m/s]; `None` takes the smaller of 1e-2 m/s and a tenth
+    /// of what gravity adds in one step, so that accuracy does not fade as steps get shorter
+    /// (`docs/theory/step.md#the-damping-solve`).
+    pub cg_tolerance: Option<f64>,
+    /// Largest number of conjugate gradient iterations of one solve; a solve that reaches it is counted, not fatal.
+    pub cg_max_iterations: usize,
+    /// How elastic forces enter both solves.
+    pub integrator: Integrator,
+    /// Where in a step friction with bodies acts.
+    pub body_friction: BodyFriction,
+}
+
+impl Default for SolverSettings {
+    fn default() -> Self {
+        Self {
+            cfl: 4.0,
+            max_dt: None,
+            min_dt: 1e-9,
+            strain_per_step: 0.1,
+            cg_tolerance: None,
+            cg_max_iterations: 200,
+            integrator: Integrator::default(),
+            body_friction: BodyFriction::default(),
+        }
+    }
+}
+
+/// How elastic forces enter the two solves of a step; see `docs/theory/variants.md`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Integrator {
+    /// Explicit, with implicit damping: the paper's step. Of second order; elastic forces limit the time step.
+    #[default]
+    SemiImplicit,
+    /// Springs are linearised over the step and implicit like damping (`docs/theory/variants.md#fully-implicit`); other
+    /// forces stay explicit. Of first order, loses energy like backward Euler; springs do not limit the time step.
+    Implicit,
+}
+
+/// Where in a step friction between cloth and bodies acts; see `docs/theory/variants.md`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BodyFriction {
+    /// In the position half (B.4), and in B.7 on the final velocities with the load of the whole step: the paper's
+    /// (`docs/theory/friction.md#why-it-is-accurate`).
+    #[default]
+    WholeStep,
+    /// In the position half alone; B.7 only stops what approaches. It loses the friction of resting contact.
+    PositionHalf,
+}
+
+/// A garment: its mesh at rest, where it starts, and what it weighs.
+#[derive(Debug, Clone)]
+pub struct GarmentDescription {
+    /// Name, unique among the garments; it names the output files.
+    pub name: String,
+    /// Rest shape with the artist's polygons; a fixed triangulation of it is simulated.
+    pub mesh: PolygonMesh,
+    /// Where the rest shape is read piece by piece, in place of `mesh`, which is not looked at then.
+    pub stream: Option<Arc<dyn MeshStream>>,
+    /// Positions at the start [m] when they differ from the rest shape; one per point.
+    pub start: Option<Vec<Vec3>>,
+    /// Velocity of every point at the start [m/s].
+    pub velocity: Vec3,
+    /// Velocities at the start [m/s] when they differ among the points, instead of `velocity`; one per point.
+    pub start_velocities: Option<Vec<Vec3>>,
+    /// How the mass of the points follows from the mesh.
+    pub mass: Mass,
+    /// Distance that repulsions keep between its layers, and from other garments [m]; short edges lower it
+    /// (`self_repulsion`).
+    pub thickness: f64,
+    /// Quantities that differ among the vertices.
+    pub maps: PaintedMaps,
+}
+
+/// Mass of a garment's points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mass {
+    /// Areal density [kg/m²]: a point gets a third of the rest area of its triangles.
+    Density(f64),
+    /// The same mass for each point, adding up to this [kg] (the authors' panels).
+    UniformTotal(f64),
+}
+
+/// A body that garments collide with. It moves as prescribed; cloth never moves it.
+#[derive(Debug, Clone)]
+pub struct BodyDescription {
+    /// Name, unique among the bodies.
+    pub name: String,
+    /// Surface of the body.
+    pub shape: BodyShape,
+    /// Motion of an analytic shape; a deforming surface moves by its samples and ignores this.
+    pub motion: RigidMotion,
+    /// Coulomb friction coefficient against cloth.
+    pub friction: f64,
+    /// Distance that cloth keeps from the surface [m].
+    pub thickness: f64,
+    /// Fastest speed at which a vertex that is already too deep is pushed out [m/s]; infinite corrects in one step.
+    pub max_push_speed: f64,
+    /// Whether the triangles of a closed surface face what they enclose, as those of a room do; a surface that faces outwards and
+    /// comes to enclose the outside has turned inside out, and its sides are exchanged.
+    pub faces_inwards: bool,
+}
+
+/// Surface of a body, in its own frame.
+#[derive(Debug, Clone)]
+pub enum BodyShape {
+    /// An analytic shape that moves rigidly.
+    Rigid(Shape),
+    /// A deforming triangle mesh whose positions the caller pushes frame by frame, in world space.
+    Surface {
+        /// Triangles, counter-clockwise seen from outside.
+        triangles: Vec<[u32; 3]>,
+        /// Number of points of every sample.
+        point_count: usize,
+    },
+}
+
+/// Prescribed rigid motion: a piecewise linear path of the origin, and a rotation that may spin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigidMotion {
+    /// Times [s] and positions [m] of the origin, ascending in time; held before the first and after the last.
+    pub path: Vec<(f64, Vec3)>,
+    /// Orientation before any spin.
+    pub rotation: UnitQuaternion<f64>,
+    /// Angular velocity in world axes [rad/s], acting from `spin_start` on.
+    pub angular_velocity: Vec3,
+    /// Solver time at which the spin starts [s].
+    pub spin_start: f64,
+}
+
+impl RigidMotion {
+    /// At rest at `position` [m].
+    pub fn at(position: Vec3) -> Self {
+        Self {
+            path: vec![(0.0, position)],
+            rotation: UnitQuaternion::identity(),
+            angular_velocity: Vec3::zeros(),
+            spin_start: 0.0,
+        }
+    }
+}
+
+/// Vertices of a garment that are held.
+#[derive(Debug, Clone)]
+pub struct PinDescription {
+    /// Index of the garment.
+    pub garment: usize,
+    /// What the vertices follow, and which vertices.
+    pub target: PinTarget,
+    /// Axes in which a hard pin holds (world x, y, z).
+    pub axes: [bool; 3],
+    /// Solver time from which it holds [s].
+    pub from: f64,
+    /// Solver time at which it lets go [s].
+    pub until: f64,
+    /// Hard, or by a spring.
+    pub hold: PinHold,
+}
+
+/// What a pinned vertex follows.
+#[derive(Debug, Clone)]
+pub enum PinTarget {
+    /// A place where the vertex was, moved along a path relative to it.
+    Path {
+        /// When the place is taken.
+        anchor: PinAnchor,
+        /// Vertex numbers in the garment's own order.
+        vertices: Vec<u32>,
+        /// Times [s] and offsets [m] from the start position, piecewise linear; empty stays put.
+        offsets: Vec<(f64, Vec3)>,
+    },
+    /// Positions that the caller pushes frame by frame: row `i` of the track belongs to `vertices[i]`.
+    Track {
+        /// Vertex numbers in the garment's own order.
+        vertices: Vec<u32>,
+        /// Number of the track in [`crate::simulation::FrameInput::tracks`].
+        track: usize,
+    },
+    /// Places on the surface of a body.
+    Body {
+        /// Index of the body; it must be a deforming surface.
+        body: usize,
+        /// One attachment per vertex.
+        attachments: Vec<SurfaceAttachment>,
+    },
+    /// The nearest places on the surface of a body when the simulation starts.
+    BodyNearest {
+        /// Index of the body; it must be a deforming surface.
+        body: usize,
+        /// Vertex numbers in the garment's own order.
+        vertices: Vec<u32>,
+    },
+}
+
+/// A vertex attached to a triangle of a body: barycentric point plus an offset in the triangle's frame.
+///
+/// The frame is tangent = direction of the first edge, bitangent = normal × tangent, normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceAttachment {
+    /// Vertex number in the garment's own order.
+    pub vertex: u32,
+    /// Points of the body that form the triangle.
+    pub body_points: [u32; 3],
+    /// Barycentric weights, adding up to one.
+    pub weights: [f64; 3],
+    /// Offset along tangent, bitangent and normal [m].
+    pub offset: Vec3,
+}
+
+/// When a pin takes the place that it holds its vertices to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PinAnchor {
+    /// When the simulation starts.
+    Start,
+    /// When the pin takes hold.
+    WhenHeld,
+}
+
+/// How a pin holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PinHold {
+    /// The vertex is where the target is.
+    Hard,
+    /// A zero-length spring pulls the vertex to the target.
+    Spring {
+        /// Stiffness [N/m].
+        stiffness: f64,
+        /// Damping as a fraction of critical damping of the vertex on this spring.
+        damping_ratio: f64,
+        /// Force at which it breaks and lets go for good [N]; `None` holds whatever pulls.
+        break_force: Option<f64>,
+    },
+}
+
+/// Vertices of garments that are sewn together, pair by pair. The gap of a pair closes evenly from what it is at the start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeamDescription {
+    /// Garment of either side.
+    pub garments: [usize; 2],
+    /// Pairs of vertices, each by its number in the garment of its side.
+    pub pairs: Vec<[u32; 2]>,
+    /// Solver time at which the gaps start to close [s].
+    pub from: f64,
+    /// Solver time from which they are closed [s]; not after `from` closes them at once.
+    pub until: f64,
+    /// What is left of the gaps then [m]; `None` takes the larger thickness of the two garments if cloth touches cloth in this
+    /// scene, and nothing otherwise.
+    pub rest_gap: Option<f64>,
+    /// Stiffness of each pair [N/m].
+    pub stiffness: f64,
+    /// Damping as a fraction of critical damping of the pair.
+    pub damping_ratio: f64,
+}
+
+/// A regular grid of velocities of the air; it does not move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WindGridShape {
+    /// Place of the first node [m].
+    pub origin: Vec3,
+    /// Distance between nodes along x, y and z [m].
+    pub spacing: Vec3,
+    /// Number of nodes along x, y and z.
+    pub counts: [usize; 3],
+}
+
+impl PinHold {
+    /// The force at which it breaks [N]; `None` if it never does.
+    pub(crate) fn break_force(&self) -> Option<f64> {
+        match self {
+            Self::Spring { break_force, .. } => *break_force,
+            Self::Hard => None,
+        }
+    }
+}
+
+/// An effect that the scene asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectRequest {
+    /// Name in the registry.
+    pub effect: String,
+    /// Garment it acts on; `None` for the whole scene.
+    pub garment: Option<usize>,
+    /// Settings by name, as written; what is left out takes the default of the effect.
+    pub settings: BTreeMap<String, SettingValue>,
+    /// Why it is there, for `drapery plan`.
+    pub because: String,
+}
+
+impl EffectRequest {
+    /// An effect on the whole scene with default settings.
+    pub fn of_scene(effect: &str) -> Self {
+        Self {
+            effect: effect.into(),
+            garment: None,
+            settings: BTreeMap::new(),
+            because: "the scene asks for it".into(),
+        }
+    }
+
+    /// An effect on one garment with default settings.
+    pub fn of_garment(effect: &str, garment: usize) -> Self {
+        Self { garment: Some(garment), ..Self::of_scene(effect) }
+    }
+
+    /// The same with a number set (in the setting's SI unit).
+    pub fn with(mut self, setting: &str, value: f64) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Number(value));
+        self
+    }
+
+    /// The same with a flag set.
+    pub fn with_flag(mut self, setting: &str, value: bool) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Flag(value));
+        self
+    }
+
+    /// The same with keys set (seconds, and vectors in the setting's SI unit).
+    pub fn with_keys(mut self, setting: &str, keys: Vec<(f64, [f64; 3])>) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Keys(keys));
+        self
+    }
+
+    /// The same with a vector set (in the setting's SI unit).
+    pub fn with_vector(mut self, setting: &str, value: [f64; 3]) -> Self {
+        self.settings.insert(setting.into(), SettingValue::Vector(value));
+        self
+    }
+}
+
+impl SceneDescription {
+    /// An empty scene at 24 frames per second.
+    pub fn new(name: &str) -> Self {
+        Self {
+            name: name.into(),
+            timeline: Timeline::default(),
+            origin: None,
+            solver: SolverSettings::default(),
+            garments: Vec::new(),
+            bodies: Vec::new(),
+            pins: Vec::new(),
+            seams: Vec::new(),
+            wind: None,
+            effects: Vec::new(),
+            left_out: Vec::new(),
+        }
+    }
+}
+
+/// Thickness of a garment that does not say it [m]: a shirt's.
+pub const DEFAULT_THICKNESS: f64 = 0.0005;
+
+impl BodyDescription {
+    /// A frictionless body without thickness.
+    pub fn new(name: &str, shape: BodyShape, motion: RigidMotion) -> Self {
+        Self {
+            name: name.into(),
+            shape,
+            motion,
+            friction: 0.0,
+            thickness: 0.0,
+            max_push_speed: f64::INFINITY,
+            faces_inwards: false,
+        }
+    }
+}
+
+/// A checked scene: indices in range, numbers finite, rest edges longer than zero, effects known. On many ranks this is what
+/// one of them has: its own vertices and what lies around them.
+#[derive(Debug)]
+pub struct Scene {
+    /// What it was made from, without the arrays of garments and pins.
+    description: SceneDescription,
+    /// This rank's piece of each garment. Vertex v of it is the local vertex `parts.garment(g).start + v`.
+    meshes: Vec<TriangleMesh>,
+    /// Fixed split of all vertices, the order in which the solver stores them, and this rank's share.
+    parts: Parts,
+    /// Mass of each local vertex [kg].
+    masses: Vec<f64>,
+    /// Mean rest edge length over all garments [m]: the length that tolerances scale with.
+    mean_edge: f64,
+    start: Option<Vec<Vec3>>,
+    velocities: Option<Vec<Vec3>>,
+    pinned: Vec<Pinned>,
+    pin_targets: usize,
+    sewn: Vec<Sewn>,
+    /// Own vertices that no triangle has, ascending, if any rank has such: they are held where they are.
+    inert: Option<Vec<u32>>,
+    /// Those of all ranks that go with another vertex in the output.
+    followers: Vec<Follower>,
+    /// What was left out of the garments; on rank 0.
+    warnings: Vec<String>,
+    /// Maps of each garment, over the vertices of this rank's piece of its mesh.
+    painted: Vec<PaintedMaps>,
+}
+
+/// A vertex that a pin holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Pinned {
+    /// Number of the target among all of the scene.
+    pub(crate) number: u32,
+    /// Number of the pin.
+    pub(crate) pin: usize,
+    /// Place among the vertices of the pin.
+    pub(crate) row: usize,
+    /// Local vertex.
+    pub(crate) vertex: u32,
+    /// Where it is attached to, if the description says so.
+    pub(crate) attachment: Option<SurfaceAttachment>,
+}
+
+impl Scene {
+    /// The description that this scene was made from, without the arrays of garments and pins.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    /// This rank's piece of each garment, all of it if there is no other rank: the triangles with an own vertex and those that
+    /// share an edge with one of them. Vertex v is the local vertex `parts().garment(g).start + v`.
+    pub fn meshes(&self) -> &[TriangleMesh] {
+        &self.meshes
+    }
+
+    /// The fixed split of all vertices, and this rank's share.
+    pub fn parts(&self) -> &Parts {
+        &self.parts
+    }
+
+    /// Mass of each local vertex [kg].
+    pub fn masses(&self) -> &[f64] {
+        &self.masses
+    }
+
+    /// Mean rest edge length over all garments [m].
+    pub fn mean_edge(&self) -> f64 {
+        self.mean_edge
+    }
+
+    /// Own vertices that pins hold, in the order of their targets.
+    pub(crate) fn pinned(&self) -> &[Pinned] {
+        &self.pinned
+    }
+
+    /// Pairs of sewn vertices with an own one, in the order of the seams.
+    pub fn sewn(&self) -> &[Sewn] {
+        &self.sewn
+    }
+
+    /// Rows of a track that own vertices follow, ascending.
+    pub(crate) fn track_rows(&self, track: usize) -> Vec<u32> {
+        let follows = |pinned: &&Pinned| matches!(&self.description.pins[pinned.pin].target, PinTarget::Track { track: t, .. } if *t == track);
+        self.pinned.iter().filter(follows).map(|pinned| pinned.row as u32).collect()
+    }
+
+    /// Number of all pin targets of the scene.
+    pub(crate) fn pin_targets(&self) -> usize {
+        self.pin_targets
+    }
+
+    /// Rest positions of the local vertices [m].
+    pub fn rest_positions(&self) -> Vec<Vec3> {
+        self.meshes.iter().flat_map(|mesh| mesh.rest_positions()).copied().collect()
+    }
+
+    /// Positions [m] and velocities [m/s] of the local vertices at the start.
+    pub(crate) fn start_state(&self) -> [Vec<Vec3>; 2] {
+        let uniform = || {
+            let of_garment = |(g, garment): (usize, &GarmentDescription)| {
+                std::iter::repeat_n(garment.velocity, self.parts.garment(g).len())
+            };
+            self.description.garments.iter().enumerate().flat_map(of_garment).collect()
+        };
+        let x = self.start.clone().unwrap_or_else(|| self.rest_positions());
+        let mut v = self.velocities.clone().unwrap_or_else(uniform);
+        self.stop_inert(&mut v);
+        [x, v]
+    }
+}

@@ -1,0 +1,479 @@
+//! A scene with its state and effects, advanced frame by frame.
+
+use std::sync::Arc;
+
+use crate::Vec3;
+use crate::contact::bodies::{Bodies, Samples};
+use crate::contact::self_contact::SelfContact;
+use crate::effects::body_collision::BodyCollision;
+use crate::effects::pins::{HardPins, PinTargets};
+use crate::effects::{Force, Need, PlannedEffect, Section, VelocityFilter, build_all};
+use crate::error::{Problems, StepError};
+use crate::geometry::crossings::Crossing;
+use crate::metrics::Metrics;
+use crate::parallel::ranks::Sent;
+use crate::scene::{Scene, agree};
+use crate::solve::implicit_velocity::PartForces;
+use crate::state::State;
+use crate::step::Scratch;
+use crate::time_step::StepLimit;
+use crate::volumes::Volumes;
+use crate::wind_grid::{WindGrid, WindSample};
+
+mod balance;
+mod between_pins;
+mod cost;
+mod interval;
+mod measure;
+pub mod outside;
+#[cfg(test)]
+mod planted;
+mod recovery;
+mod saved;
+mod start;
+
+pub use crate::contact::bodies::Sample;
+use balance::Balance;
+pub use cost::PlannedSteps;
+use recovery::Care;
+pub use recovery::Recovery;
+pub use saved::RestoreError;
+use start::{first_tracks, start_outside};
+
+/// What the caller pushes for one frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameInput {
+    /// The frame to reach.
+    pub frame: i64,
+    /// For each body the samples after the last frame up to this one, ascending in time, the last exactly at this frame; empty
+    /// for analytic shapes.
+    pub bodies: Vec<Vec<Sample>>,
+    /// For each track of pinned positions, likewise.
+    pub tracks: Vec<Vec<Sample>>,
+    /// The same for the grid of the wind; empty without one.
+    pub wind: Vec<WindSample>,
+}
+
+impl FrameInput {
+    /// Input of a scene without animated meshes.
+    pub fn to_frame(frame: i64) -> Self {
+        Self { frame, ..Self::default() }
+    }
+}
+
+/// The most stretched edge of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StrainRecord {
+    /// Name of the garment.
+    pub garment: String,
+    /// Its vertices in the garment's own order.
+    pub vertices: [u32; 2],
+    /// Relative change of its length.
+    pub strain: f64,
+}
+
+/// An attachment that broke.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrokenAttachment {
+    /// Name of the garment.
+    pub garment: String,
+    /// Its vertex in the garment's own order.
+    pub vertex: u32,
+    /// Number of the pin in the scene.
+    pub pin: usize,
+}
+
+/// What happened in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameSummary {
+    /// The frame reached.
+    pub frame: i64,
+    /// Time steps.
+    pub steps: u64,
+    /// Shortest step [s].
+    pub dt_min: f64,
+    /// Longest step [s].
+    pub dt_max: f64,
+    /// Iterations of all damping solves.
+    pub cg_iterations: u64,
+    /// Seconds by stage, and counts.
+    pub metrics: Metrics,
+    /// The most stretched edge at the end of the frame.
+    pub max_strain: Option<StrainRecord>,
+    /// The most stretched edge between two vertices that hard pins hold in all directions, likewise.
+    pub between_pins: Option<StrainRecord>,
+    /// Kinetic energy at the end of the frame [J].
+    pub kinetic_energy: f64,
+    /// Potential energy at the end of the frame [J].
+    pub potential_energy: f64,
+    /// Pairs of body triangles that cross each other at the frame.
+    pub body_self_crossings: u64,
+    /// The first of the steps that went wrong, and what was done about them.
+    pub recoveries: Vec<Recovery>,
+    /// Attachments that broke on the way to the frame, by their vertices.
+    pub broken: Vec<BrokenAttachment>,
+}
+
+impl FrameSummary {
+    /// Nothing done yet on the way to a frame.
+    pub fn empty(frame: i64) -> Self {
+        Self {
+            frame,
+            steps: 0,
+            dt_min: f64::INFINITY,
+            dt_max: 0.0,
+            cg_iterations: 0,
+            metrics: Metrics::default(),
+            max_strain: None,
+            between_pins: None,
+            kinetic_energy: 0.0,
+            potential_energy: 0.0,
+            body_self_crossings: 0,
+            recoveries: Vec::new(),
+            broken: Vec::new(),
+        }
+    }
+
+    /// Puts what was done before a pause in front of this.
+    #[must_use]
+    pub fn after(mut self, earlier: &Self) -> Self {
+        self.steps += earlier.steps;
+        self.dt_min = self.dt_min.min(earlier.dt_min);
+        self.dt_max = self.dt_max.max(earlier.dt_max);
+        self.cg_iterations += earlier.cg_iterations;
+        let later = std::mem::replace(&mut self.metrics, earlier.metrics.clone());
+        self.metrics.add(&later);
+        self.recoveries.splice(..0, earlier.recoveries.iter().cloned());
+        self
+    }
+}
+
+/// How far an advance came.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Advance {
+    /// The frame is reached.
+    Done(FrameSummary),
+    /// It was asked to pause between two frames, at a state free of collisions; this is what was done since the last frame or
+    /// pause. Strain and energies are those of whole frames and not in it.
+    Paused(FrameSummary),
+}
+
+/// A running simulation.
+pub struct Simulation {
+    scene: Arc<Scene>,
+    state: State,
+    frame: i64,
+    forces: PartForces,
+    pins: Option<HardPins>,
+    targets: PinTargets,
+    tracks: Vec<Samples>,
+    filters: Vec<Box<dyn VelocityFilter>>,
+    collision: Option<BodyCollision>,
+    self_contact: Option<SelfContact>,
+    bodies: Bodies,
+    wind: WindGrid,
+    volumes: Volumes,
+    limit: StepLimit,
+    /// Which own parts need vertices of other ranks.
+    reaches_ghosts: Vec<bool>,
+    /// Section with what has yielded in the cloth, where it can.
+    yields: Option<Section>,
+    scratch: Scratch,
+    metrics: Metrics,
+    plan: Vec<PlannedEffect>,
+    /// Crossings of the state at the last frame.
+    crossings: Vec<Crossing>,
+    /// What this rank had sent at the last frame.
+    sent: Sent,
+    balance: Balance,
+    care: Care,
+    /// What is suspicious of how pins hold the cloth at the start; on rank 0.
+    warnings: Vec<String>,
+}
+
+impl Simulation {
+    /// Builds the effects that the scene asks for and puts everything at the start frame.
+    ///
+    /// `start` holds one sample per deforming body and track, at the start time.
+    ///
+    /// # Errors
+    /// All problems of the effects' settings, of the first samples, and of vertices that start inside a body.
+    pub fn new(scene: Scene, start: &FrameInput) -> Result<Self, Problems> {
+        let mut simulation = Self::build(Arc::new(scene), start)?;
+        if simulation.collision.is_some() {
+            let Self { scene, state, bodies, pins, .. } = &simulation;
+            start_outside(scene, state, bodies, pins.as_ref())?;
+        }
+        simulation.warn_of_far_bound();
+        simulation.pins_take_hold();
+        simulation.crossings = simulation.find_crossings();
+        Ok(simulation)
+    }
+
+    /// The simulation with the cloth as the scene starts it, and bodies and tracks where `start` has them.
+    fn build(scene: Arc<Scene>, start: &FrameInput) -> Result<Self, Problems> {
+        let state = State::at_start(&scene);
+        let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
+        let tracks = first_tracks(&scene, start)?;
+        let wind = WindGrid::new(scene.description().wind, &start.wind).map_err(|problem| Problems(vec![problem]))?;
+        Self::with(scene, state, bodies, (tracks, wind))
+    }
+
+    /// The simulation of a scene with these bodies, tracks and wind.
+    fn with(
+        scene: Arc<Scene>,
+        state: State,
+        bodies: Bodies,
+        (tracks, wind): (Vec<Samples>, WindGrid),
+    ) -> Result<Self, Problems> {
+        let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time);
+        let parts = scene.parts();
+        agree(parts.ranks(), targets.as_ref().err().cloned().into_iter().collect())?;
+        let targets = targets.map_err(|p| Problems(vec![p]))?;
+        let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
+        let (mut pins, mut collision, mut plan) = (None, None, Vec::new());
+        let (mut volumes, mut filters) = (Volumes::default(), Vec::new());
+        let (mut repulsion, mut self_collision, mut yields, mut sees_velocities) = (None, None, None, false);
+        for (planned, effect) in build_all(&scene)? {
+            for (part, force) in effect.forces {
+                forces[part].push(force);
+            }
+            pins = pins.or(effect.pins);
+            filters.extend(effect.filters);
+            collision = collision.or(effect.body_collision);
+            repulsion = repulsion.or(effect.self_repulsion);
+            self_collision = self_collision.or(effect.self_collision);
+            yields = yields.or(effect.yields);
+            sees_velocities |= effect.sees_velocities;
+            volumes.0.extend(effect.volume);
+            plan.push(planned);
+        }
+        if let (Some(collision), Some(inert)) = (&mut collision, scene.inert()) {
+            collision.set_held(inert.iter().map(|vertex| (*vertex as usize, true)));
+        }
+        let (solver, frame) = (&scene.description().solver, scene.description().timeline.frame_duration());
+        let limit = StepLimit::new(parts, scene.masses(), &forces, solver, frame);
+        let is_ghost = |vertex: &u32| !parts.own().contains(&(*vertex as usize));
+        let reaches = |forces: &Vec<Box<dyn Force>>| forces.iter().any(|f| f.neighbours().iter().any(is_ghost));
+        let reaches_ghosts = forces.iter().map(reaches).collect();
+        let needs_contact = repulsion.is_some() || self_collision.is_some();
+        let self_contact = needs_contact.then(|| SelfContact::new(&scene, repulsion, self_collision));
+        // The structures are shared: the first of the effects that need them carries their memory.
+        let first = plan.iter_mut().find(|effect| effect.needs.contains(&Need::ClothSurface));
+        if let (Some(effect), Some(contact)) = (first, &self_contact) {
+            effect.bytes = contact.bytes();
+        }
+        for effect in &mut plan {
+            let [elements, bytes] = parts.ranks().sum_of([effect.elements as u64, effect.bytes as u64]);
+            (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
+            effect.longest_step = -parts.ranks().max(-effect.longest_step);
+        }
+        let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
+        let scratch = Scratch::new(parts, collision.is_some() || after_position, sees_velocities);
+        let frame = scene.description().timeline.start;
+        let metrics = Metrics::default();
+        Ok(Self {
+            scene,
+            state,
+            frame,
+            forces,
+            pins,
+            targets,
+            tracks,
+            filters,
+            collision,
+            self_contact,
+            bodies,
+            wind,
+            volumes,
+            limit,
+            reaches_ghosts,
+            yields,
+            scratch,
+            metrics,
+            plan,
+            crossings: Vec::new(),
+            sent: Sent::default(),
+            balance: Balance::default(),
+            care: Care::default(),
+            warnings: Vec::new(),
+        })
+    }
+
+    /// Hard pins start where their targets are.
+    fn pins_take_hold(&mut self) {
+        if let Some(pins) = &self.pins {
+            let time = self.state.time;
+            self.targets.set_step(&self.bodies, &self.tracks, &self.state.x, (time, time));
+            let parts = self.scene.parts();
+            for (part, range) in parts.ranges().iter().enumerate() {
+                pins.start_at(part, range.start, &self.targets, &mut self.state.x[range.clone()]);
+            }
+            parts.halo().refresh(parts.ranks(), &mut self.state.x);
+        }
+    }
+
+    /// Edges that cross triangles at the frame, by nodes: cloth in solver order, then the points of deforming bodies. Looked
+    /// for in scenes with `self_collision` only.
+    pub fn crossings(&self) -> &[Crossing] {
+        &self.crossings
+    }
+
+    fn find_crossings(&mut self) -> Vec<Crossing> {
+        let Some(contact) = self.self_contact.as_mut().filter(|contact| contact.keeps_free()) else {
+            return Vec::new();
+        };
+        contact.check_everything(&self.state.x, &self.bodies).to_vec()
+    }
+
+    /// The scene, to be shared with another simulation.
+    pub fn shared_scene(&self) -> Arc<Scene> {
+        Arc::clone(&self.scene)
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The frame that the state belongs to.
+    pub fn frame(&self) -> i64 {
+        self.frame
+    }
+
+    /// Positions and velocities of the local vertices, ghosts included.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The bodies, where they are at the time of the state.
+    pub fn bodies(&self) -> &Bodies {
+        &self.bodies
+    }
+
+    /// The effects that run, in order.
+    pub fn plan(&self) -> &[PlannedEffect] {
+        &self.plan
+    }
+
+    /// Memory of the state and the scratch arrays on this rank [bytes].
+    pub fn bytes(&self) -> usize {
+        2 * self.state.x.len() * size_of::<Vec3>() + self.scratch.bytes()
+    }
+
+    /// Largest step that the elastic forces allow [s].
+    pub fn elastic_step(&self) -> f64 {
+        self.limit.elastic
+    }
+
+    /// Goes on to the frame of `input`, the one after the current frame.
+    ///
+    /// # Errors
+    /// Samples that do not cover the frame; a number that is no longer finite; a step below the scene's shortest.
+    pub fn advance(&mut self, input: &FrameInput) -> Result<FrameSummary, StepError> {
+        match self.advance_or_pause(input, &mut |_| false)? {
+            Advance::Done(summary) | Advance::Paused(summary) => Ok(summary),
+        }
+    }
+
+    /// Goes on to the frame of `input`; asks at every state free of collisions on the way, given its time [s], whether to pause
+    /// there. After a pause the same input goes on, and comes to the same bits as without one.
+    ///
+    /// # Errors
+    /// As [`Simulation::advance`].
+    pub fn advance_or_pause(
+        &mut self,
+        input: &FrameInput,
+        pause: &mut (dyn FnMut(f64) -> bool + Send),
+    ) -> Result<Advance, StepError> {
+        // Enters the pool once a frame: entering it for every loop would queue, wake and allocate each time.
+        rayon::scope(|_| self.advance_in_pool(input, pause))
+    }
+
+    fn advance_in_pool(
+        &mut self,
+        input: &FrameInput,
+        pause: &mut (dyn FnMut(f64) -> bool + Send),
+    ) -> Result<Advance, StepError> {
+        if input.frame != self.frame + 1 {
+            return Err(self.input_error(input, format!("the next frame is {}, not {}", self.frame + 1, input.frame)));
+        }
+        let timeline = self.scene.description().timeline;
+        let (from, to) = (timeline.time(self.frame), timeline.time(input.frame));
+        let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
+        stops.extend(input.wind.iter().map(|sample| sample.time));
+        stops.extend(self.targets.window_times());
+        stops.retain(|t| *t > from && *t < to);
+        stops.push(to);
+        stops.sort_unstable_by(f64::total_cmp);
+        stops.dedup();
+        let mut summary = FrameSummary::empty(input.frame);
+        let mut start = from;
+        for stop in stops {
+            self.push_samples(input, (start, stop), to)?;
+            start = stop;
+            if self.state.time >= stop {
+                // Behind a pause.
+                continue;
+            }
+            // New samples leave the bodies at their times; self-contact starts from where they are now.
+            self.bodies.set_step(self.state.time, self.state.time);
+            let mut pause = |time| time < to && pause(time);
+            if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
+                self.take_counts();
+                summary.metrics = self.metrics.take().over_ranks(self.ranks());
+                summary.recoveries = std::mem::take(&mut self.care.events);
+                return Ok(Advance::Paused(summary));
+            }
+        }
+        self.frame = input.frame;
+        self.measure(&mut summary)?;
+        self.rebalance();
+        Ok(Advance::Done(summary))
+    }
+
+    /// Hands bodies and tracks the samples that the interval from `start` to `stop` [s] needs.
+    fn push_samples(&mut self, input: &FrameInput, (start, stop): (f64, f64), frame_end: f64) -> Result<(), StepError> {
+        // The next sample of each mesh is the first one at or after the end of the interval; take it once.
+        let needed = |samples: &[Sample]| samples.iter().find(|s| s.time >= stop).cloned();
+        for body in 0..self.bodies.list().len() {
+            if !self.bodies.list()[body].is_surface() {
+                continue;
+            }
+            let samples = input.bodies.get(body).map_or(&[][..], Vec::as_slice);
+            if samples.last().is_none_or(|s| s.time != frame_end) {
+                let name = &self.scene.description().bodies[body].name;
+                return Err(self.input_error(input, format!("body \"{name}\" has no sample at the frame's time")));
+            }
+            let next = needed(samples);
+            if let Some(sample) = next.filter(|s| s.time > self.bodies.sampled_until(body)) {
+                self.bodies.push_sample(body, sample).map_err(|e| self.input_error(input, e))?;
+            }
+        }
+        for track in 0..self.tracks.len() {
+            let samples = input.tracks.get(track).map_or(&[][..], Vec::as_slice);
+            let Some(sample) = needed(samples) else {
+                return Err(self.input_error(input, format!("track {track} has no sample at the frame's time")));
+            };
+            if sample.positions.len() != self.tracks[track].b.positions.len() {
+                return Err(self.input_error(input, format!("track {track} changes its number of points")));
+            }
+            if sample.time > self.tracks[track].b.time.max(start) {
+                self.tracks[track].push(sample);
+            }
+        }
+        if self.wind.exists() {
+            let Some(sample) = input.wind.iter().find(|sample| sample.time >= stop).cloned() else {
+                return Err(self.input_error(input, "the wind has no sample at the frame's time".into()));
+            };
+            if sample.time > self.wind.sampled_until().max(start) {
+                self.wind.push(sample).map_err(|e| self.input_error(input, e))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn input_error(&self, input: &FrameInput, what: String) -> StepError {
+        StepError::Input { frame: input.frame, what }
+    }
+}
