@@ -20,8 +20,6 @@ static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
     let built = LISTED.iter().filter(|(name, _)| effects::find(name).is_some());
     let mut features: Vec<&str> = built.filter_map(|(_, feature)| *feature).collect();
     features.extend(cfg!(feature = "mpi").then_some("mpi"));
-    features.extend(cfg!(feature = "rank-order").then_some("rank-order"));
-    features.extend(cfg!(feature = "always-awake").then_some("always-awake"));
     format!("{}\nfeatures: {}", env!("CARGO_PKG_VERSION"), features.join(" "))
 });
 

@@ -30,16 +30,16 @@ use std::time::{Duration, Instant};
 use criterion::{BenchmarkId, Criterion, Throughput};
 use drapery_core::Vec3;
 use drapery_core::contact::bodies::Bodies;
+use drapery_core::contact::bodies::collision::{BodyCollision, CollisionStep};
 use drapery_core::contact::bodies::recovery_speed::CatchUp;
-use drapery_core::effects::body_collision::{BodyCollision, CollisionStep};
-use drapery_core::effects::pins::PinTargets;
 use drapery_core::effects::{PartView, Surroundings, build_all};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
-use drapery_core::parallel::lanes::Lanes;
+use drapery_core::parallel::for_each_part::{PerPart, PerVertex};
 use drapery_core::parallel::parts::PART_SIZE;
-use drapery_core::parallel::split::{PerPart, PerVertex};
+use drapery_core::parallel::simd4::Lanes;
+use drapery_core::pins::PinTargets;
 use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
     RigidMotion, Scene, SceneDescription,

@@ -27,6 +27,7 @@
 //! Read the modules in this order: `scene` (what is simulated), `step` (one time step, line by line as in the paper),
 //! `simulation` (the loop around it), then what the step calls.
 
+pub mod clock;
 pub mod contact;
 pub mod effects;
 pub mod error;
@@ -34,9 +35,10 @@ pub mod geometry;
 pub mod mesh;
 pub mod metrics;
 pub mod parallel;
-pub(crate) mod remembered;
+pub mod pins;
 pub mod scene;
 pub mod settings;
+pub mod setup;
 pub mod simulation;
 pub mod snapshot;
 pub mod solve;

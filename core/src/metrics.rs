@@ -1,31 +1,10 @@
 //! Seconds and counts of a run: the only place with a clock. A value passed by reference, never a global.
 
 use std::borrow::Cow;
-use std::time::Instant;
 
+use crate::clock::Watch;
+use crate::parallel::message::{Wire, decode};
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::{Wire, decode};
-
-/// A clock that was started.
-#[derive(Debug, Clone, Copy)]
-pub struct Watch(Instant);
-
-impl Watch {
-    /// Starts a clock.
-    pub fn start() -> Self {
-        Self(Instant::now())
-    }
-
-    /// Nanoseconds since it was started.
-    pub fn nanoseconds(self) -> u64 {
-        u64::try_from(self.0.elapsed().as_nanos()).unwrap_or(u64::MAX)
-    }
-
-    /// Seconds since it was started.
-    pub fn seconds(self) -> f64 {
-        self.0.elapsed().as_secs_f64()
-    }
-}
 
 /// Seconds and calls of one stage.
 #[derive(Debug, Clone, PartialEq)]
@@ -156,7 +135,7 @@ impl Metrics {
         }
         let mut together = Self::default();
         let records: Vec<Record> =
-            all.iter().map(|bytes| decode(ranks, "stages and counts of a rank", bytes)).collect();
+            all.iter().map(|bytes| decode(ranks.rank(), "stages and counts of a rank", bytes)).collect();
         for (name, (_, calls)) in records.iter().flat_map(|(stages, _)| stages) {
             if together.stages.iter().any(|stage| stage.name == *name) {
                 continue;

@@ -18,16 +18,16 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
+use crate::contact::bodies::collision::{BodyCollision, CollisionStep};
 use crate::contact::bodies::recovery_speed::CatchUp;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
-use crate::effects::Surroundings;
-use crate::effects::body_collision::{BodyCollision, CollisionStep};
-use crate::effects::pins::{BEHIND as PINS_BEHIND, HardPins, PinTargets};
-use crate::effects::{Purpose, VelocityFilter};
+use crate::effects::force::Surroundings;
+use crate::effects::force::{Purpose, VelocityFilter};
 use crate::metrics::Metrics;
+use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
-use crate::parallel::split::PerVertex;
+use crate::pins::{BEHIND as PINS_BEHIND, HardPins, PinTargets};
 use crate::scene::{BodyFriction, Integrator};
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop};
 use crate::solve::implicit_velocity::{PartForces, VelocityProblem};

@@ -6,10 +6,10 @@
 
 use crate::Vec3;
 use crate::contact::bodies::recovery_speed::CatchUp;
-use crate::effects::{Force, PartMotion};
+use crate::effects::force::{Force, PartMotion};
+use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
-use crate::parallel::split::PerPart;
-use crate::parallel::sum::largest;
+use crate::parallel::reduce::largest;
 use crate::scene::{Integrator, SolverSettings};
 use crate::tolerances::LAST_TWO_STEPS;
 
@@ -161,7 +161,7 @@ pub(crate) fn limit(forces: &[Box<dyn Force>], settings: &SolverSettings, masses
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::build_all;
+    use crate::effects::registry::build_all;
     use crate::mesh::PolygonMesh;
     use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
 

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::effects::part_triangles::{PartTriangles, at_corners};
+use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
-use crate::parallel::split::PerPart;
 
 /// The volume of one garment, in the positions of the last update.
 #[derive(Debug)]

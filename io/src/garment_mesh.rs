@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use drapery_core::Vec3;
 use drapery_core::mesh::{MeshStream, PolygonMesh};
-use drapery_core::scene::simulated_triangles;
+use drapery_core::setup::simulated_triangles;
 use sha2::{Digest, Sha256};
 
 use crate::cache::MeshData;

@@ -8,7 +8,7 @@ use drapery_core::mesh::PolygonMesh;
 use drapery_core::parallel::communicator::Communicator;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::painted::PaintedMap;
+use drapery_core::scene::vertex_maps::PaintedMap;
 use drapery_core::scene::{
     BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription,
     PinHold, PinTarget, RigidMotion, Scene, SceneDescription, SeamDescription, WindGridShape,

@@ -5,7 +5,7 @@ use drapery_core::Vec3;
 use drapery_core::effects::{REGISTRY, Scope};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
-use drapery_core::scene::painted::PaintedMap;
+use drapery_core::scene::vertex_maps::PaintedMap;
 use drapery_core::scene::{
     BodyShape, EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription, PinHold, PinTarget,
     RigidMotion, SceneDescription, SeamDescription,

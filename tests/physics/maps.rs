@@ -3,7 +3,7 @@
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
-use drapery_core::scene::painted::{MAPS, PaintedMap};
+use drapery_core::scene::vertex_maps::{MAPS, PaintedMap};
 use drapery_core::scene::{
     BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, RigidMotion, Scene, SceneDescription,
 };

@@ -2,7 +2,7 @@
 
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
-use drapery_core::scene::painted::PaintedMap;
+use drapery_core::scene::vertex_maps::PaintedMap;
 use drapery_core::scene::{EffectRequest, GarmentDescription, Mass, PinHold, PinTarget, SceneDescription};
 use drapery_core::simulation::Simulation;
 use drapery_tests::*;

@@ -16,9 +16,12 @@
 
 #![cfg(feature = "effect-attachments")]
 
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope, pins};
+use crate::effects::force::{Force, PartMotion, PartView};
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
-use crate::parallel::lanes::Lanes;
+use crate::parallel::simd4::Lanes;
+use crate::pins;
 use crate::scene::PinHold;
 use crate::settings::Settings;
 

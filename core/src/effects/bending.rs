@@ -11,8 +11,9 @@
 
 #![cfg(feature = "effect-bending")]
 
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::effects::springs::{self, FIELDS, SpringElement};
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::settings::Settings;

@@ -5,8 +5,8 @@
 
 use std::ops::Range;
 
-use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::Parts;
+use crate::parallel::simd4::Lanes;
 
 /// Which elements each own part evaluates, given the corners of each (local vertices): pairs of part and number of the
 /// element, ascending.

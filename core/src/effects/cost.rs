@@ -3,28 +3,15 @@
 //! Expected: every effect has a [`Cost`] per element, in a time step and in an iteration of the solves, measured on the
 //! machine of docs/effects.md with one thread. Shares of a frame hardly depend on the machine, seconds do.
 
-use crate::effects::PlannedEffect;
+use crate::effects::registry::PlannedEffect;
+use crate::effects::spec::Cost;
 use crate::metrics::Metrics;
-
-/// What an effect costs for each of its elements.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cost {
-    /// What it works on, as in "springs"; it may be many elements or few.
-    pub elements: &'static str,
-    /// In each time step, besides the solves [ns per element].
-    pub step: f64,
-    /// In each iteration of a solve [ns per element].
-    pub iteration: f64,
-}
 
 /// The method itself, per vertex: positions, velocities, sums and vectors of both solves, the choice of the step.
 pub const METHOD: Cost = Cost { elements: "vertices", step: 40.0, iteration: 4.0 };
 
 /// Iterations of both solves of a time step, as hanging and worn cloth needs them: where nobody has counted them yet.
 pub const ITERATIONS: f64 = 10.0;
-
-/// Nanoseconds in a second.
-pub(crate) const NANOSECONDS: f64 = 1e9;
 
 /// Stages of a step that belong to one effect. The list of neighbours serves both halves of self-contact; its time goes to
 /// the first that is there.
@@ -45,13 +32,6 @@ const STAGES: [(&str, &[&str]); 11] = [
 /// Effects that a stage of a step may belong to; none if it is one of the method itself.
 pub fn owners(stage: &str) -> &'static [&'static str] {
     STAGES.iter().find(|(name, _)| *name == stage).map_or(&[], |(_, owners)| owners)
-}
-
-impl Cost {
-    /// Seconds of a frame with so many elements, time steps, and iterations of all their solves.
-    pub fn seconds(&self, elements: usize, steps: f64, iterations: f64) -> f64 {
-        elements as f64 * (steps * self.step + iterations * self.iteration) / NANOSECONDS
-    }
 }
 
 /// Seconds of a frame, by effect.

@@ -25,7 +25,9 @@ mod part_hinges;
 #[cfg(test)]
 mod tests;
 
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, find};
+use crate::effects::registry::find;
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 use elements::{Element, Rigidity};

@@ -14,9 +14,11 @@
 #![cfg(feature = "effect-ether_drag")]
 
 use crate::Vec3;
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope};
+use crate::effects::force::{Force, PartMotion, PartView};
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
-use crate::parallel::lanes::Lanes;
+use crate::parallel::simd4::Lanes;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.

@@ -33,8 +33,9 @@ mod part_membrane;
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::effects::springs::smallest_but;
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 use element::{Gradients, Moduli, gradients, largest_stiffness};

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::effects::corners;
-use crate::parallel::lanes::Lanes;
+use crate::parallel::simd4::Lanes;
 use crate::scene::Scene;
 
 /// The triangles that one part looks at.

@@ -20,12 +20,14 @@
 
 #![cfg(feature = "effect-plastic_wrinkles")]
 
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, Section};
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
+use crate::snapshot::saved_section::SectionId;
 
 /// Angles that have yielded.
-const SECTION: Section = Section { name: "plastic_wrinkles", version: 1 };
+const SECTION: SectionId = SectionId { name: "plastic_wrinkles", version: 1 };
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {

@@ -23,12 +23,15 @@
 #![cfg(feature = "effect-pressure")]
 
 use crate::Vec3;
+use crate::effects::force::{Force, PartView, Surroundings};
 use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartView, Scope, Surroundings};
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::mesh::unpaired_edges;
-use crate::parallel::lanes::Lanes;
-use crate::scene::{Scene, listed};
+use crate::parallel::problems::listed;
+use crate::parallel::simd4::Lanes;
+use crate::scene::Scene;
 use crate::settings::{Default, Dimension, Field, Settings};
 use crate::volumes::{Volume, own_in_mesh, volume_of};
 

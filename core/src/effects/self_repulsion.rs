@@ -13,7 +13,8 @@
 
 use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::SECTION;
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope, own_triangles};
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 

@@ -8,11 +8,11 @@
 
 mod part_springs;
 
-use crate::effects::{BuildContext, Effect};
+use crate::effects::spec::{BuildContext, Effect};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::parallel::ranks::Ranks;
-use crate::scene::painted::PaintedMap;
+use crate::scene::vertex_maps::PaintedMap;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// How the stiffness of each spring follows from a setting.

@@ -24,13 +24,15 @@
 mod part_edges;
 
 use crate::Vec3;
-use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Purpose, Scope, VelocityFilter};
+use crate::effects::force::{Purpose, VelocityFilter};
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::metrics::Metrics;
+use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::Parts;
-use crate::parallel::split::{PerPart, PerVertex};
-use crate::parallel::sum::largest;
+use crate::parallel::reduce::largest;
+use crate::pins::{HardPins, PinTargets};
 use crate::settings::{Default, Dimension, Field, Settings};
 use crate::tolerances::STRAIN_OVER_LIMIT;
 use part_edges::PartEdges;

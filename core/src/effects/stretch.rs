@@ -9,8 +9,9 @@
 //! The paper's scenes write `spring_stiffness = 4.142136` [N] instead: the force of one spring per unit strain, which makes
 //! a finer mesh of the same cloth stiffer. Limits: in-plane stiffness is isotropic and shear follows from the mesh.
 
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::effects::springs::{self, FIELDS};
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::Settings;
 

@@ -31,11 +31,13 @@
 use std::sync::Arc;
 
 use crate::Vec3;
+use crate::effects::force::{Force, PartMotion, PartView, Surroundings};
 use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
-use crate::effects::pins::along_path;
-use crate::effects::{BuildContext, Cost, Effect, EffectSpec, Force, Need, PartMotion, PartView, Scope, Surroundings};
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
-use crate::parallel::lanes::Lanes;
+use crate::geometry::attachment::along_path;
+use crate::parallel::simd4::Lanes;
 use crate::scene::Scene;
 use crate::settings::{Default, Dimension, Field, Settings};
 
@@ -259,10 +261,10 @@ impl Force for PartWind {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::build_all;
-    use crate::effects::pins::PinTargets;
+    use crate::effects::registry::build_all;
     use crate::mesh::PolygonMesh;
     use crate::parallel::parts::PART_SIZE;
+    use crate::pins::PinTargets;
     use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
     use crate::volumes::Volumes;
     use crate::wind_grid::WindGrid;

@@ -6,6 +6,7 @@
 //! (half-space, sphere, capsule, cylinder, box). Lengths are in metres, times in seconds. Queries take `&self`, allocate nothing and may run on any number of threads.
 
 pub mod aabb;
+pub mod attachment;
 pub mod bvh;
 pub mod crossings;
 pub mod distance;

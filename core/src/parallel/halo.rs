@@ -5,8 +5,8 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use crate::parallel::communicator::{Exchange, Expected, Message};
+use crate::parallel::message::Incoming;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::Incoming;
 
 /// Which own vertices go to which rank, and where those of other ranks stand here. Numbers are local: places in arrays that
 /// hold [ghosts below | own vertices | ghosts above], ascending in the scene's numbering.
@@ -115,7 +115,7 @@ impl Halo {
         };
         let received = self.exchange(ranks, pack, |_| None).finish();
         for ((_, range), bytes) in self.receives.iter().zip(received) {
-            let mut message = Incoming::new(ranks, "values that have changed", &bytes);
+            let mut message = Incoming::new(ranks.rank(), "values that have changed", &bytes);
             while !message.is_empty() {
                 let place: u32 = bytemuck::pod_read_unaligned(message.bytes(size_of::<u32>()));
                 let value = bytemuck::pod_read_unaligned(message.bytes(size_of::<T>()));

@@ -9,7 +9,6 @@ use std::fmt::Display;
 use bytemuck::Pod;
 
 use crate::Vec3;
-use crate::parallel::ranks::Ranks;
 
 /// What is left of a message that is being decoded.
 #[derive(Debug)]
@@ -21,8 +20,8 @@ pub(crate) struct Incoming<'a> {
 
 impl<'a> Incoming<'a> {
     /// A message that came to this rank; its name is for the report of a broken one.
-    pub(crate) fn new(ranks: &Ranks, name: &'static str, bytes: &'a [u8]) -> Self {
-        Self { rest: bytes, name, rank: ranks.rank() }
+    pub(crate) fn new(rank: usize, name: &'static str, bytes: &'a [u8]) -> Self {
+        Self { rest: bytes, name, rank }
     }
 
     /// The next so many bytes.
@@ -84,8 +83,8 @@ impl<'a> Incoming<'a> {
 ///
 /// # Panics
 /// It holds none, or more than that.
-pub(crate) fn decode<T: Wire>(ranks: &Ranks, name: &'static str, bytes: &[u8]) -> T {
-    let mut message = Incoming::new(ranks, name, bytes);
+pub(crate) fn decode<T: Wire>(rank: usize, name: &'static str, bytes: &[u8]) -> T {
+    let mut message = Incoming::new(rank, name, bytes);
     let value = T::take(&mut message);
     message.end();
     value
@@ -95,8 +94,8 @@ pub(crate) fn decode<T: Wire>(ranks: &Ranks, name: &'static str, bytes: &[u8]) -
 ///
 /// # Panics
 /// It ends within one.
-pub(crate) fn values<T: Pod>(ranks: &Ranks, name: &'static str, bytes: &[u8]) -> Vec<T> {
-    Incoming::new(ranks, name, bytes).all_values()
+pub(crate) fn values<T: Pod>(rank: usize, name: &'static str, bytes: &[u8]) -> Vec<T> {
+    Incoming::new(rank, name, bytes).all_values()
 }
 
 /// A value that can be sent. What was put is taken again in the same order.
@@ -255,36 +254,36 @@ pub(crate) fn vector_of(words: [u64; 3]) -> Vec3 {
 /// does not compile.
 macro_rules! wire {
     (struct $name:path { $($field:ident),* $(,)? }) => {
-        impl $crate::parallel::wire::Wire for $name {
+        impl $crate::parallel::message::Wire for $name {
             fn put(&self, out: &mut Vec<u8>) {
                 let Self { $($field),* } = self;
-                $($crate::parallel::wire::Wire::put($field, out);)*
+                $($crate::parallel::message::Wire::put($field, out);)*
             }
 
-            fn take(message: &mut $crate::parallel::wire::Incoming<'_>) -> Self {
-                $(let $field = $crate::parallel::wire::Wire::take(message);)*
+            fn take(message: &mut $crate::parallel::message::Incoming<'_>) -> Self {
+                $(let $field = $crate::parallel::message::Wire::take(message);)*
                 Self { $($field),* }
             }
         }
     };
     (enum $name:ident { $($tag:literal => $variant:ident
         $({ $($field:ident),* })? $(( $($item:ident),* ))?),* $(,)? }) => {
-        impl $crate::parallel::wire::Wire for $name {
+        impl $crate::parallel::message::Wire for $name {
             fn put(&self, out: &mut Vec<u8>) {
                 match self {
                     $($name::$variant $({ $($field),* })? $(( $($item),* ))? => {
                         out.push($tag);
-                        $($($crate::parallel::wire::Wire::put($field, out);)*)?
-                        $($($crate::parallel::wire::Wire::put($item, out);)*)?
+                        $($($crate::parallel::message::Wire::put($field, out);)*)?
+                        $($($crate::parallel::message::Wire::put($item, out);)*)?
                     })*
                 }
             }
 
-            fn take(message: &mut $crate::parallel::wire::Incoming<'_>) -> Self {
+            fn take(message: &mut $crate::parallel::message::Incoming<'_>) -> Self {
                 match u8::take(message) {
                     $($tag => {
-                        $($(let $field = $crate::parallel::wire::Wire::take(message);)*)?
-                        $($(let $item = $crate::parallel::wire::Wire::take(message);)*)?
+                        $($(let $field = $crate::parallel::message::Wire::take(message);)*)?
+                        $($(let $item = $crate::parallel::message::Wire::take(message);)*)?
                         $name::$variant $({ $($field),* })? $(( $($item),* ))?
                     })*
                     other => message.is_broken(format_args!("{other} is no {}", stringify!($name))),
@@ -301,9 +300,10 @@ mod tests {
 
     use super::*;
     use crate::parallel::local_ranks::LocalRanks;
+    use crate::parallel::ranks::Ranks;
 
     fn comes_back<T: Wire + PartialEq + Debug>(value: &T) {
-        assert_eq!(&decode::<T>(&Ranks::default(), "value", &value.to_bytes()), value);
+        assert_eq!(&decode::<T>(0, "value", &value.to_bytes()), value);
     }
 
     #[test]
@@ -317,7 +317,7 @@ mod tests {
         let ended = LocalRanks::run(3, 1, |communicator| {
             let ranks = Ranks::new(communicator);
             if ranks.rank() == 1 {
-                drop(decode::<Vec<String>>(&ranks, "names of garments", bytes));
+                drop(decode::<Vec<String>>(ranks.rank(), "names of garments", bytes));
             }
             ranks.barrier();
         });
@@ -347,8 +347,8 @@ mod tests {
 
     #[test]
     fn plain_values_fill_their_message() {
-        let ended = std::panic::catch_unwind(|| values::<u64>(&Ranks::default(), "numbers", &[0; 12]));
+        let ended = std::panic::catch_unwind(|| values::<u64>(0, "numbers", &[0; 12]));
         assert!(ended.is_err());
-        assert_eq!(values::<u32>(&Ranks::default(), "numbers", &[0; 12]), [0; 3]);
+        assert_eq!(values::<u32>(0, "numbers", &[0; 12]), [0; 3]);
     }
 }

@@ -7,10 +7,10 @@
 
 use std::ops::Range;
 
+use crate::parallel::ghosted_index::LocalVertices;
 use crate::parallel::halo::Halo;
-use crate::parallel::local_vertices::LocalVertices;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::sum::{SUM_BLOCK, Shares};
+use crate::parallel::reduce::{SUM_BLOCK, Shares};
 
 /// Largest number of vertices of a part. Small enough for one part's vectors to stay in a core's cache, large enough for
 /// the springs that cross a border (and are evaluated on both sides) to be few: 5 % of all at this size.

@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use bytemuck::Pod;
 
-use crate::metrics::Watch;
+use crate::clock::Watch;
 use crate::parallel::communicator::{Communicator, Exchange, Expected, Message};
+use crate::parallel::message;
 use crate::parallel::serial::Serial;
-use crate::parallel::wire;
 
 /// This rank, and the way to the others.
 #[derive(Clone)]
@@ -174,7 +174,7 @@ impl Ranks {
         }
         let lengths: Vec<usize> = counts.iter().map(|count| count * size_of::<T>()).collect();
         let gather = |c: &dyn Communicator| c.all_gather(bytemuck::cast_slice(own), &lengths);
-        wire::values(self, "values of all ranks", &self.together(size_of_val(own), gather))
+        message::values(self.rank(), "values of all ranks", &self.together(size_of_val(own), gather))
     }
 
     /// The values of all ranks, each by itself, where nobody knows how many others give.
@@ -201,7 +201,7 @@ impl Ranks {
             return vec![own.to_vec()];
         }
         let all = self.together(size_of_val(own), |c| c.gather(bytemuck::cast_slice(own).to_vec()));
-        all.iter().map(|bytes| wire::values(self, "values of a rank", bytes)).collect()
+        all.iter().map(|bytes| message::values(self.rank(), "values of a rank", bytes)).collect()
     }
 
     /// The bytes of rank 0, on every rank.
@@ -226,7 +226,7 @@ impl Ranks {
             self.start(vec![message], &[]).finish();
         } else if self.is_first() {
             let received = self.start(Vec::new(), &[Expected { from, length: None }]).finish();
-            return wire::values(self, "values for rank 0", &received[0]);
+            return message::values(self.rank(), "values for rank 0", &received[0]);
         }
         Vec::new()
     }
@@ -251,7 +251,7 @@ impl Ranks {
         let received = self.start(messages, &expected).finish();
         let mut all: Vec<Vec<T>> = (0..count).map(|_| Vec::new()).collect();
         for (expected, bytes) in expected.iter().zip(received) {
-            all[expected.from] = wire::values(self, "list of a rank", &bytes);
+            all[expected.from] = message::values(self.rank(), "list of a rank", &bytes);
         }
         all[rank] = mine;
         all

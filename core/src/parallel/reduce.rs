@@ -60,11 +60,6 @@ impl Shares {
 
     /// Several sums at once.
     pub fn join_all<const N: usize>(&self, ranks: &Ranks, blocks: &[&[f64]; N]) -> [f64; N] {
-        if cfg!(feature = "rank-order") {
-            let own = blocks.map(|blocks| blocks.iter().sum::<f64>());
-            let all = ranks.all_gather(&own, &vec![N; ranks.count()]);
-            return std::array::from_fn(|n| all.iter().skip(n).step_by(N).sum());
-        }
         if ranks.is_alone() {
             return blocks.map(join);
         }
@@ -79,10 +74,6 @@ impl Shares {
 
     /// A sum, and the largest of one more value of every rank, in one exchange.
     pub fn join_with_max(&self, ranks: &Ranks, blocks: &[f64], value: f64) -> (f64, f64) {
-        if cfg!(feature = "rank-order") {
-            let all = ranks.all_gather(&[blocks.iter().sum::<f64>(), value], &vec![2; ranks.count()]);
-            return all.as_chunks::<2>().0.iter().fold((0.0, 0.0), |(sum, largest), [s, l]| (sum + s, l.max(largest)));
-        }
         if ranks.is_alone() {
             return (join(blocks), value);
         }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::Vec3;
 use crate::mesh::{MeshStream, PolygonMesh};
-use crate::scene::painted::PaintedMaps;
+use crate::scene::vertex_maps::PaintedMaps;
 use crate::scene::{DEFAULT_THICKNESS, GarmentDescription, Mass};
 
 impl GarmentDescription {
@@ -45,7 +45,7 @@ impl GarmentDescription {
     }
 
     /// The rest shape, which it no longer has after that.
-    pub(super) fn take_mesh(&mut self) -> Arc<dyn MeshStream> {
+    pub(crate) fn take_mesh(&mut self) -> Arc<dyn MeshStream> {
         let mesh = std::mem::take(&mut self.mesh);
         self.stream.take().unwrap_or_else(|| Arc::new(mesh))
     }

@@ -5,22 +5,12 @@
 //! that every index is in range, every number finite and every rest edge longer than zero: what of a garment has no area takes
 //! no part, and the scene says so in its warnings.
 
-mod coincident;
-mod home;
-pub(crate) mod inert;
-mod left_out;
-pub mod painted;
-mod place;
-pub mod sewn;
-mod share;
-mod streamed;
-mod validate;
-mod winding;
-mod wire;
+mod garment;
+pub(crate) mod origin;
+pub mod seam_pairs;
+pub mod vertex_maps;
 
-pub use inert::simulated_triangles;
-pub use place::{FARTHEST, coarse_place, is_possible};
-pub(crate) use validate::{agree, listed};
+pub use origin::{FARTHEST, coarse_place, is_possible};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -28,13 +18,13 @@ use std::sync::Arc;
 use nalgebra::UnitQuaternion;
 
 use crate::Vec3;
+pub use crate::geometry::attachment::SurfaceAttachment;
 use crate::geometry::shapes::Shape;
 use crate::mesh::{MeshStream, PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
-use inert::Follower;
-use painted::PaintedMaps;
-use sewn::Sewn;
+use seam_pairs::Sewn;
+use vertex_maps::PaintedMaps;
 
 /// A scene as plain data, in SI units. Nothing in it is checked.
 #[derive(Debug, Clone)]
@@ -301,21 +291,6 @@ pub enum PinTarget {
     },
 }
 
-/// A vertex attached to a triangle of a body: barycentric point plus an offset in the triangle's frame.
-///
-/// The frame is tangent = direction of the first edge, bitangent = normal × tangent, normal.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurfaceAttachment {
-    /// Vertex number in the garment's own order.
-    pub vertex: u32,
-    /// Points of the body that form the triangle.
-    pub body_points: [u32; 3],
-    /// Barycentric weights, adding up to one.
-    pub weights: [f64; 3],
-    /// Offset along tangent, bitangent and normal [m].
-    pub offset: Vec3,
-}
-
 /// When a pin takes the place that it holds its vertices to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PinAnchor {
@@ -478,28 +453,38 @@ impl BodyDescription {
 #[derive(Debug)]
 pub struct Scene {
     /// What it was made from, without the arrays of garments and pins.
-    description: SceneDescription,
+    pub(crate) description: SceneDescription,
     /// This rank's piece of each garment. Vertex v of it is the local vertex `parts.garment(g).start + v`.
-    meshes: Vec<TriangleMesh>,
+    pub(crate) meshes: Vec<TriangleMesh>,
     /// Fixed split of all vertices, the order in which the solver stores them, and this rank's share.
-    parts: Parts,
+    pub(crate) parts: Parts,
     /// Mass of each local vertex [kg].
-    masses: Vec<f64>,
+    pub(crate) masses: Vec<f64>,
     /// Mean rest edge length over all garments [m]: the length that tolerances scale with.
-    mean_edge: f64,
-    start: Option<Vec<Vec3>>,
-    velocities: Option<Vec<Vec3>>,
-    pinned: Vec<Pinned>,
-    pin_targets: usize,
-    sewn: Vec<Sewn>,
+    pub(crate) mean_edge: f64,
+    pub(crate) start: Option<Vec<Vec3>>,
+    pub(crate) velocities: Option<Vec<Vec3>>,
+    pub(crate) pinned: Vec<Pinned>,
+    pub(crate) pin_targets: usize,
+    pub(crate) sewn: Vec<Sewn>,
     /// Own vertices that no triangle has, ascending, if any rank has such: they are held where they are.
-    inert: Option<Vec<u32>>,
+    pub(crate) inert: Option<Vec<u32>>,
     /// Those of all ranks that go with another vertex in the output.
-    followers: Vec<Follower>,
+    pub(crate) followers: Vec<Follower>,
     /// What was left out of the garments; on rank 0.
-    warnings: Vec<String>,
+    pub(crate) warnings: Vec<String>,
     /// Maps of each garment, over the vertices of this rank's piece of its mesh.
-    painted: Vec<PaintedMaps>,
+    pub(crate) painted: Vec<PaintedMaps>,
+}
+
+/// A vertex that takes no part and goes with another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Follower {
+    /// Its number in the scene, and that of the vertex that it follows.
+    pub(crate) vertex: u32,
+    pub(crate) leader: u32,
+    /// From there to it, at the start [m].
+    pub(crate) offset: Vec3,
 }
 
 /// A vertex that a pin holds.
@@ -582,5 +567,28 @@ impl Scene {
         let mut v = self.velocities.clone().unwrap_or_else(uniform);
         self.stop_inert(&mut v);
         [x, v]
+    }
+
+    /// What of the garments takes no part, and why, a sentence each: on rank 0, nothing elsewhere.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Own vertices that no triangle has, ascending, if any rank has such.
+    pub(crate) fn inert(&self) -> Option<&[u32]> {
+        self.inert.as_deref()
+    }
+
+    /// Vertices of all ranks that take no part and go with another in the output.
+    pub(crate) fn followers(&self) -> &[Follower] {
+        &self.followers
+    }
+
+    /// What takes no part has no velocity.
+    fn stop_inert(&self, v: &mut [Vec3]) {
+        if let Some(inert) = &self.inert {
+            inert.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
+            self.parts.halo().refresh(self.parts.ranks(), v);
+        }
     }
 }

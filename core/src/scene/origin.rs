@@ -30,7 +30,7 @@ impl Scene {
 
     /// Chooses the origin, if the description does not, and warns where rounding is coarse all the same. All ranks call it
     /// together.
-    pub(super) fn settle_origin(&mut self) {
+    pub(crate) fn settle_origin(&mut self) {
         let bounds: Vec<Bounds> = (0..self.meshes.len()).map(|garment| self.start_bounds(garment)).collect();
         let all = bounds.iter().fold(NOWHERE, |all, one| std::array::from_fn(|i| all[i].max(one[i])));
         let origin = self.description.origin.unwrap_or_else(|| automatic(&all));
@@ -111,7 +111,7 @@ fn told(name: &str, rounding: f64, thickness: f64, origin: Vec3) -> String {
 }
 
 /// Refuses an origin that is no place.
-pub(super) fn check_origin(description: &SceneDescription, problems: &mut Vec<Problem>) {
+pub(crate) fn check_origin(description: &SceneDescription, problems: &mut Vec<Problem>) {
     if description.origin.is_some_and(|origin| !is_possible(&origin)) {
         problems.push(Problem::scene(
             "shot",

@@ -16,12 +16,12 @@ pub struct Sewn {
 }
 
 /// The pairs with a vertex among `own`, which are numbers of the scene.
-pub(super) fn sewn_to(sewn: &[Sewn], own: &Range<usize>) -> Vec<Sewn> {
+pub(crate) fn sewn_to(sewn: &[Sewn], own: &Range<usize>) -> Vec<Sewn> {
     sewn.iter().copied().filter(|pair| pair.ends.iter().any(|end| own.contains(&(*end as usize)))).collect()
 }
 
 /// The far ends of the pairs that have one end among `own`, as far as they are in `garment`.
-pub(super) fn partners(sewn: &[Sewn], own: &Range<usize>, garment: &Range<usize>) -> Vec<u32> {
+pub(crate) fn partners(sewn: &[Sewn], own: &Range<usize>, garment: &Range<usize>) -> Vec<u32> {
     let holds = |range: &Range<usize>, end: u32| range.contains(&(end as usize));
     let far = sewn.iter().flat_map(|pair| {
         let [a, b] = pair.ends;

@@ -1,6 +1,7 @@
 //! Doing without effects that a description asks for: `[effects]` of a scene file, `--without` and `--only`.
 
-use crate::effects::{self, LISTED};
+use crate::effects;
+use crate::effects::registry::LISTED;
 use crate::error::Problem;
 use crate::scene::{PinHold, PinTarget, SceneDescription};
 use crate::settings::nearest;

@@ -3,9 +3,10 @@
 
 use super::{FrameInput, Simulation, StrainRecord};
 use crate::Vec3;
-use crate::effects::pins::{HardPins, STRETCHED};
+use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
-use crate::scene::{PinTarget, Scene, listed};
+use crate::pins::{HardPins, STRETCHED};
+use crate::scene::{PinTarget, Scene};
 use crate::tolerances::{FAR_BOUND_EDGES, FAR_BOUND_THICKNESSES, STRETCHED_BETWEEN_PINS};
 
 impl Simulation {

@@ -4,15 +4,15 @@ use std::sync::Arc;
 
 use super::{FrameInput, Simulation};
 use crate::Vec3;
+use crate::contact::bodies::collision;
 use crate::contact::self_contact;
-use crate::effects::{Section, body_collision};
 use crate::error::Problems;
-use crate::remembered::{ElementRows, Field, Remembered};
 use crate::scene::Scene;
+use crate::snapshot::saved_section::{ElementRows, Field, Remembered, SectionId};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 
 /// Positions and velocities, which every scene has.
-const STATE: Section = Section { name: "state", version: 2 };
+const STATE: SectionId = SectionId { name: "state", version: 2 };
 
 /// Name of the rows of hinges, and how many vertices and values each has.
 const HINGES: &str = "hinges";
@@ -67,7 +67,7 @@ impl Simulation {
     }
 
     /// What has yielded in elements that count on this rank, by vertices of the scene.
-    fn remember_elements(&self, section: Section) -> Remembered {
+    fn remember_elements(&self, section: SectionId) -> Remembered {
         let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
         self.forces.iter().flatten().for_each(|force| force.remember(&mut rows));
         let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
@@ -134,10 +134,9 @@ impl Simulation {
         {
             problem = targets.go_on(section, bodies).err();
         }
-        if let (Some(collision), Some(section)) = (
-            collision.as_mut().filter(|c| c.remembers()),
-            memory.iter().find(|s| s.name == body_collision::SECTION.name),
-        ) {
+        if let (Some(collision), Some(section)) =
+            (collision.as_mut().filter(|c| c.remembers()), memory.iter().find(|s| s.name == collision::SECTION.name))
+        {
             collision.go_on(section);
         }
         if let (Some(contact), Some(section)) =

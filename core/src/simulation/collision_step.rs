@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::recovery::Trouble;
 use super::{FrameSummary, Simulation};
+use crate::clock::Watch;
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::error::{ShortStep, StepError};
-use crate::metrics::Watch;
-use crate::parallel::split::PerPart;
+use crate::parallel::for_each_part::PerPart;
 use crate::solve::conjugate_gradient::Stop;
 use crate::step::{StepContext, advance};
 use crate::tolerances::CG_GRAVITY_FRACTION;

@@ -1,12 +1,15 @@
 //! What a frame costs, by effect.
 
 use super::{FrameSummary, Simulation};
-use crate::effects::cost::{FrameCost, NANOSECONDS};
-use crate::effects::{Effect, PartForce, PartMotion, PartView, build_all};
+use crate::clock::Watch;
+use crate::effects::cost::FrameCost;
+use crate::effects::force::{PartForce, PartMotion, PartView};
+use crate::effects::registry::build_all;
+use crate::effects::spec::Effect;
+use crate::effects::spec::NANOSECONDS;
 use crate::error::Problems;
-use crate::metrics::Watch;
-use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::PART_SIZE;
+use crate::parallel::simd4::Lanes;
 
 /// Times that each force is evaluated to see how long it takes.
 const REPEATS: u32 = 8;

@@ -3,10 +3,10 @@
 
 use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;
+use crate::parallel::message::{Wire, decode, wire};
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::{Wire, decode, wire};
+use crate::scene::Follower;
 use crate::scene::Scene;
-use crate::scene::inert::Follower;
 use crate::wind_grid::WindSample;
 
 /// A field of the vertices of a garment.
@@ -34,7 +34,7 @@ impl Scene {
         let tracks = std::mem::take(&mut input.tracks);
         let mut bytes = (input, tracks.len()).to_bytes();
         ranks.broadcast(&mut bytes);
-        let (mut shared, count): (FrameInput, usize) = decode(ranks, "input of a frame", &bytes);
+        let (mut shared, count): (FrameInput, usize) = decode(ranks.rank(), "input of a frame", &bytes);
         shared.tracks = (0..count).map(|track| self.share_track(track, tracks.get(track))).collect();
         shared
     }
@@ -52,7 +52,7 @@ impl Scene {
         };
         let mut lists: Vec<Vec<u8>> = wanted.iter().map(rows).collect();
         lists.resize(ranks.count(), Vec::new());
-        decode(ranks, "samples of a track", &ranks.send_lists(lists)[0])
+        decode(ranks.rank(), "samples of a track", &ranks.send_lists(lists)[0])
     }
 }
 

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use super::recovery::is_finite;
 use super::{BrokenAttachment, FrameSummary, Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
-use crate::effects::{PartView, Surroundings};
+use crate::effects::force::{PartView, Surroundings};
 use crate::error::StepError;
-use crate::parallel::sum::weighted_dot;
+use crate::parallel::reduce::weighted_dot;
 use crate::state::State;
 
 impl Simulation {

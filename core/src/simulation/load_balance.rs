@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use super::Simulation;
 use crate::Vec3;
+use crate::clock::Watch;
 use crate::contact::bodies::{Sample, Samples};
-use crate::metrics::Watch;
 use crate::scene::Scene;
 use crate::snapshot::SnapshotError;
 use crate::state::State;

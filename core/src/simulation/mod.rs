@@ -3,16 +3,20 @@
 use std::sync::Arc;
 
 use crate::Vec3;
+use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
-use crate::effects::body_collision::BodyCollision;
-use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{Force, Need, PlannedEffect, Section, VelocityFilter, build_all};
+use crate::effects::force::{Force, VelocityFilter};
+use crate::effects::registry::{PlannedEffect, build_all};
+use crate::effects::spec::Need;
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
+use crate::parallel::problems::agree;
 use crate::parallel::ranks::Sent;
-use crate::scene::{Scene, agree};
+use crate::pins::{HardPins, PinTargets};
+use crate::scene::Scene;
+use crate::snapshot::saved_section::SectionId;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
 use crate::step::Scratch;
@@ -20,24 +24,24 @@ use crate::time_step::StepLimit;
 use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
 
-mod balance;
 mod between_pins;
+mod checkpoint;
+mod collision_step;
 mod cost;
-mod interval;
-mod measure;
-pub mod outside;
+pub mod frame_io;
+mod frame_summary;
+mod load_balance;
 #[cfg(test)]
-mod planted;
+mod planted_errors;
 mod recovery;
-mod saved;
 mod start;
 
 pub use crate::contact::bodies::Sample;
-use balance::Balance;
+pub use checkpoint::RestoreError;
 pub use cost::PlannedSteps;
+use load_balance::Balance;
 use recovery::Care;
 pub use recovery::Recovery;
-pub use saved::RestoreError;
 use start::{first_tracks, start_outside};
 
 /// What the caller pushes for one frame.
@@ -177,7 +181,7 @@ pub struct Simulation {
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
     /// Section with what has yielded in the cloth, where it can.
-    yields: Option<Section>,
+    yields: Option<SectionId>,
     scratch: Scratch,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,

@@ -1,9 +1,9 @@
 //! Whether the order of convergence would tell of an error: planted ones of first order have to break the slope.
 
 use super::*;
-use crate::effects::{PartMotion, PartView};
+use crate::effects::force::{PartMotion, PartView};
 use crate::mesh::PolygonMesh;
-use crate::parallel::lanes::Lanes;
+use crate::parallel::simd4::Lanes;
 use crate::scene::{EffectRequest, GarmentDescription, SceneDescription};
 
 /// What is wrong with a force.

@@ -1,9 +1,10 @@
 //! What has to hold before a simulation starts.
 
 use crate::contact::bodies::{Bodies, Samples};
-use crate::effects::pins::HardPins;
 use crate::error::{Problem, Problems};
-use crate::scene::{BodyShape, PinTarget, Scene, agree};
+use crate::parallel::problems::agree;
+use crate::pins::HardPins;
+use crate::scene::{BodyShape, PinTarget, Scene};
 use crate::simulation::FrameInput;
 use crate::state::State;
 

@@ -7,6 +7,9 @@
 //! A snapshot need not be in memory as a whole: the solver gives its arrays row by row to a [`SnapshotSink`] and takes them back
 //! from a [`SnapshotSource`]. [`Snapshot`] is both.
 
+pub(super) mod element_rows;
+pub(crate) mod saved_section;
+
 use std::ops::Range;
 
 /// Everything that a simulation needs to go on, beside its scene.

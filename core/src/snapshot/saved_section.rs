@@ -2,21 +2,27 @@
 //! know. It becomes a snapshot, in which nothing tells how many ranks there were, and it moves when vertices change their
 //! rank.
 
-mod elements;
-
 use std::ops::Range;
 
 use bytemuck::Pod;
 
 use crate::Vec3;
-use crate::effects::Section;
+use crate::parallel::message::{Incoming, Wire};
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::{Incoming, Wire};
 use crate::scene::{FARTHEST, is_possible};
 use crate::snapshot::{SnapshotError, SnapshotSink, SnapshotSource, ValueKind, Values};
 
-pub use elements::ElementRows;
+pub use crate::snapshot::element_rows::ElementRows;
+
+/// A section of a snapshot, and hence of a checkpoint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SectionId {
+    /// Its name; several effects may share one.
+    pub name: &'static str,
+    /// Version of its layout.
+    pub version: u32,
+}
 
 /// Rows of a field that travel together.
 const CHUNK: usize = 1 << 16;
@@ -159,7 +165,7 @@ fn share<T: Pod>(ranks: &Ranks, read: impl FnOnce() -> Result<Vec<T>, SnapshotEr
         }
     }
     ranks.broadcast(&mut bytes);
-    let mut message = Incoming::new(ranks, "rows of a snapshot", &bytes);
+    let mut message = Incoming::new(ranks.rank(), "rows of a snapshot", &bytes);
     if bool::take(&mut message) {
         return Ok(message.all_values());
     }
@@ -344,7 +350,7 @@ fn indices(values: Values) -> Option<Vec<u32>> {
 
 impl Remembered {
     /// Nothing yet.
-    pub(crate) fn new(section: Section) -> Self {
+    pub(crate) fn new(section: SectionId) -> Self {
         Self { name: section.name, version: section.version, fields: Vec::new() }
     }
 

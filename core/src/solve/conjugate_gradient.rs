@@ -6,9 +6,9 @@
 //! Each iteration is three passes over the parts, each reading and writing every array once.
 
 use crate::Vec3;
+use crate::parallel::for_each_part::{PerBlock, PerVertex};
 use crate::parallel::parts::Parts;
-use crate::parallel::split::{PerBlock, PerVertex};
-use crate::parallel::sum::{SUM_BLOCK, largest, weighted_dot};
+use crate::parallel::reduce::{SUM_BLOCK, largest, weighted_dot};
 
 /// The operator and the constraints.
 pub trait System: Sync {

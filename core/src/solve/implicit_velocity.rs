@@ -4,12 +4,12 @@
 //! matrix, both at given positions. In the fully implicit variant G has `dt · dF/dx` added to it (2.2 iii).
 
 use crate::Vec3;
-use crate::effects::body_collision::BodyCollision;
-use crate::effects::pins::HardPins;
-use crate::effects::{Force, PartMotion, PartView, Surroundings};
-use crate::parallel::lanes::Lanes;
+use crate::contact::bodies::collision::BodyCollision;
+use crate::effects::force::{Force, PartMotion, PartView, Surroundings};
+use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::{PART_SIZE, Parts};
-use crate::parallel::split::{PerPart, PerVertex};
+use crate::parallel::simd4::Lanes;
+use crate::pins::HardPins;
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop, System};
 
 /// Forces of every part, in the order of the registry.

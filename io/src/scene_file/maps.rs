@@ -1,6 +1,6 @@
 //! Painted maps of garments: attributes of the rest shape, or lists of numbers in files.
 
-use drapery_core::scene::painted::{PaintedMap, PaintedMaps};
+use drapery_core::scene::vertex_maps::{PaintedMap, PaintedMaps};
 
 use crate::cache::{DataType, MeshData, MeshParam, Scope};
 use crate::error::IoError;
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn every_map_of_the_solver_can_be_written_in_a_scene() {
-        for (name, _) in drapery_core::scene::painted::MAPS {
+        for (name, _) in drapery_core::scene::vertex_maps::MAPS {
             let scene = serde_json::json!({ "name": "shirt", "maps": { *name: "file:map.txt" } });
             let garment: Garment = serde_json::from_value(scene).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(garment.maps.written(), [(*name, "file:map.txt")]);

@@ -12,7 +12,7 @@ use drapery_alembic::{
     XformWriter, write_face_set,
 };
 use drapery_core::error::StepError;
-use drapery_core::simulation::outside::Field;
+use drapery_core::simulation::frame_io::Field;
 use drapery_core::simulation::{Advance, FrameSummary, Recovery};
 use serde_json::{Value, json};
 

@@ -8,7 +8,7 @@ use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{Scene, SceneDescription};
-use drapery_core::simulation::outside::Field;
+use drapery_core::simulation::frame_io::Field;
 use drapery_core::simulation::{Advance, FrameInput, FrameSummary, RestoreError, Simulation};
 use drapery_core::snapshot::{SnapshotSink, SnapshotSource};
 use serde::{Deserialize, Serialize};

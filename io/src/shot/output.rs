@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::mesh::MeshStream;
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::outside::Field;
+use drapery_core::simulation::frame_io::Field;
 use serde_json::{Value, json};
 
 use crate::atomic_file;

@@ -1,7 +1,7 @@
 //! A shot that is simulated frame by frame without writing anything: what a study measures.
 
 use drapery_core::Vec3;
-use drapery_core::metrics::Watch;
+use drapery_core::clock::Watch;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::Timeline;
 use drapery_core::simulation::{Advance, FrameInput, FrameSummary, Simulation};

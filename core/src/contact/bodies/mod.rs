@@ -1,6 +1,8 @@
 //! Bodies at both ends of a time step, and what a cloth vertex finds of them: analytic shapes in rigid motion and animated
 //! triangle surfaces behind one interface (`docs/theory/friction.md#one-vertex-on-one-body`).
 
+pub mod collision;
+pub(crate) mod constraints;
 pub mod friction;
 pub mod recovery_speed;
 
@@ -8,13 +10,13 @@ use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 
 use crate::Vec3;
 use crate::contact::bodies::recovery_speed::CatchUp;
-use crate::effects::pins::{along_path, attach};
 use crate::error::{Problem, Problems};
 use crate::geometry::aabb::Aabb;
+use crate::geometry::attachment::{SurfaceAttachment, along_path, attach};
 use crate::geometry::moving_surface::MovingSurface;
 use crate::geometry::path::{Crossings, Side};
 use crate::geometry::shapes::Shape;
-use crate::scene::{BodyDescription, BodyShape, RigidMotion, Scene, SurfaceAttachment};
+use crate::scene::{BodyDescription, BodyShape, RigidMotion, Scene};
 use crate::tolerances;
 
 /// Rings of triangles around those of a surface that cross each other in which cloth counts as pinched.

@@ -19,12 +19,8 @@ use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::{Bvh, PairTask};
 use crate::geometry::tolerances::REBUILD_COST;
 
-mod swept;
-
-pub(crate) use swept::Around;
-
 /// Pieces of a search: enough for many threads, few enough for their overhead not to show.
-const TASKS: usize = 256;
+pub(super) const TASKS: usize = 256;
 
 /// Nodes and triangles whose boxes one task makes.
 const CHUNK: usize = 4096;
@@ -32,30 +28,30 @@ const CHUNK: usize = 4096;
 /// Trees over the surfaces of a scene.
 #[derive(Debug)]
 pub(crate) struct PairSearch {
-    node_boxes: Vec<Aabb>,
-    cloth: Fitted,
-    bodies: Fitted,
+    pub(super) node_boxes: Vec<Aabb>,
+    pub(super) cloth: Fitted,
+    pub(super) bodies: Fitted,
     /// Triangles of higher ranks, for one search.
-    visitors: Faces,
-    visiting: Fitted,
+    pub(super) visitors: Faces,
+    pub(super) visiting: Fitted,
     /// What all nodes move alike on the paths searched last, which was taken out before [m].
-    shift: Vec3,
+    pub(super) shift: Vec3,
 }
 
 /// Boxes of triangles and of the edges that hang on them, and a tree over the triangles.
 #[derive(Debug)]
-struct Fitted {
-    triangle_boxes: Vec<Aabb>,
-    edge_boxes: Vec<Aabb>,
-    tree: Bvh,
+pub(super) struct Fitted {
+    pub(super) triangle_boxes: Vec<Aabb>,
+    pub(super) edge_boxes: Vec<Aabb>,
+    pub(super) tree: Bvh,
     built_cost: f64,
 }
 
 /// Triangles with their boxes.
 #[derive(Clone, Copy)]
-struct Side<'a> {
-    faces: &'a Faces,
-    fitted: &'a Fitted,
+pub(super) struct Side<'a> {
+    pub(super) faces: &'a Faces,
+    pub(super) fitted: &'a Fitted,
 }
 
 impl Fitted {
@@ -66,7 +62,7 @@ impl Fitted {
     }
 
     /// Makes the boxes from those of the nodes and fits the tree to them; builds it anew where motion has spoiled it.
-    fn fit(&mut self, faces: &Faces, nodes: &[Aabb]) {
+    pub(super) fn fit(&mut self, faces: &Faces, nodes: &[Aabb]) {
         self.triangle_boxes.resize(faces.triangles().len(), Aabb::EMPTY);
         self.edge_boxes.resize(faces.edges().len(), Aabb::EMPTY);
         let chunks = self.triangle_boxes.par_chunks_mut(CHUNK).zip(faces.triangles().par_chunks(CHUNK));
@@ -193,14 +189,14 @@ impl PairSearch {
     }
 
     /// Cloth, bodies and visitors.
-    fn sides<'a>(&'a self, surface: &'a ContactSurface) -> [Side<'a>; 3] {
+    pub(super) fn sides<'a>(&'a self, surface: &'a ContactSurface) -> [Side<'a>; 3] {
         [(surface.cloth(), &self.cloth), (surface.bodies(), &self.bodies), (&self.visitors, &self.visiting)]
             .map(|(faces, fitted)| Side { faces, fitted })
     }
 
     /// The pairs of points, triangles and edges that belong to two triangles.
     #[inline]
-    fn meet<T>(
+    pub(super) fn meet<T>(
         &self,
         one: (Side<'_>, u32),
         other: (Side<'_>, u32),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::sum::Shares;
+use crate::parallel::reduce::Shares;
 
 /// Every how many points one is looked at. Any motion will do; a better one saves work.
 const STRIDE: usize = 4;

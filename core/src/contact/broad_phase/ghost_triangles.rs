@@ -8,8 +8,8 @@ use crate::contact::topology::faces::Faces;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::geometry::aabb::Aabb;
 use crate::geometry::bvh::Bvh;
+use crate::parallel::message::{vector_of, words_of};
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::{vector_of, words_of};
 
 /// Boxes by which a rank shows where its cloth is.
 const SHOWN: usize = 64;

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::PairSearch;
+use crate::contact::broad_phase::candidate_pair::{self, Neighbour};
 use crate::contact::broad_phase::common_rigid_motion::RigidFit;
-use crate::contact::broad_phase::pair_replication;
 use crate::contact::colouring::order::Order;
 use crate::contact::tolerances::USABLE_REACH;
 use crate::contact::topology::nodes::{ContactNodes, Renumber};
@@ -32,17 +32,6 @@ const CLOSE_AT_REST: f64 = 1.5;
 
 /// Nodes that one task moves.
 const CHUNK: usize = 4096;
-
-/// A pair of the list.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Neighbour {
-    /// The pair.
-    pub pair: Pair,
-    /// Not more than its distance when the list was made [m].
-    pub distance: f32,
-    /// Thickness of the pair [m]; zero where repulsions do not act.
-    pub thickness: f32,
-}
 
 /// The list.
 #[derive(Debug)]
@@ -297,7 +286,7 @@ fn share(surface: &mut ContactSurface, pairs: &mut Vec<Neighbour>) -> Option<Ren
     }
     let nodes = surface.nodes();
     pairs.iter_mut().for_each(|n| n.pair = nodes.numbered(&n.pair));
-    pair_replication::spread(nodes, pairs);
+    candidate_pair::spread(nodes, pairs);
     let is_ghost = |number: &u32| *number < nodes.all_cloth() && !nodes.owns(*number);
     let mut ghosts: Vec<u32> = pairs.iter().flat_map(|n| n.pair.nodes).filter(is_ghost).collect();
     ghosts.sort_unstable();

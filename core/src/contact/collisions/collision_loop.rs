@@ -16,8 +16,9 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::contact::broad_phase::bvh_search::{Around, PairSearch};
+use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::Neighbours;
+use crate::contact::broad_phase::swept_search::Around;
 use crate::contact::ccd::Contact;
 use crate::contact::collisions::first_contact::first_contact;
 use crate::contact::collisions::impact_zones::Hit;
@@ -26,9 +27,8 @@ use crate::contact::tolerances::OPEN_GAP;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
-use crate::effects::SLEEPS;
 use crate::metrics::Metrics;
-use crate::parallel::wire::{vector_of, words_of};
+use crate::parallel::message::{vector_of, words_of};
 
 /// Attempts with impulses that are added where the usual ones did not do.
 const MORE_ATTEMPTS: u32 = 3 * IMPULSE_ATTEMPTS;
@@ -282,7 +282,7 @@ impl CollisionLoop {
 
 /// Whether the list of neighbours holds all that can meet where `used` is the longest way of a node, and a little farther.
 pub(crate) fn holds_all(neighbours: &Neighbours, used: f64) -> bool {
-    SLEEPS && used + MARGIN <= neighbours.reach()
+    used + MARGIN <= neighbours.reach()
 }
 
 /// Where the pairs to look at come from.

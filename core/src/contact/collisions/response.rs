@@ -18,7 +18,7 @@ use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::Pair;
 use crate::metrics::Metrics;
 use crate::parallel::communicator::{Expected, Message};
-use crate::parallel::wire;
+use crate::parallel::message;
 
 /// Attempts with impulses alone. The authors make three, and ten or twenty in older scenes
 /// (`docs/theory/self_contact.md#impact-zones`): most of what three leave are a handful of pairs that a few more end.
@@ -406,7 +406,7 @@ fn named_by_others(nodes: &ContactNodes, hits: &[Hit]) -> Vec<u32> {
     let answers = nodes.ranks().start(messages, &expected).finish();
     let mut named = Vec::new();
     for ((_, list), bytes) in halo.sends().iter().zip(answers) {
-        let places: Vec<u32> = wire::values(nodes.ranks(), "nodes of hits", &bytes);
+        let places: Vec<u32> = message::values(nodes.ranks().rank(), "nodes of hits", &bytes);
         named.extend(places.iter().map(|place| nodes.number(list[*place as usize])));
     }
     named.sort_unstable();

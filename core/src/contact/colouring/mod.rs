@@ -48,7 +48,7 @@ const NOBODY: Key = [u32::MAX; 4];
 pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
     let (order, between) = order(count, nodes, &nodes_of);
     let (mut colours, mut taken) = (vec![NO_COLOUR; count], Taken::new(nodes.cloth()));
-    let alone = nodes.ranks().is_alone() || cfg!(feature = "rank-order");
+    let alone = nodes.ranks().is_alone();
     let decided = if alone { 0 } else { between };
     if !alone {
         colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut taken);
@@ -174,9 +174,6 @@ fn order(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4
 
 /// A number that looks random, from those of the nodes.
 fn class(key: &Key) -> u8 {
-    if cfg!(feature = "rank-order") {
-        return 0;
-    }
     // The odd number nearest to 2⁶⁴ over the golden ratio (D. Knuth, The Art of Computer Programming 3, 6.4).
     let mix = |mixed: u64, node: &u32| {
         let mixed = (mixed ^ u64::from(*node)).wrapping_mul(0x9E37_79B9_7F4A_7C15);

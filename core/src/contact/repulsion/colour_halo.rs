@@ -6,12 +6,12 @@
 //! pairs that change what is told go first, and the others while it is on its way.
 
 use crate::Vec3;
+use crate::contact::repulsion::active_contact::{PairsOfKind, Touching};
 use crate::contact::repulsion::atomic_vectors::SharedVectors;
-use crate::contact::repulsion::{PairsOfKind, Touching};
 use crate::contact::topology::nodes::ContactNodes;
 use crate::parallel::communicator::{Exchange, Expected, Message};
+use crate::parallel::message;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire;
 
 /// What is told when.
 #[derive(Debug, Default)]
@@ -39,9 +39,6 @@ impl Borders {
             return Self::default();
         }
         let (wanted, first) = wanted(nodes, marked);
-        if cfg!(feature = "rank-order") {
-            return Self { first, ..Self::default() };
-        }
         let near = near(nodes, kinds, &wanted);
         let mut rounds = [0, 1].map(|kind| vec![Round::default(); kinds[kind].live_order.colours().len()]);
         let mut messages = Vec::new();
@@ -57,7 +54,7 @@ impl Borders {
         let expected: Vec<Expected> = halo.receives().iter().map(expected).collect();
         let answers = nodes.ranks().start(messages, &expected).finish();
         for ((from, range), bytes) in halo.receives().iter().zip(answers) {
-            let words: Vec<u32> = wire::values(nodes.ranks(), "places of active pairs", &bytes);
+            let words: Vec<u32> = message::values(nodes.ranks().rank(), "places of active pairs", &bytes);
             for ([kind, colour], places) in Entries(&words) {
                 let received = places.iter().map(|place| range.start as u32 + place).collect();
                 rounds[kind][colour].receives.push((*from, received));
@@ -131,7 +128,7 @@ impl Round {
     /// Waits for those of others.
     fn finish(&self, ranks: &Ranks, exchange: Box<dyn Exchange + '_>, velocities: &SharedVectors) {
         for ((_, list), bytes) in self.receives.iter().zip(exchange.finish()) {
-            let values: Vec<Vec3> = wire::values(ranks, "velocities of active pairs", &bytes);
+            let values: Vec<Vec3> = message::values(ranks.rank(), "velocities of active pairs", &bytes);
             list.iter().zip(&values).for_each(|(node, value)| velocities.set(*node, value));
         }
     }

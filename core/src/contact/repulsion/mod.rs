@@ -10,20 +10,20 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::contact::broad_phase::proximity_list::{ACTIVE, Neighbour, Neighbours};
-use crate::contact::colouring::order::Order;
+use crate::contact::bodies::constraints::{Supports, borne};
+use crate::contact::broad_phase::candidate_pair::Neighbour;
+use crate::contact::broad_phase::proximity_list::{ACTIVE, Neighbours};
+use crate::contact::repulsion::active_contact::{PairsOfKind, Sided, Touching};
 use crate::contact::repulsion::atomic_vectors::SharedVectors;
-use crate::contact::repulsion::body_constraints::{Supports, borne, share_borne};
 use crate::contact::repulsion::colour_halo::Borders;
 use crate::contact::tolerances::TRUSTED_SIDE;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{KINDS, Pair, PairKind};
-use crate::effects::SLEEPS;
 use crate::metrics::Metrics;
 use crate::tolerances::NO_DIRECTION;
 
+mod active_contact;
 pub(crate) mod atomic_vectors;
-pub(crate) mod body_constraints;
 mod colour_halo;
 
 /// Sweeps of the inelastic pass (`docs/theory/self_contact.md#repulsion-with-history`).
@@ -80,63 +80,9 @@ pub(crate) struct Moment<'a> {
     pub supports: Option<&'a [Supports]>,
 }
 
-/// A pair and its side.
-#[derive(Debug, Clone, Copy)]
-struct Sided {
-    pair: Pair,
-    thickness: f64,
-    /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction
-    /// from the second to the first.
-    side: Vec3,
-}
-
-/// A pair as the laws see it.
-#[derive(Debug, Clone, Copy)]
-struct Touching {
-    nodes: [u32; 4],
-    weights: [f64; 4],
-    normal: Vec3,
-    /// Signed distance [m].
-    distance: f64,
-    thickness: f64,
-    /// Change of relative velocity per impulse [1/kg], as if all nodes were free.
-    response: f64,
-    mean_mobility: f64,
-    friction: f64,
-}
-
 /// A law of `docs/theory/self_contact.md#repulsion-with-history`: the change of a pair's normal velocity [m/s], if it
 /// acts, from that velocity.
 type Law<'a> = dyn Fn(&Touching, f64) -> Option<f64> + Sync + 'a;
-
-impl Touching {
-    /// How many times the normal impulse of a free pair is needed where nodes that move with `v` [m/s] lie on bodies, which do
-    /// not give way.
-    fn stiffer_on_bodies(&self, supports: &[Supports], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
-        // Of each side: nodes with positive weight are pushed along the normal, the others against it.
-        let mut firm = [0.0; 2];
-        for ((node, weight), v) in self.nodes.into_iter().zip(self.weights).zip(v) {
-            let direction = self.normal * weight.signum();
-            let share = share_borne(&supports[node as usize], v, &direction);
-            firm[usize::from(weight < 0.0)] += share * weight * weight * mobility[node as usize];
-        }
-        // Between bodies that bear both sides, nodes in between would be thrown where their weights are small.
-        let [one, other] = firm;
-        if one > 0.0 && other > 0.0 { 1.0 } else { self.response / (self.response - one - other) }
-    }
-}
-
-/// All pairs of one kind.
-#[derive(Debug, Default)]
-struct PairsOfKind {
-    sided: Vec<Sided>,
-    order: Order,
-    /// One entry for each of `sided`, in the order of their colours.
-    touching: Vec<Option<Touching>>,
-    /// The active ones.
-    live: Vec<u32>,
-    live_order: Order,
-}
 
 impl PairsOfKind {
     /// The active pairs, in the order of their colours.
@@ -200,7 +146,7 @@ impl Repulsions {
             let list = neighbours.list(kind);
             let of_kind = &mut self.kinds[kind as usize];
             let near = |n: &Neighbour| {
-                let limit = if SLEEPS { ACTIVE * f64::from(n.thickness) + slack } else { f64::INFINITY };
+                let limit = ACTIVE * f64::from(n.thickness) + slack;
                 if n.thickness <= 0.0 || neighbours.distance_bound(n) > limit {
                     return None;
                 }
@@ -355,9 +301,6 @@ impl Repulsions {
         for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
             let live = &of_kind.live[colour.clone()];
             self.borders.with_colour(at.nodes.ranks(), [kind, number], live, &self.velocities, treat);
-        }
-        if cfg!(feature = "rank-order") {
-            self.borders.before_sweeps(at.nodes.ranks(), &self.velocities);
         }
     }
 }

@@ -1,6 +1,6 @@
 use super::*;
+use crate::contact::bodies::constraints::Support;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::repulsion::body_constraints::Support;
 use crate::contact::topology::surface::ContactSurface;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};

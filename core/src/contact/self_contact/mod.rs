@@ -11,28 +11,27 @@ pub(super) mod substeps;
 
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
+use crate::contact::bodies::constraints::Supports;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::Neighbours;
 use crate::contact::broad_phase::skin;
 use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, Effort, Resolution};
 use crate::contact::intersections::exact::ignored_pairs;
-use crate::contact::repulsion::body_constraints::Supports;
 use crate::contact::repulsion::{Laws, Repulsions};
 use crate::contact::self_contact::substeps::StepControl;
 use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
-use crate::effects::pins::{HardPins, PinTargets};
-use crate::effects::{SLEEPS, Section};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::remembered::{Field, Remembered};
+use crate::pins::{HardPins, PinTargets};
 use crate::scene::Scene;
 use crate::snapshot::SnapshotError;
+use crate::snapshot::saved_section::{Field, Remembered, SectionId};
 use crate::state::State;
 
 /// What both halves of self-contact remember.
-pub(crate) const SECTION: Section = Section { name: "self_contact", version: 1 };
+pub(crate) const SECTION: SectionId = SectionId { name: "self_contact", version: 1 };
 
 /// Collision steps by the number of time steps they were to have: 1, up to 3, up to 7, up to 15, and more.
 const STEP_COUNTS: [&str; 5] =
@@ -231,7 +230,7 @@ impl SelfContact {
         let way = per_step * f64::from(steps);
         self.gap = self.gap_now();
         self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
-        if !SLEEPS || self.used + way > self.neighbours.reach() || self.used.is_nan() {
+        if self.used + way > self.neighbours.reach() || self.used.is_nan() {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
             self.rebuild(skin::after(&self.neighbours, way));
             self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);

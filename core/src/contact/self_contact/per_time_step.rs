@@ -2,9 +2,9 @@
 
 use super::SelfContact;
 use crate::Vec3;
-use crate::contact::repulsion::body_constraints::{Supports, tell_ghosts};
+use crate::contact::bodies::collision::BodyCollision;
+use crate::contact::bodies::constraints::{Supports, tell_ghosts};
 use crate::contact::repulsion::{Moment, Passes};
-use crate::effects::body_collision::BodyCollision;
 use crate::metrics::Metrics;
 
 impl SelfContact {

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::sum::SUM_BLOCK;
+use crate::parallel::reduce::SUM_BLOCK;
 use crate::scene::Scene;
 
 /// The cloth of a rank. Arrays over its own vertices, in the order of the scene.

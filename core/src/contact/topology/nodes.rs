@@ -11,8 +11,8 @@ use std::sync::Arc;
 use bytemuck::Pod;
 
 use crate::contact::topology::pair::Pair;
+use crate::parallel::ghosted_index::LocalVertices;
 use crate::parallel::halo::Halo;
-use crate::parallel::local_vertices::LocalVertices;
 use crate::parallel::ranks::Ranks;
 
 /// The numbering of a rank's nodes of contact, and the messages that keep its ghosts.

@@ -5,10 +5,10 @@ use std::ops::Range;
 use super::Yield;
 use super::elements::{Element, angle};
 use crate::Vec3;
-use crate::effects::{Force, PartForce, PartMotion, PartView};
-use crate::parallel::lanes::Lanes;
-use crate::remembered::ElementRows;
+use crate::effects::force::{Force, PartForce, PartMotion, PartView};
+use crate::parallel::simd4::Lanes;
 use crate::scene::Scene;
+use crate::snapshot::saved_section::ElementRows;
 use crate::tolerances::SQUASHED;
 
 /// How the angle of a hinge changes with its vertices [rad/m]: `u₁` at the first opposite vertex, `u₂` at the second,

@@ -2,11 +2,14 @@
 
 use super::elements::{Rigidity, angle, of_mesh, triangle_energy};
 use crate::Vec3;
-use crate::effects::{ElementRows, PartForce, PartMotion, PartView, Surroundings, build_all, pins::PinTargets};
+use crate::effects::force::{PartForce, PartMotion, PartView, Surroundings};
+use crate::effects::registry::build_all;
 use crate::mesh::{PolygonMesh, TriangleMesh};
-use crate::parallel::lanes::Lanes;
-use crate::scene::painted::PaintedMap;
+use crate::parallel::simd4::Lanes;
+use crate::pins::PinTargets;
+use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+use crate::snapshot::saved_section::ElementRows;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 

@@ -7,7 +7,7 @@
 use nalgebra::Matrix3;
 
 use crate::Vec3;
-use crate::parallel::lanes::Lanes;
+use crate::parallel::simd4::Lanes;
 use crate::tolerances::FLAT_TRIANGLE;
 
 /// Stiffness of an orthotropic membrane [N/m]: the stress of the strains along warp and weft and of the shear between them.

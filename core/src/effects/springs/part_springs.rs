@@ -7,10 +7,10 @@
 //! positions, which are shared by all springs of a vertex (`docs/decisions/0001-state-layout.md`).
 
 use crate::Vec3;
+use crate::effects::force::{Force, PartForce, PartMotion, PartView};
 use crate::effects::springs::SpringElement;
-use crate::effects::{Force, PartForce, PartMotion, PartView};
-use crate::parallel::lanes::Lanes;
 use crate::parallel::parts::PART_SIZE;
+use crate::parallel::simd4::Lanes;
 use crate::scene::{Integrator, Scene};
 
 mod implicit;

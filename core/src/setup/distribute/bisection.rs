@@ -9,8 +9,8 @@
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::parallel::message::{vector_of, words_of};
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::{vector_of, words_of};
 
 /// Number of vertices at which the bisection stops ordering.
 const LEAF_SIZE: usize = 8;
@@ -34,7 +34,7 @@ struct Piece {
 /// `places` are those of the garment, and `starts` the first of every rank, with the number of all at the end. `points` are the
 /// rest positions of some vertices, of which this rank has the first number `first`; all ranks together have all, and call it
 /// together.
-pub fn order(
+pub(crate) fn order(
     ranks: &Ranks,
     places: Range<usize>,
     starts: &[u32],
@@ -165,7 +165,7 @@ mod tests {
     use super::*;
     use crate::parallel::local_ranks::LocalRanks;
     use crate::parallel::parts::Partition;
-    use crate::parallel::spread::Homes;
+    use crate::setup::distribute::block_rows::Homes;
 
     /// Many equal coordinates, both zeros among them.
     fn points(count: usize) -> Vec<Vec3> {

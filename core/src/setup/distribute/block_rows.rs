@@ -6,37 +6,37 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use crate::parallel::communicator::{Expected, Message};
+use crate::parallel::message;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire;
 
 /// Rows of a message: few enough for rank 0 to hold, enough for messages to be few.
-pub const PIECE: usize = 8192;
+pub(crate) const PIECE: usize = 8192;
 
 /// Even shares of so many rows, one for each rank.
 #[derive(Debug, Clone)]
-pub struct Homes {
+pub(crate) struct Homes {
     /// First row of every rank, and the number of all at the end.
     starts: Vec<usize>,
 }
 
 impl Homes {
     /// The shares of `rows` rows.
-    pub fn new(rows: usize, ranks: usize) -> Self {
+    pub(crate) fn new(rows: usize, ranks: usize) -> Self {
         Self { starts: (0..=ranks).map(|rank| rows * rank / ranks).collect() }
     }
 
     /// Rows of a rank.
-    pub fn rows(&self, rank: usize) -> Range<usize> {
+    pub(crate) fn rows(&self, rank: usize) -> Range<usize> {
         self.starts[rank]..self.starts[rank + 1]
     }
 
     /// The rank that has a row.
-    pub fn of(&self, row: usize) -> usize {
+    pub(crate) fn of(&self, row: usize) -> usize {
         self.starts.partition_point(|start| *start <= row) - 1
     }
 
     /// Number of all rows.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.starts[self.starts.len() - 1]
     }
 }
@@ -77,7 +77,7 @@ impl<T: Pod> Reading<'_, T> {
 
 /// This rank's share of rows that rank 0 gives one after the other, each as its values; `give` is called there alone. What is
 /// given beyond the shares is passed over, and what is missing has no values. All ranks call it together.
-pub fn spread<T: Pod>(ranks: &Ranks, homes: &Homes, give: impl FnOnce(&mut dyn FnMut(&[T]))) -> Vec<T> {
+pub(crate) fn spread<T: Pod>(ranks: &Ranks, homes: &Homes, give: impl FnOnce(&mut dyn FnMut(&[T]))) -> Vec<T> {
     if ranks.is_first() {
         let (own, waiting) = (Vec::new(), Vec::new());
         let mut reading = Reading { ranks, homes, given: 0, own, waiting, rows: 0 };
@@ -90,14 +90,19 @@ pub fn spread<T: Pod>(ranks: &Ranks, homes: &Homes, give: impl FnOnce(&mut dyn F
     let mut own = Vec::new();
     for _ in 0..homes.rows(ranks.rank()).len().div_ceil(PIECE) {
         for bytes in ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish() {
-            own.extend(wire::values::<T>(ranks, "rows that rank 0 reads", &bytes));
+            own.extend(message::values::<T>(ranks.rank(), "rows that rank 0 reads", &bytes));
         }
     }
     own
 }
 
 /// Asks for rows where they are: `owner` says on which rank, and `answer` there what is asked for. All ranks call it together.
-pub fn ask<T: Pod>(ranks: &Ranks, wanted: &[u32], owner: impl Fn(u32) -> usize, answer: impl Fn(u32) -> T) -> Vec<T> {
+pub(crate) fn ask<T: Pod>(
+    ranks: &Ranks,
+    wanted: &[u32],
+    owner: impl Fn(u32) -> usize,
+    answer: impl Fn(u32) -> T,
+) -> Vec<T> {
     let mut questions = vec![Vec::new(); ranks.count()];
     wanted.iter().for_each(|row| questions[owner(*row)].push(*row));
     let asked = ranks.send_lists(questions);

@@ -4,17 +4,16 @@ use std::sync::Arc;
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::error::{Problem, ProblemKind};
+use crate::geometry::attachment::SurfaceAttachment;
 use crate::geometry::shapes::Shape;
 use crate::mesh::{MeshStream, PolygonMesh};
-use crate::parallel::wire::{Incoming, Wire, wire};
-use crate::scene::inert::Follower;
-use crate::scene::painted::PaintedMap;
-use crate::scene::sewn::Sewn;
+use crate::parallel::message::{Incoming, Wire, wire};
+use crate::scene::seam_pairs::Sewn;
+use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{
-    BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, PinAnchor,
+    BodyDescription, BodyFriction, BodyShape, EffectRequest, Follower, GarmentDescription, Integrator, Mass, PinAnchor,
     PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription, SolverSettings,
-    SurfaceAttachment, Timeline, WindGridShape,
+    Timeline, WindGridShape,
 };
 use crate::settings::SettingValue;
 
@@ -56,8 +55,6 @@ wire!(struct SceneDescription { name, timeline, origin, solver, garments, bodies
 wire!(struct Pinned { number, pin, row, vertex, attachment });
 wire!(struct Follower { vertex, leader, offset });
 wire!(struct Sewn { number, seam, ends, gap });
-wire!(enum ProblemKind { 0 => Scene, 1 => Data });
-wire!(struct Problem { place, what, advice, kind });
 
 /// Only rank 0 reads.
 impl Wire for Option<Arc<dyn MeshStream>> {
@@ -83,8 +80,7 @@ impl Wire for UnitQuaternion<f64> {
 mod tests {
     use super::*;
     use crate::Vec3;
-    use crate::parallel::ranks::Ranks;
-    use crate::parallel::wire::decode;
+    use crate::parallel::message::decode;
 
     #[test]
     fn a_description_comes_back_as_it_was() {
@@ -123,9 +119,9 @@ mod tests {
         let gravity = EffectRequest::of_scene("gravity").with_vector("acceleration", [0.0, -9.81, 0.0]);
         description.effects.push(gravity.with_flag("flag", true).with("number", 4.0));
         let bytes = description.to_bytes();
-        let back: SceneDescription = decode(&Ranks::default(), "scene", &bytes);
+        let back: SceneDescription = decode(0, "scene", &bytes);
         assert_eq!(format!("{back:?}"), format!("{description:?}"));
-        let cut = |end: usize| decode::<SceneDescription>(&Ranks::default(), "scene", &bytes[..end]);
+        let cut = |end: usize| decode::<SceneDescription>(0, "scene", &bytes[..end]);
         assert!((0..bytes.len()).all(|end| std::panic::catch_unwind(|| cut(end)).is_err()));
     }
 }

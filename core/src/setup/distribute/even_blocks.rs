@@ -6,23 +6,24 @@ use std::borrow::Cow;
 use crate::Vec3;
 use crate::error::Problem;
 use crate::mesh::{MeshStream, PolygonMesh};
+use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::spread::{Homes, ask, spread};
-use crate::scene::{FARTHEST, is_possible, listed};
+use crate::scene::{FARTHEST, is_possible};
+use crate::setup::distribute::block_rows::{Homes, ask, spread};
 
 /// What a rank has of a garment as it was read.
-pub(super) struct Home<'a> {
-    pub(super) points_of: Homes,
-    pub(super) faces_of: Homes,
+pub(crate) struct Home<'a> {
+    pub(crate) points_of: Homes,
+    pub(crate) faces_of: Homes,
     /// Rest positions [m].
-    pub(super) points: Cow<'a, [Vec3]>,
+    pub(crate) points: Cow<'a, [Vec3]>,
     /// Number of corners and corners of each face.
     corners: Vec<u32>,
 }
 
 impl<'a> Home<'a> {
     /// All of a mesh, for one rank.
-    pub(super) fn alone(mesh: &'a PolygonMesh) -> Self {
+    pub(crate) fn alone(mesh: &'a PolygonMesh) -> Self {
         let [points_of, faces_of] = [mesh.points.len(), mesh.face_counts.len()].map(|rows| Homes::new(rows, 1));
         let rows =
             mesh.faces().flat_map(|corners| std::iter::once(corners.len() as u32).chain(corners.iter().copied()));
@@ -30,7 +31,7 @@ impl<'a> Home<'a> {
     }
 
     /// Reads a mesh of so many points and faces on rank 0, and spreads it. All ranks call it together.
-    pub(super) fn read(
+    pub(crate) fn read(
         ranks: &Ranks,
         mesh: Option<&dyn MeshStream>,
         (points, faces): (usize, usize),
@@ -73,7 +74,7 @@ impl<'a> Home<'a> {
     }
 
     /// Each face here, with its number in the garment.
-    pub(super) fn faces(&self, ranks: &Ranks) -> impl Iterator<Item = (u32, &[u32])> {
+    pub(crate) fn faces(&self, ranks: &Ranks) -> impl Iterator<Item = (u32, &[u32])> {
         let mut rest = self.corners.as_slice();
         let faces = std::iter::from_fn(move || {
             let (count, after) = rest.split_first()?;
@@ -85,13 +86,13 @@ impl<'a> Home<'a> {
     }
 
     /// The rest positions of all corners of the faces here. All ranks call it together.
-    pub(super) fn positions(&self, ranks: &Ranks) -> Known<'_, Vec3> {
+    pub(crate) fn positions(&self, ranks: &Ranks) -> Known<'_, Vec3> {
         let corners = self.faces(ranks).flat_map(|(_, corners)| corners).copied();
         Known::new(ranks, corners, &self.points_of, &self.points)
     }
 
     /// Numbers that are not finite, and faces that cannot be: what has to hold before anything can be derived.
-    pub(super) fn check(&self, ranks: &Ranks, place: &str, points: usize) -> Vec<Problem> {
+    pub(crate) fn check(&self, ranks: &Ranks, place: &str, points: usize) -> Vec<Problem> {
         let first = self.points_of.rows(ranks.rank()).start as u32;
         let broken = (first..).zip(&*self.points).filter(|(_, p)| !is_possible(p));
         let bad = |corners: &[u32]| corners.len() < 3 || corners.iter().any(|v| *v as usize >= points);
@@ -111,7 +112,7 @@ impl<'a> Home<'a> {
 }
 
 /// What is known of some points that are at home on any rank.
-pub(super) struct Known<'a, T: Copy> {
+pub(crate) struct Known<'a, T: Copy> {
     /// Their numbers in the garment, ascending; one rank, which has all, needs none.
     vertices: Vec<u32>,
     values: Cow<'a, [T]>,
@@ -119,7 +120,7 @@ pub(super) struct Known<'a, T: Copy> {
 
 impl<'a, T: bytemuck::Pod> Known<'a, T> {
     /// Asks for these points, each once; `own` are the values of those that are at home here. All ranks call it together.
-    pub(super) fn new(ranks: &Ranks, vertices: impl Iterator<Item = u32>, homes: &Homes, own: &'a [T]) -> Self {
+    pub(crate) fn new(ranks: &Ranks, vertices: impl Iterator<Item = u32>, homes: &Homes, own: &'a [T]) -> Self {
         if ranks.is_alone() {
             return Self { vertices: Vec::new(), values: Cow::Borrowed(own) };
         }
@@ -132,7 +133,7 @@ impl<'a, T: bytemuck::Pod> Known<'a, T> {
     }
 
     /// What is known of one of these points.
-    pub(super) fn at(&self, vertex: u32) -> T {
+    pub(crate) fn at(&self, vertex: u32) -> T {
         let Some(lowest) = self.vertices.first() else { return self.values[vertex as usize] };
         // Where none between is missing, it is found at once.
         let guess = (vertex - lowest) as usize;
@@ -145,6 +146,6 @@ impl<'a, T: bytemuck::Pod> Known<'a, T> {
 }
 
 /// One list of all, without a copy if there is but one.
-pub(super) fn joined<T: Copy>(mut lists: Vec<Vec<T>>) -> Vec<T> {
+pub(crate) fn joined<T: Copy>(mut lists: Vec<Vec<T>>) -> Vec<T> {
     if lists.len() == 1 { lists.pop().unwrap_or_default() } else { lists.concat() }
 }

@@ -4,21 +4,21 @@
 use std::ops::Range;
 
 use crate::parallel::ranks::Ranks;
-use crate::parallel::spread::Homes;
-use crate::scene::home::{Known, joined};
+use crate::setup::distribute::block_rows::Homes;
+use crate::setup::distribute::even_blocks::{Known, joined};
 
 /// A polygon and the corners of one of its triangles.
-pub(super) type Triangle = [u32; 4];
+pub(crate) type Triangle = [u32; 4];
 
 /// The rank that owns a number of the scene.
-pub(super) fn owner(starts: &[u32], number: u32) -> usize {
+pub(crate) fn owner(starts: &[u32], number: u32) -> usize {
     starts.partition_point(|start| *start <= number) - 1
 }
 
 /// The triangles of the scene with an own vertex, ascending; corners are numbers in the scene. `cut` are those whose faces are at
 /// home here, with corners of the garment, `places` the number in the scene of each of its points that is at home here, and
 /// `starts` the first of every rank.
-pub(super) fn stars(ranks: &Ranks, homes: &Homes, cut: Vec<Triangle>, places: &[u32], starts: &[u32]) -> Vec<Triangle> {
+pub(crate) fn stars(ranks: &Ranks, homes: &Homes, cut: Vec<Triangle>, places: &[u32], starts: &[u32]) -> Vec<Triangle> {
     let numbers = Known::new(ranks, cut.iter().flat_map(|[_, corners @ ..]| *corners), homes, places);
     let mut lists: Vec<Vec<Triangle>> = vec![Vec::new(); ranks.count()];
     for [polygon, corners @ ..] in &cut {
@@ -79,7 +79,7 @@ impl<'a> Star<'a> {
 }
 
 /// Widens what [`stars`] has found by the triangles beyond its edges, so many times. All ranks call it together.
-pub(super) fn widen(
+pub(crate) fn widen(
     ranks: &Ranks,
     near: Vec<Triangle>,
     own: &Range<u32>,

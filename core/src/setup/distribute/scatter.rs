@@ -8,25 +8,26 @@
 
 use std::ops::Range;
 
-use super::stars::{owner, stars, widen};
-use super::{Held, Piece, Received, forget_vertices, pins_of, rings, settle};
 use crate::Vec3;
 use crate::error::Problem;
-use crate::parallel::bisection;
+use crate::geometry::attachment::SurfaceAttachment;
 use crate::parallel::communicator::{Expected, Message};
+use crate::parallel::message::{Wire, decode, vector_of, words_of};
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::spread::{Homes, ask, spread};
-use crate::parallel::wire::{Wire, decode, vector_of, words_of};
-use crate::scene::coincident::{self, Apart};
-use crate::scene::home::Home;
-use crate::scene::inert::{Follower, Sound};
-use crate::scene::painted::PaintedMap;
-use crate::scene::sewn::{Sewn, partners, sewn_to};
-use crate::scene::winding;
-use crate::scene::{
-    GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription, SurfaceAttachment,
-};
+use crate::scene::Follower;
+use crate::scene::seam_pairs::{Sewn, partners, sewn_to};
+use crate::scene::vertex_maps::PaintedMap;
+use crate::scene::{GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription};
+use crate::setup::distribute::bisection;
+use crate::setup::distribute::block_rows::{Homes, ask, spread};
+use crate::setup::distribute::even_blocks::Home;
+use crate::setup::distribute::one_ring::{owner, stars, widen};
+use crate::setup::distribute::submesh::{Held, Piece, Received, forget_vertices, pins_of, rings, settle};
+use crate::setup::mesh_checks::coincident;
+use crate::setup::mesh_checks::coincident::Apart;
+use crate::setup::mesh_checks::degenerate::Sound;
+use crate::setup::mesh_checks::winding;
 
 /// What belongs to the points of a garment beside their rest positions; on rank 0, where they are given.
 #[derive(Default)]
@@ -47,7 +48,7 @@ struct Own {
 }
 
 /// A scene that is being handed out.
-pub(in crate::scene) struct HandingOut {
+pub(crate) struct HandingOut {
     description: SceneDescription,
     partition: Partition,
     assignment: Vec<usize>,
@@ -66,11 +67,7 @@ pub(in crate::scene) struct HandingOut {
 impl HandingOut {
     /// Tells all ranks what is small, reads the garments and spreads them. All ranks call it together, rank 0 with the
     /// description.
-    pub(in crate::scene) fn begin(
-        ranks: &Ranks,
-        description: Option<SceneDescription>,
-        problems: &mut Vec<Problem>,
-    ) -> Self {
+    pub(crate) fn begin(ranks: &Ranks, description: Option<SceneDescription>, problems: &mut Vec<Problem>) -> Self {
         let mut meshes = Vec::new();
         let (mut columns, mut pins, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
         let mut all = Vec::new();
@@ -89,8 +86,8 @@ impl HandingOut {
         });
         ranks.broadcast(&mut all);
         let (description, counts) = given.unwrap_or_else(|| {
-            let (bytes, counts): (Vec<u8>, _) = decode(ranks, "counts of the garments", &all);
-            (decode(ranks, "description of the scene", &bytes), counts)
+            let (bytes, counts): (Vec<u8>, _) = decode(ranks.rank(), "counts of the garments", &all);
+            (decode(ranks.rank(), "description of the scene", &bytes), counts)
         });
         drop(all);
         let mut meshes = meshes.into_iter();
@@ -111,7 +108,7 @@ impl HandingOut {
     }
 
     /// What this rank gets of the scene, which has no problems so far. All ranks call it together.
-    pub(in crate::scene) fn finish(mut self, ranks: &Ranks) -> Received {
+    pub(crate) fn finish(mut self, ranks: &Ranks) -> Received {
         let mut owns = Vec::new();
         let mut places = Vec::new();
         for g in 0..self.homes.len() {
@@ -138,7 +135,7 @@ impl HandingOut {
         }
         let mut followers = held.followers.to_bytes();
         ranks.broadcast(&mut followers);
-        held.followers = decode(ranks, "vertices that follow others", &followers);
+        held.followers = decode(ranks.rank(), "vertices that follow others", &followers);
         let received = settle(ranks, self.description, (self.partition, self.assignment), pieces, held);
         Received { warnings, ..received }
     }
@@ -222,7 +219,7 @@ impl HandingOut {
             return (Held { pinned, pin_targets, sewn, followers }, moved);
         }
         let received = ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish();
-        let (pin_targets, (pinned, sewn)) = decode(ranks, "pins and seams of a rank", &received[0]);
+        let (pin_targets, (pinned, sewn)) = decode(ranks.rank(), "pins and seams of a rank", &received[0]);
         (Held { pinned, pin_targets, sewn, followers }, Vec::new())
     }
 

@@ -1,46 +1,42 @@
 //! What a rank has of a scene: what lies around its own vertices. It comes from rank 0, which has the description
-//! (`handing_out`), or from other ranks when vertices move.
+//! (`scatter`), or from other ranks when vertices move.
 //!
 //! A rank's piece of a garment are the triangles that have one of its vertices, and those that share an edge with one of these:
 //! all that springs along edges and across them, masses and contacts of its own vertices need. Where an effect looks further
 //! (`Need::SecondRing`), the triangles beyond their edges belong to it too.
 
-mod handing_out;
-mod stars;
-
-pub(super) use handing_out::HandingOut;
-
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::{self, Need};
+use crate::effects;
+use crate::effects::spec::Need;
 use crate::mesh::TriangleMesh;
+use crate::parallel::message::{Incoming, Wire, decode};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::{Incoming, Wire, decode};
-use crate::scene::inert::Follower;
-use crate::scene::painted::{PaintedMap, PaintedMaps};
-use crate::scene::sewn::{Sewn, partners, sewn_to};
+use crate::scene::Follower;
+use crate::scene::seam_pairs::{Sewn, partners, sewn_to};
+use crate::scene::vertex_maps::{PaintedMap, PaintedMaps};
 use crate::scene::{PinDescription, PinTarget, Pinned, Scene, SceneDescription};
 
 /// What a rank needs of a garment, vertices ascending by their numbers in the scene.
 #[derive(Debug, Default)]
-pub(super) struct Piece {
+pub(crate) struct Piece {
     /// Number in the scene, and in the garment.
-    vertices: Vec<[u32; 2]>,
-    rest: Vec<Vec3>,
+    pub(crate) vertices: Vec<[u32; 2]>,
+    pub(crate) rest: Vec<Vec3>,
     /// Start of own vertices, where it differs from the rest shape [m].
-    start: Vec<Vec3>,
+    pub(crate) start: Vec<Vec3>,
     /// Velocities of own vertices at the start, where they differ among each other [m/s].
-    velocities: Vec<Vec3>,
+    pub(crate) velocities: Vec<Vec3>,
     /// Painted values of all vertices, map after map in the order of their names.
-    maps: Vec<Vec<f64>>,
+    pub(crate) maps: Vec<Vec<f64>>,
     /// Polygon and corners (numbers in the scene), ascending: the order in which triangles stand on every rank.
-    triangles: Vec<[u32; 4]>,
+    pub(crate) triangles: Vec<[u32; 4]>,
 }
 
 /// How many times the pieces of a garment are widened by the triangles beyond their edges.
-fn rings(description: &SceneDescription, garment: usize) -> usize {
+pub(crate) fn rings(description: &SceneDescription, garment: usize) -> usize {
     let of_garment = description.effects.iter().filter(|request| request.garment == Some(garment));
     let mut specs = of_garment.filter_map(|request| effects::find(&request.effect));
     if specs.any(|spec| spec.needs.contains(&Need::SecondRing)) { 2 } else { 1 }
@@ -59,7 +55,7 @@ impl Piece {
     }
 
     fn from_bytes(ranks: &Ranks, bytes: &[u8]) -> Self {
-        let mut message = Incoming::new(ranks, "cloth that moves to another rank", bytes);
+        let mut message = Incoming::new(ranks.rank(), "cloth that moves to another rank", bytes);
         let [vertices, start, velocities, maps, triangles] = <[usize; 5]>::take(&mut message);
         let piece = Self {
             vertices: message.values(vertices),
@@ -144,33 +140,33 @@ fn painted(map: &PaintedMap, vertices: &[u32]) -> Vec<f64> {
 }
 
 /// What all ranks know of a scene, and this rank's pieces.
-pub(super) struct Received {
-    pub(super) description: SceneDescription,
-    pub(super) parts: Parts,
-    pub(super) meshes: Vec<TriangleMesh>,
+pub(crate) struct Received {
+    pub(crate) description: SceneDescription,
+    pub(crate) parts: Parts,
+    pub(crate) meshes: Vec<TriangleMesh>,
     /// Positions at the start over local vertices, where some garment does not start in its rest shape [m].
-    pub(super) start: Option<Vec<Vec3>>,
+    pub(crate) start: Option<Vec<Vec3>>,
     /// Velocities at the start over local vertices, where some garment's differ [m/s].
-    pub(super) velocities: Option<Vec<Vec3>>,
-    pub(super) pinned: Vec<Pinned>,
-    pub(super) pin_targets: usize,
-    pub(super) sewn: Vec<Sewn>,
-    pub(super) followers: Vec<Follower>,
+    pub(crate) velocities: Option<Vec<Vec3>>,
+    pub(crate) pinned: Vec<Pinned>,
+    pub(crate) pin_targets: usize,
+    pub(crate) sewn: Vec<Sewn>,
+    pub(crate) followers: Vec<Follower>,
     /// What was left out of the garments; on rank 0.
-    pub(super) warnings: Vec<String>,
-    pub(super) painted: Vec<PaintedMaps>,
+    pub(crate) warnings: Vec<String>,
+    pub(crate) painted: Vec<PaintedMaps>,
 }
 
 /// What is held or sewn of a rank's vertices, by numbers of the scene.
-struct Held {
-    pinned: Vec<Pinned>,
-    pin_targets: usize,
-    sewn: Vec<Sewn>,
-    followers: Vec<Follower>,
+pub(crate) struct Held {
+    pub(crate) pinned: Vec<Pinned>,
+    pub(crate) pin_targets: usize,
+    pub(crate) sewn: Vec<Sewn>,
+    pub(crate) followers: Vec<Follower>,
 }
 
 /// Builds what a rank keeps from its pieces.
-fn settle(
+pub(crate) fn settle(
     ranks: &Ranks,
     description: SceneDescription,
     (partition, assignment): (Partition, Vec<usize>),
@@ -221,7 +217,7 @@ fn settle(
 
 /// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
 /// of the start any more.
-pub(super) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
+pub(crate) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
     let (parts, ranks) = (&scene.parts, scene.parts.ranks());
     let partition = parts.partition().clone();
     let now = |rank: usize| parts.rank_starts()[rank]..parts.rank_starts()[rank + 1];
@@ -251,7 +247,8 @@ pub(super) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
     let received = ranks.send_lists((0..ranks.count()).map(pins).collect());
     let (mut pinned, mut sewn) = (Vec::new(), Vec::new());
     for bytes in received.iter().filter(|bytes| !bytes.is_empty()) {
-        let (pins, pairs): (Vec<Pinned>, Vec<Sewn>) = decode(ranks, "pins and seams that move to another rank", bytes);
+        let (pins, pairs): (Vec<Pinned>, Vec<Sewn>) =
+            decode(ranks.rank(), "pins and seams that move to another rank", bytes);
         pinned.extend(pins);
         sewn.extend(pairs);
     }
@@ -265,12 +262,12 @@ pub(super) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
 }
 
 /// The pinned vertices among `own`, which are numbers of the scene.
-fn pins_of(pinned: &[Pinned], own: &Range<usize>) -> Vec<Pinned> {
+pub(crate) fn pins_of(pinned: &[Pinned], own: &Range<usize>) -> Vec<Pinned> {
     pinned.iter().filter(|pinned| own.contains(&(pinned.vertex as usize))).cloned().collect()
 }
 
 /// Which vertices a pin holds is known to the ranks that own them.
-fn forget_vertices(pin: &mut PinDescription) {
+pub(crate) fn forget_vertices(pin: &mut PinDescription) {
     match &mut pin.target {
         PinTarget::Path { vertices, .. }
         | PinTarget::Track { vertices, .. }

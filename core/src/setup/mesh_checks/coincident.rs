@@ -7,21 +7,21 @@
 //! Vertices meet on a rank that their place says, whatever their numbers; whoever has their triangles tells what these ask for.
 
 use crate::Vec3;
+use crate::parallel::message::{vector_of, words_of};
+use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::spread::{Homes, ask};
-use crate::parallel::wire::{vector_of, words_of};
-use crate::scene::home::{Known, joined};
-use crate::scene::inert::Sound;
-use crate::scene::listed;
+use crate::setup::distribute::block_rows::{Homes, ask};
+use crate::setup::distribute::even_blocks::{Known, joined};
+use crate::setup::mesh_checks::degenerate::Sound;
 use crate::tolerances::SET_APART;
 
 /// What is set apart of a garment.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Apart {
+pub(crate) struct Apart {
     /// Vertices and their new places [m]; each on one rank.
-    pub(super) moved: Vec<(u32, Vec3)>,
+    pub(crate) moved: Vec<(u32, Vec3)>,
     /// Those of them that were in one place, lower numbers first; each on one rank.
-    pub(super) pairs: Vec<[u32; 2]>,
+    pub(crate) pairs: Vec<[u32; 2]>,
 }
 
 /// Words of a position, both zeros alike, and the vertex that is there.
@@ -33,7 +33,7 @@ type Way = [u64; 6];
 impl Apart {
     /// Draws vertices that lie where others are into their triangles. `points` are the positions of the vertices at home here,
     /// by which `homes` go. All ranks call it together.
-    pub(super) fn of(ranks: &Ranks, homes: &Homes, points: &[Vec3], sound: &Sound) -> Self {
+    pub(crate) fn of(ranks: &Ranks, homes: &Homes, points: &[Vec3], sound: &Sound) -> Self {
         let groups = coinciding(ranks, homes, points, &sound.lives);
         if !ranks.any(!groups.is_empty()) {
             return Self::default();
@@ -62,7 +62,7 @@ impl Apart {
 }
 
 /// Says in words, on rank 0, which vertices of a garment were set apart, at rest or at the start. All ranks call it together.
-pub(super) fn told(ranks: &Ranks, name: &str, homes: &Homes, pairs: Vec<[u32; 2]>) -> Option<String> {
+pub(crate) fn told(ranks: &Ranks, name: &str, homes: &Homes, pairs: Vec<[u32; 2]>) -> Option<String> {
     // A pair may be known to one rank by its places at rest, and to another by those at the start.
     let mut lists = vec![Vec::new(); ranks.count()];
     pairs.into_iter().for_each(|pair| lists[homes.of(pair[0] as usize)].push(pair));

@@ -5,38 +5,29 @@
 
 use crate::Vec3;
 use crate::mesh::{PolygonMesh, triangulate_face};
+use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::spread::Homes;
-use crate::scene::home::{Home, Known, joined};
-use crate::scene::{Scene, coarse_place, listed};
+use crate::scene::coarse_place;
+use crate::setup::distribute::block_rows::Homes;
+use crate::setup::distribute::even_blocks::{Home, Known, joined};
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
-
-/// A vertex that takes no part and goes with another.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Follower {
-    /// Its number in the scene, and that of the vertex that it follows.
-    pub(crate) vertex: u32,
-    pub(crate) leader: u32,
-    /// From there to it, at the start [m].
-    pub(crate) offset: Vec3,
-}
 
 /// The triangles of a garment that are simulated, as far as their faces are at home here, and what was left out of them.
 #[derive(Debug)]
-pub(super) struct Sound {
+pub(crate) struct Sound {
     /// Polygon and corners (numbers of the garment) of each, in the order of the polygons.
-    pub(super) triangles: Vec<[u32; 4]>,
+    pub(crate) triangles: Vec<[u32; 4]>,
     /// 1 for each point at home here that such a triangle has, 0 for the others.
-    pub(super) lives: Vec<u8>,
+    pub(crate) lives: Vec<u8>,
     /// Vertices that go with another, ascending, and which; numbers of the garment, the same on all ranks.
-    pub(super) follows: Vec<[u32; 2]>,
+    pub(crate) follows: Vec<[u32; 2]>,
     /// What was left out, in words; on rank 0.
-    pub(super) warnings: Vec<String>,
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Sound {
     /// The triangles with an area, each once. Of faces on the same corners, the first stays. All ranks call it together.
-    pub(super) fn of(ranks: &Ranks, name: &str, home: &Home<'_>) -> Self {
+    pub(crate) fn of(ranks: &Ranks, name: &str, home: &Home<'_>) -> Self {
         let positions = home.positions(ranks);
         let shortest = DEGENERATE_EDGE * size(ranks, home);
         let mut repeated = repeated_polygons(ranks, home);
@@ -148,31 +139,6 @@ fn told_coarse(ranks: &Ranks, name: &str, farthest: [f64; 2]) -> Option<String> 
              a transform above the mesh, which is of double precision"
         )
     })
-}
-
-impl Scene {
-    /// What of the garments takes no part, and why, a sentence each: on rank 0, nothing elsewhere.
-    pub fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-
-    /// Own vertices that no triangle has, ascending, if any rank has such.
-    pub(crate) fn inert(&self) -> Option<&[u32]> {
-        self.inert.as_deref()
-    }
-
-    /// Vertices of all ranks that take no part and go with another in the output.
-    pub(crate) fn followers(&self) -> &[Follower] {
-        &self.followers
-    }
-
-    /// What takes no part has no velocity.
-    pub(super) fn stop_inert(&self, v: &mut [Vec3]) {
-        if let Some(inert) = &self.inert {
-            inert.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
-            self.parts.halo().refresh(self.parts.ranks(), v);
-        }
-    }
 }
 
 /// The triangles of a mesh that a scene simulates: those with an area, each once, in the order of their polygons.

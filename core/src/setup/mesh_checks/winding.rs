@@ -1,10 +1,11 @@
 //! Faces of a garment that are wound against their neighbours, said where something looks at the sides of cloth.
 
 use crate::mesh::{sides, turned_edges};
+use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::spread::Homes;
-use crate::scene::home::joined;
-use crate::scene::{SceneDescription, listed};
+use crate::scene::SceneDescription;
+use crate::setup::distribute::block_rows::Homes;
+use crate::setup::distribute::even_blocks::joined;
 
 /// What of a scene takes the side that faces show for a side of this garment, in words.
 fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'static str> {
@@ -19,7 +20,7 @@ fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'sta
 
 /// Says in words, on rank 0, at which edges of a garment two faces are wound against each other, if something looks at their
 /// sides. `triangles` are those at home here with their polygons, `homes` those of the points. All ranks call it together.
-pub(super) fn told(
+pub(crate) fn told(
     ranks: &Ranks,
     (description, garment): (&SceneDescription, usize),
     homes: &Homes,

@@ -2,11 +2,11 @@
 
 use super::report;
 use crate::error::Problem;
-use crate::scene::painted::{MAPS, SHARES};
+use crate::scene::vertex_maps::{MAPS, SHARES};
 use crate::scene::{GarmentDescription, Mass, SceneDescription};
 
 /// Names and values of painted maps.
-pub(super) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
+pub(crate) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     for (name, map) in &garment.maps {
         let place = format!("garment \"{}\", map of {name}", garment.name);
         if MAPS.iter().all(|(known, _)| known != name) {
@@ -40,7 +40,7 @@ pub(super) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Proble
 }
 
 /// Maps of what nothing in the scene looks at.
-pub(super) fn check_maps_are_used(description: &SceneDescription, problems: &mut Vec<Problem>) {
+pub(crate) fn check_maps_are_used(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (g, garment) in description.garments.iter().enumerate() {
         let asked = |name: &&str| {
             description.effects.iter().any(|e| e.effect == *name && e.garment.is_none_or(|garment| garment == g))
@@ -71,7 +71,7 @@ pub(super) fn check_maps_are_used(description: &SceneDescription, problems: &mut
 }
 
 /// Names, pairs, numbers and times of seams.
-pub(super) fn check_seams(description: &SceneDescription, problems: &mut Vec<Problem>) {
+pub(crate) fn check_seams(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (s, seam) in description.seams.iter().enumerate() {
         let mut refuse = |what: String, advice: &str| {
             problems.push(Problem::scene(format!("seam {s}"), what, advice));

@@ -1,5 +1,5 @@
 //! From a description to a scene: every problem is reported. Elements that cannot be simulated are left out
-//! (`crate::scene::inert`), and nothing is repaired.
+//! (`crate::setup::mesh_checks::degenerate`), and nothing is repaired.
 
 mod maps_and_seams;
 
@@ -7,26 +7,25 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::{self, Scope};
+use crate::effects;
+use crate::effects::spec::Scope;
 use crate::error::{Problem, Problems};
 use crate::geometry::shapes::Shape;
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
+use crate::parallel::problems::{LISTED, agree};
 use crate::parallel::ranks::Ranks;
-use crate::parallel::wire::{Wire, decode};
-use crate::scene::painted::PaintedMaps;
-use crate::scene::place::check_origin;
-use crate::scene::sewn::Sewn;
-use crate::scene::share::{self, HandingOut, Received};
+use crate::scene::origin::check_origin;
+use crate::scene::seam_pairs::Sewn;
+use crate::scene::vertex_maps::PaintedMaps;
 use crate::scene::{
     BodyDescription, BodyShape, EffectRequest, FARTHEST, GarmentDescription, Mass, PinHold, PinTarget, Scene,
     SceneDescription, is_possible,
 };
 use crate::settings::nearest;
+use crate::setup::distribute::scatter::HandingOut;
+use crate::setup::distribute::submesh::{self, Received};
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
-
-/// Elements of one kind that are listed before the rest is only counted.
-const LISTED: usize = 5;
 
 impl Scene {
     /// Checks a description and derives what does not change: triangulation, masses, parts; on one rank.
@@ -55,7 +54,7 @@ impl Scene {
     /// The scene with another assignment of the parts to the ranks (first part of every rank, and the number of all). All ranks
     /// call it together.
     pub(crate) fn reassigned(&self, assignment: Vec<usize>) -> Self {
-        Self::derive(share::hand_over(self, assignment))
+        Self::derive(submesh::hand_over(self, assignment))
     }
 
     /// What follows from a rank's pieces.
@@ -111,21 +110,6 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
     check_seams(description, &mut problems);
     check_effects(description, &mut problems);
     problems
-}
-
-/// The problems of all ranks, each once, as an error on every rank.
-pub(crate) fn agree(ranks: &Ranks, problems: Vec<Problem>) -> Result<(), Problems> {
-    if !ranks.any(!problems.is_empty()) {
-        return Ok(());
-    }
-    let all = ranks.all_gather_each(&problems.to_bytes());
-    let mut together: Vec<Problem> = Vec::new();
-    for problem in all.iter().flat_map(|bytes| decode::<Vec<Problem>>(ranks, "problems of a rank", bytes)) {
-        if !together.contains(&problem) {
-            together.push(problem);
-        }
-    }
-    Err(Problems(together))
 }
 
 /// Own vertices that no triangle has, ascending, if any rank has such.
@@ -341,24 +325,6 @@ fn check_inert(description: &SceneDescription, parts: &Parts, sewn: &[Sewn], ine
         Problem::data(place, "it is sewn, but belongs to no face that has an area", "sew a vertex of the cloth instead")
     };
     inert.take(LISTED).map(problem).collect()
-}
-
-/// The elements of all ranks as text, those with the smallest numbers first; `None` when there are none. Two numbers that
-/// differ are the ends of an edge.
-pub(crate) fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<String> {
-    elements.sort_unstable();
-    elements.dedup();
-    let [count] = ranks.sum_of([elements.len() as u64]);
-    if count == 0 {
-        return None;
-    }
-    elements.truncate(LISTED);
-    let mut all = ranks.all_gather_each(&elements).concat();
-    all.sort_unstable();
-    let name = |[a, b]: &[u32; 2]| if a == b { a.to_string() } else { format!("{a}-{b}") };
-    let names: Vec<String> = all.iter().take(LISTED).map(name).collect();
-    let more = count.saturating_sub(LISTED as u64);
-    Some(if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") })
 }
 
 /// Adds one problem for a list of elements, if there are any; long lists are cut.

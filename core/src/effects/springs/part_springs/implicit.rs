@@ -77,10 +77,11 @@ impl PartSprings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::pins::PinTargets;
-    use crate::effects::{PartView, Surroundings, build_all};
+    use crate::effects::force::{PartView, Surroundings};
+    use crate::effects::registry::build_all;
     use crate::mesh::PolygonMesh;
     use crate::parallel::parts::PART_SIZE;
+    use crate::pins::PinTargets;
     use crate::scene::{EffectRequest, GarmentDescription, Integrator, Scene, SceneDescription};
     use crate::volumes::Volumes;
     use crate::wind_grid::WindGrid;

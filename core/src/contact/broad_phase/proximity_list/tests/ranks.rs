@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::contact::broad_phase::bvh_search::Around;
+use crate::contact::broad_phase::swept_search::Around;
 use crate::contact::intersections::exact::crossings;
 use crate::contact::testing::{below, on_ranks};
 use crate::contact::topology::cloth_surface::ClothShare;

@@ -1,8 +1,18 @@
-//! The ranks that hold a pair: all that own one of its nodes. Its home, which found it, tells the others.
+//! A pair of the proximity list, and the ranks that hold it: all that own one of its nodes. Its home, which found it, tells the others.
 
-use crate::contact::broad_phase::proximity_list::Neighbour;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{KINDS, Pair};
+
+/// A pair of the list.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Neighbour {
+    /// The pair.
+    pub pair: Pair,
+    /// Not more than its distance when the list was made [m].
+    pub distance: f32,
+    /// Thickness of the pair [m]; zero where repulsions do not act.
+    pub thickness: f32,
+}
 
 /// A pair of the list by numbers of the scene: its nodes, its kind, and the bits of its distance and thickness.
 type Told = [u32; 7];

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::marks::{CHUNK, marked};
 use super::{BodyCollision, Hold};
-use crate::contact::repulsion::body_constraints::{Support, Supports};
+use crate::contact::bodies::constraints::{Support, Supports};
 
 impl BodyCollision {
     /// Finds the bodies that own vertices lie on after B.4, one entry for each; `dt` is the length of the step [s].

@@ -4,8 +4,8 @@
 
 use rayon::prelude::*;
 
-use super::{PairSearch, Side, TASKS};
 use crate::Vec3;
+use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS};
 use crate::contact::broad_phase::proximity_list::Neighbours;
 use crate::contact::topology::nodes::{ContactNodes, Renumber};
 use crate::contact::topology::pair::Pair;

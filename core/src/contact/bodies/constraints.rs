@@ -30,7 +30,7 @@ impl Support {
 }
 
 /// The velocity that bodies leave a node [m/s]; what they take goes to `load`.
-pub(super) fn borne(supports: &Supports, v: &Vec3, load: &mut Vec3) -> Vec3 {
+pub(crate) fn borne(supports: &Supports, v: &Vec3, load: &mut Vec3) -> Vec3 {
     supports.iter().flatten().fold(*v, |v, support| {
         let taken = support.normal * (support.least - v.dot(&support.normal)).max(0.0);
         *load += taken;
@@ -39,7 +39,7 @@ pub(super) fn borne(supports: &Supports, v: &Vec3, load: &mut Vec3) -> Vec3 {
 }
 
 /// Share of a node's mobility that bodies take from a push along `direction`, a unit vector.
-pub(super) fn share_borne(supports: &Supports, v: &Vec3, direction: &Vec3) -> f64 {
+pub(crate) fn share_borne(supports: &Supports, v: &Vec3, direction: &Vec3) -> f64 {
     let resting = supports.iter().flatten().filter(|support| support.rests(v));
     let along = resting.map(|support| support.normal.dot(direction).min(0.0).powi(2));
     along.sum::<f64>().min(1.0)

@@ -1,0 +1,577 @@
+//! Body collision: cloth vertices stay outside bodies and feel their friction (`docs/theory/friction.md`).
+//!
+//! Only vertices are tested: a body's edge sharper than the cloth's triangles can show through between them.
+//!
+//! Contact is found at the end of a step by signed distance, and along the path of the step where the vertex moved far
+//! enough, relative to the body, to have passed through. A vertex between two surfaces that face each other closer than
+//! their thicknesses keeps half the gap from each; where the surfaces have passed through one another (a body that
+//! crosses itself) there is no outside: the contact is given up and the vertex is dragged along by the surfaces around it,
+//! until there is an outside again. Both are counted.
+
+mod marks;
+mod supports;
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::bodies::constraints::HOLDS;
+use crate::contact::bodies::friction::{coulomb, respond};
+use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::{Bodies, BodyPoint};
+use crate::metrics::Metrics;
+use crate::scene::Scene;
+use crate::snapshot::saved_section::{Field, Remembered, SectionId};
+use crate::tolerances::{FACING, PINCH_DRAG};
+
+use marks::{CHUNK, Marks, bit, constrained, marked};
+
+/// How far deforming bodies are; not there without such bodies.
+pub(crate) const SECTION: SectionId = SectionId { name: "body_collision", version: 1 };
+
+/// Distance beyond contact within which surfaces are looked for, in mean edge lengths: vertices farther away are left alone
+/// until they can have come closer.
+const SEARCH_EDGES: f64 = 1.0;
+
+/// A body near a vertex at the end of a step.
+#[derive(Debug, Clone, Copy)]
+struct Hold {
+    body: usize,
+    at: BodyPoint,
+    /// Distance at which this vertex is in contact [m]: the body's, or half a gap that is narrower.
+    offset: f64,
+    /// Whether the vertex was put there by the contact, and the normal velocity that the second solve keeps [m/s].
+    constraint: Option<f64>,
+}
+
+/// Bodies near one vertex.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct VertexContact {
+    holds: [Option<Hold>; HOLDS],
+}
+
+/// What is remembered of a surface body near a vertex, to save searches, and to know how deep it was before.
+#[derive(Debug, Clone, Copy)]
+struct Memory {
+    /// The vertex is at least this far from contact's reference surface [m]; negative inside.
+    clearance: f64,
+    hint: u32,
+}
+
+/// Counts of one pass.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    contacts: u64,
+    squeezed: u64,
+    pinched: u64,
+    along_path: u64,
+    queries: u64,
+}
+
+/// The effect: contact state of the rank's own vertices.
+#[derive(Debug)]
+pub struct BodyCollision {
+    contacts: Vec<VertexContact>,
+    /// Which of the contacts hold something.
+    marks: Vec<Marks>,
+    /// Surface bodies of each vertex, vertex by vertex.
+    memory: Vec<Memory>,
+    /// For each body, its place among the surfaces of `memory`.
+    memory_slot: Vec<Option<usize>>,
+    surfaces: usize,
+    /// Whether pins hold the vertex in all directions, so that no body can move it.
+    held: Vec<bool>,
+    /// Painted friction: what multiplies that of a body, and what is added; empty if none is painted.
+    painted: Vec<[f64; 2]>,
+    /// Local number of the first own vertex.
+    first: usize,
+    search: f64,
+}
+
+/// The step as body collision sees it, over own vertices.
+#[derive(Clone, Copy)]
+pub struct CollisionStep<'a> {
+    /// Bodies at both ends of the step.
+    pub bodies: &'a Bodies,
+    /// Length of the step [s].
+    pub dt: f64,
+    /// How far cloth that is too deep comes out in it.
+    pub catch_up: CatchUp,
+    /// Positions at its start [m].
+    pub x: &'a [Vec3],
+    /// Velocities at its start [m/s].
+    pub v: &'a [Vec3],
+    /// Velocities of the half step [m/s].
+    pub v_half: &'a [Vec3],
+}
+
+impl BodyCollision {
+    /// Contact of the rank's own vertices with the bodies of a scene.
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let own = scene.parts().own();
+        let vertices = own.len();
+        let mut surfaces = 0;
+        let mut memory_slot = Vec::new();
+        for body in &scene.description().bodies {
+            let deforming = matches!(body.shape, crate::scene::BodyShape::Surface { .. });
+            memory_slot.push(deforming.then_some(surfaces));
+            surfaces += usize::from(deforming);
+        }
+        Self {
+            contacts: vec![VertexContact::default(); vertices],
+            marks: vec![Marks::default(); vertices.div_ceil(CHUNK)],
+            memory: vec![Memory { clearance: 0.0, hint: u32::MAX }; vertices * surfaces],
+            memory_slot,
+            surfaces,
+            held: vec![false; vertices],
+            painted: scene.painted_everywhere("friction").map_or_else(Vec::new, |all| all[own.clone()].to_vec()),
+            first: own.start,
+            search: SEARCH_EDGES * scene.mean_edge(),
+        }
+    }
+
+    /// Memory held [bytes].
+    pub(crate) fn bytes(&self) -> usize {
+        self.contacts.len() * (size_of::<VertexContact>() + 1 + self.surfaces * size_of::<Memory>())
+            + self.marks.len() * size_of::<Marks>()
+            + size_of_val(self.painted.as_slice())
+    }
+
+    /// Tells which own vertices, by their local numbers, are held in all directions during this step.
+    pub fn set_held(&mut self, held: impl Iterator<Item = (usize, bool)>) {
+        held.for_each(|(vertex, holds)| self.held[vertex - self.first] = holds);
+    }
+
+    /// Tells that an own vertex, by its local number, was moved by something else [m].
+    pub fn moved(&mut self, vertex: usize, way: f64) {
+        let vertex = vertex - self.first;
+        let surfaces = vertex * self.surfaces..(vertex + 1) * self.surfaces;
+        for memory in &mut self.memory[surfaces] {
+            // What was outside is still taken to be outside, however close it may be now.
+            let least = if memory.clearance >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
+            memory.clearance = (memory.clearance - way).max(least);
+        }
+    }
+
+    /// Whether there are deforming bodies to remember something of.
+    pub fn remembers(&self) -> bool {
+        self.surfaces > 0
+    }
+
+    /// What is remembered of deforming bodies near each vertex; `None` without such bodies.
+    pub(crate) fn remember(&self) -> Option<Remembered> {
+        let clearances = self.memory.iter().map(|memory| memory.clearance).collect();
+        let field = Field::Vertices(self.surfaces, clearances);
+        self.remembers().then(|| Remembered::new(SECTION).with("clearances", field))
+    }
+
+    /// Goes on from what was remembered.
+    pub(crate) fn go_on(&mut self, memory: &Remembered) {
+        for (memory, clearance) in self.memory.iter_mut().zip(memory.vertices("clearances")) {
+            memory.clearance = *clearance;
+        }
+    }
+
+    /// Forgets where vertices were: the state has been put back.
+    pub fn forget(&mut self) {
+        self.memory.iter_mut().for_each(|memory| memory.clearance = 0.0);
+    }
+
+    /// B.4: corrects the velocities that the step started with and finds the positions at its end.
+    ///
+    /// First the velocity alone (`v_star`), from where the vertex would go with `v_half`; then the position, from where it
+    /// goes with the corrected velocity plus what the half step added.
+    pub fn positions(&mut self, step: &CollisionStep<'_>, x1: &mut [Vec3], v_star: &mut [Vec3], metrics: &mut Metrics) {
+        let (slots, painted) = (&self.memory_slot, self.painted.as_slice());
+        let (search, surfaces) = (self.search, self.surfaces);
+        let chunks = x1.par_chunks_mut(CHUNK).zip(v_star.par_chunks_mut(CHUNK));
+        let contacts = self.contacts.par_chunks_mut(CHUNK).zip(&mut self.marks);
+        let chunks = chunks.zip(contacts).zip(self.held.par_chunks(CHUNK)).enumerate();
+        let work = |(c, (((x1, v_star), (contacts, marks)), held)): Chunk<'_>, memory: &mut [Memory]| {
+            let mut counts = Counts::default();
+            marked(marks.near).for_each(|i| contacts[i] = VertexContact::default());
+            *marks = Marks::default();
+            for i in 0..x1.len() {
+                let vertex = c * CHUNK + i;
+                v_star[i] = step.v[vertex];
+                x1[i] = step.x[vertex] + step.v_half[vertex] * step.dt;
+                if !held[i] {
+                    let memory = &mut memory[i * surfaces..(i + 1) * surfaces];
+                    let own_way = (step.v[vertex].norm() + step.v_half[vertex].norm()) * step.dt;
+                    let known = [Known::NOTHING; CACHED];
+                    let counts = &mut counts;
+                    let mut search = Search { step, slots, painted, search, memory, counts, own_way, known };
+                    if search.is_far_from_all(&step.x[vertex], &x1[i]) {
+                        search.remember(&step.x[vertex], &x1[i]);
+                    } else {
+                        search.vertex(vertex, &mut x1[i], &mut v_star[i], &mut contacts[i]);
+                        marks.note(i, &contacts[i]);
+                    }
+                }
+            }
+            counts
+        };
+        let counts = if surfaces == 0 {
+            chunks.map(|chunk| work(chunk, &mut [])).reduce(Counts::default, Counts::plus)
+        } else {
+            let memory = self.memory.par_chunks_mut(CHUNK * surfaces);
+            chunks.zip(memory).map(|(chunk, memory)| work(chunk, memory)).reduce(Counts::default, Counts::plus)
+        };
+        metrics.count("body_contacts", counts.contacts);
+        metrics.count("body_squeezed", counts.squeezed);
+        metrics.count("body_pinched", counts.pinched);
+        metrics.count("body_contacts_along_path", counts.along_path);
+        metrics.count("body_queries", counts.queries);
+    }
+
+    /// Gives the vertices in contact, from the local number `start` on, their normal velocity: the initial guess of the
+    /// second solve.
+    pub fn set_velocities(&self, start: usize, v: &mut [Vec3]) {
+        let start = start - self.first;
+        for vertex in constrained(&self.marks, start..start + v.len()) {
+            let v = &mut v[vertex - start];
+            for (normal, target) in self.contacts[vertex].constraints() {
+                *v += normal * (target - v.dot(&normal));
+            }
+        }
+    }
+
+    /// Removes the contact normals from a residual or search direction.
+    pub fn project(&self, start: usize, r: &mut [Vec3]) {
+        let start = start - self.first;
+        for vertex in constrained(&self.marks, start..start + r.len()) {
+            let r = &mut r[vertex - start];
+            for (normal, _) in self.contacts[vertex].orthogonal_constraints() {
+                *r -= normal * r.dot(&normal);
+            }
+        }
+    }
+
+    /// Whether some vertex of this range of local numbers, all own, is constrained by a contact.
+    pub fn is_constrained(&self, vertices: Range<usize>) -> bool {
+        let own = vertices.start - self.first..vertices.end - self.first;
+        constrained(&self.marks, own).next().is_some()
+    }
+
+    /// B.7: no vertex approaches a body that it would touch in the next step, and if `rubs` friction acts with the full load.
+    /// The look-ahead is relative to the body (`docs/theory/friction.md#corrections`). `v` are those of own vertices;
+    /// `concerns` tells which of them, by their places in it, this is about.
+    pub fn final_velocity(
+        &self,
+        (bodies, dt, rubs): (&Bodies, f64, bool),
+        concerns: &(impl Fn(usize) -> bool + Sync),
+        v: &mut [Vec3],
+    ) {
+        let chunks = v.par_chunks_mut(CHUNK).zip(self.contacts.par_chunks(CHUNK)).zip(&self.marks).enumerate();
+        chunks.for_each(|(c, ((v, contacts), marks))| {
+            for i in marked(marks.near).filter(|i| concerns(c * CHUNK + i)) {
+                let v = &mut v[i];
+                for hold in contacts[i].holds.iter().flatten() {
+                    let ahead = hold.at.phi + dt * (*v - hold.at.velocity).dot(&hold.at.normal);
+                    if ahead < hold.offset {
+                        let body = &bodies.list()[hold.body];
+                        let friction = if rubs { body.friction_on(self.painted.get(c * CHUNK + i)) } else { 0.0 };
+                        *v = coulomb(v, &hold.at.velocity, &hold.at.normal, friction);
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// Number of a chunk; its positions, velocities, contacts with marks, and which of its vertices are held.
+type Chunk<'a> = (usize, (((&'a mut [Vec3], &'a mut [Vec3]), (&'a mut [VertexContact], &'a mut Marks)), &'a [bool]));
+
+impl Counts {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            contacts: self.contacts + other.contacts,
+            squeezed: self.squeezed + other.squeezed,
+            pinched: self.pinched + other.pinched,
+            along_path: self.along_path + other.along_path,
+            queries: self.queries + other.queries,
+        }
+    }
+}
+
+impl Marks {
+    fn note(&mut self, i: usize, contact: &VertexContact) {
+        self.near |= if contact.holds[0].is_some() { bit(i) } else { 0 };
+        self.constrained |= if contact.constraints().next().is_some() { bit(i) } else { 0 };
+    }
+}
+
+impl VertexContact {
+    /// Normals and the normal velocities they are to have.
+    fn constraints(&self) -> impl Iterator<Item = (Vec3, f64)> + '_ {
+        self.holds.iter().flatten().filter_map(|hold| hold.constraint.map(|target| (hold.at.normal, target)))
+    }
+
+    /// The same directions made orthogonal, so that removing one does not bring back another.
+    fn orthogonal_constraints(&self) -> impl Iterator<Item = (Vec3, f64)> + '_ {
+        let mut before: Option<Vec3> = None;
+        self.constraints().filter_map(move |(normal, target)| {
+            let free = before.map_or(normal, |b| normal - b * normal.dot(&b));
+            let free = free.try_normalize(f64::EPSILON.sqrt())?;
+            before = Some(free);
+            Some((free, target))
+        })
+    }
+
+    fn add(&mut self, hold: Hold) {
+        // A body that holds the vertex already is replaced: the later answer is the better one.
+        let same = self.holds.iter().position(|h| h.is_some_and(|h| h.body == hold.body));
+        let free = same.or_else(|| self.holds.iter().position(Option::is_none));
+        if let Some(place) = free {
+            self.holds[place] = Some(hold);
+        }
+    }
+}
+
+/// Bodies of which something is kept while one vertex is worked on.
+const CACHED: usize = 4;
+
+/// What is known of a body and one vertex, to ask no question twice.
+#[derive(Clone, Copy)]
+struct Known {
+    body: usize,
+    /// Of a rigid body: way that the vertex can go in this step without the body having to do with it [m].
+    room: f64,
+    /// Of a rigid body: its distance at the start of the step [m].
+    at_start: Option<f64>,
+    /// The last place asked for, and the answer.
+    answer: Option<(Vec3, Option<BodyPoint>)>,
+}
+
+impl Known {
+    const NOTHING: Self = Self { body: usize::MAX, room: 0.0, at_start: None, answer: None };
+}
+
+/// The last contact that corrected a vertex, and the place just outside that surface.
+#[derive(Clone, Copy)]
+struct Touch {
+    body: usize,
+    at: BodyPoint,
+    outside: Vec3,
+}
+
+/// The search for contacts of one vertex.
+struct Search<'a> {
+    step: &'a CollisionStep<'a>,
+    slots: &'a [Option<usize>],
+    painted: &'a [[f64; 2]],
+    search: f64,
+    memory: &'a mut [Memory],
+    counts: &'a mut Counts,
+    /// Farthest that the vertex itself can get in this step, bodies apart [m].
+    own_way: f64,
+    known: [Known; CACHED],
+}
+
+impl Search<'_> {
+    fn vertex(&mut self, vertex: usize, x1: &mut Vec3, v_star: &mut Vec3, contact: &mut VertexContact) {
+        let step = *self.step;
+        let (x, dt) = (&step.x[vertex], step.dt);
+        let before = *x1;
+        // Velocity pass.
+        let mut met = false;
+        for body in 0..step.bodies.list().len() {
+            if let Some(at) = self.contact(body, x, &before) {
+                let properties = &step.bodies.list()[body];
+                let friction = properties.friction_on(self.painted.get(vertex));
+                *v_star = respond((properties, friction), &at, &before, (x, v_star), (dt, step.catch_up)).velocity;
+                met = true;
+            }
+        }
+        // Position pass.
+        let tentative = if met { x + (*v_star + (step.v_half[vertex] - step.v[vertex])) * dt } else { before };
+        *x1 = tentative;
+        let mut touched = None;
+        for body in 0..step.bodies.list().len() {
+            if let Some(at) = self.contact(body, x, x1) {
+                let properties = &step.bodies.list()[body];
+                let outside = *x1 + at.normal * (properties.offset - properties.thickness - at.phi);
+                let friction = properties.friction_on(self.painted.get(vertex));
+                let response = respond((properties, friction), &at, x1, (x, v_star), (dt, step.catch_up));
+                *x1 = response.position;
+                touched = Some(Touch { body, at, outside });
+                contact.add(Hold { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
+            }
+        }
+        self.counts.contacts += u64::from(touched.is_some());
+        if let Some(surroundings) = self.settle(x, x1, contact, touched) {
+            self.counts.pinched += 1;
+            *contact = VertexContact::default();
+            // Let go, but dragged along: springs move it freely, its weight does not carry it away.
+            let kept = (-PINCH_DRAG * dt).exp();
+            *v_star = surroundings + (step.v[vertex] - surroundings) * kept;
+            *x1 = x + (*v_star + (step.v_half[vertex] - step.v[vertex])) * dt;
+        }
+        self.remember(x, x1);
+    }
+
+    /// Farthest that the vertex and a surface can approach in this step [m].
+    fn way(&self, body: usize) -> f64 {
+        self.own_way + self.step.bodies.fastest(body) * self.step.dt
+    }
+
+    /// How far to search for a surface [m]; none where the vertex cannot touch it in this step.
+    fn reach(&self, body: usize, slot: usize) -> Option<f64> {
+        let (offset, way) = (self.step.bodies.list()[body].offset, self.way(body));
+        let clearance = self.memory[slot].clearance;
+        let reach = offset + self.search + 2.0 * way + (-clearance).max(0.0);
+        (clearance <= offset + 2.0 * way).then_some(reach)
+    }
+
+    /// What is known of a body; `x` is where the vertex was at the start of the step.
+    fn known(&mut self, body: usize, x: &Vec3) -> &mut Known {
+        let known = &mut self.known[body % CACHED];
+        if known.body != body {
+            let bodies = self.step.bodies;
+            let bounds = bodies.bounds(body, x);
+            let room = bounds.map_or(0.0, |b| {
+                // At the end the distance is less by at most the way relative to the body; there it has to exceed that
+                // of contact and of a hold (`settle`).
+                b.distance - b.displacement - bodies.list()[body].offset - 2.0 * (self.own_way + b.displacement)
+            });
+            *known = Known { body, room, ..Known::NOTHING };
+        }
+        known
+    }
+
+    /// Whether a body provably has nothing to do with the vertex in this step, which goes from `x` to `to`: no contact
+    /// at the end or along the path, and no hold.
+    fn is_far(&mut self, body: usize, x: &Vec3, to: &Vec3) -> bool {
+        match self.slots[body] {
+            Some(slot) => self.reach(body, slot).is_none(),
+            None => {
+                let room = self.known(body, x).room;
+                room > 0.0 && (to - x).norm_squared() < room * room
+            }
+        }
+    }
+
+    fn is_far_from_all(&mut self, x: &Vec3, to: &Vec3) -> bool {
+        (0..self.slots.len()).all(|body| self.is_far(body, x, to))
+    }
+
+    /// The nearest place of a body to `place`, if the vertex can touch the body in this step.
+    fn nearest(&mut self, body: usize, from: &Vec3, place: &Vec3) -> Option<BodyPoint> {
+        if self.is_far(body, from, place) {
+            return None;
+        }
+        if let Some((_, found)) = self.known(body, from).answer.filter(|(asked, _)| asked == place) {
+            return found;
+        }
+        let (reach, hint) = match self.slots[body] {
+            Some(slot) => {
+                self.counts.queries += 1;
+                (self.reach(body, slot)?, Some(self.memory[slot].hint))
+            }
+            None => (f64::INFINITY, None),
+        };
+        let found = self.step.bodies.closest(body, from, place, reach, hint);
+        self.known(body, from).answer = Some((*place, found));
+        if let (Some(slot), Some(at)) = (self.slots[body], found) {
+            self.memory[slot].hint = at.triangle;
+        }
+        found
+    }
+
+    /// Distance of a body at the start of the step [m], where the vertex was at `x`.
+    fn distance_at_start(&mut self, body: usize, x: &Vec3) -> f64 {
+        let bodies = self.step.bodies;
+        match self.slots[body] {
+            Some(slot) => self.memory[slot].clearance,
+            None => *self.known(body, x).at_start.get_or_insert_with(|| bodies.distance_at_start(body, x)),
+        }
+    }
+
+    /// Where a vertex that goes from `x` to `to` touches a body, if it does.
+    fn contact(&mut self, body: usize, x: &Vec3, to: &Vec3) -> Option<BodyPoint> {
+        if self.is_far(body, x, to) {
+            return None;
+        }
+        let bodies = self.step.bodies;
+        let properties = &bodies.list()[body];
+        let at_end = self.nearest(body, x, to);
+        let at_start = self.distance_at_start(body, x);
+        // Having passed through takes a way longer than the distance to the surface at the start; a short way behind it
+        // is seen by the signed distance at the end.
+        let travelled = at_end.map_or(self.way(body), |at| (to - x - at.displacement).norm());
+        let may_have_passed = at_start >= 0.0 && travelled > at_start + 0.5 * properties.thickness;
+        let at_entry = if may_have_passed { bodies.entry(body, x, to) } else { None };
+        let found = match (at_end, at_entry) {
+            (Some(end), Some(entry)) if end.phi >= properties.offset || end.normal.dot(&entry.normal) < 0.5 => {
+                self.counts.along_path += 1;
+                entry
+            }
+            (None, Some(entry)) => {
+                self.counts.along_path += 1;
+                entry
+            }
+            (Some(end), _) => end,
+            (None, None) => return None,
+        };
+        (found.phi < properties.offset).then_some(found)
+    }
+
+    /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. Where the surfaces have
+    /// passed through one another the contacts are given up: the answer is the velocity of the surfaces around [m/s].
+    fn settle(&mut self, x: &Vec3, x1: &mut Vec3, contact: &mut VertexContact, touched: Option<Touch>) -> Option<Vec3> {
+        let bodies = self.step.bodies;
+        // Outside one part of a body the vertex may lie inside another part of it.
+        if let Some(touch) = touched
+            && bodies.may_cross_itself(touch.body, x1, self.search)
+            && bodies.contains(touch.body, &touch.outside)
+        {
+            return Some(touch.at.velocity);
+        }
+        let mut squeezed = None;
+        for body in 0..bodies.list().len() {
+            let properties = &bodies.list()[body];
+            let constraint = contact.holds.iter().flatten().find(|h| h.body == body).and_then(|h| h.constraint);
+            let Some(mut at) = self.nearest(body, x, x1) else { continue };
+            let mut offset = squeezed.unwrap_or(properties.offset).min(properties.offset);
+            let facing = touched.filter(|t| at.phi < properties.thickness && at.normal.dot(&t.at.normal) < FACING);
+            if let Some(Touch { body: first, at: first_at, outside }) = facing {
+                let first = &bodies.list()[first];
+                // Less than contact asks for where what was too deep before comes out at a limited speed.
+                let away = first.offset - first.thickness + (*x1 - outside).dot(&first_at.normal);
+                let gap = away + at.phi;
+                // In the apex of a crease there is no room for half a gap, but the surface itself is still outside.
+                let room = if gap > 0.0 { 0.5 * gap } else { first.offset - first.thickness };
+                let between = *x1 - first_at.normal * (away - room);
+                if gap <= 0.0 && bodies.contains(body, &between) {
+                    return Some((first_at.velocity + at.velocity) * 0.5);
+                }
+                self.counts.squeezed += 1;
+                *x1 = between;
+                (offset, squeezed) = (room, Some(room));
+                let Some(found) = self.nearest(body, x, x1) else { continue };
+                at = found;
+            } else if squeezed.is_none() && constraint.is_some() && at.phi < properties.thickness {
+                // The surface is curved: what the tangent plane left too deep is moved straight out.
+                let deep = properties.pushed_out(properties.offset - at.phi, (self.step.dt, self.step.catch_up));
+                *x1 += at.normal * deep;
+                at.phi += deep;
+            }
+            if constraint.is_some() || at.phi < offset + 2.0 * (self.own_way + at.displacement.norm()) {
+                contact.add(Hold { body, at, offset, constraint });
+            }
+        }
+        None
+    }
+
+    /// Notes how far the vertex is from the surfaces now.
+    fn remember(&mut self, x: &Vec3, x1: &Vec3) {
+        for body in 0..self.slots.len() {
+            let Some(slot) = self.slots[body] else { continue };
+            self.memory[slot].clearance = match self.reach(body, slot) {
+                Some(reach) => self.nearest(body, x, x1).map_or(reach, |at| at.phi),
+                None => self.memory[slot].clearance - self.way(body),
+            };
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! Pairs as repulsion sees them: with their sides, and those that are active with what the laws need of them.
+
+use crate::Vec3;
+use crate::contact::bodies::constraints::{Supports, share_borne};
+use crate::contact::colouring::order::Order;
+use crate::contact::topology::pair::Pair;
+
+/// A pair and its side.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sided {
+    pub(super) pair: Pair,
+    pub(super) thickness: f64,
+    /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction
+    /// from the second to the first.
+    pub(super) side: Vec3,
+}
+
+/// A pair as the laws see it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Touching {
+    pub(super) nodes: [u32; 4],
+    pub(super) weights: [f64; 4],
+    pub(super) normal: Vec3,
+    /// Signed distance [m].
+    pub(super) distance: f64,
+    pub(super) thickness: f64,
+    /// Change of relative velocity per impulse [1/kg], as if all nodes were free.
+    pub(super) response: f64,
+    pub(super) mean_mobility: f64,
+    pub(super) friction: f64,
+}
+
+impl Touching {
+    /// How many times the normal impulse of a free pair is needed where nodes that move with `v` [m/s] lie on bodies, which do
+    /// not give way.
+    pub(super) fn stiffer_on_bodies(&self, supports: &[Supports], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
+        // Of each side: nodes with positive weight are pushed along the normal, the others against it.
+        let mut firm = [0.0; 2];
+        for ((node, weight), v) in self.nodes.into_iter().zip(self.weights).zip(v) {
+            let direction = self.normal * weight.signum();
+            let share = share_borne(&supports[node as usize], v, &direction);
+            firm[usize::from(weight < 0.0)] += share * weight * weight * mobility[node as usize];
+        }
+        // Between bodies that bear both sides, nodes in between would be thrown where their weights are small.
+        let [one, other] = firm;
+        if one > 0.0 && other > 0.0 { 1.0 } else { self.response / (self.response - one - other) }
+    }
+}
+
+/// All pairs of one kind.
+#[derive(Debug, Default)]
+pub(super) struct PairsOfKind {
+    pub(super) sided: Vec<Sided>,
+    pub(super) order: Order,
+    /// One entry for each of `sided`, in the order of their colours.
+    pub(super) touching: Vec<Option<Touching>>,
+    /// The active ones.
+    pub(super) live: Vec<u32>,
+    pub(super) live_order: Order,
+}

@@ -1,0 +1,173 @@
+//! What acts on cloth in a step: forces on the parts, and changes of velocities between the solves.
+
+use std::ops::Range;
+
+use crate::Vec3;
+use crate::metrics::Metrics;
+use crate::parallel::parts::{PART_SIZE, Parts};
+use crate::parallel::simd4::{Lanes, PartLanes};
+use crate::pins::{HardPins, PinTargets};
+use crate::snapshot::saved_section::ElementRows;
+use crate::volumes::Volumes;
+use crate::wind_grid::WindGrid;
+
+/// A force, and the part of the cloth that it acts on.
+pub type PartForce = (usize, Box<dyn Force>);
+
+/// What forces see beside the positions of the cloth.
+#[derive(Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// Solver time of the positions [s].
+    pub time: f64,
+    /// Where pinned vertices have to be during the step.
+    pub targets: &'a PinTargets,
+    /// Velocities of all vertices that are known before the solve [m/s], for the factors of drag that are not linear: at the
+    /// start of the step in B.1, foreseen for its middle in B.5. Empty there if no effect asks for them.
+    pub v: &'a [Vec3],
+    /// The wind of a file.
+    pub wind: &'a WindGrid,
+    /// Volumes that garments enclose in these positions.
+    pub volumes: &'a Volumes,
+}
+
+/// One part of the cloth as a force sees it.
+#[derive(Clone, Copy)]
+pub struct PartView<'a> {
+    /// First vertex of the part in solver order.
+    pub start: usize,
+    /// Masses of the part's vertices [kg].
+    pub masses: &'a [f64],
+    /// Positions of all vertices [m].
+    pub x: &'a [Vec3],
+    /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle.
+    pub fraction: f64,
+    /// Everything else.
+    pub around: Surroundings<'a>,
+}
+
+impl PartView<'_> {
+    /// Updates all forces of the part and returns their sums [N] in `f`, which is zero before.
+    pub fn update<'a>(&self, forces: &mut [Box<dyn Force>], f: &'a mut PartLanes) -> &'a [Lanes] {
+        let mut own_x = [Lanes::ZERO; PART_SIZE];
+        let own_x = Lanes::copy(&self.x[self.start..self.start + self.masses.len()], &mut own_x);
+        let f = &mut f[..own_x.len()];
+        forces.iter_mut().for_each(|force| force.update(self, own_x, f));
+        f
+    }
+}
+
+/// Positions and velocities of one part and of its neighbours, as damping sees them.
+#[derive(Clone, Copy)]
+pub struct PartMotion<'a> {
+    /// Positions of all vertices [m].
+    pub x: &'a [Vec3],
+    /// Velocities of all vertices [m/s].
+    pub v: &'a [Vec3],
+    /// Positions of the part's vertices [m].
+    pub own_x: &'a [Lanes],
+    /// Velocities of the part's vertices [m/s].
+    pub own_v: &'a [Lanes],
+}
+
+impl<'a> PartMotion<'a> {
+    /// Calls `work` with the motion of a part that holds these vertices.
+    pub fn with<R>(part: Range<usize>, x: &'a [Vec3], v: &'a [Vec3], work: impl FnOnce(&PartMotion<'_>) -> R) -> R {
+        let (mut own_x, mut own_v) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
+        let own_x = Lanes::copy(&x[part.clone()], &mut own_x);
+        let own_v = Lanes::copy(&v[part], &mut own_v);
+        work(&PartMotion { x, v, own_x, own_v })
+    }
+}
+
+/// A force on the vertices of one part. Elastic parts are explicit, damping parts implicit.
+///
+/// An element that crosses a border is evaluated by both parts, with the same operands.
+pub trait Force: Send + Sync {
+    /// Remembers what damping products at these positions need, and adds the forces that do not depend on velocity to
+    /// `f` [N]; `own_x` and `f` are the part's own vertices.
+    fn update(&mut self, view: &PartView<'_>, own_x: &[Lanes], f: &mut [Lanes]);
+
+    /// Adds the damping force to `f`, the part's own slice [N]. Linear in the velocities, symmetric, never adding energy;
+    /// the positions are those of the last `update`.
+    fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Lanes]) {}
+
+    /// Makes the force implicit until the next `update`, which came just before with the same view: the damping products
+    /// get `over · dF/dx` as well, made negative semidefinite, `over` in s. A force that does not know its derivative stays
+    /// explicit.
+    fn linearise(&mut self, _view: &PartView<'_>, _over: f64) {}
+
+    /// Whether `linearise` makes the force implicit, so that it sets no limit on the time step.
+    fn can_be_implicit(&self) -> bool {
+        false
+    }
+
+    /// Adds to each vertex the sum of the stiffnesses of its springs [N/m], for the choice of the time step.
+    fn add_stiffness(&self, _sums: &mut [f64]) {}
+
+    /// Vertices of other parts that the force looks at: a part without such on other ranks need not wait for them.
+    fn neighbours(&self) -> &[u32] {
+        &[]
+    }
+
+    /// A rate of relative change of length [1/s] that no element of the part exceeds, from the velocities `v` [m/s] of all
+    /// vertices; `part` are the part's own.
+    fn strain_rate_bound(&self, _part: Range<usize>, _v: &[Vec3]) -> f64 {
+        0.0
+    }
+
+    /// Largest rate of relative change of length [1/s].
+    fn strain_rate(&self, _motion: &PartMotion<'_>) -> f64 {
+        0.0
+    }
+
+    /// Potential energy [J]; an element that crosses a border counts with half its energy in each part.
+    fn energy(&self, _view: &PartView<'_>) -> f64 {
+        0.0
+    }
+
+    /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
+    fn yield_to(&mut self, _x: &[Vec3]) {}
+
+    /// Adds what [`Force::yield_to`] has changed in the elements that count at this part, by their vertices in solver order.
+    fn remember(&self, _rows: &mut ElementRows) {}
+
+    /// Takes what was remembered of all elements whose vertices are on this rank.
+    fn recall(&mut self, _rows: &ElementRows) {}
+
+    /// Hands out what was counted since it was asked last, under names of the effect's `counts`; each event at one part only.
+    fn take_counts(&mut self, _count: &mut dyn FnMut(&'static str, u64)) {}
+
+    /// The most stretched edge: strain and vertices in solver order.
+    fn largest_strain(&self, _x: &[Vec3]) -> Option<(f64, [usize; 2])> {
+        None
+    }
+}
+
+/// What a velocity is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// v½ in B.2: it takes the positions to the end of the step.
+    Positions,
+    /// v' in B.8: the velocity at the end of the step.
+    Motion,
+}
+
+/// A change of velocities after self-repulsion, in B.2 and B.8.
+pub trait VelocityFilter: Send + Sync {
+    /// Names of its stages in B.2 and in B.8.
+    fn stages(&self) -> [&'static str; 2];
+
+    /// Takes note of the vertices that pins hold in this step.
+    fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &HardPins, targets: &PinTargets);
+
+    /// Changes the velocities `v` [m/s] of a step of `dt` [s] from positions `x` [m]. Ghosts of `x` are those of their owners;
+    /// those of `v` need not be, before or after.
+    fn apply(
+        &mut self,
+        parts: &Parts,
+        motion: (&[Vec3], &mut [Vec3]),
+        dt: f64,
+        purpose: Purpose,
+        metrics: &mut Metrics,
+    );
+}

@@ -1,0 +1,176 @@
+//! All effects, in the order of execution, and what a scene asks for of them.
+
+use crate::effects::force::PartForce;
+use crate::effects::spec::Cost;
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need};
+use crate::error::{Problem, Problems};
+use crate::scene::Scene;
+use crate::settings::Settings;
+use crate::time_step;
+
+/// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
+macro_rules! effects {
+    ($($module:ident $(if $feature:literal)?,)*) => {
+        /// All effects of this build, in the order of execution.
+        pub static REGISTRY: &[&EffectSpec] = &[$($(#[cfg(feature = $feature)])? &crate::effects::$module::SPEC),*];
+
+        /// All effects of the program, in the order of execution: name, and the feature that a build needs to have it.
+        pub static LISTED: &[(&str, Option<&str>)] = &[$((stringify!($module), optional!($($feature)?))),*];
+    };
+}
+
+macro_rules! optional {
+    () => {
+        None
+    };
+    ($feature:literal) => {
+        Some($feature)
+    };
+}
+
+// The method itself is in every build: gravity and springs along edges, prescribed vertices, and contact. All others are
+// features, named after them, which the modules repeat as their own condition.
+effects! {
+    gravity,
+    stretch,
+    shear if "effect-shear",
+    membrane if "effect-membrane",
+    bending if "effect-bending",
+    dihedral_bending if "effect-dihedral_bending",
+    plastic_wrinkles if "effect-plastic_wrinkles",
+    wind if "effect-wind",
+    ether_drag if "effect-ether_drag",
+    pressure if "effect-pressure",
+    seams if "effect-seams",
+    attachments if "effect-attachments",
+    pins,
+    strain_limit if "effect-strain_limit",
+    body_collision,
+    self_repulsion,
+    self_collision,
+}
+
+/// An effect that runs, for `drapery plan`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedEffect {
+    /// Name in the registry.
+    pub name: &'static str,
+    /// Garment it acts on; `None` for the whole scene.
+    pub garment: Option<String>,
+    /// Why it is there.
+    pub because: String,
+    /// Checked settings.
+    pub settings: Settings,
+    /// Structures that it needs.
+    pub needs: &'static [Need],
+    /// What it costs per element.
+    pub cost: Cost,
+    /// Number of elements of the kind that its cost names.
+    pub elements: usize,
+    /// Memory held [bytes].
+    pub bytes: usize,
+    /// What the effect had to change to run well.
+    pub notes: Vec<String>,
+    /// Longest time step that its forces allow by themselves [s]; infinite if they set no limit.
+    pub longest_step: f64,
+}
+
+/// The effect of this name.
+pub fn find(name: &str) -> Option<&'static EffectSpec> {
+    REGISTRY.iter().copied().find(|spec| spec.name == name)
+}
+
+/// Of an effect that this build lacks: what is wrong, and what to do. `None` if it is here, or if there is no such effect.
+pub fn lacking(name: &str) -> Option<(String, String)> {
+    let (name, feature) = LISTED.iter().find(|(listed, _)| *listed == name && find(listed).is_none())?;
+    let feature = (*feature)?;
+    let what = format!("this drapery was built without the effect `{name}`");
+    Some((what, format!("build it with `--features {feature}`, or do without the effect")))
+}
+
+/// Builds what the scene asks for, in the order of the registry, then in that of the garments.
+///
+/// # Errors
+/// All problems of all effects: unknown names, settings out of range, contradictions.
+pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems> {
+    let mut requests: Vec<_> = scene.description().effects.iter().collect();
+    let rank = |name: &str| REGISTRY.iter().position(|spec| spec.name == name);
+    requests.sort_by_key(|r| (rank(&r.effect), r.garment));
+    let mut built = Vec::new();
+    let mut problems = Vec::new();
+    for request in requests {
+        let garment = request.garment.map(|g| scene.description().garments[g].name.clone());
+        let place = garment.as_ref().map_or(request.effect.clone(), |g| format!("garment \"{g}\", {}", request.effect));
+        // Scene::validate has refused unknown names.
+        let Some(spec) = find(&request.effect) else { continue };
+        let settings = match Settings::check(spec.fields, &request.settings) {
+            Ok(settings) => settings,
+            Err(texts) => {
+                problems.extend(texts.into_iter().map(|t| Problem::scene(&place, t, "correct it in the scene file")));
+                continue;
+            }
+        };
+        match (spec.build)(&settings, &BuildContext { scene, garment: request.garment }) {
+            Ok(effect) => {
+                let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
+                let (needs, cost, elements) = (spec.needs, spec.cost, effect.elements);
+                let (name, longest_step) = (spec.name, longest_step(scene, &effect.forces));
+                let planned = PlannedEffect {
+                    name,
+                    garment,
+                    because,
+                    settings,
+                    needs,
+                    cost,
+                    elements,
+                    bytes,
+                    notes,
+                    longest_step,
+                };
+                built.push((planned, effect));
+            }
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if problems.is_empty() { Ok(built) } else { Err(Problems(problems)) }
+}
+
+/// Longest step that these forces allow by themselves on this rank [s].
+fn longest_step(scene: &Scene, forces: &[PartForce]) -> f64 {
+    let (ranges, solver) = (scene.parts().ranges(), &scene.description().solver);
+    let mut sums = Vec::new();
+    forces.iter().fold(f64::INFINITY, |longest, (part, force)| {
+        let range = ranges[*part].clone();
+        sums.clear();
+        sums.resize(range.len(), 0.0);
+        time_step::limit(std::slice::from_ref(force), solver, &scene.masses()[range], &mut sums).min(longest)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_effect_is_listed_under_its_name_and_its_feature_is_called_after_it() {
+        let here: Vec<&str> = LISTED.iter().map(|(name, _)| *name).filter(|name| find(name).is_some()).collect();
+        assert_eq!(here, REGISTRY.iter().map(|spec| spec.name).collect::<Vec<_>>());
+        for (name, feature) in LISTED {
+            assert!(feature.is_none_or(|feature| feature == format!("effect-{name}")), "{name}: {feature:?}");
+            assert!(feature.is_some() || find(name).is_some(), "{name} is in every build");
+        }
+    }
+
+    #[test]
+    fn of_an_effect_that_the_build_lacks_the_feature_is_named() {
+        for (name, feature) in LISTED {
+            match lacking(name) {
+                Some((what, advice)) => {
+                    assert!(what.contains(name) && advice.contains(feature.unwrap_or("none")), "{what}: {advice}");
+                }
+                None => assert!(find(name).is_some(), "{name}"),
+            }
+        }
+        assert_eq!(lacking("no such effect"), None);
+    }
+}

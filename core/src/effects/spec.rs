@@ -1,0 +1,135 @@
+//! What the registry knows of an effect, and what an effect puts into the step.
+
+use crate::contact::bodies::collision::BodyCollision;
+use crate::contact::repulsion::Laws;
+use crate::contact::self_contact::CollisionSettings;
+use crate::effects::force::{PartForce, VelocityFilter};
+use crate::error::Problem;
+use crate::mesh::TriangleMesh;
+use crate::pins::HardPins;
+use crate::scene::Scene;
+use crate::settings::{Field, Settings};
+use crate::snapshot::saved_section::SectionId;
+use crate::volumes::Volume;
+
+/// Where an effect is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// By a table of the scene.
+    Scene,
+    /// By a table under a garment.
+    Garment,
+    /// By pins or bodies; it has no table of its own.
+    Implied,
+}
+
+/// Structures that effects share; a scene builds only those that some effect needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Need {
+    /// Masses and the split into parts: always there.
+    State,
+    /// Where pinned vertices have to be at the ends of a step.
+    PinTargets,
+    /// Bodies at both ends of a step, with trees over the triangles of deforming surfaces.
+    Bodies,
+    /// Triangles of all garments and of deforming bodies, with trees over them.
+    ClothSurface,
+    /// The list of pairs that are close.
+    PairList,
+    /// On each rank the triangles two edges away from those that have one of its vertices.
+    SecondRing,
+}
+
+/// Nanoseconds in a second.
+pub(crate) const NANOSECONDS: f64 = 1e9;
+
+/// What an effect costs for each of its elements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cost {
+    /// What it works on, as in "springs"; it may be many elements or few.
+    pub elements: &'static str,
+    /// In each time step, besides the solves [ns per element].
+    pub step: f64,
+    /// In each iteration of a solve [ns per element].
+    pub iteration: f64,
+}
+
+impl Cost {
+    /// Seconds of a frame with so many elements, time steps, and iterations of all their solves.
+    pub fn seconds(&self, elements: usize, steps: f64, iterations: f64) -> f64 {
+        elements as f64 * (steps * self.step + iterations * self.iteration) / NANOSECONDS
+    }
+}
+
+/// What the registry knows of an effect.
+#[derive(Debug)]
+pub struct EffectSpec {
+    /// The word in the scene file, and the file's name.
+    pub name: &'static str,
+    /// One line for help and the reference page.
+    pub summary: &'static str,
+    /// Where it is asked for.
+    pub scope: Scope,
+    /// Its settings.
+    pub fields: &'static [Field],
+    /// Structures that it needs.
+    pub needs: &'static [Need],
+    /// Effects without which it has no meaning, on the same garment or in the whole scene.
+    pub requires: &'static [&'static str],
+    /// What it costs.
+    pub cost: Cost,
+    /// The section of a snapshot with what time changes in it; `None` if nothing does.
+    pub section: Option<SectionId>,
+    /// What it counts, besides the iterations of the solves; docs/reference/counts.md explains each.
+    pub counts: &'static [&'static str],
+    /// Makes the effect for one garment or for the whole scene.
+    pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
+}
+
+/// What an effect may look at while it is made.
+pub struct BuildContext<'a> {
+    /// The checked scene.
+    pub scene: &'a Scene,
+    /// The garment it acts on; `None` for the whole scene.
+    pub garment: Option<usize>,
+}
+
+/// What an effect puts into the step.
+#[derive(Default)]
+pub struct Effect {
+    /// Forces, each on one part.
+    pub forces: Vec<PartForce>,
+    /// Whether hard pins are to be imposed.
+    pub pins: Option<HardPins>,
+    /// What changes velocities between the solves.
+    pub filters: Vec<Box<dyn VelocityFilter>>,
+    /// Whether cloth collides with bodies.
+    pub body_collision: Option<BodyCollision>,
+    /// Laws of repulsion between cloth and cloth, and the largest thickness as a fraction of the edges around a vertex.
+    pub self_repulsion: Option<(Laws, f64)>,
+    /// How geometric collisions are resolved.
+    pub self_collision: Option<CollisionSettings>,
+    /// A volume that its forces look at in [`crate::effects::force::Surroundings::volumes`].
+    pub volume: Option<Volume>,
+    /// Whether its forces look at [`crate::effects::force::Surroundings::v`].
+    pub sees_velocities: bool,
+    /// The section with what forces remember of elements that have yielded.
+    pub yields: Option<SectionId>,
+    /// Number of elements that the rank owns, of the kind that its cost names.
+    pub elements: usize,
+    /// Memory held [bytes].
+    pub bytes: usize,
+    /// What the effect had to change to run well, for `drapery plan`.
+    pub notes: Vec<String>,
+}
+
+/// Number of triangles of cloth that the rank owns, each with its first vertex.
+pub(crate) fn own_triangles(scene: &Scene) -> usize {
+    let parts = scene.parts();
+    let of_garment = |(g, mesh): (usize, &TriangleMesh)| {
+        let first = parts.garment(g).start;
+        let is_own = |t: &&[u32; 3]| t.iter().min().is_some_and(|v| parts.own().contains(&(first + *v as usize)));
+        mesh.triangles().iter().filter(is_own).count()
+    };
+    scene.meshes().iter().enumerate().map(of_garment).sum()
+}
