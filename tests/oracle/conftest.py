@@ -13,20 +13,25 @@ import pytest
 from judges import ROOT, SHARED
 
 
-FIGURES = []
-
-
 @pytest.fixture
-def report_figure(request):
+def report_figure(record_property):
     """Keeps a sentence with figures for the end of the test session, where it is seen also when all is well."""
-    return lambda sentence: FIGURES.append(f"{request.node.name}: {sentence}")
+    return lambda sentence: record_property("figure", sentence)
 
 
 def pytest_terminal_summary(terminalreporter):
-    if FIGURES:
+    reports = [report for reports in terminalreporter.stats.values() for report in reports]
+    lines = []
+    # They travel with the report of a test from the process that ran it.
+    for report in reports:
+        if getattr(report, "when", None) != "call":
+            continue
+        name = report.nodeid.split("::")[-1]
+        lines += [f"FIGURE {name}: {value}" for key, value in report.user_properties if key == "figure"]
+    if lines:
         terminalreporter.section("figures")
-        for line in FIGURES:
-            terminalreporter.line(f"FIGURE {line}")
+        for line in lines:
+            terminalreporter.line(line)
 
 
 def program(variable, name):
