@@ -6,7 +6,7 @@ use crate::Vec3;
 use crate::metrics::Metrics;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::{Lanes, PartLanes};
-use crate::pins::{HardPins, PinTargets};
+use crate::pins::PinTargets;
 use crate::snapshot::saved_section::ElementRows;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
@@ -152,22 +152,27 @@ pub enum Purpose {
     Motion,
 }
 
+/// The step as a change of velocities sees it.
+#[derive(Clone, Copy)]
+pub struct FilterStep<'a> {
+    /// The split of the vertices.
+    pub parts: &'a Parts,
+    /// Inverse masses of the local vertices by axis, zero where held [1/kg]; ghosts are those of their owners.
+    pub mobility: &'a [Vec3],
+    /// Positions of the local vertices [m], likewise.
+    pub x: &'a [Vec3],
+    /// Length of the step [s].
+    pub dt: f64,
+    /// What the velocities are for.
+    pub purpose: Purpose,
+}
+
 /// A change of velocities after self-repulsion, in B.2 and B.8.
 pub trait VelocityFilter: Send + Sync {
     /// Names of its stages in B.2 and in B.8.
     fn stages(&self) -> [&'static str; 2];
 
-    /// Takes note of the vertices that pins hold in this step.
-    fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &HardPins, targets: &PinTargets);
-
-    /// Changes the velocities `v` [m/s] of a step of `dt` [s] from positions `x` [m]. Ghosts of `x` are those of their owners;
-    /// those of `v` need not be, before or after.
-    fn apply(
-        &mut self,
-        parts: &Parts,
-        motion: (&[Vec3], &mut [Vec3]),
-        dt: f64,
-        purpose: Purpose,
-        metrics: &mut Metrics,
-    );
+    /// Changes the velocities `v` of the local vertices [m/s]; ghosts of these need not be those of their owners, before or
+    /// after.
+    fn apply(&mut self, step: &FilterStep<'_>, v: &mut [Vec3], metrics: &mut Metrics);
 }

@@ -24,7 +24,7 @@
 mod part_edges;
 
 use crate::Vec3;
-use crate::effects::force::{Purpose, VelocityFilter};
+use crate::effects::force::{FilterStep, Purpose, VelocityFilter};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
@@ -32,7 +32,6 @@ use crate::metrics::Metrics;
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::largest;
-use crate::pins::{HardPins, PinTargets};
 use crate::settings::{Default, Dimension, Field, Settings};
 use crate::tolerances::STRAIN_OVER_LIMIT;
 use part_edges::PartEdges;
@@ -100,8 +99,6 @@ struct StrainLimit {
     sweeps: usize,
     /// Edges of every own part.
     edges: Vec<PartEdges>,
-    /// Inverse masses of the local vertices by axis [1/kg], zero where held.
-    mobility: Vec<Vec3>,
     /// Number of edges of the garment at each local vertex.
     valence: Vec<f64>,
     /// Change of velocity of the local vertices [m/s].
@@ -135,7 +132,6 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let edges = part_edges::of_parts(parts, mesh, &ends, limits);
     let limit = StrainLimit {
         sweeps: settings.number("sweeps") as usize,
-        mobility: scene.masses().iter().map(|m| Vec3::repeat(1.0 / m)).collect(),
         valence,
         change: vec![Vec3::zeros(); parts.local_count()],
         excess: vec![0.0; edges.len()],
@@ -148,7 +144,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
 
 impl StrainLimit {
     fn bytes(&self) -> usize {
-        let of_vertices = self.change.len() * (2 * size_of::<Vec3>() + size_of::<f64>());
+        let of_vertices = self.change.len() * (size_of::<Vec3>() + size_of::<f64>());
         of_vertices + self.edges.iter().map(PartEdges::bytes).sum::<usize>()
     }
 }
@@ -158,27 +154,11 @@ impl VelocityFilter for StrainLimit {
         ["B.2 strain limit", "B.8 strain limit"]
     }
 
-    fn set_held(&mut self, parts: &Parts, masses: &[f64], pins: &HardPins, targets: &PinTargets) {
-        for (vertex, ..) in pins.axes() {
-            self.mobility[vertex] = Vec3::repeat(1.0 / masses[vertex]);
-        }
-        for (vertex, _, axes) in pins.axes().filter(|(_, target, _)| targets.is_active(*target)) {
-            (0..3).filter(|axis| axes[*axis]).for_each(|axis| self.mobility[vertex][axis] = 0.0);
-        }
-        parts.halo().refresh(parts.ranks(), &mut self.mobility);
-    }
-
-    fn apply(
-        &mut self,
-        parts: &Parts,
-        (x, v): (&[Vec3], &mut [Vec3]),
-        dt: f64,
-        purpose: Purpose,
-        metrics: &mut Metrics,
-    ) {
+    fn apply(&mut self, step: &FilterStep<'_>, v: &mut [Vec3], metrics: &mut Metrics) {
+        let FilterStep { parts, x, dt, purpose, .. } = *step;
         let (mut sweeps, mut before, mut taken) = (0, f64::INFINITY, 0.0);
         loop {
-            let (worst, squares) = self.begin(parts, (x, v), dt, purpose);
+            let (worst, squares) = self.begin(step, v);
             if squares > before && taken > SHORTEST_WAY {
                 // Too far to be told from here: half of it back.
                 taken *= 0.5;
@@ -189,7 +169,7 @@ impl VelocityFilter for StrainLimit {
                 break;
             }
             (before, taken) = (squares, 1.0);
-            sweeps += self.solve(parts, self.sweeps - sweeps);
+            sweeps += self.solve(step, self.sweeps - sweeps);
             self.go(parts, taken, v);
         }
         metrics.count_once(parts.ranks(), "strain_limit_sweeps", sweeps as u64);
@@ -202,9 +182,10 @@ impl VelocityFilter for StrainLimit {
 
 impl StrainLimit {
     /// Begins a round of sweeps. Returns the largest excess over what is allowed, by rest length, and the sum of its squares.
-    fn begin(&mut self, parts: &Parts, (x, v): (&[Vec3], &mut [Vec3]), dt: f64, purpose: Purpose) -> (f64, f64) {
+    fn begin(&mut self, step: &FilterStep<'_>, v: &mut [Vec3]) -> (f64, f64) {
+        let FilterStep { parts, mobility, x, dt, purpose } = *step;
         parts.halo().refresh(parts.ranks(), v);
-        let Self { edges, mobility, valence, excess, squares, .. } = self;
+        let Self { edges, valence, excess, squares, .. } = self;
         let seen: &[Vec3] = v;
         parts.for_each((PerPart(edges), PerPart(excess), PerPart(squares)), &|_, (edges, excess, squares)| {
             (excess.0[0], squares.0[0]) = edges.0[0].begin((x, seen), (dt, purpose), (mobility, valence));
@@ -226,10 +207,11 @@ impl StrainLimit {
     }
 
     /// Finds the change of velocity in no more than `most` sweeps; returns how many it took.
-    fn solve(&mut self, parts: &Parts, most: usize) -> usize {
+    fn solve(&mut self, step: &FilterStep<'_>, most: usize) -> usize {
+        let parts = step.parts;
         let (mut momentum, mut sweeps, mut before) = (1.0_f64, 0, f64::INFINITY);
         while sweeps < most {
-            self.gather(parts, PartEdges::ahead);
+            self.gather(step, PartEdges::ahead);
             let next = 0.5 * (1.0 + (1.0 + 4.0 * momentum * momentum).sqrt());
             let ahead = (momentum - 1.0) / next;
             momentum = next;
@@ -247,13 +229,14 @@ impl StrainLimit {
                 before = if judges { worst } else { before };
             }
         }
-        self.gather(parts, PartEdges::impulse);
+        self.gather(step, PartEdges::impulse);
         sweeps
     }
 
     /// The change of velocity by these impulses of the edges.
-    fn gather(&mut self, parts: &Parts, impulse: fn(&PartEdges, usize) -> f64) {
-        let Self { edges, mobility, change, .. } = self;
+    fn gather(&mut self, step: &FilterStep<'_>, impulse: fn(&PartEdges, usize) -> f64) {
+        let FilterStep { parts, mobility, .. } = *step;
+        let Self { edges, change, .. } = self;
         parts.for_each((PerPart(edges), PerVertex(&mut change[parts.own()])), &|part, (edges, change)| {
             let range = parts.ranges()[part].clone();
             edges.0[0].add_up(range.start, impulse, change.0);

@@ -95,6 +95,11 @@ impl HardPins {
         self.held(part, start, targets, |vertex, axis, _| r[vertex][axis] = 0.0);
     }
 
+    /// Own vertices that pins hold at some time, by their local numbers, ascending; one that several hold as often.
+    pub fn vertices(&self) -> impl Iterator<Item = usize> + Clone + '_ {
+        self.entries.iter().map(|pin| pin.vertex)
+    }
+
     /// Number of pinned own vertices, each as often as pins hold it.
     pub(crate) fn count(&self) -> usize {
         self.entries.len()

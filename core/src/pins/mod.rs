@@ -2,9 +2,11 @@
 //! springs instead. Both follow the same [`targets`].
 
 pub mod hard;
+pub mod mobility;
 pub mod targets;
 
 pub use hard::HardPins;
 pub(crate) use hard::{BEHIND, STRETCHED};
+pub use mobility::Mobility;
 pub use targets::PinTargets;
 pub(crate) use targets::SECTION;

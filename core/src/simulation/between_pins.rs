@@ -17,20 +17,20 @@ impl Simulation {
 
     /// Whether an edge of this rank lies between two vertices that hard pins hold in all directions at some time.
     pub fn has_pinned_neighbours(&self) -> bool {
-        let mut held = vec![0; self.state.x.len()];
-        self.pins.iter().flat_map(HardPins::fully_held).for_each(|(vertex, _)| held[vertex] = 1);
-        between(&self.scene, &self.state.x, &held).next().is_some()
+        let mut held = vec![0; self.cloth.state.x.len()];
+        self.prescribed.pins.iter().flat_map(HardPins::fully_held).for_each(|(vertex, _)| held[vertex] = 1);
+        between(&self.scene, &self.cloth.state.x, &held).next().is_some()
     }
 
     /// The most stretched edge between two vertices that hard pins hold in all directions, where these have to be at the frame of
     /// `input`; `None` where none lies between two such. For one rank, on which nothing has to be simulated for it.
     pub fn strain_between_pins_at(&self, input: &FrameInput) -> Option<StrainRecord> {
-        let pins = self.pins.as_ref()?;
+        let pins = self.prescribed.pins.as_ref()?;
         let time = self.scene.description().timeline.time(input.frame);
-        let mut x = self.state.x.clone();
+        let mut x = self.cloth.state.x.clone();
         let mut held = vec![0; x.len()];
         for (vertex, target) in pins.fully_held() {
-            if let Some(place) = self.targets.place_at(target, time, [&input.bodies, &input.tracks]) {
+            if let Some(place) = self.prescribed.targets.place_at(target, time, [&input.bodies, &input.tracks]) {
                 (x[vertex], held[vertex]) = (place, 1);
             }
         }
@@ -40,14 +40,14 @@ impl Simulation {
 
     /// The same of where the vertices are now, over all ranks, which call it together; counts what is torn apart.
     pub(super) fn strain_between_pins(&mut self) -> Option<StrainRecord> {
-        let pins = self.pins.as_ref()?;
+        let pins = self.prescribed.pins.as_ref()?;
         let parts = self.scene.parts();
-        let mut held = vec![0_u8; self.state.x.len()];
-        for (vertex, _) in pins.fully_held().filter(|(_, target)| self.targets.is_active(*target)) {
+        let mut held = vec![0_u8; self.cloth.state.x.len()];
+        for (vertex, _) in pins.fully_held().filter(|(_, target)| self.prescribed.targets.is_active(*target)) {
             held[vertex] = 1;
         }
         parts.halo().refresh(parts.ranks(), &mut held);
-        let stretched: Vec<(f64, [usize; 2])> = between(&self.scene, &self.state.x, &held).collect();
+        let stretched: Vec<(f64, [usize; 2])> = between(&self.scene, &self.cloth.state.x, &held).collect();
         let torn = stretched.iter().filter(|(strain, _)| *strain > STRETCHED_BETWEEN_PINS).count();
         self.metrics.count(STRETCHED, torn as u64);
         self.largest_of(stretched.into_iter())
@@ -64,7 +64,7 @@ impl Simulation {
         }
         let edges = mean_edges(scene);
         let mut far = vec![Vec::new(); description.pins.len()];
-        for (pin, vertex, body, distance) in self.targets.nearest_bound(scene) {
+        for (pin, vertex, body, distance) in self.prescribed.targets.nearest_bound(scene) {
             let (garment, own) = scene.parts().own_vertex(vertex);
             let thickness = description.garments[garment].thickness + description.bodies[body].thickness;
             if distance > (FAR_BOUND_EDGES * edges[vertex]).max(FAR_BOUND_THICKNESSES * thickness) {

@@ -10,6 +10,7 @@ use crate::error::Problems;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::{ElementRows, Field, Remembered, SectionId};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
+use crate::step::Prescribed;
 
 /// Positions and velocities, which every scene has.
 const STATE: SectionId = SectionId { name: "state", version: 2 };
@@ -42,7 +43,7 @@ impl Simulation {
     /// Everything that time has changed, section by section and rows in order, to the sink of rank 0. When, as
     /// [`Simulation::snapshot`].
     pub fn save(&self, mut sink: Option<&mut dyn SnapshotSink>) {
-        let numbers = self.targets.numbers();
+        let numbers = self.prescribed.targets.numbers();
         for section in self.remember() {
             section.give(self.scene.parts(), (&numbers, self.scene.pin_targets()), sink.as_deref_mut());
         }
@@ -53,15 +54,15 @@ impl Simulation {
         let own = self.scene.parts().own();
         let of_own = |vectors: &[Vec3]| Field::Vectors(vectors[own.clone()].to_vec());
         let state = Remembered::new(STATE)
-            .with("time", Field::Number(self.state.time))
+            .with("time", Field::Number(self.cloth.state.time))
             .with("last_step", Field::Number(self.limit.last()))
             .with("halvings", Field::Count(self.care.saved()[0]))
             .with("calm", Field::Count(self.care.saved()[1]))
-            .with("positions", of_own(&self.state.x))
-            .with("velocities", of_own(&self.state.v));
-        let pins = (self.scene.pin_targets() > 0).then(|| self.targets.remember());
-        let collision = self.collision.as_ref().and_then(|collision| collision.remember());
-        let contact = self.self_contact.as_ref().map(|contact| contact.remember());
+            .with("positions", of_own(&self.cloth.state.x))
+            .with("velocities", of_own(&self.cloth.state.v));
+        let pins = (self.scene.pin_targets() > 0).then(|| self.prescribed.targets.remember());
+        let collision = self.contacts.bodies.as_ref().and_then(|collision| collision.remember());
+        let contact = self.contacts.cloth.as_ref().map(|contact| contact.remember());
         let yielded = self.yields.map(|section| self.remember_elements(section));
         [Some(state), pins, collision, contact, yielded].into_iter().flatten().collect()
     }
@@ -69,7 +70,7 @@ impl Simulation {
     /// What has yielded in elements that count on this rank, by vertices of the scene.
     fn remember_elements(&self, section: SectionId) -> Remembered {
         let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
-        self.forces.iter().flatten().for_each(|force| force.remember(&mut rows));
+        self.dynamics.forces.iter().flatten().for_each(|force| force.remember(&mut rows));
         let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
         Remembered::new(section).with(HINGES, Field::Elements(rows))
     }
@@ -99,7 +100,7 @@ impl Simulation {
         let mut simulation = Self::build(scene.into(), start).map_err(RestoreError::Problems)?;
         // What a new simulation remembers says what there is to read.
         let mut memory = simulation.remember();
-        let (numbers, targets) = (simulation.targets.numbers(), simulation.scene.pin_targets());
+        let (numbers, targets) = (simulation.prescribed.targets.numbers(), simulation.scene.pin_targets());
         for section in &mut memory {
             section.take(simulation.scene.parts(), (&numbers, targets), source.as_deref_mut())?;
         }
@@ -109,7 +110,8 @@ impl Simulation {
 
     /// Goes on from what was remembered at the frame `frame` or after it.
     pub(super) fn go_on(&mut self, frame: i64, memory: &[Remembered]) -> Result<(), SnapshotError> {
-        let Self { scene, state, targets, collision, self_contact, bodies, limit, care, .. } = self;
+        let Self { scene, cloth, prescribed: Prescribed { targets, bodies, .. }, contacts, limit, care, .. } = self;
+        let state = &mut cloth.state;
         let parts = scene.parts();
         let timeline = scene.description().timeline;
         let mut sections = memory.iter();
@@ -134,13 +136,14 @@ impl Simulation {
         {
             problem = targets.go_on(section, bodies).err();
         }
-        if let (Some(collision), Some(section)) =
-            (collision.as_mut().filter(|c| c.remembers()), memory.iter().find(|s| s.name == collision::SECTION.name))
-        {
+        if let (Some(collision), Some(section)) = (
+            contacts.bodies.as_mut().filter(|c| c.remembers()),
+            memory.iter().find(|s| s.name == collision::SECTION.name),
+        ) {
             collision.go_on(section);
         }
         if let (Some(contact), Some(section)) =
-            (self_contact, memory.iter().find(|section| section.name == self_contact::SECTION.name))
+            (&mut contacts.cloth, memory.iter().find(|section| section.name == self_contact::SECTION.name))
         {
             contact.go_on(section)?;
             self.crossings = contact.known_crossings().to_vec();
@@ -148,7 +151,7 @@ impl Simulation {
         let yielded = self.yields.and_then(|section| memory.iter().find(|known| known.name == section.name));
         if let Some(rows) = yielded.and_then(|section| section.elements(HINGES)) {
             let rows = rows.renumbered(|number| parts.local(number).map(|vertex| vertex as u32));
-            self.forces.iter_mut().flatten().for_each(|force| force.recall(&rows));
+            self.dynamics.forces.iter_mut().flatten().for_each(|force| force.recall(&rows));
         }
         self.frame = frame;
         let elsewhere =

@@ -1,4 +1,13 @@
-//! From one collision-free state to the next: A, some time steps, C, and what follows if something went wrong.
+//! The collision step: from one collision-free state to the next.
+//!
+//! ```text
+//! A        remember the collision-free state, find pairs near it and their sides, choose K
+//! K × B    time steps (`crate::step`)
+//! C        resolve what collides between the remembered state and this one
+//!          rewind: where C gives the state back, it starts again from A with K halved
+//! ```
+//!
+//! What goes wrong on the way is tried again from A, more carefully each time (`super::recovery`).
 
 use std::sync::Arc;
 
@@ -9,7 +18,7 @@ use crate::contact::self_contact::{Ending, SelfContact};
 use crate::error::{ShortStep, StepError};
 use crate::parallel::for_each_part::PerPart;
 use crate::solve::conjugate_gradient::Stop;
-use crate::step::{StepContext, advance};
+use crate::step::{Contacts, Step, StepReport, StepSettings};
 use crate::tolerances::CG_GRAVITY_FRACTION;
 
 /// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
@@ -18,72 +27,89 @@ const STANDARD_GRAVITY: f64 = 9.81;
 /// Largest tolerance of the damping solves when it is chosen automatically [m/s]; the authors' value.
 const CG_TOLERANCE: f64 = 1e-2;
 
+/// How a collision step ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ended {
+    /// At a later collision-free state.
+    Accepted,
+    /// Where it started: C gave the state back.
+    Rewound,
+    /// Where it started: something went wrong, and is tried again more carefully.
+    Retried,
+}
+
 impl Simulation {
-    /// Steps until `end` [s], one collision step after the other, or until it is to pause: then returns true.
-    pub(super) fn run_to(
+    /// Goes on until `end` [s], one collision step after the other, or until it is to pause: then returns true.
+    pub(super) fn run_until(
         &mut self,
         end: f64,
-        frame: i64,
         summary: &mut FrameSummary,
         pause: &mut dyn FnMut(f64) -> bool,
     ) -> Result<bool, StepError> {
-        while self.state.time < end {
-            let start = self.state.time;
-            self.keep_state();
-            let steps = if self.care.is_cautious() { self.begin_interval().min(1) } else { self.begin_interval() };
-            let (mut done, mut trouble) = (0, None);
-            while trouble.is_none() && self.state.time < end && done < steps {
-                trouble = self.one_step(end, frame, summary)?;
-                done += 1;
-            }
-            let mut ending = Ending::Resolved;
-            if trouble.is_none() {
-                ending = self.end_interval(self.state.time - start, done > 1);
-                trouble = self.find_trouble(ending);
-            }
-            if let Some(trouble) = trouble
-                && self.recover(trouble, frame)?
-            {
-                continue;
-            }
-            if ending == Ending::Rewound {
-                self.rewind();
-            } else {
-                self.calm_down();
-                if self.yields.is_some() {
-                    self.give_way();
-                }
-                self.break_attachments();
-            }
-            if pause(self.state.time) {
+        while self.cloth.state.time < end {
+            if self.collision_step(end, summary)? != Ended::Retried && pause(self.cloth.state.time) {
                 return Ok(true);
             }
         }
         Ok(false)
     }
 
-    /// Lets go what is pulled too hard. Only here, where nothing is taken back any more.
-    fn break_attachments(&mut self) {
-        let broken = self.targets.break_overloaded(&self.state.x, self.state.time);
-        if broken > 0 {
-            self.metrics.count("attachments_broken", broken);
+    /// One collision step towards `end` [s].
+    fn collision_step(&mut self, end: f64, summary: &mut FrameSummary) -> Result<Ended, StepError> {
+        self.keep_collision_free_state(); // A
+        let steps = self.find_close_pairs(); // A
+        let steps = self.time_steps(steps, end, summary)?; // K × B
+        let (ending, trouble) = self.resolve_collisions(steps); // C
+        if let Some(trouble) = trouble
+            && self.recover(trouble, summary.frame)?
+        {
+            return Ok(Ended::Retried);
         }
+        if ending == Ending::Rewound {
+            self.rewind();
+            return Ok(Ended::Rewound);
+        }
+        self.accept();
+        Ok(Ended::Accepted)
     }
 
-    /// A: returns how many time steps may follow until C.
-    fn begin_interval(&mut self) -> u32 {
-        let Self { self_contact, state, bodies, limit, metrics, .. } = self;
-        let Some(contact) = self_contact else { return 1 };
-        metrics.stage("A neighbours", |m| contact.begin_interval(state, bodies, limit.last(), m))
+    /// A: finds the pairs near the collision-free state, and their sides; returns K, the number of time steps until C.
+    fn find_close_pairs(&mut self) -> u32 {
+        let Self { contacts, cloth, prescribed, limit, metrics, care, .. } = self;
+        let Some(contact) = &mut contacts.cloth else { return 1 };
+        let steps = metrics
+            .stage("A neighbours", |m| contact.begin_interval(&cloth.state, &prescribed.bodies, limit.last(), m));
+        if care.is_cautious() { steps.min(1) } else { steps }
     }
 
-    /// C.
-    fn end_interval(&mut self, duration: f64, may_rewind: bool) -> Ending {
-        let Self { scene, self_contact, collision, state, bodies, metrics, .. } = self;
-        let parts = scene.parts();
-        let Some(contact) = self_contact.as_mut().filter(|c| !c.collides_after_position()) else {
-            return Ending::Resolved;
+    /// K × B: up to `most` time steps, fewer where `end` [s] is reached or something goes wrong.
+    fn time_steps(&mut self, most: u32, end: f64, summary: &mut FrameSummary) -> Result<TimeSteps, StepError> {
+        let mut steps = TimeSteps { start: self.cloth.state.time, made: 0, trouble: None };
+        while steps.trouble.is_none() && self.cloth.state.time < end && steps.made < most {
+            steps.trouble = self.time_step(end, summary)?;
+            steps.made += 1;
+        }
+        Ok(steps)
+    }
+
+    /// C, unless a time step went wrong or a variant has it within the steps; how it ended, and what went wrong.
+    fn resolve_collisions(&mut self, steps: TimeSteps) -> (Ending, Option<Trouble>) {
+        if steps.trouble.is_some() {
+            return (Ending::Resolved, steps.trouble);
+        }
+        let ending = if self.variants.collides_after_position {
+            Ending::Resolved
+        } else {
+            self.end_interval(self.cloth.state.time - steps.start, steps.made > 1)
         };
+        (ending, self.find_trouble(ending))
+    }
+
+    fn end_interval(&mut self, duration: f64, may_rewind: bool) -> Ending {
+        let Self { scene, contacts, cloth, prescribed, metrics, .. } = self;
+        let (parts, state) = (scene.parts(), &mut cloth.state);
+        let Contacts { bodies: collision, cloth: contact } = contacts;
+        let Some(contact) = contact else { return Ending::Resolved };
         let mut moved = |vertex, way| {
             if let Some(collision) = collision {
                 collision.moved(vertex, way);
@@ -98,83 +124,94 @@ impl Simulation {
         let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
         metrics.stage(stage, |m| {
             let ends = (&mut state.x[..], &mut state.v[..]);
-            let ending = contact.end_interval(ends, bodies, duration, may_rewind, m, &mut moved);
+            let ending = contact.end_interval(ends, &prescribed.bodies, duration, may_rewind, m, &mut moved);
             parts.halo().refresh(parts.ranks(), &mut state.x);
             parts.halo().refresh(parts.ranks(), &mut state.v);
             ending
         })
     }
 
+    /// Takes the state as the next collision-free one, and does what may be done only where nothing is taken back any more.
+    fn accept(&mut self) {
+        self.calm_down();
+        if self.yields.is_some() {
+            self.update_plasticity();
+        }
+        self.break_attachments();
+    }
+
     /// Keeps what is bent or stretched too far to spring back.
-    fn give_way(&mut self) {
-        let Self { scene, forces, state, metrics, .. } = self;
+    fn update_plasticity(&mut self) {
+        let Self { scene, dynamics, cloth, metrics, .. } = self;
         metrics.stage("yield", |_| {
-            scene.parts().for_each(PerPart(forces), &|_, forces| {
-                forces.0[0].iter_mut().for_each(|force| force.yield_to(&state.x));
+            scene.parts().for_each(PerPart(&mut dynamics.forces), &|_, forces| {
+                forces.0[0].iter_mut().for_each(|force| force.yield_to(&cloth.state.x));
             });
         });
     }
 
+    /// Lets go what is pulled too hard.
+    fn break_attachments(&mut self) {
+        let broken = self.prescribed.targets.break_overloaded(&self.cloth.state.x, self.cloth.state.time);
+        if broken > 0 {
+            self.metrics.count("attachments_broken", broken);
+        }
+    }
+
     /// Puts everything back to the last collision-free state.
     pub(super) fn rewind(&mut self) {
-        let Self { scene, self_contact, collision, state, bodies, targets, tracks, .. } = self;
-        if let Some(contact) = self_contact {
+        let Self { scene, contacts, cloth, prescribed, .. } = self;
+        let state = &mut cloth.state;
+        if let Some(contact) = &contacts.cloth {
             contact.rewind(state);
         }
-        let parts = scene.parts();
+        let (parts, time) = (scene.parts(), state.time);
         parts.halo().refresh(parts.ranks(), &mut state.x);
         parts.halo().refresh(parts.ranks(), &mut state.v);
-        let time = state.time;
-        bodies.set_step(time, time);
-        targets.set_step(bodies, tracks, &state.x, (time, time));
-        if let Some(collision) = collision {
+        prescribed.bodies.set_step(time, time);
+        prescribed.targets.set_step(&prescribed.bodies, &prescribed.tracks, &state.x, (time, time));
+        if let Some(collision) = &mut contacts.bodies {
             collision.forget();
         }
     }
 
-    /// One time step towards `end` [s]; what went wrong in it.
-    fn one_step(&mut self, end: f64, frame: i64, summary: &mut FrameSummary) -> Result<Option<Trouble>, StepError> {
+    /// B: one time step towards `end` [s]; what went wrong in it.
+    fn time_step(&mut self, end: f64, summary: &mut FrameSummary) -> Result<Option<Trouble>, StepError> {
         let scene = Arc::clone(&self.scene);
         let settings = &scene.description().solver;
         let parts = scene.parts();
         let watch = Watch::start();
         let rate = self.rate_of_strain();
-        let (share, part) = (self.self_contact.as_ref().map_or(1.0, SelfContact::step_share), self.care.part());
-        let choice = self.limit.choose(settings, rate, (self.state.time, end), (share, part));
+        let (share, part) = (self.contacts.cloth.as_ref().map_or(1.0, SelfContact::step_share), self.care.part());
+        let choice = self.limit.choose(settings, rate, (self.cloth.state.time, end), (share, part));
         self.metrics.add_time("dt".into(), watch.seconds(), 1);
         if choice.limit < settings.min_dt {
             let because = if choice.by_strain { ShortStep::StrainRate } else { ShortStep::Stiffness };
-            let (dt, min_dt, time) = (choice.limit, settings.min_dt, self.state.time);
+            let (dt, min_dt, time) = (choice.limit, settings.min_dt, self.cloth.state.time);
             self.take_back();
-            return Err(StepError::StepTooSmall { frame, time, dt, min_dt, because });
+            return Err(StepError::StepTooSmall { frame: summary.frame, time, dt, min_dt, because });
         }
         let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
         let tolerance = settings.cg_tolerance.unwrap_or(automatic);
         let stop = self.care.stop(Stop { tolerance, max_iterations: settings.cg_max_iterations });
-        let mut context = StepContext {
+        let step = Step {
             parts,
             masses: scene.masses(),
-            state: &mut self.state,
-            forces: &mut self.forces,
-            pins: self.pins.as_ref(),
-            targets: &mut self.targets,
-            catch_up: self.limit.catch_up(settings, scene.mean_edge(), choice.dt),
-            tracks: &self.tracks,
-            filters: &mut self.filters,
-            collision: self.collision.as_mut(),
-            wind: &self.wind,
-            volumes: &mut self.volumes,
-            self_contact: self.self_contact.as_mut(),
-            bodies: &mut self.bodies,
-            reaches_ghosts: &self.reaches_ghosts,
-            scratch: &mut self.scratch,
-            stop,
-            integrator: settings.integrator,
-            body_friction: settings.body_friction,
-            held: self.care.held().or(scene.inert()),
+            cloth: &mut self.cloth,
+            dynamics: &mut self.dynamics,
+            prescribed: &mut self.prescribed,
+            contacts: &mut self.contacts,
             metrics: &mut self.metrics,
+            settings: StepSettings {
+                dt: choice.dt,
+                catch_up: self.limit.catch_up(settings, scene.mean_edge(), choice.dt),
+                stop,
+                held: self.care.held().or(scene.inert()),
+                variants: self.variants,
+            },
+            report: StepReport::default(),
         };
-        let report = advance(&mut context, choice.dt);
+        let report = step.advance();
         self.care.note_step(choice.dt);
         self.limit.forget_rate();
         if let Some(stage) = report.not_finite {
@@ -186,8 +223,16 @@ impl Simulation {
         summary.dt_max = summary.dt_max.max(choice.dt);
         if choice.ends_interval {
             // The time of a frame comes from integers, not from a sum of steps.
-            self.state.time = end;
+            self.cloth.state.time = end;
         }
         Ok(report.diverged.then_some(Trouble::Diverged))
     }
+}
+
+/// What the time steps of a collision step have come to.
+struct TimeSteps {
+    /// When they began [s].
+    start: f64,
+    made: u32,
+    trouble: Option<Trouble>,
 }

@@ -84,7 +84,7 @@ impl Simulation {
         let mut nanoseconds = [0; 2];
         for (part, force) in forces.iter_mut() {
             let range = parts.ranges()[*part].clone();
-            let x = &self.state.x[..];
+            let x = &self.cloth.state.x[..];
             let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, around };
             let (mut own_x, mut f) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
             let (own_x, f) = (Lanes::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
@@ -94,7 +94,7 @@ impl Simulation {
                 let watch = Watch::start();
                 force.update(&view, own_x, f);
                 fastest[0] = fastest[0].min(watch.nanoseconds());
-                PartMotion::with(range.clone(), x, &self.state.v, |motion| {
+                PartMotion::with(range.clone(), x, &self.cloth.state.v, |motion| {
                     let watch = Watch::start();
                     force.add_damping(motion, f);
                     fastest[1] = fastest[1].min(watch.nanoseconds());

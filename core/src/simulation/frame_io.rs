@@ -85,8 +85,8 @@ impl Simulation {
     /// Number of crossings of cloth with cloth when every vertex is where `place` puts it; the same on all ranks. Zero without
     /// self-contact. All ranks call it together.
     pub fn crossings_when(&mut self, place: &(dyn Fn(&Vec3) -> Vec3 + Sync)) -> u32 {
-        let Self { self_contact, state, bodies, .. } = self;
-        let found = self_contact.as_mut().map_or(0, |contact| contact.crossings_when(&state.x, bodies, place));
+        let Self { contacts, cloth, prescribed, .. } = self;
+        let found = contacts.cloth.as_mut().map_or(0, |c| c.crossings_when(&cloth.state.x, &prescribed.bodies, place));
         u32::try_from(found).unwrap_or(u32::MAX)
     }
 

@@ -9,35 +9,36 @@ use crate::effects::force::{PartView, Surroundings};
 use crate::error::StepError;
 use crate::parallel::reduce::weighted_dot;
 use crate::state::State;
+use crate::step::Dynamics;
 
 impl Simulation {
     /// Fills in what is measured at the end of a frame, and makes sure that everything is finite.
     pub(super) fn measure(&mut self, summary: &mut FrameSummary) -> Result<(), StepError> {
         let (scene, ranks) = (Arc::clone(&self.scene), self.ranks().clone());
         let parts = scene.parts();
-        if ranks.any(!parts.own().all(|i| is_finite(&self.state.x[i]) && is_finite(&self.state.v[i]))) {
+        if ranks.any(!parts.own().all(|i| is_finite(&self.cloth.state.x[i]) && is_finite(&self.cloth.state.v[i]))) {
             return Err(self.not_finite("end of frame", summary.frame, summary.dt_max));
         }
         let masses = scene.masses();
-        self.volumes.update(parts, &self.state.x);
+        self.dynamics.volumes.update(parts, &self.cloth.state.x);
         let around = self.surroundings();
         let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
-        for (range, forces) in parts.ranges().iter().zip(&self.forces) {
-            let (own, v) = (&masses[range.clone()], &self.state.v[range.clone()]);
+        for (range, forces) in parts.ranges().iter().zip(&self.dynamics.forces) {
+            let (own, v) = (&masses[range.clone()], &self.cloth.state.v[range.clone()]);
             kinetic.push(0.5 * weighted_dot(own, v, v));
-            let view = PartView { start: range.start, masses: own, x: &self.state.x, fraction: 1.0, around };
+            let view = PartView { start: range.start, masses: own, x: &self.cloth.state.x, fraction: 1.0, around };
             potential.push(forces.iter().map(|f| f.energy(&view)).sum());
         }
         [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);
         summary.max_strain = self.largest_strain();
         summary.between_pins = self.strain_between_pins();
         self.crossings = self.find_crossings();
-        if self.self_contact.as_ref().is_some_and(SelfContact::keeps_free) {
+        if self.contacts.cloth.as_ref().is_some_and(SelfContact::keeps_free) {
             self.metrics.count_once(&ranks, "crossings", self.crossings.len() as u64);
         }
         summary.broken = self.broken_in(summary.frame);
-        summary.body_self_crossings = self.bodies.self_crossings() as u64;
-        let turned = self.bodies.turned() as u64;
+        summary.body_self_crossings = self.prescribed.bodies.self_crossings() as u64;
+        let turned = self.prescribed.bodies.turned() as u64;
         if turned > 0 {
             self.metrics.count_once(&ranks, "body_inside_out", turned);
         }
@@ -50,13 +51,13 @@ impl Simulation {
 
     /// What forces may look at besides positions, now.
     pub(super) fn surroundings(&self) -> Surroundings<'_> {
-        let Self { state: State { time, v, .. }, targets, wind, volumes, .. } = self;
-        Surroundings { time: *time, targets, v, wind, volumes }
+        let (State { time, v, .. }, Dynamics { wind, volumes, .. }) = (&self.cloth.state, &self.dynamics);
+        Surroundings { time: *time, targets: &self.prescribed.targets, v, wind, volumes }
     }
 
     /// Takes what forces have counted.
     pub(super) fn take_counts(&mut self) {
-        let Self { forces, metrics, .. } = self;
+        let Self { dynamics: Dynamics { forces, .. }, metrics, .. } = self;
         let mut add = |name, amount| metrics.count(name, amount);
         forces.iter_mut().flatten().for_each(|force| force.take_counts(&mut add));
     }
@@ -68,7 +69,7 @@ impl Simulation {
             return Vec::new();
         }
         let (parts, timeline) = (self.scene.parts(), description.timeline);
-        let here = self.targets.broken_between(timeline.time(frame - 1), timeline.time(frame)).into_iter();
+        let here = self.prescribed.targets.broken_between(timeline.time(frame - 1), timeline.time(frame)).into_iter();
         let here: Vec<[u64; 3]> = here
             .map(|(vertex, pin)| {
                 let (garment, own) = parts.own_vertex(vertex);
@@ -87,7 +88,7 @@ impl Simulation {
 
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
     pub(super) fn largest_strain(&self) -> Option<StrainRecord> {
-        self.largest_of(self.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.state.x)))
+        self.largest_of(self.dynamics.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.cloth.state.x)))
     }
 
     /// The most stretched of these edges of all ranks, given by strain and local vertices; likewise.
@@ -133,7 +134,7 @@ impl Simulation {
     /// The first vertex of all ranks whose numbers are no longer finite. All ranks call it together.
     pub(super) fn not_finite(&self, stage: &'static str, frame: i64, dt: f64) -> StepError {
         let parts = self.scene.parts();
-        let broken = parts.own().find(|&i| !is_finite(&self.state.x[i]) || !is_finite(&self.state.v[i]));
+        let broken = parts.own().find(|&i| !is_finite(&self.cloth.state.x[i]) || !is_finite(&self.cloth.state.v[i]));
         let here = broken.map(|i| {
             let (garment, vertex) = parts.own_vertex(i);
             [u64::from(parts.number(i)), garment as u64, vertex.into()]
@@ -144,7 +145,7 @@ impl Simulation {
             garment: self.scene.description().garments[garment as usize].name.clone(),
             vertex: vertex as usize,
             frame,
-            time: self.state.time,
+            time: self.cloth.state.time,
             stage,
             dt,
         }

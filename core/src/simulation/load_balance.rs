@@ -75,7 +75,7 @@ impl Simulation {
         let mut memory = self.remember();
         memory.iter_mut().for_each(|section| section.move_to(old, new, &pinned));
         let tracks = self.moved_tracks(&scene);
-        let (bodies, wind) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.wind));
+        let (bodies, wind) = (std::mem::take(&mut self.prescribed.bodies), std::mem::take(&mut self.dynamics.wind));
         let frame = self.frame;
         let error = |what: String| SnapshotError { section: "scene".into(), what };
         let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, (tracks, wind))
@@ -103,7 +103,7 @@ impl Simulation {
             };
             Samples { a: moved(&samples.a), b: moved(&samples.b) }
         };
-        self.tracks.iter().enumerate().map(one).collect()
+        self.prescribed.tracks.iter().enumerate().map(one).collect()
     }
 }
 

@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use crate::Vec3;
-use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::SelfContact;
-use crate::effects::force::{Force, VelocityFilter};
+use crate::effects::force::Force;
 use crate::effects::registry::{PlannedEffect, build_all};
 use crate::effects::spec::Need;
 use crate::error::{Problems, StepError};
@@ -14,12 +13,12 @@ use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::parallel::problems::agree;
 use crate::parallel::ranks::Sent;
-use crate::pins::{HardPins, PinTargets};
+use crate::pins::{Mobility, PinTargets};
 use crate::scene::Scene;
 use crate::snapshot::saved_section::SectionId;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::Scratch;
+use crate::step::{Cloth, Contacts, Dynamics, Prescribed, Scratch, Variants};
 use crate::time_step::StepLimit;
 use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
@@ -165,24 +164,15 @@ pub enum Advance {
 /// A running simulation.
 pub struct Simulation {
     scene: Arc<Scene>,
-    state: State,
     frame: i64,
-    forces: PartForces,
-    pins: Option<HardPins>,
-    targets: PinTargets,
-    tracks: Vec<Samples>,
-    filters: Vec<Box<dyn VelocityFilter>>,
-    collision: Option<BodyCollision>,
-    self_contact: Option<SelfContact>,
-    bodies: Bodies,
-    wind: WindGrid,
-    volumes: Volumes,
+    cloth: Cloth,
+    dynamics: Dynamics,
+    prescribed: Prescribed,
+    contacts: Contacts,
+    variants: Variants,
     limit: StepLimit,
-    /// Which own parts need vertices of other ranks.
-    reaches_ghosts: Vec<bool>,
     /// Section with what has yielded in the cloth, where it can.
     yields: Option<SectionId>,
-    scratch: Scratch,
     metrics: Metrics,
     plan: Vec<PlannedEffect>,
     /// Crossings of the state at the last frame.
@@ -204,9 +194,9 @@ impl Simulation {
     /// All problems of the effects' settings, of the first samples, and of vertices that start inside a body.
     pub fn new(scene: Scene, start: &FrameInput) -> Result<Self, Problems> {
         let mut simulation = Self::build(Arc::new(scene), start)?;
-        if simulation.collision.is_some() {
-            let Self { scene, state, bodies, pins, .. } = &simulation;
-            start_outside(scene, state, bodies, pins.as_ref())?;
+        if simulation.contacts.bodies.is_some() {
+            let Self { scene, cloth, prescribed, .. } = &simulation;
+            start_outside(scene, &cloth.state, &prescribed.bodies, prescribed.pins.as_ref())?;
         }
         simulation.warn_of_far_bound();
         simulation.pins_take_hold();
@@ -272,29 +262,24 @@ impl Simulation {
             (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
             effect.longest_step = -parts.ranks().max(-effect.longest_step);
         }
-        let after_position = self_contact.as_ref().is_some_and(SelfContact::collides_after_position);
-        let scratch = Scratch::new(parts, collision.is_some() || after_position, sees_velocities);
+        let contacts = Contacts { bodies: collision, cloth: self_contact };
+        let variants = Variants::of(solver.integrator, solver.body_friction, &contacts);
+        let with_v_star = contacts.bodies.is_some() || variants.collides_after_position;
+        let scratch = Scratch::new(parts, with_v_star, sees_velocities);
+        let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
+        let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
         let frame = scene.description().timeline.start;
-        let metrics = Metrics::default();
         Ok(Self {
-            scene,
-            state,
             frame,
-            forces,
-            pins,
-            targets,
-            tracks,
-            filters,
-            collision,
-            self_contact,
-            bodies,
-            wind,
-            volumes,
+            cloth: Cloth { state, scratch },
+            dynamics: Dynamics { forces, reaches_ghosts, filters, volumes, wind },
+            prescribed: Prescribed { bodies, tracks, pins, targets, mobility },
+            contacts,
+            variants,
             limit,
-            reaches_ghosts,
             yields,
-            scratch,
-            metrics,
+            metrics: Metrics::default(),
+            scene,
             plan,
             crossings: Vec::new(),
             sent: Sent::default(),
@@ -306,14 +291,19 @@ impl Simulation {
 
     /// Hard pins start where their targets are.
     fn pins_take_hold(&mut self) {
-        if let Some(pins) = &self.pins {
-            let time = self.state.time;
-            self.targets.set_step(&self.bodies, &self.tracks, &self.state.x, (time, time));
+        if let Some(pins) = &self.prescribed.pins {
+            let time = self.cloth.state.time;
+            self.prescribed.targets.set_step(
+                &self.prescribed.bodies,
+                &self.prescribed.tracks,
+                &self.cloth.state.x,
+                (time, time),
+            );
             let parts = self.scene.parts();
             for (part, range) in parts.ranges().iter().enumerate() {
-                pins.start_at(part, range.start, &self.targets, &mut self.state.x[range.clone()]);
+                pins.start_at(part, range.start, &self.prescribed.targets, &mut self.cloth.state.x[range.clone()]);
             }
-            parts.halo().refresh(parts.ranks(), &mut self.state.x);
+            parts.halo().refresh(parts.ranks(), &mut self.cloth.state.x);
         }
     }
 
@@ -324,10 +314,10 @@ impl Simulation {
     }
 
     fn find_crossings(&mut self) -> Vec<Crossing> {
-        let Some(contact) = self.self_contact.as_mut().filter(|contact| contact.keeps_free()) else {
+        let Some(contact) = self.contacts.cloth.as_mut().filter(|contact| contact.keeps_free()) else {
             return Vec::new();
         };
-        contact.check_everything(&self.state.x, &self.bodies).to_vec()
+        contact.check_everything(&self.cloth.state.x, &self.prescribed.bodies).to_vec()
     }
 
     /// The scene, to be shared with another simulation.
@@ -347,12 +337,12 @@ impl Simulation {
 
     /// Positions and velocities of the local vertices, ghosts included.
     pub fn state(&self) -> &State {
-        &self.state
+        &self.cloth.state
     }
 
     /// The bodies, where they are at the time of the state.
     pub fn bodies(&self) -> &Bodies {
-        &self.bodies
+        &self.prescribed.bodies
     }
 
     /// The effects that run, in order.
@@ -362,7 +352,7 @@ impl Simulation {
 
     /// Memory of the state and the scratch arrays on this rank [bytes].
     pub fn bytes(&self) -> usize {
-        2 * self.state.x.len() * size_of::<Vec3>() + self.scratch.bytes()
+        2 * self.cloth.state.x.len() * size_of::<Vec3>() + self.cloth.scratch.bytes()
     }
 
     /// Largest step that the elastic forces allow [s].
@@ -406,7 +396,7 @@ impl Simulation {
         let (from, to) = (timeline.time(self.frame), timeline.time(input.frame));
         let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
         stops.extend(input.wind.iter().map(|sample| sample.time));
-        stops.extend(self.targets.window_times());
+        stops.extend(self.prescribed.targets.window_times());
         stops.retain(|t| *t > from && *t < to);
         stops.push(to);
         stops.sort_unstable_by(f64::total_cmp);
@@ -416,14 +406,14 @@ impl Simulation {
         for stop in stops {
             self.push_samples(input, (start, stop), to)?;
             start = stop;
-            if self.state.time >= stop {
+            if self.cloth.state.time >= stop {
                 // Behind a pause.
                 continue;
             }
             // New samples leave the bodies at their times; self-contact starts from where they are now.
-            self.bodies.set_step(self.state.time, self.state.time);
+            self.prescribed.bodies.set_step(self.cloth.state.time, self.cloth.state.time);
             let mut pause = |time| time < to && pause(time);
-            if self.run_to(stop, input.frame, &mut summary, &mut pause)? {
+            if self.run_until(stop, &mut summary, &mut pause)? {
                 self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 summary.recoveries = std::mem::take(&mut self.care.events);
@@ -440,8 +430,8 @@ impl Simulation {
     fn push_samples(&mut self, input: &FrameInput, (start, stop): (f64, f64), frame_end: f64) -> Result<(), StepError> {
         // The next sample of each mesh is the first one at or after the end of the interval; take it once.
         let needed = |samples: &[Sample]| samples.iter().find(|s| s.time >= stop).cloned();
-        for body in 0..self.bodies.list().len() {
-            if !self.bodies.list()[body].is_surface() {
+        for body in 0..self.prescribed.bodies.list().len() {
+            if !self.prescribed.bodies.list()[body].is_surface() {
                 continue;
             }
             let samples = input.bodies.get(body).map_or(&[][..], Vec::as_slice);
@@ -450,28 +440,28 @@ impl Simulation {
                 return Err(self.input_error(input, format!("body \"{name}\" has no sample at the frame's time")));
             }
             let next = needed(samples);
-            if let Some(sample) = next.filter(|s| s.time > self.bodies.sampled_until(body)) {
-                self.bodies.push_sample(body, sample).map_err(|e| self.input_error(input, e))?;
+            if let Some(sample) = next.filter(|s| s.time > self.prescribed.bodies.sampled_until(body)) {
+                self.prescribed.bodies.push_sample(body, sample).map_err(|e| self.input_error(input, e))?;
             }
         }
-        for track in 0..self.tracks.len() {
+        for track in 0..self.prescribed.tracks.len() {
             let samples = input.tracks.get(track).map_or(&[][..], Vec::as_slice);
             let Some(sample) = needed(samples) else {
                 return Err(self.input_error(input, format!("track {track} has no sample at the frame's time")));
             };
-            if sample.positions.len() != self.tracks[track].b.positions.len() {
+            if sample.positions.len() != self.prescribed.tracks[track].b.positions.len() {
                 return Err(self.input_error(input, format!("track {track} changes its number of points")));
             }
-            if sample.time > self.tracks[track].b.time.max(start) {
-                self.tracks[track].push(sample);
+            if sample.time > self.prescribed.tracks[track].b.time.max(start) {
+                self.prescribed.tracks[track].push(sample);
             }
         }
-        if self.wind.exists() {
+        if self.dynamics.wind.exists() {
             let Some(sample) = input.wind.iter().find(|sample| sample.time >= stop).cloned() else {
                 return Err(self.input_error(input, "the wind has no sample at the frame's time".into()));
             };
-            if sample.time > self.wind.sampled_until().max(start) {
-                self.wind.push(sample).map_err(|e| self.input_error(input, e))?;
+            if sample.time > self.dynamics.wind.sampled_until().max(start) {
+                self.dynamics.wind.push(sample).map_err(|e| self.input_error(input, e))?;
             }
         }
         Ok(())

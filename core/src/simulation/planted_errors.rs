@@ -68,11 +68,11 @@ fn swung(steps_per_second: u32, planted: Planted) -> Vec<Vec3> {
     let mut simulation =
         Simulation::new(scene, &FrameInput::to_frame(0)).unwrap_or_else(|problems| panic!("{problems}"));
     let wrong = |force| Box::new(Wrong { force, planted, before: Vec::new(), first_solve: true }) as Box<dyn Force>;
-    for forces in &mut simulation.forces {
+    for forces in &mut simulation.dynamics.forces {
         *forces = std::mem::take(forces).into_iter().map(wrong).collect();
     }
     // A push that stretches, shears and bends it.
-    for (i, v) in simulation.state.v.iter_mut().enumerate() {
+    for (i, v) in simulation.cloth.state.v.iter_mut().enumerate() {
         let i = i as f64;
         *v = Vec3::new((0.7 * i).sin(), (1.3 * i).cos(), (2.1 * i).sin());
     }
@@ -80,7 +80,7 @@ fn swung(steps_per_second: u32, planted: Planted) -> Vec<Vec3> {
         let summary = simulation.advance(&FrameInput::to_frame(frame)).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(summary.steps, 1, "the step is the frame: otherwise the slope means nothing");
     }
-    simulation.state.x.clone()
+    simulation.cloth.state.x.clone()
 }
 
 /// Slope of log(error) over log(dt) at four step lengths.

@@ -17,6 +17,7 @@ use crate::contact::self_contact::Ending;
 use crate::error::StepError;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
+use crate::step::{Cloth, Dynamics};
 
 /// Most halvings of the time step.
 const HALVINGS: u32 = 6;
@@ -206,9 +207,9 @@ impl Simulation {
     }
 
     /// Before a collision step: keeps the state, unless self-contact does.
-    pub(super) fn keep_state(&mut self) {
-        let Self { care, state, self_contact, .. } = self;
-        if self_contact.as_ref().is_some_and(|contact| contact.keeps_free()) {
+    pub(super) fn keep_collision_free_state(&mut self) {
+        let Self { care, cloth: Cloth { state, .. }, contacts, .. } = self;
+        if contacts.cloth.as_ref().is_some_and(|contact| contact.keeps_free()) {
             return;
         }
         let kept = care.start.get_or_insert_with(|| State { x: Vec::new(), v: Vec::new(), time: 0.0 });
@@ -219,8 +220,8 @@ impl Simulation {
 
     /// The largest rate of strain of the state [1/s].
     pub(super) fn rate_of_strain(&mut self) -> f64 {
-        let Self { scene, limit, forces, state, self_contact, .. } = self;
-        let share = self_contact.as_ref().map_or(1.0, |contact| contact.step_share());
+        let Self { scene, limit, dynamics: Dynamics { forces, .. }, cloth: Cloth { state, .. }, contacts, .. } = self;
+        let share = contacts.cloth.as_ref().map_or(1.0, |contact| contact.step_share());
         limit.rate(&scene.description().solver, scene.parts(), forces, (&state.x, &state.v), share)
     }
 
@@ -249,7 +250,7 @@ impl Simulation {
             care.halved = 0;
             care.concerned.clear();
             care.held = None;
-            if let Some(contact) = &mut self.self_contact {
+            if let Some(contact) = &mut self.contacts.cloth {
                 contact.set_effort(Effort::Usual, Vec::new());
             }
         }
@@ -266,14 +267,14 @@ impl Simulation {
     /// # Errors
     /// Nothing is left to try; the state is the last good one.
     pub(super) fn recover(&mut self, trouble: Trouble, frame: i64) -> Result<bool, StepError> {
-        let contact = self.self_contact.as_ref();
+        let contact = self.contacts.cloth.as_ref();
         let [collides, repels] = [contact.is_some_and(|c| c.keeps_free()), contact.is_some_and(|c| c.repels())];
         let next = self.care.next(trouble, [collides, repels]);
         let (garment, vertices) = self.blame(trouble);
         let Some(rung) = next else {
             let Trouble::NotFinite(stage) = trouble else { return Ok(false) };
             let vertex = vertices.first().map_or(0, |vertex| *vertex as usize);
-            let (time, dt) = (self.state.time, self.care.dt);
+            let (time, dt) = (self.cloth.state.time, self.care.dt);
             self.take_back();
             return Err(StepError::NotFinite { garment, vertex, frame, time, stage, dt });
         };
@@ -283,7 +284,7 @@ impl Simulation {
             self.take_back();
         }
         if self.care.events.len() < KEPT {
-            let (time, trouble, rung) = (self.state.time, trouble.word(), rung.count());
+            let (time, trouble, rung) = (self.cloth.state.time, trouble.word(), rung.count());
             self.care.events.push(Recovery { frame, time, trouble, rung, garment, vertices });
         }
         if rung == Rung::Accepted {
@@ -295,7 +296,7 @@ impl Simulation {
 
     /// Makes the next attempt as the rung says.
     fn climb(&mut self, rung: Rung) {
-        let Self { scene, care, self_contact, .. } = self;
+        let Self { scene, care, contacts, .. } = self;
         care.rung = Some(rung);
         if rung == Rung::Shorter {
             (care.halvings, care.halved, care.calm) = (care.halvings + 1, care.halved + 1, 0);
@@ -307,7 +308,7 @@ impl Simulation {
                 |i: &usize| scene.inert().is_some_and(|inert| inert.binary_search(&(*i as u32)).is_ok());
             care.held = Some(parts.own().filter(|i| is_held(i) || takes_no_part(i)).map(|i| i as u32).collect());
         }
-        if let Some(contact) = self_contact {
+        if let Some(contact) = &mut contacts.cloth {
             let effort = match rung {
                 Rung::Shorter | Rung::Tighter => Effort::Usual,
                 Rung::MoreAttempts => Effort::MoreAttempts,
@@ -321,9 +322,9 @@ impl Simulation {
     /// Puts everything back to the start of the collision step.
     pub(super) fn take_back(&mut self) {
         if let Some(start) = self.care.start.as_ref() {
-            self.state.x.clone_from(&start.x);
-            self.state.v.clone_from(&start.v);
-            self.state.time = start.time;
+            self.cloth.state.x.clone_from(&start.x);
+            self.cloth.state.v.clone_from(&start.v);
+            self.cloth.state.time = start.time;
         }
         self.rewind();
         self.limit.forget_rate();
@@ -335,10 +336,10 @@ impl Simulation {
         let parts = scene.parts();
         let own: Vec<u32> = match trouble {
             Trouble::NotFinite(_) => {
-                let found = self.scratch.not_finite(parts.own(), &self.state);
+                let found = self.cloth.scratch.not_finite(parts.own(), &self.cloth.state);
                 found.into_iter().map(|i| parts.number(i)).collect()
             }
-            Trouble::Stopped => self.self_contact.as_ref().map_or_else(Vec::new, |c| c.stopped_vertices().to_vec()),
+            Trouble::Stopped => self.contacts.cloth.as_ref().map_or_else(Vec::new, |c| c.stopped_vertices().to_vec()),
             Trouble::Wild | Trouble::Diverged => Vec::new(),
         };
         let mut all = ranks.all_gather_each(&own).concat();

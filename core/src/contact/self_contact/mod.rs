@@ -24,7 +24,6 @@ use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::pins::{HardPins, PinTargets};
 use crate::scene::Scene;
 use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::{Field, Remembered, SectionId};
@@ -174,25 +173,19 @@ impl SelfContact {
         self.geometric.as_ref().is_some_and(|g| g.after_position)
     }
 
-    /// Notes which vertices are held during the coming step.
-    pub fn set_held(&mut self, masses: &[f64], pins: Option<&HardPins>, targets: &PinTargets) {
-        let Some(pins) = pins else { return };
+    /// Takes the inverse masses of pinned own vertices in the coming step, from those of all local vertices [1/kg]. All ranks
+    /// call it together.
+    pub fn set_mobility(&mut self, pinned: impl Iterator<Item = usize> + Clone, of_vertices: &[Vec3]) {
         let Self { surface, mobility, .. } = self;
         let place = surface.place();
         let shift = surface.nodes().own().start;
         let own = |vertex: usize| place.contains(&vertex).then(|| vertex - place.start + shift);
         surface.change_mobility(|all| {
-            for (vertex, node) in pins.axes().filter_map(|(vertex, ..)| Some((vertex, own(vertex)?))) {
-                all[node] = Vec3::repeat(1.0 / masses[vertex]);
-            }
-            for (vertex, target, axes) in pins.axes() {
-                if let Some(node) = own(vertex).filter(|_| targets.is_active(target)) {
-                    (0..3).filter(|axis| axes[*axis]).for_each(|axis| all[node][axis] = 0.0);
-                }
+            for (vertex, node) in pinned.clone().filter_map(|vertex| Some((vertex, own(vertex)?))) {
+                all[node] = of_vertices[vertex];
             }
         });
-        let pinned = pins.axes().filter_map(|(vertex, ..)| own(vertex));
-        for node in pinned.chain(surface.nodes().ghost_places()) {
+        for node in pinned.filter_map(own).chain(surface.nodes().ghost_places()) {
             mobility[node] = surface.mobility()[node].max();
         }
     }

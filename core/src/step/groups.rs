@@ -1,0 +1,205 @@
+//! What a time step works with, in groups: the cloth, what acts on it, what is prescribed, and what it touches.
+
+use rayon::prelude::*;
+
+use crate::Vec3;
+use crate::contact::bodies::collision::BodyCollision;
+use crate::contact::bodies::{Bodies, Samples};
+use crate::contact::self_contact::SelfContact;
+use crate::effects::force::VelocityFilter;
+use crate::parallel::for_each_part::PerVertex;
+use crate::parallel::parts::Parts;
+use crate::pins::{HardPins, Mobility, PinTargets};
+use crate::scene::{BodyFriction, Integrator};
+use crate::solve::conjugate_gradient::ConjugateGradient;
+use crate::solve::implicit_velocity::PartForces;
+use crate::state::State;
+use crate::volumes::Volumes;
+use crate::wind_grid::WindGrid;
+
+/// The cloth of a rank.
+pub struct Cloth {
+    /// Positions and velocities of the local vertices; ghosts are those of their owners before and after a step.
+    pub state: State,
+    /// Arrays that a step writes and the next one overwrites.
+    pub scratch: Scratch,
+}
+
+/// What acts on the cloth.
+pub struct Dynamics {
+    /// Forces of every part.
+    pub forces: PartForces,
+    /// Which own parts need vertices of other ranks.
+    pub reaches_ghosts: Vec<bool>,
+    /// What changes velocities between the solves.
+    pub filters: Vec<Box<dyn VelocityFilter>>,
+    /// Volumes that forces look at.
+    pub volumes: Volumes,
+    /// The wind of a file.
+    pub wind: WindGrid,
+}
+
+/// Whose motion is given.
+pub struct Prescribed {
+    /// The bodies.
+    pub bodies: Bodies,
+    /// Animated positions that pins follow.
+    pub tracks: Vec<Samples>,
+    /// Hard pins, if the scene has any.
+    pub pins: Option<HardPins>,
+    /// Where pinned vertices have to be.
+    pub targets: PinTargets,
+    /// Inverse masses as hard pins leave them in the present step.
+    pub mobility: Mobility,
+}
+
+impl Prescribed {
+    /// Gives pinned components their prescribed velocity.
+    pub(super) fn impose(&self, parts: &Parts, v: &mut [Vec3]) {
+        if let Some(pins) = &self.pins {
+            parts.for_each(PerVertex(&mut v[parts.own()]), &|part, v| {
+                pins.set_velocities(part, parts.ranges()[part].start, &self.targets, v.0);
+            });
+        }
+    }
+}
+
+/// What the cloth touches.
+pub struct Contacts {
+    /// Bodies, if the scene has any.
+    pub bodies: Option<BodyCollision>,
+    /// Cloth, if the scene asks for it.
+    pub cloth: Option<SelfContact>,
+}
+
+/// Variants of the method, to compare with (`docs/theory/variants.md`): chosen once for a simulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Variants {
+    /// How elastic forces enter both solves.
+    pub integrator: Integrator,
+    /// Where in the step friction with bodies acts.
+    pub body_friction: BodyFriction,
+    /// Whether self-repulsion acts in B.2 and B.8, as in the paper, and not once per collision step, if it acts at all.
+    pub repels_in_steps: bool,
+    /// Whether C comes after the position half of every step, as in the authors' later code, and not after K steps.
+    pub collides_after_position: bool,
+}
+
+impl Variants {
+    /// The variants of a scene with these settings and contacts.
+    pub fn of(integrator: Integrator, body_friction: BodyFriction, contacts: &Contacts) -> Self {
+        let cloth = contacts.cloth.as_ref();
+        Self {
+            integrator,
+            body_friction,
+            repels_in_steps: cloth.is_some_and(SelfContact::repels),
+            collides_after_position: cloth.is_some_and(SelfContact::collides_after_position),
+        }
+    }
+}
+
+/// Vertices that one task of a plain vector update works on.
+pub(super) const CHUNK: usize = 4096;
+
+/// Arrays that a step writes and the next one overwrites; never saved.
+#[derive(Debug)]
+pub struct Scratch {
+    /// v½ [m/s].
+    pub(super) v_half: Vec<Vec3>,
+    /// v* [m/s]; empty where nothing between B.3 and B.5 changes velocities, so that it is v.
+    pub(super) v_star: Vec<Vec3>,
+    /// x' [m].
+    pub(super) x_new: Vec<Vec3>,
+    /// (x + x')/2 [m].
+    pub(super) x_middle: Vec<Vec3>,
+    /// The explicit part of a solve, v + dt/2 · M⁻¹F [m/s].
+    pub(super) explicit: Vec<Vec3>,
+    /// Velocities that forces see in B.5 [m/s]; empty if none looks.
+    pub(super) v_seen: Vec<Vec3>,
+    pub(super) cg: ConjugateGradient,
+}
+
+impl Scratch {
+    /// Arrays for the local vertices; `with_v_star` if contact changes velocities between B.3 and B.5, `with_v_seen` if forces
+    /// look at velocities.
+    pub fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool) -> Self {
+        let vertices = vec![Vec3::zeros(); parts.local_count()];
+        let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };
+        let (v_star, v_seen) = (only_if(with_v_star), only_if(with_v_seen));
+        Self {
+            v_half: vertices.clone(),
+            v_star,
+            x_new: vertices.clone(),
+            x_middle: vertices.clone(),
+            explicit: vertices,
+            v_seen,
+            cg: ConjugateGradient::new(parts),
+        }
+    }
+
+    /// Own vertices at which a step that has gone wrong left numbers that are not finite, ascending: those that forces or the
+    /// state itself spoil, or, if there are none, those that the solve has spread it to.
+    pub(crate) fn not_finite(&self, own: std::ops::Range<usize>, state: &State) -> Vec<usize> {
+        let is_finite = |v: &Vec3| v.iter().all(|c| c.is_finite());
+        let spoilt = |i: &usize| ![&self.explicit[*i], &state.x[*i], &state.v[*i]].into_iter().all(is_finite);
+        let found: Vec<usize> = own.clone().filter(spoilt).collect();
+        if found.is_empty() { own.filter(|i| !is_finite(&self.v_half[*i])).collect() } else { found }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>() + self.cg.bytes()
+    }
+
+    /// B.3: x' = x + dt · v½, and v* = v.
+    pub(super) fn set_positions(&mut self, state: &State, dt: f64) {
+        if !self.v_star.is_empty() {
+            copy(&mut self.v_star, &state.v);
+        }
+        let chunks = self.x_new.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK));
+        chunks.zip(self.v_half.par_chunks(CHUNK)).for_each(|((x_new, x), v)| {
+            for ((x_new, x), v) in x_new.iter_mut().zip(x).zip(v) {
+                *x_new = x + v * dt;
+            }
+        });
+    }
+
+    /// The positions of B.5: (x + x')/2.
+    pub(super) fn set_middle(&mut self, state: &State) {
+        let chunks = self.x_middle.par_chunks_mut(CHUNK).zip(state.x.par_chunks(CHUNK));
+        chunks.zip(self.x_new.par_chunks(CHUNK)).for_each(|((middle, x), x_new)| {
+            for ((middle, x), x_new) in middle.iter_mut().zip(x).zip(x_new) {
+                *middle = (x + x_new) * 0.5;
+            }
+        });
+    }
+
+    /// The velocity at the middle as B.1 to B.4 predict it, for forces that look at velocities: v½, and what bodies changed at
+    /// the start.
+    pub(super) fn predict_velocity(&mut self, parts: &Parts, v: &[Vec3]) {
+        let Self { v_half, v_star, v_seen, .. } = self;
+        if !v_seen.is_empty() {
+            v_seen.copy_from_slice(v_half);
+            v_seen.iter_mut().zip(v_star.iter().zip(v)).for_each(|(seen, (v_star, v))| *seen += v_star - v);
+            parts.halo().refresh(parts.ranks(), v_seen);
+        }
+    }
+
+    /// B.6: v' = 2 v½ − v*; `v` is v before and v' after.
+    pub(super) fn extrapolate(&self, v: &mut [Vec3]) {
+        let halves = v.par_chunks_mut(CHUNK).zip(self.v_half.par_chunks(CHUNK));
+        if self.v_star.is_empty() {
+            halves.for_each(|(v, half)| v.iter_mut().zip(half).for_each(|(v, half)| *v = half * 2.0 - *v));
+        } else {
+            halves.zip(self.v_star.par_chunks(CHUNK)).for_each(|((v, half), v_star)| {
+                for ((v, half), v_star) in v.iter_mut().zip(half).zip(v_star) {
+                    *v = half * 2.0 - v_star;
+                }
+            });
+        }
+    }
+}
+
+fn copy(to: &mut [Vec3], from: &[Vec3]) {
+    to.par_chunks_mut(CHUNK).zip(from.par_chunks(CHUNK)).for_each(|(to, from)| to.copy_from_slice(from));
+}

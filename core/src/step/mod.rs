@@ -1,0 +1,389 @@
+//! One time step, line by line as in the paper (`docs/theory/step.md`).
+//!
+//! ```text
+//! A    self-contact: remember the collision-free state, find pairs near it and their sides      (every K steps)
+//! B.1  v½  =  v + dt/2 · a(x, v½)                        backward Euler on damping
+//! B.2  v½  ←  self-repulsion, strain limit
+//! B.3  x'  =  x + dt · v½,  v* = v
+//! B.4  x', v*  ←  body collision, pins
+//! B.5  v½  =  v* + dt/2 · a((x + x')/2, v½)              contact normals constrained, then the projection is undone
+//! B.6  v'  =  2 v½ − v*
+//! B.7  v'  ←  body friction with the full load
+//! B.8  v'  ←  self-repulsion without springs, B.7 for what it lays on bodies, strain limit
+//! C    resolve what collides between the remembered positions and x'                            (every K steps)
+//! ```
+//!
+//! [`Step::LISTING`] has a line for each of B.1 to B.8; A and C are around the steps, in `crate::simulation`.
+
+mod groups;
+
+pub use groups::{Cloth, Contacts, Dynamics, Prescribed, Scratch, Variants};
+
+use crate::Vec3;
+use crate::clock::Watch;
+use crate::contact::bodies::collision::{BodyCollision, CollisionStep};
+use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::effects::force::{FilterStep, Purpose, Surroundings};
+use crate::metrics::Metrics;
+use crate::parallel::for_each_part::PerVertex;
+use crate::parallel::parts::Parts;
+use crate::pins::BEHIND as PINS_BEHIND;
+use crate::scene::{BodyFriction, Integrator};
+use crate::solve::conjugate_gradient::{Outcome, Stop};
+use crate::solve::implicit_velocity::VelocityProblem;
+use crate::volumes::Volumes;
+use crate::wind_grid::WindGrid;
+
+/// A step: what it works with, and how.
+pub struct Step<'a> {
+    /// The split of the vertices.
+    pub parts: &'a Parts,
+    /// Masses of the local vertices [kg].
+    pub masses: &'a [f64],
+    /// The cloth, which it moves.
+    pub cloth: &'a mut Cloth,
+    /// What acts on it.
+    pub dynamics: &'a mut Dynamics,
+    /// Whose motion is given.
+    pub prescribed: &'a mut Prescribed,
+    /// What the cloth touches.
+    pub contacts: &'a mut Contacts,
+    /// Seconds and counts.
+    pub metrics: &'a mut Metrics,
+    /// How it is made.
+    pub settings: StepSettings<'a>,
+    /// What it has come to so far.
+    pub report: StepReport,
+}
+
+/// How a step is made.
+#[derive(Debug, Clone, Copy)]
+pub struct StepSettings<'a> {
+    /// Its length [s].
+    pub dt: f64,
+    /// How far vertices that are behind their pins, or too deep in bodies, are put right.
+    pub catch_up: CatchUp,
+    /// When the damping solves stop.
+    pub stop: Stop,
+    /// Own vertices that stay where they are, ascending, if any rank has such.
+    pub held: Option<&'a [u32]>,
+    /// Variants of the method.
+    pub variants: Variants,
+}
+
+/// What a step reports.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct StepReport {
+    /// Iterations of both solves.
+    pub cg_iterations: usize,
+    /// Line at which a number stopped being finite; the rest of the step was not made.
+    pub not_finite: Option<&'static str>,
+    /// Whether a solve ended much farther from its solution than it began.
+    pub diverged: bool,
+}
+
+/// Which vertices B.7 concerns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pressed {
+    ByAnything,
+    /// Those alone that B.8 has pressed against bodies.
+    ByRepulsion,
+}
+
+/// What both solves of a step have in common.
+#[derive(Clone, Copy)]
+struct Solves<'a> {
+    parts: &'a Parts,
+    masses: &'a [f64],
+    settings: StepSettings<'a>,
+    /// Start of the step [s].
+    time: f64,
+}
+
+/// When and where forces are evaluated in a solve, and what they see there.
+struct Evaluation<'a> {
+    /// As a fraction of the step.
+    fraction: f64,
+    /// Positions and velocities of the local vertices [m], [m/s].
+    x: &'a [Vec3],
+    v: &'a [Vec3],
+    prescribed: &'a Prescribed,
+    volumes: &'a Volumes,
+    wind: &'a WindGrid,
+    reaches_ghosts: &'a [bool],
+    contacts: Option<&'a BodyCollision>,
+}
+
+impl<'a> Solves<'a> {
+    fn at<'b>(&self, at: Evaluation<'b>) -> VelocityProblem<'b>
+    where
+        'a: 'b,
+    {
+        let Evaluation { fraction, x, v, prescribed, volumes, wind, reaches_ghosts, contacts } = at;
+        let StepSettings { dt, stop, held, variants, .. } = self.settings;
+        VelocityProblem {
+            parts: self.parts,
+            masses: self.masses,
+            around: Surroundings { time: self.time + fraction * dt, targets: &prescribed.targets, v, wind, volumes },
+            pins: prescribed.pins.as_ref(),
+            contacts,
+            half_step: 0.5 * dt,
+            x,
+            fraction,
+            reaches_ghosts,
+            stop,
+            implicit_over: (variants.integrator == Integrator::Implicit).then_some(dt),
+            held: held.unwrap_or_default(),
+        }
+    }
+}
+
+impl StepReport {
+    /// Counts a solve.
+    fn add(&mut self, outcome: Outcome, line: &'static str, parts: &Parts, metrics: &mut Metrics) {
+        self.cg_iterations += outcome.iterations;
+        metrics.count_once(parts.ranks(), "cg_iterations", outcome.iterations as u64);
+        metrics.count_once(parts.ranks(), "cg_short", u64::from(!outcome.converged));
+        self.diverged |= outcome.worse;
+        if !outcome.finite {
+            self.not_finite = self.not_finite.or(Some(line));
+        }
+    }
+}
+
+impl<'a> Step<'a> {
+    /// The step as in the paper: a line, and what it does. What only a variant of the method does says so in its name.
+    pub const LISTING: [(&'static str, fn(&mut Self)); 12] = [
+        ("B.1", Self::half_velocity),
+        ("B.2", Self::repel_half_velocity),
+        ("B.2", Self::limit_half_strain),
+        ("B.3", Self::positions),
+        ("B.4", Self::collide_with_bodies),
+        ("C", Self::collide_after_position_variant),
+        ("B.5", Self::middle_velocity),
+        ("B.6", Self::extrapolate),
+        ("B.7", Self::rub_on_bodies),
+        ("B.8", Self::repel_final_velocity),
+        ("B.8", Self::limit_final_strain),
+        ("end", Self::end),
+    ];
+
+    /// Makes the step: the state goes on by its length.
+    pub fn advance(mut self) -> StepReport {
+        self.prescribe();
+        for (_, line) in Self::LISTING {
+            line(&mut self);
+            if self.report.not_finite.is_some() {
+                break;
+            }
+        }
+        self.report
+    }
+
+    fn solves(&self) -> Solves<'a> {
+        Solves { parts: self.parts, masses: self.masses, settings: self.settings, time: self.cloth.state.time }
+    }
+
+    /// Puts bodies and pin targets at both ends of the step, and stops what is held.
+    fn prescribe(&mut self) {
+        let Self { parts, masses, cloth, dynamics, prescribed, contacts, metrics, settings, .. } = self;
+        let (x, v, time) = (&cloth.state.x, &mut cloth.state.v, cloth.state.time);
+        let Prescribed { bodies, tracks, pins, targets, mobility } = &mut **prescribed;
+        if !(bodies.list().is_empty() && pins.is_none() && targets.is_empty()) {
+            metrics.stage("bodies and pins", |_| {
+                bodies.set_step(time, time + settings.dt);
+                targets.set_step(bodies, tracks, x, (time, time + settings.dt));
+                let Some(pins) = pins else { return };
+                if let Some(collision) = &mut contacts.bodies {
+                    collision.set_held(pins.fully_held().map(|(vertex, target)| (vertex, targets.is_active(target))));
+                }
+                mobility.set_step(masses, pins, targets);
+                if let Some(contact) = &mut contacts.cloth {
+                    contact.set_mobility(pins.vertices(), mobility.of_vertices());
+                }
+                if !dynamics.filters.is_empty() {
+                    mobility.update_ghosts(parts);
+                }
+            });
+        }
+        if let Some(held) = settings.held {
+            held.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
+            parts.halo().refresh(parts.ranks(), v);
+        }
+    }
+
+    /// B.1: v½ from x and v.
+    fn half_velocity(&mut self) {
+        let solves = self.solves();
+        let Self { parts, cloth, dynamics, prescribed, metrics, report, .. } = self;
+        let (state, Scratch { v_half, explicit, cg, .. }) = (&cloth.state, &mut cloth.scratch);
+        let Dynamics { forces, volumes, wind, reaches_ghosts, .. } = &mut **dynamics;
+        metrics.stage("B.1 velocity", |m| {
+            volumes.update(parts, &state.x);
+            let (x, v) = (&state.x[..], &state.v[..]);
+            let at = Evaluation { fraction: 0.0, x, v, prescribed, volumes, wind, reaches_ghosts, contacts: None };
+            let problem = solves.at(at);
+            let outcome = problem.solve(forces, cg, &state.v, explicit, v_half);
+            report.add(outcome, "B.1", parts, m);
+        });
+    }
+
+    /// B.2: self-repulsion.
+    fn repel_half_velocity(&mut self) {
+        let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
+        let (x, v_half) = (&cloth.state.x, &mut cloth.scratch.v_half);
+        if let Some(contact) = contacts.cloth.as_mut().filter(|_| settings.variants.repels_in_steps) {
+            metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(settings.dt, x, v_half, m));
+            prescribed.impose(parts, v_half);
+        }
+    }
+
+    /// B.2, after self-repulsion: the end positions keep the limit.
+    fn limit_half_strain(&mut self) {
+        let Self { parts, cloth, dynamics, prescribed, metrics, settings, .. } = self;
+        let (mobility, purpose) = (prescribed.mobility.of_vertices(), Purpose::Positions);
+        let step = FilterStep { parts, mobility, x: &cloth.state.x, dt: settings.dt, purpose };
+        for filter in &mut dynamics.filters {
+            metrics.stage(filter.stages()[0], |m| filter.apply(&step, &mut cloth.scratch.v_half, m));
+        }
+    }
+
+    /// B.3: x' from x and v½, and v* = v.
+    fn positions(&mut self) {
+        let Self { cloth, metrics, settings, .. } = self;
+        metrics.stage("B.3 positions", |_| cloth.scratch.set_positions(&cloth.state, settings.dt));
+    }
+
+    /// B.4: x' and v* outside the bodies, and x' where pins prescribe it.
+    fn collide_with_bodies(&mut self) {
+        let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
+        let (state, Scratch { v_half, v_star, x_new, .. }) = (&cloth.state, &mut cloth.scratch);
+        let Prescribed { bodies, pins, targets, .. } = &**prescribed;
+        let catch_up = settings.catch_up;
+        if let Some(collision) = &mut contacts.bodies {
+            metrics.stage("B.4 body collision", |m| {
+                let own = parts.own();
+                let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own.clone()]);
+                let step = CollisionStep { bodies, dt: settings.dt, catch_up, x, v, v_half };
+                collision.positions(&step, &mut x_new[own.clone()], &mut v_star[own], m);
+            });
+        }
+        if let Some(pins) = pins {
+            metrics.count(PINS_BEHIND, pins.behind(targets, catch_up, &state.x));
+            parts.for_each(PerVertex(&mut x_new[parts.own()]), &|part, x_new| {
+                let range = parts.ranges()[part].clone();
+                pins.set_positions(part, range.start, targets, catch_up, (&state.x[range], x_new.0));
+            });
+        }
+        parts.halo().refresh(parts.ranks(), x_new);
+    }
+
+    /// C between B.4 and B.5, as in the authors' later code: the second solve sees the corrected positions.
+    fn collide_after_position_variant(&mut self) {
+        let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
+        let Contacts { bodies: collision, cloth: contact } = &mut **contacts;
+        let Some(contact) = contact.as_mut().filter(|_| settings.variants.collides_after_position) else { return };
+        let Scratch { v_star, x_new, .. } = &mut cloth.scratch;
+        metrics.stage("C collisions", |m| {
+            let mut moved = |vertex, way| {
+                if let Some(collision) = collision {
+                    collision.moved(vertex, way);
+                }
+            };
+            if contact.repels_per_collision_step() {
+                contact.repel_interval((&mut x_new[..], &mut v_star[..]), settings.dt, m, &mut moved);
+            }
+            let ends = (&mut x_new[..], &mut v_star[..]);
+            contact.end_interval(ends, &prescribed.bodies, settings.dt, false, m, &mut moved);
+            parts.halo().refresh(parts.ranks(), x_new);
+            parts.halo().refresh(parts.ranks(), v_star);
+        });
+    }
+
+    /// B.5: v½ from v* and the forces at the middle.
+    fn middle_velocity(&mut self) {
+        let solves = self.solves();
+        let Self { parts, cloth, dynamics, prescribed, contacts, metrics, report, .. } = self;
+        let (state, scratch) = (&mut cloth.state, &mut cloth.scratch);
+        let Dynamics { forces, volumes, wind, reaches_ghosts, .. } = &mut **dynamics;
+        metrics.stage("B.5 velocity", |m| {
+            scratch.set_middle(state);
+            volumes.update(parts, &scratch.x_middle);
+            scratch.predict_velocity(parts, &state.v);
+            let Scratch { v_half, v_star, x_middle, explicit, v_seen, cg, .. } = scratch;
+            let v_start: &[Vec3] = if v_star.is_empty() { &state.v } else { v_star };
+            let (contacts, x) = (contacts.bodies.as_ref(), &x_middle[..]);
+            let at = Evaluation { fraction: 0.5, x, v: v_seen, prescribed, volumes, wind, reaches_ghosts, contacts };
+            let problem = solves.at(at);
+            let outcome = problem.solve(forces, cg, v_start, explicit, v_half);
+            report.add(outcome, "B.5", parts, m);
+            if let Some(contacts) = contacts {
+                // v is not needed any more: B.6 goes on from v*.
+                problem.undo_projection(contacts, forces, explicit, v_half, &mut state.v);
+                std::mem::swap(&mut state.v, v_half);
+            }
+        });
+    }
+
+    /// B.6: v' from v½ and v*; the state is at its end.
+    fn extrapolate(&mut self) {
+        let Cloth { state, scratch } = &mut *self.cloth;
+        let watch = Watch::start();
+        scratch.extrapolate(&mut state.v);
+        std::mem::swap(&mut state.x, &mut scratch.x_new);
+        // One call of the stage that B.5 has begun.
+        self.metrics.add_time("B.5 velocity".into(), watch.seconds(), 0);
+    }
+
+    /// B.7, and the prescribed velocities.
+    fn rub_on_bodies(&mut self) {
+        self.rub(Pressed::ByAnything);
+    }
+
+    /// B.8: self-repulsion without springs, and B.7 for the vertices that it has pressed against bodies.
+    fn repel_final_velocity(&mut self) {
+        let Self { cloth, contacts, metrics, settings, .. } = self;
+        let Contacts { bodies, cloth: contact } = &mut **contacts;
+        if let Some(contact) = contact.as_mut().filter(|_| settings.variants.repels_in_steps) {
+            let state = &mut cloth.state;
+            metrics.stage("B.8 self-repulsion", |m| {
+                contact.final_velocity(settings.dt, &state.x, &mut state.v, bodies.as_ref(), m);
+            });
+            self.rub(Pressed::ByRepulsion);
+        }
+    }
+
+    /// B.8, after self-repulsion: edges at their limit do not go on stretching.
+    fn limit_final_strain(&mut self) {
+        let Self { parts, cloth, dynamics, prescribed, metrics, settings, .. } = self;
+        let (mobility, purpose) = (prescribed.mobility.of_vertices(), Purpose::Motion);
+        let step = FilterStep { parts, mobility, x: &cloth.state.x, dt: settings.dt, purpose };
+        for filter in &mut dynamics.filters {
+            metrics.stage(filter.stages()[1], |m| filter.apply(&step, &mut cloth.state.v, m));
+        }
+    }
+
+    /// The state at the end of the step, ghosts included.
+    fn end(&mut self) {
+        let state = &mut self.cloth.state;
+        self.parts.halo().refresh(self.parts.ranks(), &mut state.v);
+        state.time += self.settings.dt;
+    }
+
+    /// Friction with bodies, with the full load, of all vertices or of those that repulsion has pressed against bodies.
+    fn rub(&mut self, which: Pressed) {
+        let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
+        let v = &mut cloth.state.v;
+        // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
+        prescribed.impose(parts, v);
+        if let Some(collision) = &contacts.bodies {
+            let rubs = settings.variants.body_friction == BodyFriction::WholeStep;
+            let contact = contacts.cloth.as_ref().filter(|_| which == Pressed::ByRepulsion);
+            let concerns = |vertex| contact.is_none_or(|contact| contact.is_pressed(vertex));
+            metrics.stage("B.7 body friction", |_| {
+                collision.final_velocity((&prescribed.bodies, settings.dt, rubs), &concerns, &mut v[parts.own()]);
+            });
+            prescribed.impose(parts, v);
+        }
+    }
+}
