@@ -54,7 +54,8 @@ fuzz: setup ## fuzz every reader, SECONDS_EACH (600) seconds each; TARGETS="obj 
 
 .PHONY: bench
 bench: setup ## benches of the solver's parts
-	cargo bench --package drapery-core
+	@cp Cargo.lock core/benches/Cargo.lock
+	cargo bench --manifest-path core/benches/Cargo.toml --target-dir $(TARGET)
 
 .PHONY: measure
 measure: build ## what self-contact costs, on the spinning ball and the twister; writes docs/self-contact.md
@@ -63,10 +64,6 @@ measure: build ## what self-contact costs, on the spinning ball and the twister;
 .PHONY: measure-ranks
 measure-ranks: build ## what many ranks cost and bring, on the spinning ball; writes docs/ranks.md
 	@.ci/measure-ranks $(MEASURE)
-
-.PHONY: measure-sleeping
-measure-sleeping: setup ## what it saves that effects sleep where they have nothing to do; writes a table of docs/effects.md
-	@.venv/bin/python .ci/measure-sleeping $(MEASURE)
 
 .PHONY: accuracy
 accuracy: build ## what repulsion with history, the integrator and friction cost and bring; writes docs/accuracy.md
@@ -80,3 +77,5 @@ study: build ## what accuracy costs in time on the spinning ball and the dressed
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check
 	cargo clippy --release --workspace --all-targets --features drapery/mpi -- -D warnings
+	@cp Cargo.lock core/benches/Cargo.lock
+	cargo clippy --release --manifest-path core/benches/Cargo.toml --target-dir $(TARGET) --all-targets -- -D warnings

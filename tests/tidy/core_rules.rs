@@ -10,17 +10,17 @@ const FORBIDDEN: [(&str, &str); 9] = [
     ("std::net", "the solver talks to nobody"),
     ("println!", "libraries never print"),
     ("print!", "libraries never print"),
-    ("Instant", "only metrics.rs has a clock"),
-    ("SystemTime", "only metrics.rs has a clock"),
+    ("Instant", "only clock.rs has a clock"),
+    ("SystemTime", "only clock.rs has a clock"),
     ("HashMap", "its order is not fixed"),
     ("HashSet", "its order is not fixed"),
 ];
 
 /// The only file with a clock.
-const CLOCK: &str = "core/src/metrics.rs";
+const CLOCK: &str = "core/src/clock.rs";
 
 /// The only file in which bytes of messages become values, or end the run: `pod_collect_to_vec` fills up a broken one.
-const DECODING: (&str, &str) = ("core/src/parallel/wire.rs", "pod_collect_to_vec");
+const DECODING: (&str, &str) = ("core/src/parallel/message.rs", "pod_collect_to_vec");
 
 /// The only files with small numbers.
 const TOLERANCES: [&str; 3] =
@@ -33,8 +33,8 @@ const EXCEPTIONS: [(&str, &str, &str); 7] = [
     ("core/src/settings.rs", "1e-2", "a centimetre"),
     ("core/src/settings.rs", "1e-3", "a millimetre, a gram, a millisecond"),
     ("core/src/settings.rs", "9.80665e-3", "a gram-force in newtons"),
-    ("core/src/scene.rs", "1e-9", "default of the setting solver.min_dt"),
-    ("core/src/simulation/interval.rs", "1e-2", "cap of the automatic setting solver.cg_tolerance"),
+    ("core/src/scene/mod.rs", "1e-9", "default of the setting solver.min_dt"),
+    ("core/src/simulation/collision_step.rs", "1e-2", "cap of the automatic setting solver.cg_tolerance"),
 ];
 
 fn solver_files() -> Vec<SourceFile> {
@@ -63,7 +63,7 @@ fn messages_are_decoded_where_broken_ones_end_the_run() {
     let (place, word) = DECODING;
     let strays = solver_files().into_iter().filter(|f| f.name != place);
     let strays = strays.filter(|f| without_tests(&code_only(&f.text)).contains(word));
-    report(&strays.map(|f| format!("{}: {word}: use parallel::wire::values", f.name)).collect::<Vec<_>>());
+    report(&strays.map(|f| format!("{}: {word}: use parallel::message::values", f.name)).collect::<Vec<_>>());
 }
 
 #[test]
