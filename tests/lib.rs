@@ -1,6 +1,8 @@
 //! Shared pieces of Drapery's tests: small scenes built in code, and the closed-form truths.
 
 pub mod conformance;
+pub mod source_text;
+pub mod structure;
 
 use drapery_core::Vec3;
 use drapery_core::scene::{Scene, SceneDescription};

@@ -30,6 +30,7 @@
 pub mod clock;
 pub mod contact;
 pub mod effects;
+pub(crate) mod elements;
 pub mod error;
 pub mod geometry;
 pub mod mesh;

@@ -7,6 +7,7 @@
 use crate::Vec3;
 use crate::contact::bodies::recovery_speed::CatchUp;
 use crate::effects::force::{Force, PartMotion};
+use crate::effects::stability::longest_stable_step;
 use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::largest;
@@ -55,7 +56,7 @@ impl StepLimit {
         for (range, forces) in parts.ranges().iter().zip(forces) {
             sums.clear();
             sums.resize(range.len(), 0.0);
-            elastic = elastic.min(limit(forces, settings, &masses[range.clone()], &mut sums));
+            elastic = elastic.min(longest_stable_step(forces, settings, &masses[range.clone()], &mut sums));
         }
         let elastic = -parts.ranks().max(-elastic);
         Self { elastic, strain_rates: vec![0.0; parts.count()], rate: None, frame, last: 0.0 }
@@ -77,7 +78,7 @@ impl StepLimit {
     }
 
     /// What the elastic forces and the scene allow [s]; `share` of it.
-    fn longest(&self, settings: &SolverSettings, share: f64) -> f64 {
+    pub(crate) fn longest(&self, settings: &SolverSettings, share: f64) -> f64 {
         let whole = self.elastic.min(settings.max_dt.unwrap_or(f64::INFINITY));
         // Cloth without springs allows any step; a share of it is one of a frame. A share of what is left would never end it.
         if share < 1.0 { share * whole.min(self.frame) } else { whole }
@@ -146,16 +147,6 @@ impl StepLimit {
             Choice { dt: limit, ends_interval: false, limit, by_strain }
         }
     }
-}
-
-/// Longest step that the explicit ones of these forces of a part allow together [s], with the masses of its vertices [kg].
-/// `sums` are zeros, one for each vertex.
-pub(crate) fn limit(forces: &[Box<dyn Force>], settings: &SolverSettings, masses: &[f64], sums: &mut [f64]) -> f64 {
-    let (cfl, implicit) = (settings.cfl, settings.integrator == Integrator::Implicit);
-    let explicit = forces.iter().filter(|f| !(implicit && f.can_be_implicit()));
-    explicit.for_each(|f| f.add_stiffness(sums));
-    let squared = sums.iter().zip(masses).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
-    squared.fold(f64::INFINITY, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt })
 }
 
 #[cfg(test)]

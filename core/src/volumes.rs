@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::part_triangles::{PartTriangles, at_corners};
+use crate::elements::part_triangles::{PartTriangles, at_corners};
 use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
 

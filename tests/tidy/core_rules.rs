@@ -1,7 +1,7 @@
 //! What the solver promises by leaving out: files, environment, prints, clocks, orders of hash maps, stray small numbers.
 
-use crate::source_text::{code_only, small_numbers, without_tests};
 use crate::tree::{SourceFile, report, rust_files};
+use drapery_tests::source_text::{code_only, small_numbers, without_tests};
 
 /// What may not appear in the solver, and why.
 const FORBIDDEN: [(&str, &str); 9] = [

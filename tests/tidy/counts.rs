@@ -3,8 +3,8 @@
 use drapery_core::effects::REGISTRY;
 use drapery_io::shot::quality::LIMITS;
 
-use crate::source_text::without_tests;
 use crate::tree::{report, root, rust_files};
+use drapery_tests::source_text::without_tests;
 
 /// How the page's tables of counts begin.
 const HEAD: &str = "| count | limit | meaning |";

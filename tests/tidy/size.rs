@@ -1,7 +1,7 @@
 //! Lengths of files, functions and lines.
 
-use crate::source_text::{code_only, functions};
 use crate::tree::{report, rust_files};
+use drapery_tests::source_text::{code_only, functions};
 
 const FILE_LINES: usize = 600;
 const FUNCTION_LINES: usize = 80;

@@ -1,7 +1,7 @@
 //! Words that may not appear anywhere: notes to oneself, and places of one machine.
 
-use crate::source_text::code_only;
 use crate::tree::{report, rust_files, text_files};
+use drapery_tests::source_text::code_only;
 
 /// The words in two halves, so that this file does not hold them itself.
 const NOTES: [[&str; 2]; 3] = [["TO", "DO"], ["FIX", "ME"], ["X", "XX"]];

@@ -6,17 +6,16 @@
 pub mod force;
 pub mod registry;
 pub mod spec;
+pub(crate) mod stability;
 
 pub mod attachments;
 pub mod bending;
 pub mod body_collision;
-pub mod corners;
 pub mod cost;
 pub mod dihedral_bending;
 pub mod ether_drag;
 pub mod gravity;
 pub mod membrane;
-pub mod part_triangles;
 pub mod pins;
 pub mod plastic_wrinkles;
 pub mod pressure;

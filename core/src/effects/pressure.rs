@@ -24,9 +24,9 @@
 
 use crate::Vec3;
 use crate::effects::force::{Force, PartView, Surroundings};
-use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
 use crate::mesh::unpaired_edges;
 use crate::parallel::problems::listed;

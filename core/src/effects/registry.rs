@@ -3,10 +3,10 @@
 use crate::effects::force::PartForce;
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need};
+use crate::effects::stability::longest_stable_step;
 use crate::error::{Problem, Problems};
 use crate::scene::Scene;
 use crate::settings::Settings;
-use crate::time_step;
 
 /// Lists all effects, each by its module, an optional one with the feature of the build that brings it.
 macro_rules! effects {
@@ -143,7 +143,7 @@ fn longest_step(scene: &Scene, forces: &[PartForce]) -> f64 {
         let range = ranges[*part].clone();
         sums.clear();
         sums.resize(range.len(), 0.0);
-        time_step::limit(std::slice::from_ref(force), solver, &scene.masses()[range], &mut sums).min(longest)
+        longest_stable_step(std::slice::from_ref(force), solver, &scene.masses()[range], &mut sums).min(longest)
     })
 }
 

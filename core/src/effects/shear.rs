@@ -21,11 +21,11 @@
 #![cfg(feature = "effect-shear")]
 
 use crate::Vec3;
-use crate::effects::corners::{add, by_part, gather, outside, share};
 use crate::effects::force::{Force, PartForce, PartMotion, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::effects::springs::{self, SpringElement};
+use crate::elements::corners::{add, by_part, gather, outside, share};
 use crate::error::Problem;
 use crate::parallel::simd4::Lanes;
 use crate::settings::{Default, Dimension, Field, Settings};

@@ -32,9 +32,9 @@ use std::sync::Arc;
 
 use crate::Vec3;
 use crate::effects::force::{Force, PartMotion, PartView, Surroundings};
-use crate::effects::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
 use crate::geometry::attachment::along_path;
 use crate::parallel::simd4::Lanes;

@@ -48,7 +48,7 @@ impl Simulation {
         let description = self.scene.description();
         let frame = description.timeline.frame_duration();
         let max_dt = description.solver.max_dt.unwrap_or(f64::INFINITY);
-        let longest = self.limit.elastic.min(max_dt);
+        let longest = self.limit.longest(&description.solver, 1.0);
         let stiffest = self.plan.iter().min_by(|a, b| a.longest_step.total_cmp(&b.longest_step));
         let because = match stiffest {
             _ if max_dt <= longest => PlannedSteps::MAX_DT.to_owned(),

@@ -5,7 +5,6 @@
 
 use crate::Vec3;
 use crate::contact::tolerances::RESTING;
-use crate::contact::topology::nodes::ContactNodes;
 
 /// Bodies that can hold a vertex at the same time.
 pub(crate) const HOLDS: usize = 2;
@@ -43,20 +42,4 @@ pub(crate) fn share_borne(supports: &Supports, v: &Vec3, direction: &Vec3) -> f6
     let resting = supports.iter().flatten().filter(|support| support.rests(v));
     let along = resting.map(|support| support.normal.dot(direction).min(0.0).powi(2));
     along.sum::<f64>().min(1.0)
-}
-
-/// Gives ghosts the supports of their owners. All ranks call it together.
-pub(crate) fn tell_ghosts(nodes: &ContactNodes, all: &mut [Supports]) {
-    // Four numbers each; nothing has a normal of zero.
-    let numbers = |support: &Option<Support>| {
-        support.map_or([0.0; 4], |Support { normal, least }| [normal.x, normal.y, normal.z, least])
-    };
-    let mut told: Vec<[[f64; 4]; HOLDS]> = all.iter().map(|supports| supports.each_ref().map(numbers)).collect();
-    nodes.refresh(&mut told);
-    for node in nodes.ghost_places() {
-        all[node] = told[node].map(|[x, y, z, least]| {
-            let normal = Vec3::new(x, y, z);
-            (normal != Vec3::zeros()).then_some(Support { normal, least })
-        });
-    }
 }

@@ -25,6 +25,7 @@ use crate::tolerances::NO_DIRECTION;
 mod active_contact;
 pub(crate) mod atomic_vectors;
 mod colour_halo;
+pub(crate) mod ghost_constraints;
 
 /// Sweeps of the inelastic pass (`docs/theory/self_contact.md#repulsion-with-history`).
 const INELASTIC_SWEEPS: usize = 3;

@@ -3,7 +3,8 @@
 use super::SelfContact;
 use crate::Vec3;
 use crate::contact::bodies::collision::BodyCollision;
-use crate::contact::bodies::constraints::{Supports, tell_ghosts};
+use crate::contact::bodies::constraints::Supports;
+use crate::contact::repulsion::ghost_constraints::tell_ghosts;
 use crate::contact::repulsion::{Moment, Passes};
 use crate::metrics::Metrics;
 

@@ -2,9 +2,11 @@
 //! vertices between them, and the pairs of these.
 //!
 //! Read in this order: [`pair`] (a point and a triangle, or two edges), [`nodes`] (their numbers on this rank and in the
-//! scene), [`faces`], [`cloth_surface`] (what a rank brings in), [`surface`] (all of it).
+//! scene), [`faces`], [`cloth_surface`] (what a rank brings in), [`surface`] (all of it), [`common_rigid_motion`] (what moves
+//! alike brings nothing closer).
 
 pub(crate) mod cloth_surface;
+pub(crate) mod common_rigid_motion;
 pub(crate) mod faces;
 pub(crate) mod nodes;
 pub(crate) mod pair;

@@ -7,8 +7,8 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
-use crate::contact::broad_phase::common_rigid_motion::Samples;
 use crate::contact::topology::cloth_surface::ClothShare;
+use crate::contact::topology::common_rigid_motion::Samples;
 use crate::contact::topology::faces::{Faces, Sides};
 use crate::contact::topology::nodes::{ContactNodes, Renumber};
 use crate::contact::topology::pair::Pair;

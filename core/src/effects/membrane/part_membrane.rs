@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::corners::{add, by_part, gather, outside, share};
 use crate::effects::force::{Force, PartForce, PartMotion, PartView};
 use crate::effects::membrane::TriangleElement;
 use crate::effects::membrane::element::{Frame, Gradients, Moduli, largest_stiffness, rest_edges};
+use crate::elements::corners::{add, by_part, gather, outside, share};
 use crate::parallel::simd4::Lanes;
 use crate::scene::Scene;
 

@@ -1,9 +1,9 @@
 //! The edges of one part under a strain limit. An edge over a border is with both parts, with the same numbers.
 
 use crate::Vec3;
-use crate::effects::corners::by_part;
 use crate::effects::force::Purpose;
 use crate::effects::strain_limit::{Limits, RECOVERY};
+use crate::elements::corners::by_part;
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::tolerances::STRAIN_OVER_LIMIT;

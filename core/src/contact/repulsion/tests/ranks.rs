@@ -1,6 +1,6 @@
 use super::*;
-use crate::contact::bodies::constraints::tell_ghosts;
 use crate::contact::colouring::order::Order;
+use crate::contact::repulsion::ghost_constraints::tell_ghosts;
 use crate::contact::testing::{below, held, on_ranks, random_starts};
 use crate::geometry::testing::Random;
 use crate::parallel::ranks::Ranks;

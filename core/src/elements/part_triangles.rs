@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::corners;
+use crate::elements::corners;
 use crate::parallel::simd4::Lanes;
 use crate::scene::Scene;
 

@@ -1,7 +1,7 @@
 //! Just enough of Rust's grammar to look at code without its comments and texts.
 
 /// The code with comments, texts and characters blanked; every line and column stays where it was.
-pub(crate) fn code_only(text: &str) -> String {
+pub fn code_only(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
     let mut out = String::with_capacity(text.len());
     let mut i = 0;
@@ -62,21 +62,24 @@ fn raw_text(chars: &[char], start: usize) -> Option<usize> {
 }
 
 /// The code before its test module.
-pub(crate) fn without_tests(code: &str) -> &str {
+pub fn without_tests(code: &str) -> &str {
     let module = code.find("#[cfg(test)]\nmod tests");
     module.map_or(code, |end| &code[..end])
 }
 
 /// A function: its name, its first line (from 1) and its number of lines.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Function {
-    pub(crate) name: String,
-    pub(crate) line: usize,
-    pub(crate) lines: usize,
+pub struct Function {
+    /// Its name.
+    pub name: String,
+    /// Its first line, from 1.
+    pub line: usize,
+    /// How many lines it has.
+    pub lines: usize,
 }
 
 /// All functions with a body, of code without comments and texts.
-pub(crate) fn functions(code: &str) -> Vec<Function> {
+pub fn functions(code: &str) -> Vec<Function> {
     let mut found = Vec::new();
     let mut from = 0;
     while let Some(offset) = code[from..].find("fn ") {
@@ -113,7 +116,7 @@ fn end_of_body(code: &str, from: usize) -> Option<usize> {
 }
 
 /// Numbers in code that are written with a negative power of ten, and their lines.
-pub(crate) fn small_numbers(code: &str) -> Vec<(usize, String)> {
+pub fn small_numbers(code: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
     for (number, line) in code.lines().enumerate() {
         for (i, _) in line.match_indices("e-") {
@@ -128,23 +131,29 @@ pub(crate) fn small_numbers(code: &str) -> Vec<(usize, String)> {
     found
 }
 
-#[test]
-fn comments_texts_and_characters_are_blanked_and_lifetimes_are_not() {
-    let code =
-        code_only("let a: &'static str = \"fn b() { // }\"; // fn c\nlet d = '{'; let e = r#\"\"\"#; /* { */ '\\''");
-    assert!(code.contains("&'static str"));
-    assert!(!code.contains("fn") && !code.contains('{'));
-    assert_eq!(code.matches('\n').count(), 1);
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-#[test]
-fn functions_are_measured_and_declarations_are_not() {
-    let code = "trait T { fn a(x: [u8; 3]) -> u8; }\nfn b<'a>() -> [u8; 2] {\n    if x { y }\n}\nfn c() {}\n";
-    let function = |name: &str, line, lines| Function { name: name.into(), line, lines };
-    assert_eq!(functions(code), [function("b", 2, 3), function("c", 5, 1)]);
-}
+    #[test]
+    fn comments_texts_and_characters_are_blanked_and_lifetimes_are_not() {
+        let code = code_only(
+            "let a: &'static str = \"fn b() { // }\"; // fn c\nlet d = '{'; let e = r#\"\"\"#; /* { */ '\\''",
+        );
+        assert!(code.contains("&'static str"));
+        assert!(!code.contains("fn") && !code.contains('{'));
+        assert_eq!(code.matches('\n').count(), 1);
+    }
 
-#[test]
-fn small_numbers_are_found() {
-    assert_eq!(small_numbers("a\nlet x = 1.5e-8 + b; like-this e-7"), [(2, "1.5e-8".to_owned())]);
+    #[test]
+    fn functions_are_measured_and_declarations_are_not() {
+        let code = "trait T { fn a(x: [u8; 3]) -> u8; }\nfn b<'a>() -> [u8; 2] {\n    if x { y }\n}\nfn c() {}\n";
+        let function = |name: &str, line, lines| Function { name: name.into(), line, lines };
+        assert_eq!(functions(code), [function("b", 2, 3), function("c", 5, 1)]);
+    }
+
+    #[test]
+    fn small_numbers_are_found() {
+        assert_eq!(small_numbers("a\nlet x = 1.5e-8 + b; like-this e-7"), [(2, "1.5e-8".to_owned())]);
+    }
 }

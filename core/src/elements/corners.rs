@@ -10,7 +10,7 @@ use crate::parallel::simd4::Lanes;
 
 /// Which elements each own part evaluates, given the corners of each (local vertices): pairs of part and number of the
 /// element, ascending.
-pub(super) fn by_part<const N: usize>(
+pub(crate) fn by_part<const N: usize>(
     parts: &Parts,
     elements: impl ExactSizeIterator<Item = [usize; N]>,
 ) -> Vec<(usize, usize)> {
@@ -25,7 +25,7 @@ pub(super) fn by_part<const N: usize>(
 }
 
 /// Corners that are not in a part, ascending.
-pub(super) fn outside<const N: usize>(part: &Range<usize>, elements: impl Iterator<Item = [u32; N]>) -> Vec<u32> {
+pub(crate) fn outside<const N: usize>(part: &Range<usize>, elements: impl Iterator<Item = [u32; N]>) -> Vec<u32> {
     let mut found: Vec<u32> = elements.flatten().filter(|corner| !part.contains(&(*corner as usize))).collect();
     found.sort_unstable();
     found.dedup();
@@ -34,7 +34,7 @@ pub(super) fn outside<const N: usize>(part: &Range<usize>, elements: impl Iterat
 
 /// Values at the corners of an element: from the part's own, which begin at the vertex `start`, or from those of all vertices.
 #[cfg(any(feature = "effect-membrane", feature = "effect-shear"))]
-pub(super) fn gather<const N: usize>(
+pub(crate) fn gather<const N: usize>(
     start: usize,
     corners: [u32; N],
     own: &[Lanes],
@@ -48,7 +48,7 @@ pub(super) fn gather<const N: usize>(
 }
 
 /// Adds to the corners of an element that are the part's own.
-pub(super) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Lanes; N], own: &mut [Lanes]) {
+pub(crate) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Lanes; N], own: &mut [Lanes]) {
     for (corner, value) in corners.into_iter().zip(values) {
         if let Some(own) = own.get_mut((corner as usize).wrapping_sub(start)) {
             *own += value;
@@ -58,6 +58,6 @@ pub(super) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Lane
 
 /// The share of an element's corners that are a part's own: what the part counts of its energy.
 #[cfg(any(feature = "effect-membrane", feature = "effect-shear"))]
-pub(super) fn share<const N: usize>(part: &Range<usize>, corners: [u32; N]) -> f64 {
+pub(crate) fn share<const N: usize>(part: &Range<usize>, corners: [u32; N]) -> f64 {
     corners.into_iter().filter(|corner| part.contains(&(*corner as usize))).count() as f64 / N as f64
 }
