@@ -126,12 +126,12 @@ fn tests_named_in_the_pages_exist() {
 #[test]
 fn paths_items_and_links_are_recognised() {
     assert_eq!(as_path("core/src/step.rs"), Some(("core/src/step.rs", None)));
-    assert_eq!(as_path("core/src/step.rs::advance"), Some(("core/src/step.rs", Some("advance"))));
+    assert_eq!(as_path("core/src/step/mod.rs::advance"), Some(("core/src/step/mod.rs", Some("advance"))));
     assert_eq!(as_path("docs/*.md"), None);
     assert_eq!(as_path("kg/m²"), None);
     assert_eq!(links("see [a](b.md#c) and [d](https://e.f)"), [(1, "b.md".to_owned())]);
     assert_eq!(code_marks("`a` b `c`\n```sh\n`d`\n```\n`e`").len(), 3);
-    assert!(complaint_about_path("core/src/step.rs", Some("advance")).is_none());
+    assert!(complaint_about_path("core/src/step/mod.rs", Some("advance")).is_none());
     assert!(complaint_about_path("core/src/step.rs", Some("retreat")).is_some());
     assert!(complaint_about_path("core/src/stop.rs", None).is_some());
 }

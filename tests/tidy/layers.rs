@@ -117,3 +117,13 @@ fn every_crate_imports_only_those_below_it() {
     }
     report(&complaints);
 }
+
+#[test]
+fn the_map_names_every_room_of_the_solver_in_their_order() {
+    let page = std::fs::read_to_string(root().join("docs/architecture.md")).expect("the map");
+    let table =
+        page.split("## The rooms of the solver").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap_or_default();
+    let first_cells = table.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
+    let named: Vec<&str> = first_cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
+    assert_eq!(named, ROOMS);
+}

@@ -1,5 +1,9 @@
 //! Bodies at both ends of a time step, and what a cloth vertex finds of them: analytic shapes in rigid motion and animated
 //! triangle surfaces behind one interface (`docs/theory/friction.md#one-vertex-on-one-body`).
+//!
+//! [`collision`] holds for each vertex up to two bodies near it, [`friction`] answers one vertex on one body, [`recovery_speed`]
+//! says how fast what is too deep comes out, `constraints` what bodies bear of repulsion. Every rank has all bodies and works
+//! on its own vertices. Bodies move cloth; cloth never moves bodies.
 
 pub mod collision;
 pub(crate) mod constraints;

@@ -1,6 +1,12 @@
-//! How many time steps lie between two collision-free states, and how long they are.
+//! How many time steps lie between two collision-free states, K, and how long they are: both found by trying.
+//!
+//! K starts at 1, and the share of the allowed dt that a step takes at 1. After three collision steps without a hard case the
+//! share is doubled if it is below 1, otherwise K, up to `max_steps`; K is also no more than what keeps every vertex from
+//! moving half an edge, foreseen from the last collision step. Where impulses leave many pairs to impact zones and K is
+//! above 1, C gives the state back (a rewind), and K is halved; at K = 1 the share is halved, down to an eighth: contact
+//! then changes faster than the steps resolve.
 
-/// Collision steps without a rewind after which K is doubled (`docs/architecture.md#3-one-time-step`).
+/// Collision steps without a rewind after which K is doubled.
 const GROWTH_PERIOD: u32 = 3;
 
 /// Shortest share of a time step to which hard contact shortens it.
