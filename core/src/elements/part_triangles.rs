@@ -78,12 +78,12 @@ impl PartTriangles {
 
 /// What belongs to the corners of a triangle.
 #[inline]
-pub fn at_corners(corners: &[u32; 3], of: &[Vec3]) -> [Vec3; 3] {
+pub(crate) fn at_corners(corners: &[u32; 3], of: &[Vec3]) -> [Vec3; 3] {
     corners.map(|v| of[v as usize])
 }
 
 /// Half the cross product of two sides: its length is the area [m²], its direction the normal.
 #[inline]
-pub fn area_vector([a, b, c]: &[Vec3; 3]) -> Vec3 {
+pub(crate) fn area_vector([a, b, c]: &[Vec3; 3]) -> Vec3 {
     (b - a).cross(&(c - a)) * 0.5
 }

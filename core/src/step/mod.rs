@@ -82,6 +82,9 @@ pub struct StepReport {
     pub diverged: bool,
 }
 
+/// A line of the listing: its label in the paper, and what it does to a step.
+pub type Line<'a> = (&'static str, fn(&mut Step<'a>));
+
 /// Which vertices B.7 concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Pressed {
@@ -153,7 +156,7 @@ impl StepReport {
 
 impl<'a> Step<'a> {
     /// The step as in the paper: a line, and what it does. What only a variant of the method does says so in its name.
-    pub const LISTING: [(&'static str, fn(&mut Self)); 12] = [
+    pub const LISTING: [Line<'a>; 12] = [
         ("B.1", Self::half_velocity),
         ("B.2", Self::repel_half_velocity),
         ("B.2", Self::limit_half_strain),
