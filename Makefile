@@ -73,6 +73,11 @@ accuracy: build ## what repulsion with history, the integrator and friction cost
 study: build ## what accuracy costs in time on the spinning ball and the dressed woman; writes docs/study.md
 	@.venv/bin/python .ci/measure-study $(MEASURE)
 
+CHECKOUT ?= .
+.PHONY: structure
+structure: ## rooms of the solver, imports between them, circles; CHECKOUT=DIR for another one
+	@cargo run --release --quiet --package drapery-tests --example structure -- $(CHECKOUT)
+
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check
