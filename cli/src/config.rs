@@ -41,35 +41,35 @@ pub(crate) const DEFAULT: &str = "default";
 
 /// A value and who said so.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Chosen<T> {
+pub(crate) struct Resolved<T> {
     pub(crate) value: T,
     pub(crate) source: &'static str,
 }
 
-impl<T> Chosen<T> {
+impl<T> Resolved<T> {
     fn new(value: T, source: &'static str) -> Self {
         Self { value, source }
     }
 }
 
 /// The first of a flag, a site file's word and a default.
-fn first_of<T>(flag: Option<T>, name: &'static str, site: Option<T>, default: T) -> Chosen<T> {
+fn first_of<T>(flag: Option<T>, name: &'static str, site: Option<T>, default: T) -> Resolved<T> {
     match (flag, site) {
-        (Some(value), _) => Chosen::new(value, name),
-        (None, Some(value)) => Chosen::new(value, SITE_FILE),
-        (None, None) => Chosen::new(default, DEFAULT),
+        (Some(value), _) => Resolved::new(value, name),
+        (None, Some(value)) => Resolved::new(value, SITE_FILE),
+        (None, None) => Resolved::new(default, DEFAULT),
     }
 }
 
 /// What surrounds the command: the environment and the site file.
-pub(crate) struct Surroundings {
+pub(crate) struct Environment {
     variable: fn(&str) -> Option<OsString>,
     /// The site file and who named it.
-    pub(crate) site_path: Option<Chosen<PathBuf>>,
+    pub(crate) site_path: Option<Resolved<PathBuf>>,
     site: SiteFile,
 }
 
-impl Surroundings {
+impl Environment {
     /// Reads the site file that the flag or the environment names.
     pub(crate) fn find(config: Option<&Path>) -> Result<Self, Failure> {
         Self::with(config, |name| {
@@ -79,11 +79,11 @@ impl Surroundings {
     }
 
     fn with(config: Option<&Path>, variable: fn(&str) -> Option<OsString>) -> Result<Self, Failure> {
-        let flag = config.map(|path| Chosen::new(path.to_owned(), "--config"));
-        let site_path = flag.or_else(|| Some(Chosen::new(PathBuf::from(variable(CONFIG)?), CONFIG)));
+        let flag = config.map(|path| Resolved::new(path.to_owned(), "--config"));
+        let site_path = flag.or_else(|| Some(Resolved::new(PathBuf::from(variable(CONFIG)?), CONFIG)));
         let site = match &site_path {
             None => SiteFile::default(),
-            Some(Chosen { value: path, source }) => SiteFile::read(path).map_err(|error| match error.kind {
+            Some(Resolved { value: path, source }) => SiteFile::read(path).map_err(|error| match error.kind {
                 SceneErrorKind::Missing => {
                     Failure::new(ExitCode::MissingInput, format!("the site file of {source}: {error}"))
                 }
@@ -100,33 +100,33 @@ impl Surroundings {
     }
 
     /// Number of threads that somebody asks for: flag, environment, site file.
-    pub(crate) fn threads(&self, flag: Option<u16>) -> Option<Chosen<usize>> {
+    pub(crate) fn threads(&self, flag: Option<u16>) -> Option<Resolved<usize>> {
         if let Some(count) = flag {
-            return Some(Chosen::new(count.into(), "--threads"));
+            return Some(Resolved::new(count.into(), "--threads"));
         }
         for name in THREADS {
             let Some(text) = self.word(name) else { continue };
             // OMP_NUM_THREADS may be a list, one number a nesting level.
             match text.split(',').next().unwrap_or_default().trim().parse() {
-                Ok(count) if count > 0 => return Some(Chosen::new(count, name)),
+                Ok(count) if count > 0 => return Some(Resolved::new(count, name)),
                 _ => tracing::warn!("{name}={text} is not a number of threads and is passed over"),
             }
         }
-        self.site.threads.map(|count| Chosen::new(usize::from(count.get()), SITE_FILE))
+        self.site.threads.map(|count| Resolved::new(usize::from(count.get()), SITE_FILE))
     }
 
     /// Where files are found; the source is that of the folders of materials.
-    pub(crate) fn search(&self, flag: &MaterialsArgs) -> Chosen<SearchPaths> {
+    pub(crate) fn search(&self, flag: &MaterialsArgs) -> Resolved<SearchPaths> {
         let split = |text: &OsStr| -> Vec<PathBuf> {
             std::env::split_paths(text).filter(|path| !path.as_os_str().is_empty()).collect()
         };
         let folders = match (&flag.materials, (self.variable)(MATERIALS)) {
-            (Some(text), _) => Chosen::new(split(text), "--materials"),
-            (None, Some(text)) => Chosen::new(split(&text), MATERIALS),
+            (Some(text), _) => Resolved::new(split(text), "--materials"),
+            (None, Some(text)) => Resolved::new(split(&text), MATERIALS),
             (None, None) => first_of(None, "", Some(self.site.materials.clone()).filter(|m| !m.is_empty()), Vec::new()),
         };
         let maps = self.site.paths.clone();
-        Chosen::new(SearchPaths { maps, materials: folders.value }, folders.source)
+        Resolved::new(SearchPaths { maps, materials: folders.value }, folders.source)
     }
 
     /// A word of the site file.
@@ -163,18 +163,18 @@ pub(crate) enum Limit {
 /// How a run is made.
 #[derive(Debug)]
 pub(crate) struct RunSettings {
-    pub(crate) progress: Chosen<ProgressStyle>,
-    pub(crate) resumable_exit_code: Chosen<u8>,
-    pub(crate) on_term: Chosen<OnTerm>,
-    pub(crate) checkpoint_every: Chosen<Every>,
-    pub(crate) keep: Chosen<u16>,
+    pub(crate) progress: Resolved<ProgressStyle>,
+    pub(crate) resumable_exit_code: Resolved<u8>,
+    pub(crate) on_term: Resolved<OnTerm>,
+    pub(crate) checkpoint_every: Resolved<Every>,
+    pub(crate) keep: Resolved<u16>,
     /// The earliest counts.
-    pub(crate) limits: Vec<Chosen<Limit>>,
+    pub(crate) limits: Vec<Resolved<Limit>>,
 }
 
 impl RunSettings {
     /// Of everybody who may say something.
-    pub(crate) fn choose(args: &RunSettingsArgs, around: &Surroundings) -> Result<Self, Failure> {
+    pub(crate) fn choose(args: &RunSettingsArgs, around: &Environment) -> Result<Self, Failure> {
         let usage =
             |name: &str, text: &str, error: String| Failure::new(ExitCode::Usage, format!("{name}={text}: {error}"));
         let site = &around.site;
@@ -185,17 +185,18 @@ impl RunSettings {
             ProgressStyle::Auto,
         );
         if let (None, Some(text)) = (args.progress, around.word(PROGRESS)) {
-            progress = Chosen::new(word(&text).map_err(|error| usage(PROGRESS, &text, error))?, PROGRESS);
+            progress = Resolved::new(word(&text).map_err(|error| usage(PROGRESS, &text, error))?, PROGRESS);
         }
         let mut limits = Vec::new();
-        let max_wall = args.max_wall.map(|time| Chosen::new(time, "--max-wall"));
-        if let Some(Chosen { value, source }) = max_wall.or(site.max_wall.map(|time| Chosen::new(time, SITE_FILE))) {
-            limits.push(Chosen::new(Limit::After(value), source));
+        let max_wall = args.max_wall.map(|time| Resolved::new(time, "--max-wall"));
+        if let Some(Resolved { value, source }) = max_wall.or(site.max_wall.map(|time| Resolved::new(time, SITE_FILE)))
+        {
+            limits.push(Resolved::new(Limit::After(value), source));
         }
         for (name, key, reason) in STOP_TIMES {
             if let Some(text) = around.word(name) {
                 let at = parse_epoch(&text).map_err(|error| usage(name, &text, error.to_string()))?;
-                limits.push(Chosen::new(Limit::At(key, reason, at), name));
+                limits.push(Resolved::new(Limit::At(key, reason, at), name));
             }
         }
         let on_term = around.site_word("on_term", site.on_term.as_ref())?;
@@ -232,12 +233,12 @@ impl RunSettings {
 mod tests {
     use super::*;
 
-    /// Surroundings with a site file in a folder that is kept beside them.
-    fn around(site: &str, variable: fn(&str) -> Option<OsString>) -> (Surroundings, tempfile::TempDir) {
+    /// Environment with a site file in a folder that is kept beside them.
+    fn around(site: &str, variable: fn(&str) -> Option<OsString>) -> (Environment, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("site.toml");
         std::fs::write(&path, site).unwrap();
-        (Surroundings::with(Some(&path), variable).unwrap(), folder)
+        (Environment::with(Some(&path), variable).unwrap(), folder)
     }
 
     fn nothing(_: &str) -> Option<OsString> {
@@ -253,20 +254,20 @@ mod tests {
             _ => None,
         };
         let (all, _kept) = around("threads = 9\nprogress = \"alf\"\nkeep = 7", set);
-        assert_eq!(all.threads(Some(5)), Some(Chosen::new(5, "--threads")));
-        assert_eq!(all.threads(None), Some(Chosen::new(3, "OMP_NUM_THREADS")));
+        assert_eq!(all.threads(Some(5)), Some(Resolved::new(5, "--threads")));
+        assert_eq!(all.threads(None), Some(Resolved::new(3, "OMP_NUM_THREADS")));
         let flags = RunSettingsArgs { progress: Some(ProgressStyle::Json), keep: Some(2), ..Default::default() };
         let chosen = RunSettings::choose(&flags, &all).unwrap();
-        assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Json, "--progress"));
-        assert_eq!(chosen.keep, Chosen::new(2, "--keep"));
+        assert_eq!(chosen.progress, Resolved::new(ProgressStyle::Json, "--progress"));
+        assert_eq!(chosen.keep, Resolved::new(2, "--keep"));
         let chosen = RunSettings::choose(&RunSettingsArgs::default(), &all).unwrap();
-        assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Tr, "DRAPERY_PROGRESS"));
-        assert_eq!(chosen.keep, Chosen::new(7, SITE_FILE));
-        assert_eq!(chosen.resumable_exit_code, Chosen::new(75, DEFAULT));
+        assert_eq!(chosen.progress, Resolved::new(ProgressStyle::Tr, "DRAPERY_PROGRESS"));
+        assert_eq!(chosen.keep, Resolved::new(7, SITE_FILE));
+        assert_eq!(chosen.resumable_exit_code, Resolved::new(75, DEFAULT));
         let (site, _kept) = around("threads = 9\nprogress = \"alf\"", nothing);
-        assert_eq!(site.threads(None), Some(Chosen::new(9, SITE_FILE)));
+        assert_eq!(site.threads(None), Some(Resolved::new(9, SITE_FILE)));
         let chosen = RunSettings::choose(&RunSettingsArgs::default(), &site).unwrap();
-        assert_eq!(chosen.progress, Chosen::new(ProgressStyle::Alf, SITE_FILE));
+        assert_eq!(chosen.progress, Resolved::new(ProgressStyle::Alf, SITE_FILE));
         let broken = |name: &str| (name == "DRAPERY_THREADS").then(|| "many".into());
         assert_eq!(around("", broken).0.threads(None), None);
     }
@@ -281,6 +282,6 @@ mod tests {
         assert_eq!(chosen.requests().notice(SystemTime::now()).map(|n| n.reason), Some(Reason::MaxWall));
         let flag = RunSettingsArgs { max_wall: Some(Duration::from_secs(60)), ..Default::default() };
         let chosen = RunSettings::choose(&flag, &around).unwrap();
-        assert_eq!(chosen.limits[0], Chosen::new(Limit::After(Duration::from_secs(60)), "--max-wall"));
+        assert_eq!(chosen.limits[0], Resolved::new(Limit::After(Duration::from_secs(60)), "--max-wall"));
     }
 }

@@ -17,10 +17,10 @@ use clap::Parser;
 use clap::error::ErrorKind;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::farm::command_line::quoted;
-use drapery_io::shot::crew;
+use drapery_io::shot::remote_simulation;
 
 use crate::args::{Cli, Command};
-use crate::config::Surroundings;
+use crate::config::Environment;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 
@@ -71,7 +71,7 @@ fn main() -> std::process::ExitCode {
         failure.report();
         failure.code.into()
     }));
-    crew::dismiss(&ranks, ended.code);
+    remote_simulation::shut_down(&ranks, ended.code);
     // Waits for the others.
     drop(ranks);
     if ended.by_term {
@@ -108,7 +108,7 @@ fn printed(ended: Ended) -> Ended {
 fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
     let logs = log::start(&cli.log)?;
     // Read only where it matters: a broken site file is no reason not to see how a run is.
-    let around = || Surroundings::find(cli.config.as_deref());
+    let around = || Environment::find(cli.config.as_deref());
     let code = match &cli.command {
         Command::Run(args) => return commands::run::run(args, ranks, around(), cli.log.quiet, &logs),
         Command::Check(args) => commands::check::check(args, &around()?),

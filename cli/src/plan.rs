@@ -8,15 +8,15 @@ use drapery_io::shot::Shot;
 use drapery_io::study::preset;
 
 use crate::args::{FrameRange, SceneArgs};
-use crate::config::{Chosen, Surroundings};
+use crate::config::{Environment, Resolved};
 use crate::failure::Failure;
 use crate::ranks;
 
 /// Numbers of threads: of rank 0, and who said so; of every rank.
-pub(crate) type Threads = (Chosen<usize>, Vec<usize>);
+pub(crate) type Threads = (Resolved<usize>, Vec<usize>);
 
 /// The shot that the arguments name, checked, on these ranks, and the threads it will use.
-pub(crate) fn prepare(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) -> Result<(Shot, Threads), Failure> {
+pub(crate) fn prepare(args: &SceneArgs, around: &Environment, ranks: &Ranks) -> Result<(Shot, Threads), Failure> {
     let threads = ranks::start_threads(ranks, around.threads(args.threads))?;
     let shot = shot(args, around, ranks)?;
     for warning in shot.warnings() {
@@ -26,7 +26,7 @@ pub(crate) fn prepare(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) ->
 }
 
 /// The shot alone, where threads run already.
-pub(crate) fn shot(args: &SceneArgs, around: &Surroundings, ranks: &Ranks) -> Result<Shot, Failure> {
+pub(crate) fn shot(args: &SceneArgs, around: &Environment, ranks: &Ranks) -> Result<Shot, Failure> {
     let search = around.search(&args.materials).value;
     let description = scene_file::load_with(&args.scene, &settings(args)?, &search)?.resolve_on(ranks.count())?;
     let frames = args.frames.map(|FrameRange { first, last }| [first, last]);

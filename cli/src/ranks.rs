@@ -4,10 +4,10 @@
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::farm::process::Owner;
 use drapery_io::farm::stop::StopRequests;
-use drapery_io::shot::crew;
+use drapery_io::shot::remote_simulation;
 
 use crate::args::Command;
-use crate::config::Chosen;
+use crate::config::Resolved;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::signals;
@@ -65,7 +65,7 @@ pub(crate) fn follow(command: &Command, ranks: &Ranks) -> u8 {
         Command::Run(_) => signals::listen(&requests).map_err(|failure| failure.to_string()),
         _ => Ok(()),
     };
-    crew::follow(ranks, &requests, &|threads| {
+    remote_simulation::worker_loop(ranks, &requests, &|threads| {
         let started = start_pool(ranks, threads);
         listening.clone().and(started)
     })
@@ -75,16 +75,17 @@ pub(crate) fn follow(command: &Command, ranks: &Ranks) -> u8 {
 /// one, and on all.
 pub(crate) fn start_threads(
     ranks: &Ranks,
-    asked: Option<Chosen<usize>>,
-) -> Result<(Chosen<usize>, Vec<usize>), Failure> {
+    asked: Option<Resolved<usize>>,
+) -> Result<(Resolved<usize>, Vec<usize>), Failure> {
     let source = match &asked {
         Some(asked) => asked.source,
         None if ranks.is_alone() => "cores of this machine",
         None => "cores of this machine, shared by its ranks",
     };
-    let all = crew::start_threads(ranks, asked.map(|asked| asked.value), &|threads| start_pool(ranks, threads));
+    let all =
+        remote_simulation::start_threads(ranks, asked.map(|asked| asked.value), &|threads| start_pool(ranks, threads));
     let all = all.map_err(|error| Failure::new(ExitCode::Internal, error))?;
-    Ok((Chosen { value: all[0], source }, all))
+    Ok((Resolved { value: all[0], source }, all))
 }
 
 /// Makes the pool that all parallel work uses; returns the number of its threads. All ranks call it together.
@@ -105,7 +106,7 @@ fn processors(ranks: &Ranks) -> usize {
     let allowed = status.lines().find(|line| line.starts_with("Cpus_allowed_list:")).unwrap_or_default();
     let Owner { host, boot, .. } = Owner::this_process();
     let own = format!("{host} {boot} {allowed}");
-    let sharing = ranks.all_gather_each(own.as_bytes()).iter().filter(|other| **other == own.as_bytes()).count();
+    let sharing = ranks.all_gather_v(own.as_bytes()).iter().filter(|other| **other == own.as_bytes()).count();
     (cores / sharing.max(1)).max(1)
 }
 

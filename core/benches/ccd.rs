@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use drapery_core::Vec3;
 use drapery_core::contact::ccd::{Contact, edge_edge, point_triangle};
+use drapery_core::geometry::random::SplitMix64;
 
 /// Queries of each kind.
 const COUNT: usize = 20_000;
@@ -25,19 +26,6 @@ const GAP: f64 = 1e-6;
 type Query = [[Vec3; 4]; 2];
 type Ask = fn(&[Vec3; 4], &[Vec3; 4], f64) -> Option<Contact>;
 
-/// SplitMix64, uniform in [-1, 1).
-fn number(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
-
-fn vector(state: &mut u64) -> Vec3 {
-    Vec3::new(number(state), number(state), number(state))
-}
-
 /// Do the boxes around the motions of the first `split` points and of the others overlap?
 fn swept_boxes_overlap(query: &Query, split: usize) -> bool {
     let bounds = |points: std::ops::Range<usize>| {
@@ -50,12 +38,12 @@ fn swept_boxes_overlap(query: &Query, split: usize) -> bool {
 
 /// Queries whose points move by up to `motion`, together by as much again.
 fn queries(motion: f64, split: usize) -> Vec<Query> {
-    let mut state = 1;
+    let mut random = SplitMix64::new(1);
     let mut found = Vec::new();
     while found.len() < COUNT {
-        let start = [(); 4].map(|()| vector(&mut state) * EDGE);
-        let drift = vector(&mut state) * motion;
-        let query = [start, start.map(|x| x + drift + vector(&mut state) * motion)];
+        let start = [(); 4].map(|()| random.vector() * EDGE);
+        let drift = random.vector() * motion;
+        let query = [start, start.map(|x| x + drift + random.vector() * motion)];
         if swept_boxes_overlap(&query, split) {
             found.push(query);
         }

@@ -31,14 +31,14 @@ use criterion::{BenchmarkId, Criterion, Throughput};
 use drapery_core::Vec3;
 use drapery_core::contact::bodies::Bodies;
 use drapery_core::contact::bodies::collision::{BodyCollision, CollisionStep};
-use drapery_core::contact::bodies::recovery_speed::CatchUp;
-use drapery_core::effects::{PartView, Surroundings, build_all};
+use drapery_core::contact::bodies::recovery_speed::RecoverySpeed;
+use drapery_core::effects::{PartView, ForceContext, build_all};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::for_each_part::{PerPart, PerVertex};
 use drapery_core::parallel::parts::PART_SIZE;
-use drapery_core::parallel::simd4::Lanes;
+use drapery_core::parallel::simd4::Simd4;
 use drapery_core::pins::PinTargets;
 use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
@@ -210,7 +210,7 @@ fn springs(bench: &mut Bench, n: usize) {
     let (vertices, springs) = (count as f64, spring_count(&scene));
     let x = drapery_core::state::State::at_start(&scene).x;
     let (targets, wind) = (PinTargets::default(), WindGrid::default());
-    let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &Volumes::default() };
+    let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &Volumes::default() };
     let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
     for (_, effect) in build_all(&scene).unwrap_or_else(|problems| panic!("{problems}")) {
         effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));
@@ -225,7 +225,7 @@ fn springs(bench: &mut Bench, n: usize) {
                 parts.for_each((PerVertex(&mut f), PerPart(&mut forces)), &|part, (f, forces)| {
                     let range = parts.ranges()[part].clone();
                     let view = PartView { start: range.start, masses: &masses[range], x: &x, fraction: 0.0, around };
-                    let mut sums = [Lanes::ZERO; PART_SIZE];
+                    let mut sums = [Simd4::ZERO; PART_SIZE];
                     let sums = view.update(&mut forces.0[0], &mut sums);
                     f.0.iter_mut().zip(sums).for_each(|(f, sum)| *f = (*sum).into());
                 });
@@ -343,8 +343,8 @@ fn contact(bench: &mut Bench, n: usize, animated: bool) {
     let x = drapery_core::state::State::at_start(&scene).x;
     let v = vec![velocity; x.len()];
     let (mut x1, mut v_star, mut metrics) = (x.clone(), v.clone(), Metrics::default());
-    let catch_up = CatchUp::new(dt, 1.0, 1.0 / 24.0);
-    let step = CollisionStep { bodies: &bodies, dt, catch_up, x: &x, v: &v, v_half: &v };
+    let recovery_speed = RecoverySpeed::new(dt, 1.0, 1.0 / 24.0);
+    let step = CollisionStep { bodies: &bodies, dt, recovery_speed, x: &x, v: &v, v_half: &v };
     let kernel = if animated { "contact, moving surface" } else { "contact, sphere" };
     let bytes = 120.0 * x.len() as f64;
     bench.kernel(

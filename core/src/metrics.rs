@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use crate::clock::Watch;
-use crate::parallel::message::{Wire, decode};
+use crate::parallel::message::{Codec, decode};
 use crate::parallel::ranks::Ranks;
 
 /// Seconds and calls of one stage.

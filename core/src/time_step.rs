@@ -5,7 +5,7 @@
 //! given fraction in a step.
 
 use crate::Vec3;
-use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::effects::force::{Force, PartMotion};
 use crate::effects::stability::longest_stable_step;
 use crate::parallel::for_each_part::PerPart;
@@ -87,8 +87,8 @@ impl StepLimit {
     /// How far vertices that are not where they have to be are put right in a step of `dt` [s]: at the speed at which an edge
     /// of this length [m] changes in the longest stable step by what a step may change it (a part of the speed of sound in the
     /// cloth), or at which they are there in a frame, whichever is faster. Neither depends on how long steps are.
-    pub fn catch_up(&self, settings: &SolverSettings, edge: f64, dt: f64) -> CatchUp {
-        CatchUp::new(dt, settings.strain_per_step * edge / self.elastic.min(self.frame), self.frame)
+    pub fn recovery_speed(&self, settings: &SolverSettings, edge: f64, dt: f64) -> RecoverySpeed {
+        RecoverySpeed::new(dt, settings.strain_per_step * edge / self.elastic.min(self.frame), self.frame)
     }
 
     /// Largest rate of strain of the state [1/s], zero where it is too small to limit a step, and infinite if a velocity is

@@ -4,12 +4,11 @@
 //! Everything is checked before anything is written ([`Shot::prepare`]). The simulation always starts at the scene's
 //! first frame minus its pre-roll, because cloth has a history; only the end of the range can be chosen.
 //!
-//! On many ranks all this happens on rank 0; the others [`follow`](crew::follow).
+//! On many ranks all this happens on rank 0; the others [`follow`](remote_simulation::worker_loop).
 
 pub mod bundle;
 pub(crate) mod check;
 mod counted;
-pub mod crew;
 mod folder;
 mod inputs;
 mod kept_frames;
@@ -18,6 +17,7 @@ pub mod motion;
 mod output;
 mod pinned;
 pub mod quality;
+pub mod remote_simulation;
 mod resume;
 mod rewritten;
 pub mod run;
@@ -35,9 +35,9 @@ use drapery_core::simulation::Simulation;
 
 use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
-use crate::shot::crew::Crew;
 use crate::shot::inputs::Inputs;
 use crate::shot::motion::{InputMotion, Preroll};
+use crate::shot::remote_simulation::RemoteSimulation;
 use crate::units::Units;
 use crate::wind_file::WindFile;
 
@@ -118,7 +118,7 @@ pub enum ShotError {
 
 /// A shot that was checked and can run.
 pub struct Shot {
-    crew: Crew,
+    remote_simulation: RemoteSimulation,
     inputs: Inputs,
     garments: Vec<GarmentMesh>,
     about: About,
@@ -182,7 +182,7 @@ impl Shot {
             output,
             resolved: description.resolved,
         };
-        let crew = match Crew::distribute(ranks, scene) {
+        let remote_simulation = match RemoteSimulation::distribute(ranks, scene) {
             Err(Problems(found)) => {
                 problems.extend(found);
                 None
@@ -192,15 +192,16 @@ impl Shot {
                 inputs.start(ranks, scene, &mut problems)?
             }
         };
-        if let Some(crew) = &crew {
-            let (simulation, min_dt) = (crew.simulation(), crew.simulation().scene().description().solver.min_dt);
+        if let Some(remote_simulation) = &remote_simulation {
+            let (simulation, min_dt) =
+                (remote_simulation.simulation(), remote_simulation.simulation().scene().description().solver.min_dt);
             problems.extend(long_frames::judge(&simulation.planned_steps(), min_dt, &mut warnings));
         }
-        let Some(crew) = crew.filter(|_| problems.is_empty()) else {
+        let Some(remote_simulation) = remote_simulation.filter(|_| problems.is_empty()) else {
             return Err(ShotError::Problems(Problems(problems)));
         };
-        warnings.extend_from_slice(crew.simulation().warnings());
-        Ok(Self { crew, inputs, garments, about, warnings })
+        warnings.extend_from_slice(remote_simulation.simulation().warnings());
+        Ok(Self { remote_simulation, inputs, garments, about, warnings })
     }
 
     /// What is suspicious but was accepted.
@@ -210,7 +211,7 @@ impl Shot {
 
     /// The simulation at its start: what will run, and why.
     pub fn simulation(&self) -> &Simulation {
-        self.crew.simulation()
+        self.remote_simulation.simulation()
     }
 
     /// Simulates the first frames after the start, in memory and on one rank, and says what one of them has cost in the mean.
@@ -220,7 +221,7 @@ impl Shot {
     pub fn trial(mut self, frames: u32) -> Result<FrameCost, ShotError> {
         let start = self.about.timeline.start;
         let inputs = (1..=i64::from(frames)).map(|frame| self.inputs.at(start + frame));
-        self.crew.trial(inputs)
+        self.remote_simulation.trial(inputs)
     }
 
     /// Name of the shot.

@@ -19,7 +19,7 @@ use drapery_io::farm::stop::StopRequests;
 use drapery_io::formats::{alembic, by_extension};
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::inspect::inspect;
-use drapery_io::shot::crew::{dismiss, follow};
+use drapery_io::shot::remote_simulation::{shut_down, worker_loop};
 use drapery_io::shot::run::{FrameReport, Outcome, RunOptions, RunReport};
 use drapery_io::shot::{Shot, ShotDescription};
 use drapery_io::units::{LengthUnit, Units, UpAxis};
@@ -76,12 +76,12 @@ fn run_on(ranks: usize, shot: impl Fn() -> ShotDescription + Sync, out: &Path) {
     let work = |communicator| {
         let ranks = Ranks::new(communicator);
         if !ranks.is_first() {
-            follow(&ranks, &StopRequests::default(), &|_| Ok(1));
+            worker_loop(&ranks, &StopRequests::default(), &|_| Ok(1));
             return;
         }
         let prepared = Shot::prepare_on(&ranks, shot(), None).unwrap();
         prepared.run(&RunOptions::new(out.to_owned()), &mut |_: &FrameReport<'_>| {}).unwrap();
-        dismiss(&ranks, 0);
+        shut_down(&ranks, 0);
     };
     LocalRanks::run(ranks, 1, work).unwrap();
 }

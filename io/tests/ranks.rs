@@ -18,7 +18,7 @@ use drapery_core::scene::{
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
 use drapery_io::scene_file::load;
-use drapery_io::shot::crew::{dismiss, follow};
+use drapery_io::shot::remote_simulation::{shut_down, worker_loop};
 use drapery_io::shot::run::{FrameReport, Outcome, RunOptions, RunReport};
 use drapery_io::shot::{Shot, ShotDescription, ShotError};
 use drapery_io::units::{LengthUnit, Units, UpAxis};
@@ -85,13 +85,13 @@ fn run(
             requests.signal(Signal::User1, SystemTime::now());
         }
         if !ranks.is_first() {
-            return (None, follow(&ranks, &requests, &|_| Ok(1)));
+            return (None, worker_loop(&ranks, &requests, &|_| Ok(1)));
         }
         let checkpoint_every = Every::Frames(2);
         let options = RunOptions { requests, checkpoint_every, ..RunOptions::new(out.to_owned()) };
         let prepared = Shot::prepare_on(&ranks, shot(), None);
         let report = prepared.and_then(|shot| shot.run(&options, &mut |_: &FrameReport<'_>| {}));
-        dismiss(&ranks, CODE);
+        shut_down(&ranks, CODE);
         (Some(report), CODE)
     };
     let mut ended = LocalRanks::run(ranks, threads, work).unwrap().into_iter();

@@ -99,7 +99,7 @@ fn an_effect_that_is_left_out_counts_nothing_runs_no_stage_and_has_no_section_in
             assert!(sections.contains(&section.name.as_str()), "{name}: section {}", section.name);
         }
         for stage in off.summary.metrics.stages() {
-            let owners = drapery_core::effects::cost::owners(&stage.name);
+            let owners: Vec<&str> = drapery_core::effects::cost::owners(&stage.name).collect();
             let runs = off.effects.iter().any(|effect| owners.contains(&effect.name));
             assert!(owners.is_empty() || runs, "{name}: stage {}", stage.name);
         }

@@ -1,9 +1,10 @@
 //! Painted maps: what is the same everywhere is the number, what is not is that of each vertex.
 
 use drapery_core::Vec3;
+use drapery_core::effects::maps;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
-use drapery_core::scene::vertex_maps::{MAPS, PaintedMap};
+use drapery_core::scene::vertex_maps::PaintedMap;
 use drapery_core::scene::{
     BodyShape, EffectRequest, GarmentDescription, Mass, PinHold, RigidMotion, Scene, SceneDescription,
 };
@@ -91,7 +92,7 @@ fn a_map_of_one_value_is_the_number_times_that_value_to_the_last_bit() {
 /// What [`blown`] has; elements take the place of springs, and layers take two.
 fn of_one_sheet() -> impl Iterator<Item = &'static str> {
     let others = ["membrane", "membrane_damping", "grain_angle", "self_friction"];
-    MAPS.iter().map(|(name, _)| *name).filter(move |name| !others.contains(name))
+    maps().map(|(map, _)| map.name).filter(move |name| !others.contains(name))
 }
 
 /// A sheet of measured cloth with all its stiffness `times` as large, that falls on a corner.

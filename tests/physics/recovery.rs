@@ -29,7 +29,7 @@ fn steps_far_too_long_are_tried_again_with_shorter_ones_and_counted() {
     for _ in 0..12 {
         let summary = run(&mut simulation, 1);
         retried += summary.metrics.counted("retried_shorter");
-        let named = summary.recoveries.iter().all(|r| r.rung == "retried_shorter" && r.garment == "sheet");
+        let named = summary.recoveries.iter().all(|r| r.level == "retried_shorter" && r.garment == "sheet");
         assert!(named, "{:?}", summary.recoveries);
         // Energy of a stretch by 5 %; unstable steps would multiply it in each of them.
         let strain = summary.max_strain.map_or(f64::INFINITY, |s| s.strain);

@@ -3,14 +3,14 @@
 use drapery_core::parallel::ranks::Ranks;
 
 use crate::args::CheckArgs;
-use crate::config::Surroundings;
+use crate::config::Environment;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::plan;
 use crate::say;
 
 /// Checks the scene and every frame of its inputs.
-pub(crate) fn check(args: &CheckArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
+pub(crate) fn check(args: &CheckArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let (shot, _) = plan::prepare(&args.scene, around, &Ranks::default())?;
     if let Some(warning) = shot.check_pins()? {
         tracing::warn!("{warning}");

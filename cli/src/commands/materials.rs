@@ -4,13 +4,13 @@ use drapery_io::materials::{self, Material, PRESETS};
 use drapery_io::scene_file::{material_files, read_material};
 
 use crate::args::MaterialsArgs;
-use crate::config::Surroundings;
+use crate::config::Environment;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::say;
 
 /// Lists all materials that a scene would find.
-pub(crate) fn materials(args: &MaterialsArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
+pub(crate) fn materials(args: &MaterialsArgs, around: &Environment) -> Result<ExitCode, Failure> {
     for material in PRESETS {
         list(material, "preset");
     }

@@ -7,19 +7,19 @@ use drapery_io::shot::Shot;
 use serde_json::{Value, json};
 
 use crate::args::PlanArgs;
-use crate::config::{Chosen, RunSettings, Surroundings};
+use crate::config::{Environment, Resolved, RunSettings};
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::{plan, say};
 
 use effects::Costs;
-use sources::Said;
+use sources::Provenance;
 
 mod effects;
 mod sources;
 
 /// Prints the plan.
-pub(crate) fn plan(args: &PlanArgs, around: &Surroundings) -> Result<ExitCode, Failure> {
+pub(crate) fn plan(args: &PlanArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let settings = RunSettings::choose(&args.settings, around)?;
     let (shot, (threads, _)) = plan::prepare(&args.scene, around, &Ranks::default())?;
     let said = sources::all(args, around, &settings, (&shot, &threads));
@@ -33,7 +33,7 @@ pub(crate) fn plan(args: &PlanArgs, around: &Surroundings) -> Result<ExitCode, F
 }
 
 /// What a frame costs: expected, or measured in a copy of the shot.
-fn costs(args: &PlanArgs, around: &Surroundings, shot: &Shot) -> Result<Costs, Failure> {
+fn costs(args: &PlanArgs, around: &Environment, shot: &Shot) -> Result<Costs, Failure> {
     let Some(frames) = args.measure else {
         return Ok(Costs { frame: shot.simulation().expected_cost(), measured: None });
     };
@@ -46,7 +46,7 @@ fn costs(args: &PlanArgs, around: &Surroundings, shot: &Shot) -> Result<Costs, F
     Ok(Costs { frame: trial.trial(frames)?, measured: Some(frames) })
 }
 
-fn as_text(shot: &Shot, threads: &Chosen<usize>, said: &[Said], costs: &Costs) -> String {
+fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: &Costs) -> String {
     let timeline = shot.timeline();
     let [first, last] = shot.frames();
     let (numerator, denominator) = (timeline.fps_numerator, timeline.fps_denominator);
@@ -62,7 +62,7 @@ fn as_text(shot: &Shot, threads: &Chosen<usize>, said: &[Said], costs: &Costs) -
     text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
     text += &output_text(shot);
     text += "\nwhere it comes from\n";
-    for Said { what, text: value, source, .. } in said {
+    for Provenance { what, text: value, source, .. } in said {
         text += &format!("  {what:<20} {value:<24} {source}\n");
     }
     text + "\nsettings, defaults written out\n" + shot.resolved().trim_end()
@@ -110,7 +110,7 @@ fn output_text(shot: &Shot) -> String {
     text
 }
 
-fn as_json(shot: &Shot, threads: &Chosen<usize>, said: &[Said], costs: &Costs) -> Value {
+fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: &Costs) -> Value {
     let said: serde_json::Map<String, Value> =
         said.iter().map(|s| (s.what.to_owned(), json!({"value": s.value, "from": s.source}))).collect();
     let timeline = shot.timeline();

@@ -13,7 +13,7 @@ use drapery_io::shot::quality::{self, Exceeded, LIMITS};
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
 
 use crate::args::{OnTerm, ProgressStyle, RunArgs, SceneArgs};
-use crate::config::{RunSettings, Surroundings};
+use crate::config::{Environment, RunSettings};
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::log::{self, FolderLogs};
@@ -22,7 +22,7 @@ use crate::ranks::launcher;
 use crate::{Ended, plan, say, signals};
 
 /// Goes on from the last good state of a run that has given up.
-fn replay(args: &RunArgs, ranks: &Ranks, around: &Surroundings) -> Result<Ended, Failure> {
+fn replay(args: &RunArgs, ranks: &Ranks, around: &Environment) -> Result<Ended, Failure> {
     let bundle = Bundle::read(&args.scene.scene)?;
     let scene = SceneArgs { scene: bundle.scene.clone(), ..args.scene.clone() };
     let (shot, _) = plan::prepare(&scene, around, ranks)?;
@@ -42,7 +42,7 @@ fn replay(args: &RunArgs, ranks: &Ranks, around: &Surroundings) -> Result<Ended,
 pub(crate) fn run(
     args: &RunArgs,
     ranks: &Ranks,
-    around: Result<Surroundings, Failure>,
+    around: Result<Environment, Failure>,
     quiet: bool,
     logs: &FolderLogs,
 ) -> Result<Ended, Failure> {
@@ -101,7 +101,7 @@ pub(crate) fn run(
 fn run_shot(
     args: &RunArgs,
     ranks: &Ranks,
-    (settings, around): (&RunSettings, &Surroundings),
+    (settings, around): (&RunSettings, &Environment),
     watcher: &mut Watcher<'_>,
 ) -> Result<RunReport, Failure> {
     // Before anything that takes long: a signal during the checks is a request, too.

@@ -8,17 +8,17 @@ use drapery_io::error::IoError;
 use drapery_io::farm::command_line::quoted;
 use drapery_io::input_file;
 use drapery_io::study::record::{Asked, Study};
-use drapery_io::study::space::Wish;
+use drapery_io::study::space::RunRequest;
 use drapery_io::study::{self, Observer, Options, analysis, preset, table};
 
 use crate::args::StudyArgs;
-use crate::config::Surroundings;
+use crate::config::Environment;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::{ranks, say};
 
 /// Makes a study or writes the pages of one again, prints the table, and writes the preset if one is asked for.
-pub(crate) fn study(args: &StudyArgs, ranks: &Ranks, around: &Surroundings, quiet: bool) -> Result<ExitCode, Failure> {
+pub(crate) fn study(args: &StudyArgs, ranks: &Ranks, around: &Environment, quiet: bool) -> Result<ExitCode, Failure> {
     args.write_preset.as_deref().map_or(Ok(()), keep_what_is_no_preset)?;
     let (study, folder) = match (&args.from, &args.scene) {
         (Some(record), _) => {
@@ -63,7 +63,7 @@ fn keep_what_is_no_preset(path: &Path) -> Result<(), Failure> {
 fn simulate(
     args: &StudyArgs,
     scene: &Path,
-    (ranks, around): (&Ranks, &Surroundings),
+    (ranks, around): (&Ranks, &Environment),
     quiet: bool,
 ) -> Result<(Study, PathBuf), Failure> {
     if !ranks.is_alone() {
@@ -106,7 +106,7 @@ impl Observer for Watcher {
         tracing::warn!("{text}");
     }
 
-    fn begins(&mut self, wish: &Wish, number: usize, all: usize, seconds: Option<f64>) {
+    fn begins(&mut self, wish: &RunRequest, number: usize, all: usize, seconds: Option<f64>) {
         if !self.quiet {
             let about = seconds.map_or(String::new(), |seconds| format!(", about {seconds:.1} s"));
             say::line(format_args!("run {number} of {all}: {}{about}", wish.label()));

@@ -4,7 +4,7 @@ use std::sync::mpsc::channel;
 use std::time::Duration;
 
 use crate::contact::topology::nodes::ContactNodes;
-use crate::geometry::testing::Random;
+use crate::geometry::random::SplitMix64;
 use crate::parallel::local_ranks::LocalRanks;
 use crate::parallel::ranks::Ranks;
 
@@ -20,12 +20,12 @@ pub(crate) fn on_ranks<T: Send + 'static>(count: usize, work: impl Fn(Ranks) -> 
 }
 
 /// A number below `count`.
-pub(crate) fn below(random: &mut Random, count: usize) -> usize {
-    ((random.number() + 1.0) * 0.5 * count as f64) as usize % count
+pub(crate) fn below(random: &mut SplitMix64, count: usize) -> usize {
+    ((random.signed() + 1.0) * 0.5 * count as f64) as usize % count
 }
 
 /// First nodes of so many ranks at random places, and the number of all at the end. Some ranks may have none.
-pub(crate) fn random_starts(random: &mut Random, ranks: usize, nodes: usize) -> Vec<u32> {
+pub(crate) fn random_starts(random: &mut SplitMix64, ranks: usize, nodes: usize) -> Vec<u32> {
     let mut starts: Vec<u32> = (1..ranks).map(|_| below(random, nodes + 1) as u32).collect();
     starts.extend([0, nodes as u32]);
     starts.sort_unstable();

@@ -47,7 +47,7 @@ pub(crate) const TRUSTED_SIDE: f64 = 0.5;
 
 /// Share of its reach that a node may use up: the rest covers the gap of collisions, which is far smaller than an edge, and
 /// rounding. Guarded by `a_list_of_neighbours_holds_all_that_brute_force_finds`.
-pub(crate) const USABLE_REACH: f64 = 0.98;
+pub(crate) const USABLE_SKIN: f64 = 0.98;
 
 /// Sine of the angle between an edge and a triangle below which they have no clear way out of each other. Guarded by
 /// `sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart`.

@@ -18,11 +18,12 @@
 
 use crate::effects::force::{Force, PartMotion, PartView};
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::pins;
 use crate::scene::PinHold;
+use crate::scene::SceneDescription;
 use crate::settings::Settings;
 
 /// Registry entry.
@@ -32,11 +33,18 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
-    requires: &[],
     cost: Cost { elements: "springs", step: 20.0, iteration: 3.0 },
     section: Some(pins::SECTION),
     counts: &["attachments_broken"],
+    maps: &[
+        MapSpec::of("pins"),
+        MapSpec::of("pin_damping"),
+        MapSpec { varies: Some(can_break), ..MapSpec::of("break_force") },
+    ],
+    shared_stages: &["bodies and pins"],
+    is_essential: true,
     build,
+    ..EffectSpec::BARE
 };
 
 #[derive(Debug, Clone, Copy)]
@@ -56,6 +64,11 @@ struct Attachment {
 struct PartAttachments {
     start: usize,
     springs: Vec<Attachment>,
+}
+
+/// Whether some pin of a garment has a force at which it breaks, which a map varies.
+fn can_break(description: &SceneDescription, garment: usize) -> bool {
+    description.pins.iter().any(|pin| pin.garment == garment && pin.hold.break_force().is_some())
 }
 
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
@@ -85,18 +98,18 @@ fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
 }
 
 impl Force for PartAttachments {
-    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
         for a in &mut self.springs {
             a.active = view.around.targets.is_active(a.target);
             if a.active {
                 let apart = view.around.targets.position(a.target, view.fraction) - view.x[self.start + a.vertex];
                 // The target's own velocity is part of the damping force that does not depend on the unknown.
-                f[a.vertex] += Lanes::from(&(apart * a.stiffness + view.around.targets.velocity(a.target) * a.damping));
+                f[a.vertex] += Simd4::from(&(apart * a.stiffness + view.around.targets.velocity(a.target) * a.damping));
             }
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for a in self.springs.iter().filter(|a| a.active) {
             f[a.vertex] -= motion.own_v[a.vertex] * a.damping;
         }

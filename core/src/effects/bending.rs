@@ -12,7 +12,7 @@
 #![cfg(feature = "effect-bending")]
 
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::{self, FIELDS, SpringElement};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
@@ -25,11 +25,12 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     fields: FIELDS,
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "springs", step: 6.0, iteration: 0.8 },
-    section: None,
-    counts: &[],
+    maps: &[MapSpec::of("bending"), MapSpec::of("bending_damping")],
+    bytes_of_point: 130.0,
+    is_internal: true,
     build,
+    ..EffectSpec::BARE
 };
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {

@@ -5,7 +5,7 @@
 
 use crate::contact::bodies::collision::{BodyCollision, SECTION};
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::Settings;
 
@@ -16,7 +16,6 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State, Need::Bodies],
-    requires: &[],
     cost: Cost { elements: "vertices", step: 50.0, iteration: 0.0 },
     section: Some(SECTION),
     counts: &[
@@ -27,7 +26,12 @@ pub static SPEC: EffectSpec = EffectSpec {
         "body_pinched",
         "body_inside_out",
     ],
+    maps: &[MapSpec::of("friction")],
+    stages: &["B.4 body collision", "B.7 body friction", "bodies and pins"],
+    bytes_of_point: 270.0,
+    is_essential: true,
     build,
+    ..EffectSpec::BARE
 };
 
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {

@@ -1,9 +1,9 @@
 //! What effects cost: expected from their elements before anything has run, or measured in a frame that did.
 //!
 //! Expected: every effect has a [`Cost`] per element, in a time step and in an iteration of the solves, measured on the
-//! machine of docs/effects.md with one thread. Shares of a frame hardly depend on the machine, seconds do.
+//! machine of docs/effects.md with one thread. ReductionTree of a frame hardly depend on the machine, seconds do.
 
-use crate::effects::registry::PlannedEffect;
+use crate::effects::registry::{PlannedEffect, REGISTRY};
 use crate::effects::spec::Cost;
 use crate::metrics::Metrics;
 
@@ -13,25 +13,11 @@ pub const METHOD: Cost = Cost { elements: "vertices", step: 40.0, iteration: 4.0
 /// Iterations of both solves of a time step, as hanging and worn cloth needs them: where nobody has counted them yet.
 pub const ITERATIONS: f64 = 10.0;
 
-/// Stages of a step that belong to one effect. The list of neighbours serves both halves of self-contact; its time goes to
-/// the first that is there.
-const STAGES: [(&str, &[&str]); 11] = [
-    ("B.2 self-repulsion", &["self_repulsion"]),
-    ("B.2 strain limit", &["strain_limit"]),
-    ("B.4 body collision", &["body_collision"]),
-    ("B.7 body friction", &["body_collision"]),
-    ("B.8 self-repulsion", &["self_repulsion"]),
-    ("B.8 strain limit", &["strain_limit"]),
-    ("C self-repulsion", &["self_repulsion"]),
-    ("yield", &["plastic_wrinkles"]),
-    ("C collisions", &["self_collision"]),
-    ("A neighbours", &["self_repulsion", "self_collision"]),
-    ("bodies and pins", &["body_collision", "pins", "attachments"]),
-];
-
-/// Effects that a stage of a step may belong to; none if it is one of the method itself.
-pub fn owners(stage: &str) -> &'static [&'static str] {
-    STAGES.iter().find(|(name, _)| *name == stage).map_or(&[], |(_, owners)| owners)
+/// Effects that a stage of a step may belong to, those that have it as their own first; none if it is one of the method itself.
+/// The proximity list serves both halves of self-contact; its time goes to the first that is there.
+pub fn owners(stage: &str) -> impl Iterator<Item = &'static str> {
+    let own = REGISTRY.iter().filter(move |spec| spec.stages.contains(&stage));
+    own.chain(REGISTRY.iter().filter(move |spec| spec.shared_stages.contains(&stage))).map(|spec| spec.name)
 }
 
 /// Seconds of a frame, by effect.
@@ -79,8 +65,7 @@ impl FrameCost {
         let mut method: f64 =
             metrics.stages().iter().map(|stage| stage.seconds).sum::<f64>() - forces.iter().sum::<f64>();
         for stage in metrics.stages() {
-            let place =
-                owners(&stage.name).iter().find_map(|owner| plan.iter().position(|effect| effect.name == *owner));
+            let place = owners(&stage.name).find_map(|owner| plan.iter().position(|effect| effect.name == owner));
             if let Some(place) = place {
                 effects[place] += stage.seconds;
                 method -= stage.seconds;

@@ -27,7 +27,7 @@ mod tests;
 
 use crate::effects::registry::find;
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 use elements::{Element, Rigidity};
@@ -40,11 +40,13 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     fields: FIELDS,
     needs: &[Need::State, Need::SecondRing],
-    requires: &[],
     cost: Cost { elements: "hinges", step: 80.0, iteration: 10.0 },
-    section: None,
     counts: &["hinges_left_out"],
+    maps: &[MapSpec::of("dihedral_bending"), MapSpec::of("dihedral_bending_damping")],
+    bytes_of_point: 1130.0,
+    is_internal: true,
     build,
+    ..EffectSpec::BARE
 };
 
 const FIELDS: &[Field] = &[

@@ -16,9 +16,9 @@
 use crate::Vec3;
 use crate::effects::force::{Force, PartMotion, PartView};
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
@@ -43,11 +43,10 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "vertices", step: 4.0, iteration: 1.0 },
-    section: None,
-    counts: &[],
+    maps: &[MapSpec::of("ether_drag")],
     build,
+    ..EffectSpec::BARE
 };
 
 /// The drag on one part.
@@ -73,14 +72,14 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
 }
 
 impl Force for EtherDrag {
-    fn update(&mut self, _: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
-        let velocity = Lanes::from(&self.velocity);
+    fn update(&mut self, _: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
+        let velocity = Simd4::from(&self.velocity);
         for (f, drag) in f.iter_mut().zip(&self.drag) {
             *f += velocity * *drag;
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for ((f, drag), v) in f.iter_mut().zip(&self.drag).zip(motion.own_v) {
             *f -= *v * *drag;
         }

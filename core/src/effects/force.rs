@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::Vec3;
 use crate::metrics::Metrics;
 use crate::parallel::parts::{PART_SIZE, Parts};
-use crate::parallel::simd4::{Lanes, PartLanes};
+use crate::parallel::simd4::{PartSimd4, Simd4};
 use crate::pins::PinTargets;
 use crate::snapshot::saved_section::ElementRows;
 use crate::volumes::Volumes;
@@ -16,7 +16,7 @@ pub type PartForce = (usize, Box<dyn Force>);
 
 /// What forces see beside the positions of the cloth.
 #[derive(Clone, Copy)]
-pub struct Surroundings<'a> {
+pub struct ForceContext<'a> {
     /// Solver time of the positions [s].
     pub time: f64,
     /// Where pinned vertices have to be during the step.
@@ -42,14 +42,14 @@ pub struct PartView<'a> {
     /// Fraction of the step at which the force is evaluated: 0 at its start, ½ at its middle.
     pub fraction: f64,
     /// Everything else.
-    pub around: Surroundings<'a>,
+    pub around: ForceContext<'a>,
 }
 
 impl PartView<'_> {
     /// Updates all forces of the part and returns their sums [N] in `f`, which is zero before.
-    pub fn update<'a>(&self, forces: &mut [Box<dyn Force>], f: &'a mut PartLanes) -> &'a [Lanes] {
-        let mut own_x = [Lanes::ZERO; PART_SIZE];
-        let own_x = Lanes::copy(&self.x[self.start..self.start + self.masses.len()], &mut own_x);
+    pub fn update<'a>(&self, forces: &mut [Box<dyn Force>], f: &'a mut PartSimd4) -> &'a [Simd4] {
+        let mut own_x = [Simd4::ZERO; PART_SIZE];
+        let own_x = Simd4::copy(&self.x[self.start..self.start + self.masses.len()], &mut own_x);
         let f = &mut f[..own_x.len()];
         forces.iter_mut().for_each(|force| force.update(self, own_x, f));
         f
@@ -64,17 +64,17 @@ pub struct PartMotion<'a> {
     /// Velocities of all vertices [m/s].
     pub v: &'a [Vec3],
     /// Positions of the part's vertices [m].
-    pub own_x: &'a [Lanes],
+    pub own_x: &'a [Simd4],
     /// Velocities of the part's vertices [m/s].
-    pub own_v: &'a [Lanes],
+    pub own_v: &'a [Simd4],
 }
 
 impl<'a> PartMotion<'a> {
     /// Calls `work` with the motion of a part that holds these vertices.
     pub fn with<R>(part: Range<usize>, x: &'a [Vec3], v: &'a [Vec3], work: impl FnOnce(&PartMotion<'_>) -> R) -> R {
-        let (mut own_x, mut own_v) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
-        let own_x = Lanes::copy(&x[part.clone()], &mut own_x);
-        let own_v = Lanes::copy(&v[part], &mut own_v);
+        let (mut own_x, mut own_v) = ([Simd4::ZERO; PART_SIZE], [Simd4::ZERO; PART_SIZE]);
+        let own_x = Simd4::copy(&x[part.clone()], &mut own_x);
+        let own_v = Simd4::copy(&v[part], &mut own_v);
         work(&PartMotion { x, v, own_x, own_v })
     }
 }
@@ -85,11 +85,11 @@ impl<'a> PartMotion<'a> {
 pub trait Force: Send + Sync {
     /// Remembers what damping products at these positions need, and adds the forces that do not depend on velocity to
     /// `f` [N]; `own_x` and `f` are the part's own vertices.
-    fn update(&mut self, view: &PartView<'_>, own_x: &[Lanes], f: &mut [Lanes]);
+    fn update(&mut self, view: &PartView<'_>, own_x: &[Simd4], f: &mut [Simd4]);
 
     /// Adds the damping force to `f`, the part's own slice [N]. Linear in the velocities, symmetric, never adding energy;
     /// the positions are those of the last `update`.
-    fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Lanes]) {}
+    fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Simd4]) {}
 
     /// Makes the force implicit until the next `update`, which came just before with the same view: the damping products
     /// get `over · dF/dx` as well, made negative semidefinite, `over` in s. A force that does not know its derivative stays
@@ -126,13 +126,13 @@ pub trait Force: Send + Sync {
     }
 
     /// Takes over from the positions `x` [m] of all vertices, at a state free of collisions, what stays for good.
-    fn yield_to(&mut self, _x: &[Vec3]) {}
+    fn update_plasticity(&mut self, _x: &[Vec3]) {}
 
-    /// Adds what [`Force::yield_to`] has changed in the elements that count at this part, by their vertices in solver order.
-    fn remember(&self, _rows: &mut ElementRows) {}
+    /// Adds what [`Force::update_plasticity`] has changed in the elements that count at this part, by their vertices in solver order.
+    fn save_elements(&self, _rows: &mut ElementRows) {}
 
     /// Takes what was remembered of all elements whose vertices are on this rank.
-    fn recall(&mut self, _rows: &ElementRows) {}
+    fn restore_elements(&mut self, _rows: &ElementRows) {}
 
     /// Hands out what was counted since it was asked last, under names of the effect's `counts`; each event at one part only.
     fn take_counts(&mut self, _count: &mut dyn FnMut(&'static str, u64)) {}

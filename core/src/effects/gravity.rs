@@ -10,7 +10,7 @@ use crate::effects::force::{Force, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
@@ -26,11 +26,11 @@ pub static SPEC: EffectSpec = EffectSpec {
         help: "acceleration in solver axes (y up); the earth's is [0, -9.81, 0] m/s²",
     }],
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "vertices", step: 1.0, iteration: 0.0 },
-    section: None,
-    counts: &[],
+    is_internal: true,
+    is_essential: true,
     build,
+    ..EffectSpec::BARE
 };
 
 struct Gravity {
@@ -46,8 +46,8 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
 }
 
 impl Force for Gravity {
-    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
-        let acceleration = Lanes::from(&self.acceleration);
+    fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
+        let acceleration = Simd4::from(&self.acceleration);
         for (f, m) in f.iter_mut().zip(view.masses) {
             *f += acceleration * *m;
         }

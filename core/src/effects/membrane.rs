@@ -34,7 +34,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::smallest_but;
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -108,11 +108,13 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "triangles", step: 60.0, iteration: 12.0 },
-    section: None,
-    counts: &[],
+    maps: &[MapSpec::share("membrane"), MapSpec::of("grain_angle"), MapSpec::of("membrane_damping")],
+    bytes_of_point: 380.0,
+    is_internal: true,
+    is_essential: true,
     build,
+    ..EffectSpec::BARE
 };
 
 /// Largest share of the grain's length that lies in the plane of a triangle on which it counts as upright.

@@ -29,6 +29,6 @@ pub mod stretch;
 pub mod wind;
 
 pub use crate::snapshot::saved_section::{ElementRows, SectionId};
-pub use force::{FilterStep, Force, PartForce, PartMotion, PartView, Purpose, Surroundings, VelocityFilter};
-pub use registry::{LISTED, PlannedEffect, REGISTRY, build_all, find, lacking};
-pub use spec::{BuildContext, Cost, Effect, EffectSpec, Need, Scope};
+pub use force::{FilterStep, Force, ForceContext, PartForce, PartMotion, PartView, Purpose, VelocityFilter};
+pub use registry::{LISTED, PlannedEffect, REGISTRY, build_all, find, lacking, maps};
+pub use spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};

@@ -21,11 +21,13 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
-    requires: &[],
     cost: Cost { elements: "vertices", step: 40.0, iteration: 2.0 },
     section: Some(SECTION),
     counts: &[BEHIND, STRETCHED],
+    shared_stages: &["bodies and pins"],
+    is_essential: true,
     build,
+    ..EffectSpec::BARE
 };
 
 fn build(_: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {

@@ -21,7 +21,7 @@
 #![cfg(feature = "effect-plastic_wrinkles")]
 
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 use crate::snapshot::saved_section::SectionId;
@@ -40,7 +40,11 @@ pub static SPEC: EffectSpec = EffectSpec {
     cost: Cost { elements: "hinges", step: 100.0, iteration: 0.0 },
     section: Some(SECTION),
     counts: &["hinges_yielded"],
+    maps: &[MapSpec::of("yield_radius"), MapSpec::of("hardening"), MapSpec::of("largest_angle")],
+    stages: &["yield"],
+    is_internal: true,
     build,
+    ..EffectSpec::BARE
 };
 
 const FIELDS: &[Field] = &[

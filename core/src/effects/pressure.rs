@@ -23,14 +23,14 @@
 #![cfg(feature = "effect-pressure")]
 
 use crate::Vec3;
-use crate::effects::force::{Force, PartView, Surroundings};
+use crate::effects::force::{Force, ForceContext, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
 use crate::mesh::unpaired_edges;
 use crate::parallel::problems::listed;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 use crate::settings::{Default, Dimension, Field, Settings};
 use crate::volumes::{Volume, own_in_mesh, volume_of};
@@ -42,11 +42,9 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     fields: FIELDS,
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "triangles", step: 7.0, iteration: 0.0 },
-    section: None,
-    counts: &[],
     build,
+    ..EffectSpec::BARE
 };
 
 const FIELDS: &[Field] = &[
@@ -161,7 +159,7 @@ fn breathing(scene: &Scene, of_parts: &[(usize, PartTriangles)], gas: Gas, overp
     let mut sums = vec![0.0; parts.count()];
     for (part, triangles) in of_parts {
         let range = parts.ranges()[*part].clone();
-        let mut areas = vec![Lanes::ZERO; range.len()];
+        let mut areas = vec![Simd4::ZERO; range.len()];
         for corners in triangles.corners() {
             triangles.add(corners, &(area_vector(&at_corners(corners, x)) / 3.0), &mut areas);
         }
@@ -203,13 +201,13 @@ fn stiffness(
 
 impl PartPressure {
     /// Inside less outside [Pa].
-    fn pressure(&self, around: &Surroundings<'_>) -> f64 {
+    fn pressure(&self, around: &ForceContext<'_>) -> f64 {
         self.gas.map_or(self.overpressure, |gas| gas.pressure(self.overpressure, around.volumes.of(self.garment)))
     }
 }
 
 impl Force for PartPressure {
-    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
         let share = self.side * self.pressure(&view.around) / 3.0;
         for corners in self.triangles.corners() {
             self.triangles.add(corners, &(area_vector(&at_corners(corners, view.x)) * share), f);

@@ -2,7 +2,7 @@
 
 use crate::effects::force::PartForce;
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need};
 use crate::effects::stability::longest_stable_step;
 use crate::error::{Problem, Problems};
 use crate::scene::Scene;
@@ -73,6 +73,15 @@ pub struct PlannedEffect {
     pub notes: Vec<String>,
     /// Longest time step that its forces allow by themselves [s]; infinite if they set no limit.
     pub longest_step: f64,
+}
+
+/// The map of what every garment has.
+static DENSITY: MapSpec = MapSpec::of("density");
+
+/// What can be painted in this build, each with the effect that looks at it; none for what every garment has.
+pub fn maps() -> impl Iterator<Item = (&'static MapSpec, Option<&'static EffectSpec>)> {
+    let of_effects = REGISTRY.iter().flat_map(|spec| spec.maps.iter().map(|map| (map, Some(*spec))));
+    std::iter::once((&DENSITY, None)).chain(of_effects)
 }
 
 /// The effect of this name.

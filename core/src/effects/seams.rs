@@ -27,7 +27,7 @@ use crate::effects::force::{Force, PartMotion, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::scene::{Scene, SeamDescription};
 use crate::settings::Settings;
 
@@ -38,11 +38,11 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Implied,
     fields: &[],
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "stitches", step: 25.0, iteration: 5.0 },
-    section: None,
-    counts: &[],
+    is_internal: true,
+    is_essential: true,
     build,
+    ..EffectSpec::BARE
 };
 
 /// How the length of a seam's pairs goes over time.
@@ -152,23 +152,23 @@ fn notes(seams: &[SeamDescription], closings: &[Closing]) -> Vec<String> {
 }
 
 impl Force for PartSeams {
-    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
         for stitch in &mut self.stitches {
             let [a, b] = stitch.ends.map(|end| view.x[end]);
             let (length, rate) = stitch.closing.length(stitch.gap, view.around.time);
             let (apart, inverse) = direction(b - a);
             let pull = stitch.stiffness * (apart.norm() - length) - stitch.damping * rate;
             stitch.scaled_damping = stitch.damping * inverse * inverse;
-            f[stitch.own] += Lanes::from(&(apart * (stitch.side * pull * inverse)));
+            f[stitch.own] += Simd4::from(&(apart * (stitch.side * pull * inverse)));
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for stitch in &self.stitches {
             let [a, b] = stitch.ends;
             let apart = motion.x[b] - motion.x[a];
             let along = apart.dot(&(motion.v[b] - motion.v[a]));
-            f[stitch.own] += Lanes::from(&(apart * (stitch.side * stitch.scaled_damping * along)));
+            f[stitch.own] += Simd4::from(&(apart * (stitch.side * stitch.scaled_damping * along)));
         }
     }
 

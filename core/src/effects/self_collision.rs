@@ -37,7 +37,6 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
-    requires: &[],
     cost: Cost { elements: "triangles", step: 40.0, iteration: 0.0 },
     section: Some(SECTION),
     counts: &[
@@ -66,7 +65,12 @@ pub static SPEC: EffectSpec = EffectSpec {
         "crossings_reverted",
         "crossings",
     ],
+    stages: &["C collisions"],
+    shared_stages: &["A neighbours"],
+    bytes_of_point: 280.0,
+    is_internal: true,
     build,
+    ..EffectSpec::BARE
 };
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {

@@ -14,7 +14,7 @@
 use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::SECTION;
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope, own_triangles};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 
@@ -75,7 +75,6 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
-    requires: &[],
     cost: Cost { elements: "triangles", step: 60.0, iteration: 0.0 },
     section: Some(SECTION),
     counts: &[
@@ -91,7 +90,12 @@ pub static SPEC: EffectSpec = EffectSpec {
         "collision_steps_shortened",
         "pair_searches",
     ],
+    maps: &[MapSpec::of("thickness"), MapSpec::of("self_friction")],
+    stages: &["B.2 self-repulsion", "B.8 self-repulsion", "C self-repulsion", "A neighbours"],
+    bytes_of_point: 300.0,
+    is_internal: true,
     build,
+    ..EffectSpec::BARE
 };
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {

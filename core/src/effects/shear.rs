@@ -23,11 +23,11 @@
 use crate::Vec3;
 use crate::effects::force::{Force, PartForce, PartMotion, PartView};
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::{self, SpringElement};
 use crate::elements::corners::{add, by_part, gather, outside, share};
 use crate::error::Problem;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
 
 /// Registry entry.
@@ -50,11 +50,12 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "triangles", step: 40.0, iteration: 6.5 },
-    section: None,
-    counts: &[],
+    maps: &[MapSpec::of("shear"), MapSpec::of("shear_damping")],
+    bytes_of_point: 520.0,
+    is_internal: true,
     build,
+    ..EffectSpec::BARE
 };
 
 /// The altitude from one corner of a triangle.
@@ -76,7 +77,7 @@ struct Acting {
     /// Place of the foot between the two corners that follow, from 0 to 1.
     foot: f64,
     /// From the corner to the foot.
-    direction: Lanes,
+    direction: Simd4,
 }
 
 /// A triangle of a part.
@@ -159,9 +160,9 @@ fn longest_edge_altitude(x: [Vec3; 3]) -> Option<(Acting, f64)> {
     let corner = longer(longer(0, 1), 2);
     let (from, edge) = (x[(corner + 1) % 3], x[(corner + 2) % 3] - x[(corner + 1) % 3]);
     let foot = ((x[corner] - from).dot(&edge) / squared[corner]).clamp(0.0, 1.0);
-    let way = from + edge * foot - x[corner];
-    let length = way.norm();
-    let direction = Lanes::from(&(way / length));
+    let apart = from + edge * foot - x[corner];
+    let length = apart.norm();
+    let direction = Simd4::from(&(apart / length));
     (length > 0.0 && squared[corner] > 0.0).then_some((Acting { corner, foot, direction }, length))
 }
 
@@ -178,8 +179,8 @@ impl Triangle {
 
 impl Acting {
     /// A pull of the corner towards the foot [N], and its opposite, in the order of the triangle's corners.
-    fn pull(&self, force: f64) -> [Lanes; 3] {
-        let mut pulls = [Lanes::ZERO; 3];
+    fn pull(&self, force: f64) -> [Simd4; 3] {
+        let mut pulls = [Simd4::ZERO; 3];
         pulls[self.corner] = self.direction * force;
         pulls[(self.corner + 1) % 3] = self.direction * (-(1.0 - self.foot) * force);
         pulls[(self.corner + 2) % 3] = self.direction * (-self.foot * force);
@@ -187,7 +188,7 @@ impl Acting {
     }
 
     /// How fast the corner moves towards its foot, by the velocities of the corners [m/s].
-    fn approach(&self, v: [Lanes; 3]) -> f64 {
+    fn approach(&self, v: [Simd4; 3]) -> f64 {
         let foot = v[(self.corner + 1) % 3] * (1.0 - self.foot) + v[(self.corner + 2) % 3] * self.foot;
         (v[self.corner] - foot).dot(self.direction)
     }
@@ -198,7 +199,7 @@ impl Force for PartShear {
         &self.neighbours
     }
 
-    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
         for triangle in &mut self.triangles {
             let found = triangle.acting(view.x, self.compressed_by);
             triangle.acting = found.map(|(acting, _)| acting);
@@ -209,7 +210,7 @@ impl Force for PartShear {
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for triangle in &self.triangles {
             if let Some(acting) = &triangle.acting {
                 let v = gather(self.start, triangle.corners, motion.own_v, motion.v);

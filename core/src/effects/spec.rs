@@ -7,7 +7,7 @@ use crate::effects::force::{PartForce, VelocityFilter};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::pins::HardPins;
-use crate::scene::Scene;
+use crate::scene::{Scene, SceneDescription};
 use crate::settings::{Field, Settings};
 use crate::snapshot::saved_section::SectionId;
 use crate::volumes::Volume;
@@ -78,12 +78,71 @@ pub struct EffectSpec {
     pub requires: &'static [&'static str],
     /// What it costs.
     pub cost: Cost,
+    /// Painted maps that it looks at.
+    pub maps: &'static [MapSpec],
+    /// Stages of a step that are its own work.
+    pub stages: &'static [&'static str],
+    /// Stages that are its work where no other effect of the scene has them as its own.
+    pub shared_stages: &'static [&'static str],
+    /// Whether it moves no centre of mass but as gravity does: it acts between vertices of cloth, or on all alike.
+    pub is_internal: bool,
+    /// Whether a shot without it is no longer one to look at: cloth without weight, without springs along its edges, without
+    /// what holds it or what it lies on.
+    pub is_essential: bool,
+    /// Memory that it is expected to take for each point of the garments that have it, measured with `drapery check` on panels
+    /// of 40,000 and 250,000 points [bytes].
+    pub bytes_of_point: f64,
     /// The section of a snapshot with what time changes in it; `None` if nothing does.
     pub section: Option<SectionId>,
     /// What it counts, besides the iterations of the solves; docs/reference/counts.md explains each.
     pub counts: &'static [&'static str],
     /// Makes the effect for one garment or for the whole scene.
     pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
+}
+
+impl EffectSpec {
+    /// Effects of whose table that is all: no maps, stages, memory, section or counts.
+    pub const BARE: Self = Self {
+        name: "",
+        summary: "",
+        scope: Scope::Scene,
+        fields: &[],
+        needs: &[Need::State],
+        requires: &[],
+        cost: Cost { elements: "vertices", step: 0.0, iteration: 0.0 },
+        maps: &[],
+        stages: &[],
+        shared_stages: &[],
+        is_internal: false,
+        is_essential: false,
+        bytes_of_point: 0.0,
+        section: None,
+        counts: &[],
+        build: |_, _| Ok(Effect::default()),
+    };
+}
+
+/// A quantity that can be painted on a garment.
+#[derive(Debug)]
+pub struct MapSpec {
+    /// Its name under `maps` of a garment.
+    pub name: &'static str,
+    /// Whether it can only be a share of what the effect does: what has several numbers.
+    pub is_share: bool,
+    /// Whether there is a number in the scene that it varies on a garment; `None` if there always is one.
+    pub varies: Option<fn(&SceneDescription, usize) -> bool>,
+}
+
+impl MapSpec {
+    /// A map of a number that the effect always has.
+    pub const fn of(name: &'static str) -> Self {
+        Self { name, is_share: false, varies: None }
+    }
+
+    /// A map of what has several numbers.
+    pub const fn share(name: &'static str) -> Self {
+        Self { name, is_share: true, varies: None }
+    }
 }
 
 /// What an effect may look at while it is made.
@@ -109,9 +168,9 @@ pub struct Effect {
     pub self_repulsion: Option<(Laws, f64)>,
     /// How geometric collisions are resolved.
     pub self_collision: Option<CollisionSettings>,
-    /// A volume that its forces look at in [`crate::effects::force::Surroundings::volumes`].
+    /// A volume that its forces look at in [`crate::effects::force::ForceContext::volumes`].
     pub volume: Option<Volume>,
-    /// Whether its forces look at [`crate::effects::force::Surroundings::v`].
+    /// Whether its forces look at [`crate::effects::force::ForceContext::v`].
     pub sees_velocities: bool,
     /// The section with what forces remember of elements that have yielded.
     pub yields: Option<SectionId>,

@@ -26,12 +26,13 @@ mod part_edges;
 use crate::Vec3;
 use crate::effects::force::{FilterStep, Purpose, VelocityFilter};
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::metrics::Metrics;
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::largest;
+use crate::scene::SceneDescription;
 use crate::settings::{Default, Dimension, Field, Settings};
 use crate::tolerances::STRAIN_OVER_LIMIT;
 use part_edges::PartEdges;
@@ -65,11 +66,14 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "edges", step: 300.0, iteration: 0.0 },
-    section: None,
     counts: &["strain_limit_sweeps", "strain_over_limit"],
+    maps: &[MapSpec::of("strain_limit"), MapSpec { varies: Some(has_compression), ..MapSpec::of("compression") }],
+    stages: &["B.2 strain limit", "B.8 strain limit"],
+    bytes_of_point: 330.0,
+    is_internal: true,
     build,
+    ..EffectSpec::BARE
 };
 
 /// Share of its length by which an edge that starts a step beyond the limit is brought back in it.
@@ -108,6 +112,12 @@ struct StrainLimit {
     squares: Vec<f64>,
 }
 
+/// Whether a garment has a number for the shortest that edges may be, which a map varies.
+fn has_compression(description: &SceneDescription, garment: usize) -> bool {
+    let mut own = description.effects.iter().filter(|e| e.effect == SPEC.name && e.garment == Some(garment));
+    own.any(|e| e.settings.contains_key("compression"))
+}
+
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
     let (scene, parts) = (context.scene, context.scene.parts());
     let Some(garment) = context.garment else {
@@ -120,7 +130,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let mut valence = vec![0.0; parts.local_count()];
     ends.iter().flatten().for_each(|end| valence[*end] += 1.0);
     // Not all edges of a ghost are here.
-    parts.halo().refresh(parts.ranks(), &mut valence);
+    parts.halo().update(parts.ranks(), &mut valence);
     let (longest, painted) = (settings.number("limit"), scene.painted(garment, SPEC.name));
     let compression = settings.optional("compression");
     let limits = |edge: usize| {
@@ -184,7 +194,7 @@ impl StrainLimit {
     /// Begins a round of sweeps. Returns the largest excess over what is allowed, by rest length, and the sum of its squares.
     fn begin(&mut self, step: &FilterStep<'_>, v: &mut [Vec3]) -> (f64, f64) {
         let FilterStep { parts, mobility, x, dt, purpose } = *step;
-        parts.halo().refresh(parts.ranks(), v);
+        parts.halo().update(parts.ranks(), v);
         let Self { edges, valence, excess, squares, .. } = self;
         let seen: &[Vec3] = v;
         parts.for_each((PerPart(edges), PerPart(excess), PerPart(squares)), &|_, (edges, excess, squares)| {
@@ -244,6 +254,6 @@ impl StrainLimit {
                 change.component_mul_assign(mobility);
             }
         });
-        parts.halo().refresh(parts.ranks(), change);
+        parts.halo().update(parts.ranks(), change);
     }
 }

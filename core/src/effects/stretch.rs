@@ -10,7 +10,7 @@
 //! a finer mesh of the same cloth stiffer. Limits: in-plane stiffness is isotropic and shear follows from the mesh.
 
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::{self, FIELDS};
 use crate::error::Problem;
 use crate::settings::Settings;
@@ -22,11 +22,13 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     fields: FIELDS,
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "springs", step: 6.0, iteration: 0.8 },
-    section: None,
-    counts: &[],
+    maps: &[MapSpec::of("stretch"), MapSpec::of("stretch_damping")],
+    bytes_of_point: 190.0,
+    is_internal: true,
+    is_essential: true,
     build,
+    ..EffectSpec::BARE
 };
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {

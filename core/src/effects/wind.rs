@@ -31,13 +31,13 @@
 use std::sync::Arc;
 
 use crate::Vec3;
-use crate::effects::force::{Force, PartMotion, PartView, Surroundings};
+use crate::effects::force::{Force, ForceContext, PartMotion, PartView};
 use crate::effects::spec::Cost;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
 use crate::geometry::attachment::along_path;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 use crate::settings::{Default, Dimension, Field, Settings};
 
@@ -48,11 +48,11 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Scene,
     fields: FIELDS,
     needs: &[Need::State],
-    requires: &[],
     cost: Cost { elements: "triangles", step: 25.0, iteration: 5.0 },
-    section: None,
-    counts: &[],
+    maps: &[MapSpec::share("wind")],
+    bytes_of_point: 100.0,
     build,
+    ..EffectSpec::BARE
 };
 
 const FIELDS: &[Field] = &[
@@ -114,7 +114,7 @@ struct Air {
 
 impl Air {
     /// Velocity of the air at a place [m/s]; `steady` is that which does not depend on the place.
-    fn at(around: &Surroundings<'_>, steady: &Vec3, place: &Vec3) -> Vec3 {
+    fn at(around: &ForceContext<'_>, steady: &Vec3, place: &Vec3) -> Vec3 {
         if around.wind.exists() { steady + around.wind.velocity(place, around.time) } else { *steady }
     }
 }
@@ -183,7 +183,7 @@ fn mean(of: &[Vec3; 3]) -> Vec3 {
 
 impl PartWind {
     /// Tangential drag and pressure.
-    fn push_triangles(&mut self, view: &PartView<'_>, steady: &Vec3, f: &mut [Lanes]) {
+    fn push_triangles(&mut self, view: &PartView<'_>, steady: &Vec3, f: &mut [Simd4]) {
         let Self { air, triangles, shares, drags, .. } = self;
         for (t, (corners, (normal, drag))) in triangles.corners().iter().zip(drags).enumerate() {
             let x = at_corners(corners, view.x);
@@ -205,7 +205,7 @@ impl PartWind {
     }
 
     /// Drag across the surface at the vertices.
-    fn push_vertices(&mut self, view: &PartView<'_>, steady: &Vec3, f: &mut [Lanes]) {
+    fn push_vertices(&mut self, view: &PartView<'_>, steady: &Vec3, f: &mut [Simd4]) {
         self.normals.fill(Vec3::zeros());
         for corners in self.triangles.corners() {
             let across = area_vector(&at_corners(corners, view.x));
@@ -220,7 +220,7 @@ impl PartWind {
             let drag = self.shares[1].get(i).map_or(mass * self.air.normal, |share| share * mass * self.air.normal);
             *normal *= if length > 0.0 { drag.sqrt() / length } else { 0.0 };
             let wind = Air::at(&view.around, steady, &view.x[view.start + i]);
-            f[i] += Lanes::from(&*normal) * wind.dot(normal);
+            f[i] += Simd4::from(&*normal) * wind.dot(normal);
         }
     }
 }
@@ -232,7 +232,7 @@ fn dragged(v: &Vec3, normal: &Vec3, [all, along]: &[f64; 2]) -> Vec3 {
 }
 
 impl Force for PartWind {
-    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
         let steady = self.air.velocity + along_path(&self.air.keys, view.around.time);
         if !self.drags.is_empty() {
             self.push_triangles(view, &steady, f);
@@ -242,13 +242,13 @@ impl Force for PartWind {
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for (corners, (normal, drag)) in self.triangles.corners().iter().zip(&self.drags) {
             let v = mean(&at_corners(corners, motion.v));
             self.triangles.add(corners, &-dragged(&v, normal, drag), f);
         }
         for ((f, normal), v) in f.iter_mut().zip(&self.normals).zip(motion.own_v) {
-            let normal = Lanes::from(normal);
+            let normal = Simd4::from(normal);
             *f -= normal * normal.dot(*v);
         }
     }
@@ -283,14 +283,14 @@ mod tests {
     fn forces(scene: &Scene, v: &[Vec3]) -> (Vec<Vec3>, Vec<Vec3>) {
         let x = scene.start_state()[0].clone();
         let (targets, wind) = (PinTargets::default(), WindGrid::default());
-        let around = Surroundings { time: 0.0, targets: &targets, v, wind: &wind, volumes: &Volumes::default() };
+        let around = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &Volumes::default() };
         let view = PartView { start: 0, masses: scene.masses(), x: &x, fraction: 0.0, around };
         let effects = build_all(scene).unwrap_or_else(|problems| panic!("{problems}"));
         let mut all: Vec<Box<dyn Force>> =
             effects.into_iter().flat_map(|(_, effect)| effect.forces).map(|(_, force)| force).collect();
-        let mut f = [Lanes::ZERO; PART_SIZE];
+        let mut f = [Simd4::ZERO; PART_SIZE];
         let explicit = view.update(&mut all, &mut f).iter().map(|f| Vec3::from(*f)).collect();
-        let mut damping = vec![Lanes::ZERO; x.len()];
+        let mut damping = vec![Simd4::ZERO; x.len()];
         PartMotion::with(0..x.len(), &x, v, |motion| all.iter().for_each(|f| f.add_damping(motion, &mut damping)));
         (explicit, damping.into_iter().map(Vec3::from).collect())
     }

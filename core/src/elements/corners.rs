@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use crate::parallel::parts::Parts;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 
 /// Which elements each own part evaluates, given the corners of each (local vertices): pairs of part and number of the
 /// element, ascending.
@@ -37,18 +37,18 @@ pub(crate) fn outside<const N: usize>(part: &Range<usize>, elements: impl Iterat
 pub(crate) fn gather<const N: usize>(
     start: usize,
     corners: [u32; N],
-    own: &[Lanes],
+    own: &[Simd4],
     all: &[crate::Vec3],
-) -> [Lanes; N] {
+) -> [Simd4; N] {
     let at = |corner: u32| {
         let corner = corner as usize;
-        own.get(corner.wrapping_sub(start)).copied().unwrap_or_else(|| Lanes::from(&all[corner]))
+        own.get(corner.wrapping_sub(start)).copied().unwrap_or_else(|| Simd4::from(&all[corner]))
     };
     corners.map(at)
 }
 
 /// Adds to the corners of an element that are the part's own.
-pub(crate) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Lanes; N], own: &mut [Lanes]) {
+pub(crate) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Simd4; N], own: &mut [Simd4]) {
     for (corner, value) in corners.into_iter().zip(values) {
         if let Some(own) = own.get_mut((corner as usize).wrapping_sub(start)) {
             *own += value;

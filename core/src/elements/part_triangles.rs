@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::elements::corners;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 
 /// The triangles that one part looks at.
@@ -66,8 +66,8 @@ impl PartTriangles {
 
     /// Adds `force` [N] to each corner that is the part's own; `f` are the part's vertices.
     #[inline]
-    pub fn add(&self, corners: &[u32; 3], force: &Vec3, f: &mut [Lanes]) {
-        corners::add(self.own.start, *corners, [Lanes::from(force); 3], f);
+    pub fn add(&self, corners: &[u32; 3], force: &Vec3, f: &mut [Simd4]) {
+        corners::add(self.own.start, *corners, [Simd4::from(force); 3], f);
     }
 
     /// Whether this part counts the triangle in sums over the cloth: it has the corner of the smallest number.

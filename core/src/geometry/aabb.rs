@@ -104,11 +104,11 @@ impl Aabb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
 
     #[test]
     fn a_box_contains_the_double_precision_points_it_was_made_from() {
-        let mut random = Random(3);
+        let mut random = SplitMix64::new(3);
         for k in 0..10_000 {
             let p = random.vector() * 10f64.powi(k % 40 - 20);
             let b = Aabb::of_point(&p);

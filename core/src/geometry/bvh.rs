@@ -223,11 +223,11 @@ impl Bvh {
 mod tests {
     use super::*;
     use crate::geometry::distance::closest_on_segment;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
 
-    fn segments(random: &mut Random, n: usize, length: f64) -> Vec<[Vec3; 2]> {
+    fn segments(random: &mut SplitMix64, n: usize, length: f64) -> Vec<[Vec3; 2]> {
         let mut end = |p: Vec3| [p, p + random.vector() * length];
-        let mut starts = Random(n as u64);
+        let mut starts = SplitMix64::new(n as u64);
         (0..n).map(|_| end(starts.vector())).collect()
     }
 
@@ -241,19 +241,19 @@ mod tests {
 
     #[test]
     fn nearest_is_what_looking_at_every_primitive_finds() {
-        let mut random = Random(4);
+        let mut random = SplitMix64::new(4);
         for n in [0, 1, 2, 3, 17, 400] {
             let segments = segments(&mut random, n, 0.2);
             let tree = Bvh::build(&boxes(&segments));
             for _ in 0..300 {
                 let p = random.vector() * 1.5;
-                let reach = 0.3 + 0.3 * random.number();
+                let reach = 0.3 + 0.3 * random.signed();
                 let all = segments.iter().enumerate().map(|(i, s)| (distance_squared(&p, s), i as u32));
                 let expected = all.filter(|(d, _)| *d <= reach * reach).min_by(|a, b| a.partial_cmp(b).unwrap());
                 let expected = expected.map(|(d, i)| (i, d));
                 let distance = |i: u32| distance_squared(&p, &segments[i as usize]);
                 assert_eq!(tree.nearest(&p, reach, None, distance), expected);
-                let guess = (n > 0).then(|| (random.number().abs() * n as f64) as u32);
+                let guess = (n > 0).then(|| (random.signed().abs() * n as f64) as u32);
                 assert_eq!(tree.nearest(&p, reach, guess, distance), expected);
             }
         }
@@ -265,7 +265,7 @@ mod tests {
         let s = [[Vec3::x(), Vec3::y()], [Vec3::z(), Vec3::x() * 3.0]];
         let segments: Vec<_> = (0..100).map(|i| s[(i / 7 + 1) % 2]).collect();
         let tree = Bvh::build(&boxes(&segments));
-        let mut random = Random(5);
+        let mut random = SplitMix64::new(5);
         for _ in 0..100 {
             let p = random.vector() * 2.0;
             let found = tree.nearest(&p, f64::INFINITY, Some(93), |i| distance_squared(&p, &segments[i as usize]));
@@ -276,7 +276,7 @@ mod tests {
 
     #[test]
     fn overlaps_and_self_pairs_miss_nothing_and_repeat_nothing() {
-        let mut random = Random(6);
+        let mut random = SplitMix64::new(6);
         for n in [0, 1, 2, 5, 300] {
             let boxes = boxes(&segments(&mut random, n, 0.3));
             let tree = Bvh::build(&boxes);
@@ -308,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_refit_tree_answers_like_a_new_one_on_any_number_of_threads() {
-        let mut random = Random(7);
+        let mut random = SplitMix64::new(7);
         let before = segments(&mut random, 20_000, 0.02);
         let after: Vec<_> = before.iter().map(|s| s.map(|p| p + Vec3::new(p.y, p.z * p.x, 0.3))).collect();
         let moved = boxes(&after);

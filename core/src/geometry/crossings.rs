@@ -175,7 +175,7 @@ fn in_order(mut crossings: Vec<Crossing>) -> Vec<Crossing> {
 }
 
 /// A triangle at its place.
-struct Placed<'a> {
+struct Positioned<'a> {
     vertices: [u32; 3],
     positions: &'a [Vec3],
     bounds: Aabb,
@@ -185,8 +185,8 @@ struct Placed<'a> {
 
 impl Surface<'_> {
     #[inline]
-    fn placed(&self, t: usize, bounds: Aabb) -> Placed<'_> {
-        Placed { vertices: self.triangles[t], positions: self.positions, bounds, owned: self.owners.owned[t] }
+    fn placed(&self, t: usize, bounds: Aabb) -> Positioned<'_> {
+        Positioned { vertices: self.triangles[t], positions: self.positions, bounds, owned: self.owners.owned[t] }
     }
 
     fn bounds(&self, t: usize) -> Aabb {
@@ -205,12 +205,12 @@ fn boxes(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<Aabb> {
     triangles.par_iter().with_min_len(CHUNK).map(|t| bounds(t, positions)).collect()
 }
 
-impl Placed<'_> {
+impl Positioned<'_> {
     /// Finds which of the edges that this triangle owns meet the other; `is_asked` says which are looked at.
     #[inline]
     fn judge_edges_against(
         &self,
-        other: &Placed<'_>,
+        other: &Positioned<'_>,
         is_asked: impl Fn(&[u32; 2], &[u32; 3]) -> bool,
         found: &mut Vec<Crossing>,
     ) {

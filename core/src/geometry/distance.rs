@@ -153,7 +153,7 @@ pub fn closest_on_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> SegmentPair {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
 
     /// Smallest distance to a dense grid of the triangle's points: never below the true one.
     fn sampled_distance(p: &Vec3, t: &[Vec3; 3], n: u32) -> f64 {
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn a_triangle_point_is_as_close_as_the_best_sample() {
-        let mut random = Random(1);
+        let mut random = SplitMix64::new(1);
         let n = 120;
         for round in 0..400 {
             let mut t = [random.vector(), random.vector(), random.vector()];
@@ -220,7 +220,7 @@ mod tests {
 
     #[test]
     fn segments_are_as_close_as_the_best_sample() {
-        let mut random = Random(2);
+        let mut random = SplitMix64::new(2);
         let n = 200;
         for round in 0..300 {
             let a = [random.vector(), random.vector()];

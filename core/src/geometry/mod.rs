@@ -12,6 +12,7 @@ pub mod crossings;
 pub mod distance;
 pub mod moving_surface;
 pub mod path;
+pub mod random;
 pub mod self_crossing;
 pub mod shapes;
 pub mod tolerances;

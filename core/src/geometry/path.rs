@@ -174,7 +174,7 @@ fn closest_at(s: f64, point: &[Vec3; 2], start: &[Vec3; 3], end: &[Vec3; 3]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
 
     const RIGHT: [Vec3; 3] = [Vec3::new(0.0, 0.0, 0.0), Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0)];
 
@@ -206,8 +206,8 @@ mod tests {
 
     #[test]
     fn of_several_crossings_the_first_wanted_one_is_given() {
-        // Random motions, those kept whose f changes its sign at least twice; dense sampling is the judge.
-        let mut random = Random(21);
+        // SplitMix64 motions, those kept whose f changes its sign at least twice; dense sampling is the judge.
+        let mut random = SplitMix64::new(21);
         let mut seen = 0;
         for _ in 0..200_000 {
             let start = [random.vector(), random.vector(), random.vector()];
@@ -244,7 +244,7 @@ mod tests {
 
     #[test]
     fn a_chain_of_steps_reports_a_sinking_point_exactly_once_or_at_a_joint_twice() {
-        let mut random = Random(22);
+        let mut random = SplitMix64::new(22);
         for _ in 0..2000 {
             let t = [random.vector(), random.vector(), random.vector()];
             let through = t[0] * 0.3 + t[1] * 0.4 + t[2] * 0.3;
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn paths_through_the_edges_and_corners_of_a_fan_leave_no_slit() {
-        let mut random = Random(23);
+        let mut random = SplitMix64::new(23);
         let hub = Vec3::new(0.01, 0.02, 0.3);
         let turn = |k: i32| {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 7.0).sin_cos();
@@ -271,9 +271,9 @@ mod tests {
         let flight = Vec3::new(3.0, -2.0, 10.0);
         for round in 0..5000 {
             let k = round % 7;
-            let along = if round % 3 == 0 { 0.0 } else { 0.5 + 0.4 * random.number() };
+            let along = if round % 3 == 0 { 0.0 } else { 0.5 + 0.4 * random.signed() };
             let target = hub + (rim[k] - hub) * along; // on an edge, or the hub itself
-            let sideways = Vec3::new(random.number(), random.number(), 0.0) * 0.3;
+            let sideways = Vec3::new(random.signed(), random.signed(), 0.0) * 0.3;
             let from = target + sideways + Vec3::z() * 2.0;
             let to = target - sideways - Vec3::z() * 2.0 + flight;
             let hit = (0..7).any(|i| {

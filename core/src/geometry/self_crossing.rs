@@ -127,7 +127,8 @@ fn ray_crossing(triangle: &[u32; 3], x: &[Vec3], origin: &Vec3) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::{Random, cube, torus};
+    use crate::geometry::random::SplitMix64;
+    use crate::geometry::testing::{cube, torus};
 
     fn tree_over(triangles: &[[u32; 3]], x: &[Vec3]) -> Bvh {
         let box_of = |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&x[v as usize])));
@@ -157,7 +158,7 @@ mod tests {
 
     #[test]
     fn the_ray_count_equals_the_sum_of_solid_angles() {
-        let mut random = Random(31);
+        let mut random = SplitMix64::new(31);
         for (triangles, x) in [cube(), torus(24, 1.0, 0.3), doubled(torus(16, 0.8, 0.3), Vec3::new(0.3, 0.1, 0.2))] {
             let tree = tree_over(&triangles, &x);
             let mut counts = [0; 3];

@@ -146,7 +146,8 @@ fn slab_distance(q: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::{Random, SHAPES};
+    use crate::geometry::random::SplitMix64;
+    use crate::geometry::testing::SHAPES;
 
     /// Inside by the shape's definition, without its distance.
     fn contains(shape: &Shape, p: &Vec3) -> bool {
@@ -164,7 +165,7 @@ mod tests {
 
     #[test]
     fn the_sign_agrees_with_the_definition_of_the_body() {
-        let mut random = Random(11);
+        let mut random = SplitMix64::new(11);
         for shape in SHAPES {
             for _ in 0..2000 {
                 let p = random.vector() * 1.5;
@@ -175,7 +176,7 @@ mod tests {
 
     #[test]
     fn the_distance_alone_is_that_of_the_gradient() {
-        let mut random = Random(15);
+        let mut random = SplitMix64::new(15);
         for shape in SHAPES {
             for _ in 0..2000 {
                 let p = random.vector() * 1.5;
@@ -186,7 +187,7 @@ mod tests {
 
     #[test]
     fn walking_the_distance_along_the_gradient_arrives_at_the_surface_and_nothing_is_closer() {
-        let mut random = Random(12);
+        let mut random = SplitMix64::new(12);
         for shape in SHAPES {
             for _ in 0..2000 {
                 let p = random.vector() * 1.5;
@@ -202,7 +203,7 @@ mod tests {
 
     #[test]
     fn the_gradient_is_the_derivative_of_the_distance() {
-        let mut random = Random(13);
+        let mut random = SplitMix64::new(13);
         let h = 1e-6;
         for shape in SHAPES {
             for _ in 0..500 {
@@ -242,7 +243,7 @@ mod tests {
 
     #[test]
     fn a_path_enters_where_fine_sampling_first_finds_it_inside() {
-        let mut random = Random(14);
+        let mut random = SplitMix64::new(14);
         let n = 2000;
         for shape in SHAPES {
             let mut entered = 0;

@@ -1,4 +1,4 @@
-//! Seeded random numbers, small meshes and shapes for the tests of this module.
+//! Small meshes and shapes for the tests of this module.
 
 use super::shapes::Shape;
 use crate::Vec3;
@@ -11,25 +11,6 @@ pub(crate) const SHAPES: [Shape; 5] = [
     Shape::Cylinder { radius: 0.4, half_length: 0.6 },
     Shape::Box { half_extents: [0.5, 0.3, 0.7] },
 ];
-
-/// SplitMix64: the same numbers on every machine.
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    /// Uniform in [-1, 1).
-    pub(crate) fn number(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    /// Uniform in the cube [-1, 1)³.
-    pub(crate) fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.number(), self.number(), self.number())
-    }
-}
 
 /// A closed triangulated torus about the y axis, facing outwards; `n` segments around, `n / 2` across.
 pub(crate) fn torus(n: u32, large: f64, small: f64) -> (Vec<[u32; 3]>, Vec<Vec3>) {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use crate::parallel::communicator::{Exchange, Expected, Message};
-use crate::parallel::message::Incoming;
+use crate::parallel::message::Decoder;
 use crate::parallel::ranks::Ranks;
 
 /// Which own vertices go to which rank, and where those of other ranks stand here. Numbers are local: places in arrays that
@@ -42,7 +42,7 @@ impl Halo {
                 receives.push((owner, range.start + shift..range.end + shift));
             }
         }
-        let asked = ranks.send_lists(wanted).into_iter().enumerate().filter(|(_, list)| !list.is_empty());
+        let asked = ranks.all_to_all_v(wanted).into_iter().enumerate().filter(|(_, list)| !list.is_empty());
         let local = |vertex: &u32| vertex - first + low as u32;
         let sends = asked.map(|(to, list)| (to, list.iter().map(local).collect())).collect();
         Self { sends, receives }
@@ -94,7 +94,7 @@ impl Halo {
 
     /// Sends the values of own vertices that have `changed`, and gives those that come to `take` with the ghost's place:
     /// rank by rank, ascending. For values of which few change.
-    pub fn refresh_changed<T: Pod>(
+    pub fn update_changed<T: Pod>(
         &self,
         ranks: &Ranks,
         changed: impl Fn(u32) -> Option<T>,
@@ -115,7 +115,7 @@ impl Halo {
         };
         let received = self.exchange(ranks, pack, |_| None).finish();
         for ((_, range), bytes) in self.receives.iter().zip(received) {
-            let mut message = Incoming::new(ranks.rank(), "values that have changed", &bytes);
+            let mut message = Decoder::new(ranks.rank(), "values that have changed", &bytes);
             while !message.is_empty() {
                 let place: u32 = bytemuck::pod_read_unaligned(message.bytes(size_of::<u32>()));
                 let value = bytemuck::pod_read_unaligned(message.bytes(size_of::<T>()));
@@ -125,7 +125,7 @@ impl Halo {
     }
 
     /// Brings the ghosts to their owners' values.
-    pub fn refresh<T: Pod>(&self, ranks: &Ranks, values: &mut [T]) {
+    pub fn update<T: Pod>(&self, ranks: &Ranks, values: &mut [T]) {
         self.start(ranks, values).finish(values);
     }
 }

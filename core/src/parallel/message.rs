@@ -12,13 +12,13 @@ use crate::Vec3;
 
 /// What is left of a message that is being decoded.
 #[derive(Debug)]
-pub(crate) struct Incoming<'a> {
+pub(crate) struct Decoder<'a> {
     rest: &'a [u8],
     name: &'static str,
     rank: usize,
 }
 
-impl<'a> Incoming<'a> {
+impl<'a> Decoder<'a> {
     /// A message that came to this rank; its name is for the report of a broken one.
     pub(crate) fn new(rank: usize, name: &'static str, bytes: &'a [u8]) -> Self {
         Self { rest: bytes, name, rank }
@@ -83,8 +83,8 @@ impl<'a> Incoming<'a> {
 ///
 /// # Panics
 /// It holds none, or more than that.
-pub(crate) fn decode<T: Wire>(rank: usize, name: &'static str, bytes: &[u8]) -> T {
-    let mut message = Incoming::new(rank, name, bytes);
+pub(crate) fn decode<T: Codec>(rank: usize, name: &'static str, bytes: &[u8]) -> T {
+    let mut message = Decoder::new(rank, name, bytes);
     let value = T::take(&mut message);
     message.end();
     value
@@ -95,11 +95,11 @@ pub(crate) fn decode<T: Wire>(rank: usize, name: &'static str, bytes: &[u8]) -> 
 /// # Panics
 /// It ends within one.
 pub(crate) fn values<T: Pod>(rank: usize, name: &'static str, bytes: &[u8]) -> Vec<T> {
-    Incoming::new(rank, name, bytes).all_values()
+    Decoder::new(rank, name, bytes).all_values()
 }
 
 /// A value that can be sent. What was put is taken again in the same order.
-pub(crate) trait Wire: Sized {
+pub(crate) trait Codec: Sized {
     /// Appends the value.
     fn put(&self, out: &mut Vec<u8>);
 
@@ -107,7 +107,7 @@ pub(crate) trait Wire: Sized {
     ///
     /// # Panics
     /// The message does not begin with one.
-    fn take(message: &mut Incoming<'_>) -> Self;
+    fn take(message: &mut Decoder<'_>) -> Self;
 
     /// The value alone.
     fn to_bytes(&self) -> Vec<u8> {
@@ -119,12 +119,12 @@ pub(crate) trait Wire: Sized {
 
 macro_rules! wire_numbers {
     ($($number:ty),+) => {$(
-        impl Wire for $number {
+        impl Codec for $number {
             fn put(&self, out: &mut Vec<u8>) {
                 out.extend_from_slice(&self.to_le_bytes());
             }
 
-            fn take(message: &mut Incoming<'_>) -> Self {
+            fn take(message: &mut Decoder<'_>) -> Self {
                 Self::from_le_bytes(message.array())
             }
         }
@@ -132,23 +132,23 @@ macro_rules! wire_numbers {
 }
 wire_numbers!(u8, u32, u64, i64, f64);
 
-impl Wire for usize {
+impl Codec for usize {
     fn put(&self, out: &mut Vec<u8>) {
         (*self as u64).put(out);
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         let number = u64::take(message);
         Self::try_from(number).unwrap_or_else(|_| message.is_broken(format_args!("{number} is no count")))
     }
 }
 
-impl Wire for bool {
+impl Codec for bool {
     fn put(&self, out: &mut Vec<u8>) {
         u8::from(*self).put(out);
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         match u8::take(message) {
             0 => false,
             1 => true,
@@ -157,23 +157,23 @@ impl Wire for bool {
     }
 }
 
-impl Wire for String {
+impl Codec for String {
     fn put(&self, out: &mut Vec<u8>) {
         self.as_bytes().to_vec().put(out);
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         Self::from_utf8(Vec::take(message)).unwrap_or_else(|error| message.is_broken(error))
     }
 }
 
-impl<T: Wire> Wire for Vec<T> {
+impl<T: Codec> Codec for Vec<T> {
     fn put(&self, out: &mut Vec<u8>) {
         self.len().put(out);
         self.iter().for_each(|item| item.put(out));
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         let count = usize::take(message);
         // A count that is broken asks for no more room than its message has.
         let mut all = Self::with_capacity(count.min(message.rest.len()));
@@ -184,49 +184,49 @@ impl<T: Wire> Wire for Vec<T> {
     }
 }
 
-impl<T: Wire> Wire for Option<T> {
+impl<T: Codec> Codec for Option<T> {
     fn put(&self, out: &mut Vec<u8>) {
         self.is_some().put(out);
         self.iter().for_each(|item| item.put(out));
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         bool::take(message).then(|| T::take(message))
     }
 }
 
-impl<T: Wire, const N: usize> Wire for [T; N] {
+impl<T: Codec, const N: usize> Codec for [T; N] {
     fn put(&self, out: &mut Vec<u8>) {
         self.iter().for_each(|item| item.put(out));
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         [(); N].map(|()| T::take(message))
     }
 }
 
-impl Wire for Vec3 {
+impl Codec for Vec3 {
     fn put(&self, out: &mut Vec<u8>) {
         <[f64; 3]>::from(*self).put(out);
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         <[f64; 3]>::take(message).into()
     }
 }
 
-impl<A: Wire, B: Wire> Wire for (A, B) {
+impl<A: Codec, B: Codec> Codec for (A, B) {
     fn put(&self, out: &mut Vec<u8>) {
         self.0.put(out);
         self.1.put(out);
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         (A::take(message), B::take(message))
     }
 }
 
-impl<K: Wire + Ord, V: Wire> Wire for BTreeMap<K, V> {
+impl<K: Codec + Ord, V: Codec> Codec for BTreeMap<K, V> {
     fn put(&self, out: &mut Vec<u8>) {
         self.len().put(out);
         self.iter().for_each(|(key, value)| {
@@ -235,7 +235,7 @@ impl<K: Wire + Ord, V: Wire> Wire for BTreeMap<K, V> {
         });
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         Vec::<(K, V)>::take(message).into_iter().collect()
     }
 }
@@ -254,36 +254,36 @@ pub(crate) fn vector_of(words: [u64; 3]) -> Vec3 {
 /// does not compile.
 macro_rules! wire {
     (struct $name:path { $($field:ident),* $(,)? }) => {
-        impl $crate::parallel::message::Wire for $name {
+        impl $crate::parallel::message::Codec for $name {
             fn put(&self, out: &mut Vec<u8>) {
                 let Self { $($field),* } = self;
-                $($crate::parallel::message::Wire::put($field, out);)*
+                $($crate::parallel::message::Codec::put($field, out);)*
             }
 
-            fn take(message: &mut $crate::parallel::message::Incoming<'_>) -> Self {
-                $(let $field = $crate::parallel::message::Wire::take(message);)*
+            fn take(message: &mut $crate::parallel::message::Decoder<'_>) -> Self {
+                $(let $field = $crate::parallel::message::Codec::take(message);)*
                 Self { $($field),* }
             }
         }
     };
     (enum $name:ident { $($tag:literal => $variant:ident
         $({ $($field:ident),* })? $(( $($item:ident),* ))?),* $(,)? }) => {
-        impl $crate::parallel::message::Wire for $name {
+        impl $crate::parallel::message::Codec for $name {
             fn put(&self, out: &mut Vec<u8>) {
                 match self {
                     $($name::$variant $({ $($field),* })? $(( $($item),* ))? => {
                         out.push($tag);
-                        $($($crate::parallel::message::Wire::put($field, out);)*)?
-                        $($($crate::parallel::message::Wire::put($item, out);)*)?
+                        $($($crate::parallel::message::Codec::put($field, out);)*)?
+                        $($($crate::parallel::message::Codec::put($item, out);)*)?
                     })*
                 }
             }
 
-            fn take(message: &mut $crate::parallel::message::Incoming<'_>) -> Self {
+            fn take(message: &mut $crate::parallel::message::Decoder<'_>) -> Self {
                 match u8::take(message) {
                     $($tag => {
-                        $($(let $field = $crate::parallel::message::Wire::take(message);)*)?
-                        $($(let $item = $crate::parallel::message::Wire::take(message);)*)?
+                        $($(let $field = $crate::parallel::message::Codec::take(message);)*)?
+                        $($(let $item = $crate::parallel::message::Codec::take(message);)*)?
                         $name::$variant $({ $($field),* })? $(( $($item),* ))?
                     })*
                     other => message.is_broken(format_args!("{other} is no {}", stringify!($name))),
@@ -302,7 +302,7 @@ mod tests {
     use crate::parallel::local_ranks::LocalRanks;
     use crate::parallel::ranks::Ranks;
 
-    fn comes_back<T: Wire + PartialEq + Debug>(value: &T) {
+    fn comes_back<T: Codec + PartialEq + Debug>(value: &T) {
         assert_eq!(&decode::<T>(0, "value", &value.to_bytes()), value);
     }
 

@@ -10,7 +10,7 @@ use std::ops::Range;
 use crate::parallel::ghosted_index::LocalVertices;
 use crate::parallel::halo::Halo;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::reduce::{SUM_BLOCK, Shares};
+use crate::parallel::reduce::{ReductionTree, SUM_BLOCK};
 
 /// Largest number of vertices of a part. Small enough for one part's vectors to stay in a core's cache, large enough for
 /// the springs that cross a border (and are evaluated on both sides) to be few: 5 % of all at this size.
@@ -67,7 +67,7 @@ impl Partition {
 
     /// First part of every rank, and the number of all parts at the end, such that the ranks' shares of `costs`, one for each
     /// part, are nearly equal.
-    pub fn share_out(&self, costs: &[f64], ranks: usize) -> Vec<usize> {
+    pub fn balance(&self, costs: &[f64], ranks: usize) -> Vec<usize> {
         let total: f64 = costs.iter().sum();
         let mut starts = vec![0];
         let (mut part, mut before) = (0, 0.0);
@@ -101,8 +101,8 @@ pub struct Parts {
     ranges: Vec<Range<usize>>,
     /// First block of sums of each own part, counted from the rank's first, and their number at the end.
     block_starts: Vec<usize>,
-    blocks: Shares,
-    part_shares: Shares,
+    blocks: ReductionTree,
+    part_shares: ReductionTree,
     /// Local vertices of each garment, ghosts included.
     garments: Vec<Range<usize>>,
     /// Number in its garment of each local vertex.
@@ -131,8 +131,8 @@ impl Parts {
             all_blocks.push(all_blocks[all_blocks.len() - 1] + (sizes[1] - sizes[0]).div_ceil(SUM_BLOCK));
         }
         let block_starts = all_blocks[run.start..=run.end].iter().map(|block| block - all_blocks[run.start]).collect();
-        let blocks = Shares::new(assignment.iter().map(|part| all_blocks[*part]).collect(), rank);
-        let part_shares = Shares::new(assignment.clone(), rank);
+        let blocks = ReductionTree::new(assignment.iter().map(|part| all_blocks[*part]).collect(), rank);
+        let part_shares = ReductionTree::new(assignment.clone(), rank);
         let mut parts = Self {
             partition,
             vertices,
@@ -216,8 +216,8 @@ impl Parts {
     }
 
     /// Joins one value for each block, of all ranks, in an order that depends on the scene alone.
-    pub fn join(&self, blocks: &[f64]) -> f64 {
-        self.blocks.join(self.ranks(), blocks)
+    pub fn tree_sum(&self, blocks: &[f64]) -> f64 {
+        self.blocks.tree_sum(self.ranks(), blocks)
     }
 
     /// Joins one value for each block, and takes the largest of one more value of each rank, in one exchange.
@@ -318,7 +318,7 @@ mod tests {
                 partition.add_garment(4900);
                 // Some order of the vertices.
                 let order: Vec<u32> = (0..4900).map(|place| 4899 - place).collect();
-                let assignment = partition.share_out(&partition.sizes(), ranks.count());
+                let assignment = partition.balance(&partition.sizes(), ranks.count());
                 let starts: Vec<usize> = assignment.iter().map(|part| partition.starts()[*part]).collect();
                 let own = starts[ranks.rank()]..starts[ranks.rank() + 1];
                 // Every hundredth vertex of the others.
@@ -335,7 +335,7 @@ mod tests {
                 assert_eq!(parts.garment(0), 0..local.len());
                 let mut values: Vec<u32> = vec![u32::MAX; local.len()];
                 parts.own().for_each(|i| values[i] = local[i]);
-                parts.halo().refresh(&ranks, &mut values);
+                parts.halo().update(&ranks, &mut values);
                 assert_eq!(values, local);
                 // Of those, a third changes.
                 let changed = |v: u32| v.is_multiple_of(300).then_some(2 * v);
@@ -343,7 +343,7 @@ mod tests {
                 let expected: Vec<_> = copies.filter_map(|i| Some((i, changed(local[i])?))).collect();
                 let mut came = Vec::new();
                 let own = |i: u32| changed(local[i as usize]);
-                parts.halo().refresh_changed(&ranks, own, |place, value| came.push((place, value)));
+                parts.halo().update_changed(&ranks, own, |place, value| came.push((place, value)));
                 assert_eq!(came, expected);
                 parts.own().len()
             });

@@ -1,7 +1,7 @@
 //! Problems that ranks find, alike on all of them.
 
 use crate::error::{Problem, ProblemKind, Problems};
-use crate::parallel::message::{Wire, decode, wire};
+use crate::parallel::message::{Codec, decode, wire};
 use crate::parallel::ranks::Ranks;
 
 /// Elements of one kind that are listed before the rest is only counted.
@@ -15,7 +15,7 @@ pub(crate) fn agree(ranks: &Ranks, problems: Vec<Problem>) -> Result<(), Problem
     if !ranks.any(!problems.is_empty()) {
         return Ok(());
     }
-    let all = ranks.all_gather_each(&problems.to_bytes());
+    let all = ranks.all_gather_v(&problems.to_bytes());
     let mut together: Vec<Problem> = Vec::new();
     for problem in all.iter().flat_map(|bytes| decode::<Vec<Problem>>(ranks.rank(), "problems of a rank", bytes)) {
         if !together.contains(&problem) {
@@ -35,7 +35,7 @@ pub(crate) fn listed(ranks: &Ranks, mut elements: Vec<[u32; 2]>) -> Option<Strin
         return None;
     }
     elements.truncate(LISTED);
-    let mut all = ranks.all_gather_each(&elements).concat();
+    let mut all = ranks.all_gather_v(&elements).concat();
     all.sort_unstable();
     let name = |[a, b]: &[u32; 2]| if a == b { a.to_string() } else { format!("{a}-{b}") };
     let names: Vec<String> = all.iter().take(LISTED).map(name).collect();

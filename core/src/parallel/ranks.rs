@@ -178,7 +178,7 @@ impl Ranks {
     }
 
     /// The values of all ranks, each by itself, where nobody knows how many others give.
-    pub fn all_gather_each<T: Pod>(&self, own: &[T]) -> Vec<Vec<T>> {
+    pub fn all_gather_v<T: Pod>(&self, own: &[T]) -> Vec<Vec<T>> {
         if self.is_alone() {
             return vec![own.to_vec()];
         }
@@ -220,7 +220,7 @@ impl Ranks {
     }
 
     /// Sends the values of one rank to rank 0, which gets them; nothing elsewhere. Only these two ranks need to call it.
-    pub fn to_first<T: Pod>(&self, from: usize, own: &[T]) -> Vec<T> {
+    pub fn send_to_root<T: Pod>(&self, from: usize, own: &[T]) -> Vec<T> {
         if self.rank() == from {
             let message = Message { to: 0, bytes: bytemuck::cast_slice(own).to_vec() };
             self.start(vec![message], &[]).finish();
@@ -232,7 +232,7 @@ impl Ranks {
     }
 
     /// Gives every rank its list; returns what each rank gave this one. A list for this rank comes back as it is.
-    pub fn send_lists<T: Pod>(&self, mut lists: Vec<Vec<T>>) -> Vec<Vec<T>> {
+    pub fn all_to_all_v<T: Pod>(&self, mut lists: Vec<Vec<T>>) -> Vec<Vec<T>> {
         if self.is_alone() {
             return lists;
         }

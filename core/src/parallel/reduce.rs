@@ -11,20 +11,20 @@ use crate::parallel::ranks::Ranks;
 pub const SUM_BLOCK: usize = 512;
 
 /// Joins block sums by halves: the tree depends on their number alone.
-pub fn join(blocks: &[f64]) -> f64 {
+pub fn tree_sum(blocks: &[f64]) -> f64 {
     match blocks {
         [] => 0.0,
         [one] => *one,
         _ => {
             let (low, high) = blocks.split_at(blocks.len() / 2);
-            join(low) + join(high)
+            tree_sum(low) + tree_sum(high)
         }
     }
 }
 
 /// Which blocks of a sum belong to which rank.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Shares {
+pub struct ReductionTree {
     /// First block of every rank, and the number of all at the end.
     starts: Vec<usize>,
     /// Largest subtrees of this rank, in order.
@@ -33,7 +33,7 @@ pub struct Shares {
     counts: Vec<usize>,
 }
 
-impl Shares {
+impl ReductionTree {
     /// The shares of ranks that own runs of blocks, of which `starts` are the first ones, and the number of all.
     pub fn new(starts: Vec<usize>, rank: usize) -> Self {
         let all = starts.last().copied().unwrap_or(0);
@@ -52,8 +52,8 @@ impl Shares {
         &self.starts
     }
 
-    /// The sum of the blocks of all ranks, of which `blocks` are this rank's; the same as [`join`] of all together.
-    pub fn join(&self, ranks: &Ranks, blocks: &[f64]) -> f64 {
+    /// The sum of the blocks of all ranks, of which `blocks` are this rank's; the same as [`tree_sum`] of all together.
+    pub fn tree_sum(&self, ranks: &Ranks, blocks: &[f64]) -> f64 {
         let [sum] = self.join_all(ranks, &[blocks]);
         sum
     }
@@ -61,11 +61,12 @@ impl Shares {
     /// Several sums at once.
     pub fn join_all<const N: usize>(&self, ranks: &Ranks, blocks: &[&[f64]; N]) -> [f64; N] {
         if ranks.is_alone() {
-            return blocks.map(join);
+            return blocks.map(tree_sum);
         }
         let first = self.starts[ranks.rank()];
         let local = |tree: &Range<usize>| tree.start - first..tree.end - first;
-        let own: Vec<[f64; N]> = self.own.iter().map(|tree| blocks.map(|blocks| join(&blocks[local(tree)]))).collect();
+        let own: Vec<[f64; N]> =
+            self.own.iter().map(|tree| blocks.map(|blocks| tree_sum(&blocks[local(tree)]))).collect();
         let counts: Vec<usize> = self.counts.iter().map(|count| count * N).collect();
         let all = ranks.all_gather(own.as_flattened(), &counts);
         let mut next = all.as_chunks::<N>().0.iter();
@@ -75,10 +76,10 @@ impl Shares {
     /// A sum, and the largest of one more value of every rank, in one exchange.
     pub fn join_with_max(&self, ranks: &Ranks, blocks: &[f64], value: f64) -> (f64, f64) {
         if ranks.is_alone() {
-            return (join(blocks), value);
+            return (tree_sum(blocks), value);
         }
         let first = self.starts[ranks.rank()];
-        let own = self.own.iter().map(|tree| join(&blocks[tree.start - first..tree.end - first]));
+        let own = self.own.iter().map(|tree| tree_sum(&blocks[tree.start - first..tree.end - first]));
         let own: Vec<f64> = own.chain([value]).collect();
         let counts: Vec<usize> = self.counts.iter().map(|count| count + 1).collect();
         let all = ranks.all_gather(&own, &counts);
@@ -94,7 +95,7 @@ impl Shares {
         (sum, largest)
     }
 
-    /// Joins subtrees, each the next of `values`, as [`join`] does.
+    /// Joins subtrees, each the next of `values`, as [`tree_sum`] does.
     fn assemble<'a, const N: usize>(
         &self,
         tree: Range<usize>,
@@ -155,9 +156,11 @@ mod tests {
                 let sums = LocalRanks::run(starts.len() - 1, 1, |communicator| {
                     let ranks = Ranks::new(communicator);
                     let own = &blocks[starts[ranks.rank()]..starts[ranks.rank() + 1]];
-                    Shares::new(starts.clone(), ranks.rank()).join(&ranks, own)
+                    ReductionTree::new(starts.clone(), ranks.rank()).tree_sum(&ranks, own)
                 });
-                assert!(sums.expect("no rank ends early").iter().all(|sum| sum.to_bits() == join(&blocks).to_bits()));
+                assert!(
+                    sums.expect("no rank ends early").iter().all(|sum| sum.to_bits() == tree_sum(&blocks).to_bits())
+                );
             }
         }
     }

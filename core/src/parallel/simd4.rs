@@ -8,12 +8,12 @@ use crate::parallel::parts::PART_SIZE;
 /// Three components and a zero: what the inner loops of a part work on.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[repr(C, align(32))]
-pub struct Lanes([f64; 4]);
+pub struct Simd4([f64; 4]);
 
 /// One vector for each vertex of a part, on the stack of the thread that works on it.
-pub type PartLanes = [Lanes; PART_SIZE];
+pub type PartSimd4 = [Simd4; PART_SIZE];
 
-impl Lanes {
+impl Simd4 {
     /// No length.
     pub const ZERO: Self = Self([0.0; 4]);
 
@@ -26,28 +26,28 @@ impl Lanes {
     }
 
     /// Copies the vectors of a part to the front of `to`, and returns them.
-    pub fn copy<'a>(from: &[Vec3], to: &'a mut PartLanes) -> &'a [Self] {
+    pub fn copy<'a>(from: &[Vec3], to: &'a mut PartSimd4) -> &'a [Self] {
         let to = &mut to[..from.len()];
         to.iter_mut().zip(from).for_each(|(to, from)| *to = Self::from(from));
         to
     }
 }
 
-impl From<&Vec3> for Lanes {
+impl From<&Vec3> for Simd4 {
     #[inline(always)]
     fn from(v: &Vec3) -> Self {
         Self([v.x, v.y, v.z, 0.0])
     }
 }
 
-impl From<Lanes> for Vec3 {
+impl From<Simd4> for Vec3 {
     #[inline(always)]
-    fn from(v: Lanes) -> Self {
+    fn from(v: Simd4) -> Self {
         Self::new(v.0[0], v.0[1], v.0[2])
     }
 }
 
-impl Add for Lanes {
+impl Add for Simd4 {
     type Output = Self;
 
     #[inline(always)]
@@ -56,7 +56,7 @@ impl Add for Lanes {
     }
 }
 
-impl Sub for Lanes {
+impl Sub for Simd4 {
     type Output = Self;
 
     #[inline(always)]
@@ -65,7 +65,7 @@ impl Sub for Lanes {
     }
 }
 
-impl Mul<f64> for Lanes {
+impl Mul<f64> for Simd4 {
     type Output = Self;
 
     #[inline(always)]
@@ -74,14 +74,14 @@ impl Mul<f64> for Lanes {
     }
 }
 
-impl AddAssign for Lanes {
+impl AddAssign for Simd4 {
     #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
 }
 
-impl SubAssign for Lanes {
+impl SubAssign for Simd4 {
     #[inline(always)]
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;

@@ -1,7 +1,7 @@
 //! Hard pins: they replace the motion of their vertices.
 
 use crate::Vec3;
-use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::parallel::parts::Parts;
 use crate::pins::targets::PinTargets;
 use crate::scene::{PinHold, Pinned, Scene};
@@ -60,26 +60,27 @@ impl HardPins {
     }
 
     /// Puts the part's held components where they have to be at the end of the step: at their targets, or, where their
-    /// vertices were too far behind in `x` [m], as much closer as `catch_up` allows.
+    /// vertices were too far behind in `x` [m], as much closer as `recovery_speed` allows.
     pub fn set_positions(
         &self,
         part: usize,
         start: usize,
         targets: &PinTargets,
-        catch_up: CatchUp,
+        recovery_speed: RecoverySpeed,
         (x, x_new): (&[Vec3], &mut [Vec3]),
     ) {
         self.held(part, start, targets, |vertex, axis, target| {
-            let rest = targets.rest_of_lag(target, catch_up, x[vertex], axis);
+            let rest = targets.rest_of_lag(target, recovery_speed, x[vertex], axis);
             x_new[vertex][axis] = targets.at_t1[target][axis] - rest;
         });
     }
 
     /// How many own vertices stay behind their targets in the step from `x` [m].
-    pub fn behind(&self, targets: &PinTargets, catch_up: CatchUp, x: &[Vec3]) -> u64 {
+    pub fn behind(&self, targets: &PinTargets, recovery_speed: RecoverySpeed, x: &[Vec3]) -> u64 {
         let is_late = |pin: &&HardPin| {
-            let late =
-                |axis: usize| pin.axes[axis] && targets.rest_of_lag(pin.target, catch_up, x[pin.vertex], axis) != 0.0;
+            let late = |axis: usize| {
+                pin.axes[axis] && targets.rest_of_lag(pin.target, recovery_speed, x[pin.vertex], axis) != 0.0
+            };
             targets.is_active(pin.target) && (0..3).any(late)
         };
         self.entries.iter().filter(is_late).count() as u64

@@ -34,6 +34,6 @@ impl Mobility {
 
     /// Gives ghosts those of their owners. All ranks call it together.
     pub fn update_ghosts(&mut self, parts: &Parts) {
-        parts.halo().refresh(parts.ranks(), &mut self.0);
+        parts.halo().update(parts.ranks(), &mut self.0);
     }
 }

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use crate::Vec3;
-use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::{Bodies, Sample, Samples};
 use crate::error::Problem;
 use crate::geometry::attachment::{SurfaceAttachment, along_path, attached_position};
 use crate::scene::{FARTHEST, PinAnchor, PinTarget, Pinned, Scene, is_possible};
-use crate::snapshot::saved_section::{Field, Remembered, SectionId};
+use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::snapshot::{SnapshotError, Values};
 
 /// What pins and attachments remember together.
@@ -165,7 +165,7 @@ impl PinTargets {
     }
 
     /// What the pins remember: the places taken when they took hold, and where their vertices were bound to bodies.
-    pub(crate) fn remember(&self) -> Remembered {
+    pub(crate) fn save(&self) -> SavedSection {
         let place = |target: &Target| match &target.source {
             Source::Path { place, .. } => *place,
             _ => Vec3::zeros(),
@@ -178,7 +178,7 @@ impl PinTargets {
         let attachments = || self.targets.iter().map(attachment);
         let vectors = |values: Vec<Vec3>| Field::Targets(3, Values::F64(bytemuck::cast_slice(&values).to_vec()));
         let active = self.active.iter().map(|active| u8::from(*active)).collect();
-        let memory = Remembered::new(SECTION)
+        let memory = SavedSection::new(SECTION)
             .with("places", vectors(self.targets.iter().map(place).collect()))
             .with("body_points", Field::Targets(3, Values::U32(attachments().flat_map(|a| a.body_points).collect())))
             .with("weights", Field::Targets(3, Values::F64(attachments().flat_map(|a| a.weights).collect())))
@@ -196,7 +196,7 @@ impl PinTargets {
     ///
     /// # Errors
     /// It is of another scene, or its numbers are none.
-    pub(crate) fn go_on(&mut self, memory: &Remembered, bodies: &Bodies) -> Result<(), SnapshotError> {
+    pub(crate) fn restore(&mut self, memory: &SavedSection, bodies: &Bodies) -> Result<(), SnapshotError> {
         let error = |what: String| SnapshotError { section: memory.name.to_owned(), what };
         let reals = |name: &str| match memory.targets(name) {
             Values::F64(values) => values.as_slice(),
@@ -298,9 +298,9 @@ impl PinTargets {
     }
 
     /// What is left of the way to the target along an axis after a step from `x` [m].
-    pub(super) fn rest_of_lag(&self, target: usize, catch_up: CatchUp, x: Vec3, axis: usize) -> f64 {
+    pub(super) fn rest_of_lag(&self, target: usize, recovery_speed: RecoverySpeed, x: Vec3, axis: usize) -> f64 {
         let lag = self.at_t0[target][axis] - x[axis];
-        (lag.abs() - catch_up.of(lag.abs())).copysign(lag)
+        (lag.abs() - recovery_speed.of(lag.abs())).copysign(lag)
     }
 
     /// Times at which some pin starts or stops holding [s].

@@ -470,7 +470,7 @@ pub struct Scene {
     /// Own vertices that no triangle has, ascending, if any rank has such: they are held where they are.
     pub(crate) inert: Option<Vec<u32>>,
     /// Those of all ranks that go with another vertex in the output.
-    pub(crate) followers: Vec<Follower>,
+    pub(crate) followers: Vec<MergedVertex>,
     /// What was left out of the garments; on rank 0.
     pub(crate) warnings: Vec<String>,
     /// Maps of each garment, over the vertices of this rank's piece of its mesh.
@@ -479,7 +479,7 @@ pub struct Scene {
 
 /// A vertex that takes no part and goes with another.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Follower {
+pub(crate) struct MergedVertex {
     /// Its number in the scene, and that of the vertex that it follows.
     pub(crate) vertex: u32,
     pub(crate) leader: u32,
@@ -580,7 +580,7 @@ impl Scene {
     }
 
     /// Vertices of all ranks that take no part and go with another in the output.
-    pub(crate) fn followers(&self) -> &[Follower] {
+    pub(crate) fn followers(&self) -> &[MergedVertex] {
         &self.followers
     }
 
@@ -588,7 +588,7 @@ impl Scene {
     fn stop_inert(&self, v: &mut [Vec3]) {
         if let Some(inert) = &self.inert {
             inert.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
-            self.parts.halo().refresh(self.parts.ranks(), v);
+            self.parts.halo().update(self.parts.ranks(), v);
         }
     }
 }

@@ -40,7 +40,8 @@ impl Scene {
             let coarse = garments.filter_map(|(garment, bounds)| {
                 let rounding = largest_rounding(bounds, origin);
                 let limit = WORTH_SAYING * garment.thickness;
-                (limit > 0.0 && rounding > limit).then(|| told(&garment.name, rounding, garment.thickness, origin))
+                (limit > 0.0 && rounding > limit)
+                    .then(|| coarse_warning(&garment.name, rounding, garment.thickness, origin))
             });
             self.warnings.extend(coarse.collect::<Vec<_>>());
         }
@@ -102,7 +103,7 @@ pub fn coarse_place(corners: [Vec3; 3]) -> Option<(f64, f64)> {
     (farthest > FAR && longest <= TAKEN_BY_ROUNDING * apart).then_some((farthest, apart))
 }
 
-fn told(name: &str, rounding: f64, thickness: f64, origin: Vec3) -> String {
+fn coarse_warning(name: &str, rounding: f64, thickness: f64, origin: Vec3) -> String {
     let [x, y, z] = <[f64; 3]>::from(origin);
     format!(
         "garment \"{name}\": caches count positions from [{x}, {y}, {z}], so far from where it starts that they round by up to \

@@ -4,38 +4,6 @@ use std::collections::BTreeMap;
 
 use crate::scene::{PinHold, Pinned, Scene};
 
-/// What can be painted, and the effects of which one has to look at it; none for what every garment has.
-pub const MAPS: &[(&str, &[&str])] = &[
-    ("density", &[]),
-    ("thickness", &["self_repulsion"]),
-    ("self_friction", &["self_repulsion"]),
-    ("friction", &["body_collision"]),
-    ("stretch", &["stretch"]),
-    ("shear", &["shear"]),
-    ("membrane", &["membrane"]),
-    ("grain_angle", &["membrane"]),
-    ("bending", &["bending"]),
-    ("dihedral_bending", &["dihedral_bending"]),
-    ("stretch_damping", &["stretch"]),
-    ("shear_damping", &["shear"]),
-    ("membrane_damping", &["membrane"]),
-    ("bending_damping", &["bending"]),
-    ("dihedral_bending_damping", &["dihedral_bending"]),
-    ("yield_radius", &["plastic_wrinkles"]),
-    ("hardening", &["plastic_wrinkles"]),
-    ("largest_angle", &["plastic_wrinkles"]),
-    ("strain_limit", &["strain_limit"]),
-    ("compression", &["strain_limit"]),
-    ("pins", &["attachments"]),
-    ("pin_damping", &["attachments"]),
-    ("break_force", &["attachments"]),
-    ("wind", &["wind"]),
-    ("ether_drag", &["ether_drag"]),
-];
-
-/// Maps of what has several numbers: they can only be shares of what the effect does.
-pub const SHARES: &[&str] = &["membrane", "wind"];
-
 /// Values of one quantity over the vertices of a garment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PaintedMap {

@@ -46,7 +46,7 @@ impl Simulation {
         for (vertex, _) in pins.fully_held().filter(|(_, target)| self.prescribed.targets.is_active(*target)) {
             held[vertex] = 1;
         }
-        parts.halo().refresh(parts.ranks(), &mut held);
+        parts.halo().update(parts.ranks(), &mut held);
         let stretched: Vec<(f64, [usize; 2])> = between(&self.scene, &self.cloth.state.x, &held).collect();
         let torn = stretched.iter().filter(|(strain, _)| *strain > STRETCHED_BETWEEN_PINS).count();
         self.metrics.count(STRETCHED, torn as u64);
@@ -71,7 +71,8 @@ impl Simulation {
                 far[pin].push((distance, own));
             }
         }
-        let warnings = far.into_iter().enumerate().filter_map(|(pin, far)| told(scene, pin, far)).collect();
+        let warnings =
+            far.into_iter().enumerate().filter_map(|(pin, far)| far_bound_warning(scene, pin, far)).collect();
         self.warnings = warnings;
     }
 }
@@ -107,7 +108,7 @@ fn mean_edges(scene: &Scene) -> Vec<f64> {
 
 /// Says in words, on rank 0, which vertices of a pin are bound too far away; `far` are those of this rank with their distances
 /// [m].
-fn told(scene: &Scene, pin: usize, far: Vec<(f64, u32)>) -> Option<String> {
+fn far_bound_warning(scene: &Scene, pin: usize, far: Vec<(f64, u32)>) -> Option<String> {
     let ranks = scene.parts().ranks();
     let list = listed(ranks, far.iter().map(|(_, vertex)| [*vertex; 2]).collect())?;
     let (distance, vertex) = farthest(ranks, &far);
@@ -130,7 +131,7 @@ fn farthest(ranks: &Ranks, far: &[(f64, u32)]) -> (f64, u32) {
     let order = |a: &[u64; 2], b: &[u64; 2]| a[0].cmp(&b[0]).then(b[1].cmp(&a[1]));
     // Bits of what is not negative are in the order of the numbers.
     let own: Vec<[u64; 2]> = own.into_iter().max_by(order).into_iter().collect();
-    let all = ranks.all_gather_each(&own).concat();
+    let all = ranks.all_gather_v(&own).concat();
     all.into_iter().max_by(order).map_or((0.0, 0), |[bits, vertex]| (f64::from_bits(bits), vertex as u32))
 }
 

@@ -8,7 +8,7 @@ use crate::contact::bodies::collision;
 use crate::contact::self_contact;
 use crate::error::Problems;
 use crate::scene::Scene;
-use crate::snapshot::saved_section::{ElementRows, Field, Remembered, SectionId};
+use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 use crate::step::Prescribed;
 
@@ -44,35 +44,35 @@ impl Simulation {
     /// [`Simulation::snapshot`].
     pub fn save(&self, mut sink: Option<&mut dyn SnapshotSink>) {
         let numbers = self.prescribed.targets.numbers();
-        for section in self.remember() {
-            section.give(self.scene.parts(), (&numbers, self.scene.pin_targets()), sink.as_deref_mut());
+        for section in self.saved_sections() {
+            section.write(self.scene.parts(), (&numbers, self.scene.pin_targets()), sink.as_deref_mut());
         }
     }
 
     /// What time has changed, on this rank.
-    pub(super) fn remember(&self) -> Vec<Remembered> {
+    pub(super) fn saved_sections(&self) -> Vec<SavedSection> {
         let own = self.scene.parts().own();
         let of_own = |vectors: &[Vec3]| Field::Vectors(vectors[own.clone()].to_vec());
-        let state = Remembered::new(STATE)
+        let state = SavedSection::new(STATE)
             .with("time", Field::Number(self.cloth.state.time))
             .with("last_step", Field::Number(self.limit.last()))
-            .with("halvings", Field::Count(self.care.saved()[0]))
-            .with("calm", Field::Count(self.care.saved()[1]))
+            .with("halvings", Field::Count(self.retry.saved()[0]))
+            .with("calm", Field::Count(self.retry.saved()[1]))
             .with("positions", of_own(&self.cloth.state.x))
             .with("velocities", of_own(&self.cloth.state.v));
-        let pins = (self.scene.pin_targets() > 0).then(|| self.prescribed.targets.remember());
-        let collision = self.contacts.bodies.as_ref().and_then(|collision| collision.remember());
-        let contact = self.contacts.cloth.as_ref().map(|contact| contact.remember());
+        let pins = (self.scene.pin_targets() > 0).then(|| self.prescribed.targets.save());
+        let collision = self.contacts.bodies.as_ref().and_then(|collision| collision.save());
+        let contact = self.contacts.cloth.as_ref().map(|contact| contact.save());
         let yielded = self.yields.map(|section| self.remember_elements(section));
         [Some(state), pins, collision, contact, yielded].into_iter().flatten().collect()
     }
 
     /// What has yielded in elements that count on this rank, by vertices of the scene.
-    fn remember_elements(&self, section: SectionId) -> Remembered {
+    fn remember_elements(&self, section: SectionId) -> SavedSection {
         let (parts, mut rows) = (self.scene.parts(), ElementRows::new(HINGE_VERTICES, HINGE_VALUES));
-        self.dynamics.forces.iter().flatten().for_each(|force| force.remember(&mut rows));
+        self.dynamics.forces.iter().flatten().for_each(|force| force.save_elements(&mut rows));
         let rows = rows.renumbered(|vertex| Some(parts.number(vertex as usize)));
-        Remembered::new(section).with(HINGES, Field::Elements(rows))
+        SavedSection::new(section).with(HINGES, Field::Elements(rows))
     }
 
     /// A simulation that goes on from a snapshot taken at the frame of `start`, or after it and before the next one; `start`
@@ -99,18 +99,18 @@ impl Simulation {
     ) -> Result<Self, RestoreError> {
         let mut simulation = Self::build(scene.into(), start).map_err(RestoreError::Problems)?;
         // What a new simulation remembers says what there is to read.
-        let mut memory = simulation.remember();
+        let mut memory = simulation.saved_sections();
         let (numbers, targets) = (simulation.prescribed.targets.numbers(), simulation.scene.pin_targets());
         for section in &mut memory {
-            section.take(simulation.scene.parts(), (&numbers, targets), source.as_deref_mut())?;
+            section.read(simulation.scene.parts(), (&numbers, targets), source.as_deref_mut())?;
         }
-        simulation.go_on(start.frame, &memory)?;
+        simulation.restore_sections(start.frame, &memory)?;
         Ok(simulation)
     }
 
     /// Goes on from what was remembered at the frame `frame` or after it.
-    pub(super) fn go_on(&mut self, frame: i64, memory: &[Remembered]) -> Result<(), SnapshotError> {
-        let Self { scene, cloth, prescribed: Prescribed { targets, bodies, .. }, contacts, limit, care, .. } = self;
+    pub(super) fn restore_sections(&mut self, frame: i64, memory: &[SavedSection]) -> Result<(), SnapshotError> {
+        let Self { scene, cloth, prescribed: Prescribed { targets, bodies, .. }, contacts, limit, retry, .. } = self;
         let state = &mut cloth.state;
         let parts = scene.parts();
         let timeline = scene.description().timeline;
@@ -124,34 +124,34 @@ impl Simulation {
                 return Err(SnapshotError { section: STATE.name.to_owned(), what });
             }
             limit.set_last(section.number("last_step"));
-            care.go_on(["halvings", "calm"].map(|name| section.count(name)));
+            retry.restore(["halvings", "calm"].map(|name| section.count(name)));
             for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
                 vectors[parts.own()].copy_from_slice(section.vectors(name));
-                parts.halo().refresh(parts.ranks(), vectors);
+                parts.halo().update(parts.ranks(), vectors);
             }
         }
         bodies.set_step(state.time, state.time);
         if scene.pin_targets() > 0
             && let Some(section) = sections.next()
         {
-            problem = targets.go_on(section, bodies).err();
+            problem = targets.restore(section, bodies).err();
         }
         if let (Some(collision), Some(section)) = (
             contacts.bodies.as_mut().filter(|c| c.remembers()),
             memory.iter().find(|s| s.name == collision::SECTION.name),
         ) {
-            collision.go_on(section);
+            collision.restore(section);
         }
         if let (Some(contact), Some(section)) =
             (&mut contacts.cloth, memory.iter().find(|section| section.name == self_contact::SECTION.name))
         {
-            contact.go_on(section)?;
+            contact.restore(section)?;
             self.crossings = contact.known_crossings().to_vec();
         }
         let yielded = self.yields.and_then(|section| memory.iter().find(|known| known.name == section.name));
         if let Some(rows) = yielded.and_then(|section| section.elements(HINGES)) {
             let rows = rows.renumbered(|number| parts.local(number).map(|vertex| vertex as u32));
-            self.dynamics.forces.iter_mut().flatten().for_each(|force| force.recall(&rows));
+            self.dynamics.forces.iter_mut().flatten().for_each(|force| force.restore_elements(&rows));
         }
         self.frame = frame;
         let elsewhere =

@@ -11,7 +11,7 @@
 
 use std::sync::Arc;
 
-use super::recovery::Trouble;
+use super::recovery::FailureKind;
 use super::{FrameSummary, Simulation};
 use crate::clock::Watch;
 use crate::contact::self_contact::{Ending, SelfContact};
@@ -59,9 +59,9 @@ impl Simulation {
         self.keep_collision_free_state(); // A
         let steps = self.find_close_pairs(); // A
         let steps = self.time_steps(steps, end, summary)?; // K × B
-        let (ending, trouble) = self.resolve_collisions(steps); // C
-        if let Some(trouble) = trouble
-            && self.recover(trouble, summary.frame)?
+        let (ending, failure) = self.resolve_collisions(steps); // C
+        if let Some(failure) = failure
+            && self.recover(failure, summary.frame)?
         {
             return Ok(Ended::Retried);
         }
@@ -75,65 +75,65 @@ impl Simulation {
 
     /// A: finds the pairs near the collision-free state, and their sides; returns K, the number of time steps until C.
     fn find_close_pairs(&mut self) -> u32 {
-        let Self { contacts, cloth, prescribed, limit, metrics, care, .. } = self;
+        let Self { contacts, cloth, prescribed, limit, metrics, retry, .. } = self;
         let Some(contact) = &mut contacts.cloth else { return 1 };
         let steps = metrics
-            .stage("A neighbours", |m| contact.begin_interval(&cloth.state, &prescribed.bodies, limit.last(), m));
-        if care.is_cautious() { steps.min(1) } else { steps }
+            .stage("A neighbours", |m| contact.begin_collision_step(&cloth.state, &prescribed.bodies, limit.last(), m));
+        if retry.is_cautious() { steps.min(1) } else { steps }
     }
 
     /// K × B: up to `most` time steps, fewer where `end` [s] is reached or something goes wrong.
     fn time_steps(&mut self, most: u32, end: f64, summary: &mut FrameSummary) -> Result<TimeSteps, StepError> {
-        let mut steps = TimeSteps { start: self.cloth.state.time, made: 0, trouble: None };
-        while steps.trouble.is_none() && self.cloth.state.time < end && steps.made < most {
-            steps.trouble = self.time_step(end, summary)?;
+        let mut steps = TimeSteps { start: self.cloth.state.time, made: 0, failure: None };
+        while steps.failure.is_none() && self.cloth.state.time < end && steps.made < most {
+            steps.failure = self.time_step(end, summary)?;
             steps.made += 1;
         }
         Ok(steps)
     }
 
     /// C, unless a time step went wrong or a variant has it within the steps; how it ended, and what went wrong.
-    fn resolve_collisions(&mut self, steps: TimeSteps) -> (Ending, Option<Trouble>) {
-        if steps.trouble.is_some() {
-            return (Ending::Resolved, steps.trouble);
+    fn resolve_collisions(&mut self, steps: TimeSteps) -> (Ending, Option<FailureKind>) {
+        if steps.failure.is_some() {
+            return (Ending::Resolved, steps.failure);
         }
         let ending = if self.variants.collides_after_position {
             Ending::Resolved
         } else {
-            self.end_interval(self.cloth.state.time - steps.start, steps.made > 1)
+            self.end_collision_step(self.cloth.state.time - steps.start, steps.made > 1)
         };
-        (ending, self.find_trouble(ending))
+        (ending, self.find_failure(ending))
     }
 
-    fn end_interval(&mut self, duration: f64, may_rewind: bool) -> Ending {
+    fn end_collision_step(&mut self, duration: f64, may_rewind: bool) -> Ending {
         let Self { scene, contacts, cloth, prescribed, metrics, .. } = self;
         let (parts, state) = (scene.parts(), &mut cloth.state);
         let Contacts { bodies: collision, cloth: contact } = contacts;
         let Some(contact) = contact else { return Ending::Resolved };
-        let mut moved = |vertex, way| {
+        let mut moved = |vertex, displacement| {
             if let Some(collision) = collision {
-                collision.moved(vertex, way);
+                collision.moved(vertex, displacement);
             }
         };
         if contact.repels_per_collision_step() {
             metrics.stage("C self-repulsion", |m| {
-                contact.repel_interval((&mut state.x[..], &mut state.v[..]), duration, m, &mut moved);
+                contact.repel_once((&mut state.x[..], &mut state.v[..]), duration, m, &mut moved);
             });
         }
         // Repulsions alone only note how far the neighbours have come.
         let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
         metrics.stage(stage, |m| {
             let ends = (&mut state.x[..], &mut state.v[..]);
-            let ending = contact.end_interval(ends, &prescribed.bodies, duration, may_rewind, m, &mut moved);
-            parts.halo().refresh(parts.ranks(), &mut state.x);
-            parts.halo().refresh(parts.ranks(), &mut state.v);
+            let ending = contact.end_collision_step(ends, &prescribed.bodies, duration, may_rewind, m, &mut moved);
+            parts.halo().update(parts.ranks(), &mut state.x);
+            parts.halo().update(parts.ranks(), &mut state.v);
             ending
         })
     }
 
     /// Takes the state as the next collision-free one, and does what may be done only where nothing is taken back any more.
     fn accept(&mut self) {
-        self.calm_down();
+        self.relax();
         if self.yields.is_some() {
             self.update_plasticity();
         }
@@ -145,7 +145,7 @@ impl Simulation {
         let Self { scene, dynamics, cloth, metrics, .. } = self;
         metrics.stage("yield", |_| {
             scene.parts().for_each(PerPart(&mut dynamics.forces), &|_, forces| {
-                forces.0[0].iter_mut().for_each(|force| force.yield_to(&cloth.state.x));
+                forces.0[0].iter_mut().for_each(|force| force.update_plasticity(&cloth.state.x));
             });
         });
     }
@@ -166,8 +166,8 @@ impl Simulation {
             contact.rewind(state);
         }
         let (parts, time) = (scene.parts(), state.time);
-        parts.halo().refresh(parts.ranks(), &mut state.x);
-        parts.halo().refresh(parts.ranks(), &mut state.v);
+        parts.halo().update(parts.ranks(), &mut state.x);
+        parts.halo().update(parts.ranks(), &mut state.v);
         prescribed.bodies.set_step(time, time);
         prescribed.targets.set_step(&prescribed.bodies, &prescribed.tracks, &state.x, (time, time));
         if let Some(collision) = &mut contacts.bodies {
@@ -176,24 +176,24 @@ impl Simulation {
     }
 
     /// B: one time step towards `end` [s]; what went wrong in it.
-    fn time_step(&mut self, end: f64, summary: &mut FrameSummary) -> Result<Option<Trouble>, StepError> {
+    fn time_step(&mut self, end: f64, summary: &mut FrameSummary) -> Result<Option<FailureKind>, StepError> {
         let scene = Arc::clone(&self.scene);
         let settings = &scene.description().solver;
         let parts = scene.parts();
         let watch = Watch::start();
         let rate = self.rate_of_strain();
-        let (share, part) = (self.contacts.cloth.as_ref().map_or(1.0, SelfContact::step_share), self.care.part());
+        let (share, part) = (self.contacts.cloth.as_ref().map_or(1.0, SelfContact::step_share), self.retry.part());
         let choice = self.limit.choose(settings, rate, (self.cloth.state.time, end), (share, part));
         self.metrics.add_time("dt".into(), watch.seconds(), 1);
         if choice.limit < settings.min_dt {
             let because = if choice.by_strain { ShortStep::StrainRate } else { ShortStep::Stiffness };
             let (dt, min_dt, time) = (choice.limit, settings.min_dt, self.cloth.state.time);
-            self.take_back();
+            self.roll_back();
             return Err(StepError::StepTooSmall { frame: summary.frame, time, dt, min_dt, because });
         }
         let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
         let tolerance = settings.cg_tolerance.unwrap_or(automatic);
-        let stop = self.care.stop(Stop { tolerance, max_iterations: settings.cg_max_iterations });
+        let stop = self.retry.stop(Stop { tolerance, max_iterations: settings.cg_max_iterations });
         let step = Step {
             parts,
             masses: scene.masses(),
@@ -204,18 +204,18 @@ impl Simulation {
             metrics: &mut self.metrics,
             settings: StepSettings {
                 dt: choice.dt,
-                catch_up: self.limit.catch_up(settings, scene.mean_edge(), choice.dt),
+                recovery_speed: self.limit.recovery_speed(settings, scene.mean_edge(), choice.dt),
                 stop,
-                held: self.care.held().or(scene.inert()),
+                held: self.retry.held().or(scene.inert()),
                 variants: self.variants,
             },
             report: StepReport::default(),
         };
         let report = step.advance();
-        self.care.note_step(choice.dt);
+        self.retry.note_step(choice.dt);
         self.limit.forget_rate();
         if let Some(stage) = report.not_finite {
-            return Ok(Some(Trouble::NotFinite(stage)));
+            return Ok(Some(FailureKind::NotFinite(stage)));
         }
         summary.steps += 1;
         summary.cg_iterations += report.cg_iterations as u64;
@@ -225,7 +225,7 @@ impl Simulation {
             // The time of a frame comes from integers, not from a sum of steps.
             self.cloth.state.time = end;
         }
-        Ok(report.diverged.then_some(Trouble::Diverged))
+        Ok(report.diverged.then_some(FailureKind::Diverged))
     }
 }
 
@@ -234,5 +234,5 @@ struct TimeSteps {
     /// When they began [s].
     start: f64,
     made: u32,
-    trouble: Option<Trouble>,
+    failure: Option<FailureKind>,
 }

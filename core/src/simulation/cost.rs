@@ -9,7 +9,7 @@ use crate::effects::spec::Effect;
 use crate::effects::spec::NANOSECONDS;
 use crate::error::Problems;
 use crate::parallel::parts::PART_SIZE;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 
 /// Times that each force is evaluated to see how long it takes.
 const REPEATS: u32 = 8;
@@ -86,8 +86,8 @@ impl Simulation {
             let range = parts.ranges()[*part].clone();
             let x = &self.cloth.state.x[..];
             let view = PartView { start: range.start, masses: &masses[range.clone()], x, fraction: 0.0, around };
-            let (mut own_x, mut f) = ([Lanes::ZERO; PART_SIZE], [Lanes::ZERO; PART_SIZE]);
-            let (own_x, f) = (Lanes::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
+            let (mut own_x, mut f) = ([Simd4::ZERO; PART_SIZE], [Simd4::ZERO; PART_SIZE]);
+            let (own_x, f) = (Simd4::copy(&x[range.clone()], &mut own_x), &mut f[..range.len()]);
             // The fastest of them: what else the machine does is not to count.
             let mut fastest = [u64::MAX; 2];
             for _ in 0..REPEATS {

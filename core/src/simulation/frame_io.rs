@@ -3,9 +3,9 @@
 
 use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;
-use crate::parallel::message::{Wire, decode, wire};
+use crate::parallel::message::{Codec, decode, wire};
 use crate::parallel::ranks::Ranks;
-use crate::scene::Follower;
+use crate::scene::MergedVertex;
 use crate::scene::Scene;
 use crate::wind_grid::WindSample;
 
@@ -52,7 +52,7 @@ impl Scene {
         };
         let mut lists: Vec<Vec<u8>> = wanted.iter().map(rows).collect();
         lists.resize(ranks.count(), Vec::new());
-        decode(ranks.rank(), "samples of a track", &ranks.send_lists(lists)[0])
+        decode(ranks.rank(), "samples of a track", &ranks.all_to_all_v(lists)[0])
     }
 }
 
@@ -117,8 +117,8 @@ impl Simulation {
             for rank in 1..ranks.count() {
                 let here = rank == ranks.rank();
                 let values: Vec<T> = if here { values.iter().map(convert).collect() } else { Vec::new() };
-                let numbers = ranks.to_first(rank, if here { numbers } else { &[] });
-                let values = ranks.to_first(rank, &values);
+                let numbers = ranks.send_to_root(rank, if here { numbers } else { &[] });
+                let values = ranks.send_to_root(rank, &values);
                 if ranks.is_first() {
                     put(&numbers, &mut values.into_iter());
                 }
@@ -133,7 +133,7 @@ impl Simulation {
         let (parts, ranks, state) = (self.scene().parts(), self.ranks(), self.state());
         let place = parts.partition().garments()[garment].clone();
         let of_garment = self.scene().followers().iter().filter(|follower| place.contains(&(follower.vertex as usize)));
-        let followers: Vec<&Follower> = of_garment.collect();
+        let followers: Vec<&MergedVertex> = of_garment.collect();
         if followers.is_empty() {
             return;
         }
@@ -148,10 +148,10 @@ impl Simulation {
                 Field::Velocities => (row, state.v[local]),
             }));
         }
-        let names = ranks.all_gather_each(&names).concat();
+        let names = ranks.all_gather_v(&names).concat();
         let rows: Vec<[f64; 3]> = values.iter().map(|(_, value)| (*value).into()).collect();
         let numbers: Vec<u32> = values.iter().map(|(row, _)| *row as u32).collect();
-        let (numbers, rows) = (ranks.all_gather_each(&numbers).concat(), ranks.all_gather_each(&rows).concat());
+        let (numbers, rows) = (ranks.all_gather_v(&numbers).concat(), ranks.all_gather_v(&rows).concat());
         let mut of_rows = vec![0; followers.len()];
         names.iter().for_each(|[row, number]| of_rows[*row as usize] = *number);
         if ranks.is_first() {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::recovery::is_finite;
 use super::{BrokenAttachment, FrameSummary, Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
-use crate::effects::force::{PartView, Surroundings};
+use crate::effects::force::{ForceContext, PartView};
 use crate::error::StepError;
 use crate::parallel::reduce::weighted_dot;
 use crate::state::State;
@@ -45,14 +45,14 @@ impl Simulation {
         self.count_traffic();
         self.take_counts();
         summary.metrics = self.metrics.take().over_ranks(&ranks);
-        summary.recoveries = std::mem::take(&mut self.care.events);
+        summary.recoveries = std::mem::take(&mut self.retry.events);
         Ok(())
     }
 
     /// What forces may look at besides positions, now.
-    pub(super) fn surroundings(&self) -> Surroundings<'_> {
+    pub(super) fn surroundings(&self) -> ForceContext<'_> {
         let (State { time, v, .. }, Dynamics { wind, volumes, .. }) = (&self.cloth.state, &self.dynamics);
-        Surroundings { time: *time, targets: &self.prescribed.targets, v, wind, volumes }
+        ForceContext { time: *time, targets: &self.prescribed.targets, v, wind, volumes }
     }
 
     /// Takes what forces have counted.
@@ -76,7 +76,7 @@ impl Simulation {
                 [pin as u64, garment as u64, own.into()]
             })
             .collect();
-        let mut all = self.ranks().all_gather_each(&here).concat();
+        let mut all = self.ranks().all_gather_v(&here).concat();
         all.sort_unstable();
         let named = |[pin, garment, vertex]: [u64; 3]| BrokenAttachment {
             garment: description.garments[garment as usize].name.clone(),
@@ -107,7 +107,7 @@ impl Simulation {
             // Bits of the strain, and what orders and names it.
             [strain.to_bits(), numbers[0].into(), numbers[1].into(), garment as u64, a.min(b).into(), a.max(b).into()]
         });
-        let all = ranks.all_gather_each(here.as_slice()).concat();
+        let all = ranks.all_gather_v(here.as_slice()).concat();
         let strain = |found: &[u64; 6]| f64::from_bits(found[0]);
         let order = |a: &[u64; 6], b: &[u64; 6]| strain(a).total_cmp(&strain(b)).then(b[1..3].cmp(&a[1..3]));
         let found = all.into_iter().max_by(order)?;
@@ -139,7 +139,7 @@ impl Simulation {
             let (garment, vertex) = parts.own_vertex(i);
             [u64::from(parts.number(i)), garment as u64, vertex.into()]
         });
-        let all = self.ranks().all_gather_each(here.as_slice()).concat();
+        let all = self.ranks().all_gather_v(here.as_slice()).concat();
         let [_, garment, vertex] = all.into_iter().min().unwrap_or_default();
         StepError::NotFinite {
             garment: self.scene.description().garments[garment as usize].name.clone(),

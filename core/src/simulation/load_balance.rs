@@ -47,7 +47,7 @@ impl Simulation {
         (self.balance.busy, self.balance.frames) = (0.0, 0);
         let parts = self.scene.parts();
         let costs = costs(parts.partition().sizes(), parts.assignment(), &busy);
-        let assignment = parts.partition().share_out(&costs, ranks.count());
+        let assignment = parts.partition().balance(&costs, ranks.count());
         let slowest = |assignment: &[usize]| {
             assignment.windows(2).map(|run| costs[run[0]..run[1]].iter().sum::<f64>()).fold(0.0, f64::max)
         };
@@ -72,15 +72,15 @@ impl Simulation {
         let (old, new) = (self.scene.parts(), scene.parts());
         let pinned: Vec<[u32; 2]> =
             self.scene.pinned().iter().map(|p| [p.number, old.number(p.vertex as usize)]).collect();
-        let mut memory = self.remember();
-        memory.iter_mut().for_each(|section| section.move_to(old, new, &pinned));
+        let mut memory = self.saved_sections();
+        memory.iter_mut().for_each(|section| section.migrate(old, new, &pinned));
         let tracks = self.moved_tracks(&scene);
         let (bodies, wind) = (std::mem::take(&mut self.prescribed.bodies), std::mem::take(&mut self.dynamics.wind));
         let frame = self.frame;
         let error = |what: String| SnapshotError { section: "scene".into(), what };
         let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, (tracks, wind))
             .map_err(|problems| error(problems.to_string()))?;
-        moved.go_on(frame, &memory)?;
+        moved.restore_sections(frame, &memory)?;
         (moved.sent, moved.balance) = (self.sent, self.balance.clone());
         std::mem::swap(&mut moved.metrics, &mut self.metrics);
         std::mem::swap(&mut moved.crossings, &mut self.crossings);
@@ -92,10 +92,10 @@ impl Simulation {
     fn moved_tracks(&self, scene: &Scene) -> Vec<Samples> {
         let ranks = self.ranks();
         let one = |(track, samples): (usize, &Samples)| {
-            let rows = ranks.all_gather_each(&self.scene.track_rows(track)).concat();
+            let rows = ranks.all_gather_v(&self.scene.track_rows(track)).concat();
             let wanted = scene.track_rows(track);
             let moved = |sample: &Sample| {
-                let positions: Vec<Vec3> = ranks.all_gather_each(&sample.positions).concat();
+                let positions: Vec<Vec3> = ranks.all_gather_v(&sample.positions).concat();
                 let mut known: Vec<(u32, Vec3)> = rows.iter().copied().zip(positions).collect();
                 known.sort_unstable_by_key(|(row, _)| *row);
                 let place = |row: &u32| known.partition_point(|(known, _)| known < row);
@@ -127,7 +127,7 @@ mod tests {
         let partition = Partition::new((0..=8).map(|part| 100 * part).collect(), std::iter::once(0..800).collect());
         let costs = costs(partition.sizes(), &[0, 4, 8], &[3.0, 1.0]);
         assert_eq!(costs, [0.75, 0.75, 0.75, 0.75, 0.25, 0.25, 0.25, 0.25]);
-        assert_eq!(partition.share_out(&costs, 2), [0, 3, 8]);
-        assert_eq!(partition.share_out(&[1.0; 8], 3), [0, 3, 5, 8]);
+        assert_eq!(partition.balance(&costs, 2), [0, 3, 8]);
+        assert_eq!(partition.balance(&[1.0; 8], 3), [0, 3, 5, 8]);
     }
 }

@@ -39,8 +39,8 @@ pub use crate::contact::bodies::Sample;
 pub use checkpoint::RestoreError;
 pub use cost::PlannedSteps;
 use load_balance::Balance;
-use recovery::Care;
 pub use recovery::Recovery;
+use recovery::RetryState;
 use start::{first_tracks, start_outside};
 
 /// What the caller pushes for one frame.
@@ -180,7 +180,7 @@ pub struct Simulation {
     /// What this rank had sent at the last frame.
     sent: Sent,
     balance: Balance,
-    care: Care,
+    retry: RetryState,
     /// What is suspicious of how pins hold the cloth at the start; on rank 0.
     warnings: Vec<String>,
 }
@@ -284,7 +284,7 @@ impl Simulation {
             crossings: Vec::new(),
             sent: Sent::default(),
             balance: Balance::default(),
-            care: Care::default(),
+            retry: RetryState::default(),
             warnings: Vec::new(),
         })
     }
@@ -303,7 +303,7 @@ impl Simulation {
             for (part, range) in parts.ranges().iter().enumerate() {
                 pins.start_at(part, range.start, &self.prescribed.targets, &mut self.cloth.state.x[range.clone()]);
             }
-            parts.halo().refresh(parts.ranks(), &mut self.cloth.state.x);
+            parts.halo().update(parts.ranks(), &mut self.cloth.state.x);
         }
     }
 
@@ -416,7 +416,7 @@ impl Simulation {
             if self.run_until(stop, &mut summary, &mut pause)? {
                 self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
-                summary.recoveries = std::mem::take(&mut self.care.events);
+                summary.recoveries = std::mem::take(&mut self.retry.events);
                 return Ok(Advance::Paused(summary));
             }
         }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::effects::force::{PartMotion, PartView};
 use crate::mesh::PolygonMesh;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::scene::{EffectRequest, GarmentDescription, SceneDescription};
 
 /// What is wrong with a force.
@@ -27,20 +27,20 @@ struct Wrong {
 }
 
 impl Force for Wrong {
-    fn update(&mut self, view: &PartView<'_>, own_x: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, own_x: &[Simd4], f: &mut [Simd4]) {
         self.first_solve = view.fraction == 0.0;
         if self.first_solve {
             self.before = view.x.to_vec();
         }
         if self.planted == Planted::StaleForces {
-            let own: Vec<Lanes> = self.before[view.start..view.start + own_x.len()].iter().map(Lanes::from).collect();
+            let own: Vec<Simd4> = self.before[view.start..view.start + own_x.len()].iter().map(Simd4::from).collect();
             self.force.update(&PartView { x: &self.before, ..*view }, &own, f);
         } else {
             self.force.update(view, own_x, f);
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         if self.planted != Planted::LateDamping || !self.first_solve {
             self.force.add_damping(motion, f);
         }

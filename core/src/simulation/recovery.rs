@@ -2,17 +2,17 @@
 //! collision-free state and tried again, each time more carefully, and every attempt is counted and named.
 //!
 //! A step has gone wrong where a number is not finite, where an edge would change its length several times over in the
-//! next step, where a solve has diverged, or where zones of collisions had to be stopped. The rungs are: half the time
+//! next step, where a solve has diverged, or where zones of collisions had to be stopped. The levels are: half the time
 //! step, up to six times; tighter solves; more attempts with impulses; zones at once; no repulsion around what is
 //! concerned; and at last these vertices stay where they are for this collision step. Finite states are accepted at
 //! the end, and counted; a state that is not finite ends the run, at the last good one.
 //!
-//! All ranks find the same trouble and take the same rung. Without trouble nothing of this runs but one comparison of a
+//! All ranks find the same failure and take the same level. Without failure nothing of this runs but one comparison of a
 //! number that the choice of the step needs anyway, and, in scenes without `self_collision`, a copy of the state.
 
 use super::Simulation;
 use crate::Vec3;
-use crate::contact::collisions::collision_loop::Effort;
+use crate::contact::collisions::collision_loop::Strategy;
 use crate::contact::self_contact::Ending;
 use crate::error::StepError;
 use crate::solve::conjugate_gradient::Stop;
@@ -25,12 +25,12 @@ const HALVINGS: u32 = 6;
 /// Of these, how many are tried where zones had to be stopped: shorter steps seldom help there, and are many.
 const HALVINGS_FOR_ZONES: u32 = 2;
 
-/// Collision steps without trouble after which the time step is doubled again.
+/// Collision steps without failure after which the time step is doubled again.
 const CALM: u32 = 3;
 
 /// Rate of strain times the length of the step that led to it, over what a step is allowed, from which on the step counts
 /// as gone wrong.
-const WILD: f64 = 5.0;
+const MAX_STRAIN_PER_STEP_FACTOR: f64 = 5.0;
 
 /// How much tighter solves become, and how many more iterations they get.
 const TIGHTER: f64 = 0.01;
@@ -44,7 +44,7 @@ const KEPT: usize = 16;
 
 /// What went wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Trouble {
+pub(super) enum FailureKind {
     /// A number is not finite after this stage.
     NotFinite(&'static str),
     /// Edges change their lengths too fast.
@@ -55,7 +55,7 @@ pub(super) enum Trouble {
     Stopped,
 }
 
-impl Trouble {
+impl FailureKind {
     fn word(self) -> &'static str {
         match self {
             Self::NotFinite(_) => "not finite",
@@ -68,7 +68,7 @@ impl Trouble {
 
 /// What is tried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Rung {
+enum RetryLevel {
     Shorter,
     Tighter,
     MoreAttempts,
@@ -78,14 +78,14 @@ enum Rung {
     Accepted,
 }
 
-impl Rung {
+impl RetryLevel {
     /// Name of its count.
     fn count(self) -> &'static str {
         RECOVERY_COUNTS[self as usize]
     }
 }
 
-/// Counts of the rungs, in their order.
+/// Counts of the levels, in their order.
 const RECOVERY_COUNTS: [&str; 7] = [
     "retried_shorter",
     "retried_tighter",
@@ -96,7 +96,7 @@ const RECOVERY_COUNTS: [&str; 7] = [
     "steps_accepted",
 ];
 
-/// A rung that was taken, for whoever looks after the run.
+/// A level that was taken, for whoever looks after the run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recovery {
     /// Frame that is being computed.
@@ -104,10 +104,10 @@ pub struct Recovery {
     /// Time of the collision-free state from which it is tried again [s].
     pub time: f64,
     /// What went wrong.
-    pub trouble: &'static str,
+    pub failure: &'static str,
     /// Name of the count of what was done about it.
-    pub rung: &'static str,
-    /// Garment of the vertices; empty if none is to blame.
+    pub level: &'static str,
+    /// Garment of the vertices; empty if none is to attribute.
     pub garment: String,
     /// Some of the vertices concerned, in the garment's own order.
     pub vertices: Vec<u32>,
@@ -115,13 +115,13 @@ pub struct Recovery {
 
 /// How carefully steps are made.
 #[derive(Debug, Default)]
-pub(super) struct Care {
+pub(super) struct RetryState {
     /// Halvings of the time step.
     halvings: u32,
-    /// Collision steps since the last trouble, up to [`CALM`].
+    /// Collision steps since the last failure, up to [`CALM`].
     calm: u32,
-    /// The last rung taken in the present collision step.
-    rung: Option<Rung>,
+    /// The last level taken in the present collision step.
+    level: Option<RetryLevel>,
     /// Halvings in the present collision step.
     halved: u32,
     /// Vertices concerned in the present collision step, by their numbers in the scene, ascending: alike on all ranks.
@@ -136,14 +136,14 @@ pub(super) struct Care {
     pub(super) events: Vec<Recovery>,
 }
 
-impl Care {
+impl RetryState {
     /// What has to be saved: halvings and calm collision steps.
     pub(super) fn saved(&self) -> [u64; 2] {
         [self.halvings.into(), self.calm.into()]
     }
 
     /// Goes on from what was saved.
-    pub(super) fn go_on(&mut self, [halvings, calm]: [u64; 2]) {
+    pub(super) fn restore(&mut self, [halvings, calm]: [u64; 2]) {
         // What was saved is not larger than the limits.
         (self.halvings, self.calm) = (halvings.min(HALVINGS.into()) as u32, calm.min(CALM.into()) as u32);
     }
@@ -155,12 +155,12 @@ impl Care {
 
     /// Whether collision steps are of one time step.
     pub(super) fn is_cautious(&self) -> bool {
-        self.halvings > 0 || self.rung.is_some()
+        self.halvings > 0 || self.level.is_some()
     }
 
     /// When solves stop.
     pub(super) fn stop(&self, usual: Stop) -> Stop {
-        if self.rung.is_some_and(|rung| rung as usize >= Rung::Tighter as usize) {
+        if self.level.is_some_and(|level| level as usize >= RetryLevel::Tighter as usize) {
             let (tolerance, max_iterations) = (TIGHTER * usual.tolerance, MORE_ITERATIONS * usual.max_iterations);
             Stop { tolerance, max_iterations }
         } else {
@@ -178,41 +178,41 @@ impl Care {
         self.dt = dt;
     }
 
-    /// The next rung against a trouble; `None` when there is none left.
-    fn next(&self, trouble: Trouble, [collides, repels]: [bool; 2]) -> Option<Rung> {
-        let most = if trouble == Trouble::Stopped { HALVINGS_FOR_ZONES } else { HALVINGS };
-        let after = self.rung.map_or(0, |rung| rung as usize);
-        if after <= Rung::Shorter as usize && self.halved < most && self.halvings < HALVINGS {
-            return Some(Rung::Shorter);
+    /// The next level against a failure; `None` when there is none left.
+    fn next(&self, failure: FailureKind, [collides, repels]: [bool; 2]) -> Option<RetryLevel> {
+        let most = if failure == FailureKind::Stopped { HALVINGS_FOR_ZONES } else { HALVINGS };
+        let after = self.level.map_or(0, |level| level as usize);
+        if after <= RetryLevel::Shorter as usize && self.halved < most && self.halvings < HALVINGS {
+            return Some(RetryLevel::Shorter);
         }
-        let is_finite = !matches!(trouble, Trouble::NotFinite(_));
-        let by_contact = collides && matches!(trouble, Trouble::Stopped | Trouble::NotFinite(_));
-        let rungs = [
-            (Rung::Tighter, trouble != Trouble::Stopped),
-            (Rung::MoreAttempts, by_contact),
-            (Rung::Zones, by_contact),
-            (Rung::Thinner, repels),
-            (Rung::Held, !is_finite),
-            (Rung::Accepted, is_finite),
+        let is_finite = !matches!(failure, FailureKind::NotFinite(_));
+        let by_contact = collides && matches!(failure, FailureKind::Stopped | FailureKind::NotFinite(_));
+        let levels = [
+            (RetryLevel::Tighter, failure != FailureKind::Stopped),
+            (RetryLevel::MoreAttempts, by_contact),
+            (RetryLevel::Zones, by_contact),
+            (RetryLevel::Thinner, repels),
+            (RetryLevel::Held, !is_finite),
+            (RetryLevel::Accepted, is_finite),
         ];
-        let mut left = rungs.into_iter().filter(|(rung, is_of_use)| *is_of_use && *rung as usize > after);
-        left.next().map(|(rung, _)| rung)
+        let mut left = levels.into_iter().filter(|(level, is_of_use)| *is_of_use && *level as usize > after);
+        left.next().map(|(level, _)| level)
     }
 }
 
 impl Simulation {
     /// What was done since the last frame about steps that went wrong.
     pub fn recoveries(&self) -> &[Recovery] {
-        &self.care.events
+        &self.retry.events
     }
 
     /// Before a collision step: keeps the state, unless self-contact does.
     pub(super) fn keep_collision_free_state(&mut self) {
-        let Self { care, cloth: Cloth { state, .. }, contacts, .. } = self;
+        let Self { retry, cloth: Cloth { state, .. }, contacts, .. } = self;
         if contacts.cloth.as_ref().is_some_and(|contact| contact.keeps_free()) {
             return;
         }
-        let kept = care.start.get_or_insert_with(|| State { x: Vec::new(), v: Vec::new(), time: 0.0 });
+        let kept = retry.start.get_or_insert_with(|| State { x: Vec::new(), v: Vec::new(), time: 0.0 });
         kept.x.clone_from(&state.x);
         kept.v.clone_from(&state.v);
         kept.time = state.time;
@@ -226,7 +226,7 @@ impl Simulation {
     }
 
     /// What is wrong with the state at the end of a collision step.
-    pub(super) fn find_trouble(&mut self, ending: Ending) -> Option<Trouble> {
+    pub(super) fn find_failure(&mut self, ending: Ending) -> Option<FailureKind> {
         self.limit.forget_rate();
         if ending == Ending::Rewound {
             return None;
@@ -234,30 +234,30 @@ impl Simulation {
         let rate = self.rate_of_strain();
         let allowed = self.scene.description().solver.strain_per_step;
         if !rate.is_finite() {
-            Some(Trouble::NotFinite("of the step"))
-        } else if rate * self.care.dt > WILD * allowed {
-            Some(Trouble::Wild)
+            Some(FailureKind::NotFinite("of the step"))
+        } else if rate * self.retry.dt > MAX_STRAIN_PER_STEP_FACTOR * allowed {
+            Some(FailureKind::Wild)
         } else {
-            (ending == Ending::Stopped).then_some(Trouble::Stopped)
+            (ending == Ending::Stopped).then_some(FailureKind::Stopped)
         }
     }
 
-    /// After a collision step without trouble, or one that is accepted.
-    pub(super) fn calm_down(&mut self) {
-        let care = &mut self.care;
-        let was_retrying = care.rung.take().is_some();
+    /// After a collision step without failure, or one that is accepted.
+    pub(super) fn relax(&mut self) {
+        let retry = &mut self.retry;
+        let was_retrying = retry.level.take().is_some();
         if was_retrying {
-            care.halved = 0;
-            care.concerned.clear();
-            care.held = None;
+            retry.halved = 0;
+            retry.concerned.clear();
+            retry.held = None;
             if let Some(contact) = &mut self.contacts.cloth {
-                contact.set_effort(Effort::Usual, Vec::new());
+                contact.set_effort(Strategy::Usual, Vec::new());
             }
         }
-        if care.halvings > 0 {
-            care.calm = if was_retrying { 0 } else { care.calm + 1 };
-            if care.calm == CALM {
-                (care.halvings, care.calm) = (care.halvings - 1, 0);
+        if retry.halvings > 0 {
+            retry.calm = if was_retrying { 0 } else { retry.calm + 1 };
+            if retry.calm == CALM {
+                (retry.halvings, retry.calm) = (retry.halvings - 1, 0);
             }
         }
     }
@@ -266,62 +266,62 @@ impl Simulation {
     ///
     /// # Errors
     /// Nothing is left to try; the state is the last good one.
-    pub(super) fn recover(&mut self, trouble: Trouble, frame: i64) -> Result<bool, StepError> {
+    pub(super) fn recover(&mut self, failure: FailureKind, frame: i64) -> Result<bool, StepError> {
         let contact = self.contacts.cloth.as_ref();
         let [collides, repels] = [contact.is_some_and(|c| c.keeps_free()), contact.is_some_and(|c| c.repels())];
-        let next = self.care.next(trouble, [collides, repels]);
-        let (garment, vertices) = self.blame(trouble);
-        let Some(rung) = next else {
-            let Trouble::NotFinite(stage) = trouble else { return Ok(false) };
+        let next = self.retry.next(failure, [collides, repels]);
+        let (garment, vertices) = self.attribute(failure);
+        let Some(level) = next else {
+            let FailureKind::NotFinite(stage) = failure else { return Ok(false) };
             let vertex = vertices.first().map_or(0, |vertex| *vertex as usize);
-            let (time, dt) = (self.cloth.state.time, self.care.dt);
-            self.take_back();
+            let (time, dt) = (self.cloth.state.time, self.retry.dt);
+            self.roll_back();
             return Err(StepError::NotFinite { garment, vertex, frame, time, stage, dt });
         };
         let ranks = self.ranks().clone();
-        self.metrics.count_once(&ranks, rung.count(), 1);
-        if rung != Rung::Accepted {
-            self.take_back();
+        self.metrics.count_once(&ranks, level.count(), 1);
+        if level != RetryLevel::Accepted {
+            self.roll_back();
         }
-        if self.care.events.len() < KEPT {
-            let (time, trouble, rung) = (self.cloth.state.time, trouble.word(), rung.count());
-            self.care.events.push(Recovery { frame, time, trouble, rung, garment, vertices });
+        if self.retry.events.len() < KEPT {
+            let (time, failure, level) = (self.cloth.state.time, failure.word(), level.count());
+            self.retry.events.push(Recovery { frame, time, failure, level, garment, vertices });
         }
-        if rung == Rung::Accepted {
+        if level == RetryLevel::Accepted {
             return Ok(false);
         }
-        self.climb(rung);
+        self.escalate(level);
         Ok(true)
     }
 
-    /// Makes the next attempt as the rung says.
-    fn climb(&mut self, rung: Rung) {
-        let Self { scene, care, contacts, .. } = self;
-        care.rung = Some(rung);
-        if rung == Rung::Shorter {
-            (care.halvings, care.halved, care.calm) = (care.halvings + 1, care.halved + 1, 0);
+    /// Makes the next attempt as the level says.
+    fn escalate(&mut self, level: RetryLevel) {
+        let Self { scene, retry, contacts, .. } = self;
+        retry.level = Some(level);
+        if level == RetryLevel::Shorter {
+            (retry.halvings, retry.halved, retry.calm) = (retry.halvings + 1, retry.halved + 1, 0);
         }
-        if rung == Rung::Held {
+        if level == RetryLevel::Held {
             let parts = scene.parts();
-            let is_held = |i: &usize| care.concerned.binary_search(&parts.number(*i)).is_ok();
+            let is_held = |i: &usize| retry.concerned.binary_search(&parts.number(*i)).is_ok();
             let takes_no_part =
                 |i: &usize| scene.inert().is_some_and(|inert| inert.binary_search(&(*i as u32)).is_ok());
-            care.held = Some(parts.own().filter(|i| is_held(i) || takes_no_part(i)).map(|i| i as u32).collect());
+            retry.held = Some(parts.own().filter(|i| is_held(i) || takes_no_part(i)).map(|i| i as u32).collect());
         }
         if let Some(contact) = &mut contacts.cloth {
-            let effort = match rung {
-                Rung::Shorter | Rung::Tighter => Effort::Usual,
-                Rung::MoreAttempts => Effort::MoreAttempts,
-                Rung::Zones | Rung::Thinner | Rung::Held | Rung::Accepted => Effort::Zones,
+            let effort = match level {
+                RetryLevel::Shorter | RetryLevel::Tighter => Strategy::Usual,
+                RetryLevel::MoreAttempts => Strategy::MoreAttempts,
+                RetryLevel::Zones | RetryLevel::Thinner | RetryLevel::Held | RetryLevel::Accepted => Strategy::Zones,
             };
-            let is_thin = rung as usize >= Rung::Thinner as usize;
-            contact.set_effort(effort, if is_thin { care.concerned.clone() } else { Vec::new() });
+            let is_thin = level as usize >= RetryLevel::Thinner as usize;
+            contact.set_effort(effort, if is_thin { retry.concerned.clone() } else { Vec::new() });
         }
     }
 
     /// Puts everything back to the start of the collision step.
-    pub(super) fn take_back(&mut self) {
-        if let Some(start) = self.care.start.as_ref() {
+    pub(super) fn roll_back(&mut self) {
+        if let Some(start) = self.retry.start.as_ref() {
             self.cloth.state.x.clone_from(&start.x);
             self.cloth.state.v.clone_from(&start.v);
             self.cloth.state.time = start.time;
@@ -331,26 +331,28 @@ impl Simulation {
     }
 
     /// Finds the vertices concerned, on all ranks; returns some of those of the first garment among them.
-    fn blame(&mut self, trouble: Trouble) -> (String, Vec<u32>) {
+    fn attribute(&mut self, failure: FailureKind) -> (String, Vec<u32>) {
         let (scene, ranks) = (std::sync::Arc::clone(&self.scene), self.ranks().clone());
         let parts = scene.parts();
-        let own: Vec<u32> = match trouble {
-            Trouble::NotFinite(_) => {
+        let own: Vec<u32> = match failure {
+            FailureKind::NotFinite(_) => {
                 let found = self.cloth.scratch.not_finite(parts.own(), &self.cloth.state);
                 found.into_iter().map(|i| parts.number(i)).collect()
             }
-            Trouble::Stopped => self.contacts.cloth.as_ref().map_or_else(Vec::new, |c| c.stopped_vertices().to_vec()),
-            Trouble::Wild | Trouble::Diverged => Vec::new(),
+            FailureKind::Stopped => {
+                self.contacts.cloth.as_ref().map_or_else(Vec::new, |c| c.frozen_vertices().to_vec())
+            }
+            FailureKind::Wild | FailureKind::Diverged => Vec::new(),
         };
-        let mut all = ranks.all_gather_each(&own).concat();
+        let mut all = ranks.all_gather_v(&own).concat();
         all.sort_unstable();
         all.dedup();
-        self.care.concerned = all;
-        if let (Trouble::Wild, Some(record)) = (trouble, self.largest_strain()) {
+        self.retry.concerned = all;
+        if let (FailureKind::Wild, Some(record)) = (failure, self.largest_strain()) {
             return (record.garment, record.vertices.to_vec());
         }
-        let mut named: Vec<[u32; 2]> = own_names(&self.care.concerned, parts);
-        named = ranks.all_gather_each(&named).concat();
+        let mut named: Vec<[u32; 2]> = own_names(&self.retry.concerned, parts);
+        named = ranks.all_gather_v(&named).concat();
         named.sort_unstable();
         let Some([garment, _]) = named.first().copied() else { return (String::new(), Vec::new()) };
         let vertices = named.iter().filter(|[of, _]| *of == garment).map(|[_, vertex]| *vertex).take(NAMED).collect();
@@ -381,15 +383,15 @@ pub(super) fn is_finite(v: &Vec3) -> bool {
 mod tests {
     use super::*;
 
-    /// The rungs taken until none is left or the state is accepted.
-    fn rungs(trouble: Trouble, scene: [bool; 2]) -> Vec<Rung> {
-        let mut care = Care::default();
+    /// The levels taken until none is left or the state is accepted.
+    fn levels(failure: FailureKind, scene: [bool; 2]) -> Vec<RetryLevel> {
+        let mut retry = RetryState::default();
         let mut taken = Vec::new();
-        while let Some(rung) = care.next(trouble, scene) {
-            taken.push(rung);
-            care.rung = Some(rung);
-            if rung == Rung::Shorter {
-                (care.halvings, care.halved) = (care.halvings + 1, care.halved + 1);
+        while let Some(level) = retry.next(failure, scene) {
+            taken.push(level);
+            retry.level = Some(level);
+            if level == RetryLevel::Shorter {
+                (retry.halvings, retry.halved) = (retry.halvings + 1, retry.halved + 1);
             }
         }
         taken
@@ -397,22 +399,22 @@ mod tests {
 
     #[test]
     fn every_ladder_ends_and_only_what_is_not_finite_holds_vertices_or_gives_up() {
-        use Rung::{Accepted, Held, MoreAttempts, Shorter, Thinner, Tighter, Zones};
-        let broken = Trouble::NotFinite("B.1");
-        assert_eq!(rungs(broken, [false; 2]), [vec![Shorter; 6], vec![Tighter, Held]].concat());
+        use RetryLevel::{Accepted, Held, MoreAttempts, Shorter, Thinner, Tighter, Zones};
+        let broken = FailureKind::NotFinite("B.1");
+        assert_eq!(levels(broken, [false; 2]), [vec![Shorter; 6], vec![Tighter, Held]].concat());
         let all = vec![Tighter, MoreAttempts, Zones, Thinner, Held];
-        assert_eq!(rungs(broken, [true; 2]), [vec![Shorter; 6], all].concat());
+        assert_eq!(levels(broken, [true; 2]), [vec![Shorter; 6], all].concat());
         let contact = vec![MoreAttempts, Zones, Thinner, Accepted];
-        assert_eq!(rungs(Trouble::Stopped, [true; 2]), [vec![Shorter; 2], contact].concat());
-        assert_eq!(rungs(Trouble::Wild, [false; 2]), [vec![Shorter; 6], vec![Tighter, Accepted]].concat());
+        assert_eq!(levels(FailureKind::Stopped, [true; 2]), [vec![Shorter; 2], contact].concat());
+        assert_eq!(levels(FailureKind::Wild, [false; 2]), [vec![Shorter; 6], vec![Tighter, Accepted]].concat());
     }
 
     #[test]
     fn the_step_is_doubled_again_after_calm_collision_steps() {
-        let mut care = Care::default();
-        care.go_on([2, 0]);
-        assert_eq!(care.part(), 0.25);
-        care.go_on([u64::MAX, u64::MAX]);
-        assert_eq!((care.saved(), care.part()), ([6, 3], 1.0 / 64.0));
+        let mut retry = RetryState::default();
+        retry.restore([2, 0]);
+        assert_eq!(retry.part(), 0.25);
+        retry.restore([u64::MAX, u64::MAX]);
+        assert_eq!((retry.saved(), retry.part()), ([6, 3], 1.0 / 64.0));
     }
 }

@@ -69,8 +69,8 @@ pub(super) fn start_outside(
             let deepest = inside.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0));
             let deepest = deepest.map_or((f64::INFINITY, 0), |(phi, vertex)| (phi, scene.parts().own_vertex(vertex).1));
             let ranks = scene.parts().ranks();
-            let ([count], all) = (ranks.sum_of([inside.len() as u64]), ranks.all_gather_each(&[deepest.0]).concat());
-            let own = ranks.all_gather_each(&[deepest.1]).concat();
+            let ([count], all) = (ranks.sum_of([inside.len() as u64]), ranks.all_gather_v(&[deepest.0]).concat());
+            let own = ranks.all_gather_v(&[deepest.1]).concat();
             let Some((deepest, own)) = all.into_iter().zip(own).min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
             if count == 0 {
                 continue;

@@ -7,7 +7,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use crate::Vec3;
-use crate::parallel::message::{Incoming, Wire};
+use crate::parallel::message::{Codec, Decoder};
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::scene::{FARTHEST, is_possible};
@@ -29,7 +29,7 @@ const CHUNK: usize = 1 << 16;
 
 /// What one part of the solver remembers on this rank.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Remembered {
+pub(crate) struct SavedSection {
     /// Name of the section of a snapshot.
     pub(crate) name: &'static str,
     /// Version of its layout.
@@ -165,11 +165,11 @@ fn share<T: Pod>(ranks: &Ranks, read: impl FnOnce() -> Result<Vec<T>, SnapshotEr
         }
     }
     ranks.broadcast(&mut bytes);
-    let mut message = Incoming::new(ranks.rank(), "rows of a snapshot", &bytes);
+    let mut message = Decoder::new(ranks.rank(), "rows of a snapshot", &bytes);
     if bool::take(&mut message) {
         return Ok(message.all_values());
     }
-    let (section, what) = Wire::take(&mut message);
+    let (section, what) = Codec::take(&mut message);
     message.end();
     Err(SnapshotError { section, what })
 }
@@ -212,9 +212,9 @@ fn moved_targets<T: Pod>(new: &Parts, pinned: &[[u32; 2]], width: usize, values:
     let to = |rank: usize| {
         pinned.iter().zip(values.chunks_exact(width)).filter(move |([_, vertex], _)| new.owner(*vertex) == rank)
     };
-    let numbers = ranks.send_lists((0..ranks.count()).map(|rank| to(rank).map(|(p, _)| p[0]).collect()).collect());
-    let rows =
-        ranks.send_lists((0..ranks.count()).map(|rank| to(rank).flat_map(|(_, row)| row).copied().collect()).collect());
+    let numbers = ranks.all_to_all_v((0..ranks.count()).map(|rank| to(rank).map(|(p, _)| p[0]).collect()).collect());
+    let rows = ranks
+        .all_to_all_v((0..ranks.count()).map(|rank| to(rank).flat_map(|(_, row)| row).copied().collect()).collect());
     let (numbers, rows) = (numbers.concat(), rows.concat());
     let mut order: Vec<usize> = (0..numbers.len()).collect();
     order.sort_unstable_by_key(|i| numbers[*i]);
@@ -348,7 +348,7 @@ fn indices(values: Values) -> Option<Vec<u32>> {
     if let Values::U32(values) = values { Some(values) } else { None }
 }
 
-impl Remembered {
+impl SavedSection {
     /// Nothing yet.
     pub(crate) fn new(section: SectionId) -> Self {
         Self { name: section.name, version: section.version, fields: Vec::new() }
@@ -361,7 +361,12 @@ impl Remembered {
     }
 
     /// Writes the section. All ranks call it together; rank 0 has the sink.
-    pub(crate) fn give(&self, parts: &Parts, targets: (&[u32], usize), mut sink: Option<&mut (dyn SnapshotSink + '_)>) {
+    pub(crate) fn write(
+        &self,
+        parts: &Parts,
+        targets: (&[u32], usize),
+        mut sink: Option<&mut (dyn SnapshotSink + '_)>,
+    ) {
         let ranks = parts.ranks();
         if let Some(sink) = &mut sink {
             sink.section(self.name, self.version);
@@ -434,7 +439,7 @@ impl Remembered {
     ///
     /// # Errors
     /// The same on all ranks: the section is of another scene or version, or cannot be read.
-    pub(crate) fn take(
+    pub(crate) fn read(
         &mut self,
         parts: &Parts,
         (numbers, targets): (&[u32], usize),
@@ -461,7 +466,7 @@ impl Remembered {
 
     /// Hands the rows of own vertices and targets to the ranks that own them in `new`; `pinned` are the own targets, each with its
     /// number and that of its vertex in the scene. All ranks call it together.
-    pub(crate) fn move_to(&mut self, old: &Parts, new: &Parts, pinned: &[[u32; 2]]) {
+    pub(crate) fn migrate(&mut self, old: &Parts, new: &Parts, pinned: &[[u32; 2]]) {
         let ranks = old.ranks();
         let first = old.rank_starts()[ranks.rank()];
         let own = first..old.rank_starts()[ranks.rank() + 1];
@@ -473,20 +478,20 @@ impl Remembered {
             match field {
                 Field::Vectors(values) => {
                     let rows = |rank| values[run(rank)].to_vec();
-                    *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
+                    *values = ranks.all_to_all_v((0..ranks.count()).map(rows).collect()).concat();
                 }
                 Field::Vertices(width, values) => {
                     let rows = |rank| values[run(rank).start * *width..run(rank).end * *width].to_vec();
-                    *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
+                    *values = ranks.all_to_all_v((0..ranks.count()).map(rows).collect()).concat();
                 }
                 Field::Nodes(_, Some((values, _))) => {
                     let rows = |rank| values[run(rank)].to_vec();
-                    *values = ranks.send_lists((0..ranks.count()).map(rows).collect()).concat();
+                    *values = ranks.all_to_all_v((0..ranks.count()).map(rows).collect()).concat();
                 }
                 Field::Targets(width, Values::F64(values)) => *values = moved_targets(new, pinned, *width, values),
                 Field::Targets(width, Values::U32(values)) => *values = moved_targets(new, pinned, *width, values),
                 Field::Targets(width, Values::U8(values)) => *values = moved_targets(new, pinned, *width, values),
-                Field::Elements(own) => own.set(ranks.all_gather_each(own.rows()).concat()),
+                Field::Elements(own) => own.set(ranks.all_gather_v(own.rows()).concat()),
                 Field::Targets(..)
                 | Field::Number(_)
                 | Field::Count(_)

@@ -158,7 +158,7 @@ impl ConjugateGradient {
         }
         flight.finish(&mut self.s);
         self.product_of(parts, masses, system, if parts.halo().is_empty() { Reach::All } else { Reach::Border });
-        parts.join(&self.dots)
+        parts.tree_sum(&self.dots)
     }
 
     /// The product of some of the parts.

@@ -5,10 +5,10 @@
 
 use crate::Vec3;
 use crate::contact::bodies::collision::BodyCollision;
-use crate::effects::force::{Force, PartMotion, PartView, Surroundings};
+use crate::effects::force::{Force, ForceContext, PartMotion, PartView};
 use crate::parallel::for_each_part::{PerPart, PerVertex};
 use crate::parallel::parts::{PART_SIZE, Parts};
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::pins::HardPins;
 use crate::solve::conjugate_gradient::{ConjugateGradient, Outcome, Stop, System};
 
@@ -22,7 +22,7 @@ pub struct VelocityProblem<'a> {
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
     /// What forces see beside the positions.
-    pub around: Surroundings<'a>,
+    pub around: ForceContext<'a>,
     /// Hard pins, if there are any.
     pub pins: Option<&'a HardPins>,
     /// Contacts with bodies whose normals are constrained: in the second solve only.
@@ -63,7 +63,7 @@ impl System for DampingSystem<'_> {
 
     fn damping(&self, part: usize, s: &[Vec3], q: &mut [Vec3]) {
         let range = self.problem.parts.ranges()[part].clone();
-        let mut f = [Lanes::ZERO; PART_SIZE];
+        let mut f = [Simd4::ZERO; PART_SIZE];
         let f = &mut f[..range.len()];
         PartMotion::with(range.clone(), self.problem.x, s, |motion| {
             self.forces[part].iter().for_each(|force| force.add_damping(motion, f));
@@ -114,7 +114,7 @@ impl VelocityProblem<'_> {
             let masses = &self.masses[range.clone()];
             let Self { x, fraction, around, .. } = *self;
             let view = PartView { start: range.start, masses, x, fraction, around };
-            let mut f = [Lanes::ZERO; PART_SIZE];
+            let mut f = [Simd4::ZERO; PART_SIZE];
             let f = view.update(&mut forces.0[0], &mut f);
             if let Some(over) = self.implicit_over {
                 forces.0[0].iter_mut().for_each(|force| force.linearise(&view, over));
@@ -133,7 +133,7 @@ impl VelocityProblem<'_> {
             self.stop_held(range.start, explicit.0);
             self.stop_held(range.start, out.0);
         });
-        self.parts.halo().refresh(self.parts.ranks(), out);
+        self.parts.halo().update(self.parts.ranks(), out);
         cg.solve(self.parts, self.masses, &DampingSystem { problem: self, forces }, out, self.stop)
     }
 

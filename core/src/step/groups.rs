@@ -55,7 +55,7 @@ pub struct Prescribed {
 
 impl Prescribed {
     /// Gives pinned components their prescribed velocity.
-    pub(super) fn impose(&self, parts: &Parts, v: &mut [Vec3]) {
+    pub(super) fn apply_prescribed(&self, parts: &Parts, v: &mut [Vec3]) {
         if let Some(pins) = &self.pins {
             parts.for_each(PerVertex(&mut v[parts.own()]), &|part, v| {
                 pins.set_velocities(part, parts.ranges()[part].start, &self.targets, v.0);
@@ -181,7 +181,7 @@ impl Scratch {
         if !v_seen.is_empty() {
             v_seen.copy_from_slice(v_half);
             v_seen.iter_mut().zip(v_star.iter().zip(v)).for_each(|(seen, (v_star, v))| *seen += v_star - v);
-            parts.halo().refresh(parts.ranks(), v_seen);
+            parts.halo().update(parts.ranks(), v_seen);
         }
     }
 

@@ -22,8 +22,8 @@ pub use groups::{Cloth, Contacts, Dynamics, Prescribed, Scratch, Variants};
 use crate::Vec3;
 use crate::clock::Watch;
 use crate::contact::bodies::collision::{BodyCollision, CollisionStep};
-use crate::contact::bodies::recovery_speed::CatchUp;
-use crate::effects::force::{FilterStep, Purpose, Surroundings};
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
+use crate::effects::force::{FilterStep, ForceContext, Purpose};
 use crate::metrics::Metrics;
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
@@ -62,7 +62,7 @@ pub struct StepSettings<'a> {
     /// Its length [s].
     pub dt: f64,
     /// How far vertices that are behind their pins, or too deep in bodies, are put right.
-    pub catch_up: CatchUp,
+    pub recovery_speed: RecoverySpeed,
     /// When the damping solves stop.
     pub stop: Stop,
     /// Own vertices that stay where they are, ascending, if any rank has such.
@@ -87,7 +87,7 @@ pub type Line<'a> = (&'static str, fn(&mut Step<'a>));
 
 /// Which vertices B.7 concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Pressed {
+enum ContactSubset {
     ByAnything,
     /// Those alone that B.8 has pressed against bodies.
     ByRepulsion,
@@ -127,7 +127,7 @@ impl<'a> Solves<'a> {
         VelocityProblem {
             parts: self.parts,
             masses: self.masses,
-            around: Surroundings { time: self.time + fraction * dt, targets: &prescribed.targets, v, wind, volumes },
+            around: ForceContext { time: self.time + fraction * dt, targets: &prescribed.targets, v, wind, volumes },
             pins: prescribed.pins.as_ref(),
             contacts,
             half_step: 0.5 * dt,
@@ -211,7 +211,7 @@ impl<'a> Step<'a> {
         }
         if let Some(held) = settings.held {
             held.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
-            parts.halo().refresh(parts.ranks(), v);
+            parts.halo().update(parts.ranks(), v);
         }
     }
 
@@ -237,7 +237,7 @@ impl<'a> Step<'a> {
         let (x, v_half) = (&cloth.state.x, &mut cloth.scratch.v_half);
         if let Some(contact) = contacts.cloth.as_mut().filter(|_| settings.variants.repels_in_steps) {
             metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(settings.dt, x, v_half, m));
-            prescribed.impose(parts, v_half);
+            prescribed.apply_prescribed(parts, v_half);
         }
     }
 
@@ -262,23 +262,23 @@ impl<'a> Step<'a> {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
         let (state, Scratch { v_half, v_star, x_new, .. }) = (&cloth.state, &mut cloth.scratch);
         let Prescribed { bodies, pins, targets, .. } = &**prescribed;
-        let catch_up = settings.catch_up;
+        let recovery_speed = settings.recovery_speed;
         if let Some(collision) = &mut contacts.bodies {
             metrics.stage("B.4 body collision", |m| {
                 let own = parts.own();
                 let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own.clone()]);
-                let step = CollisionStep { bodies, dt: settings.dt, catch_up, x, v, v_half };
+                let step = CollisionStep { bodies, dt: settings.dt, recovery_speed, x, v, v_half };
                 collision.positions(&step, &mut x_new[own.clone()], &mut v_star[own], m);
             });
         }
         if let Some(pins) = pins {
-            metrics.count(PINS_BEHIND, pins.behind(targets, catch_up, &state.x));
+            metrics.count(PINS_BEHIND, pins.behind(targets, recovery_speed, &state.x));
             parts.for_each(PerVertex(&mut x_new[parts.own()]), &|part, x_new| {
                 let range = parts.ranges()[part].clone();
-                pins.set_positions(part, range.start, targets, catch_up, (&state.x[range], x_new.0));
+                pins.set_positions(part, range.start, targets, recovery_speed, (&state.x[range], x_new.0));
             });
         }
-        parts.halo().refresh(parts.ranks(), x_new);
+        parts.halo().update(parts.ranks(), x_new);
     }
 
     /// C between B.4 and B.5, as in the authors' later code: the second solve sees the corrected positions.
@@ -288,18 +288,18 @@ impl<'a> Step<'a> {
         let Some(contact) = contact.as_mut().filter(|_| settings.variants.collides_after_position) else { return };
         let Scratch { v_star, x_new, .. } = &mut cloth.scratch;
         metrics.stage("C collisions", |m| {
-            let mut moved = |vertex, way| {
+            let mut moved = |vertex, displacement| {
                 if let Some(collision) = collision {
-                    collision.moved(vertex, way);
+                    collision.moved(vertex, displacement);
                 }
             };
             if contact.repels_per_collision_step() {
-                contact.repel_interval((&mut x_new[..], &mut v_star[..]), settings.dt, m, &mut moved);
+                contact.repel_once((&mut x_new[..], &mut v_star[..]), settings.dt, m, &mut moved);
             }
             let ends = (&mut x_new[..], &mut v_star[..]);
-            contact.end_interval(ends, &prescribed.bodies, settings.dt, false, m, &mut moved);
-            parts.halo().refresh(parts.ranks(), x_new);
-            parts.halo().refresh(parts.ranks(), v_star);
+            contact.end_collision_step(ends, &prescribed.bodies, settings.dt, false, m, &mut moved);
+            parts.halo().update(parts.ranks(), x_new);
+            parts.halo().update(parts.ranks(), v_star);
         });
     }
 
@@ -340,7 +340,7 @@ impl<'a> Step<'a> {
 
     /// B.7, and the prescribed velocities.
     fn rub_on_bodies(&mut self) {
-        self.rub(Pressed::ByAnything);
+        self.rub(ContactSubset::ByAnything);
     }
 
     /// B.8: self-repulsion without springs, and B.7 for the vertices that it has pressed against bodies.
@@ -352,7 +352,7 @@ impl<'a> Step<'a> {
             metrics.stage("B.8 self-repulsion", |m| {
                 contact.final_velocity(settings.dt, &state.x, &mut state.v, bodies.as_ref(), m);
             });
-            self.rub(Pressed::ByRepulsion);
+            self.rub(ContactSubset::ByRepulsion);
         }
     }
 
@@ -369,24 +369,24 @@ impl<'a> Step<'a> {
     /// The state at the end of the step, ghosts included.
     fn end(&mut self) {
         let state = &mut self.cloth.state;
-        self.parts.halo().refresh(self.parts.ranks(), &mut state.v);
+        self.parts.halo().update(self.parts.ranks(), &mut state.v);
         state.time += self.settings.dt;
     }
 
     /// Friction with bodies, with the full load, of all vertices or of those that repulsion has pressed against bodies.
-    fn rub(&mut self, which: Pressed) {
+    fn rub(&mut self, which: ContactSubset) {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
         let v = &mut cloth.state.v;
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
-        prescribed.impose(parts, v);
+        prescribed.apply_prescribed(parts, v);
         if let Some(collision) = &contacts.bodies {
             let rubs = settings.variants.body_friction == BodyFriction::WholeStep;
-            let contact = contacts.cloth.as_ref().filter(|_| which == Pressed::ByRepulsion);
+            let contact = contacts.cloth.as_ref().filter(|_| which == ContactSubset::ByRepulsion);
             let concerns = |vertex| contact.is_none_or(|contact| contact.is_pressed(vertex));
             metrics.stage("B.7 body friction", |_| {
                 collision.final_velocity((&prescribed.bodies, settings.dt, rubs), &concerns, &mut v[parts.own()]);
             });
-            prescribed.impose(parts, v);
+            prescribed.apply_prescribed(parts, v);
         }
     }
 }

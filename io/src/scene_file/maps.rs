@@ -160,10 +160,10 @@ mod tests {
 
     #[test]
     fn every_map_of_the_solver_can_be_written_in_a_scene() {
-        for (name, _) in drapery_core::scene::vertex_maps::MAPS {
-            let scene = serde_json::json!({ "name": "shirt", "maps": { *name: "file:map.txt" } });
+        for name in drapery_core::effects::maps().map(|(map, _)| map.name) {
+            let scene = serde_json::json!({ "name": "shirt", "maps": { name: "file:map.txt" } });
             let garment: Garment = serde_json::from_value(scene).unwrap_or_else(|error| panic!("{name}: {error}"));
-            assert_eq!(garment.maps.written(), [(*name, "file:map.txt")]);
+            assert_eq!(garment.maps.written(), [(name, "file:map.txt")]);
         }
     }
 }

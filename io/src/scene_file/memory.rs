@@ -3,6 +3,7 @@
 //! What is expected is the peak of `drapery check` on one thread, measured with panels of 40,000 and 250,000 points for each
 //! effect by itself (`/usr/bin/time -v`); meshes of triangles have about two triangles and three edges for each point.
 
+use drapery_core::effects::{REGISTRY, body_collision};
 use drapery_core::scene::EffectRequest;
 
 use crate::farm::memory::available;
@@ -13,20 +14,6 @@ use super::{effects, raw};
 
 /// Of a point without effects: its mesh while it is cut up, its place among the ranks, the state [bytes].
 const OF_POINT: f64 = 460.0;
-
-/// What effects take for each point of the garments that have them [bytes].
-const OF_EFFECTS: [(&str, f64); 10] = [
-    ("stretch", 190.0),
-    ("bending", 130.0),
-    ("shear", 520.0),
-    ("membrane", 380.0),
-    ("dihedral_bending", 1130.0),
-    ("strain_limit", 330.0),
-    ("self_repulsion", 300.0),
-    ("self_collision", 280.0),
-    ("wind", 100.0),
-    ("body_collision", 270.0),
-];
 
 /// What the garments so far are expected to take, and what there is.
 #[derive(Debug)]
@@ -80,10 +67,10 @@ impl Resolver<'_> {
             let of_it = |request: &EffectRequest| {
                 request.effect == name && (request.garment.is_none() || request.garment == garment)
             };
-            (name == "body_collision" && !document.body.is_empty()) || requests.iter().any(of_it)
+            (name == body_collision::SPEC.name && !document.body.is_empty()) || requests.iter().any(of_it)
         };
-        let taken = OF_EFFECTS.iter().filter(|(name, _)| runs(name) && is_asked(name));
-        OF_POINT + taken.map(|(_, bytes)| bytes).sum::<f64>()
+        let taken = REGISTRY.iter().filter(|spec| runs(spec.name) && is_asked(spec.name));
+        OF_POINT + taken.map(|spec| spec.bytes_of_point).sum::<f64>()
     }
 }
 

@@ -30,9 +30,9 @@ const FOLDER: &str = "debug";
 
 /// A rung of the ladder as JSON.
 pub(crate) fn recovery_value(recovery: &Recovery) -> Value {
-    let Recovery { frame, time, trouble, rung, garment, vertices } = recovery;
+    let Recovery { frame, time, failure, level, garment, vertices } = recovery;
     json!({
-        "frame": frame, "time": time, "trouble": trouble, "rung": rung, "garment": garment, "vertices": vertices,
+        "frame": frame, "time": time, "trouble": failure, "rung": level, "garment": garment, "vertices": vertices,
     })
 }
 
@@ -43,7 +43,7 @@ pub(super) fn write(shot: &Shot, out: &Path, head: &Head, error: &StepError) -> 
     let stem = format!("frame_{:05}.step_{:06}", head.frame, head.sub_step);
     let file = |ending: &str| folder.join(format!("{stem}.{ending}"));
     let mut writer = CheckpointWriter::create(&file("h5"), head)?;
-    shot.crew.save(&mut writer);
+    shot.remote_simulation.save(&mut writer);
     writer.finish()?;
     atomic_file::replace(&file("toml"), shot.about.resolved.as_bytes())?;
     let recoveries = shot.simulation().recoveries();
@@ -84,7 +84,7 @@ fn write_cloth(shot: &Shot, path: &Path, (name, vertices): (&str, &[u32])) -> Re
     let garment = shot.about.garments.iter().position(|garment| garment == name).unwrap_or(0);
     // A garment that cannot be read again has no picture.
     let Some(Ok(MeshData { mesh, .. })) = shot.garments.get(garment).map(GarmentMesh::read) else { return Ok(()) };
-    let positions = shot.crew.stored(garment, Field::Positions, shot.about.output.units);
+    let positions = shot.remote_simulation.stored(garment, Field::Positions, shot.about.output.units);
     let faces = mesh.faces().enumerate().filter(|(_, corners)| corners.iter().any(|v| vertices.contains(v)));
     let faces: Vec<i32> = faces.filter_map(|(face, _)| i32::try_from(face).ok()).collect();
     let counts: Vec<i32> = mesh.face_counts.iter().map(|count| *count as i32).collect();
@@ -148,12 +148,13 @@ impl Shot {
     /// # Errors
     /// The checkpoint is not one of this scene; an input breaks; the solver gives up.
     pub fn replay(self, bundle: &Bundle) -> Result<FrameSummary, ShotError> {
-        let Self { crew, inputs, .. } = self;
+        let Self { remote_simulation, inputs, .. } = self;
         let mut checkpoint = CheckpointReader::open(&bundle.checkpoint)?;
         let frame = checkpoint.head.frame;
-        let mut crew = resume::restored(crew, inputs.at(frame)?, (&mut checkpoint, &bundle.checkpoint))?;
-        let input = crew.share(inputs.at(frame + 1)?);
-        let (Advance::Done(summary) | Advance::Paused(summary), _) = crew.advance(&input, &mut || None)?;
+        let mut remote_simulation =
+            resume::restored(remote_simulation, inputs.at(frame)?, (&mut checkpoint, &bundle.checkpoint))?;
+        let input = remote_simulation.share(inputs.at(frame + 1)?);
+        let (Advance::Done(summary) | Advance::Paused(summary), _) = remote_simulation.advance(&input, &mut || None)?;
         Ok(summary)
     }
 }

@@ -8,8 +8,8 @@ use drapery_core::simulation::FrameInput;
 use crate::error::IoError;
 use crate::shot::ShotError;
 use crate::shot::check::{BodySurface, Span, check_faces, check_motion, check_size, path_told};
-use crate::shot::crew::Crew;
 use crate::shot::motion::{InputMotion, Preroll};
+use crate::shot::remote_simulation::RemoteSimulation;
 use crate::wind_file::WindFile;
 
 /// Everything that moves by files.
@@ -65,7 +65,7 @@ impl Inputs {
         ranks: &Ranks,
         scene: Scene,
         problems: &mut Vec<Problem>,
-    ) -> Result<Option<Crew>, ShotError> {
+    ) -> Result<Option<RemoteSimulation>, ShotError> {
         let input = self.at(self.timeline.start)?;
         let samples = input.bodies.iter().chain(&input.tracks).flatten();
         let wind = input.wind.iter().flat_map(|sample| &sample.velocities);
@@ -73,8 +73,8 @@ impl Inputs {
             // The check of the samples has said so already.
             return Ok(None);
         }
-        match Crew::start(ranks, scene, input) {
-            Ok(crew) => Ok(Some(crew)),
+        match RemoteSimulation::start(ranks, scene, input) {
+            Ok(remote_simulation) => Ok(Some(remote_simulation)),
             Err(Problems(found)) => {
                 problems.extend(found);
                 Ok(None)

@@ -21,9 +21,9 @@ use crate::frame_digest::{FrameDigests, GarmentDigests};
 use crate::run_record::{
     self, AttemptRecord, MANIFEST, Manifest, ManifestCheckpoint, ManifestGarment, RESOLVED, RunRecord,
 };
-use crate::shot::crew::Crew;
 use crate::shot::folder::{files_of_run, write_fingerprint};
 use crate::shot::quality::CROSSINGS_WRITTEN;
+use crate::shot::remote_simulation::RemoteSimulation;
 use crate::shot::rewritten::NewForm;
 use crate::shot::run::RunOptions;
 use crate::shot::totals::Totals;
@@ -166,15 +166,16 @@ impl Output {
     pub(super) fn write_frame(
         &mut self,
         frame: i64,
-        crew: &mut Crew,
+        remote_simulation: &mut RemoteSimulation,
         spent: &mut Metrics,
     ) -> Result<FrameDigests, IoError> {
         let units = self.units;
-        let crossings = self.crossings.then(|| spent.stage("check caches", |_| crew.crossings_of_stored(units)));
+        let crossings =
+            self.crossings.then(|| spent.stage("check caches", |_| remote_simulation.crossings_of_stored(units)));
         if let Some(count) = crossings {
             spent.count(CROSSINGS_WRITTEN, u64::from(count));
         }
-        let digests = spent.stage("write caches", |_| self.write_caches(frame, crew, crossings))?;
+        let digests = spent.stage("write caches", |_| self.write_caches(frame, remote_simulation, crossings))?;
         self.manifest.last_complete_frame = Some(frame);
         Ok(digests)
     }
@@ -216,12 +217,18 @@ impl Output {
     }
 
     /// One garment after the other: no more than one is in memory as a whole.
-    fn write_caches(&mut self, frame: i64, crew: &Crew, crossings: Option<u32>) -> Result<FrameDigests, IoError> {
+    fn write_caches(
+        &mut self,
+        frame: i64,
+        remote_simulation: &RemoteSimulation,
+        crossings: Option<u32>,
+    ) -> Result<FrameDigests, IoError> {
         let mut digests = FrameDigests::new();
         let (units, with_velocities) = (self.units, self.velocities);
         for (garment, writers) in self.writers.iter_mut().enumerate().filter(|(_, writers)| !writers.is_empty()) {
-            let positions = crew.stored(garment, Field::Positions, units);
-            let velocities = if with_velocities { crew.stored(garment, Field::Velocities, units) } else { Vec::new() };
+            let positions = remote_simulation.stored(garment, Field::Positions, units);
+            let velocities =
+                if with_velocities { remote_simulation.stored(garment, Field::Velocities, units) } else { Vec::new() };
             let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
             for writer in writers {
                 writer.write(&CacheFrame { frame, positions, velocities, crossings })?;

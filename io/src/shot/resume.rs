@@ -13,10 +13,10 @@ use crate::farm::digest::{self, Fingerprint, Versions};
 use crate::farm::stale;
 use crate::report::record::Record;
 use crate::run_record::MANIFEST;
-use crate::shot::crew::Crew;
 use crate::shot::folder::{Earlier, files_of_run};
 use crate::shot::kept_frames;
 use crate::shot::output::planned_files;
+use crate::shot::remote_simulation::RemoteSimulation;
 use crate::shot::run::{Resume, RunOptions};
 use crate::shot::{Shot, ShotError};
 
@@ -145,11 +145,11 @@ fn no_checkpoint_at(frame: i64, store: &Store) -> ShotError {
 
 /// The simulation at a checkpoint; `input` is that of its frame.
 pub(super) fn restored(
-    crew: Crew,
+    remote_simulation: RemoteSimulation,
     input: FrameInput,
     (checkpoint, path): (&mut CheckpointReader, &Path),
-) -> Result<Crew, ShotError> {
-    crew.restored(input, checkpoint).map_err(|error| match error {
+) -> Result<RemoteSimulation, ShotError> {
+    remote_simulation.restored(input, checkpoint).map_err(|error| match error {
         RestoreError::Problems(problems) => ShotError::Problems(problems),
         RestoreError::Snapshot(error) => ShotError::Resume(format!("{}: {error}", path.display())),
     })

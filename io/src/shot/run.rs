@@ -252,7 +252,7 @@ impl Shot {
             files: planned_files(self, &options.out),
             exceeded,
             uncounted,
-            ranks: self.crew.ranks().count(),
+            ranks: self.remote_simulation.ranks().count(),
         })
     }
 
@@ -277,7 +277,7 @@ impl Shot {
             "first_frame": timeline.origin,
             "last_frame": self.about.last_frame,
             "threads": threads,
-            "ranks": self.crew.ranks().count(),
+            "ranks": self.remote_simulation.ranks().count(),
             "origin": <[f64; 3]>::from(self.origin()),
             "effects": self.simulation().plan().iter().map(effect).collect::<Vec<_>>(),
         })
@@ -302,7 +302,8 @@ impl<'a> Run<'a> {
         let mut found = resume::decide(&shot, options, (record.as_ref(), &fingerprint), &store, note)?;
         if let Some(found) = &mut found {
             let input = shot.inputs.at(found.checkpoint.head.frame)?;
-            shot.crew = resume::restored(shot.crew, input, (&mut found.checkpoint, &found.path))?;
+            shot.remote_simulation =
+                resume::restored(shot.remote_simulation, input, (&mut found.checkpoint, &found.path))?;
         }
         if let Some(earlier) = &earlier
             && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
@@ -325,7 +326,7 @@ impl<'a> Run<'a> {
             host: owner.host.clone(),
             pid: owner.pid,
             threads: options.threads,
-            ranks: shot.crew.ranks().count(),
+            ranks: shot.remote_simulation.ranks().count(),
             first_frame: found.as_ref().map_or(shot.about.timeline.start, |found| found.checkpoint.head.frame + 1),
             changes,
             ..AttemptRecord::default()
@@ -388,7 +389,8 @@ impl<'a> Run<'a> {
     fn next_frame(&mut self, observer: &mut dyn Observer) -> Result<Option<Reason>, ShotError> {
         let frame = self.shot.simulation().frame() + 1;
         let (shot, spent) = (&self.shot, &mut self.totals.partial.spent);
-        let input = spent.stage("read inputs", |_| shot.inputs.at(frame).map(|input| shot.crew.share(input)))?;
+        let input =
+            spent.stage("read inputs", |_| shot.inputs.at(frame).map(|input| shot.remote_simulation.share(input)))?;
         let mut watch = Watch::start(self.shot.simulation(), self.totals.partial.sub_step);
         loop {
             let Partial { spent, sub_step, summary: before } = &mut self.totals.partial;
@@ -399,8 +401,9 @@ impl<'a> Run<'a> {
                 let report = || watch.is_due(*sub_step).then_some(Request::Report);
                 requests.poll(SystemTime::now()).or_else(due).or_else(report)
             };
-            let crew = &mut self.shot.crew;
-            let (advance, request) = spent.stage(run_record::SIMULATE, |_| crew.advance(&input, &mut ask))?;
+            let remote_simulation = &mut self.shot.remote_simulation;
+            let (advance, request) =
+                spent.stage(run_record::SIMULATE, |_| remote_simulation.advance(&input, &mut ask))?;
             let (Advance::Done(last) | Advance::Paused(last)) = &advance;
             let summary = before.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
             if let Advance::Done(_) = advance {
@@ -436,11 +439,11 @@ impl<'a> Run<'a> {
     ) -> Result<(), ShotError> {
         self.lock.check()?;
         let mut spent = std::mem::take(&mut self.totals.partial).spent;
-        let Shot { about, crew, .. } = &mut self.shot;
+        let Shot { about, remote_simulation, .. } = &mut self.shot;
         let is_preroll = frame < about.timeline.origin;
         let digests = match is_preroll {
             true => FrameDigests::new(),
-            false => self.output.write_frame(frame, crew, &mut spent)?,
+            false => self.output.write_frame(frame, remote_simulation, &mut spent)?,
         };
         let taken = spent.stages().iter().fold(0.0, |sum, stage| sum + stage.seconds);
         let totals = &mut self.totals;
@@ -477,7 +480,7 @@ impl<'a> Run<'a> {
         let frame = self.shot.simulation().frame();
         let is_last = frame == self.shot.about.last_frame;
         let own = self.options.requests.poll(SystemTime::now());
-        let stop = match self.shot.crew.agree(own) {
+        let stop = match self.shot.remote_simulation.agree(own) {
             Some(Request::StopAtOnce(reason)) if !is_last => return Ok(Some(reason)),
             Some(Request::Stop(reason)) if !is_last => Some(reason),
             Some(Request::Checkpoint) => {
@@ -542,7 +545,7 @@ impl<'a> Run<'a> {
         // A mark is of texts and numbers: it always has a JSON form.
         let head = self.head(marks.iter().filter_map(|mark| serde_json::to_value(mark).ok()).collect());
         let account = Account { attempt: self.attempt, record_bytes, totals: self.totals.to_json() };
-        let saved = self.store.save(&head, &account, |sink| self.shot.crew.save(sink))?;
+        let saved = self.store.save(&head, &account, |sink| self.shot.remote_simulation.save(sink))?;
         self.saved = Some((frame, sub_step));
         self.cadence.saved(self.clock.elapsed().as_secs_f64(), saved.seconds);
         self.options.requests.note_checkpoint(saved.seconds);
@@ -576,7 +579,7 @@ impl<'a> Run<'a> {
             files: self.output.files(),
             exceeded: self.counted.exceeded,
             uncounted: self.counted.uncounted,
-            ranks: self.shot.crew.ranks().count(),
+            ranks: self.shot.remote_simulation.ranks().count(),
         })
     }
 }

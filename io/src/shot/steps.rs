@@ -8,8 +8,8 @@ use drapery_core::simulation::{Advance, FrameInput, FrameSummary, Simulation};
 
 use crate::farm::digest::Digests;
 use crate::farm::stop::{Reason, Request};
-use crate::shot::crew::Crew;
 use crate::shot::inputs::Inputs;
+use crate::shot::remote_simulation::RemoteSimulation;
 use crate::shot::{Shot, ShotDescription, ShotError, resume};
 
 /// A frame that is done.
@@ -23,7 +23,7 @@ pub struct SteppedFrame {
 
 /// A shot at some frame; nothing of it goes to the disk.
 pub struct SteppedShot {
-    crew: Crew,
+    remote_simulation: RemoteSimulation,
     inputs: Inputs,
     /// Deforming bodies are looked at every so many frames only; 1 takes every sample there is.
     body_frames: u32,
@@ -43,28 +43,29 @@ impl Shot {
 impl SteppedShot {
     /// Builds the simulation of a scene without looking at all frames of its inputs first. `body_frames` above 1 shows the
     /// solver deforming bodies at every so many frames only, on straight lines between them. To be called by rank 0, which the
-    /// others follow ([`crate::shot::crew::follow`]).
+    /// others follow ([`crate::shot::remote_simulation::worker_loop`]).
     ///
     /// # Errors
     /// As [`Shot::prepare`], for the start frame.
     pub fn start(ranks: &Ranks, description: ShotDescription, body_frames: u32) -> Result<Self, ShotError> {
         let ShotDescription { scene, bodies, tracks, wind, preroll, frames, .. } = description;
         let inputs = Inputs { timeline: scene.timeline, preroll, bodies, tracks, wind };
-        let scene = Crew::distribute(ranks, scene).map_err(ShotError::Problems)?;
+        let scene = RemoteSimulation::distribute(ranks, scene).map_err(ShotError::Problems)?;
         let mut problems = Vec::new();
-        let crew = inputs.start(ranks, scene, &mut problems)?;
-        let crew = crew.ok_or(ShotError::Problems(drapery_core::error::Problems(problems)))?;
-        Ok(Self { crew, inputs, body_frames: body_frames.max(1), last_frame: frames[1] })
+        let remote_simulation = inputs.start(ranks, scene, &mut problems)?;
+        let remote_simulation =
+            remote_simulation.ok_or(ShotError::Problems(drapery_core::error::Problems(problems)))?;
+        Ok(Self { remote_simulation, inputs, body_frames: body_frames.max(1), last_frame: frames[1] })
     }
 
     /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.
     pub fn state(&self) -> [Vec<Vec3>; 2] {
-        self.crew.state()
+        self.remote_simulation.state()
     }
 
     /// The simulation as it is, as far as rank 0 has it.
     pub fn simulation(&self) -> &Simulation {
-        self.crew.simulation()
+        self.remote_simulation.simulation()
     }
 
     /// Frame rate, first frame and start of the simulation.
@@ -87,9 +88,9 @@ impl SteppedShot {
     ) -> Result<Option<SteppedFrame>, ShotError> {
         let watch = Watch::start();
         let input = self.input(self.simulation().frame() + 1)?;
-        let input = self.crew.share(input);
+        let input = self.remote_simulation.share(input);
         let mut ask = || give_up().then_some(Request::StopAtOnce(Reason::MaxWall));
-        match self.crew.advance(&input, &mut ask)? {
+        match self.remote_simulation.advance(&input, &mut ask)? {
             (Advance::Done(summary), _) => Ok(Some(SteppedFrame { summary, seconds: watch.seconds() })),
             (Advance::Paused(_), _) => Ok(None),
         }

@@ -15,7 +15,7 @@ use drapery_core::simulation::Simulation;
 
 use crate::page::text;
 use crate::study::checks::{Check, Verdict};
-use crate::study::closed_form::INTERNAL;
+use crate::study::closed_form::is_internal;
 use crate::study::record::{Outside, Role, Sample, Study};
 
 /// How far momentum may be off, by the largest that the energy of motion can carry: √(2 M K). It is a matter of rounding.
@@ -31,14 +31,14 @@ pub fn outside(scene: &SceneDescription, simulation: &Simulation) -> Outside {
     let gravity = plan.iter().find(|effect| effect.name == "gravity");
     let gravity = gravity.map_or([0.0; 3], |effect| effect.settings.vector("acceleration"));
     let names: BTreeSet<&str> = plan.iter().map(|effect| effect.name).collect();
-    let pushes: Vec<&str> = names.iter().copied().filter(|name| !INTERNAL.contains(name)).collect();
+    let pushes: Vec<&str> = names.iter().copied().filter(|name| !is_internal(name)).collect();
     let works = |name: &&str| match *name {
         "pins" | "attachments" => scene.pins.iter().any(|pin| moves(scene, &pin.target)),
         "body_collision" => (0..scene.bodies.len()).any(|body| is_moving(scene, body)),
         // Drag in air that stands still only takes; whether it does is not looked at.
         "wind" | "ether_drag" | "seams" => true,
         // Gas and overpressure have an energy of their own, which is counted.
-        name => name != "pressure" && !INTERNAL.contains(&name),
+        name => name != "pressure" && !is_internal(name),
     };
     let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
     Outside {

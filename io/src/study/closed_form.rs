@@ -2,26 +2,17 @@
 //! plane. Whatever the cloth does within itself, its centre of mass follows these.
 
 use drapery_core::Vec3;
+use drapery_core::effects::{body_collision, find as find_effect, gravity};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyShape, SceneDescription};
 use drapery_core::simulation::Simulation;
 
 use crate::study::record::{ClosedForm, Sample, Study};
 
-/// Effects that move no centre of mass.
-pub(super) const INTERNAL: [&str; 11] = [
-    "gravity",
-    "stretch",
-    "shear",
-    "membrane",
-    "bending",
-    "dihedral_bending",
-    "plastic_wrinkles",
-    "self_repulsion",
-    "self_collision",
-    "strain_limit",
-    "seams",
-];
+/// Whether an effect moves no centre of mass but as gravity does.
+pub(super) fn is_internal(effect: &str) -> bool {
+    find_effect(effect).is_some_and(|spec| spec.is_internal)
+}
 
 /// Cloth lies on a plane if no vertex is farther from it than its thickness and this share of the cloth's size.
 const ON_PLANE: f64 = 1e-4;
@@ -29,9 +20,9 @@ const ON_PLANE: f64 = 1e-4;
 /// The closed forms of a scene, of which `simulation` is the start; `size` is that of the cloth [m].
 pub fn find(scene: &SceneDescription, simulation: &Simulation, size: f64) -> Vec<ClosedForm> {
     let plan = simulation.plan();
-    let gravity = plan.iter().find(|effect| effect.name == "gravity");
-    let acceleration = gravity.map_or(Vec3::zeros(), |effect| Vec3::from(effect.settings.vector("acceleration")));
-    let others: Vec<&str> = plan.iter().map(|effect| effect.name).filter(|name| !INTERNAL.contains(name)).collect();
+    let weight = plan.iter().find(|effect| effect.name == gravity::SPEC.name);
+    let acceleration = weight.map_or(Vec3::zeros(), |effect| Vec3::from(effect.settings.vector("acceleration")));
+    let others: Vec<&str> = plan.iter().map(|effect| effect.name).filter(|name| !is_internal(name)).collect();
     // Of garments that start with different velocities each would have its own centre.
     let velocity = scene.garments.first().map_or(Vec3::zeros(), |garment| garment.velocity);
     let alike = |garment: &drapery_core::scene::GarmentDescription| {
@@ -43,7 +34,7 @@ pub fn find(scene: &SceneDescription, simulation: &Simulation, size: f64) -> Vec
     let centre = centre_of(simulation);
     match (scene.bodies.as_slice(), others.as_slice()) {
         ([], []) => flight(acceleration, velocity, centre).into_iter().collect(),
-        ([plane], ["body_collision"]) => {
+        ([plane], [only]) if *only == body_collision::SPEC.name => {
             let at_rest = plane.motion.path.len() <= 1 && plane.motion.angular_velocity == Vec3::zeros();
             if !matches!(plane.shape, BodyShape::Rigid(Shape::HalfSpace)) || !at_rest {
                 return Vec::new();

@@ -38,8 +38,8 @@ use crate::scene_file::{SceneFileError, SearchPaths};
 use crate::shot::{Shot, ShotDescription, ShotError};
 use crate::study::record::{Asked, FORMAT, Machine, RECORD, Role, SceneFacts, Study};
 use crate::study::sample::Bench;
-use crate::study::space::Wish;
-use crate::study::vary::Ground;
+use crate::study::space::RunRequest;
+use crate::study::vary::BaseSettings;
 
 /// File name of the table of all runs and frames.
 pub const CSV: &str = "study.csv";
@@ -104,7 +104,7 @@ pub trait Observer {
     fn note(&mut self, text: &str);
 
     /// A run begins; it is the `number`th of `all` and will take about `seconds`, if anything is known of that.
-    fn begins(&mut self, wish: &Wish, number: usize, all: usize, seconds: Option<f64>);
+    fn begins(&mut self, wish: &RunRequest, number: usize, all: usize, seconds: Option<f64>);
 }
 
 /// Makes a study, or goes on with the one that the folder holds, until it is complete or its time is up.
@@ -143,7 +143,7 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
 
 /// Refuses what a scene does not take before anything runs; what somebody asked for is looked at more closely than what this
 /// program came up with.
-fn check(bench: &Bench<'_>, wishes: &[Wish], is_asked: bool) -> Result<(), StudyError> {
+fn check(bench: &Bench<'_>, wishes: &[RunRequest], is_asked: bool) -> Result<(), StudyError> {
     for wish in wishes.iter().filter(|wish| wish.copy == 0 && wish.repeat == 0) {
         let file = sample::load(bench, wish)?;
         if is_asked && wish.role != Role::Base {
@@ -154,7 +154,7 @@ fn check(bench: &Bench<'_>, wishes: &[Wish], is_asked: bool) -> Result<(), Study
 }
 
 /// The record of the folder, or a new one, and what the choice of runs depends on.
-fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(Study, Ground), StudyError> {
+fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(Study, BaseSettings), StudyError> {
     let bench = Bench {
         scene: &options.scene,
         settings: &options.settings,
@@ -163,10 +163,10 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
         thickness: 0.0,
         threads: options.threads,
     };
-    let file = sample::load(&bench, &Wish::default())?;
+    let file = sample::load(&bench, &RunRequest::default())?;
     let description = file.resolve().map_err(StudyError::Scene)?;
     let (mut scene, ground) = facts(options, &description)?;
-    let ground = Ground { resolution: file.number(vary::RESOLUTION), ..ground };
+    let ground = BaseSettings { resolution: file.number(vary::RESOLUTION), ..ground };
     let shot = Shot::prepare(description, options.asked.frames)?;
     shot.warnings().iter().for_each(|warning| observer.note(warning));
     scene.effects = shot.simulation().plan().iter().map(|effect| effect.name.to_owned()).collect();
@@ -209,7 +209,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
 }
 
 /// What the record says of the scene, and what the choice of runs depends on.
-fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts, Ground), StudyError> {
+fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts, BaseSettings), StudyError> {
     let scene = &description.scene;
     let mut points = Vec::new();
     for garment in &scene.garments {
@@ -234,7 +234,7 @@ fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts
         thickness: scene.garments.iter().map(|garment| garment.thickness).fold(f64::INFINITY, f64::min),
         ..SceneFacts::default()
     };
-    let ground = Ground {
+    let ground = BaseSettings {
         cfl: scene.solver.cfl,
         max_dt: scene.solver.max_dt,
         cg_tolerance: scene.solver.cg_tolerance,

@@ -16,14 +16,14 @@ use sha2::{Digest, Sha256};
 use crate::farm::process;
 use crate::farm::stop::StopRequests;
 use crate::scene_file::{self, SceneFile, SearchPaths};
-use crate::shot::crew;
+use crate::shot::remote_simulation;
 use crate::shot::steps::{SteppedFrame, SteppedShot};
 use crate::shot::{ShotDescription, ShotError};
 use crate::study::StudyError;
 use crate::study::cloth::Cloth;
 use crate::study::random::Random;
 use crate::study::record::{Cost, Failure, Figures, Sample, Setting, StageCost};
-use crate::study::space::Wish;
+use crate::study::space::RunRequest;
 use crate::study::states::{FrameState, StatesWriter};
 
 /// Bytes of a digest of states: enough that no two runs share them by accident.
@@ -85,7 +85,7 @@ pub enum Ended {
 ///
 /// # Errors
 /// The scene does not take them.
-pub fn load(bench: &Bench<'_>, wish: &Wish) -> Result<SceneFile, StudyError> {
+pub fn load(bench: &Bench<'_>, wish: &RunRequest) -> Result<SceneFile, StudyError> {
     let settings: Vec<_> = bench.settings.iter().chain(&wish.setting.settings).cloned().collect();
     scene_file::load_with(bench.scene, &settings, bench.search).map_err(|error| StudyError::Scene(vec![error]))
 }
@@ -94,11 +94,11 @@ pub fn load(bench: &Bench<'_>, wish: &Wish) -> Result<SceneFile, StudyError> {
 ///
 /// # Errors
 /// The scene does not take them.
-fn describe(bench: &Bench<'_>, wish: &Wish) -> Result<ShotDescription, StudyError> {
+fn describe(bench: &Bench<'_>, wish: &RunRequest) -> Result<ShotDescription, StudyError> {
     let mut description = load(bench, wish)?.resolve().map_err(StudyError::Scene)?;
     let scene = &mut description.scene;
     if wish.copy > 0 {
-        let mut random = Random(u64::from(wish.copy));
+        let mut random = Random::new(u64::from(wish.copy));
         for garment in &mut scene.garments {
             let rest = garment.rest_positions().map_err(StudyError::Asked)?;
             garment.start.get_or_insert(rest).iter_mut().for_each(|x| *x += random.vector() * (SHIFT * bench.size));
@@ -125,11 +125,11 @@ fn on_ranks<T: Send>(
     let done = LocalRanks::run(ranks, each, |communicator| {
         let ranks = Ranks::new(communicator);
         if !ranks.is_first() {
-            crew::follow(&ranks, &StopRequests::default(), &|_| Ok(each));
+            remote_simulation::worker_loop(&ranks, &StopRequests::default(), &|_| Ok(each));
             return None;
         }
         let done = take().map(|work| work(&ranks));
-        crew::dismiss(&ranks, 0);
+        remote_simulation::shut_down(&ranks, 0);
         done
     });
     match done.map(|results| results.into_iter().next().flatten()) {
@@ -146,7 +146,7 @@ fn on_ranks<T: Send>(
 /// The scene cannot be read or started, a file breaks. A solver that gives up is a failure in the sample.
 pub fn run(
     bench: &Bench<'_>,
-    wish: &Wish,
+    wish: &RunRequest,
     pace: &Pace<'_>,
     (states, deadline): (Option<&Path>, Instant),
 ) -> Result<Ended, StudyError> {
@@ -355,7 +355,8 @@ stiffness = "100 N/m"
         let search = SearchPaths::default();
         let bench = Bench { scene: &scene, settings: &[], search: &search, size: 1.4, thickness: 0.001, threads: 2 };
         let sample = |ranks: u32, threads: u32| {
-            let wish = Wish { setting: Setting { ranks, threads, ..Setting::default() }, ..Wish::default() };
+            let wish =
+                RunRequest { setting: Setting { ranks, threads, ..Setting::default() }, ..RunRequest::default() };
             let far = Instant::now() + Duration::from_secs(600);
             match run(&bench, &wish, &Pace::Fixed(&[2]), (None, far)).unwrap() {
                 Ended::Sample(ended) => ended.0,

@@ -12,7 +12,7 @@ use crate::error::IoError;
 use crate::study::compare::Comparison;
 use crate::study::record::{Omission, Role, Sample, Setting, Study};
 use crate::study::sample::{self, Bench, Ended, Pace};
-use crate::study::space::{self, Wish};
+use crate::study::space::{self, RunRequest};
 use crate::study::{Observer, StudyError};
 
 /// Folder of the states inside that of the study.
@@ -67,7 +67,12 @@ impl Schedule<'_> {
     ///
     /// # Errors
     /// It does not come to a single frame to compare; files cannot be read or written.
-    pub fn run_base(&self, wishes: &[Wish], study: &mut Study, observer: &mut dyn Observer) -> Result<(), StudyError> {
+    pub fn run_base(
+        &self,
+        wishes: &[RunRequest],
+        study: &mut Study,
+        observer: &mut dyn Observer,
+    ) -> Result<(), StudyError> {
         let folder = self.folder.join(STATES);
         std::fs::create_dir_all(&folder).map_err(|error| IoError::creating(&folder, error))?;
         let mut comparison = Comparison::of(study, self.folder)?;
@@ -87,7 +92,12 @@ impl Schedule<'_> {
     ///
     /// # Errors
     /// Files cannot be read or written.
-    pub fn run_all(&self, wishes: &[Wish], study: &mut Study, observer: &mut dyn Observer) -> Result<(), StudyError> {
+    pub fn run_all(
+        &self,
+        wishes: &[RunRequest],
+        study: &mut Study,
+        observer: &mut dyn Observer,
+    ) -> Result<(), StudyError> {
         study.omitted.clear();
         let mut comparison = Comparison::of(study, self.folder)?;
         let mut repeats = (0, 0.0);
@@ -111,7 +121,7 @@ impl Schedule<'_> {
     fn run_wish(
         &self,
         number: usize,
-        wishes: &[Wish],
+        wishes: &[RunRequest],
         (study, comparison): (&mut Study, &mut Comparison<'_>),
         observer: &mut dyn Observer,
     ) -> Result<Option<String>, StudyError> {
@@ -162,7 +172,12 @@ impl Schedule<'_> {
         limit - reserve - self.begun.elapsed().as_secs_f64()
     }
 
-    fn run_one(&self, wish: &Wish, study: &Study, (left, foretold): (f64, Option<f64>)) -> Result<Ended, StudyError> {
+    fn run_one(
+        &self,
+        wish: &RunRequest,
+        study: &Study,
+        (left, foretold): (f64, Option<f64>),
+    ) -> Result<Ended, StudyError> {
         let now = Instant::now();
         let patience = foretold.map_or(left, |seconds| (PATIENCE.0 * seconds).max(seconds + PATIENCE.1).min(left));
         let deadline = now + Duration::from_secs_f64(patience);
@@ -193,14 +208,14 @@ impl Schedule<'_> {
     }
 }
 
-impl Wish {
+impl RunRequest {
     fn is_first(&self) -> bool {
         self.copy == 0 && self.repeat == 0
     }
 }
 
 /// Whether a sample is what a wish asks for.
-fn is_of(sample: &Sample, wish: &Wish) -> bool {
+fn is_of(sample: &Sample, wish: &RunRequest) -> bool {
     // The role may have turned out to be another one: a parameter that changes the mesh.
     is_same(&sample.setting, &wish.setting)
         && (sample.copy, sample.repeat) == (wish.copy, wish.repeat)
@@ -217,7 +232,7 @@ fn is_reference(role: Role) -> bool {
 
 /// Seconds that a wish will take; `None` before anything has run. Known from a run of the same settings, else from the base
 /// and the rough factor of the wish, corrected by what the latest run of the same kind took.
-fn foretell(wish: &Wish, wishes: &[Wish], study: &Study) -> Option<f64> {
+fn foretell(wish: &RunRequest, wishes: &[RunRequest], study: &Study) -> Option<f64> {
     let whole = |sample: &&Sample| sample.is_whole();
     let same = study.samples.iter().filter(whole).rfind(|sample| is_same(&sample.setting, &wish.setting));
     if let Some(same) = same {
@@ -253,12 +268,12 @@ mod tests {
     use super::*;
     use crate::study::record::Cost;
 
-    fn wish(role: Role, label: &str, times: f64) -> Wish {
+    fn wish(role: Role, label: &str, times: f64) -> RunRequest {
         let settings = vec![("key".to_owned(), label.to_owned())];
-        Wish { role, setting: Setting { settings, ..Setting::default() }, times, ..Wish::default() }
+        RunRequest { role, setting: Setting { settings, ..Setting::default() }, times, ..RunRequest::default() }
     }
 
-    fn sample(wish: &Wish, seconds: f64) -> Sample {
+    fn sample(wish: &RunRequest, seconds: f64) -> Sample {
         let cost = Cost { with_overhead: seconds, ..Cost::default() };
         Sample { role: wish.role, setting: wish.setting.clone(), cost, ..Sample::default() }
     }
@@ -279,7 +294,7 @@ mod tests {
         study.samples.push(sample(&wishes[1], 3.0));
         assert_eq!(foretell(&wishes[2], &wishes, &study), Some(6.0));
         assert_eq!(foretell(&wishes[3], &wishes, &study), Some(24.0));
-        let repeat = Wish { repeat: 1, ..wishes[1].clone() };
+        let repeat = RunRequest { repeat: 1, ..wishes[1].clone() };
         assert_eq!(foretell(&repeat, &wishes, &study), Some(3.0));
     }
 

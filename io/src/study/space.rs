@@ -3,7 +3,8 @@
 use crate::study::random::Random;
 use crate::study::record::{Asked, Role, Setting};
 use crate::study::vary::{
-    BODY_FRAMES, FRICTION, Ground, RANKS, RESOLUTION, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of, rough_times,
+    BODY_FRAMES, BaseSettings, FRICTION, RANKS, RESOLUTION, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of,
+    rough_times,
 };
 
 /// How much finer in time than the scene the reference is, the finest that there is time for.
@@ -36,7 +37,7 @@ const NEAR: f64 = 2.0;
 
 /// A run that is wanted.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Wish {
+pub struct RunRequest {
     /// What for.
     pub role: Role,
     /// What it changes.
@@ -51,7 +52,7 @@ pub struct Wish {
     pub is_core: bool,
 }
 
-impl Wish {
+impl RunRequest {
     fn new(role: Role, setting: Setting, times: f64) -> Self {
         Self { role, setting, copy: 0, repeat: 0, times, is_core: false }
     }
@@ -75,24 +76,27 @@ impl Wish {
 
 /// All runs of a study, the most useful first: when time runs out, the last are missing. The reference is at least `fineness`
 /// times as fine as the scene.
-pub fn wishes(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
-    let mut all = vec![Wish::new(Role::Base, as_is(), 1.0)];
-    let copy = |number: u32| Wish { copy: number, ..all[0].clone() };
-    let copies: Vec<Wish> = (1..=asked.copies).map(copy).collect();
-    let repeats = |of: &Wish| -> Vec<Wish> { (1..asked.repeats).map(|repeat| Wish { repeat, ..of.clone() }).collect() };
+pub fn wishes(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunRequest> {
+    let mut all = vec![RunRequest::new(Role::Base, as_is(), 1.0)];
+    let copy = |number: u32| RunRequest { copy: number, ..all[0].clone() };
+    let copies: Vec<RunRequest> = (1..=asked.copies).map(copy).collect();
+    let repeats = |of: &RunRequest| -> Vec<RunRequest> {
+        (1..asked.repeats).map(|repeat| RunRequest { repeat, ..of.clone() }).collect()
+    };
     let base_repeats = repeats(&all[0]);
     let varied = if asked.vary.is_empty() { default_space(ground) } else { asked_space(asked, ground) };
-    let (accuracy, other): (Vec<Wish>, Vec<Wish>) = varied.into_iter().partition(|wish| wish.role == Role::Accuracy);
-    let repeated: Vec<Wish> = accuracy.iter().flat_map(&repeats).collect();
+    let (accuracy, other): (Vec<RunRequest>, Vec<RunRequest>) =
+        varied.into_iter().partition(|wish| wish.role == Role::Accuracy);
+    let repeated: Vec<RunRequest> = accuracy.iter().flat_map(&repeats).collect();
     // What costs about as much as the scene tells more for its time than what costs many times that.
-    let (near, far): (Vec<Wish>, Vec<Wish>) = accuracy.into_iter().partition(|wish| wish.times <= NEAR);
+    let (near, far): (Vec<RunRequest>, Vec<RunRequest>) = accuracy.into_iter().partition(|wish| wish.times <= NEAR);
     let mut copies = copies.into_iter();
     // Without something to compare with, nothing is known.
     all.extend(references(asked, ground, fineness));
     all.extend(copies.next());
     all.extend(near);
     all.iter_mut().for_each(|wish| wish.is_core = true);
-    let (cheap, dear): (Vec<Wish>, Vec<Wish>) = other.into_iter().partition(|wish| wish.times <= NEAR);
+    let (cheap, dear): (Vec<RunRequest>, Vec<RunRequest>) = other.into_iter().partition(|wish| wish.times <= NEAR);
     all.extend(cheap);
     all.extend(copies.next());
     all.extend(far);
@@ -105,15 +109,15 @@ pub fn wishes(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
 
 /// Time of all runs by that of the base, as far as one can say before trying: of all but repeats, and of those without which
 /// a study says nothing, with the coarsest reference.
-pub fn whole_times(asked: &Asked, ground: &Ground) -> [f64; 2] {
-    let sum = |fineness: u32, counts: &dyn Fn(&Wish) -> bool| -> f64 {
+pub fn whole_times(asked: &Asked, ground: &BaseSettings) -> [f64; 2] {
+    let sum = |fineness: u32, counts: &dyn Fn(&RunRequest) -> bool| -> f64 {
         wishes(asked, ground, fineness).iter().filter(|wish| counts(wish)).map(|wish| wish.times).sum()
     };
     [sum(FINENESS[0], &|wish| wish.repeat == 0), sum(CORE_FINENESS, &|wish| wish.is_core)]
 }
 
 /// The reference and the runs that tell how far it has converged, the coarsest first.
-fn references(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
+fn references(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunRequest> {
     let fineness = f64::from(fineness);
     let finest = |name: &str, from: f64| {
         let values = asked.vary.iter().filter(|(varied, _)| varied == name).flat_map(|(_, values)| values);
@@ -137,9 +141,9 @@ fn references(asked: &Asked, ground: &Ground, fineness: u32) -> Vec<Wish> {
     };
     let [fine, middle, coarse] = reference_times(ground.cfl / cfl);
     let mut all = vec![
-        Wish::new(Role::ReferenceCoarse, finer(4.0), coarse),
-        Wish::new(Role::ReferenceCheck, finer(2.0), middle),
-        Wish::new(Role::Reference, finer(1.0), fine),
+        RunRequest::new(Role::ReferenceCoarse, finer(4.0), coarse),
+        RunRequest::new(Role::ReferenceCheck, finer(2.0), middle),
+        RunRequest::new(Role::Reference, finer(1.0), fine),
     ];
     // Steps longer than those of the scene tell nothing of it, and may not even be stable.
     all.retain(|wish| wish.role != Role::ReferenceCoarse || fineness >= f64::from(CORE_FINENESS));
@@ -152,12 +156,12 @@ pub fn reference_times(fineness: f64) -> [f64; 3] {
 }
 
 /// What is varied when nobody says: steps and solves, then one at a time what else costs time or changes the picture.
-fn default_space(ground: &Ground) -> Vec<Wish> {
+fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
     let mut space = Vec::new();
     let cfl = |divisor: f64| (ground.cfl / divisor).to_string();
     let one = |name: &str, value: &str| {
         let times = rough_times(name, value, ground);
-        Wish::new(role_of(name), changed(&as_is(), name, value, ground), times)
+        RunRequest::new(role_of(name), changed(&as_is(), name, value, ground), times)
     };
     space.push(one("cg_tolerance", &scientific(ground.cg_tolerance.map_or(LARGEST, |tolerance| LOOSE * tolerance))));
     space.push(one("cg_tolerance", TIGHT));
@@ -166,7 +170,7 @@ fn default_space(ground: &Ground) -> Vec<Wish> {
     for divisor in [2.0, 4.0] {
         let setting = changed(&changed(&as_is(), "cfl", &cfl(divisor), ground), "cg_tolerance", TIGHT, ground);
         let times = rough_times("cfl", &cfl(divisor), ground) * rough_times("cg_tolerance", TIGHT, ground);
-        space.push(Wish::new(Role::Accuracy, setting, times));
+        space.push(RunRequest::new(Role::Accuracy, setting, times));
     }
     if ground.has("self_collision") {
         space.push(one("max_steps", "1"));
@@ -207,23 +211,22 @@ fn scientific(number: f64) -> String {
     }
 }
 
-/// Whether a shot without this effect still is one to look at: cloth without weight, without springs along its edges,
-/// without what holds it or what it lies on is not.
+/// Whether a shot without this effect still is one to look at.
 fn can_go(effect: &str) -> bool {
-    !["gravity", "stretch", "membrane", "pins", "attachments", "seams", "body_collision"].contains(&effect)
+    drapery_core::effects::find(effect).is_none_or(|spec| !spec.is_essential)
 }
 
 /// What was asked for: all combinations, some of them, or one change at a time.
-fn asked_space(asked: &Asked, ground: &Ground) -> Vec<Wish> {
-    let none = Wish::new(Role::Accuracy, as_is(), 1.0);
-    let with = |wish: &Wish, name: &str, value: &str| {
+fn asked_space(asked: &Asked, ground: &BaseSettings) -> Vec<RunRequest> {
+    let none = RunRequest::new(Role::Accuracy, as_is(), 1.0);
+    let with = |wish: &RunRequest, name: &str, value: &str| {
         let role = match (wish.role, role_of(name)) {
             (Role::Accuracy, role) | (role, Role::Accuracy) => role,
             (Role::Threads, Role::Threads) => Role::Threads,
             _ => Role::Model,
         };
         let times = wish.times * rough_times(name, value, ground);
-        Wish::new(role, changed(&wish.setting, name, value, ground), times)
+        RunRequest::new(role, changed(&wish.setting, name, value, ground), times)
     };
     if asked.latin > 0 {
         return latin(asked).iter().map(|row| row.iter().fold(none.clone(), |all, (n, v)| with(&all, n, v))).collect();
@@ -250,7 +253,7 @@ fn latin(asked: &Asked) -> Vec<Vec<(&str, &str)>> {
         .iter()
         .enumerate()
         .map(|(column, (name, values))| {
-            let order = Random(column as u64).order(count);
+            let order = Random::new(column as u64).order(count);
             let value = |place: usize| (name.as_str(), values[place * values.len() / count].as_str());
             order.into_iter().map(value).collect()
         })
@@ -305,7 +308,7 @@ mod tests {
     #[test]
     fn base_copy_and_references_come_before_what_only_measures_time_again() {
         let all = wishes(&asked(&[], false), &ground(), FINENESS[0]);
-        let at = |found: &dyn Fn(&Wish) -> bool| all.iter().position(found).unwrap();
+        let at = |found: &dyn Fn(&RunRequest) -> bool| all.iter().position(found).unwrap();
         assert_eq!(at(&|wish| wish.role == Role::Base), 0);
         // Where there is time for little, what everything is compared with goes before what tells the noise.
         assert_eq!(at(&|wish| wish.role == Role::Reference), 3);

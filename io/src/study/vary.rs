@@ -53,7 +53,7 @@ const CHOICE: &str = "effects.";
 
 /// What of the scene the choice of variations depends on.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Ground {
+pub struct BaseSettings {
     /// CFL number.
     pub cfl: f64,
     /// Longest step that the scene allows [s], where it says so.
@@ -78,7 +78,7 @@ pub struct Ground {
     pub threads: usize,
 }
 
-impl Ground {
+impl BaseSettings {
     /// Whether the scene has an effect.
     pub fn has(&self, effect: &str) -> bool {
         self.effects.iter().any(|name| name == effect)
@@ -113,7 +113,7 @@ pub(super) fn as_is() -> Setting {
 }
 
 /// The setting with one more change.
-pub(super) fn changed(setting: &Setting, name: &str, value: &str, ground: &Ground) -> Setting {
+pub(super) fn changed(setting: &Setting, name: &str, value: &str, ground: &BaseSettings) -> Setting {
     let mut setting = setting.clone();
     setting.changes.push((name.to_owned(), value.to_owned()));
     match name {
@@ -144,7 +144,7 @@ pub(super) fn changed(setting: &Setting, name: &str, value: &str, ground: &Groun
 }
 
 /// Leaves out what the changes say besides what the scene itself leaves out, as `--without` does.
-fn leave_out(setting: &mut Setting, ground: &Ground) {
+fn leave_out(setting: &mut Setting, ground: &BaseSettings) {
     let named = setting.changes.iter().filter(|(name, _)| name == WITHOUT).map(|(_, effect)| effect.clone());
     let names: Vec<String> = ground.left_out.iter().cloned().chain(named).collect();
     setting.settings.retain(|(key, _)| !key.starts_with(CHOICE));
@@ -170,7 +170,7 @@ pub(super) fn role_of(name: &str) -> Role {
 }
 
 /// Time of a change by that of the base, before anything is measured.
-pub(super) fn rough_times(name: &str, value: &str, ground: &Ground) -> f64 {
+pub(super) fn rough_times(name: &str, value: &str, ground: &BaseSettings) -> f64 {
     let number = value.parse::<f64>().ok().filter(|number| *number > 0.0);
     match (name, number) {
         ("cfl", Some(cfl)) => (ground.cfl / cfl).powf(STEPS_POWER),
@@ -188,8 +188,8 @@ pub(super) fn rough_times(name: &str, value: &str, ground: &Ground) -> f64 {
 pub(super) mod tests {
     use super::*;
 
-    pub(in crate::study) fn ground() -> Ground {
-        Ground {
+    pub(in crate::study) fn ground() -> BaseSettings {
+        BaseSettings {
             cfl: 4.0,
             cg_tolerance: Some(1e-3),
             garments: vec!["shirt".into(), "skirt".into()],
@@ -198,7 +198,7 @@ pub(super) mod tests {
             effects: ["gravity", "stretch", "bending", "self_repulsion", "self_collision"].map(str::to_owned).into(),
             resolution: Some(40.0),
             threads: 2,
-            ..Ground::default()
+            ..BaseSettings::default()
         }
     }
 
@@ -213,13 +213,13 @@ pub(super) mod tests {
         assert_eq!(setting.settings, pairs(&expected));
         let setting = changed(&as_is(), "friction", "0", &ground());
         assert_eq!(setting.settings, pairs(&[("body.hero.friction", "0"), ("self_repulsion.friction", "0")]));
-        let bare = Ground { effects: Vec::new(), ..ground() };
+        let bare = BaseSettings { effects: Vec::new(), ..ground() };
         assert_eq!(changed(&as_is(), "friction", "0", &bare).settings, pairs(&[("body.hero.friction", "0")]));
     }
 
     #[test]
     fn effects_are_left_out_besides_those_that_the_scene_leaves_out() {
-        let ground = Ground { left_out: vec!["wind".into()], ..ground() };
+        let ground = BaseSettings { left_out: vec!["wind".into()], ..ground() };
         let one = changed(&as_is(), "without", "bending", &ground);
         assert_eq!(one.settings, pairs(&[("effects.without", r#"["wind", "bending"]"#), ("effects.only", "[]")]));
         let two = changed(&one, "without", "self_repulsion", &ground);

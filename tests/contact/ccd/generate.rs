@@ -1,6 +1,7 @@
 //! Queries with integer coordinates, most of them degenerate in some way. Each kind is a function of random numbers.
 
 use drapery_core::Vec3;
+use drapery_core::geometry::random::SplitMix64;
 
 /// A point, and the four points of a query at one time.
 type Point = [i64; 3];
@@ -27,24 +28,17 @@ pub(super) const KINDS: [(&str, Make); 13] = [
 ];
 
 /// SplitMix64.
-pub(super) struct Random(u64);
+pub(super) struct Random(SplitMix64);
 
 impl Random {
     pub(super) fn new(name: &str, edges: bool) -> Self {
-        Self(name.bytes().fold(u64::from(edges), |seed, b| seed.wrapping_mul(31).wrapping_add(u64::from(b))))
-    }
-
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
+        let seed = name.bytes().fold(u64::from(edges), |seed, b| seed.wrapping_mul(31).wrapping_add(u64::from(b)));
+        Self(SplitMix64::new(seed))
     }
 
     /// Uniform in [-1, 1).
     pub(super) fn number(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        self.0.signed()
     }
 
     /// Uniform in the cube [-1, 1)³.
@@ -54,7 +48,7 @@ impl Random {
 
     /// From -size to size.
     fn integer(&mut self, size: i64) -> i64 {
-        (self.bits() % (2 * size as u64 + 1)) as i64 - size
+        (self.0.bits() % (2 * size as u64 + 1)) as i64 - size
     }
 
     fn point(&mut self, size: i64) -> Point {
@@ -67,11 +61,11 @@ impl Random {
 
     /// 2 to 2^`most`, small and large alike.
     fn size(&mut self, most: u64) -> i64 {
-        1 << (1 + self.bits() % most)
+        1 << (1 + self.0.bits() % most)
     }
 
     fn chance(&mut self, one_in: u64) -> bool {
-        self.bits().is_multiple_of(one_in)
+        self.0.bits().is_multiple_of(one_in)
     }
 }
 
@@ -122,14 +116,14 @@ fn touching(r: &mut Random, edges: bool) -> Points {
     if edges {
         // The second edge starts at b and has its middle, end or start on the first one.
         let touch = quarter(&[(share, a), (4 - share, b)]);
-        let far = match r.bits() % 3 {
+        let far = match r.0.bits() % 3 {
             0 => sum(&[(2, touch), (-1, c)]),
             1 => touch,
             _ => sum(&[(4, touch), (-3, c)]),
         };
         return [a, b, c, far];
     }
-    let rest = r.bits() as i64 & 3;
+    let rest = r.0.bits() as i64 & 3;
     let point = quarter(&[(share.min(4 - rest), b), (rest, c), (4 - rest - share.min(4 - rest), d)]);
     [point, b, c, d]
 }
@@ -217,7 +211,7 @@ fn shared(r: &mut Random, _: bool) -> [Points; 2] {
     let [mut start, mut end] = [r.points(size), r.points(size)];
     for x in [&mut start, &mut end] {
         if r.chance(2) {
-            let [from, to] = [r.bits() as usize % 4, r.bits() as usize % 4];
+            let [from, to] = [r.0.bits() as usize % 4, r.0.bits() as usize % 4];
             x[to] = x[from];
         }
     }

@@ -9,19 +9,19 @@ use drapery_io::shot::Shot;
 use serde_json::{Value, json};
 
 use crate::args::PlanArgs;
-use crate::config::{Chosen, DEFAULT, Limit, RunSettings, SITE_FILE, Surroundings};
+use crate::config::{DEFAULT, Environment, Limit, Resolved, RunSettings, SITE_FILE};
 use crate::plan;
 use crate::progress::duration;
 
 /// One thing that is not of the scene: what it is, its value, and who said it.
-pub(super) struct Said {
+pub(super) struct Provenance {
     pub(super) what: &'static str,
     pub(super) value: Value,
     pub(super) text: String,
     pub(super) source: &'static str,
 }
 
-impl Said {
+impl Provenance {
     fn new(what: &'static str, value: Value, source: &'static str) -> Self {
         let text = match &value {
             Value::String(text) => text.clone(),
@@ -36,38 +36,38 @@ impl Said {
 /// Everything, in the order in which it is shown.
 pub(super) fn all(
     args: &PlanArgs,
-    around: &Surroundings,
+    around: &Environment,
     settings: &RunSettings,
-    (shot, threads): (&Shot, &Chosen<usize>),
-) -> Vec<Said> {
+    (shot, threads): (&Shot, &Resolved<usize>),
+) -> Vec<Provenance> {
     let out = match &args.settings.out {
-        Some(out) => Said::new("out", path(out), "--out"),
-        None => Said::new("out", path(&plan::default_folder(shot)), DEFAULT),
+        Some(out) => Provenance::new("out", path(out), "--out"),
+        None => Provenance::new("out", path(&plan::default_folder(shot)), DEFAULT),
     };
     let config = match &around.site_path {
-        Some(file) => Said::new("config", path(&file.value), file.source),
-        None => Said::new("config", Value::Null, DEFAULT),
+        Some(file) => Provenance::new("config", path(&file.value), file.source),
+        None => Provenance::new("config", Value::Null, DEFAULT),
     };
     let RunSettings { progress, resumable_exit_code: code, on_term, checkpoint_every: every, keep, limits } = settings;
     let mut all = vec![
         out,
         config,
-        Said::new("threads", json!(threads.value), threads.source),
-        Said::new("progress", word(progress.value), progress.source),
-        Said::new("resumable_exit_code", json!(code.value), code.source),
-        Said::new("on_term", word(on_term.value), on_term.source),
-        Said::new("checkpoint_every", json!(every_text(every.value)), every.source),
-        Said::new("keep", json!(keep.value), keep.source),
+        Provenance::new("threads", json!(threads.value), threads.source),
+        Provenance::new("progress", word(progress.value), progress.source),
+        Provenance::new("resumable_exit_code", json!(code.value), code.source),
+        Provenance::new("on_term", word(on_term.value), on_term.source),
+        Provenance::new("checkpoint_every", json!(every_text(every.value)), every.source),
+        Provenance::new("keep", json!(keep.value), keep.source),
     ];
     all.extend(limits.iter().map(limit));
     let search = around.search(&args.scene.materials);
     let folders = search.value.materials.iter().map(|folder| path(folder)).collect();
-    all.push(Said::new("materials", folders, search.source));
+    all.push(Provenance::new("materials", folders, search.source));
     if !search.value.maps.pairs().is_empty() {
         let maps = search.value.maps.pairs();
         let text: Vec<String> = maps.iter().map(|(from, to)| format!("{from}/ -> {to}/")).collect();
         let value: serde_json::Map<String, Value> = maps.iter().map(|(from, to)| (from.clone(), json!(to))).collect();
-        all.push(Said { text: text.join(", "), ..Said::new("paths", value.into(), SITE_FILE) });
+        all.push(Provenance { text: text.join(", "), ..Provenance::new("paths", value.into(), SITE_FILE) });
     }
     all
 }
@@ -78,7 +78,7 @@ fn path(path: &Path) -> Value {
 }
 
 /// A limit of time: a span in seconds, or seconds since 1970.
-fn limit(limit: &Chosen<Limit>) -> Said {
+fn limit(limit: &Resolved<Limit>) -> Provenance {
     let (what, seconds, text) = match limit.value {
         Limit::After(time) => ("max_wall", time.as_secs_f64(), duration(time.as_secs_f64())),
         Limit::At(key, _, at) => {
@@ -87,7 +87,7 @@ fn limit(limit: &Chosen<Limit>) -> Said {
             (key, seconds, format!("{seconds} (in {})", duration(left)))
         }
     };
-    Said { text, ..Said::new(what, json!(seconds), limit.source) }
+    Provenance { text, ..Provenance::new(what, json!(seconds), limit.source) }
 }
 
 fn every_text(every: Every) -> String {

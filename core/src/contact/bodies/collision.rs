@@ -16,13 +16,13 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::contact::bodies::constraints::HOLDS;
+use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
 use crate::contact::bodies::friction::{coulomb, respond};
-use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::{Bodies, BodyPoint};
 use crate::metrics::Metrics;
 use crate::scene::Scene;
-use crate::snapshot::saved_section::{Field, Remembered, SectionId};
+use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::tolerances::{FACING, PINCH_DRAG};
 
 use marks::{CHUNK, Marks, bit, constrained, marked};
@@ -36,7 +36,7 @@ const SEARCH_EDGES: f64 = 1.0;
 
 /// A body near a vertex at the end of a step.
 #[derive(Debug, Clone, Copy)]
-struct Hold {
+struct BodyContact {
     body: usize,
     at: BodyPoint,
     /// Distance at which this vertex is in contact [m]: the body's, or half a gap that is narrower.
@@ -48,12 +48,12 @@ struct Hold {
 /// Bodies near one vertex.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct VertexContact {
-    holds: [Option<Hold>; HOLDS],
+    holds: [Option<BodyContact>; MAX_BODY_CONTACTS],
 }
 
 /// What is remembered of a surface body near a vertex, to save searches, and to know how deep it was before.
 #[derive(Debug, Clone, Copy)]
-struct Memory {
+struct ClosestCache {
     /// The vertex is at least this far from contact's reference surface [m]; negative inside.
     clearance: f64,
     hint: u32,
@@ -76,7 +76,7 @@ pub struct BodyCollision {
     /// Which of the contacts hold something.
     marks: Vec<Marks>,
     /// Surface bodies of each vertex, vertex by vertex.
-    memory: Vec<Memory>,
+    memory: Vec<ClosestCache>,
     /// For each body, its place among the surfaces of `memory`.
     memory_slot: Vec<Option<usize>>,
     surfaces: usize,
@@ -97,7 +97,7 @@ pub struct CollisionStep<'a> {
     /// Length of the step [s].
     pub dt: f64,
     /// How far cloth that is too deep comes out in it.
-    pub catch_up: CatchUp,
+    pub recovery_speed: RecoverySpeed,
     /// Positions at its start [m].
     pub x: &'a [Vec3],
     /// Velocities at its start [m/s].
@@ -121,7 +121,7 @@ impl BodyCollision {
         Self {
             contacts: vec![VertexContact::default(); vertices],
             marks: vec![Marks::default(); vertices.div_ceil(CHUNK)],
-            memory: vec![Memory { clearance: 0.0, hint: u32::MAX }; vertices * surfaces],
+            memory: vec![ClosestCache { clearance: 0.0, hint: u32::MAX }; vertices * surfaces],
             memory_slot,
             surfaces,
             held: vec![false; vertices],
@@ -131,9 +131,9 @@ impl BodyCollision {
         }
     }
 
-    /// Memory held [bytes].
+    /// ClosestCache held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        self.contacts.len() * (size_of::<VertexContact>() + 1 + self.surfaces * size_of::<Memory>())
+        self.contacts.len() * (size_of::<VertexContact>() + 1 + self.surfaces * size_of::<ClosestCache>())
             + self.marks.len() * size_of::<Marks>()
             + size_of_val(self.painted.as_slice())
     }
@@ -144,13 +144,13 @@ impl BodyCollision {
     }
 
     /// Tells that an own vertex, by its local number, was moved by something else [m].
-    pub fn moved(&mut self, vertex: usize, way: f64) {
+    pub fn moved(&mut self, vertex: usize, displacement: f64) {
         let vertex = vertex - self.first;
         let surfaces = vertex * self.surfaces..(vertex + 1) * self.surfaces;
         for memory in &mut self.memory[surfaces] {
             // What was outside is still taken to be outside, however close it may be now.
             let least = if memory.clearance >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
-            memory.clearance = (memory.clearance - way).max(least);
+            memory.clearance = (memory.clearance - displacement).max(least);
         }
     }
 
@@ -160,14 +160,14 @@ impl BodyCollision {
     }
 
     /// What is remembered of deforming bodies near each vertex; `None` without such bodies.
-    pub(crate) fn remember(&self) -> Option<Remembered> {
+    pub(crate) fn save(&self) -> Option<SavedSection> {
         let clearances = self.memory.iter().map(|memory| memory.clearance).collect();
         let field = Field::Vertices(self.surfaces, clearances);
-        self.remembers().then(|| Remembered::new(SECTION).with("clearances", field))
+        self.remembers().then(|| SavedSection::new(SECTION).with("clearances", field))
     }
 
     /// Goes on from what was remembered.
-    pub(crate) fn go_on(&mut self, memory: &Remembered) {
+    pub(crate) fn restore(&mut self, memory: &SavedSection) {
         for (memory, clearance) in self.memory.iter_mut().zip(memory.vertices("clearances")) {
             memory.clearance = *clearance;
         }
@@ -188,7 +188,7 @@ impl BodyCollision {
         let chunks = x1.par_chunks_mut(CHUNK).zip(v_star.par_chunks_mut(CHUNK));
         let contacts = self.contacts.par_chunks_mut(CHUNK).zip(&mut self.marks);
         let chunks = chunks.zip(contacts).zip(self.held.par_chunks(CHUNK)).enumerate();
-        let work = |(c, (((x1, v_star), (contacts, marks)), held)): Chunk<'_>, memory: &mut [Memory]| {
+        let work = |(c, (((x1, v_star), (contacts, marks)), held)): Chunk<'_>, memory: &mut [ClosestCache]| {
             let mut counts = Counts::default();
             marked(marks.near).for_each(|i| contacts[i] = VertexContact::default());
             *marks = Marks::default();
@@ -199,7 +199,7 @@ impl BodyCollision {
                 if !held[i] {
                     let memory = &mut memory[i * surfaces..(i + 1) * surfaces];
                     let own_way = (step.v[vertex].norm() + step.v_half[vertex].norm()) * step.dt;
-                    let known = [Known::NOTHING; CACHED];
+                    let known = [QueryCache::NOTHING; CACHED];
                     let counts = &mut counts;
                     let mut search = Search { step, slots, painted, search, memory, counts, own_way, known };
                     if search.is_far_from_all(&step.x[vertex], &x1[i]) {
@@ -319,7 +319,7 @@ impl VertexContact {
         })
     }
 
-    fn add(&mut self, hold: Hold) {
+    fn add(&mut self, hold: BodyContact) {
         // A body that holds the vertex already is replaced: the later answer is the better one.
         let same = self.holds.iter().position(|h| h.is_some_and(|h| h.body == hold.body));
         let free = same.or_else(|| self.holds.iter().position(Option::is_none));
@@ -334,7 +334,7 @@ const CACHED: usize = 4;
 
 /// What is known of a body and one vertex, to ask no question twice.
 #[derive(Clone, Copy)]
-struct Known {
+struct QueryCache {
     body: usize,
     /// Of a rigid body: way that the vertex can go in this step without the body having to do with it [m].
     room: f64,
@@ -344,13 +344,13 @@ struct Known {
     answer: Option<(Vec3, Option<BodyPoint>)>,
 }
 
-impl Known {
+impl QueryCache {
     const NOTHING: Self = Self { body: usize::MAX, room: 0.0, at_start: None, answer: None };
 }
 
 /// The last contact that corrected a vertex, and the place just outside that surface.
 #[derive(Clone, Copy)]
-struct Touch {
+struct LastContact {
     body: usize,
     at: BodyPoint,
     outside: Vec3,
@@ -362,11 +362,11 @@ struct Search<'a> {
     slots: &'a [Option<usize>],
     painted: &'a [[f64; 2]],
     search: f64,
-    memory: &'a mut [Memory],
+    memory: &'a mut [ClosestCache],
     counts: &'a mut Counts,
     /// Farthest that the vertex itself can get in this step, bodies apart [m].
     own_way: f64,
-    known: [Known; CACHED],
+    known: [QueryCache; CACHED],
 }
 
 impl Search<'_> {
@@ -380,7 +380,8 @@ impl Search<'_> {
             if let Some(at) = self.contact(body, x, &before) {
                 let properties = &step.bodies.list()[body];
                 let friction = properties.friction_on(self.painted.get(vertex));
-                *v_star = respond((properties, friction), &at, &before, (x, v_star), (dt, step.catch_up)).velocity;
+                *v_star =
+                    respond((properties, friction), &at, &before, (x, v_star), (dt, step.recovery_speed)).velocity;
                 met = true;
             }
         }
@@ -393,14 +394,14 @@ impl Search<'_> {
                 let properties = &step.bodies.list()[body];
                 let outside = *x1 + at.normal * (properties.offset - properties.thickness - at.phi);
                 let friction = properties.friction_on(self.painted.get(vertex));
-                let response = respond((properties, friction), &at, x1, (x, v_star), (dt, step.catch_up));
+                let response = respond((properties, friction), &at, x1, (x, v_star), (dt, step.recovery_speed));
                 *x1 = response.position;
-                touched = Some(Touch { body, at, outside });
-                contact.add(Hold { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
+                touched = Some(LastContact { body, at, outside });
+                contact.add(BodyContact { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
             }
         }
         self.counts.contacts += u64::from(touched.is_some());
-        if let Some(surroundings) = self.settle(x, x1, contact, touched) {
+        if let Some(surroundings) = self.resolve_pinch(x, x1, contact, touched) {
             self.counts.pinched += 1;
             *contact = VertexContact::default();
             // Let go, but dragged along: springs move it freely, its weight does not carry it away.
@@ -412,30 +413,30 @@ impl Search<'_> {
     }
 
     /// Farthest that the vertex and a surface can approach in this step [m].
-    fn way(&self, body: usize) -> f64 {
+    fn relative_displacement(&self, body: usize) -> f64 {
         self.own_way + self.step.bodies.fastest(body) * self.step.dt
     }
 
     /// How far to search for a surface [m]; none where the vertex cannot touch it in this step.
     fn reach(&self, body: usize, slot: usize) -> Option<f64> {
-        let (offset, way) = (self.step.bodies.list()[body].offset, self.way(body));
+        let (offset, displacement) = (self.step.bodies.list()[body].offset, self.relative_displacement(body));
         let clearance = self.memory[slot].clearance;
-        let reach = offset + self.search + 2.0 * way + (-clearance).max(0.0);
-        (clearance <= offset + 2.0 * way).then_some(reach)
+        let reach = offset + self.search + 2.0 * displacement + (-clearance).max(0.0);
+        (clearance <= offset + 2.0 * displacement).then_some(reach)
     }
 
     /// What is known of a body; `x` is where the vertex was at the start of the step.
-    fn known(&mut self, body: usize, x: &Vec3) -> &mut Known {
+    fn known(&mut self, body: usize, x: &Vec3) -> &mut QueryCache {
         let known = &mut self.known[body % CACHED];
         if known.body != body {
             let bodies = self.step.bodies;
             let bounds = bodies.bounds(body, x);
             let room = bounds.map_or(0.0, |b| {
                 // At the end the distance is less by at most the way relative to the body; there it has to exceed that
-                // of contact and of a hold (`settle`).
+                // of contact and of a hold (`resolve_pinch`).
                 b.distance - b.displacement - bodies.list()[body].offset - 2.0 * (self.own_way + b.displacement)
             });
-            *known = Known { body, room, ..Known::NOTHING };
+            *known = QueryCache { body, room, ..QueryCache::NOTHING };
         }
         known
     }
@@ -499,7 +500,7 @@ impl Search<'_> {
         let at_start = self.distance_at_start(body, x);
         // Having passed through takes a way longer than the distance to the surface at the start; a short way behind it
         // is seen by the signed distance at the end.
-        let travelled = at_end.map_or(self.way(body), |at| (to - x - at.displacement).norm());
+        let travelled = at_end.map_or(self.relative_displacement(body), |at| (to - x - at.displacement).norm());
         let may_have_passed = at_start >= 0.0 && travelled > at_start + 0.5 * properties.thickness;
         let at_entry = if may_have_passed { bodies.entry(body, x, to) } else { None };
         let found = match (at_end, at_entry) {
@@ -519,7 +520,13 @@ impl Search<'_> {
 
     /// After the corrections: narrows contacts in a pinch, and notes which bodies are near for B.7. Where the surfaces have
     /// passed through one another the contacts are given up: the answer is the velocity of the surfaces around [m/s].
-    fn settle(&mut self, x: &Vec3, x1: &mut Vec3, contact: &mut VertexContact, touched: Option<Touch>) -> Option<Vec3> {
+    fn resolve_pinch(
+        &mut self,
+        x: &Vec3,
+        x1: &mut Vec3,
+        contact: &mut VertexContact,
+        touched: Option<LastContact>,
+    ) -> Option<Vec3> {
         let bodies = self.step.bodies;
         // Outside one part of a body the vertex may lie inside another part of it.
         if let Some(touch) = touched
@@ -535,7 +542,7 @@ impl Search<'_> {
             let Some(mut at) = self.nearest(body, x, x1) else { continue };
             let mut offset = squeezed.unwrap_or(properties.offset).min(properties.offset);
             let facing = touched.filter(|t| at.phi < properties.thickness && at.normal.dot(&t.at.normal) < FACING);
-            if let Some(Touch { body: first, at: first_at, outside }) = facing {
+            if let Some(LastContact { body: first, at: first_at, outside }) = facing {
                 let first = &bodies.list()[first];
                 // Less than contact asks for where what was too deep before comes out at a limited speed.
                 let away = first.offset - first.thickness + (*x1 - outside).dot(&first_at.normal);
@@ -553,12 +560,13 @@ impl Search<'_> {
                 at = found;
             } else if squeezed.is_none() && constraint.is_some() && at.phi < properties.thickness {
                 // The surface is curved: what the tangent plane left too deep is moved straight out.
-                let deep = properties.pushed_out(properties.offset - at.phi, (self.step.dt, self.step.catch_up));
+                let deep =
+                    properties.depenetration(properties.offset - at.phi, (self.step.dt, self.step.recovery_speed));
                 *x1 += at.normal * deep;
                 at.phi += deep;
             }
             if constraint.is_some() || at.phi < offset + 2.0 * (self.own_way + at.displacement.norm()) {
-                contact.add(Hold { body, at, offset, constraint });
+                contact.add(BodyContact { body, at, offset, constraint });
             }
         }
         None
@@ -570,7 +578,7 @@ impl Search<'_> {
             let Some(slot) = self.slots[body] else { continue };
             self.memory[slot].clearance = match self.reach(body, slot) {
                 Some(reach) => self.nearest(body, x, x1).map_or(reach, |at| at.phi),
-                None => self.memory[slot].clearance - self.way(body),
+                None => self.memory[slot].clearance - self.relative_displacement(body),
             };
         }
     }

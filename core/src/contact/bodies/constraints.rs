@@ -7,11 +7,11 @@ use crate::Vec3;
 use crate::contact::tolerances::RESTING;
 
 /// Bodies that can hold a vertex at the same time.
-pub(crate) const HOLDS: usize = 2;
+pub(crate) const MAX_BODY_CONTACTS: usize = 2;
 
 /// A body that a node lies on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Support {
+pub(crate) struct BodyConstraint {
     /// Unit normal of the body, outwards.
     pub normal: Vec3,
     /// Least velocity along the normal with which the node does not get into the body in the next step [m/s].
@@ -19,9 +19,9 @@ pub(crate) struct Support {
 }
 
 /// The bodies that one node lies on.
-pub(crate) type Supports = [Option<Support>; HOLDS];
+pub(crate) type BodyConstraints = [Option<BodyConstraint>; MAX_BODY_CONTACTS];
 
-impl Support {
+impl BodyConstraint {
     /// Whether a node with this velocity goes as far into the body as it can.
     fn rests(&self, v: &Vec3) -> bool {
         v.dot(&self.normal) - self.least <= RESTING * (v.norm() + self.least.abs())
@@ -29,7 +29,7 @@ impl Support {
 }
 
 /// The velocity that bodies leave a node [m/s]; what they take goes to `load`.
-pub(crate) fn borne(supports: &Supports, v: &Vec3, load: &mut Vec3) -> Vec3 {
+pub(crate) fn project_velocity(supports: &BodyConstraints, v: &Vec3, load: &mut Vec3) -> Vec3 {
     supports.iter().flatten().fold(*v, |v, support| {
         let taken = support.normal * (support.least - v.dot(&support.normal)).max(0.0);
         *load += taken;
@@ -38,7 +38,7 @@ pub(crate) fn borne(supports: &Supports, v: &Vec3, load: &mut Vec3) -> Vec3 {
 }
 
 /// Share of a node's mobility that bodies take from a push along `direction`, a unit vector.
-pub(crate) fn share_borne(supports: &Supports, v: &Vec3, direction: &Vec3) -> f64 {
+pub(crate) fn share_borne_by_bodies(supports: &BodyConstraints, v: &Vec3, direction: &Vec3) -> f64 {
     let resting = supports.iter().flatten().filter(|support| support.rests(v));
     let along = resting.map(|support| support.normal.dot(direction).min(0.0).powi(2));
     along.sum::<f64>().min(1.0)

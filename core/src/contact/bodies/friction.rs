@@ -10,7 +10,7 @@
 //! centripetal acceleration on.
 
 use crate::Vec3;
-use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::{Body, BodyPoint};
 use crate::tolerances::NO_DIRECTION;
 
@@ -49,7 +49,7 @@ pub fn respond(
     at: &BodyPoint,
     x: &Vec3,
     (x_old, velocity): (&Vec3, &Vec3),
-    (dt, catch_up): (f64, CatchUp),
+    (dt, recovery_speed): (f64, RecoverySpeed),
 ) -> Response {
     let n = &at.normal;
     let carried = x_old + at.displacement;
@@ -62,7 +62,7 @@ pub fn respond(
     } else {
         // What was too deep before this step comes out at a limited speed; what this step added is undone at once, so that
         // a vertex pulled hard against a body does not sink in.
-        (0.0, carried + n * body.pushed_out(depth_at_start, (dt, catch_up)))
+        (0.0, carried + n * body.depenetration(depth_at_start, (dt, recovery_speed)))
     };
     let slip = coulomb(&relative, &Vec3::zeros(), n, friction);
     let normal_slip = slip.dot(n);

@@ -13,7 +13,7 @@ pub mod recovery_speed;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 
 use crate::Vec3;
-use crate::contact::bodies::recovery_speed::CatchUp;
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::error::{Problem, Problems};
 use crate::geometry::aabb::Aabb;
 use crate::geometry::attachment::{SurfaceAttachment, along_path, attach};
@@ -127,7 +127,7 @@ struct Rigid {
     /// Angle that it turns in the step [rad].
     angle: f64,
     /// Length of `moved` [m].
-    way: f64,
+    travelled: f64,
     /// Sum of the largest coordinates of its origins at both ends [m], for rounding.
     extent: f64,
 }
@@ -375,7 +375,7 @@ impl Rigid {
             linear: Vec3::zeros(),
             into_start: Matrix3::identity(),
             angle: 0.0,
-            way: 0.0,
+            travelled: 0.0,
             extent: 0.0,
         }
     }
@@ -391,7 +391,7 @@ impl Rigid {
         self.turning = start.rotation != end.rotation;
         self.angle = if self.turning { start.rotation.angle_to(&end.rotation) } else { 0.0 };
         self.into_start = start.rotation.inverse().to_rotation_matrix().into_inner();
-        self.way = self.moved.norm();
+        self.travelled = self.moved.norm();
         self.extent = start.translation.vector.amax() + end.translation.vector.amax();
     }
 
@@ -402,7 +402,7 @@ impl Rigid {
         let turned = if self.turning { self.angle * from_origin.norm() } else { 0.0 };
         Bounds {
             distance: self.shape.distance(&(self.into_start * from_origin)) - rounding,
-            displacement: self.way + turned + rounding,
+            displacement: self.travelled + turned + rounding,
         }
     }
 
@@ -429,8 +429,8 @@ impl Body {
     }
 
     /// How much of a depth [m] cloth comes out in a step of `dt` [s].
-    pub(crate) fn pushed_out(&self, depth: f64, (dt, catch_up): (f64, CatchUp)) -> f64 {
-        catch_up.of(depth).min(dt * self.max_push_speed)
+    pub(crate) fn depenetration(&self, depth: f64, (dt, recovery_speed): (f64, RecoverySpeed)) -> f64 {
+        recovery_speed.of(depth).min(dt * self.max_push_speed)
     }
 
     /// Whether it is a triangle surface.
@@ -542,7 +542,8 @@ fn pose(motion: &RigidMotion, time: f64) -> Isometry3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::{Random, SHAPES};
+    use crate::geometry::random::SplitMix64;
+    use crate::geometry::testing::SHAPES;
 
     /// One body between 0 and 0.1 s.
     fn moving(shape: Shape, motion: RigidMotion) -> Bodies {
@@ -555,16 +556,16 @@ mod tests {
 
     #[test]
     fn bounds_on_a_rigid_body_hold_at_both_ends_of_a_step() {
-        let mut random = Random(21);
+        let mut random = SplitMix64::new(21);
         for round in 0..20_000_usize {
             // Near and far from the origin, with and without a way and a turn, the latter up to several times around.
             let origin = random.vector() * [1.0, 1e3][round % 2];
-            let way = random.vector() * [0.0, 0.2][round / 2 % 2];
+            let shift = random.vector() * [0.0, 0.2][round / 2 % 2];
             let motion = RigidMotion {
-                path: vec![(0.0, origin), (0.1, origin + way)],
+                path: vec![(0.0, origin), (0.1, origin + shift)],
                 rotation: UnitQuaternion::from_scaled_axis(random.vector() * 3.0),
                 angular_velocity: random.vector() * [0.0, 1e-6, 3.0, 100.0][round / 4 % 4],
-                spin_start: 0.05 * random.number(),
+                spin_start: 0.05 * random.signed(),
             };
             let shape = SHAPES[round % SHAPES.len()];
             let bodies = moving(shape, motion);

@@ -6,14 +6,14 @@
 
 /// How far vertices may be put right in a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CatchUp {
+pub struct RecoverySpeed {
     /// By this much in any case [m].
     least: f64,
     /// By this share of the distance, if that is more.
     share: f64,
 }
 
-impl CatchUp {
+impl RecoverySpeed {
     /// In a step of `dt` [s]: `speed` [m/s] in any case, and fast enough to be there within a `frame` [s].
     pub fn new(dt: f64, speed: f64, frame: f64) -> Self {
         Self { least: dt * speed, share: dt / frame }
@@ -32,12 +32,16 @@ mod tests {
     #[test]
     fn what_is_near_is_put_right_at_once_and_what_is_far_as_fast_at_any_length_of_the_step() {
         let frame = 1.0 / 24.0;
-        let all = [1e-3, 1e-4].map(|dt| CatchUp::new(dt, 5.0, frame));
+        let all = [1e-3, 1e-4].map(|dt| RecoverySpeed::new(dt, 5.0, frame));
         assert_eq!((all[0].of(5e-3), all[0].of(-1.0)), (5e-3, -1.0));
         assert_eq!(all[0].of(0.1), 5e-3);
         for distance in [0.01, 0.1, 10.0] {
             assert!((all[0].of(distance) - 10.0 * all[1].of(distance)).abs() < 1e-12, "{distance} m");
         }
-        assert_eq!(CatchUp::new(frame, 5.0, frame).of(10.0), 10.0, "a step that is a frame puts everything right");
+        assert_eq!(
+            RecoverySpeed::new(frame, 5.0, frame).of(10.0),
+            10.0,
+            "a step that is a frame puts everything right"
+        );
     }
 }

@@ -4,15 +4,15 @@
 //! overlap. With boxes around points this finds what is close; with boxes around paths, what may have met.
 //!
 //! Every pair is found on one rank, that of its smallest node. On many ranks a search has three steps: `fit`, after which
-//! `invite` lets the triangles of other ranks in, whose nodes are ghosts then, and `fit_visitors` when these have their values.
+//! `import_ghosts` lets the triangles of other ranks in, whose nodes are ghosts then, and `refit_ghosts` when these have their values.
 
 use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::broad_phase::ghost_triangles;
-use crate::contact::broad_phase::ghost_triangles::Visitor;
+use crate::contact::broad_phase::ghost_triangles::GhostTriangle;
 use crate::contact::topology::faces::Faces;
-use crate::contact::topology::nodes::Renumber;
+use crate::contact::topology::nodes::IndexMap;
 use crate::contact::topology::pair::{Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
@@ -29,18 +29,18 @@ const CHUNK: usize = 4096;
 #[derive(Debug)]
 pub(crate) struct PairSearch {
     pub(super) node_boxes: Vec<Aabb>,
-    pub(super) cloth: Fitted,
-    pub(super) bodies: Fitted,
+    pub(super) cloth: RefittedBvh,
+    pub(super) bodies: RefittedBvh,
     /// Triangles of higher ranks, for one search.
-    pub(super) visitors: Faces,
-    pub(super) visiting: Fitted,
+    pub(super) ghosts: Faces,
+    pub(super) ghost_bvh: RefittedBvh,
     /// What all nodes move alike on the paths searched last, which was taken out before [m].
     pub(super) shift: Vec3,
 }
 
 /// Boxes of triangles and of the edges that hang on them, and a tree over the triangles.
 #[derive(Debug)]
-pub(super) struct Fitted {
+pub(super) struct RefittedBvh {
     pub(super) triangle_boxes: Vec<Aabb>,
     pub(super) edge_boxes: Vec<Aabb>,
     pub(super) tree: Bvh,
@@ -51,10 +51,10 @@ pub(super) struct Fitted {
 #[derive(Clone, Copy)]
 pub(super) struct Side<'a> {
     pub(super) faces: &'a Faces,
-    pub(super) fitted: &'a Fitted,
+    pub(super) fitted: &'a RefittedBvh,
 }
 
-impl Fitted {
+impl RefittedBvh {
     /// Boxes of nothing.
     fn empty() -> Self {
         let (triangle_boxes, edge_boxes) = (Vec::new(), Vec::new());
@@ -62,7 +62,7 @@ impl Fitted {
     }
 
     /// Makes the boxes from those of the nodes and fits the tree to them; builds it anew where motion has spoiled it.
-    pub(super) fn fit(&mut self, faces: &Faces, nodes: &[Aabb]) {
+    pub(super) fn refit(&mut self, faces: &Faces, nodes: &[Aabb]) {
         self.triangle_boxes.resize(faces.triangles().len(), Aabb::EMPTY);
         self.edge_boxes.resize(faces.edges().len(), Aabb::EMPTY);
         let chunks = self.triangle_boxes.par_chunks_mut(CHUNK).zip(faces.triangles().par_chunks(CHUNK));
@@ -96,61 +96,63 @@ impl Fitted {
 impl PairSearch {
     /// A search without boxes yet.
     pub(crate) fn new() -> Self {
-        let [cloth, bodies, visiting] = [(); 3].map(|()| Fitted::empty());
-        let (visitors, shift) = (Faces::default(), Vec3::zeros());
-        Self { node_boxes: Vec::new(), cloth, bodies, visitors, visiting, shift }
+        let [cloth, bodies, ghost_bvh] = [(); 3].map(|()| RefittedBvh::empty());
+        let (ghosts, shift) = (Faces::default(), Vec3::zeros());
+        Self { node_boxes: Vec::new(), cloth, bodies, ghosts, ghost_bvh, shift }
     }
 
     /// Memory held [bytes], trees estimated at two nodes a triangle.
     pub(crate) fn bytes(&self) -> usize {
         let boxes = self.node_boxes.len() * size_of::<Aabb>();
-        boxes + self.cloth.bytes() + self.bodies.bytes() + self.visiting.bytes() + self.visitors.bytes()
+        boxes + self.cloth.bytes() + self.bodies.bytes() + self.ghost_bvh.bytes() + self.ghosts.bytes()
     }
 
     /// Gives every node its box and fits the trees.
-    pub(crate) fn fit(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb + Sync) {
+    pub(crate) fn refit(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb + Sync) {
         self.node_boxes.resize(surface.nodes().count(), Aabb::EMPTY);
         let chunks = self.node_boxes.par_chunks_mut(CHUNK).enumerate();
         chunks.for_each(|(c, boxes)| boxes.iter_mut().enumerate().for_each(|(i, b)| *b = box_of(c * CHUNK + i)));
-        self.cloth.fit(surface.cloth(), &self.node_boxes);
-        self.bodies.fit(surface.bodies(), &self.node_boxes);
-        if !self.visitors.triangles().is_empty() {
-            (self.visitors, self.visiting) = (Faces::default(), Fitted::empty());
+        self.cloth.refit(surface.cloth(), &self.node_boxes);
+        self.bodies.refit(surface.bodies(), &self.node_boxes);
+        if !self.ghosts.triangles().is_empty() {
+            (self.ghosts, self.ghost_bvh) = (Faces::default(), RefittedBvh::empty());
         }
     }
 
-    /// Lets the triangles of higher ranks in that may meet those of this rank: their nodes become ghosts, besides those there
-    /// are. All ranks call it together after `fit`. Returns what nodes are called now, unless nothing has changed.
-    pub(crate) fn invite(&mut self, surface: &mut ContactSurface) -> Option<Renumber> {
+    /// Imports the triangles of higher ranks that may meet those of this rank: their nodes become ghosts, besides those there
+    /// are. All ranks call it together after `refit`. Returns the new numbers of the nodes, unless nothing has changed.
+    pub(crate) fn import_ghosts(&mut self, surface: &mut ContactSurface) -> Option<IndexMap> {
         if surface.ranks().is_alone() {
             return None;
         }
-        let Fitted { tree, triangle_boxes, .. } = &self.cloth;
-        let visitors: Vec<Visitor> = ghost_triangles::visit(surface.nodes(), surface.cloth(), tree, triangle_boxes);
-        let numbers = visitors.iter().flat_map(|[a, b, c, _]| [*a, *b, *c]);
+        let RefittedBvh { tree, triangle_boxes, .. } = &self.cloth;
+        let imported: Vec<GhostTriangle> =
+            ghost_triangles::exchange_ghosts(surface.nodes(), surface.cloth(), tree, triangle_boxes);
+        let numbers = imported.iter().flat_map(|[a, b, c, _]| [*a, *b, *c]);
         let mut ghosts: Vec<u32> = numbers.filter(|number| !surface.nodes().owns(*number)).collect();
         ghosts.extend_from_slice(surface.nodes().ghosts());
         ghosts.sort_unstable();
         ghosts.dedup();
         let renumber = surface.set_ghosts(ghosts);
-        let local = |number: u32| surface.nodes().local(number).expect("the nodes of visitors are own or ghosts");
-        let triangles = visitors.iter().map(|[a, b, c, _]| [*a, *b, *c].map(local)).collect();
-        let carried: Vec<u32> = visitors.iter().map(|[.., carried]| *carried).collect();
-        self.visitors = Faces::told(triangles, &carried);
+        let local =
+            |number: u32| surface.nodes().local(number).expect("the nodes of ghost triangles are own or ghosts");
+        let triangles = imported.iter().map(|[a, b, c, _]| [*a, *b, *c].map(local)).collect();
+        let owned: Vec<u32> = imported.iter().map(|[.., owned]| *owned).collect();
+        self.ghosts = Faces::from_bits(triangles, &owned);
         if let Some(renumber) = &renumber {
             renumber.apply(&mut self.node_boxes, Aabb::EMPTY);
         }
         renumber
     }
 
-    /// Gives the ghosts their boxes, and fits the tree of the visitors.
-    pub(crate) fn fit_visitors(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb) {
+    /// Gives the ghosts their boxes, and refits the tree of the ghost triangles.
+    pub(crate) fn refit_ghosts(&mut self, surface: &ContactSurface, box_of: impl Fn(usize) -> Aabb) {
         let nodes = surface.nodes();
         if nodes.ranks().is_alone() {
             return;
         }
         nodes.ghost_places().for_each(|i| self.node_boxes[i] = box_of(i));
-        self.visiting.fit(&self.visitors, &self.node_boxes);
+        self.ghost_bvh.refit(&self.ghosts, &self.node_boxes);
     }
 
     /// A tree over the triangles of cloth, and one over those of the bodies, with the boxes given last.
@@ -171,16 +173,16 @@ impl PairSearch {
         keep: impl Fn(Pair, &mut Vec<T>) + Sync,
         found: &mut Vec<T>,
     ) {
-        let [cloth, bodies, visitors] = self.sides(surface);
+        let [cloth, bodies, ghosts] = self.sides(surface);
         let tree = &self.cloth.tree;
         let work = |other: Side<'_>, task: &PairTask| {
             let mut out = Vec::new();
-            let mut meet = |s, t| self.meet((cloth, s), (other, t), &keep, &mut out);
+            let mut meet = |s, t| self.test_triangles((cloth, s), (other, t), &keep, &mut out);
             tree.pairs_of(task, &other.fitted.tree, &mut meet);
             out
         };
         let mut tasks: Vec<(Side<'_>, PairTask)> = tree.self_tasks(TASKS).into_iter().map(|t| (cloth, t)).collect();
-        for other in [bodies, visitors].into_iter().filter(|other| !other.fitted.tree.is_empty()) {
+        for other in [bodies, ghosts].into_iter().filter(|other| !other.fitted.tree.is_empty()) {
             tasks.extend(tree.tasks_with(&other.fitted.tree, TASKS).into_iter().map(|task| (other, task)));
         }
         let pieces: Vec<Vec<T>> = tasks.par_iter().map(|(other, task)| work(*other, task)).collect();
@@ -188,15 +190,15 @@ impl PairSearch {
         found.extend(pieces.into_iter().flatten());
     }
 
-    /// Cloth, bodies and visitors.
+    /// Cloth, bodies and ghosts.
     pub(super) fn sides<'a>(&'a self, surface: &'a ContactSurface) -> [Side<'a>; 3] {
-        [(surface.cloth(), &self.cloth), (surface.bodies(), &self.bodies), (&self.visitors, &self.visiting)]
+        [(surface.cloth(), &self.cloth), (surface.bodies(), &self.bodies), (&self.ghosts, &self.ghost_bvh)]
             .map(|(faces, fitted)| Side { faces, fitted })
     }
 
     /// The pairs of points, triangles and edges that belong to two triangles.
     #[inline]
-    pub(super) fn meet<T>(
+    pub(super) fn test_triangles<T>(
         &self,
         one: (Side<'_>, u32),
         other: (Side<'_>, u32),

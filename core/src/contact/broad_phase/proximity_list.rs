@@ -13,11 +13,11 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::candidate_pair::{self, Neighbour};
+use crate::contact::broad_phase::candidate_pair::{self, CandidatePair};
 use crate::contact::colouring::order::Order;
-use crate::contact::tolerances::USABLE_REACH;
+use crate::contact::tolerances::USABLE_SKIN;
 use crate::contact::topology::common_rigid_motion::RigidFit;
-use crate::contact::topology::nodes::{ContactNodes, Renumber};
+use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::{Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::aabb::Aabb;
@@ -35,9 +35,9 @@ const CHUNK: usize = 4096;
 
 /// The list.
 #[derive(Debug)]
-pub(crate) struct Neighbours {
+pub(crate) struct ProximityList {
     /// Points and triangles; then edges; each in the order of its colours if repulsions need one.
-    lists: [Vec<Neighbour>; 2],
+    lists: [Vec<CandidatePair>; 2],
     orders: [Order; 2],
     /// Positions of the nodes when the list was made [m]; none before.
     reference: Option<Vec<Vec3>>,
@@ -48,11 +48,11 @@ pub(crate) struct Neighbours {
     /// Number and centre of the nodes that stand for all, when the list was made [m].
     centre: (f64, Vec3),
     /// Reach of the present list, as a share of those lengths.
-    reach: f64,
+    skin: f64,
     /// Pairs per vertex of the present list, on all ranks.
     density: f64,
     /// What every node has moved since the list was made, at most, besides the common motion [m].
-    way: Vec<f64>,
+    displacements: Vec<f64>,
     /// The common motion since the list was made, at both ends of the paths noted last.
     common: [RigidFit; 2],
     /// What the paths between those two leave of every distance at least.
@@ -60,25 +60,38 @@ pub(crate) struct Neighbours {
     coloured: bool,
 }
 
-impl Neighbours {
+impl ProximityList {
     /// An empty list over a surface. With `coloured` the pairs get colours.
     pub(crate) fn new(surface: &ContactSurface, coloured: bool) -> Self {
-        let (edge_length, reach) = (surface.edge_length().to_vec(), 0.0);
-        let way = vec![0.0; surface.nodes().count()];
+        let (edge_length, skin) = (surface.edge_length().to_vec(), 0.0);
+        let displacements = vec![0.0; surface.nodes().count()];
         let (lists, orders, density) = Default::default();
         let (common, centre) = ([RigidFit::NONE; 2], (0.0, Vec3::zeros()));
         let (reference, shortening, own) = (None, 1.0, own_nodes(surface));
-        Self { lists, orders, reference, edge_length, own, centre, reach, density, way, common, shortening, coloured }
+        Self {
+            lists,
+            orders,
+            reference,
+            edge_length,
+            own,
+            centre,
+            skin,
+            density,
+            displacements,
+            common,
+            shortening,
+            coloured,
+        }
     }
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
         let pairs = self.lists.iter().map(Vec::capacity).sum::<usize>();
-        pairs * size_of::<Neighbour>() + self.way.len() * (3 * size_of::<f64>() + size_of::<Vec3>())
+        pairs * size_of::<CandidatePair>() + self.displacements.len() * (3 * size_of::<f64>() + size_of::<Vec3>())
     }
 
     /// Pairs of a kind, in the order of their colours.
-    pub(crate) fn list(&self, kind: PairKind) -> &[Neighbour] {
+    pub(crate) fn list(&self, kind: PairKind) -> &[CandidatePair] {
         &self.lists[kind as usize]
     }
 
@@ -88,13 +101,13 @@ impl Neighbours {
     }
 
     /// What nodes may move until the list lacks pairs, as a share of their edges.
-    pub(crate) fn reach(&self) -> f64 {
-        USABLE_REACH * self.reach
+    pub(crate) fn skin(&self) -> f64 {
+        USABLE_SKIN * self.skin
     }
 
     /// The reach that the list was made with, as a share of the nodes' edges.
-    pub(crate) fn full_reach(&self) -> f64 {
-        self.reach
+    pub(crate) fn full_skin(&self) -> f64 {
+        self.skin
     }
 
     /// Pairs per vertex in the lists of all ranks, which know it alike; none before there is a list.
@@ -118,24 +131,24 @@ impl Neighbours {
         reach: f64,
         gap: f64,
     ) {
-        self.reach = reach;
+        self.skin = reach;
         let around = |surface: &ContactSurface, x: &[Vec3], i: usize| {
             Aabb::of_point(&x[i]).enlarged(ACTIVE * surface.thickness()[i] + reach * surface.edge_length()[i] + gap)
         };
-        let fetch = |renumber: &Renumber, surface: &ContactSurface, x: &mut Vec<Vec3>| {
+        let fetch = |renumber: &IndexMap, surface: &ContactSurface, x: &mut Vec<Vec3>| {
             renumber.apply(x, Vec3::zeros());
-            surface.nodes().refresh(x);
+            surface.nodes().update(x);
         };
-        search.fit(surface, |i| around(surface, x, i));
-        if let Some(renumber) = search.invite(surface) {
+        search.refit(surface, |i| around(surface, x, i));
+        if let Some(renumber) = search.import_ghosts(surface) {
             fetch(&renumber, surface, x);
         }
-        search.fit_visitors(surface, |i| around(surface, x, i));
-        let mut found: Vec<Neighbour> = Vec::new();
-        let keep = |pair: Pair, out: &mut Vec<Neighbour>| out.extend(close(pair, surface, x, reach, gap));
+        search.refit_ghosts(surface, |i| around(surface, x, i));
+        let mut found: Vec<CandidatePair> = Vec::new();
+        let keep = |pair: Pair, out: &mut Vec<CandidatePair>| out.extend(candidate(pair, surface, x, reach, gap));
         search.pairs(surface, keep, &mut found);
         let [all_found] = surface.ranks().sum_of([found.len() as u64]);
-        self.density = all_found as f64 / f64::from(surface.nodes().all_cloth().max(1));
+        self.density = all_found as f64 / f64::from(surface.nodes().global_cloth_count().max(1));
         if let Some(renumber) = share(surface, &mut found) {
             fetch(&renumber, surface, x);
         }
@@ -151,7 +164,7 @@ impl Neighbours {
         self.edge_length.clear();
         self.edge_length.extend_from_slice(surface.edge_length());
         self.own = own_nodes(surface);
-        self.way.resize(x.len(), 0.0);
+        self.displacements.resize(x.len(), 0.0);
         self.centre = surface.samples().centre(surface.nodes(), x);
         let reference = self.reference.get_or_insert_default();
         reference.clear();
@@ -159,11 +172,11 @@ impl Neighbours {
     }
 
     /// Lays everything out for other ghosts.
-    pub(crate) fn renumber(&mut self, renumber: &Renumber, surface: &ContactSurface) {
+    pub(crate) fn renumber(&mut self, renumber: &IndexMap, surface: &ContactSurface) {
         renumber.renumber(self.lists.iter_mut().flatten().flat_map(|n| &mut n.pair.nodes));
         self.edge_length = surface.edge_length().to_vec();
         self.own = own_nodes(surface);
-        renumber.apply(&mut self.way, 0.0);
+        renumber.apply(&mut self.displacements, 0.0);
         if let Some(reference) = &mut self.reference {
             renumber.apply(reference, Vec3::zeros());
         }
@@ -172,20 +185,20 @@ impl Neighbours {
     /// Notes the way of every node on the straight path from `start` to `end` [m]. Returns the longest of all ranks as a share
     /// of the node's edges: above the reach the list may lack pairs. Infinite before the list is made. All ranks call it
     /// together.
-    pub(crate) fn note_ways(&mut self, surface: &ContactSurface, start: &[Vec3], end: &[Vec3]) -> f64 {
+    pub(crate) fn update_displacements(&mut self, surface: &ContactSurface, start: &[Vec3], end: &[Vec3]) -> f64 {
         let Some(reference) = &self.reference else { return f64::INFINITY };
         self.common = surface.samples().fits(surface.nodes(), reference, self.centre, [start, end]);
-        self.shortening = self.common[0].shortening_to(&self.common[1]);
-        let chunks = self.way.par_chunks_mut(CHUNK).enumerate();
-        let largest = chunks.map(|(c, ways)| {
+        self.shortening = self.common[0].min_stretch(&self.common[1]);
+        let chunks = self.displacements.par_chunks_mut(CHUNK).enumerate();
+        let largest = chunks.map(|(c, displacements)| {
             let mut largest = 0.0_f64;
-            for (i, way) in ways.iter_mut().enumerate() {
+            for (i, displacement) in displacements.iter_mut().enumerate() {
                 let node = c * CHUNK + i;
                 let from = &reference[node];
                 let [a, b] =
                     [(start, 0), (end, 1)].map(|(x, at)| (x[node] - self.common[at].apply(from)).norm_squared());
-                *way = a.max(b).sqrt();
-                largest = largest.max(*way / self.edge_length[node]);
+                *displacement = a.max(b).sqrt();
+                largest = largest.max(*displacement / self.edge_length[node]);
             }
             largest
         });
@@ -199,23 +212,23 @@ impl Neighbours {
     }
 
     /// Whether a node with a new end has moved no farther than noted, up to a share of its edges.
-    pub(crate) fn covers(&self, node: usize, end: &Vec3, margin: f64) -> bool {
-        self.way_to(node, end) <= self.way[node] + margin * self.edge_length[node]
+    pub(crate) fn is_within_skin(&self, node: usize, end: &Vec3, margin: f64) -> bool {
+        self.displacement_of(node, end) <= self.displacements[node] + margin * self.edge_length[node]
     }
 
     /// Notes the way of one node again, after its end has changed. Returns it as a share of the node's edges.
-    pub(crate) fn note_way(&mut self, node: usize, end: &Vec3) -> f64 {
-        self.way[node] = self.way[node].max(self.way_to(node, end));
-        self.way[node] / (self.edge_length[node] * self.shortening)
+    pub(crate) fn update_displacement(&mut self, node: usize, end: &Vec3) -> f64 {
+        self.displacements[node] = self.displacements[node].max(self.displacement_of(node, end));
+        self.displacements[node] / (self.edge_length[node] * self.shortening)
     }
 
     /// Brings the ways of ghosts to what their owners have noted again. All ranks call it together.
-    pub(crate) fn share_ways(&mut self, nodes: &ContactNodes) {
-        nodes.refresh(&mut self.way);
+    pub(crate) fn exchange_displacements(&mut self, nodes: &ContactNodes) {
+        nodes.update(&mut self.displacements);
     }
 
     /// Infinite before the list is made.
-    fn way_to(&self, node: usize, end: &Vec3) -> f64 {
+    fn displacement_of(&self, node: usize, end: &Vec3) -> f64 {
         let Some(reference) = &self.reference else { return f64::INFINITY };
         (end - self.common[1].apply(&reference[node])).norm()
     }
@@ -224,14 +237,14 @@ impl Neighbours {
     /// of their edges farther.
     pub(crate) fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
         out.clear();
-        let may_meet = |n: &&Neighbour| self.may_come_within(n, gap, margin) && self.is_home(&n.pair);
+        let may_meet = |n: &&CandidatePair| self.may_come_within(n, gap, margin) && self.is_home(&n.pair);
         let chunks = self.lists[0].par_chunks(CHUNK).chain(self.lists[1].par_chunks(CHUNK));
         out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
     }
 
     /// Marks the nodes of pairs held here that may touch on the paths noted last, also if all nodes move a share `margin` of
     /// their edges farther; one entry for each node. Own nodes are marked by their owner.
-    pub(crate) fn mark_close(&self, margin: f64, marks: &mut [u8]) {
+    pub(crate) fn mark_in_contact(&self, margin: f64, marks: &mut [u8]) {
         let touching = self.lists.iter().flatten().filter(|n| self.may_come_within(n, 0.0, margin));
         touching.flat_map(|n| n.pair.nodes).for_each(|node| marks[node as usize] = 1);
     }
@@ -239,7 +252,7 @@ impl Neighbours {
     /// Whether a pair may come within `gap` [m] on the paths noted last, also if its nodes move a share `margin` of their edges
     /// farther.
     #[inline]
-    fn may_come_within(&self, neighbour: &Neighbour, gap: f64, margin: f64) -> bool {
+    fn may_come_within(&self, neighbour: &CandidatePair, gap: f64, margin: f64) -> bool {
         let [a, b] = neighbour.pair.fold(&self.edge_length, f64::max);
         self.distance_bound(neighbour) - margin * (a + b) <= gap
     }
@@ -253,8 +266,8 @@ impl Neighbours {
 
     /// A bound from below on the distance of a pair anywhere on the paths noted last [m].
     #[inline]
-    pub(crate) fn distance_bound(&self, neighbour: &Neighbour) -> f64 {
-        let [a, b] = neighbour.pair.fold(&self.way, f64::max);
+    pub(crate) fn distance_bound(&self, neighbour: &CandidatePair) -> f64 {
+        let [a, b] = neighbour.pair.fold(&self.displacements, f64::max);
         f64::from(neighbour.distance) * self.shortening - a - b
     }
 }
@@ -266,7 +279,7 @@ fn own_nodes(surface: &ContactSurface) -> Range<u32> {
 }
 
 /// The entry of a pair, if it is close enough for the list.
-fn close(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: f64) -> Option<Neighbour> {
+fn candidate(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: f64) -> Option<CandidatePair> {
     let [a, b] = pair.fold(surface.edge_length(), f64::max);
     let thick = pair_thickness(&pair, surface.thickness());
     let limit = ACTIVE * thick + reach * (a + b) + gap;
@@ -276,18 +289,18 @@ fn close(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: f64)
     }
     let repels = surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
     let thickness = if repels { thick as f32 } else { 0.0 };
-    Some(Neighbour { pair, distance: below(distance_squared.sqrt()), thickness })
+    Some(CandidatePair { pair, distance: below(distance_squared.sqrt()), thickness })
 }
 
 /// Brings the pairs found to all ranks that hold them, and leaves no ghosts but those that pairs or triangles need.
-fn share(surface: &mut ContactSurface, pairs: &mut Vec<Neighbour>) -> Option<Renumber> {
+fn share(surface: &mut ContactSurface, pairs: &mut Vec<CandidatePair>) -> Option<IndexMap> {
     if surface.ranks().is_alone() {
         return None;
     }
     let nodes = surface.nodes();
     pairs.iter_mut().for_each(|n| n.pair = nodes.numbered(&n.pair));
-    candidate_pair::spread(nodes, pairs);
-    let is_ghost = |number: &u32| *number < nodes.all_cloth() && !nodes.owns(*number);
+    candidate_pair::replicate_pairs(nodes, pairs);
+    let is_ghost = |number: &u32| *number < nodes.global_cloth_count() && !nodes.owns(*number);
     let mut ghosts: Vec<u32> = pairs.iter().flat_map(|n| n.pair.nodes).filter(is_ghost).collect();
     ghosts.sort_unstable();
     ghosts.dedup();

@@ -1,19 +1,19 @@
-//! How far a list of neighbours reaches: far enough to last, but where layers lie close on each other no farther than pays.
+//! How far a proximity list reaches: far enough to last, but where layers lie close on each other no farther than pays.
 //!
 //! In a heap the pairs of a list grow with the cube of its reach, and with them all that is done with it, so that a short list
 //! that is often made anew costs less than a long one that lasts.
 
-use crate::contact::broad_phase::proximity_list::Neighbours;
+use crate::contact::broad_phase::proximity_list::ProximityList;
 
 /// Reach of a list that is to last where there is room, as a share of a node's edges. Below 0.35 no two primitives of flat
 /// cloth come within reach of each other.
-const LONG_REACH: f64 = 0.33;
+const LONG_SKIN: f64 = 0.33;
 
 /// Shortest that a heap makes it.
-const SHORTEST_LASTING: f64 = LONG_REACH / 8.0;
+const SHORTEST_LASTING: f64 = LONG_SKIN / 8.0;
 
 /// Reach of a list for one collision step at most.
-const SHORT_REACH: f64 = 0.1;
+const SHORT_SKIN: f64 = 0.1;
 
 /// Collision steps that a list which is to last has to last.
 const LASTING: f64 = 4.0;
@@ -23,16 +23,16 @@ const CROWDED: f64 = 40.0;
 
 /// Reach of the list that is made now, as a share of a node's edges, where a node goes `way` of them in a collision step: a list
 /// that lasts is worth being long; one that does not is for repulsions alone.
-pub(crate) fn after(list: &Neighbours, way: f64) -> f64 {
-    let lasting = lasting(list.full_reach(), list.density());
-    if LASTING * way <= lasting { lasting } else { way.min(SHORT_REACH) }
+pub(crate) fn after(list: &ProximityList, displacement: f64) -> f64 {
+    let lasting = lasting(list.full_skin(), list.density());
+    if LASTING * displacement <= lasting { lasting } else { displacement.min(SHORT_SKIN) }
 }
 
 /// Reach of a list that is to last, after one of this reach with so many pairs per vertex. Between layers that lie on each other
 /// the number of pairs grows with the square of the reach, and in heaps faster.
 fn lasting(reach: f64, density: f64) -> f64 {
     let crowded = reach * (CROWDED / density).sqrt();
-    if density > 0.0 { crowded.clamp(SHORTEST_LASTING, LONG_REACH) } else { LONG_REACH }
+    if density > 0.0 { crowded.clamp(SHORTEST_LASTING, LONG_SKIN) } else { LONG_SKIN }
 }
 
 #[cfg(test)]
@@ -41,14 +41,14 @@ mod tests {
 
     #[test]
     fn heaps_have_short_lists_and_what_lies_alone_has_long_ones() {
-        assert_eq!(lasting(0.0, 0.0), LONG_REACH);
-        assert_eq!(lasting(SHORT_REACH, 3.0), LONG_REACH);
-        assert_eq!(lasting(LONG_REACH, 39.0), LONG_REACH);
-        assert_eq!(lasting(LONG_REACH, 4.0 * CROWDED), 0.5 * LONG_REACH);
-        assert_eq!(lasting(LONG_REACH, 1e9), SHORTEST_LASTING);
+        assert_eq!(lasting(0.0, 0.0), LONG_SKIN);
+        assert_eq!(lasting(SHORT_SKIN, 3.0), LONG_SKIN);
+        assert_eq!(lasting(LONG_SKIN, 39.0), LONG_SKIN);
+        assert_eq!(lasting(LONG_SKIN, 4.0 * CROWDED), 0.5 * LONG_SKIN);
+        assert_eq!(lasting(LONG_SKIN, 1e9), SHORTEST_LASTING);
         // Where pairs grow with the cube, the reach comes to rest where there are as many as are wanted.
-        let density = |reach: f64| 5.0 * CROWDED * (reach / LONG_REACH).powi(3);
-        let settled = (0..40).fold(LONG_REACH, |reach, _| lasting(reach, density(reach)));
+        let density = |reach: f64| 5.0 * CROWDED * (reach / LONG_SKIN).powi(3);
+        let settled = (0..40).fold(LONG_SKIN, |reach, _| lasting(reach, density(reach)));
         assert!((density(settled) - CROWDED).abs() < 1e-6 * CROWDED, "{settled}");
     }
 }

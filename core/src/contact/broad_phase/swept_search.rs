@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::{PairSearch, Side, TASKS};
-use crate::contact::broad_phase::proximity_list::Neighbours;
-use crate::contact::topology::nodes::{ContactNodes, Renumber};
+use crate::contact::broad_phase::proximity_list::ProximityList;
+use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::geometry::aabb::Aabb;
@@ -15,14 +15,14 @@ use crate::geometry::bvh::{Bvh, PairTask};
 
 /// How far around its path a node may meet something: so far [m], and this share of its edges.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Around {
+pub(crate) struct Inflation {
     /// For all nodes alike [m].
     pub gap: f64,
     /// As a share of the edges of each.
     pub margin: f64,
 }
 
-impl Around {
+impl Inflation {
     /// The box of a node.
     fn swept(&self, surface: &ContactSurface, paths: &NodePaths, shift: &Vec3, node: usize) -> Aabb {
         let reach = self.gap + self.margin * surface.edge_length()[node];
@@ -32,46 +32,46 @@ impl Around {
 
 impl PairSearch {
     /// Finds the pairs of this rank that may come within `around` on their paths. All ranks call it together. Ghosts may come
-    /// to the ones there are: then the paths and the list of neighbours are laid out anew, and what nodes are called now is
+    /// to the ones there are: then the paths and the proximity list are laid out anew, and what nodes are called now is
     /// returned.
     pub(crate) fn swept_pairs(
         &mut self,
         surface: &mut ContactSurface,
-        neighbours: &mut Neighbours,
+        neighbours: &mut ProximityList,
         paths: &mut NodePaths,
-        around: Around,
+        around: Inflation,
         found: &mut Vec<Pair>,
-    ) -> Option<Renumber> {
+    ) -> Option<IndexMap> {
         // What all do alike brings no two of them closer.
         let shift = neighbours.common_shift();
         self.shift = shift;
-        self.fit(surface, |i| around.swept(surface, paths, &shift, i));
-        let renumber = self.invite(surface);
+        self.refit(surface, |i| around.swept(surface, paths, &shift, i));
+        let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
             lay_out(renumber, surface, neighbours, paths);
         }
-        self.fit_visitors(surface, |i| around.swept(surface, paths, &shift, i));
+        self.refit_ghosts(surface, |i| around.swept(surface, paths, &shift, i));
         self.pairs(surface, |pair, out| out.push(pair), found);
         renumber
     }
 
     /// Brings the pairs found last along paths to those with the present ends of the nodes that `left` marks: own ones that left
     /// their boxes. All ranks call it together, and everything is as with [`PairSearch::swept_pairs`].
-    pub(crate) fn renew_swept_pairs(
+    pub(crate) fn update_swept_pairs(
         &mut self,
         surface: &mut ContactSurface,
-        neighbours: &mut Neighbours,
+        neighbours: &mut ProximityList,
         paths: &mut NodePaths,
-        around: Around,
+        around: Inflation,
         (left, found): (&mut Vec<u8>, &mut Vec<Pair>),
-    ) -> Option<Renumber> {
+    ) -> Option<IndexMap> {
         for node in surface.nodes().own().filter(|node| left[*node] != 0) {
             self.node_boxes[node] = around.swept(surface, paths, &self.shift, node);
         }
         // The box of a ghost is that of its owner, who judges whether it is left.
         self.share(surface.nodes(), left);
-        self.cloth.fit(surface.cloth(), &self.node_boxes);
-        let renumber = self.invite(surface);
+        self.cloth.refit(surface.cloth(), &self.node_boxes);
+        let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
             lay_out(renumber, surface, neighbours, paths);
             renumber.apply(left, 0);
@@ -79,7 +79,7 @@ impl PairSearch {
             self.share(surface.nodes(), left);
         }
         if !surface.ranks().is_alone() {
-            self.visiting.fit(&self.visitors, &self.node_boxes);
+            self.ghost_bvh.refit(&self.ghosts, &self.node_boxes);
         }
         let concerned = |pair: &Pair| pair.nodes.iter().any(|node| left[*node as usize] != 0);
         found.retain(|pair| !concerned(pair));
@@ -100,11 +100,11 @@ impl PairSearch {
             return;
         }
         let mut corners: Vec<[[f32; 3]; 2]> = self.node_boxes.iter().map(|b| [b.min, b.max]).collect();
-        nodes.refresh(&mut corners);
+        nodes.update(&mut corners);
         for (node_box, [min, max]) in self.node_boxes.iter_mut().zip(corners) {
             *node_box = Aabb { min, max };
         }
-        nodes.refresh(marks);
+        nodes.update(marks);
     }
 
     /// Adds what `keep` makes of every pair of this rank whose boxes overlap and of which one triangle has a marked node.
@@ -115,14 +115,14 @@ impl PairSearch {
         keep: impl Fn(Pair, &mut Vec<Pair>) + Sync,
         found: &mut Vec<Pair>,
     ) {
-        let [cloth, bodies, visitors] = self.sides(surface);
-        let [marked, marked_visitors] = [cloth, visitors].map(|side| side.tree_where(marks));
-        // Two marked triangles of cloth meet once; those of visitors meet marked ones as the others do.
+        let [cloth, bodies, ghosts] = self.sides(surface);
+        let [marked, marked_ghosts] = [cloth, ghosts].map(|side| side.tree_where(marks));
+        // Two marked triangles of cloth meet once; those of ghosts meet marked ones as the others do.
         let searches = [
             (&marked, cloth, &cloth.fitted.tree),
             (&marked, bodies, &bodies.fitted.tree),
-            (&marked, visitors, &visitors.fitted.tree),
-            (&cloth.fitted.tree, visitors, &marked_visitors),
+            (&marked, ghosts, &ghosts.fitted.tree),
+            (&cloth.fitted.tree, ghosts, &marked_ghosts),
         ];
         let work = |search: usize, task: &PairTask| {
             let (tree, other, others) = searches[search];
@@ -130,12 +130,12 @@ impl PairSearch {
             let is_new = |s: u32, t: u32| match search {
                 0 => cloth.has(s, marks) && (s < t || !cloth.has(t, marks)),
                 1 | 2 => cloth.has(s, marks),
-                _ => visitors.has(t, marks) && !cloth.has(s, marks),
+                _ => ghosts.has(t, marks) && !cloth.has(s, marks),
             };
             let mut out = Vec::new();
             tree.pairs_of(task, others, &mut |s, t| {
                 if is_new(s, t) {
-                    self.meet((cloth, s), (other, t), &keep, &mut out);
+                    self.test_triangles((cloth, s), (other, t), &keep, &mut out);
                 }
             });
             out
@@ -166,8 +166,8 @@ impl Side<'_> {
     }
 }
 
-/// Lays the paths and the list of neighbours out for other ghosts.
-fn lay_out(renumber: &Renumber, surface: &ContactSurface, neighbours: &mut Neighbours, paths: &mut NodePaths) {
+/// Lays the paths and the proximity list out for other ghosts.
+fn lay_out(renumber: &IndexMap, surface: &ContactSurface, neighbours: &mut ProximityList, paths: &mut NodePaths) {
     paths.renumber(renumber);
     paths.refresh(surface.nodes());
     neighbours.renumber(renumber, surface);

@@ -17,12 +17,12 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::proximity_list::Neighbours;
-use crate::contact::broad_phase::swept_search::Around;
+use crate::contact::broad_phase::proximity_list::ProximityList;
+use crate::contact::broad_phase::swept_search::Inflation;
 use crate::contact::ccd::Contact;
 use crate::contact::collisions::first_contact::first_contact;
-use crate::contact::collisions::impact_zones::Hit;
-use crate::contact::collisions::response::{Field, IMPULSE_ATTEMPTS, Response};
+use crate::contact::collisions::impact_zones::Collision;
+use crate::contact::collisions::response::{IMPULSE_ATTEMPTS, Kinematics, Response};
 use crate::contact::tolerances::OPEN_GAP;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::Pair;
@@ -60,12 +60,12 @@ pub(crate) struct Collisions<'a> {
     /// Whether what impulses do not resolve is given back for a shorter collision step.
     pub may_give_back: bool,
     /// How hard it is tried.
-    pub effort: Effort,
+    pub effort: Strategy,
 }
 
 /// How hard collisions are resolved: more than usual where that did not do.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Effort {
+pub enum Strategy {
     /// Some attempts with impulses, then zones.
     #[default]
     Usual,
@@ -75,7 +75,7 @@ pub enum Effort {
     Zones,
 }
 
-impl Effort {
+impl Strategy {
     /// What the attempt of this number is like, as a number of the usual ones.
     fn attempt(self, number: u32) -> u32 {
         match self {
@@ -88,7 +88,7 @@ impl Effort {
 
 /// What was done; all but the vertices is the same on all ranks.
 #[derive(Debug, Default)]
-pub(crate) struct Resolution {
+pub(crate) struct LoopOutcome {
     /// Own cloth vertices whose end was changed, ascending, by the local numbers that they have now.
     pub moved: Vec<u32>,
     /// Whether large impact zones were needed.
@@ -118,56 +118,57 @@ pub(crate) struct CollisionLoop {
 }
 
 impl CollisionLoop {
-    /// Changes the ends of `paths` until nothing meets. `used` is the longest way of a node ([`Neighbours::note_ways`]
+    /// Changes the ends of `paths` until nothing meets. `used` is the longest way of a node ([`ProximityList::update_displacements`]
     /// for these paths). All ranks call it together.
     pub(crate) fn resolve(
         &mut self,
         collisions: &mut Collisions<'_>,
-        neighbours: &mut Neighbours,
+        neighbours: &mut ProximityList,
         search: &mut PairSearch,
         paths: &mut NodePaths,
         mut used: f64,
         metrics: &mut Metrics,
-    ) -> Resolution {
+    ) -> LoopOutcome {
         let ranks = collisions.surface.ranks().clone();
         let mut response = Response::default();
-        let mut source = Source::of(used, neighbours);
+        let mut source = CandidateSource::of(used, neighbours);
         [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(Vec::clear);
         self.displacements.clear();
         self.prepare(source, collisions, neighbours, search, paths, metrics);
         let mut hits = self.detect(collisions, paths, &response);
         let [mut everywhere] = ranks.sum_of([hits.len() as u64]);
         if everywhere == 0 {
-            return Resolution::default();
+            return LoopOutcome::default();
         }
         self.displacements.extend(paths.start.iter().zip(&paths.end).map(|(a, b)| b - a));
         let all = paths.start.len();
         [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(|marks| marks.resize(all, 0));
         let is_hard = |collisions: &Collisions<'_>, nodes: u64| {
-            nodes * HARD_SHARE > u64::from(collisions.surface.nodes().all_cloth())
+            nodes * HARD_SHARE > u64::from(collisions.surface.nodes().global_cloth_count())
         };
         let mut attempts = 0;
         while everywhere > 0 {
             attempts += 1;
             let attempt = collisions.effort.attempt(attempts);
             if attempt == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(collisions, everywhere) {
-                return Resolution { given_back: true, ..Resolution::default() };
+                return LoopOutcome { given_back: true, ..LoopOutcome::default() };
             }
             metrics.count("collision_hits", hits.len() as u64);
             let (surface, gap) = (&*collisions.surface, collisions.gap);
-            let field = Field { nodes: surface.nodes(), start: &paths.start, mobility: surface.mobility(), gap };
+            let field = Kinematics { nodes: surface.nodes(), start: &paths.start, mobility: surface.mobility(), gap };
             let touched = response.respond(&field, attempt, hits, &mut self.displacements, metrics);
             let covers = |node: u32, end: &Vec3| match source {
-                Source::Swept | Source::Renewed => search.covers(node, end),
-                Source::Neighbours => neighbours.covers(node as usize, end, MARGIN),
+                CandidateSource::Swept | CandidateSource::Renewed => search.covers(node, end),
+                CandidateSource::ProximityList => neighbours.is_within_skin(node as usize, end, MARGIN),
             };
             let covered = self.note_touched(surface.nodes(), &touched, paths, covers);
             if ranks.any(!covered) {
                 let nodes = surface.nodes();
                 let moved = nodes.own().filter(|&node| self.moved[node] != 0);
-                used = ranks.max(moved.map(|node| neighbours.note_way(node, &paths.end[node])).fold(used, f64::max));
-                neighbours.share_ways(nodes);
-                source = Source::of(used, neighbours).after(source);
+                used = ranks
+                    .max(moved.map(|node| neighbours.update_displacement(node, &paths.end[node])).fold(used, f64::max));
+                neighbours.exchange_displacements(nodes);
+                source = CandidateSource::of(used, neighbours).after(source);
                 self.prepare(source, collisions, neighbours, search, paths, metrics);
             }
             hits = self.detect(collisions, paths, &response);
@@ -179,7 +180,7 @@ impl CollisionLoop {
         let [zone_nodes, given_up, stopped] = response.report(nodes, metrics);
         let moved = nodes.own().filter(|&node| self.moved[node] != 0).map(|node| node as u32).collect();
         let hard = is_hard(collisions, zone_nodes);
-        Resolution {
+        LoopOutcome {
             moved,
             hard,
             pinched: given_up > 0,
@@ -192,42 +193,42 @@ impl CollisionLoop {
     /// Finds the pairs that may meet on these paths, with a little more, so that impulses seldom lead beyond.
     fn prepare(
         &mut self,
-        source: Source,
+        source: CandidateSource,
         collisions: &mut Collisions<'_>,
-        neighbours: &mut Neighbours,
+        neighbours: &mut ProximityList,
         search: &mut PairSearch,
         paths: &mut NodePaths,
         metrics: &mut Metrics,
     ) {
-        let (around, surface) = (Around { gap: collisions.gap, margin: MARGIN }, &mut *collisions.surface);
+        let (around, surface) = (Inflation { gap: collisions.gap, margin: MARGIN }, &mut *collisions.surface);
         let found = &mut self.candidates;
         let renumber = match source {
-            Source::Neighbours => return neighbours.close_pairs(around.gap, around.margin, found),
-            Source::Swept => {
+            CandidateSource::ProximityList => return neighbours.close_pairs(around.gap, around.margin, found),
+            CandidateSource::Swept => {
                 metrics.count_once(surface.ranks(), "swept_searches", 1);
                 search.swept_pairs(surface, neighbours, paths, around, found)
             }
-            Source::Renewed => {
+            CandidateSource::Renewed => {
                 metrics.count_once(surface.ranks(), "swept_renewals", 1);
-                search.renew_swept_pairs(surface, neighbours, paths, around, (&mut self.left, found))
+                search.update_swept_pairs(surface, neighbours, paths, around, (&mut self.left, found))
             }
         };
         self.left.fill(0);
         if let Some(renumber) = renumber.filter(|_| !self.displacements.is_empty()) {
             let nodes = collisions.surface.nodes();
             renumber.apply(&mut self.displacements, Vec3::zeros());
-            nodes.refresh(&mut self.displacements);
+            nodes.update(&mut self.displacements);
             self.left.resize(nodes.count(), 0);
             for marks in [&mut self.recent, &mut self.moved] {
                 renumber.apply(marks, 0);
-                nodes.refresh(marks);
+                nodes.update(marks);
             }
         }
     }
 
     /// The candidates that meet, sorted; of these, once nodes have been changed, only those with such a node, which
     /// have not moved as one body: they are as far apart at the end as at the start.
-    fn detect(&self, collisions: &Collisions<'_>, paths: &NodePaths, response: &Response) -> Vec<Hit> {
+    fn detect(&self, collisions: &Collisions<'_>, paths: &NodePaths, response: &Response) -> Vec<Collision> {
         let concerns =
             |pair: &Pair| self.recent.is_empty() || pair.nodes.iter().any(|&node| self.recent[node as usize] != 0);
         let judge = |pair: &Pair| {
@@ -238,7 +239,7 @@ impl CollisionLoop {
             (!left_alone).then_some(hit)
         };
         let chunks = self.candidates.par_chunks(CHUNK);
-        let mut hits: Vec<Hit> =
+        let mut hits: Vec<Collision> =
             chunks.flat_map_iter(|chunk| chunk.iter().filter(|p| concerns(p)).filter_map(judge)).collect();
         hits.sort_unstable_by_key(|hit| hit.pair);
         hits
@@ -263,7 +264,7 @@ impl CollisionLoop {
         let mut copies = Vec::new();
         let (recent, displacements) = (&self.recent, &self.displacements);
         let own = |node: u32| (recent[node as usize] != 0).then(|| words_of(&displacements[node as usize]));
-        nodes.halo().refresh_changed(nodes.ranks(), own, |copy, words: [u64; 3]| copies.push((copy, words)));
+        nodes.halo().update_changed(nodes.ranks(), own, |copy, words: [u64; 3]| copies.push((copy, words)));
         for (copy, words) in copies {
             self.displacements[copy] = vector_of(words);
             self.note(copy as u32, paths);
@@ -280,40 +281,40 @@ impl CollisionLoop {
     }
 }
 
-/// Whether the list of neighbours holds all that can meet where `used` is the longest way of a node, and a little farther.
-pub(crate) fn holds_all(neighbours: &Neighbours, used: f64) -> bool {
-    used + MARGIN <= neighbours.reach()
+/// Whether the proximity list holds all that can meet where `used` is the longest way of a node, and a little farther.
+pub(crate) fn holds_all(neighbours: &ProximityList, used: f64) -> bool {
+    used + MARGIN <= neighbours.skin()
 }
 
 /// Where the pairs to look at come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Source {
-    /// The list of neighbours holds all that can meet.
-    Neighbours,
+enum CandidateSource {
+    /// The proximity list holds all that can meet.
+    ProximityList,
     /// Nodes have left their reach: the paths themselves are searched.
     Swept,
     /// They have been searched, but some nodes have left what was searched.
     Renewed,
 }
 
-impl Source {
-    fn of(used: f64, neighbours: &Neighbours) -> Self {
-        if holds_all(neighbours, used) { Self::Neighbours } else { Self::Swept }
+impl CandidateSource {
+    fn of(used: f64, neighbours: &ProximityList) -> Self {
+        if holds_all(neighbours, used) { Self::ProximityList } else { Self::Swept }
     }
 
     /// This source where the candidates are from `before`.
     fn after(self, before: Self) -> Self {
-        if self == Self::Neighbours || before == Self::Neighbours { self } else { Self::Renewed }
+        if self == Self::ProximityList || before == Self::ProximityList { self } else { Self::Renewed }
     }
 }
 
 impl Collisions<'_> {
     /// What is to be said of a pair that meets.
-    fn hit(&self, pair: &Pair, contact: &Contact, start_distance: f64) -> Hit {
+    fn hit(&self, pair: &Pair, contact: &Contact, start_distance: f64) -> Collision {
         let (nodes, mobility) = (self.surface.nodes(), self.surface.mobility());
         // A gap opened at once would throw the vertices of a short interval.
         let slowly = OPENING_RATE * self.duration * self.surface.edge_length()[pair.nodes[0] as usize];
-        Hit {
+        Collision {
             pair: nodes.numbered(pair),
             moves: pair.nodes.map(|node| mobility[node as usize] != Vec3::zeros()),
             weights: contact.weights,

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use crate::Vec3;
 use crate::contact::collisions::impulse::Constraint;
-use crate::contact::collisions::union_find::Sets;
+use crate::contact::collisions::union_find::UnionFind;
 use crate::contact::collisions::zone_solvers;
 use crate::contact::collisions::zone_solvers::ZoneNode;
 use crate::contact::topology::pair::Pair;
@@ -19,7 +19,7 @@ const LARGE_ZONE: usize = 100;
 
 /// A pair that meets on the way.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Hit {
+pub(crate) struct Collision {
     /// The pair, by the scene's numbers of its nodes.
     pub pair: Pair,
     /// Which of its nodes can move.
@@ -32,7 +32,7 @@ pub(crate) struct Hit {
     pub target: f64,
 }
 
-impl Hit {
+impl Collision {
     /// Its nodes that can move.
     pub(crate) fn moving(&self) -> impl Iterator<Item = u32> {
         self.pair.nodes.into_iter().zip(self.moves).filter(|(_, moves)| *moves).map(|(node, _)| node)
@@ -68,7 +68,7 @@ pub(crate) enum Action {
     /// It moves as one body.
     Rigid,
     /// It stays where it was.
-    Stop,
+    Freeze,
 }
 
 /// What came out of it.
@@ -89,11 +89,11 @@ pub(crate) struct Zone {
     /// Nodes that can move of all pairs it ever had, ascending; the first stands for it.
     pub nodes: Vec<u32>,
     /// Its pairs, each with the attempt in which it met; ascending by attempt and pair.
-    pub hits: Vec<(u32, Hit)>,
+    pub hits: Vec<(u32, Collision)>,
     /// The nodes that last moved as one body, ascending; none if they did not.
     pub rigid: Vec<u32>,
     /// Whether it has let go of what is prescribed, because its pairs contradicted each other.
-    pub has_let_go: bool,
+    pub has_released_prescribed: bool,
     /// Whether its pairs contradict each other though nothing in them is prescribed.
     pub contradicts: bool,
 }
@@ -135,7 +135,7 @@ impl Zone {
                 zone_solvers::rigid(&mut nodes);
                 displacements = nodes.iter().map(|node| node.end - node.start).collect();
             }
-            Action::Stop => {
+            Action::Freeze => {
                 for (displacement, motion) in displacements.iter_mut().zip(motions) {
                     displacement.component_mul_assign(&motion.mobility.map(|w| f64::from(w == 0.0)));
                 }
@@ -151,7 +151,7 @@ impl Zone {
             let before = self.hits.len();
             self.hits.retain(|(_, hit)| !hit.has_prescribed());
             let lets_go = self.hits.len() < before;
-            self.has_let_go |= lets_go;
+            self.has_released_prescribed |= lets_go;
             self.contradicts |= !lets_go;
         }
     }
@@ -164,7 +164,7 @@ impl Zone {
         self.nodes.extend(other.nodes);
         self.hits.extend(other.hits);
         self.rigid.clear();
-        self.has_let_go |= other.has_let_go;
+        self.has_released_prescribed |= other.has_released_prescribed;
         self.contradicts |= other.contradicts;
     }
 }
@@ -196,27 +196,27 @@ impl Zones {
     }
 
     /// Whether a zone that the hit touches has let go of what is prescribed.
-    pub(crate) fn have_let_go(&self, hit: &Hit) -> bool {
-        hit.moving().any(|node| self.of(node).is_some_and(|zone| zone.has_let_go))
+    pub(crate) fn have_released_prescribed(&self, hit: &Collision) -> bool {
+        hit.moving().any(|node| self.of(node).is_some_and(|zone| zone.has_released_prescribed))
     }
 
     /// Whether the nodes of a hit have moved as one body: they are as far apart at the end as at the start.
-    pub(crate) fn are_rigid(&self, hit: &Hit) -> bool {
+    pub(crate) fn are_rigid(&self, hit: &Collision) -> bool {
         let zone = hit.moving().next().and_then(|node| self.of(node));
         zone.is_some_and(|zone| hit.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))
     }
 
     /// Adds zones, and pairs that have met in an attempt; what hangs together becomes one. Returns the places of the
     /// zones that have got one of these pairs.
-    pub(crate) fn add(&mut self, others: Vec<Zone>, attempt: u32, hits: &[Hit]) -> Vec<usize> {
+    pub(crate) fn add(&mut self, others: Vec<Zone>, attempt: u32, hits: &[Collision]) -> Vec<usize> {
         if others.is_empty() && hits.is_empty() {
             return Vec::new();
         }
         let before: Vec<Zone> = std::mem::take(&mut self.zones).into_iter().chain(others).collect();
-        let mut sets = Sets::default();
+        let mut sets = UnionFind::default();
         before.iter().for_each(|zone| sets.push(zone.nodes.iter().copied()));
         hits.iter().for_each(|hit| sets.push(hit.moving()));
-        let smallest = sets.smallest();
+        let smallest = sets.representatives();
         let (of_zones, of_hits) = smallest.split_at(before.len());
         let mut joined: BTreeMap<u32, (Zone, bool)> = BTreeMap::new();
         for (zone, first) in before.into_iter().zip(of_zones) {

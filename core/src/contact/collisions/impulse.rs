@@ -73,25 +73,25 @@ pub(crate) fn change_normal_velocity(constraint: &Constraint, mobility: &[Vec3],
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
 
     /// A point over a face or two crossing edges at contact, masses of 1 to 3 kg, and random velocities.
-    fn pair_in_contact(random: &mut Random, edges: bool) -> (Constraint, [Vec3; 4], Vec<Vec3>, Vec<Vec3>) {
-        let [s, t] = [0.5 + 0.4 * random.number(), 0.5 + 0.4 * random.number()];
+    fn pair_in_contact(random: &mut SplitMix64, edges: bool) -> (Constraint, [Vec3; 4], Vec<Vec3>, Vec<Vec3>) {
+        let [s, t] = [0.5 + 0.4 * random.signed(), 0.5 + 0.4 * random.signed()];
         let weights = if edges { [1.0 - s, s, t - 1.0, -t] } else { [1.0, -s * t, -s * (1.0 - t), s - 1.0] };
         let mut x: [Vec3; 4] = std::array::from_fn(|_| random.vector());
         // The two points in contact are a millimetre apart along the normal.
         let apart: Vec3 = x.iter().zip(weights).map(|(x, w)| x * w).sum();
         let normal = random.vector().normalize();
         x[0] += (normal * 1e-3 - apart) / weights[0];
-        let mobility = (0..4).map(|_| Vec3::repeat(1.0 / (2.0 + random.number()))).collect();
+        let mobility = (0..4).map(|_| Vec3::repeat(1.0 / (2.0 + random.signed()))).collect();
         let v = (0..4).map(|_| random.vector()).collect();
         (Constraint { nodes: [0, 1, 2, 3], weights, normal }, x, mobility, v)
     }
 
     #[test]
     fn every_impulse_keeps_momentum_and_gives_the_change_asked_for() {
-        let mut random = Random(1);
+        let mut random = SplitMix64::new(1);
         for trial in 0..200 {
             let (constraint, x, mobility, mut v) = pair_in_contact(&mut random, trial % 2 == 0);
             let momenta = |v: &[Vec3]| -> [Vec3; 2] {
@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn stopping_an_approach_never_adds_energy() {
-        let mut random = Random(2);
+        let mut random = SplitMix64::new(2);
         for trial in 0..200 {
             let (constraint, _, mobility, mut v) = pair_in_contact(&mut random, trial % 2 == 0);
             let energy = |v: &[Vec3]| -> f64 { (0..4).map(|i| 0.5 * v[i].norm_squared() / mobility[i].x).sum() };
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn prescribed_nodes_and_directions_are_not_moved() {
-        let mut random = Random(3);
+        let mut random = SplitMix64::new(3);
         let (constraint, _, mut mobility, mut v) = pair_in_contact(&mut random, false);
         mobility[0] = Vec3::zeros();
         mobility[2].y = 0.0;

@@ -10,10 +10,10 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::collisions::first_contact::first_contact;
-use crate::contact::collisions::impact_zones::{Action, Hit, Motion, Solved, Zone, Zones};
+use crate::contact::collisions::impact_zones::{Action, Collision, Motion, Solved, Zone, Zones};
 use crate::contact::collisions::impulse::{change_normal_velocity, normal_velocity, response};
 use crate::contact::collisions::packing::{Packed, Unpacked};
-use crate::contact::collisions::union_find::Sets;
+use crate::contact::collisions::union_find::UnionFind;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::Pair;
 use crate::metrics::Metrics;
@@ -39,7 +39,7 @@ const LAST_ATTEMPT: u32 = RIGID_FROM + 2 * RIGID_ATTEMPTS + 50;
 
 /// Where the nodes of this rank are, and how they can move.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Field<'a> {
+pub(super) struct Kinematics<'a> {
     pub(super) nodes: &'a ContactNodes,
     /// Positions at the collision-free state [m].
     pub(super) start: &'a [Vec3],
@@ -49,7 +49,7 @@ pub(super) struct Field<'a> {
     pub(super) gap: f64,
 }
 
-impl Field<'_> {
+impl Kinematics<'_> {
     /// The local number of a node of a pair that is known here.
     fn local(&self, number: u32) -> u32 {
         self.nodes.local(number).expect("the nodes of pairs at home here are known here")
@@ -71,7 +71,7 @@ pub(super) struct Response {
     /// Zones that all ranks keep, alike.
     open: Zones,
     /// How the nodes of open pairs and zones move, by their numbers in the scene; alike on all ranks.
-    told: BTreeMap<u32, Motion>,
+    remote_motion: BTreeMap<u32, Motion>,
     /// How often zones were made rigid, or stopped, here.
     rigid: u64,
     stopped: u64,
@@ -81,7 +81,7 @@ pub(super) struct Response {
 
 impl Response {
     /// Whether a pair at home here is left alone: because it was given up, or because its nodes moved as one body.
-    pub(super) fn leaves_alone(&self, hit: &Hit) -> bool {
+    pub(super) fn leaves_alone(&self, hit: &Collision) -> bool {
         self.given_up.binary_search(&hit.pair).is_ok() || self.closed.are_rigid(hit) || self.open.are_rigid(hit)
     }
 
@@ -89,13 +89,13 @@ impl Response {
     /// returns the nodes that may have changed, ascending. All ranks call it together.
     pub(super) fn respond(
         &mut self,
-        field: &Field<'_>,
+        field: &Kinematics<'_>,
         attempt: u32,
-        hits: Vec<Hit>,
+        hits: Vec<Collision>,
         displacements: &mut [Vec3],
         metrics: &mut Metrics,
     ) -> Vec<u32> {
-        let hits = self.without_hopeless(field, attempt, hits);
+        let hits = self.drop_failed(field, attempt, hits);
         let (own, shared, opened) = self.share(field, hits, displacements);
         let mut touched = Vec::new();
         if attempt <= IMPULSE_ATTEMPTS {
@@ -108,7 +108,7 @@ impl Response {
             self.shared_impulses(field, &shared, displacements, &mut touched);
         } else {
             self.open.add(opened, attempt, &[]);
-            let (own, shared) = self.without_released(field.nodes, own, shared);
+            let (own, shared) = self.drop_released(field.nodes, own, shared);
             let active = [self.closed.add(Vec::new(), attempt, &own), self.open.add(Vec::new(), attempt, &shared)];
             self.zones(field, attempt, &active, displacements, &mut touched, metrics);
         }
@@ -133,31 +133,37 @@ impl Response {
 
     /// Gives up what cannot be helped: pairs that no impulse can change, and, when zones have failed, pairs with a
     /// prescribed node.
-    fn without_hopeless(&mut self, field: &Field<'_>, attempt: u32, hits: Vec<Hit>) -> Vec<Hit> {
+    fn drop_failed(&mut self, field: &Kinematics<'_>, attempt: u32, hits: Vec<Collision>) -> Vec<Collision> {
         let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
-        let is_hopeless = |hit: &Hit| {
+        let is_hopeless = |hit: &Collision| {
             let constraint = hit.constraint(hit.pair.nodes.map(|number| field.local(number)));
             response(&constraint, field.mobility) == 0.0
         };
-        let give_up = |hit: &Hit| attempt > LAST_ATTEMPT || (last_chance && hit.has_prescribed()) || is_hopeless(hit);
-        let (given_up, kept): (Vec<_>, Vec<_>) = hits.into_iter().partition(give_up);
-        self.give_up(given_up);
+        let mark_failed =
+            |hit: &Collision| attempt > LAST_ATTEMPT || (last_chance && hit.has_prescribed()) || is_hopeless(hit);
+        let (given_up, kept): (Vec<_>, Vec<_>) = hits.into_iter().partition(mark_failed);
+        self.mark_failed(given_up);
         kept
     }
 
     /// Gives up pairs with a prescribed node that touch a zone which has let go of these.
-    fn without_released(&mut self, nodes: &ContactNodes, own: Vec<Hit>, shared: Vec<Hit>) -> (Vec<Hit>, Vec<Hit>) {
+    fn drop_released(
+        &mut self,
+        nodes: &ContactNodes,
+        own: Vec<Collision>,
+        shared: Vec<Collision>,
+    ) -> (Vec<Collision>, Vec<Collision>) {
         let (closed, open) = (&self.closed, &self.open);
-        let let_go = |zones: &Zones, hit: &Hit| hit.has_prescribed() && zones.have_let_go(hit);
+        let let_go = |zones: &Zones, hit: &Collision| hit.has_prescribed() && zones.have_released_prescribed(hit);
         let (mut given_up, own): (Vec<_>, Vec<_>) = own.into_iter().partition(|hit| let_go(closed, hit));
         let (of_all, shared): (Vec<_>, Vec<_>) = shared.into_iter().partition(|hit| let_go(open, hit));
-        let is_home = |hit: &Hit| hit.pair.nodes.into_iter().min().is_some_and(|number| nodes.owns(number));
+        let is_home = |hit: &Collision| hit.pair.nodes.into_iter().min().is_some_and(|number| nodes.owns(number));
         given_up.extend(of_all.into_iter().filter(is_home));
-        self.give_up(given_up);
+        self.mark_failed(given_up);
         (own, shared)
     }
 
-    fn give_up(&mut self, hits: Vec<Hit>) {
+    fn mark_failed(&mut self, hits: Vec<Collision>) {
         if !hits.is_empty() {
             self.given_up.extend(hits.iter().map(|hit| hit.pair));
             self.given_up.sort_unstable();
@@ -166,7 +172,12 @@ impl Response {
 
     /// Tells all ranks of open hits and of zones that they open. Returns the hits that stay here, those of all ranks
     /// that are open, in order, and the zones that are open now.
-    fn share(&mut self, field: &Field<'_>, hits: Vec<Hit>, displacements: &[Vec3]) -> (Vec<Hit>, Vec<Hit>, Vec<Zone>) {
+    fn share(
+        &mut self,
+        field: &Kinematics<'_>,
+        hits: Vec<Collision>,
+        displacements: &[Vec3],
+    ) -> (Vec<Collision>, Vec<Collision>, Vec<Zone>) {
         let nodes = field.nodes;
         if nodes.ranks().is_alone() {
             return (hits, Vec::new(), Vec::new());
@@ -180,10 +191,10 @@ impl Response {
         }
         shared.clear();
         zones.clear();
-        for words in nodes.ranks().all_gather_each(packed.words()).iter().filter(|words| !words.is_empty()) {
+        for words in nodes.ranks().all_gather_v(packed.words()).iter().filter(|words| !words.is_empty()) {
             let mut unpacked = Unpacked::new(words);
-            shared.extend(unpacked.list(|unpacked| unpacked.shared_hit(&mut self.told)));
-            zones.extend(unpacked.list(|unpacked| unpacked.zone(&mut self.told)));
+            shared.extend(unpacked.list(|unpacked| unpacked.shared_hit(&mut self.remote_motion)));
+            zones.extend(unpacked.list(|unpacked| unpacked.zone(&mut self.remote_motion)));
         }
         shared.sort_unstable_by_key(|hit| hit.pair);
         (own, shared, zones)
@@ -191,12 +202,12 @@ impl Response {
 
     /// Splits the hits into those that concern nobody else and the others, and takes out the zones of this rank that
     /// others are concerned with from now on.
-    fn split(&mut self, nodes: &ContactNodes, hits: Vec<Hit>) -> (Vec<Hit>, Vec<Hit>, Vec<Zone>) {
+    fn split(&mut self, nodes: &ContactNodes, hits: Vec<Collision>) -> (Vec<Collision>, Vec<Collision>, Vec<Zone>) {
         let named = named_by_others(nodes, &hits);
         let is_open = |number: &u32| {
             !nodes.owns(*number) || named.binary_search(number).is_ok() || self.open.of(*number).is_some()
         };
-        let mut sets = Sets::default();
+        let mut sets = UnionFind::default();
         let mut open_seeds = Vec::new();
         let mut push = |of: &mut dyn Iterator<Item = u32>| {
             let of: Vec<u32> = of.collect();
@@ -205,7 +216,7 @@ impl Response {
         };
         hits.iter().for_each(|hit| push(&mut hit.moving()));
         self.closed.zones().iter().for_each(|zone| push(&mut zone.nodes.iter().copied()));
-        let smallest = sets.smallest();
+        let smallest = sets.representatives();
         let mut open: Vec<u32> = smallest.iter().zip(open_seeds).filter(|(_, open)| *open).map(|(s, _)| *s).collect();
         open.sort_unstable();
         open.dedup();
@@ -221,8 +232,8 @@ impl Response {
     /// One Gauss-Seidel pass over the open hits, each by the rank of the smallest node that it hangs together with.
     fn shared_impulses(
         &mut self,
-        field: &Field<'_>,
-        shared: &[Hit],
+        field: &Kinematics<'_>,
+        shared: &[Collision],
         displacements: &mut [Vec3],
         touched: &mut Vec<u32>,
     ) {
@@ -230,14 +241,14 @@ impl Response {
             return;
         }
         let nodes = field.nodes;
-        let mut sets = Sets::default();
+        let mut sets = UnionFind::default();
         shared.iter().for_each(|hit| sets.push(hit.moving()));
-        let numbers: Vec<u32> = self.told.keys().copied().collect();
-        let start: Vec<Vec3> = self.told.values().map(|motion| motion.start).collect();
-        let mobility: Vec<Vec3> = self.told.values().map(|motion| motion.mobility).collect();
-        let mut moved: Vec<Vec3> = self.told.values().map(|motion| motion.displacement).collect();
+        let numbers: Vec<u32> = self.remote_motion.keys().copied().collect();
+        let start: Vec<Vec3> = self.remote_motion.values().map(|motion| motion.start).collect();
+        let mobility: Vec<Vec3> = self.remote_motion.values().map(|motion| motion.mobility).collect();
+        let mut moved: Vec<Vec3> = self.remote_motion.values().map(|motion| motion.displacement).collect();
         let mut changed = Vec::new();
-        for (hit, _) in shared.iter().zip(sets.smallest()).filter(|(_, smallest)| nodes.owns(*smallest)) {
+        for (hit, _) in shared.iter().zip(sets.representatives()).filter(|(_, smallest)| nodes.owns(*smallest)) {
             let place = |number: u32| numbers.partition_point(|n| *n < number) as u32;
             if impulse(hit, hit.pair.nodes.map(place), field.gap, [&start, &mobility], &mut moved) {
                 changed.extend(hit.moving().map(place));
@@ -250,7 +261,7 @@ impl Response {
             packed.number(numbers[place as usize]);
             packed.vector(&moved[place as usize]);
         }
-        for words in nodes.ranks().all_gather_each(packed.words()) {
+        for words in nodes.ranks().all_gather_v(packed.words()) {
             let mut unpacked = Unpacked::new(&words);
             while !unpacked.is_empty() {
                 let (number, displacement) = (unpacked.node(), unpacked.vector());
@@ -265,7 +276,7 @@ impl Response {
     /// Solves the closed and the open zones at these places, each by itself.
     fn zones(
         &mut self,
-        field: &Field<'_>,
+        field: &Kinematics<'_>,
         attempt: u32,
         [closed, open]: &[Vec<usize>; 2],
         displacements: &mut [Vec3],
@@ -278,13 +289,13 @@ impl Response {
             tasks.push(Task::new(zone, attempt, place, |number| field.motion(number, displacements)));
         }
         for &place in open.iter().filter(|place| field.nodes.owns(self.open.zones()[**place].nodes[0])) {
-            let motion = |number: u32| self.told[&number];
+            let motion = |number: u32| self.remote_motion[&number];
             tasks.push(Task::new(&self.open.zones()[place], attempt, place, motion));
         }
-        let mut solved: Vec<Answer> = tasks.par_iter().map(Task::solve).collect();
+        let mut solved: Vec<ZoneSolution> = tasks.par_iter().map(Task::solve).collect();
         metrics.count("zone_sweeps", solved.iter().map(|answer| answer.solved.passes).sum());
         self.rigid += solved.iter().filter(|answer| answer.action == Action::Rigid).count() as u64;
-        for answer in solved.iter().filter(|answer| answer.action == Action::Stop) {
+        for answer in solved.iter().filter(|answer| answer.action == Action::Freeze) {
             self.stopped += 1;
             self.stopped_nodes.extend(&answer.members);
         }
@@ -298,12 +309,12 @@ impl Response {
         }
         let mut packed = Packed::default();
         shared.iter().for_each(|answer| packed.answer(answer));
-        for words in field.nodes.ranks().all_gather_each(packed.words()) {
+        for words in field.nodes.ranks().all_gather_v(packed.words()) {
             let mut unpacked = Unpacked::new(&words);
             while !unpacked.is_empty() {
                 let answer = unpacked.answer(|place| Task::members(&self.open.zones()[place], attempt));
                 for (number, displacement) in answer.moved() {
-                    self.told.entry(number).and_modify(|motion| motion.displacement = *displacement);
+                    self.remote_motion.entry(number).and_modify(|motion| motion.displacement = *displacement);
                 }
                 answer.apply(field, displacements, touched);
                 self.open.zone_mut(answer.place).note(answer.action, answer.solved.contradicts);
@@ -333,21 +344,21 @@ impl<'a> Task<'a> {
         let action = match attempt {
             ..=RIGID_FROM if !zone.contradicts => Action::Inelastic,
             attempt if attempt <= RIGID_FROM + RIGID_ATTEMPTS => Action::Rigid,
-            _ => Action::Stop,
+            _ => Action::Freeze,
         };
         (action, zone.members())
     }
 
-    fn solve(&self) -> Answer {
+    fn solve(&self) -> ZoneSolution {
         let solved = self.zone.solve(self.action, &self.members, &self.motions);
         let moves = self.motions.iter().map(|motion| motion.mobility != Vec3::zeros()).collect();
-        Answer { place: self.place, action: self.action, members: self.members.clone(), moves, solved }
+        ZoneSolution { place: self.place, action: self.action, members: self.members.clone(), moves, solved }
     }
 }
 
 /// What came out of solving the zone at a place.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Answer {
+pub(super) struct ZoneSolution {
     pub(super) place: usize,
     pub(super) action: Action,
     pub(super) members: Vec<u32>,
@@ -356,7 +367,7 @@ pub(super) struct Answer {
     pub(super) solved: Solved,
 }
 
-impl Answer {
+impl ZoneSolution {
     /// The members that can move, and their displacements.
     fn moved(&self) -> impl Iterator<Item = (u32, &Vec3)> {
         let members = self.members.iter().zip(&self.moves).zip(&self.solved.displacements);
@@ -364,7 +375,7 @@ impl Answer {
     }
 
     /// Moves the own nodes among the members.
-    fn apply(&self, field: &Field<'_>, displacements: &mut [Vec3], touched: &mut Vec<u32>) {
+    fn apply(&self, field: &Kinematics<'_>, displacements: &mut [Vec3], touched: &mut Vec<u32>) {
         for (number, displacement) in self.moved().filter(|(number, _)| field.nodes.owns(*number)) {
             displacements[field.local(number) as usize] = *displacement;
             touched.push(field.local(number));
@@ -375,11 +386,17 @@ impl Answer {
 /// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it
 /// does. What meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the
 /// arrays.
-fn impulse(hit: &Hit, places: [u32; 4], gap: f64, [start, mobility]: [&[Vec3]; 2], displacements: &mut [Vec3]) -> bool {
+fn impulse(
+    hit: &Collision,
+    places: [u32; 4],
+    gap: f64,
+    [start, mobility]: [&[Vec3]; 2],
+    displacements: &mut [Vec3],
+) -> bool {
     let start = places.map(|place| start[place as usize]);
     let end = [0, 1, 2, 3].map(|q| start[q] + displacements[places[q] as usize]);
     let Some((contact, _)) = first_contact(hit.pair.kind, &start, &end, gap) else { return false };
-    let hit = Hit { weights: contact.weights, normal: contact.normal, ..*hit };
+    let hit = Collision { weights: contact.weights, normal: contact.normal, ..*hit };
     let constraint = hit.constraint(places);
     let change = hit.target - normal_velocity(&constraint, displacements);
     if change > 0.0 {
@@ -389,9 +406,9 @@ fn impulse(hit: &Hit, places: [u32; 4], gap: f64, [start, mobility]: [&[Vec3]; 2
 }
 
 /// Own nodes that hits of other ranks name, by their numbers in the scene, ascending.
-fn named_by_others(nodes: &ContactNodes, hits: &[Hit]) -> Vec<u32> {
+fn named_by_others(nodes: &ContactNodes, hits: &[Collision]) -> Vec<u32> {
     let halo = nodes.halo();
-    let ghosts = hits.iter().flat_map(Hit::moving).filter(|number| !nodes.owns(*number));
+    let ghosts = hits.iter().flat_map(Collision::moving).filter(|number| !nodes.owns(*number));
     let mut ghosts: Vec<u32> = ghosts.filter_map(|number| nodes.local(number)).collect();
     ghosts.sort_unstable();
     ghosts.dedup();

@@ -3,15 +3,15 @@
 /// Stands for sets without nodes.
 pub(crate) const NO_NODE: u32 = u32::MAX;
 
-/// Sets of nodes, one after the other.
+/// UnionFind of nodes, one after the other.
 #[derive(Debug, Default)]
-pub(crate) struct Sets {
+pub(crate) struct UnionFind {
     nodes: Vec<u32>,
     /// End of each set in `nodes`.
     ends: Vec<usize>,
 }
 
-impl Sets {
+impl UnionFind {
     /// Adds a set.
     pub(crate) fn push(&mut self, nodes: impl IntoIterator<Item = u32>) {
         self.nodes.extend(nodes);
@@ -20,7 +20,7 @@ impl Sets {
 
     /// The smallest node of all that each set hangs together with, by way of common nodes; [`NO_NODE`] for an empty
     /// set.
-    pub(crate) fn smallest(&self) -> Vec<u32> {
+    pub(crate) fn representatives(&self) -> Vec<u32> {
         let mut all = self.nodes.clone();
         all.sort_unstable();
         all.dedup();
@@ -60,10 +60,10 @@ mod tests {
 
     #[test]
     fn sets_hang_together_through_others() {
-        let mut sets = Sets::default();
+        let mut sets = UnionFind::default();
         for set in [vec![7, 9], vec![3, 4], vec![], vec![9, 12], vec![20], vec![4, 12], vec![21, 22]] {
             sets.push(set);
         }
-        assert_eq!(sets.smallest(), [3, 3, NO_NODE, 3, 20, 3, 21]);
+        assert_eq!(sets.representatives(), [3, 3, NO_NODE, 3, 20, 3, 21]);
     }
 }

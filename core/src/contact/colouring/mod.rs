@@ -9,7 +9,7 @@
 //! of these alone can be decided when all before it are. For the others ranks tell each other in rounds, for every node
 //! that somebody else has a copy of, the first pair there that is undecided and the colours taken (M. Jones, P.
 //! Plassmann, "A parallel graph coloring heuristic", SIAM Journal on Scientific Computing 14, 1993): a pair that is the
-//! first at all its nodes is decided by all its holders in the same round, with the same result.
+//! first at all its nodes is decided by all ranks that own one of its nodes in the same round, with the same result.
 
 pub(crate) mod order;
 #[cfg(test)]
@@ -47,17 +47,17 @@ const NOBODY: Key = [u32::MAX; 4];
 /// together.
 pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usize) -> [u32; 4]) -> (Vec<u32>, usize) {
     let (order, between) = order(count, nodes, &nodes_of);
-    let (mut colours, mut taken) = (vec![NO_COLOUR; count], Taken::new(nodes.cloth()));
+    let (mut colours, mut used_colours) = (vec![NO_COLOUR; count], UsedColours::new(nodes.cloth()));
     let alone = nodes.ranks().is_alone();
     let decided = if alone { 0 } else { between };
     if !alone {
-        colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut taken);
+        colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut used_colours);
     }
     // What is within a part is of one rank, and all before it is decided.
     for &pair in &order[decided..] {
         let of = nodes_of(pair as usize);
-        colours[pair as usize] = taken.first_free(&of);
-        taken.take(&of, colours[pair as usize]);
+        colours[pair as usize] = used_colours.first_free(&of);
+        used_colours.take(&of, colours[pair as usize]);
     }
     let highest = colours.iter().filter(|colour| **colour != NO_COLOUR).max();
     let number = nodes.ranks().max(highest.map_or(0.0, |colour| f64::from(*colour) + 1.0));
@@ -69,7 +69,7 @@ fn colour_together(
     nodes: &ContactNodes,
     (nodes_of, order): (impl Fn(usize) -> [u32; 4], &[u32]),
     colours: &mut [u32],
-    taken: &mut Taken,
+    used_colours: &mut UsedColours,
 ) {
     let has_copies = !nodes.halo().is_empty();
     let copied = if has_copies { nodes.cloth() } else { 0 };
@@ -80,7 +80,7 @@ fn colour_together(
         colours,
         used: vec![0; nodes.cloth()],
         waits: vec![false; nodes.cloth()],
-        told: vec![NOBODY; copied],
+        announced: vec![NOBODY; copied],
         has_changed: vec![false; copied],
     };
     let mut waiting: Vec<u32> = (0..order.len() as u32).collect();
@@ -89,18 +89,18 @@ fn colour_together(
             break;
         }
         waiting = colouring.page(page, waiting);
-        taken.keep(page, &colouring.used);
+        used_colours.keep(page, &colouring.used);
     }
 }
 
 /// Colours that are taken at each node, on all pages.
-struct Taken {
+struct UsedColours {
     /// Masks of each node.
     pages: usize,
     masks: Vec<u128>,
 }
 
-impl Taken {
+impl UsedColours {
     /// None at so many nodes.
     fn new(nodes: usize) -> Self {
         Self { pages: 1, masks: vec![0; nodes] }
@@ -195,7 +195,7 @@ struct Colouring<'a, F> {
     /// Nodes of which this pass has met a pair that it could not decide.
     waits: Vec<bool>,
     /// The first undecided pair at each node as of the last round, until it is decided.
-    told: Vec<Key>,
+    announced: Vec<Key>,
     /// Own nodes of which the others do not know yet what has changed; none between rounds.
     has_changed: Vec<bool>,
 }
@@ -234,7 +234,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         if !self.nodes.ranks().any(!left.is_empty()) {
             return;
         }
-        let mut queues = Queues::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
+        let mut queues = WaitLists::new(&left, self.nodes.cloth(), |place| self.nodes_at(place));
         let mut changed = queues.nodes();
         let mut round = 0;
         loop {
@@ -262,14 +262,14 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 
     /// Puts with the `full` what will find no colour of this page free, whatever comes before it: colours that are taken
-    /// stay taken. Just after ranks have told each other what is, all holders of a pair come to the same.
-    fn take_out_full(&self, left: &mut Vec<u32>, queues: &mut Queues, full: &mut Vec<u32>, changed: &mut Vec<u32>) {
+    /// stay taken. Just after ranks have told each other what is, all ranks with a node of a pair come to the same.
+    fn take_out_full(&self, left: &mut Vec<u32>, queues: &mut WaitLists, full: &mut Vec<u32>, changed: &mut Vec<u32>) {
         left.retain(|place| {
             if queues.is_out(*place) {
                 return false;
             }
             let of = self.nodes_at(*place);
-            let is_full = self.taken(&of) == u128::MAX;
+            let is_full = self.used_colours(&of) == u128::MAX;
             if is_full {
                 full.push(*place);
                 queues.take_out(*place, &of);
@@ -282,7 +282,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     /// Gives the pair at this place of the order the first free colour of the page, or puts it with the `full`.
     fn decide(&mut self, page: u32, place: u32, full: &mut Vec<u32>) {
         let of = self.nodes_at(place);
-        let colour = (!self.taken(&of)).trailing_zeros();
+        let colour = (!self.used_colours(&of)).trailing_zeros();
         if colour < PAGE {
             of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
             self.colours[self.order[place as usize] as usize] = page * PAGE + colour;
@@ -292,8 +292,8 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 
     /// Colours of the page that are taken at any of these nodes.
-    fn taken(&self, of: &[u32; 4]) -> u128 {
-        of.iter().fold(0, |taken, node| taken | self.used[*node as usize])
+    fn used_colours(&self, of: &[u32; 4]) -> u128 {
+        of.iter().fold(0, |used_colours, node| used_colours | self.used[*node as usize])
     }
 
     /// Nodes of the pair at a place of the order.
@@ -305,23 +305,23 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         of.iter().all(|node| self.nodes.is_own(*node))
     }
 
-    /// Whether all holders of this pair, the first at its nodes, know that it is.
+    /// Whether all ranks with a node of this pair, the first at its nodes, know that it is.
     fn is_known(&mut self, of: &[u32; 4]) -> bool {
         if self.is_own(of) {
             return true;
         }
         let key = of.map(|node| self.nodes.number(node));
-        let is_told = of.iter().all(|node| self.told[*node as usize] == key);
-        if is_told {
+        let is_announced = of.iter().all(|node| self.announced[*node as usize] == key);
+        if is_announced {
             // What comes next at these nodes is not known to everybody yet.
-            of.iter().for_each(|node| self.told[*node as usize] = NOBODY);
+            of.iter().for_each(|node| self.announced[*node as usize] = NOBODY);
         }
-        is_told
+        is_announced
     }
 
     /// Tells the copies of those own nodes that have `changed` what is first there and what is taken; returns nodes of
     /// which something else is known now.
-    fn tell(&mut self, queues: &Queues, changed: &[u32]) -> Vec<u32> {
+    fn tell(&mut self, queues: &WaitLists, changed: &[u32]) -> Vec<u32> {
         let nodes = self.nodes;
         let mut known: Vec<u32> = changed.iter().copied().filter(|node| nodes.is_own(*node)).collect();
         if nodes.halo().is_empty() {
@@ -329,16 +329,16 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         }
         for node in &known {
             let first = queues.first(*node).map(|place| self.nodes_at(place).map(|node| nodes.number(node)));
-            self.told[*node as usize] = first.unwrap_or(NOBODY);
+            self.announced[*node as usize] = first.unwrap_or(NOBODY);
             self.has_changed[*node as usize] = true;
         }
-        let (told, used, has_changed) = (&self.told, &self.used, &self.has_changed);
+        let (announced, used, has_changed) = (&self.announced, &self.used, &self.has_changed);
         let mut copies = Vec::new();
-        let own = |node: u32| has_changed[node as usize].then(|| pack(&told[node as usize], used[node as usize]));
-        nodes.halo().refresh_changed(nodes.ranks(), own, |copy, words: [u64; 4]| copies.push((copy, words)));
+        let own = |node: u32| has_changed[node as usize].then(|| pack(&announced[node as usize], used[node as usize]));
+        nodes.halo().update_changed(nodes.ranks(), own, |copy, words: [u64; 4]| copies.push((copy, words)));
         known.iter().for_each(|node| self.has_changed[*node as usize] = false);
         for (copy, words) in copies {
-            (self.told[copy], self.used[copy]) = unpack(&words);
+            (self.announced[copy], self.used[copy]) = unpack(&words);
             known.push(copy as u32);
         }
         known
@@ -346,7 +346,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
 }
 
 /// The undecided pairs of each node, by their places in the order, ascending.
-struct Queues {
+struct WaitLists {
     places: Vec<u32>,
     /// Where in `places` those of each node begin and end.
     ranges: Vec<Range<usize>>,
@@ -356,7 +356,7 @@ struct Queues {
     count: usize,
 }
 
-impl Queues {
+impl WaitLists {
     /// Those at these places, ascending.
     fn new(left: &[u32], nodes: usize, nodes_at: impl Fn(u32) -> [u32; 4]) -> Self {
         let mut ranges = vec![0..0; nodes];

@@ -1,9 +1,9 @@
 use super::*;
 use crate::contact::testing::{below, held, on_ranks, random_starts};
-use crate::geometry::testing::Random;
+use crate::geometry::random::SplitMix64;
 
-/// Random pairs of nodes that lie near each other in number, one in ten with any; ascending.
-fn random_pairs(random: &mut Random, count: usize, nodes: usize, bodies: usize) -> Vec<[u32; 4]> {
+/// SplitMix64 pairs of nodes that lie near each other in number, one in ten with any; ascending.
+fn random_pairs(random: &mut SplitMix64, count: usize, nodes: usize, bodies: usize) -> Vec<[u32; 4]> {
     let mut pairs: Vec<[u32; 4]> = Vec::new();
     for _ in 0..count {
         let first = below(random, nodes);
@@ -32,11 +32,11 @@ fn greedy(pairs: &[[u32; 4]], nodes: u32) -> Vec<u32> {
     let mut colours = vec![NO_COLOUR; pairs.len()];
     let mut page = 0;
     while !order.is_empty() {
-        let mut taken = vec![[false; PAGE as usize]; nodes as usize];
+        let mut used_colours = vec![[false; PAGE as usize]; nodes as usize];
         order.retain(|i| {
-            let free = (0..PAGE as usize).find(|c| pairs[*i].iter().all(|node| !taken[*node as usize][*c]));
+            let free = (0..PAGE as usize).find(|c| pairs[*i].iter().all(|node| !used_colours[*node as usize][*c]));
             let Some(free) = free else { return true };
-            pairs[*i].iter().for_each(|node| taken[*node as usize][free] = true);
+            pairs[*i].iter().for_each(|node| used_colours[*node as usize][free] = true);
             colours[*i] = page * PAGE + free as u32;
             false
         });
@@ -46,7 +46,7 @@ fn greedy(pairs: &[[u32; 4]], nodes: u32) -> Vec<u32> {
 }
 
 /// Checks that any number of ranks finds the colours of the definition; returns how many there are.
-fn check(random: &mut Random, pairs: Vec<[u32; 4]>, nodes: usize, bodies: usize) -> usize {
+fn check(random: &mut SplitMix64, pairs: Vec<[u32; 4]>, nodes: usize, bodies: usize) -> usize {
     let expected = greedy(&pairs, nodes as u32);
     let most = expected.iter().filter(|c| **c != NO_COLOUR).max().map_or(0, |c| *c as usize + 1);
     for ranks in [1, 2, 3, 5] {
@@ -67,7 +67,7 @@ fn check(random: &mut Random, pairs: Vec<[u32; 4]>, nodes: usize, bodies: usize)
 
 #[test]
 fn any_number_of_ranks_finds_the_colours_of_one_after_the_other() {
-    let mut random = Random(71);
+    let mut random = SplitMix64::new(71);
     for (count, nodes, bodies) in [(0, 4, 0), (1, 4, 0), (500, 300, 0), (4000, 700, 30), (3000, 100, 5)] {
         let pairs = random_pairs(&mut random, count, nodes, bodies);
         check(&mut random, pairs, nodes, bodies);
@@ -76,7 +76,7 @@ fn any_number_of_ranks_finds_the_colours_of_one_after_the_other() {
 
 #[test]
 fn pairs_that_find_no_colour_free_wait_for_the_next_page() {
-    let mut random = Random(72);
+    let mut random = SplitMix64::new(72);
     let pairs = random_pairs(&mut random, 2500, 30, 0);
     let most = check(&mut random, pairs, 30, 0);
     assert!(most > PAGE as usize, "so many pairs of so few nodes need a second page, not {most} colours");
@@ -84,7 +84,7 @@ fn pairs_that_find_no_colour_free_wait_for_the_next_page() {
 
 #[test]
 fn no_two_pairs_of_a_colour_share_a_node() {
-    let mut random = Random(73);
+    let mut random = SplitMix64::new(73);
     let pairs = random_pairs(&mut random, 3000, 200, 0);
     let (nodes, held) = held(&crate::parallel::ranks::Ranks::default(), &[0, 200], 0, &pairs);
     let (found, number) = colours(held.len(), &nodes, |i| held[i].1);

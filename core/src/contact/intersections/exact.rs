@@ -6,7 +6,7 @@
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::ghost_triangles::{Placed, visit_placed};
+use crate::contact::broad_phase::ghost_triangles::{GhostTriangles, exchange_ghosts_with_positions};
 use crate::contact::topology::faces::Faces;
 use crate::contact::topology::pair::{Pair, PairKind};
 use crate::contact::topology::surface::ContactSurface;
@@ -41,10 +41,11 @@ pub(crate) fn crossings(
     let number = |node: u32| nodes.number(node);
     let mut all: Vec<Crossing> = found.iter().map(|c| numbered(c, number, number)).collect();
     all.extend(with_visitors(surface, search, &cloth, moved));
-    let told: Vec<[u32; 5]> =
+    let rows: Vec<[u32; 5]> =
         all.iter().map(|c| [c.edge[0], c.edge[1], c.triangle[0], c.triangle[1], c.triangle[2]]).collect();
-    let heard = nodes.ranks().all_gather_each(&told).into_iter().flatten();
-    let mut all: Vec<Crossing> = heard.map(|[a, b, c, d, e]| Crossing { edge: [a, b], triangle: [c, d, e] }).collect();
+    let received = nodes.ranks().all_gather_v(&rows).into_iter().flatten();
+    let mut all: Vec<Crossing> =
+        received.map(|[a, b, c, d, e]| Crossing { edge: [a, b], triangle: [c, d, e] }).collect();
     all.sort_unstable();
     all.dedup();
     all
@@ -63,25 +64,32 @@ fn with_visitors(
     moved: Option<&[u8]>,
 ) -> Vec<Crossing> {
     let nodes = surface.nodes();
-    let told = visit_placed(nodes, surface.cloth(), cloth.tree, search.cloth_boxes(), cloth.positions, moved);
-    let Placed { faces, numbers, x, moved: theirs, tree } = Placed::new(&told);
-    let visitors = placed(&faces, &tree, &x);
+    let rows = exchange_ghosts_with_positions(
+        nodes,
+        surface.cloth(),
+        cloth.tree,
+        search.cloth_boxes(),
+        cloth.positions,
+        moved,
+    );
+    let GhostTriangles { faces, numbers, x, moved: theirs, tree } = GhostTriangles::new(&rows);
+    let ghosts = placed(&faces, &tree, &x);
     let number = |node: u32| nodes.number(node);
-    let visiting = |node: u32| numbers[node as usize];
+    let ghost_number = |node: u32| numbers[node as usize];
     let has_moved = |node: u32| moved.is_none_or(|moved| moved[node as usize] != 0);
     let they_have = |node: u32| theirs[node as usize];
     let asked = |edge: &[u32; 2], triangle: &[u32; 3]| {
-        let apart = !edge.iter().any(|e| triangle.iter().any(|t| number(*e) == visiting(*t)));
+        let apart = !edge.iter().any(|e| triangle.iter().any(|t| number(*e) == ghost_number(*t)));
         apart && (edge.iter().any(|e| has_moved(*e)) || triangle.iter().any(|t| they_have(*t)))
     };
     let asked_back = |edge: &[u32; 2], triangle: &[u32; 3]| {
-        let apart = !edge.iter().any(|e| triangle.iter().any(|t| visiting(*e) == number(*t)));
+        let apart = !edge.iter().any(|e| triangle.iter().any(|t| ghost_number(*e) == number(*t)));
         apart && (edge.iter().any(|e| they_have(*e)) || triangle.iter().any(|t| has_moved(*t)))
     };
-    let ours = crossings::find_between_where(cloth, &visitors, asked);
-    let back = crossings::find_between_where(&visitors, cloth, asked_back);
-    let ours = ours.iter().map(|c| numbered(c, number, visiting));
-    ours.chain(back.iter().map(|c| numbered(c, visiting, number))).collect()
+    let ours = crossings::find_between_where(cloth, &ghosts, asked);
+    let back = crossings::find_between_where(&ghosts, cloth, asked_back);
+    let ours = ours.iter().map(|c| numbered(c, number, ghost_number));
+    ours.chain(back.iter().map(|c| numbered(c, ghost_number, number))).collect()
 }
 
 /// A crossing in other numbers.
@@ -115,7 +123,7 @@ pub(crate) fn ignored_pairs(crossings: &[Crossing]) -> Vec<Pair> {
 pub(crate) fn pinched_vertices(surface: &ContactSurface, crossings: &[Crossing], bodies: &Bodies) -> Vec<u32> {
     let pinched = crossings.iter().filter(|crossing| surface.is_pinched(crossing, bodies));
     let numbers = pinched.flat_map(|c| c.edge.into_iter().chain(c.triangle));
-    let mut vertices: Vec<u32> = numbers.filter(|&number| number < surface.nodes().all_cloth()).collect();
+    let mut vertices: Vec<u32> = numbers.filter(|&number| number < surface.nodes().global_cloth_count()).collect();
     vertices.sort_unstable();
     vertices.dedup();
     vertices

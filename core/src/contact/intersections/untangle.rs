@@ -97,7 +97,8 @@ impl Known {
     ) -> Self {
         let nodes = surface.nodes();
         // What bodies do is known everywhere: one rank tells it.
-        let tells = |number: u32| nodes.owns(number) || (number >= nodes.all_cloth() && nodes.ranks().is_first());
+        let tells =
+            |number: u32| nodes.owns(number) || (number >= nodes.global_cloth_count() && nodes.ranks().is_first());
         let mut numbers: Vec<u32> = crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle)).collect();
         let mut edges: Vec<[u32; 2]> = crossings.iter().map(|crossing| crossing.edge).collect();
         numbers.retain(|number| tells(*number));
@@ -126,7 +127,7 @@ impl Known {
             });
         });
         let mut known = Self { points: BTreeMap::new(), edges: BTreeMap::new() };
-        for words in nodes.ranks().all_gather_each(packed.words()) {
+        for words in nodes.ranks().all_gather_v(packed.words()) {
             let mut unpacked = Unpacked::new(&words);
             unpacked.list(|unpacked| {
                 let number = unpacked.node();
@@ -246,7 +247,7 @@ mod tests {
     use crate::contact::intersections::exact;
     use crate::contact::testing::on_ranks;
     use crate::geometry::aabb::Aabb;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
     use crate::parallel::ranks::Ranks;
 
     /// Velocities of own vertices after the crossings of a heap were pushed apart, as bits; and how many there were.
@@ -254,7 +255,7 @@ mod tests {
         let surface = heap.surface(ranks, starts);
         let x = heap.at(&surface, 2);
         let mut search = PairSearch::new();
-        search.fit(&surface, |i| Aabb::of_point(&x[i]));
+        search.refit(&surface, |i| Aabb::of_point(&x[i]));
         let crossings = exact::crossings(&surface, &search, &x, None);
         let mut v: Vec<Vec3> = surface.nodes().own().map(|node| x[node] * 0.1).collect();
         push_apart(&surface, &crossings, &x, |node| x[node as usize] * 0.2, &mut v);
@@ -263,7 +264,7 @@ mod tests {
 
     #[test]
     fn any_number_of_ranks_pushes_alike() {
-        let mut random = Random(41);
+        let mut random = SplitMix64::new(41);
         let heap = Arc::new(Heap::random(&mut random, true));
         let (alone, crossings) = pushed(&heap, &Ranks::default(), &heap.cut(&mut random, 1));
         assert!(crossings > 20);

@@ -1,13 +1,13 @@
 //! Pairs as repulsion sees them: with their sides, and those that are active with what the laws need of them.
 
 use crate::Vec3;
-use crate::contact::bodies::constraints::{Supports, share_borne};
+use crate::contact::bodies::constraints::{BodyConstraints, share_borne_by_bodies};
 use crate::contact::colouring::order::Order;
 use crate::contact::topology::pair::Pair;
 
 /// A pair and its side.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sided {
+pub(super) struct OrientedPair {
     pub(super) pair: Pair,
     pub(super) thickness: f64,
     /// Points and triangles: ±1 in x, on which side of the triangle's normal the point is. Edges: the unit direction
@@ -17,7 +17,7 @@ pub(super) struct Sided {
 
 /// A pair as the laws see it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Touching {
+pub(super) struct ActiveContact {
     pub(super) nodes: [u32; 4],
     pub(super) weights: [f64; 4],
     pub(super) normal: Vec3,
@@ -30,15 +30,15 @@ pub(super) struct Touching {
     pub(super) friction: f64,
 }
 
-impl Touching {
+impl ActiveContact {
     /// How many times the normal impulse of a free pair is needed where nodes that move with `v` [m/s] lie on bodies, which do
     /// not give way.
-    pub(super) fn stiffer_on_bodies(&self, supports: &[Supports], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
+    pub(super) fn stiffer_on_bodies(&self, supports: &[BodyConstraints], mobility: &[f64], v: &[Vec3; 4]) -> f64 {
         // Of each side: nodes with positive weight are pushed along the normal, the others against it.
         let mut firm = [0.0; 2];
         for ((node, weight), v) in self.nodes.into_iter().zip(self.weights).zip(v) {
             let direction = self.normal * weight.signum();
-            let share = share_borne(&supports[node as usize], v, &direction);
+            let share = share_borne_by_bodies(&supports[node as usize], v, &direction);
             firm[usize::from(weight < 0.0)] += share * weight * weight * mobility[node as usize];
         }
         // Between bodies that bear both sides, nodes in between would be thrown where their weights are small.
@@ -50,10 +50,10 @@ impl Touching {
 /// All pairs of one kind.
 #[derive(Debug, Default)]
 pub(super) struct PairsOfKind {
-    pub(super) sided: Vec<Sided>,
+    pub(super) oriented: Vec<OrientedPair>,
     pub(super) order: Order,
     /// One entry for each of `sided`, in the order of their colours.
-    pub(super) touching: Vec<Option<Touching>>,
+    pub(super) contacts: Vec<Option<ActiveContact>>,
     /// The active ones.
     pub(super) live: Vec<u32>,
     pub(super) live_order: Order,

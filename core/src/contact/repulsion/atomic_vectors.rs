@@ -9,9 +9,9 @@ use crate::Vec3;
 
 /// An array of 3-vectors with entries that can be changed through a shared reference.
 #[derive(Debug)]
-pub(crate) struct SharedVectors(Vec<[AtomicU64; 3]>);
+pub(crate) struct AtomicVectors(Vec<[AtomicU64; 3]>);
 
-impl SharedVectors {
+impl AtomicVectors {
     /// So many zeros.
     pub(crate) fn new(count: usize) -> Self {
         Self((0..count).map(|_| Default::default()).collect())

@@ -6,8 +6,8 @@
 //! pairs that change what is told go first, and the others while it is on its way.
 
 use crate::Vec3;
-use crate::contact::repulsion::active_contact::{PairsOfKind, Touching};
-use crate::contact::repulsion::atomic_vectors::SharedVectors;
+use crate::contact::repulsion::active_contact::{ActiveContact, PairsOfKind};
+use crate::contact::repulsion::atomic_vectors::AtomicVectors;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::parallel::communicator::{Exchange, Expected, Message};
 use crate::parallel::message;
@@ -15,23 +15,23 @@ use crate::parallel::ranks::Ranks;
 
 /// What is told when.
 #[derive(Debug, Default)]
-pub(super) struct Borders {
+pub(super) struct HaloPerColour {
     /// Before the first sweep: all ghosts of active pairs.
-    first: Round,
+    first: HaloExchange,
     /// After each colour of each kind.
-    rounds: [Vec<Round>; 2],
+    rounds: [Vec<HaloExchange>; 2],
 }
 
 /// Velocities told at one time; local nodes.
 #[derive(Debug, Clone, Default)]
-struct Round {
+struct HaloExchange {
     /// How many active pairs of the colour change what is told; they stand first.
     ahead: usize,
     sends: Vec<(usize, Vec<u32>)>,
     receives: Vec<(usize, Vec<u32>)>,
 }
 
-impl Borders {
+impl HaloPerColour {
     /// The borders of pairs that are active, with a mark for each of their nodes. All ranks call it together.
     pub(super) fn of(nodes: &ContactNodes, kinds: &[PairsOfKind; 2], marked: &[bool]) -> Self {
         let halo = nodes.halo();
@@ -40,10 +40,10 @@ impl Borders {
         }
         let (wanted, first) = wanted(nodes, marked);
         let near = near(nodes, kinds, &wanted);
-        let mut rounds = [0, 1].map(|kind| vec![Round::default(); kinds[kind].live_order.colours().len()]);
+        let mut rounds = [0, 1].map(|kind| vec![HaloExchange::default(); kinds[kind].live_order.colours().len()]);
         let mut messages = Vec::new();
         for ((to, list), wanted) in halo.sends().iter().zip(&wanted) {
-            let words = told(nodes, &near, (*to, list), wanted);
+            let words = announced_pairs(nodes, &near, (*to, list), wanted);
             for ([kind, colour], places) in Entries(&words) {
                 let sent = places.iter().map(|place| list[*place as usize]).collect();
                 rounds[kind][colour].sends.push((*to, sent));
@@ -66,14 +66,15 @@ impl Borders {
     /// Puts the active pairs that change what is told before the others of their colour.
     pub(super) fn put_first(&mut self, kinds: &mut [PairsOfKind; 2]) {
         for (rounds, of_kind) in self.rounds.iter_mut().zip(kinds) {
-            let PairsOfKind { live, live_order, touching, .. } = of_kind;
+            let PairsOfKind { live, live_order, contacts, .. } = of_kind;
             for (round, range) in rounds.iter_mut().zip(live_order.colours()).filter(|(r, _)| !r.sends.is_empty()) {
-                let mut told: Vec<u32> = round.sends.iter().flat_map(|(_, list)| list).copied().collect();
-                told.sort_unstable();
-                let is_told = |touching: &Touching| touching.nodes.iter().any(|node| told.binary_search(node).is_ok());
+                let mut sent: Vec<u32> = round.sends.iter().flat_map(|(_, list)| list).copied().collect();
+                sent.sort_unstable();
+                let is_announced =
+                    |contacts: &ActiveContact| contacts.nodes.iter().any(|node| sent.binary_search(node).is_ok());
                 let live = &mut live[range.clone()];
                 let (ahead, rest): (Vec<u32>, Vec<u32>) =
-                    live.iter().partition(|pair| touching[**pair as usize].as_ref().is_some_and(is_told));
+                    live.iter().partition(|pair| contacts[**pair as usize].as_ref().is_some_and(is_announced));
                 round.ahead = ahead.len();
                 live[..ahead.len()].copy_from_slice(&ahead);
                 live[ahead.len()..].copy_from_slice(&rest);
@@ -82,7 +83,7 @@ impl Borders {
     }
 
     /// Gives the ghosts of active pairs their velocities.
-    pub(super) fn before_sweeps(&self, ranks: &Ranks, velocities: &SharedVectors) {
+    pub(super) fn before_sweeps(&self, ranks: &Ranks, velocities: &AtomicVectors) {
         if let Some(exchange) = self.first.start(ranks, velocities) {
             self.first.finish(ranks, exchange, velocities);
         }
@@ -94,7 +95,7 @@ impl Borders {
         ranks: &Ranks,
         [kind, colour]: [usize; 2],
         live: &[u32],
-        velocities: &SharedVectors,
+        velocities: &AtomicVectors,
         treat: impl Fn(&[u32]),
     ) {
         let Some(round) = self.rounds[kind].get(colour) else { return treat(live) };
@@ -108,9 +109,9 @@ impl Borders {
     }
 }
 
-impl Round {
+impl HaloExchange {
     /// Sends the velocities as they are now.
-    fn start<'a>(&self, ranks: &'a Ranks, velocities: &SharedVectors) -> Option<Box<dyn Exchange + 'a>> {
+    fn start<'a>(&self, ranks: &'a Ranks, velocities: &AtomicVectors) -> Option<Box<dyn Exchange + 'a>> {
         if self.sends.is_empty() && self.receives.is_empty() {
             return None;
         }
@@ -126,7 +127,7 @@ impl Round {
     }
 
     /// Waits for those of others.
-    fn finish(&self, ranks: &Ranks, exchange: Box<dyn Exchange + '_>, velocities: &SharedVectors) {
+    fn finish(&self, ranks: &Ranks, exchange: Box<dyn Exchange + '_>, velocities: &AtomicVectors) {
         for ((_, list), bytes) in self.receives.iter().zip(exchange.finish()) {
             let values: Vec<Vec3> = message::values(ranks.rank(), "velocities of active pairs", &bytes);
             list.iter().zip(&values).for_each(|(node, value)| velocities.set(*node, value));
@@ -136,7 +137,7 @@ impl Round {
 
 /// Which of the nodes that it has copies of each rank has in active pairs: their places in the list of what is sent to
 /// it, rank by rank as in the halo; and the round that gives all of them.
-fn wanted(nodes: &ContactNodes, marked: &[bool]) -> (Vec<Vec<u32>>, Round) {
+fn wanted(nodes: &ContactNodes, marked: &[bool]) -> (Vec<Vec<u32>>, HaloExchange) {
     let halo = nodes.halo();
     let is_wanted = |range: &std::ops::Range<usize>| marked[range.clone()].iter().map(|m| u8::from(*m)).collect();
     let ask = |(to, range): &(usize, _)| Message { to: *to, bytes: is_wanted(range) };
@@ -146,7 +147,7 @@ fn wanted(nodes: &ContactNodes, marked: &[bool]) -> (Vec<Vec<u32>>, Round) {
     let answers = nodes.ranks().start(messages, &asked).finish();
     let places = |marks: &Vec<u8>| (0..marks.len() as u32).filter(|place| marks[*place as usize] != 0).collect();
     let wanted: Vec<Vec<u32>> = answers.iter().map(places).collect();
-    let mut first = Round::default();
+    let mut first = HaloExchange::default();
     for ((to, list), wanted) in halo.sends().iter().zip(&wanted).filter(|(_, wanted)| !wanted.is_empty()) {
         first.sends.push((*to, wanted.iter().map(|place| list[*place as usize]).collect()));
     }
@@ -168,7 +169,7 @@ fn near(nodes: &ContactNodes, kinds: &[PairsOfKind; 2], wanted: &[Vec<u32>]) -> 
     let mut near = Vec::new();
     for (kind, of_kind) in kinds.iter().enumerate() {
         for (colour, range) in of_kind.live_order.colours().iter().enumerate() {
-            let active = of_kind.live[range.clone()].iter().filter_map(|&i| of_kind.touching[i as usize].as_ref());
+            let active = of_kind.live[range.clone()].iter().filter_map(|&i| of_kind.contacts[i as usize].as_ref());
             let watched = active.filter(|t| t.nodes.iter().any(|node| watched[*node as usize]));
             near.extend(watched.map(|t| ([kind as u32, colour as u32], t.nodes)));
         }
@@ -178,7 +179,12 @@ fn near(nodes: &ContactNodes, kinds: &[PairsOfKind; 2], wanted: &[Vec<u32>]) -> 
 
 /// What the rank `to` is told, which has copies of the nodes in `list`, as [`Entries`]: those that it wants, in pairs
 /// that it does not hold.
-fn told(nodes: &ContactNodes, near: &[([u32; 2], [u32; 4])], (to, list): (usize, &[u32]), wanted: &[u32]) -> Vec<u32> {
+fn announced_pairs(
+    nodes: &ContactNodes,
+    near: &[([u32; 2], [u32; 4])],
+    (to, list): (usize, &[u32]),
+    wanted: &[u32],
+) -> Vec<u32> {
     let received = nodes.halo().receives().iter().find(|(from, _)| *from == to);
     let theirs = received.map_or(0..0, |(_, range)| range.clone());
     let mut place_of: Vec<(u32, u32)> = wanted.iter().map(|place| (list[*place as usize], *place)).collect();

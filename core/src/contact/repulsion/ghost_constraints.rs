@@ -1,21 +1,22 @@
 //! Bodies that nodes of other ranks lie on.
 
 use crate::Vec3;
-use crate::contact::bodies::constraints::{HOLDS, Support, Supports};
+use crate::contact::bodies::constraints::{BodyConstraint, BodyConstraints, MAX_BODY_CONTACTS};
 use crate::contact::topology::nodes::ContactNodes;
 
 /// Gives ghosts the supports of their owners. All ranks call it together.
-pub(crate) fn tell_ghosts(nodes: &ContactNodes, all: &mut [Supports]) {
+pub(crate) fn tell_ghosts(nodes: &ContactNodes, all: &mut [BodyConstraints]) {
     // Four numbers each; nothing has a normal of zero.
-    let numbers = |support: &Option<Support>| {
-        support.map_or([0.0; 4], |Support { normal, least }| [normal.x, normal.y, normal.z, least])
+    let numbers = |support: &Option<BodyConstraint>| {
+        support.map_or([0.0; 4], |BodyConstraint { normal, least }| [normal.x, normal.y, normal.z, least])
     };
-    let mut told: Vec<[[f64; 4]; HOLDS]> = all.iter().map(|supports| supports.each_ref().map(numbers)).collect();
-    nodes.refresh(&mut told);
+    let mut rows: Vec<[[f64; 4]; MAX_BODY_CONTACTS]> =
+        all.iter().map(|supports| supports.each_ref().map(numbers)).collect();
+    nodes.update(&mut rows);
     for node in nodes.ghost_places() {
-        all[node] = told[node].map(|[x, y, z, least]| {
+        all[node] = rows[node].map(|[x, y, z, least]| {
             let normal = Vec3::new(x, y, z);
-            (normal != Vec3::zeros()).then_some(Support { normal, least })
+            (normal != Vec3::zeros()).then_some(BodyConstraint { normal, least })
         });
     }
 }

@@ -10,12 +10,12 @@
 use rayon::prelude::*;
 
 use crate::Vec3;
-use crate::contact::bodies::constraints::{Supports, borne};
-use crate::contact::broad_phase::candidate_pair::Neighbour;
-use crate::contact::broad_phase::proximity_list::{ACTIVE, Neighbours};
-use crate::contact::repulsion::active_contact::{PairsOfKind, Sided, Touching};
-use crate::contact::repulsion::atomic_vectors::SharedVectors;
-use crate::contact::repulsion::colour_halo::Borders;
+use crate::contact::bodies::constraints::{BodyConstraints, project_velocity};
+use crate::contact::broad_phase::candidate_pair::CandidatePair;
+use crate::contact::broad_phase::proximity_list::{ACTIVE, ProximityList};
+use crate::contact::repulsion::active_contact::{ActiveContact, OrientedPair, PairsOfKind};
+use crate::contact::repulsion::atomic_vectors::AtomicVectors;
+use crate::contact::repulsion::colour_halo::HaloPerColour;
 use crate::contact::tolerances::TRUSTED_SIDE;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{KINDS, Pair, PairKind};
@@ -66,7 +66,7 @@ pub(crate) enum Passes {
 
 /// What the sweeps act on; arrays over this rank's nodes of cloth, ghosts included.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Moment<'a> {
+pub(crate) struct RepulsionStep<'a> {
     /// The numbering of the nodes.
     pub nodes: &'a ContactNodes,
     /// Length of the time step [s].
@@ -78,17 +78,17 @@ pub(crate) struct Moment<'a> {
     /// What the friction of the laws is multiplied by, and what is added to it; `None` if it is nowhere painted.
     pub friction: Option<&'a [[f64; 2]]>,
     /// Bodies that the nodes lie on; `None` where repulsion does not care.
-    pub supports: Option<&'a [Supports]>,
+    pub supports: Option<&'a [BodyConstraints]>,
 }
 
 /// A law of `docs/theory/self_contact.md#repulsion-with-history`: the change of a pair's normal velocity [m/s], if it
 /// acts, from that velocity.
-type Law<'a> = dyn Fn(&Touching, f64) -> Option<f64> + Sync + 'a;
+type Law<'a> = dyn Fn(&ActiveContact, f64) -> Option<f64> + Sync + 'a;
 
 impl PairsOfKind {
     /// The active pairs, in the order of their colours.
-    fn active(&self) -> impl Iterator<Item = &Touching> {
-        self.live.iter().filter_map(|&i| self.touching[i as usize].as_ref())
+    fn active(&self) -> impl Iterator<Item = &ActiveContact> {
+        self.live.iter().filter_map(|&i| self.contacts[i as usize].as_ref())
     }
 }
 
@@ -97,14 +97,14 @@ impl PairsOfKind {
 pub(crate) struct Repulsions {
     laws: Laws,
     kinds: [PairsOfKind; 2],
-    velocities: SharedVectors,
+    velocities: AtomicVectors,
     /// What bodies bear, as changes of velocities; only with supports.
-    loads: SharedVectors,
+    loads: AtomicVectors,
     /// Nodes of active pairs.
     nodes: Vec<u32>,
     seen: Vec<bool>,
     /// What ranks tell each other during a pass.
-    borders: Borders,
+    halo_per_colour: HaloPerColour,
     /// Active pairs at home here, and those of them that have passed through each other.
     active: u64,
     inverted: u64,
@@ -115,14 +115,16 @@ pub(crate) struct Repulsions {
 impl Repulsions {
     /// Repulsions without pairs yet.
     pub(crate) fn new(laws: Laws) -> Self {
-        let (kinds, velocities, loads) = (Default::default(), SharedVectors::new(0), SharedVectors::new(0));
-        let (nodes, seen, borders) = Default::default();
-        Self { laws, kinds, velocities, loads, nodes, seen, borders, active: 0, inverted: 0, fresh: false }
+        let (kinds, velocities, loads) = (Default::default(), AtomicVectors::new(0), AtomicVectors::new(0));
+        let (nodes, seen, halo_per_colour) = Default::default();
+        Self { laws, kinds, velocities, loads, nodes, seen, halo_per_colour, active: 0, inverted: 0, fresh: false }
     }
 
     /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
-        let kind = |k: &PairsOfKind| k.sided.capacity() * (size_of::<Sided>() + size_of::<Option<Touching>>() + 4);
+        let kind = |k: &PairsOfKind| {
+            k.oriented.capacity() * (size_of::<OrientedPair>() + size_of::<Option<ActiveContact>>() + 4)
+        };
         let vectors = (self.velocities.count() + self.loads.count()) * size_of::<Vec3>();
         self.kinds.iter().map(kind).sum::<usize>() + vectors + self.seen.len()
     }
@@ -135,10 +137,10 @@ impl Repulsions {
     /// A: gives every pair that may come within touching distance its side, at the collision-free positions `x` [m].
     /// `slack` is how far any two nodes may approach until the next collision-free state [m]; pairs for which `ignored`
     /// holds, by the scene's numbers of their nodes, get none.
-    pub(crate) fn take_sides(
+    pub(crate) fn record_orientations(
         &mut self,
         nodes: &ContactNodes,
-        neighbours: &Neighbours,
+        neighbours: &ProximityList,
         x: &[Vec3],
         slack: f64,
         ignored: &(impl Fn(&Pair) -> bool + Sync),
@@ -146,14 +148,14 @@ impl Repulsions {
         for kind in KINDS {
             let list = neighbours.list(kind);
             let of_kind = &mut self.kinds[kind as usize];
-            let near = |n: &Neighbour| {
+            let near = |n: &CandidatePair| {
                 let limit = ACTIVE * f64::from(n.thickness) + slack;
                 if n.thickness <= 0.0 || neighbours.distance_bound(n) > limit {
                     return None;
                 }
-                sided(n, x, limit).filter(|s| !ignored(&nodes.numbered(&s.pair)))
+                oriented(n, x, limit).filter(|s| !ignored(&nodes.numbered(&s.pair)))
             };
-            let pieces: Vec<(Vec<u32>, Vec<Sided>)> = list
+            let pieces: Vec<(Vec<u32>, Vec<OrientedPair>)> = list
                 .par_chunks(CHUNK)
                 .enumerate()
                 .map(|(c, chunk)| {
@@ -163,13 +165,13 @@ impl Repulsions {
                 })
                 .collect();
             of_kind.live.clear();
-            of_kind.sided.clear();
+            of_kind.oriented.clear();
             for (places, pairs) in pieces {
                 of_kind.live.extend(places);
-                of_kind.sided.extend(pairs);
+                of_kind.oriented.extend(pairs);
             }
             of_kind.order = neighbours.order(kind).restricted(&of_kind.live);
-            of_kind.touching.resize(of_kind.sided.len(), None);
+            of_kind.contacts.resize(of_kind.oriented.len(), None);
         }
         self.fresh = false;
     }
@@ -182,7 +184,7 @@ impl Repulsions {
     /// B.2 or B.8: changes the velocities `v` [m/s], over this rank's nodes of cloth, of the nodes of all active pairs.
     /// Those of ghosts may be anything before, and are of no use after. With supports, velocities point into bodies afterwards
     /// by what these have to bear. All ranks call it together.
-    pub(crate) fn apply(&mut self, passes: Passes, at: &Moment<'_>, v: &mut [Vec3], metrics: &mut Metrics) {
+    pub(crate) fn apply(&mut self, passes: Passes, at: &RepulsionStep<'_>, v: &mut [Vec3], metrics: &mut Metrics) {
         if !self.fresh {
             self.refresh(at);
             self.fresh = true;
@@ -191,8 +193,8 @@ impl Repulsions {
             return;
         }
         self.nodes.iter().for_each(|&node| self.velocities.set(node, &v[node as usize]));
-        self.lay_down(at);
-        self.borders.before_sweeps(at.nodes.ranks(), &self.velocities);
+        self.project_on_supports(at);
+        self.halo_per_colour.before_sweeps(at.nodes.ranks(), &self.velocities);
         let dt = at.dt;
         let law = |kind: usize, law: &Law<'_>| self.sweep(kind, at, law);
         let laws = self.laws;
@@ -222,65 +224,66 @@ impl Repulsions {
     }
 
     /// Finds the active pairs and their geometry.
-    fn refresh(&mut self, at: &Moment<'_>) {
+    fn refresh(&mut self, at: &RepulsionStep<'_>) {
         let laws = self.laws;
         for of_kind in &mut self.kinds {
-            let chunks = of_kind.touching.par_chunks_mut(CHUNK).zip(of_kind.sided.par_chunks(CHUNK));
-            chunks.for_each(|(touching, sided)| {
-                touching.iter_mut().zip(sided).for_each(|(t, s)| *t = s.touching(&laws, at));
+            let chunks = of_kind.contacts.par_chunks_mut(CHUNK).zip(of_kind.oriented.par_chunks(CHUNK));
+            chunks.for_each(|(contacts, oriented)| {
+                contacts.iter_mut().zip(oriented).for_each(|(t, s)| *t = s.contacts(&laws, at));
             });
             of_kind.live.clear();
-            of_kind.live.extend((0..of_kind.touching.len() as u32).filter(|&i| of_kind.touching[i as usize].is_some()));
+            of_kind.live.extend((0..of_kind.contacts.len() as u32).filter(|&i| of_kind.contacts[i as usize].is_some()));
             of_kind.live_order = of_kind.order.restricted(&of_kind.live);
         }
         self.nodes.iter().for_each(|&node| self.seen[node as usize] = false);
         self.nodes.clear();
         if self.seen.len() != at.nodes.cloth() {
             self.seen = vec![false; at.nodes.cloth()];
-            self.velocities = SharedVectors::new(at.nodes.cloth());
+            self.velocities = AtomicVectors::new(at.nodes.cloth());
         }
         (self.active, self.inverted) = (0, 0);
-        for touching in self.kinds.iter().flat_map(PairsOfKind::active) {
-            let is_home = at.nodes.is_home(&touching.nodes);
+        for contacts in self.kinds.iter().flat_map(PairsOfKind::active) {
+            let is_home = at.nodes.is_canonical_rank(&contacts.nodes);
             self.active += u64::from(is_home);
-            self.inverted += u64::from(is_home && touching.distance < 0.0);
-            for node in touching.nodes {
+            self.inverted += u64::from(is_home && contacts.distance < 0.0);
+            for node in contacts.nodes {
                 if !std::mem::replace(&mut self.seen[node as usize], true) {
                     self.nodes.push(node);
                 }
             }
         }
-        self.borders = Borders::of(at.nodes, &self.kinds, &self.seen);
-        self.borders.put_first(&mut self.kinds);
+        self.halo_per_colour = HaloPerColour::of(at.nodes, &self.kinds, &self.seen);
+        self.halo_per_colour.put_first(&mut self.kinds);
     }
 
     /// Before the sweeps: nothing on a body moves into it any more.
-    fn lay_down(&mut self, at: &Moment<'_>) {
+    fn project_on_supports(&mut self, at: &RepulsionStep<'_>) {
         let Some(supports) = at.supports else { return };
         if self.loads.count() != at.nodes.cloth() {
-            self.loads = SharedVectors::new(at.nodes.cloth());
+            self.loads = AtomicVectors::new(at.nodes.cloth());
         }
         for &node in &self.nodes {
             let mut load = Vec3::zeros();
-            self.velocities.set(node, &borne(&supports[node as usize], &self.velocities.get(node), &mut load));
+            self.velocities
+                .set(node, &project_velocity(&supports[node as usize], &self.velocities.get(node), &mut load));
             self.loads.set(node, &load);
         }
     }
 
     /// Gives a node the velocity that an impulse would; what bodies bear of it goes to its load.
-    fn push(&self, at: &Moment<'_>, node: u32, velocity: &Vec3) {
+    fn push(&self, at: &RepulsionStep<'_>, node: u32, velocity: &Vec3) {
         let Some(supports) = at.supports else { return self.velocities.set(node, velocity) };
         let mut load = self.loads.get(node);
-        self.velocities.set(node, &borne(&supports[node as usize], velocity, &mut load));
+        self.velocities.set(node, &project_velocity(&supports[node as usize], velocity, &mut load));
         self.loads.set(node, &load);
     }
 
     /// One Gauss-Seidel pass in the order of the colours. `law` gives the change of the normal velocity that it wants, from
     /// that velocity.
-    fn sweep(&self, kind: usize, at: &Moment<'_>, law: &Law<'_>) {
+    fn sweep(&self, kind: usize, at: &RepulsionStep<'_>, law: &Law<'_>) {
         let of_kind = &self.kinds[kind];
         let one = |&i: &u32| {
-            let Some(t) = &of_kind.touching[i as usize] else { return };
+            let Some(t) = &of_kind.contacts[i as usize] else { return };
             let v = t.nodes.map(|node| self.velocities.get(node));
             let [a, b, c, d] = t.weights;
             let relative = v[0] * a + v[1] * b + v[2] * c + v[3] * d;
@@ -301,14 +304,14 @@ impl Repulsions {
         };
         for (number, colour) in of_kind.live_order.colours().iter().enumerate() {
             let live = &of_kind.live[colour.clone()];
-            self.borders.with_colour(at.nodes.ranks(), [kind, number], live, &self.velocities, treat);
+            self.halo_per_colour.with_colour(at.nodes.ranks(), [kind, number], live, &self.velocities, treat);
         }
     }
 }
 
 /// The side of a pair at a collision-free state, unless it is farther apart than `limit` or next to each other rather
 /// than in front of each other, where no side can be trusted.
-fn sided(neighbour: &Neighbour, x: &[Vec3], limit: f64) -> Option<Sided> {
+fn oriented(neighbour: &CandidatePair, x: &[Vec3], limit: f64) -> Option<OrientedPair> {
     let pair = neighbour.pair;
     let at = pair.positions(x);
     let apart = pair.closest(&at).apart;
@@ -328,14 +331,14 @@ fn sided(neighbour: &Neighbour, x: &[Vec3], limit: f64) -> Option<Sided> {
         PairKind::PointTriangle => Vec3::x() * along.signum(),
         PairKind::EdgeEdge => apart / distance,
     };
-    Some(Sided { pair, thickness: f64::from(neighbour.thickness), side })
+    Some(OrientedPair { pair, thickness: f64::from(neighbour.thickness), side })
 }
 
-impl Sided {
+impl OrientedPair {
     /// The pair at `x`, if it is within touching distance and in front of each other
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
-    fn touching(&self, laws: &Laws, moment: &Moment<'_>) -> Option<Touching> {
+    fn contacts(&self, laws: &Laws, moment: &RepulsionStep<'_>) -> Option<ActiveContact> {
         let at = self.pair.positions(moment.x);
         let reach = ACTIVE * self.thickness;
         let (weights, normal, distance) = match self.pair.kind {
@@ -353,7 +356,7 @@ impl Sided {
         }
         let (thickness, mean_mobility) = (self.thickness, 0.25 * sum);
         let friction = moment.friction.map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
-        (response > 0.0).then_some(Touching {
+        (response > 0.0).then_some(ActiveContact {
             nodes,
             weights,
             normal,
@@ -402,24 +405,24 @@ impl Sided {
 
 impl Laws {
     /// Approach speed that a pair may keep in a step [m/s] (`docs/theory/self_contact.md#repulsion-with-history`).
-    fn speed_limit(&self, t: &Touching, dt: f64) -> f64 {
+    fn speed_limit(&self, t: &ActiveContact, dt: f64) -> f64 {
         self.limit / dt * (t.thickness - t.distance)
     }
 
     /// What the repulsion spring adds to the relative velocity in a step [m/s].
-    fn spring(&self, t: &Touching, dt: f64) -> f64 {
+    fn spring(&self, t: &ActiveContact, dt: f64) -> f64 {
         dt * self.stiffness * t.mean_mobility / t.thickness * (t.thickness - t.distance).max(0.0)
     }
 
     /// Law (a): the repulsion spring.
-    fn elastic_change(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
+    fn elastic_change(&self, t: &ActiveContact, normal_velocity: f64, dt: f64) -> Option<f64> {
         let limit = self.speed_limit(t, dt);
         let change = || (limit - normal_velocity).min(self.spring(t, dt));
         (normal_velocity < limit).then(change)
     }
 
     /// Law (b): approach is stopped; pairs slightly apart may still approach slowly.
-    fn inelastic_change(&self, t: &Touching, normal_velocity: f64, dt: f64) -> Option<f64> {
+    fn inelastic_change(&self, t: &ActiveContact, normal_velocity: f64, dt: f64) -> Option<f64> {
         let limit = if t.distance < t.thickness { 0.0 } else { self.speed_limit(t, dt) };
         let approaches = normal_velocity < 0.0 && normal_velocity < limit;
         approaches.then_some(limit - normal_velocity)
@@ -437,7 +440,7 @@ impl Laws {
 
     /// A change of the normal velocity, and with it law (c): Coulomb friction that this change bears. What other pairs of
     /// the same vertices have borne already is no load any more.
-    fn with_friction(&self, t: &Touching, relative: &Vec3, change: f64) -> Vec3 {
+    fn with_friction(&self, t: &ActiveContact, relative: &Vec3, change: f64) -> Vec3 {
         let tangential = relative - t.normal * relative.dot(&t.normal);
         let speed = tangential.norm();
         let share = if speed > NO_DIRECTION { (t.friction * change / speed).min(1.0) } else { 0.0 };

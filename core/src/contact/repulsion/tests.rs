@@ -1,5 +1,5 @@
 use super::*;
-use crate::contact::bodies::constraints::Support;
+use crate::contact::bodies::constraints::BodyConstraint;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::topology::surface::ContactSurface;
 use crate::mesh::PolygonMesh;
@@ -54,20 +54,26 @@ impl Pushed {
     fn new(scene: &Scene, laws: Laws) -> Self {
         let mut surface = ContactSurface::new(scene, 1.0);
         let mut state = State::at_start(scene);
-        let mut neighbours = Neighbours::new(&surface, true);
+        let mut neighbours = ProximityList::new(&surface, true);
         neighbours.rebuild(&mut surface, &mut PairSearch::new(), &mut state.x, SLACK, 0.0);
-        neighbours.note_ways(&surface, &state.x, &state.x);
+        neighbours.update_displacements(&surface, &state.x, &state.x);
         let mut repulsions = Repulsions::new(laws);
         let nodes = surface.nodes().clone();
-        repulsions.take_sides(&nodes, &neighbours, &state.x, SLACK, &|_| false);
+        repulsions.record_orientations(&nodes, &neighbours, &state.x, SLACK, &|_| false);
         let mobility = scene.masses().iter().map(|m| 1.0 / m).collect();
         Self { nodes, x: state.x, v: state.v, mobility, repulsions }
     }
 
     fn apply(&mut self, passes: Passes, dt: f64) -> Metrics {
         let mut metrics = Metrics::default();
-        let at =
-            Moment { nodes: &self.nodes, dt, x: &self.x, mobility: &self.mobility, friction: None, supports: None };
+        let at = RepulsionStep {
+            nodes: &self.nodes,
+            dt,
+            x: &self.x,
+            mobility: &self.mobility,
+            friction: None,
+            supports: None,
+        };
         self.repulsions.apply(passes, &at, &mut self.v, &mut metrics);
         metrics
     }
@@ -80,7 +86,7 @@ impl Pushed {
 
     /// The signed distance of the only pair that is active.
     fn distance(&mut self) -> Option<f64> {
-        let at = Moment {
+        let at = RepulsionStep {
             nodes: &self.nodes,
             dt: 1.0,
             x: &self.x,
@@ -90,7 +96,7 @@ impl Pushed {
         };
         self.repulsions.refresh(&at);
         let kinds = &self.repulsions.kinds;
-        kinds.iter().flat_map(|k| &k.touching).flatten().map(|t| t.distance).min_by(f64::total_cmp)
+        kinds.iter().flat_map(|k| &k.contacts).flatten().map(|t| t.distance).min_by(f64::total_cmp)
     }
 
     /// Moves the second garment.
@@ -149,7 +155,7 @@ fn friction_stops_sliding_within_its_cone_and_only_there() {
         let mut pushed = Pushed::new(scene, Laws { friction, stiffness: 0.0, ..LAWS });
         pushed.v[3..].fill(Vec3::new(1.0, -1.0, 0.0));
         pushed.apply(Passes::WithoutSprings, 1e-3);
-        let active = pushed.repulsions.kinds[0].touching.iter().flatten().next().expect("a corner over a triangle");
+        let active = pushed.repulsions.kinds[0].contacts.iter().flatten().next().expect("a corner over a triangle");
         let v: Vec<Vec3> = active.nodes.iter().map(|n| pushed.v[*n as usize]).collect();
         let relative: Vec3 = v.iter().zip(active.weights).map(|(v, w)| v * w).sum();
         assert!(relative.dot(&active.normal) > -1e-12, "approach is stopped");
@@ -201,7 +207,7 @@ fn a_pair_beside_each_other_has_no_side() {
     // The corner is as high above the plane as it is thick, but far outside of the triangle.
     let scene = two_triangles([[-0.04, 0.004, 0.0], [-0.4, 0.8, 0.2], [-0.4, 0.8, -0.2]]);
     let pushed = Pushed::new(&scene, LAWS);
-    assert!(pushed.repulsions.kinds[0].sided.is_empty());
+    assert!(pushed.repulsions.kinds[0].oriented.is_empty());
 }
 
 #[test]
@@ -228,10 +234,10 @@ fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
         let corner = (3..6).find(|i| pushed.x[*i].y < 0.1).expect("the corner is the lowest");
         let up = if falls == 0 { Vec3::y() } else { -Vec3::y() };
         let lies: Vec<usize> = if falls == 0 { (0..3).collect() } else { vec![corner] };
-        let mut supports = vec![Supports::default(); 6];
+        let mut supports = vec![BodyConstraints::default(); 6];
         // The body moves, so that nothing depends on its standing still.
         let least = 0.25;
-        lies.iter().for_each(|i| supports[*i][0] = Some(Support { normal: up, least }));
+        lies.iter().for_each(|i| supports[*i][0] = Some(BodyConstraint { normal: up, least }));
         let start = up * least + Vec3::new(0.01, 0.0, 0.02);
         pushed.v.fill(start);
         let falling: Vec<usize> = if falls == 0 { vec![corner] } else { (0..3).collect() };
@@ -240,12 +246,12 @@ fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
         let (before, at_start) = (momentum(&pushed), pushed.v.clone());
         let mut metrics = Metrics::default();
         let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-        let at = Moment { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+        let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
         pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut metrics);
         let bears = (before - momentum(&pushed)).abs();
         assert!(bears < 1e-12, "what was given and what bodies have to bear differ by {bears} N s");
         // The first impulse on a node stops all of the approach: no sweep is needed to wear it down.
-        let active = pushed.repulsions.kinds[0].touching.iter().flatten().next().expect("a corner over a triangle");
+        let active = pushed.repulsions.kinds[0].contacts.iter().flatten().next().expect("a corner over a triangle");
         let stopped = |i: &u32| {
             let lies_here = lies.contains(&(*i as usize));
             if lies_here { start } else { pushed.v[*i as usize] }
@@ -262,13 +268,13 @@ fn a_node_on_a_body_passes_impulses_on_and_the_body_bears_them() {
 fn friction_between_a_node_on_a_body_and_another_is_coulombs_of_all_that_it_bears() {
     for friction in [0.05, 0.4] {
         let mut pushed = Pushed::new(&scenes()[0], Laws { friction, ..LAWS });
-        let mut supports = vec![Supports::default(); 6];
-        supports[..3].iter_mut().for_each(|s| s[0] = Some(Support { normal: Vec3::y(), least: 0.0 }));
+        let mut supports = vec![BodyConstraints::default(); 6];
+        supports[..3].iter_mut().for_each(|s| s[0] = Some(BodyConstraint { normal: Vec3::y(), least: 0.0 }));
         pushed.v[3..].fill(Vec3::new(1.0, -1.0, 0.0));
         let impulse = |p: &Pushed, v: &[Vec3]| -> Vec3 { (3..6).map(|i| (p.v[i] - v[i]) / p.mobility[i]).sum() };
         let at_start = pushed.v.clone();
         let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-        let at = Moment { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+        let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
         pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut Metrics::default());
         let given = impulse(&pushed, &at_start);
         assert!((-given.x / given.y - friction).abs() < 1e-9, "{} for {friction}", -given.x / given.y);
@@ -281,14 +287,14 @@ fn nodes_between_two_bodies_are_not_thrown() {
     let scene = two_triangles([[0.009, 0.025, 0.0], [0.4, 0.8, 0.2], [0.4, 0.8, -0.2]]);
     let mut pushed = Pushed::new(&scene, LAWS);
     let free = (0..3).find(|i| pushed.x[*i].x > 0.4).expect("the triangle has a third corner");
-    let mut supports = vec![Supports::default(); 6];
+    let mut supports = vec![BodyConstraints::default(); 6];
     for i in (0..6).filter(|i| *i != free) {
         let normal = if i < 3 { Vec3::y() } else { -Vec3::y() };
-        supports[i][0] = Some(Support { normal, least: 0.0 });
+        supports[i][0] = Some(BodyConstraint { normal, least: 0.0 });
     }
     pushed.v[free] = Vec3::y();
     let (nodes, x, mobility) = (&pushed.nodes, &pushed.x, &pushed.mobility);
-    let at = Moment { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
+    let at = RepulsionStep { nodes, dt: 1e-3, x, mobility, friction: None, supports: Some(&supports) };
     pushed.repulsions.apply(Passes::WithoutSprings, &at, &mut pushed.v, &mut Metrics::default());
     let speed = pushed.v[free].norm();
     assert!(speed <= 1.0, "{speed} m/s");

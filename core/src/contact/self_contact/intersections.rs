@@ -43,7 +43,7 @@ impl SelfContact {
         let mut round = 0;
         let found = loop {
             let end = &paths.end;
-            self.search.fit(surface, |i| Aabb::of_point(&end[i]));
+            self.search.refit(surface, |i| Aabb::of_point(&end[i]));
             let found = crossings(surface, &self.search, end, only.as_deref().filter(|_| round == 0));
             if among_cloth(&found) <= allowed || round > REVERT_ROUNDS {
                 break found;
@@ -54,7 +54,7 @@ impl SelfContact {
             numbers.filter_map(|number| nodes.local(*number)).for_each(|node| stopped[node as usize] = 1);
             // The neighbours of what stays too: nothing new may be made at its border. At last everything stays.
             surface.grow(&mut stopped);
-            nodes.refresh(&mut stopped);
+            nodes.update(&mut stopped);
             for (node, vertex) in nodes.own().zip(surface.place()) {
                 if stopped[node] != 0 || round == REVERT_ROUNDS {
                     let change = paths.start[node] - paths.end[node];
@@ -63,7 +63,7 @@ impl SelfContact {
                     v[vertex] += (change / duration).component_mul(&surface.free_axes(node));
                 }
             }
-            nodes.refresh(&mut paths.end);
+            nodes.update(&mut paths.end);
             round += 1;
         };
         geometric.note_crossings(surface, found, bodies);
@@ -83,7 +83,7 @@ impl SelfContact {
         let has_bodies = !self.surface.bodies().triangles().is_empty();
         let may_cross = |near: &Vec<u8>| self.surface.ranks().any(near.contains(&1));
         let found = if has_bodies || near.as_ref().is_none_or(may_cross) {
-            self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
+            self.search.refit(&self.surface, |i| Aabb::of_point(&end[i]));
             crossings(&self.surface, &self.search, end, near.as_deref())
         } else {
             Vec::new()
@@ -105,13 +105,13 @@ impl SelfContact {
         if geometric.as_ref().is_none_or(|g| !g.crossings.is_empty()) {
             return None;
         }
-        let used = neighbours.note_ways(surface, &paths.end, &paths.end);
+        let used = neighbours.update_displacements(surface, &paths.end, &paths.end);
         if !holds_all(neighbours, used) {
             return None;
         }
         let mut near = vec![0; surface.nodes().count()];
-        neighbours.mark_close(MARGIN, &mut near);
-        surface.nodes().refresh(&mut near);
+        neighbours.mark_in_contact(MARGIN, &mut near);
+        surface.nodes().update(&mut near);
         Some(near)
     }
 
@@ -122,7 +122,7 @@ impl SelfContact {
         let cloth = self.surface.nodes().cloth();
         self.paths.end[..cloth].par_iter_mut().for_each(|x| *x = place(x));
         let end = &self.paths.end;
-        self.search.fit(&self.surface, |i| Aabb::of_point(&end[i]));
+        self.search.refit(&self.surface, |i| Aabb::of_point(&end[i]));
         let found = crossings(&self.surface, &self.search, end, None);
         found.iter().filter(|crossing| self.surface.is_cloth(crossing)).count()
     }
@@ -141,7 +141,7 @@ impl Geometric {
 fn marks(nodes: &ContactNodes, own: &[u32]) -> Vec<u8> {
     let mut marks = vec![0; nodes.count()];
     own.iter().for_each(|node| marks[*node as usize] = 1);
-    nodes.refresh(&mut marks);
+    nodes.update(&mut marks);
     marks
 }
 
@@ -149,7 +149,7 @@ fn marks(nodes: &ContactNodes, own: &[u32]) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::contact::self_contact::CollisionSettings;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
     use crate::mesh::PolygonMesh;
     use crate::scene::{GarmentDescription, Scene, SceneDescription};
     use crate::state::State;
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn looking_around_close_pairs_alone_finds_what_looking_everywhere_finds() {
-        let (scene, mut random) = (sheets(), Random(17));
+        let (scene, mut random) = (sheets(), SplitMix64::new(17));
         let mut all = 0;
         for round in 0..40 {
             let bodies = Bodies::new(&scene, &[], 0.0).expect("there are none");
@@ -179,12 +179,12 @@ mod tests {
             let contact =
                 || SelfContact::new(&scene, None, Some(CollisionSettings { max_steps: 16, after_position: false }));
             let (mut sleeping, mut everywhere) = (contact(), contact());
-            sleeping.begin_interval(&state, &bodies, 1e-3, &mut Metrics::default());
+            sleeping.begin_collision_step(&state, &bodies, 1e-3, &mut Metrics::default());
             // Some vertices go nearly as far towards the other sheet as the list reaches; in the first rounds hardly any do.
-            let reach = sleeping.neighbours.reach() - MARGIN;
+            let reach = sleeping.neighbours.skin() - MARGIN;
             let share = 0.005 * f64::from(round);
             let mut move_one = |(x, edge): (&Vec3, &f64)| {
-                let far = if random.number().abs() < share { 0.8 } else { 0.1 };
+                let far = if random.signed().abs() < share { 0.8 } else { 0.1 };
                 let across = Vec3::y() * if x.y > 0.0 { -1.0 } else { 1.0 };
                 x + (across + random.vector() * 0.3).normalize() * far * reach * *edge
             };

@@ -11,14 +11,14 @@ pub(super) mod substeps;
 
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
-use crate::contact::bodies::constraints::Supports;
+use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::proximity_list::Neighbours;
+use crate::contact::broad_phase::proximity_list::ProximityList;
 use crate::contact::broad_phase::skin;
-use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, Effort, Resolution};
+use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, LoopOutcome, Strategy};
 use crate::contact::intersections::exact::ignored_pairs;
 use crate::contact::repulsion::{Laws, Repulsions};
-use crate::contact::self_contact::substeps::StepControl;
+use crate::contact::self_contact::substeps::Substeps;
 use crate::contact::tolerances::GAP_ROUNDINGS;
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
@@ -26,7 +26,7 @@ use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
 use crate::scene::Scene;
 use crate::snapshot::SnapshotError;
-use crate::snapshot::saved_section::{Field, Remembered, SectionId};
+use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::state::State;
 
 /// What both halves of self-contact remember.
@@ -37,7 +37,7 @@ const STEP_COUNTS: [&str; 5] =
     ["collision_steps_k1", "collision_steps_k2", "collision_steps_k4", "collision_steps_k8", "collision_steps_k16"];
 
 /// Farthest that a node may foreseeably move in one collision step, as a share of its edges, besides the common motion.
-const LONGEST_WAY: f64 = 0.5;
+const LARGEST_DISPLACEMENT: f64 = 0.5;
 
 /// What may go wrong with foreseeing motion from the last collision step.
 const FORESIGHT: f64 = 1.3;
@@ -56,7 +56,7 @@ pub struct CollisionSettings {
 #[derive(Debug)]
 struct Geometric {
     after_position: bool,
-    control: StepControl,
+    control: Substeps,
     work: CollisionLoop,
     /// Velocities at the collision-free state [m/s].
     velocities: Vec<Vec3>,
@@ -75,13 +75,13 @@ struct Geometric {
 pub struct SelfContact {
     surface: ContactSurface,
     search: PairSearch,
-    neighbours: Neighbours,
+    neighbours: ProximityList,
     repulsions: Option<Repulsions>,
     geometric: Option<Geometric>,
     /// Inverse masses of the nodes of cloth, zero where held in all directions [1/kg].
     mobility: Vec<f64>,
     /// Bodies that the nodes of cloth lie on in B.8; empty without bodies.
-    supports: Vec<Supports>,
+    supports: Vec<BodyConstraints>,
     paths: NodePaths,
     /// Whether some rank has vertices that no triangle has.
     has_inert: bool,
@@ -92,15 +92,15 @@ pub struct SelfContact {
     /// Time of the collision-free state [s].
     start_time: f64,
     /// Longest way of a node as a share of its edges [1/s], in the last collision step.
-    wear: f64,
+    displacement_rate: f64,
     /// Longest way since the list was made, at the last collision-free state.
-    used: f64,
+    skin_used: f64,
     /// How hard the collisions of this collision step are resolved.
-    effort: Effort,
+    effort: Strategy,
     /// Vertices that nothing repels in this collision step, by their numbers in the scene, ascending.
-    thinned: Vec<u32>,
+    without_repulsion: Vec<u32>,
     /// Vertices of zones that stayed where they were in the last collision step, likewise; those that this rank has solved.
-    stopped: Vec<u32>,
+    frozen: Vec<u32>,
 }
 
 /// How a collision step ended.
@@ -119,10 +119,10 @@ impl SelfContact {
     /// the rest edges around a vertex.
     pub fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
         let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
-        let neighbours = Neighbours::new(&surface, repulsion.is_some());
+        let neighbours = ProximityList::new(&surface, repulsion.is_some());
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
-            control: StepControl::new(settings.max_steps),
+            control: Substeps::new(settings.max_steps),
             work: CollisionLoop::default(),
             velocities: Vec::new(),
             crossings: Vec::new(),
@@ -141,11 +141,11 @@ impl SelfContact {
             cloth: Default::default(),
             gap: 0.0,
             start_time: 0.0,
-            wear: 0.0,
-            used: f64::INFINITY,
-            effort: Effort::Usual,
-            thinned: Vec::new(),
-            stopped: Vec::new(),
+            displacement_rate: 0.0,
+            skin_used: f64::INFINITY,
+            effort: Strategy::Usual,
+            without_repulsion: Vec::new(),
+            frozen: Vec::new(),
             surface,
         }
     }
@@ -197,19 +197,19 @@ impl SelfContact {
 
     /// Says how hard the next collision step is tried, and which vertices nothing repels in it, by their numbers in the scene,
     /// ascending: alike on all ranks.
-    pub fn set_effort(&mut self, effort: Effort, thinned: Vec<u32>) {
-        (self.effort, self.thinned) = (effort, thinned);
+    pub fn set_effort(&mut self, effort: Strategy, without_repulsion: Vec<u32>) {
+        (self.effort, self.without_repulsion) = (effort, without_repulsion);
     }
 
     /// Vertices of zones that stayed where they were in the last collision step, by their numbers in the scene; those that this
     /// rank has solved.
-    pub fn stopped_vertices(&self) -> &[u32] {
-        &self.stopped
+    pub fn frozen_vertices(&self) -> &[u32] {
+        &self.frozen
     }
 
     /// A: remembers the collision-free state and gives close pairs their sides; returns how many time steps of length `dt` [s]
     /// the collision step may have.
-    pub fn begin_interval(&mut self, state: &State, bodies: &Bodies, dt: f64, metrics: &mut Metrics) -> u32 {
+    pub fn begin_collision_step(&mut self, state: &State, bodies: &Bodies, dt: f64, metrics: &mut Metrics) -> u32 {
         self.surface.gather(&state.x, bodies, &mut self.paths.start);
         self.start_time = state.time;
         if let Some(geometric) = &mut self.geometric {
@@ -217,28 +217,35 @@ impl SelfContact {
             geometric.velocities.extend_from_slice(&state.v);
         }
         let wanted = self.geometric.as_ref().map_or(1, |g| g.control.steps);
-        let per_step = FORESIGHT * self.wear * dt;
-        let affordable = (LONGEST_WAY / per_step.max(f64::MIN_POSITIVE)) as u32;
+        let per_step = FORESIGHT * self.displacement_rate * dt;
+        let affordable = (LARGEST_DISPLACEMENT / per_step.max(f64::MIN_POSITIVE)) as u32;
         let steps = wanted.min(affordable).max(1);
-        let way = per_step * f64::from(steps);
+        let displacement = per_step * f64::from(steps);
         self.gap = self.gap_now();
-        self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
-        if self.used + way > self.neighbours.reach() || self.used.is_nan() {
+        self.skin_used = self.neighbours.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
+        if self.skin_used + displacement > self.neighbours.skin() || self.skin_used.is_nan() {
             metrics.count_once(self.surface.ranks(), "pair_searches", 1);
-            self.rebuild(skin::after(&self.neighbours, way));
-            self.used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.start);
+            self.rebuild(skin::after(&self.neighbours, displacement));
+            self.skin_used = self.neighbours.update_displacements(&self.surface, &self.paths.start, &self.paths.start);
         }
         if let Some(repulsions) = &mut self.repulsions {
             let ignored = self.geometric.as_ref().map(|g| &g.ignored).filter(|pairs| !pairs.is_empty());
             // What acts at the start of the collision step alone has no need of pairs that come close later.
-            let ahead = if repulsions.per_collision_step() { 0.0 } else { way.min(self.neighbours.reach()) };
+            let ahead = if repulsions.per_collision_step() { 0.0 } else { displacement.min(self.neighbours.skin()) };
             let slack = 2.0 * ahead * self.surface.longest_edge();
-            let is_thinned = |pair: &Pair| pair.nodes.iter().any(|number| self.thinned.binary_search(number).is_ok());
+            let is_without_repulsion =
+                |pair: &Pair| pair.nodes.iter().any(|number| self.without_repulsion.binary_search(number).is_ok());
             let is_ignored = |pair: &Pair| {
                 ignored.is_some_and(|pairs| pairs.binary_search(pair).is_ok())
-                    || (!self.thinned.is_empty() && is_thinned(pair))
+                    || (!self.without_repulsion.is_empty() && is_without_repulsion(pair))
             };
-            repulsions.take_sides(self.surface.nodes(), &self.neighbours, &self.paths.start, slack, &is_ignored);
+            repulsions.record_orientations(
+                self.surface.nodes(),
+                &self.neighbours,
+                &self.paths.start,
+                slack,
+                &is_ignored,
+            );
         }
         let ranks = self.surface.ranks();
         metrics.count_once(ranks, "collision_steps", 1);
@@ -261,7 +268,7 @@ impl SelfContact {
         GAP_ROUNDINGS * f64::from(f32::EPSILON) * surface.ranks().max(largest)
     }
 
-    /// Makes the list of neighbours anew around the collision-free state.
+    /// Makes the proximity list anew around the collision-free state.
     fn rebuild(&mut self, reach: f64) {
         let Self { surface, search, neighbours, paths, mobility, gap, .. } = self;
         neighbours.rebuild(surface, search, &mut paths.start, reach, *gap);
@@ -273,7 +280,7 @@ impl SelfContact {
     /// C: makes the state free of collisions. `x` and `v` are those at the end of the collision step, which took `duration`
     /// [s]; `bodies` stand at its end. With `may_rewind` a hard case is left to a shorter collision step. The vertices that
     /// were moved go to `moved`, each with how far [m].
-    pub fn end_interval(
+    pub fn end_collision_step(
         &mut self,
         (x, v): (&mut [Vec3], &mut [Vec3]),
         bodies: &Bodies,
@@ -287,9 +294,9 @@ impl SelfContact {
             repulsions.positions_changed();
         }
         self.surface.gather(x, bodies, &mut self.paths.end);
-        let used = self.neighbours.note_ways(&self.surface, &self.paths.start, &self.paths.end);
+        let used = self.neighbours.update_displacements(&self.surface, &self.paths.start, &self.paths.end);
         if duration > 0.0 {
-            self.wear = (used - self.used).max(0.0) / duration;
+            self.displacement_rate = (used - self.skin_used).max(0.0) / duration;
         }
         if self.geometric.is_none() {
             return Ending::Resolved;
@@ -320,18 +327,18 @@ impl SelfContact {
         if self.surface.ranks().any(!outcome.moved.is_empty() || has_crossings) {
             self.check(&outcome.moved, (x, v), bodies, duration, metrics);
         }
-        let cloth = self.surface.nodes().all_cloth();
-        self.stopped.clear();
-        self.stopped.extend(outcome.stopped_nodes.iter().filter(|number| **number < cloth));
+        let cloth = self.surface.nodes().global_cloth_count();
+        self.frozen.clear();
+        self.frozen.extend(outcome.stopped_nodes.iter().filter(|number| **number < cloth));
         if outcome.stopped { Ending::Stopped } else { Ending::Resolved }
     }
 
     /// Stops what would pass through something on the paths, of which `used` is the longest way. The ghosts are those of
     /// before when it is done.
-    fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> Resolution {
+    fn resolve(&mut self, duration: f64, may_rewind: bool, used: f64, metrics: &mut Metrics) -> LoopOutcome {
         let Self { surface, search, neighbours, geometric, paths, gap, .. } = self;
-        let Some(Geometric { control, work, ignored, pinched, .. }) = geometric else { return Resolution::default() };
-        let cloth = surface.nodes().all_cloth();
+        let Some(Geometric { control, work, ignored, pinched, .. }) = geometric else { return LoopOutcome::default() };
+        let cloth = surface.nodes().global_cloth_count();
         // Pairs have numbers of the scene here.
         let is_ignored = |pair: &Pair| {
             let of_body = || pair.nodes.iter().any(|number| *number >= cloth);
@@ -358,14 +365,14 @@ impl SelfContact {
         outcome
     }
 
-    /// What self-contact remembers at a collision-free state: the list of neighbours by the positions it was made around, the
+    /// What self-contact remembers at a collision-free state: the proximity list by the positions it was made around, the
     /// number and length of the steps it takes, and what crosses.
-    pub(crate) fn remember(&self) -> Remembered {
+    pub(crate) fn save(&self) -> SavedSection {
         let (reference, nodes) = (self.neighbours.reference(), self.surface.nodes());
         let list = reference.map(|x| (x[nodes.own()].to_vec(), x[nodes.cloth()..].to_vec()));
-        let memory = Remembered::new(SECTION)
-            .with("wear", Field::Number(self.wear))
-            .with("list_reach", Field::Number(self.neighbours.full_reach()))
+        let memory = SavedSection::new(SECTION)
+            .with("wear", Field::Number(self.displacement_rate))
+            .with("list_reach", Field::Number(self.neighbours.full_skin()))
             .with("list_positions", Field::Nodes(nodes.count() - nodes.cloth(), list));
         let Some(geometric) = &self.geometric else { return memory };
         let crossings = geometric.crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle));
@@ -381,16 +388,16 @@ impl SelfContact {
     ///
     /// # Errors
     /// The same on all ranks: it names nodes that do not exist, or numbers that are none.
-    pub(crate) fn go_on(&mut self, memory: &Remembered) -> Result<(), SnapshotError> {
+    pub(crate) fn restore(&mut self, memory: &SavedSection) -> Result<(), SnapshotError> {
         self.check_memory(memory)?;
-        self.wear = memory.number("wear");
+        self.displacement_rate = memory.number("wear");
         if let Some((cloth, bodies)) = memory.nodes("list_positions") {
             let nodes = self.surface.nodes();
             let start = &mut self.paths.start;
             *start = vec![Vec3::zeros(); nodes.count()];
             start[nodes.own()].copy_from_slice(cloth);
             start[nodes.cloth()..].copy_from_slice(bodies);
-            nodes.refresh(start);
+            nodes.update(start);
             let reach = memory.number("list_reach");
             // The list follows from the positions it was made around, to the last bit and in the same order.
             self.gap = self.gap_now();
@@ -398,7 +405,7 @@ impl SelfContact {
         }
         let Some(geometric) = &mut self.geometric else { return Ok(()) };
         let count = |name| u32::try_from(memory.count(name)).unwrap_or(u32::MAX);
-        geometric.control.go_on(count("steps"), memory.number("step_share"), count("successes"));
+        geometric.control.restore(count("steps"), memory.number("step_share"), count("successes"));
         let rows = memory.numbers("crossings").as_chunks::<5>().0;
         let crossing = |&[a, b, c, d, e]: &[u32; 5]| Crossing { edge: [a, b], triangle: [c, d, e] };
         geometric.crossings = rows.iter().map(crossing).collect();
@@ -408,7 +415,7 @@ impl SelfContact {
     }
 
     /// Refuses a memory that would be followed into nodes that do not exist. What it looks at is alike on all ranks.
-    fn check_memory(&self, memory: &Remembered) -> Result<(), SnapshotError> {
+    fn check_memory(&self, memory: &SavedSection) -> Result<(), SnapshotError> {
         let error = |what: String| Err(SnapshotError { section: SECTION.name.to_owned(), what });
         let of_geometric = |name| self.geometric.as_ref().map(|_| name);
         for name in ["wear", "list_reach"].into_iter().chain(of_geometric("step_share")) {
@@ -418,7 +425,7 @@ impl SelfContact {
             }
         }
         let nodes = self.surface.nodes();
-        let all = nodes.all_cloth() as usize + nodes.count() - nodes.cloth();
+        let all = nodes.global_cloth_count() as usize + nodes.count() - nodes.cloth();
         for name in ["crossings", "pinched"].into_iter().filter_map(of_geometric) {
             if let Some(number) = memory.numbers(name).iter().find(|number| **number as usize >= all) {
                 return error(format!("`{name}` names node {number} of {all}"));

@@ -2,14 +2,14 @@
 
 use super::SelfContact;
 use crate::Vec3;
-use crate::contact::repulsion::{Moment, Passes};
+use crate::contact::repulsion::{Passes, RepulsionStep};
 use crate::metrics::Metrics;
 
 impl SelfContact {
     /// Before C, where repulsions act once per collision step: on the average velocities of the collision step, which took
     /// `duration` [s], with the geometry of its start (`docs/theory/variants.md#repulsion-once-per-collision-step`).
     /// `x` and `v` are those at its end; the vertices that were moved go to `moved`, each with how far [m].
-    pub fn repel_interval(
+    pub fn repel_once(
         &mut self,
         (x, v): (&mut [Vec3], &mut [Vec3]),
         duration: f64,
@@ -22,12 +22,13 @@ impl SelfContact {
         let [ends, average] = cloth;
         ends.resize(nodes.cloth(), Vec3::zeros());
         ends[nodes.own()].copy_from_slice(&x[place.clone()]);
-        nodes.refresh(ends);
+        nodes.update(ends);
         let start = &paths.start[..nodes.cloth()];
         let mean = |(end, start): (&Vec3, &Vec3)| (end - start) / duration;
         average.clear();
         average.extend(ends.iter().zip(start).map(mean));
-        let at = Moment { nodes, dt: duration, x: start, mobility, friction: surface.friction(), supports: None };
+        let at =
+            RepulsionStep { nodes, dt: duration, x: start, mobility, friction: surface.friction(), supports: None };
         repulsions.apply(Passes::Full, &at, average, metrics);
         for (node, vertex) in nodes.own().zip(place) {
             let change = (average[node] - mean((&ends[node], &start[node]))).component_mul(&surface.free_axes(node));

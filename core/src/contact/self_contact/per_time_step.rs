@@ -3,9 +3,9 @@
 use super::SelfContact;
 use crate::Vec3;
 use crate::contact::bodies::collision::BodyCollision;
-use crate::contact::bodies::constraints::Supports;
+use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::repulsion::ghost_constraints::tell_ghosts;
-use crate::contact::repulsion::{Moment, Passes};
+use crate::contact::repulsion::{Passes, RepulsionStep};
 use crate::metrics::Metrics;
 
 impl SelfContact {
@@ -29,7 +29,7 @@ impl SelfContact {
         }
         if let Some(bodies) = bodies {
             let nodes = self.surface.nodes();
-            self.supports.resize(nodes.cloth(), Supports::default());
+            self.supports.resize(nodes.cloth(), BodyConstraints::default());
             bodies.supports(dt, &mut self.supports[nodes.own()]);
             if !nodes.ranks().is_alone() {
                 tell_ghosts(nodes, &mut self.supports);
@@ -52,7 +52,7 @@ impl SelfContact {
         if nodes.ranks().is_alone() {
             repulsions.apply(
                 passes,
-                &Moment { nodes, dt, x, mobility: &self.mobility, friction, supports },
+                &RepulsionStep { nodes, dt, x, mobility: &self.mobility, friction, supports },
                 v,
                 metrics,
             );
@@ -63,8 +63,8 @@ impl SelfContact {
             all.resize(nodes.cloth(), Vec3::zeros());
             all[nodes.own()].copy_from_slice(&own[place.clone()]);
         }
-        nodes.refresh(contact_x);
-        let at = Moment { nodes, dt, x: contact_x, mobility: &self.mobility, friction, supports };
+        nodes.update(contact_x);
+        let at = RepulsionStep { nodes, dt, x: contact_x, mobility: &self.mobility, friction, supports };
         repulsions.apply(passes, &at, contact_v, metrics);
         v[place].copy_from_slice(&contact_v[nodes.own()]);
     }

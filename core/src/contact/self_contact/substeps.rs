@@ -14,7 +14,7 @@ const SHORTEST_STEP: f64 = 0.125;
 
 /// Number and length of the time steps per collision step, found by trying.
 #[derive(Debug)]
-pub(super) struct StepControl {
+pub(super) struct Substeps {
     pub(super) steps: u32,
     max_steps: u32,
     /// Share of the step that the cloth would allow.
@@ -22,13 +22,13 @@ pub(super) struct StepControl {
     pub(super) successes: u32,
 }
 
-impl StepControl {
+impl Substeps {
     pub(super) fn new(max_steps: u32) -> Self {
         Self { steps: 1, max_steps, share: 1.0, successes: 0 }
     }
 
     /// Goes on from what was remembered, within what is possible.
-    pub(super) fn go_on(&mut self, steps: u32, share: f64, successes: u32) {
+    pub(super) fn restore(&mut self, steps: u32, share: f64, successes: u32) {
         self.steps = steps.clamp(1, self.max_steps);
         self.share = share.clamp(SHORTEST_STEP, 1.0);
         self.successes = successes;

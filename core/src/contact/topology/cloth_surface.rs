@@ -9,7 +9,7 @@ use crate::scene::Scene;
 
 /// The cloth of a rank. Arrays over its own vertices, in the order of the scene.
 #[derive(Debug, Clone)]
-pub(crate) struct ClothShare {
+pub(crate) struct LocalClothSurface {
     /// This rank and the others.
     pub ranks: Ranks,
     /// First vertex of every rank in the scene's numbering, and the number of all at the end.
@@ -38,7 +38,7 @@ pub(crate) struct ClothShare {
     pub mean_edge: f64,
 }
 
-impl ClothShare {
+impl LocalClothSurface {
     /// This rank's share of a scene; `clamp` is the largest thickness of a vertex as a fraction of its shortest rest edge.
     pub(crate) fn of(scene: &Scene, clamp: f64) -> Self {
         let parts = scene.parts();

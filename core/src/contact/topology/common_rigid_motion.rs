@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::parallel::ranks::Ranks;
-use crate::parallel::reduce::Shares;
+use crate::parallel::reduce::ReductionTree;
 
 /// Every how many points one is looked at. Any motion will do; a better one saves work.
 const STRIDE: usize = 4;
@@ -24,14 +24,14 @@ const TERMS: usize = 12;
 pub(crate) struct Samples {
     /// Own nodes of each block, counted from the first own.
     blocks: Vec<Range<usize>>,
-    shares: Shares,
+    shares: ReductionTree,
 }
 
 impl Samples {
     /// The samples of this rank's blocks, given by own vertices counted from the first; `starts` are the first blocks of all
     /// ranks, and the number of all at the end.
     pub(crate) fn new(ranks: &Ranks, blocks: Vec<Range<usize>>, starts: Vec<usize>) -> Self {
-        Self { blocks, shares: Shares::new(starts, ranks.rank()) }
+        Self { blocks, shares: ReductionTree::new(starts, ranks.rank()) }
     }
 
     /// The sums of the values of `term` over all samples of all ranks, which call it together.
@@ -117,7 +117,7 @@ impl RigidFit {
 
     /// Shortest that a unit length can become on the straight paths from this motion to another: the mean of two rotations
     /// by an angle θ apart shortens by cos θ/2.
-    pub(crate) fn shortening_to(&self, other: &Self) -> f64 {
+    pub(crate) fn min_stretch(&self, other: &Self) -> f64 {
         let cosine = 0.5 * ((self.rotation.matrix().transpose() * other.rotation.matrix()).trace() - 1.0);
         // The cosine of half the angle; rounding may take that of the angle out of bounds.
         (0.5 * (1.0 + cosine.clamp(-1.0, 1.0))).sqrt()
@@ -145,7 +145,7 @@ fn nearest_rotation(matrix: &Matrix3<f64>) -> Rotation3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
 
     /// The common motion of points of one block on one rank.
     fn fit(from: &[Vec3], to: &[Vec3]) -> RigidFit {
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_turned_and_shifted_cloud_has_no_motion_left() {
-        let mut random = Random(81);
+        let mut random = SplitMix64::new(81);
         for flat in [false, true] {
             let from: Vec<Vec3> = (0..100)
                 .map(|_| random.vector().component_mul(&Vec3::new(1.0, if flat { 0.0 } else { 1.0 }, 1.0)))
@@ -168,7 +168,7 @@ mod tests {
             let moved = fit(&from, &to);
             assert!(from.iter().zip(&to).all(|(a, b)| (moved.apply(a) - b).norm() < 1e-14 * 10.0));
             let none = fit(&from, &from);
-            assert!((none.shortening_to(&moved) - (0.5 * turn.angle()).cos()).abs() < 1e-12);
+            assert!((none.min_stretch(&moved) - (0.5 * turn.angle()).cos()).abs() < 1e-12);
         }
     }
 

@@ -9,10 +9,10 @@
 
 use std::ops::Range;
 
-use crate::contact::topology::nodes::Renumber;
+use crate::contact::topology::nodes::IndexMap;
 use crate::geometry::crossings::{EdgeOwners, FACE};
 
-/// Bits of the points that a triangle carries, in [`Faces::carried`].
+/// Bits of the points that a triangle carries, in [`Faces::owned_features`].
 const POINTS: u32 = 4;
 
 /// Triangles and what hangs on them.
@@ -52,8 +52,8 @@ impl Faces {
         (Self { triangles, owners: EdgeOwners::of_bits(bits), points, edges }, sides)
     }
 
-    /// Triangles that carry what another rank has told with [`Faces::carried`].
-    pub(crate) fn told(triangles: Vec<[u32; 3]>, carried: &[u32]) -> Self {
+    /// Triangles that carry what another rank has told with [`Faces::owned_features`].
+    pub(crate) fn from_bits(triangles: Vec<[u32; 3]>, carried: &[u32]) -> Self {
         let (mut points, mut edges) = (Vec::new(), Vec::new());
         for ((corners, bits), t) in triangles.iter().zip(carried).zip(0u32..) {
             let has = |bit: usize| bits >> bit & 1 == 1;
@@ -66,7 +66,7 @@ impl Faces {
     }
 
     /// What a triangle carries: bits 0 to 2 for its edges, 3 if it takes part as a triangle, 4 to 6 for its points.
-    pub(crate) fn carried(&self, triangle: u32) -> u32 {
+    pub(crate) fn owned_features(&self, triangle: u32) -> u32 {
         let corners = &self.triangles[triangle as usize];
         let points = self.points(triangle);
         let of_points = (0..3).filter(|k| points.contains(&corners[*k])).map(|k| 1 << (POINTS + k as u32));
@@ -107,7 +107,7 @@ impl Faces {
     }
 
     /// New numbers for all nodes.
-    pub(crate) fn renumber(&mut self, renumber: &Renumber) {
+    pub(crate) fn renumber(&mut self, renumber: &IndexMap) {
         renumber.renumber(self.triangles.iter_mut().flatten());
         renumber.renumber(self.points.items.iter_mut());
         renumber.renumber(self.edges.items.iter_mut().flatten());

@@ -112,13 +112,13 @@ impl ContactNodes {
     /// Number in the scene of a local node; points of bodies come after all cloth.
     pub(crate) fn number(&self, node: u32) -> u32 {
         let (node, cloth) = (node as usize, self.cloth());
-        if node >= cloth { self.all_cloth() + (node - cloth) as u32 } else { self.vertices.number(node) }
+        if node >= cloth { self.global_cloth_count() + (node - cloth) as u32 } else { self.vertices.number(node) }
     }
 
     /// The local number of a node of the scene, if it is own, a ghost, or of a body.
     pub(crate) fn local(&self, number: u32) -> Option<u32> {
-        if number >= self.all_cloth() {
-            return Some(number - self.all_cloth() + self.cloth() as u32);
+        if number >= self.global_cloth_count() {
+            return Some(number - self.global_cloth_count() + self.cloth() as u32);
         }
         self.vertices.local(number).map(|local| local as u32)
     }
@@ -130,7 +130,7 @@ impl ContactNodes {
 
     /// Whether a pair of local nodes is at home here: whether this rank owns the smallest of them.
     #[inline]
-    pub(crate) fn is_home(&self, nodes: &[u32; 4]) -> bool {
+    pub(crate) fn is_canonical_rank(&self, nodes: &[u32; 4]) -> bool {
         self.is_own(nodes.iter().copied().min().unwrap_or(0))
     }
 
@@ -140,7 +140,7 @@ impl ContactNodes {
     }
 
     /// Number of cloth vertices of the scene.
-    pub(crate) fn all_cloth(&self) -> u32 {
+    pub(crate) fn global_cloth_count(&self) -> u32 {
         self.vertices.all()
     }
 
@@ -150,14 +150,14 @@ impl ContactNodes {
     }
 
     /// Brings the ghosts' values, in an array over local nodes, to those of their owners.
-    pub(crate) fn refresh<T: Pod>(&self, values: &mut [T]) {
-        self.halo().refresh(self.ranks(), values);
+    pub(crate) fn update<T: Pod>(&self, values: &mut [T]) {
+        self.halo().update(self.ranks(), values);
     }
 }
 
 /// New local numbers for old ones, after the ghosts have changed. Ascending, so whatever is sorted by nodes stays so.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Renumber {
+pub(crate) struct IndexMap {
     /// New number of each old node; `DROPPED` where it is no ghost any more.
     to: Vec<u32>,
     /// Nodes of cloth before and now.
@@ -169,7 +169,7 @@ pub(crate) struct Renumber {
 /// What stands for the number of a node that is not known any more.
 const DROPPED: u32 = u32::MAX;
 
-impl Renumber {
+impl IndexMap {
     /// From one numbering of a rank's nodes to another.
     pub(crate) fn between(old: &ContactNodes, new: &ContactNodes) -> Self {
         let to = (0..old.count() as u32).map(|node| new.local(old.number(node)).unwrap_or(DROPPED)).collect();

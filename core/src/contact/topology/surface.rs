@@ -7,10 +7,11 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::contact::bodies::Bodies;
-use crate::contact::topology::cloth_surface::ClothShare;
+use crate::contact::bodies::collision;
+use crate::contact::topology::cloth_surface::LocalClothSurface;
 use crate::contact::topology::common_rigid_motion::Samples;
 use crate::contact::topology::faces::{Faces, Sides};
-use crate::contact::topology::nodes::{ContactNodes, Renumber};
+use crate::contact::topology::nodes::{ContactNodes, IndexMap};
 use crate::contact::topology::pair::Pair;
 use crate::geometry::crossings::Crossing;
 use crate::parallel::ranks::Ranks;
@@ -74,17 +75,17 @@ impl ContactSurface {
         };
         let shapes = scene.description().bodies.iter().map(|body| &body.shape).enumerate();
         // Without their effect bodies are there only for pins to follow.
-        let collide = scene.description().effects.iter().any(|request| request.effect == "body_collision");
+        let collide = scene.description().effects.iter().any(|request| request.effect == collision::SECTION.name);
         let bodies: Vec<BodyFaces<'_>> = shapes.filter(|_| collide).filter_map(of_body).collect();
-        let surface = Self::of_share(ClothShare::of(scene, clamp), &bodies);
+        let surface = Self::of_share(LocalClothSurface::of(scene, clamp), &bodies);
         let starts = scene.parts().partition().starts().iter().map(|start| *start as u32);
         Self { nodes: surface.nodes.with_parts(starts), origin: scene.origin(), ..surface }
     }
 
     /// The surfaces that a rank has. All ranks call it together.
-    pub(crate) fn of_share(share: ClothShare, bodies: &[BodyFaces<'_>]) -> Self {
-        let ClothShare { ranks, rank_starts, mut triangles, mean_edge, .. } = share;
-        // Neighbours on the cloth become neighbours in memory, as the vertices are.
+    pub(crate) fn of_share(share: LocalClothSurface, bodies: &[BodyFaces<'_>]) -> Self {
+        let LocalClothSurface { ranks, rank_starts, mut triangles, mean_edge, .. } = share;
+        // ProximityList on the cloth become neighbours in memory, as the vertices are.
         triangles.sort_by_key(|t| t.iter().copied().min());
         let own = rank_starts[ranks.rank()]..rank_starts[ranks.rank() + 1];
         let mut corners: Vec<u32> = triangles.iter().flatten().copied().filter(|v| !own.contains(v)).collect();
@@ -128,19 +129,19 @@ impl ContactSurface {
 
     /// Brings what is known of the ghosts to what their owners know.
     fn refresh(&mut self) {
-        self.nodes.refresh(&mut self.thickness);
+        self.nodes.update(&mut self.thickness);
         if let Some(friction) = &mut self.friction {
-            self.nodes.refresh(friction);
+            self.nodes.update(friction);
         }
-        self.nodes.refresh(&mut self.rest);
-        self.nodes.refresh(&mut self.garment);
-        self.nodes.refresh(&mut self.edge_length);
-        self.nodes.refresh(&mut self.mobility);
+        self.nodes.update(&mut self.rest);
+        self.nodes.update(&mut self.garment);
+        self.nodes.update(&mut self.edge_length);
+        self.nodes.update(&mut self.mobility);
     }
 
     /// Replaces the ghosts by these, and those without which there are no triangles; numbers of the scene, ascending. All ranks
     /// call it together. Returns what nodes are called now, unless nothing has changed on any rank.
-    pub(crate) fn set_ghosts(&mut self, ghosts: Vec<u32>) -> Option<Renumber> {
+    pub(crate) fn set_ghosts(&mut self, ghosts: Vec<u32>) -> Option<IndexMap> {
         let ranks = self.ranks().clone();
         if ranks.is_alone() {
             return None;
@@ -157,8 +158,8 @@ impl ContactSurface {
 
     /// Goes over to other nodes, among them the corners of all triangles. What is known of those that are new is yet to be
     /// fetched; where none is, this is no matter of other ranks.
-    pub(crate) fn set_nodes(&mut self, nodes: ContactNodes) -> Renumber {
-        let renumber = Renumber::between(&self.nodes, &nodes);
+    pub(crate) fn set_nodes(&mut self, nodes: ContactNodes) -> IndexMap {
+        let renumber = IndexMap::between(&self.nodes, &nodes);
         [&mut self.cloth, &mut self.bodies].into_iter().for_each(|faces| faces.renumber(&renumber));
         let edges = self.sides.iter_mut().flatten().map(|(edge, _)| edge);
         renumber.renumber(edges.flatten());
@@ -248,7 +249,7 @@ impl ContactSurface {
     /// Changes the inverse masses of own nodes. All ranks call it together.
     pub(crate) fn change_mobility(&mut self, change: impl FnOnce(&mut [Vec3])) {
         change(&mut self.mobility);
-        self.nodes.refresh(&mut self.mobility);
+        self.nodes.update(&mut self.mobility);
     }
 
     /// Positions of all nodes [m]: cloth at `x`, over the scene's local vertices, bodies where they stand at the end of their
@@ -259,7 +260,7 @@ impl ContactSurface {
         nodes.extend_from_slice(&x[self.place.clone()]);
         nodes.resize(self.nodes.cloth(), Vec3::zeros());
         self.first_points.iter().for_each(|(body, _)| nodes.extend_from_slice(bodies.surface_positions(*body)));
-        self.nodes.refresh(nodes);
+        self.nodes.update(nodes);
     }
 
     /// What positions are counted from where single precision stores them [m].
@@ -285,12 +286,12 @@ impl ContactSurface {
 
     /// Whether an edge of cloth crosses a triangle of cloth, and no body has part in it. Crossings have numbers of the scene.
     pub(crate) fn is_cloth(&self, crossing: &Crossing) -> bool {
-        !crossing.edge.iter().chain(&crossing.triangle).any(|&number| number >= self.nodes.all_cloth())
+        !crossing.edge.iter().chain(&crossing.triangle).any(|&number| number >= self.nodes.global_cloth_count())
     }
 
     /// Whether cloth crosses a body where that body crosses itself. Crossings have numbers of the scene.
     pub(crate) fn is_pinched(&self, crossing: &Crossing, bodies: &Bodies) -> bool {
-        let cloth = self.nodes.all_cloth();
+        let cloth = self.nodes.global_cloth_count();
         crossing.edge.iter().chain(&crossing.triangle).filter(|&&number| number >= cloth).any(|&number| {
             let point = number - cloth;
             let last = self.first_points.partition_point(|(_, first)| *first <= point) - 1;
@@ -353,14 +354,14 @@ pub(crate) struct NodePaths {
 
 impl NodePaths {
     /// Lays the paths out for other ghosts. Those that are new have none yet.
-    pub(crate) fn renumber(&mut self, renumber: &Renumber) {
+    pub(crate) fn renumber(&mut self, renumber: &IndexMap) {
         renumber.apply(&mut self.start, Vec3::zeros());
         renumber.apply(&mut self.end, Vec3::zeros());
     }
 
     /// Brings the ghosts' paths to those of their owners. All ranks call it together.
     pub(crate) fn refresh(&mut self, nodes: &ContactNodes) {
-        nodes.refresh(&mut self.start);
-        nodes.refresh(&mut self.end);
+        nodes.update(&mut self.start);
+        nodes.update(&mut self.end);
     }
 }

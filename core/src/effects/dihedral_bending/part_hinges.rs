@@ -6,7 +6,7 @@ use super::Yield;
 use super::elements::{Element, angle};
 use crate::Vec3;
 use crate::effects::force::{Force, PartForce, PartMotion, PartView};
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::ElementRows;
 use crate::tolerances::SQUASHED;
@@ -228,9 +228,9 @@ impl PartHinges {
 
     /// Adds a pull along the gradient of a hinge to the part's own vertices.
     #[inline]
-    fn pull(&self, hinge: usize, pull: f64, f: &mut [Lanes]) {
+    fn pull(&self, hinge: usize, pull: f64, f: &mut [Simd4]) {
         let Gradient { u: [u1, u2], p, q } = &self.gradients[hinge];
-        let [a, b] = [Lanes::from(u1) * pull, Lanes::from(u2) * pull];
+        let [a, b] = [Simd4::from(u1) * pull, Simd4::from(u2) * pull];
         let toward = a * *p + b * *q;
         for (vertex, force) in self.hinges[hinge].vertices.iter().zip([a, toward, toward * -1.0 - a - b, b]) {
             let place = (*vertex as usize).wrapping_sub(self.range.start);
@@ -256,7 +256,7 @@ impl Force for PartHinges {
         &self.neighbours
     }
 
-    fn update(&mut self, view: &PartView<'_>, _own: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, _own: &[Simd4], f: &mut [Simd4]) {
         for (n, hinge) in self.hinges.iter().enumerate() {
             let (angle, gradient) = bent(hinge, view.x);
             self.angles[n] = angle;
@@ -271,7 +271,7 @@ impl Force for PartHinges {
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for (n, (gradient, damping)) in self.gradients.iter().zip(&self.damping).enumerate() {
             let velocities = self.hinges[n].vertices.map(|v| motion.v[v as usize]);
             self.pull(n, -damping * gradient.rate(velocities), f);
@@ -297,7 +297,7 @@ impl Force for PartHinges {
         }
     }
 
-    fn yield_to(&mut self, x: &[Vec3]) {
+    fn update_plasticity(&mut self, x: &[Vec3]) {
         for n in 0..self.folds.len() {
             let (hinge, fold) = (&mut self.hinges[n], &mut self.folds[n]);
             let (off, _) = bent(hinge, x);
@@ -313,13 +313,13 @@ impl Force for PartHinges {
         }
     }
 
-    fn remember(&self, rows: &mut ElementRows) {
+    fn save_elements(&self, rows: &mut ElementRows) {
         for (n, fold) in self.folds.iter().enumerate().filter(|(n, fold)| fold.has_yielded && self.counts(*n)) {
             rows.push(&self.hinges[n].vertices, &[self.hinges[n].rest_angle, fold.yield_angle]);
         }
     }
 
-    fn recall(&mut self, rows: &ElementRows) {
+    fn restore_elements(&mut self, rows: &ElementRows) {
         let mut known: Vec<(Vec<u32>, &[f64])> = rows.iter().collect();
         known.sort_unstable_by(|a, b| a.0.cmp(&b.0));
         for (hinge, fold) in self.hinges.iter_mut().zip(&mut self.folds) {

@@ -2,10 +2,10 @@
 
 use super::elements::{Rigidity, angle, of_mesh, triangle_energy};
 use crate::Vec3;
-use crate::effects::force::{PartForce, PartMotion, PartView, Surroundings};
+use crate::effects::force::{ForceContext, PartForce, PartMotion, PartView};
 use crate::effects::registry::build_all;
 use crate::mesh::{PolygonMesh, TriangleMesh};
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::pins::PinTargets;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
@@ -60,12 +60,12 @@ fn forces(scene: &Scene) -> Vec<PartForce> {
 /// Work on the scene's only part, with nothing around it.
 fn with_view<R>(scene: &Scene, x: &[Vec3], work: impl FnOnce(&PartView<'_>) -> R) -> R {
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
-    let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
+    let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
     work(&PartView { start: 0, masses: scene.masses(), x, fraction: 0.0, around })
 }
 
 fn force_at(scene: &Scene, forces: &mut [PartForce], x: &[Vec3]) -> Vec<Vec3> {
-    let (own, mut f) = (x.iter().map(Lanes::from).collect::<Vec<_>>(), vec![Lanes::ZERO; x.len()]);
+    let (own, mut f) = (x.iter().map(Simd4::from).collect::<Vec<_>>(), vec![Simd4::ZERO; x.len()]);
     with_view(scene, x, |view| forces.iter_mut().for_each(|(_, force)| force.update(view, &own, &mut f)));
     f.into_iter().map(Vec3::from).collect()
 }
@@ -135,7 +135,7 @@ fn damping_is_symmetric_and_never_adds_energy() {
     let mut velocities = || -> Vec<Vec3> { x.iter().map(|_| Vec3::new(random(), random(), random())).collect() };
     let (a, b) = (velocities(), velocities());
     let damping = |v: &[Vec3]| -> Vec<Vec3> {
-        let mut f = vec![Lanes::ZERO; x.len()];
+        let mut f = vec![Simd4::ZERO; x.len()];
         PartMotion::with(0..x.len(), &x, v, |motion| {
             forces.iter().for_each(|(_, force)| force.add_damping(motion, &mut f))
         });
@@ -205,7 +205,7 @@ fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
     let folded = |angle: f64| Vec3::new(0.005, 0.01 * angle.sin(), 0.01 * angle.cos());
     let state = |forces: &[PartForce]| -> Vec<Vec<f64>> {
         let mut rows = ElementRows::new(4, 2);
-        forces.iter().for_each(|(_, force)| force.remember(&mut rows));
+        forces.iter().for_each(|(_, force)| force.save_elements(&mut rows));
         rows.iter().map(|(_, values)| values.to_vec()).collect()
     };
     // (fold, rest angle, yield angle) after each: elastic; 0.3 beyond; elastic again; the other way; as far as it goes.
@@ -218,7 +218,7 @@ fn a_fold_beyond_its_yield_angle_stays_and_hardens() {
     ];
     for (fold, expected) in cases {
         x[moved] = folded(fold);
-        forces.iter_mut().for_each(|(_, force)| force.yield_to(&x));
+        forces.iter_mut().for_each(|(_, force)| force.update_plasticity(&x));
         let rows = state(&forces);
         assert_eq!(rows.len(), usize::from(expected.is_some()), "folded by {fold}");
         for (found, expected) in rows.iter().flatten().zip(expected.iter().flatten()) {
@@ -257,9 +257,9 @@ fn folds_yield_harden_and_end_as_is_painted_on_them() {
         let mut forces = forces(&scene);
         let mut x = start(&scene);
         x.iter_mut().filter(|x| x.z > 0.0).for_each(|x| (x.y, x.z) = (0.01 * 0.8_f64.sin(), 0.01 * 0.8_f64.cos()));
-        forces.iter_mut().for_each(|(_, force)| force.yield_to(&x));
+        forces.iter_mut().for_each(|(_, force)| force.update_plasticity(&x));
         let mut rows = ElementRows::new(4, 2);
-        forces.iter().for_each(|(_, force)| force.remember(&mut rows));
+        forces.iter().for_each(|(_, force)| force.save_elements(&mut rows));
         let mut found = [None; 3];
         for (vertices, values) in rows.iter() {
             found[start(&scene)[vertices[0] as usize].x.round() as usize] = Some([values[0].abs(), values[1]]);

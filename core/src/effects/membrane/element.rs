@@ -7,7 +7,7 @@
 use nalgebra::Matrix3;
 
 use crate::Vec3;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::tolerances::FLAT_TRIANGLE;
 
 /// Stiffness of an orthotropic membrane [N/m]: the stress of the strains along warp and weft and of the shear between them.
@@ -90,7 +90,7 @@ fn root(moduli: &Moduli) -> Matrix3<f64> {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Frame {
     /// Where warp and weft of the triangle at rest have been turned to.
-    axes: [Lanes; 2],
+    axes: [Simd4; 2],
     /// Shear, and difference between the stretches, both by the sum of the stretches: what a turn within the triangle's plane
     /// does to the strain.
     turn: [f64; 2],
@@ -117,11 +117,11 @@ impl Frame {
         let axes = [(f[0] + f[1].cross(&normal)) * over, (f[1] + normal.cross(&f[0])) * over];
         let strain = [(xx + area) * over - 1.0, (yy + area) * over - 1.0, 2.0 * xy * over];
         let turn = [0.5 * strain[2] * over, (strain[0] - strain[1]) * over];
-        (Self { axes: axes.map(|axis| Lanes::from(&axis)), turn }, strain)
+        (Self { axes: axes.map(|axis| Simd4::from(&axis)), turn }, strain)
     }
 
     /// Rates of strain [1/s] of corners that move with `v` relative to corner 0 [m/s].
-    pub(super) fn rates(&self, [a, b]: &Gradients, v: [Lanes; 2]) -> [f64; 3] {
+    pub(super) fn rates(&self, [a, b]: &Gradients, v: [Simd4; 2]) -> [f64; 3] {
         let f = [v[0] * a[0] + v[1] * b[0], v[0] * a[1] + v[1] * b[1]];
         let [along, across] = self.axes;
         let sides = [along.dot(f[1]), across.dot(f[0])];
@@ -133,7 +133,7 @@ impl Frame {
 
     /// What stresses, as forces by the corners' strain [N m], do to corners 1 and 2 [N]: the transpose of
     /// [`rates`](Self::rates). Corner 0 gets minus their sum.
-    pub(super) fn forces(&self, gradients: &Gradients, [warp, weft, shear]: [f64; 3]) -> [Lanes; 2] {
+    pub(super) fn forces(&self, gradients: &Gradients, [warp, weft, shear]: [f64; 3]) -> [Simd4; 2] {
         let turn = self.turn[0] * (weft - warp) + self.turn[1] * shear;
         let [along, across] = self.axes;
         let columns = [along * warp + across * (shear - turn), along * (shear + turn) + across * weft];
@@ -200,9 +200,9 @@ mod tests {
             let (_, forces) = pull(&x, &gradients, &moduli);
             let scale = CLOTH[0] / 0.03;
             for (corner, axis) in (0..9).map(|k| (k / 3, k % 3)) {
-                let energy = |way: f64| {
+                let energy = |distance: f64| {
                     let mut moved = x;
-                    moved[corner][axis] += way;
+                    moved[corner][axis] += distance;
                     pull(&moved, &gradients, &moduli).0
                 };
                 // Central difference over a millionth of an edge; its own error is of that order squared.
@@ -232,7 +232,7 @@ mod tests {
         let (_, gradients, _) = at_rest();
         for x in deformed() {
             let (frame, _) = Frame::of(&gradients, edges(&x));
-            let turning = edges(&x).map(|u| Lanes::from(&Vec3::new(0.4, -2.0, 1.1).cross(&u)));
+            let turning = edges(&x).map(|u| Simd4::from(&Vec3::new(0.4, -2.0, 1.1).cross(&u)));
             assert!(frame.rates(&gradients, turning).iter().all(|rate| rate.abs() < 1e-12));
         }
     }
@@ -262,7 +262,7 @@ mod tests {
         let mut v = [Vec3::new(0.2, 0.5, -1.0), Vec3::new(1.0, 0.1, 0.4), Vec3::new(-0.6, 0.2, 0.3)];
         // Power iteration of the stiffness matrix at rest.
         for _ in 0..200 {
-            let rates = frame.rates(&gradients, [v[1] - v[0], v[2] - v[0]].map(|v| Lanes::from(&v)));
+            let rates = frame.rates(&gradients, [v[1] - v[0], v[2] - v[0]].map(|v| Simd4::from(&v)));
             let [b, c] = frame.forces(&gradients, moduli.stress(rates)).map(Vec3::from);
             let (before, after) = (v.iter().map(Vec3::norm_squared).sum::<f64>(), [-b - c, b, c]);
             largest = largest.max((0..3).map(|k| v[k].dot(&after[k])).sum::<f64>() / before);

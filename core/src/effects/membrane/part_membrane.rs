@@ -7,7 +7,7 @@ use crate::effects::force::{Force, PartForce, PartMotion, PartView};
 use crate::effects::membrane::TriangleElement;
 use crate::effects::membrane::element::{Frame, Gradients, Moduli, largest_stiffness, rest_edges};
 use crate::elements::corners::{add, by_part, gather, outside, share};
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 
 /// A triangle of a part.
@@ -70,8 +70,8 @@ fn edges(triangle: &Triangle, x: &[Vec3]) -> [Vec3; 2] {
 }
 
 /// What forces on corners 1 and 2 leave on all three: corner 0 gets the opposite of their sum.
-fn balanced([b, c]: [Lanes; 2]) -> [Lanes; 3] {
-    [Lanes::ZERO - b - c, b, c]
+fn balanced([b, c]: [Simd4; 2]) -> [Simd4; 3] {
+    [Simd4::ZERO - b - c, b, c]
 }
 
 /// The largest rate of relative change of length in any direction, of rates of strain.
@@ -84,7 +84,7 @@ impl Force for PartMembrane {
         &self.neighbours
     }
 
-    fn update(&mut self, view: &PartView<'_>, _: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, _: &[Simd4], f: &mut [Simd4]) {
         for triangle in &mut self.triangles {
             let (frame, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
             triangle.frame = frame;
@@ -93,7 +93,7 @@ impl Force for PartMembrane {
         }
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for triangle in &self.triangles {
             let [a, b, c] = gather(self.start, triangle.corners, motion.own_v, motion.v);
             let rates = triangle.frame.rates(&triangle.gradients, [b - a, c - a]);

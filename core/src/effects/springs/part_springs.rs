@@ -10,7 +10,7 @@ use crate::Vec3;
 use crate::effects::force::{Force, PartForce, PartMotion, PartView};
 use crate::effects::springs::SpringElement;
 use crate::parallel::parts::PART_SIZE;
-use crate::parallel::simd4::Lanes;
+use crate::parallel::simd4::Simd4;
 use crate::scene::{Integrator, Scene};
 
 mod implicit;
@@ -24,7 +24,7 @@ const ROW_BLOCK: usize = 256;
 /// Rows whose lengths are computed together.
 const SPAN: usize = 16;
 
-/// Neighbours that are fetched at once: waiting for many far reads together takes as long as for one. Their numbers are
+/// ProximityList that are fetched at once: waiting for many far reads together takes as long as for one. Their numbers are
 /// taken modulo this, which changes nothing and spares a check.
 const NEIGHBOURS: usize = 64;
 
@@ -191,13 +191,13 @@ struct Rows<'a, T> {
 
 impl Rows<'_, &[f64]> {
     /// Adds `c (v2 - v1)·e e` of every spring to its ends.
-    fn add_damping<const N: usize>(&self, x: &[Lanes], v: &[Lanes], f: &mut [Lanes]) {
+    fn add_damping<const N: usize>(&self, x: &[Simd4], v: &[Simd4], f: &mut [Simd4]) {
         let (x, v) = (&x[..f.len()], &v[..f.len()]);
         let rows = self.vertices.iter().zip(self.others.as_chunks::<N>().0);
         for ((i, others), scaled) in rows.zip(self.scaled_damping.as_chunks::<N>().0) {
             let i = usize::from(*i);
             let (xi, vi) = (x[i], v[i]);
-            let mut sum = Lanes::ZERO;
+            let mut sum = Simd4::ZERO;
             for n in 0..N {
                 let j = usize::from(others[n]);
                 let u = xi - x[j];
@@ -210,7 +210,7 @@ impl Rows<'_, &[f64]> {
     }
 
     /// Compares the rate of every spring with the fastest so far.
-    fn compare_rates<const N: usize>(&self, x: &[Lanes], v: &[Lanes], fastest: &mut Fraction) {
+    fn compare_rates<const N: usize>(&self, x: &[Simd4], v: &[Simd4], fastest: &mut Fraction) {
         let v = &v[..x.len()];
         let rows = self.vertices.iter().zip(self.others.as_chunks::<N>().0);
         for ((i, others), rest) in rows.zip(self.rest_length.as_chunks::<N>().0) {
@@ -235,7 +235,7 @@ struct Fraction {
 impl Fraction {
     /// Takes the rate of a spring whose ends are `u` apart and part by `change`, if it is larger.
     #[inline]
-    fn compare(&mut self, u: Lanes, change: Lanes, rest: f64) {
+    fn compare(&mut self, u: Simd4, change: Simd4, rest: f64) {
         let along = change.dot(u);
         let rest = rest.max(self.shortest);
         let (squared, over) = (along * along, u.dot(u) * rest * rest);
@@ -247,7 +247,7 @@ impl Fraction {
 
 impl Rows<'_, &mut [f64]> {
     /// Adds the tension of every spring to its ends and keeps c / l².
-    fn update<const N: usize>(&mut self, x: &[Lanes], f: &mut [Lanes]) {
+    fn update<const N: usize>(&mut self, x: &[Simd4], f: &mut [Simd4]) {
         let x = &x[..f.len()];
         let others = self.others.as_chunks::<N>().0;
         let spans = self.vertices.chunks(SPAN).zip(others.chunks(SPAN)).enumerate();
@@ -270,7 +270,7 @@ impl Rows<'_, &mut [f64]> {
             for ((i, others), pulls) in vertices.iter().zip(others).zip(&pulls) {
                 let i = usize::from(*i);
                 let xi = x[i];
-                let mut sum = Lanes::ZERO;
+                let mut sum = Simd4::ZERO;
                 for n in 0..N {
                     let j = usize::from(others[n]);
                     let force = (xi - x[j]) * pulls[n];
@@ -285,8 +285,8 @@ impl Rows<'_, &mut [f64]> {
 
 /// Copies what belongs to these vertices.
 #[inline]
-fn fetch(vertices: &[u32], from: &[Vec3]) -> [Lanes; NEIGHBOURS] {
-    std::array::from_fn(|n| vertices.get(n).map_or(Lanes::ZERO, |v| Lanes::from(&from[*v as usize])))
+fn fetch(vertices: &[u32], from: &[Vec3]) -> [Simd4; NEIGHBOURS] {
+    std::array::from_fn(|n| vertices.get(n).map_or(Simd4::ZERO, |v| Simd4::from(&from[*v as usize])))
 }
 
 /// Turns squared lengths into tensions over length [N/m], and c into c / l²; several springs share the time of a root and
@@ -351,7 +351,7 @@ impl Force for PartSprings {
         &self.neighbours
     }
 
-    fn update(&mut self, view: &PartView<'_>, own: &[Lanes], f: &mut [Lanes]) {
+    fn update(&mut self, view: &PartView<'_>, own: &[Simd4], f: &mut [Simd4]) {
         let (mut row, mut spring) = (0, 0);
         for group in &self.groups {
             let (rows, springs) = (row..row + group.count, spring..spring + group.count * group.length);
@@ -395,7 +395,7 @@ impl Force for PartSprings {
         true
     }
 
-    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         if !self.across.is_empty() {
             return self.add_implicit(motion, f);
         }
@@ -430,9 +430,9 @@ impl Force for PartSprings {
 
     fn strain_rate_bound(&self, part: std::ops::Range<usize>, v: &[Vec3]) -> f64 {
         // Two ends differ by no more than twice what any vertex differs from the first.
-        let reference = Lanes::from(&v[self.start]);
+        let reference = Simd4::from(&v[self.start]);
         let squared = |v: &Vec3| {
-            let from_reference = Lanes::from(v) - reference;
+            let from_reference = Simd4::from(v) - reference;
             from_reference.dot(from_reference)
         };
         let own = v[part].iter().map(squared).fold(0.0, f64::max);

@@ -122,9 +122,9 @@ mod tests {
     use super::*;
     use crate::Vec3;
     use crate::geometry::aabb::Aabb;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
 
-    fn boxes(random: &mut Random, n: usize) -> Vec<Aabb> {
+    fn boxes(random: &mut SplitMix64, n: usize) -> Vec<Aabb> {
         let mut one = || {
             let p: Vec3 = random.vector();
             Aabb::of_segment(&p, &(p + random.vector() * 0.2))
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn the_pieces_of_a_search_meet_every_overlapping_pair_once() {
-        let mut random = Random(61);
+        let mut random = SplitMix64::new(61);
         for (n, m) in [(0, 3), (1, 1), (2, 300), (400, 300)] {
             let (a, b) = (boxes(&mut random, n), boxes(&mut random, m));
             let (tree, other) = (Bvh::build(&a), Bvh::build(&b));

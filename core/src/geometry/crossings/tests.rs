@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::geometry::testing::{Random, torus};
+use crate::geometry::random::SplitMix64;
+use crate::geometry::testing::torus;
 
 type Point = [i128; 3];
 
@@ -75,18 +76,18 @@ fn meets_in_integers(segment: &[Point; 2], triangle: &[Point; 3]) -> bool {
     !part.is_empty
 }
 
-fn whole(random: &mut Random, size: i128) -> i128 {
-    ((random.number() + 1.0) * 0.5 * (2 * size + 1) as f64) as i128 - size
+fn whole(random: &mut SplitMix64, size: i128) -> i128 {
+    ((random.signed() + 1.0) * 0.5 * (2 * size + 1) as f64) as i128 - size
 }
 
 /// Points of a small grid, so that every kind of coincidence is frequent.
-fn grid_case(random: &mut Random, size: i128) -> ([Point; 2], [Point; 3]) {
+fn grid_case(random: &mut SplitMix64, size: i128) -> ([Point; 2], [Point; 3]) {
     let mut point = || [0; 3].map(|_: i128| whole(random, size));
     ([point(), point()], [point(), point(), point()])
 }
 
 /// An invertible whole map: what meets before it meets after it, but no determinant fits a double any more.
-fn map(random: &mut Random) -> impl Fn(Point) -> Point + use<> {
+fn map(random: &mut SplitMix64) -> impl Fn(Point) -> Point + use<> {
     let mut number = |bits: u32| whole(random, 1 << bits);
     let (shift, mut rows) = ([0; 3].map(|_| number(48)), [[0; 3]; 3]);
     while dot(rows[0], cross(rows[1], rows[2])) == 0 {
@@ -100,7 +101,7 @@ fn floats<const N: usize>(points: [Point; N], scale: f64) -> [Vec3; N] {
 }
 
 fn compare_on_grids(count: usize, seed: u64) {
-    let mut random = Random(seed);
+    let mut random = SplitMix64::new(seed);
     let mut met = 0;
     for i in 0..count {
         let (segment, triangle) = grid_case(&mut random, 1 + (i % 4) as i128);
@@ -177,7 +178,7 @@ fn sheet(n: u32) -> (Vec<[u32; 3]>, Vec<Vec3>) {
 
 /// Meshes with few, many and degenerate crossings, non-manifold edges and doubled triangles among them.
 fn meshes() -> Vec<CrossingSearch> {
-    let mut random = Random(77);
+    let mut random = SplitMix64::new(77);
     let mut meshes = Vec::new();
     for size in [0.0, 0.5, 2.0] {
         let (triangles, mut x) = sheet(12);
@@ -187,7 +188,7 @@ fn meshes() -> Vec<CrossingSearch> {
     let (triangles, mut x) = sheet(9);
     x.iter_mut().for_each(|p| *p = (*p * 0.3 + random.vector() * 2.0).map(f64::round));
     meshes.push(CrossingSearch::new(triangles, x));
-    let soup = |random: &mut Random| [0; 3].map(|_| ((random.number() + 1.0) * 30.0) as u32);
+    let soup = |random: &mut SplitMix64| [0; 3].map(|_| ((random.signed() + 1.0) * 30.0) as u32);
     let triangles = (0..300).map(|_| soup(&mut random)).collect();
     meshes.push(CrossingSearch::new(triangles, (0..60).map(|_| random.vector()).collect()));
     let (triangles, x) = torus(16, 1.0, 0.3);
@@ -243,7 +244,7 @@ fn a_flat_sheet_does_not_cross_itself_until_it_lies_on_itself() {
 #[test]
 fn the_number_of_threads_does_not_change_the_list() {
     let (triangles, mut x) = sheet(40);
-    let mut random = Random(5);
+    let mut random = SplitMix64::new(5);
     x.iter_mut().for_each(|p| *p += random.vector());
     let mesh = CrossingSearch::new(triangles, x);
     let lists = [1, 2, 3, 7].map(|threads| {
@@ -258,7 +259,7 @@ fn the_number_of_threads_does_not_change_the_list() {
 fn a_search_that_follows_the_motion_finds_what_a_new_one_finds() {
     let (triangles, mut x) = sheet(15);
     let mut search = CrossingSearch::new(triangles.clone(), x.clone());
-    let mut random = Random(9);
+    let mut random = SplitMix64::new(9);
     for _ in 0..8 {
         x.iter_mut().for_each(|p| *p += random.vector());
         search.place(x.iter().copied());

@@ -1,7 +1,8 @@
 //! What a moving surface promises.
 
 use super::*;
-use crate::geometry::testing::{Random, cube, torus};
+use crate::geometry::random::SplitMix64;
+use crate::geometry::testing::{cube, torus};
 
 fn at_rest(mesh: (Vec<[u32; 3]>, Vec<Vec3>)) -> MovingSurface {
     let mut surface = MovingSurface::new(mesh.0, mesh.1.len()).unwrap();
@@ -20,7 +21,7 @@ fn deformed(x: &[Vec3], amount: f64) -> Vec<Vec3> {
 
 #[test]
 fn the_sign_of_the_distance_is_that_of_the_winding_number() {
-    let mut random = Random(41);
+    let mut random = SplitMix64::new(41);
     for mesh in [cube(), torus(20, 0.9, 0.35)] {
         let surface = at_rest((mesh.0, deformed(&mesh.1, 0.4)));
         assert!(surface.is_closed());
@@ -41,7 +42,7 @@ fn the_sign_of_the_distance_is_that_of_the_winding_number() {
 fn the_closest_point_is_the_one_a_look_at_every_triangle_finds_whatever_the_hint() {
     let (triangles, x) = torus(20, 0.9, 0.35);
     let surface = at_rest((triangles.clone(), x.clone()));
-    let mut random = Random(42);
+    let mut random = SplitMix64::new(42);
     for round in 0..1000 {
         // Every fourth point is a vertex or on an edge: several triangles are equally close.
         let t = triangles[round % triangles.len()].map(|v| x[v as usize]);
@@ -81,12 +82,12 @@ fn a_pseudo_normal_does_not_depend_on_how_the_sides_are_cut_into_triangles() {
 fn the_gradient_on_the_surface_is_its_normal() {
     let (triangles, x) = torus(20, 0.9, 0.35);
     let surface = at_rest((triangles.clone(), x.clone()));
-    let mut random = Random(45);
+    let mut random = SplitMix64::new(45);
     for t in &triangles {
         let [a, b, c] = t.map(|v| x[v as usize]);
         let normal = (b - a).cross(&(c - a)).normalize();
         // On the face up to rounding, and a nanometre off it, where the direction has digits again.
-        for height in [0.0, 1e-9 * random.number()] {
+        for height in [0.0, 1e-9 * random.signed()] {
             let p = a * 0.3 + b * 0.3 + c * 0.4 + normal * height;
             let found = surface.closest(&p, 1.0, None).unwrap();
             assert!((found.gradient(&p) - normal).norm() < 1e-3, "{height}");
@@ -119,7 +120,7 @@ fn a_node_that_ends_inside_a_deforming_body_was_seen_entering_it() {
     let b: Vec<Vec3> = deformed(&a, 0.5).iter().map(|p| p + flight).collect();
     let mut surface = MovingSurface::new(triangles, a.len()).unwrap();
     surface.set_samples(0.0, &a, 1.0, &b).unwrap();
-    let mut random = Random(43);
+    let mut random = SplitMix64::new(43);
     let (mut entered, mut passed) = (0, 0);
     for _ in 0..6000 {
         let (from, to) = (random.vector() * 1.4, random.vector() * 1.4 + flight);
@@ -174,7 +175,7 @@ fn faces_without_area_and_doubled_faces_leave_every_answer_finite() {
     x.push(x[0]);
     triangles.extend([[0, 1, 8], [3, 3, 3], triangles[4]]);
     let surface = at_rest((triangles, x));
-    let mut random = Random(44);
+    let mut random = SplitMix64::new(44);
     for _ in 0..500 {
         let p = random.vector() * 2.0;
         let found = surface.closest(&p, 10.0, None).unwrap();

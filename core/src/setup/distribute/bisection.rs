@@ -66,7 +66,7 @@ pub(crate) fn order(
         // Above the vertex, so that sorting brings pieces together and their vertices in order.
         lists[rank].extend(piece.rows.into_iter().map(|[x, y, z, vertex]| [x, y, z, number << 32 | vertex]));
     }
-    let mut own = ranks.send_lists(lists).concat();
+    let mut own = ranks.all_to_all_v(lists).concat();
     own.sort_unstable_by_key(|row| row[3]);
     let (mut vertices, mut rest) = (Vec::with_capacity(own.len()), Vec::with_capacity(own.len()));
     for piece in own.chunk_by(|a, b| a[3] >> 32 == b[3] >> 32) {
@@ -165,7 +165,7 @@ mod tests {
     use super::*;
     use crate::parallel::local_ranks::LocalRanks;
     use crate::parallel::parts::Partition;
-    use crate::setup::distribute::block_rows::Homes;
+    use crate::setup::distribute::block_rows::BlockDistribution;
 
     /// Many equal coordinates, both zeros among them.
     fn points(count: usize) -> Vec<Vec3> {
@@ -187,9 +187,9 @@ mod tests {
                     // A garment before this one.
                     partition.add_garment(5000);
                     let places = partition.add_garment(count);
-                    let assignment = partition.share_out(&partition.sizes(), ranks.count());
+                    let assignment = partition.balance(&partition.sizes(), ranks.count());
                     let starts: Vec<u32> = assignment.iter().map(|p| partition.starts()[*p] as u32).collect();
-                    let own = Homes::new(count, ranks.count()).rows(ranks.rank());
+                    let own = BlockDistribution::new(count, ranks.count()).rows(ranks.rank());
                     let (order, rest) = order(&ranks, places, &starts, (own.start, &all[own.clone()]));
                     assert!(order.iter().zip(&rest).all(|(v, p)| all[*v as usize] == *p));
                     order

@@ -14,12 +14,12 @@ pub(crate) const PIECE: usize = 8192;
 
 /// Even shares of so many rows, one for each rank.
 #[derive(Debug, Clone)]
-pub(crate) struct Homes {
+pub(crate) struct BlockDistribution {
     /// First row of every rank, and the number of all at the end.
     starts: Vec<usize>,
 }
 
-impl Homes {
+impl BlockDistribution {
     /// The shares of `rows` rows.
     pub(crate) fn new(rows: usize, ranks: usize) -> Self {
         Self { starts: (0..=ranks).map(|rank| rows * rank / ranks).collect() }
@@ -44,7 +44,7 @@ impl Homes {
 /// Rank 0's side of [`spread`].
 struct Reading<'a, T> {
     ranks: &'a Ranks,
-    homes: &'a Homes,
+    homes: &'a BlockDistribution,
     /// Rows that were given.
     given: usize,
     own: Vec<T>,
@@ -77,7 +77,11 @@ impl<T: Pod> Reading<'_, T> {
 
 /// This rank's share of rows that rank 0 gives one after the other, each as its values; `give` is called there alone. What is
 /// given beyond the shares is passed over, and what is missing has no values. All ranks call it together.
-pub(crate) fn spread<T: Pod>(ranks: &Ranks, homes: &Homes, give: impl FnOnce(&mut dyn FnMut(&[T]))) -> Vec<T> {
+pub(crate) fn scatter_rows<T: Pod>(
+    ranks: &Ranks,
+    homes: &BlockDistribution,
+    give: impl FnOnce(&mut dyn FnMut(&[T])),
+) -> Vec<T> {
     if ranks.is_first() {
         let (own, waiting) = (Vec::new(), Vec::new());
         let mut reading = Reading { ranks, homes, given: 0, own, waiting, rows: 0 };
@@ -97,7 +101,7 @@ pub(crate) fn spread<T: Pod>(ranks: &Ranks, homes: &Homes, give: impl FnOnce(&mu
 }
 
 /// Asks for rows where they are: `owner` says on which rank, and `answer` there what is asked for. All ranks call it together.
-pub(crate) fn ask<T: Pod>(
+pub(crate) fn fetch<T: Pod>(
     ranks: &Ranks,
     wanted: &[u32],
     owner: impl Fn(u32) -> usize,
@@ -105,9 +109,9 @@ pub(crate) fn ask<T: Pod>(
 ) -> Vec<T> {
     let mut questions = vec![Vec::new(); ranks.count()];
     wanted.iter().for_each(|row| questions[owner(*row)].push(*row));
-    let asked = ranks.send_lists(questions);
+    let asked = ranks.all_to_all_v(questions);
     let answers = asked.into_iter().map(|rows| rows.into_iter().map(&answer).collect()).collect();
-    let answers: Vec<Vec<T>> = ranks.send_lists(answers);
+    let answers: Vec<Vec<T>> = ranks.all_to_all_v(answers);
     let mut next: Vec<_> = answers.iter().map(|list| list.iter().copied()).collect();
     wanted.iter().map(|row| next[owner(*row)].next().expect("each question has its answer")).collect()
 }
@@ -122,15 +126,15 @@ mod tests {
         for (ranks, rows) in [(1, 20_000), (3, 50_000), (5, 3), (4, 0)] {
             let all = LocalRanks::run(ranks, 1, |communicator| {
                 let ranks = Ranks::new(communicator);
-                let homes = Homes::new(rows, ranks.count());
+                let homes = BlockDistribution::new(rows, ranks.count());
                 // Row r has r mod 3 values.
-                let own = spread(&ranks, &homes, |take| {
+                let own = scatter_rows(&ranks, &homes, |take| {
                     (0..rows as u32 + 7).for_each(|row| take(&vec![row; row as usize % 3]));
                 });
                 let mine = homes.rows(ranks.rank());
                 assert!(own.iter().copied().eq(mine.flat_map(|row| vec![row as u32; row % 3])));
                 let wanted: Vec<u32> = (0..rows as u32).rev().step_by(5).collect();
-                let answers = ask(
+                let answers = fetch(
                     &ranks,
                     &wanted,
                     |row| homes.of(row as usize),
@@ -150,7 +154,10 @@ mod tests {
     fn rows_that_are_missing_hold_nobody_up() {
         let all = LocalRanks::run(4, 1, |communicator| {
             let ranks = Ranks::new(communicator);
-            spread::<u32>(&ranks, &Homes::new(40_000, 4), |take| (0..15_000).for_each(|row| take(&[row]))).len()
+            scatter_rows::<u32>(&ranks, &BlockDistribution::new(40_000, 4), |take| {
+                (0..15_000).for_each(|row| take(&[row]))
+            })
+            .len()
         });
         assert_eq!(all.expect("no rank waits for ever"), [10_000, 5000, 0, 0]);
     }

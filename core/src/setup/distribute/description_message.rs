@@ -7,13 +7,13 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use crate::geometry::attachment::SurfaceAttachment;
 use crate::geometry::shapes::Shape;
 use crate::mesh::{MeshStream, PolygonMesh};
-use crate::parallel::message::{Incoming, Wire, wire};
+use crate::parallel::message::{Codec, Decoder, wire};
 use crate::scene::seam_pairs::Sewn;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{
-    BodyDescription, BodyFriction, BodyShape, EffectRequest, Follower, GarmentDescription, Integrator, Mass, PinAnchor,
-    PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription, SolverSettings,
-    Timeline, WindGridShape,
+    BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, MergedVertex,
+    PinAnchor, PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription,
+    SolverSettings, Timeline, WindGridShape,
 };
 use crate::settings::SettingValue;
 
@@ -53,24 +53,24 @@ wire!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness
 wire!(struct WindGridShape { origin, spacing, counts });
 wire!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, wind, effects, left_out });
 wire!(struct Pinned { number, pin, row, vertex, attachment });
-wire!(struct Follower { vertex, leader, offset });
+wire!(struct MergedVertex { vertex, leader, offset });
 wire!(struct Sewn { number, seam, ends, gap });
 
 /// Only rank 0 reads.
-impl Wire for Option<Arc<dyn MeshStream>> {
+impl Codec for Option<Arc<dyn MeshStream>> {
     fn put(&self, _: &mut Vec<u8>) {}
 
-    fn take(_: &mut Incoming<'_>) -> Self {
+    fn take(_: &mut Decoder<'_>) -> Self {
         None
     }
 }
 
-impl Wire for UnitQuaternion<f64> {
+impl Codec for UnitQuaternion<f64> {
     fn put(&self, out: &mut Vec<u8>) {
         <[f64; 4]>::from(self.coords).put(out);
     }
 
-    fn take(message: &mut Incoming<'_>) -> Self {
+    fn take(message: &mut Decoder<'_>) -> Self {
         // As it was, to the last bit: it was of unit length.
         Self::new_unchecked(Quaternion::from_vector(<[f64; 4]>::take(message).into()))
     }

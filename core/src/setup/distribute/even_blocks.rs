@@ -9,22 +9,23 @@ use crate::mesh::{MeshStream, PolygonMesh};
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
 use crate::scene::{FARTHEST, is_possible};
-use crate::setup::distribute::block_rows::{Homes, ask, spread};
+use crate::setup::distribute::block_rows::{BlockDistribution, fetch, scatter_rows};
 
 /// What a rank has of a garment as it was read.
-pub(crate) struct Home<'a> {
-    pub(crate) points_of: Homes,
-    pub(crate) faces_of: Homes,
+pub(crate) struct BlockOfMesh<'a> {
+    pub(crate) points_of: BlockDistribution,
+    pub(crate) faces_of: BlockDistribution,
     /// Rest positions [m].
     pub(crate) points: Cow<'a, [Vec3]>,
     /// Number of corners and corners of each face.
     corners: Vec<u32>,
 }
 
-impl<'a> Home<'a> {
+impl<'a> BlockOfMesh<'a> {
     /// All of a mesh, for one rank.
     pub(crate) fn alone(mesh: &'a PolygonMesh) -> Self {
-        let [points_of, faces_of] = [mesh.points.len(), mesh.face_counts.len()].map(|rows| Homes::new(rows, 1));
+        let [points_of, faces_of] =
+            [mesh.points.len(), mesh.face_counts.len()].map(|rows| BlockDistribution::new(rows, 1));
         let rows =
             mesh.faces().flat_map(|corners| std::iter::once(corners.len() as u32).chain(corners.iter().copied()));
         Self { points_of, faces_of, points: Cow::Borrowed(&mesh.points), corners: rows.collect() }
@@ -38,9 +39,9 @@ impl<'a> Home<'a> {
         place: &str,
         problems: &mut Vec<Problem>,
     ) -> Self {
-        let [points_of, faces_of] = [points, faces].map(|rows| Homes::new(rows, ranks.count()));
+        let [points_of, faces_of] = [points, faces].map(|rows| BlockDistribution::new(rows, ranks.count()));
         let (mut read, mut given) = (Ok(()), [0, 0]);
-        let own_points = spread(ranks, &points_of, |take| {
+        let own_points = scatter_rows(ranks, &points_of, |take| {
             let mut each = |points: &[Vec3]| {
                 given[0] += points.len();
                 points.iter().for_each(|point| take(std::slice::from_ref(point)));
@@ -48,7 +49,7 @@ impl<'a> Home<'a> {
             read = mesh.map_or(Ok(()), |mesh| mesh.points(&mut each));
         });
         let mut row = Vec::new();
-        let corners = spread(ranks, &faces_of, |take| {
+        let corners = scatter_rows(ranks, &faces_of, |take| {
             let mut each = |counts: &[u32], corners: &[u32]| {
                 let mut rest = corners;
                 for count in counts {
@@ -86,9 +87,9 @@ impl<'a> Home<'a> {
     }
 
     /// The rest positions of all corners of the faces here. All ranks call it together.
-    pub(crate) fn positions(&self, ranks: &Ranks) -> Known<'_, Vec3> {
+    pub(crate) fn positions(&self, ranks: &Ranks) -> FetchedValues<'_, Vec3> {
         let corners = self.faces(ranks).flat_map(|(_, corners)| corners).copied();
-        Known::new(ranks, corners, &self.points_of, &self.points)
+        FetchedValues::new(ranks, corners, &self.points_of, &self.points)
     }
 
     /// Numbers that are not finite, and faces that cannot be: what has to hold before anything can be derived.
@@ -112,15 +113,20 @@ impl<'a> Home<'a> {
 }
 
 /// What is known of some points that are at home on any rank.
-pub(crate) struct Known<'a, T: Copy> {
+pub(crate) struct FetchedValues<'a, T: Copy> {
     /// Their numbers in the garment, ascending; one rank, which has all, needs none.
     vertices: Vec<u32>,
     values: Cow<'a, [T]>,
 }
 
-impl<'a, T: bytemuck::Pod> Known<'a, T> {
+impl<'a, T: bytemuck::Pod> FetchedValues<'a, T> {
     /// Asks for these points, each once; `own` are the values of those that are at home here. All ranks call it together.
-    pub(crate) fn new(ranks: &Ranks, vertices: impl Iterator<Item = u32>, homes: &Homes, own: &'a [T]) -> Self {
+    pub(crate) fn new(
+        ranks: &Ranks,
+        vertices: impl Iterator<Item = u32>,
+        homes: &BlockDistribution,
+        own: &'a [T],
+    ) -> Self {
         if ranks.is_alone() {
             return Self { vertices: Vec::new(), values: Cow::Borrowed(own) };
         }
@@ -128,7 +134,7 @@ impl<'a, T: bytemuck::Pod> Known<'a, T> {
         vertices.sort_unstable();
         vertices.dedup();
         let first = homes.rows(ranks.rank()).start;
-        let values = ask(ranks, &vertices, |v| homes.of(v as usize), |v| own[v as usize - first]);
+        let values = fetch(ranks, &vertices, |v| homes.of(v as usize), |v| own[v as usize - first]);
         Self { vertices, values: Cow::Owned(values) }
     }
 

@@ -4,8 +4,8 @@
 use std::ops::Range;
 
 use crate::parallel::ranks::Ranks;
-use crate::setup::distribute::block_rows::Homes;
-use crate::setup::distribute::even_blocks::{Known, joined};
+use crate::setup::distribute::block_rows::BlockDistribution;
+use crate::setup::distribute::even_blocks::{FetchedValues, joined};
 
 /// A polygon and the corners of one of its triangles.
 pub(crate) type Triangle = [u32; 4];
@@ -18,8 +18,14 @@ pub(crate) fn owner(starts: &[u32], number: u32) -> usize {
 /// The triangles of the scene with an own vertex, ascending; corners are numbers in the scene. `cut` are those whose faces are at
 /// home here, with corners of the garment, `places` the number in the scene of each of its points that is at home here, and
 /// `starts` the first of every rank.
-pub(crate) fn stars(ranks: &Ranks, homes: &Homes, cut: Vec<Triangle>, places: &[u32], starts: &[u32]) -> Vec<Triangle> {
-    let numbers = Known::new(ranks, cut.iter().flat_map(|[_, corners @ ..]| *corners), homes, places);
+pub(crate) fn one_ring(
+    ranks: &Ranks,
+    homes: &BlockDistribution,
+    cut: Vec<Triangle>,
+    places: &[u32],
+    starts: &[u32],
+) -> Vec<Triangle> {
+    let numbers = FetchedValues::new(ranks, cut.iter().flat_map(|[_, corners @ ..]| *corners), homes, places);
     let mut lists: Vec<Vec<Triangle>> = vec![Vec::new(); ranks.count()];
     for [polygon, corners @ ..] in &cut {
         let [a, b, c] = corners.map(|vertex| numbers.at(vertex));
@@ -34,7 +40,7 @@ pub(crate) fn stars(ranks: &Ranks, homes: &Homes, cut: Vec<Triangle>, places: &[
         }
     }
     drop((cut, numbers));
-    let mut own = joined(ranks.send_lists(lists));
+    let mut own = joined(ranks.all_to_all_v(lists));
     own.sort_unstable();
     own
 }
@@ -78,8 +84,8 @@ impl<'a> Star<'a> {
     }
 }
 
-/// Widens what [`stars`] has found by the triangles beyond its edges, so many times. All ranks call it together.
-pub(crate) fn widen(
+/// Widens what [`one_ring`] has found by the triangles beyond its edges, so many times. All ranks call it together.
+pub(crate) fn grow(
     ranks: &Ranks,
     near: Vec<Triangle>,
     own: &Range<u32>,
@@ -107,8 +113,8 @@ pub(crate) fn widen(
             found.dedup();
             found
         };
-        let answers = ranks.send_lists(questions).into_iter().map(answer).collect();
-        latest = joined(ranks.send_lists(answers));
+        let answers = ranks.all_to_all_v(questions).into_iter().map(answer).collect();
+        latest = joined(ranks.all_to_all_v(answers));
         latest.retain(|triangle| near.binary_search(triangle).is_err() && beyond.binary_search(triangle).is_err());
         latest.sort_unstable();
         latest.dedup();

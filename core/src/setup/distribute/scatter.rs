@@ -3,30 +3,32 @@
 //! What is read goes first to a *home*, an even share of the points and faces on each rank (`home`), where it is checked. Then
 //! the ranks find the order of the vertices together (`bisection`), each takes the rest positions of its own, and homes learn
 //! which number in the scene their points have. Faces are cut into triangles at home, what takes no part is left out there
-//! (`inert`), and the rest goes to the owners of the corners (`stars`); what else belongs to a vertex is asked for by whoever has
+//! (`inert`), and the rest goes to the owners of the corners (`one_ring`); what else belongs to a vertex is asked for by whoever has
 //! it.
 
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::effects::registry as effects;
+use crate::effects::spec::Need;
 use crate::error::Problem;
 use crate::geometry::attachment::SurfaceAttachment;
 use crate::parallel::communicator::{Expected, Message};
-use crate::parallel::message::{Wire, decode, vector_of, words_of};
+use crate::parallel::message::{Codec, decode, vector_of, words_of};
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
-use crate::scene::Follower;
+use crate::scene::MergedVertex;
 use crate::scene::seam_pairs::{Sewn, partners, sewn_to};
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription};
 use crate::setup::distribute::bisection;
-use crate::setup::distribute::block_rows::{Homes, ask, spread};
-use crate::setup::distribute::even_blocks::Home;
-use crate::setup::distribute::one_ring::{owner, stars, widen};
-use crate::setup::distribute::submesh::{Held, Piece, Received, forget_vertices, pins_of, rings, settle};
+use crate::setup::distribute::block_rows::{BlockDistribution, fetch, scatter_rows};
+use crate::setup::distribute::even_blocks::BlockOfMesh;
+use crate::setup::distribute::one_ring::{grow, one_ring, owner};
+use crate::setup::distribute::submesh::{Held, Received, SubMesh, assemble, forget_vertices, halo_width, pins_of};
 use crate::setup::mesh_checks::coincident;
 use crate::setup::mesh_checks::coincident::Apart;
-use crate::setup::mesh_checks::degenerate::Sound;
+use crate::setup::mesh_checks::degenerate::CleanMesh;
 use crate::setup::mesh_checks::winding;
 
 /// What belongs to the points of a garment beside their rest positions; on rank 0, where they are given.
@@ -48,15 +50,15 @@ struct Own {
 }
 
 /// A scene that is being handed out.
-pub(crate) struct HandingOut {
+pub(crate) struct SceneScatter {
     description: SceneDescription,
     partition: Partition,
     assignment: Vec<usize>,
     /// First vertex of every rank, and the number of all at the end.
     starts: Vec<u32>,
     /// What is at home here of each garment, until it is handed out; and where all their points are at home.
-    homes: Vec<Home<'static>>,
-    points_of: Vec<Homes>,
+    homes: Vec<BlockOfMesh<'static>>,
+    points_of: Vec<BlockDistribution>,
     /// On rank 0.
     columns: Vec<Columns>,
     pins: Vec<PinDescription>,
@@ -64,7 +66,7 @@ pub(crate) struct HandingOut {
     pairs: Vec<Vec<[u32; 2]>>,
 }
 
-impl HandingOut {
+impl SceneScatter {
     /// Tells all ranks what is small, reads the garments and spreads them. All ranks call it together, rank 0 with the
     /// description.
     pub(crate) fn begin(ranks: &Ranks, description: Option<SceneDescription>, problems: &mut Vec<Problem>) -> Self {
@@ -96,12 +98,12 @@ impl HandingOut {
         for ((points, faces), garment) in counts.into_iter().zip(&description.garments) {
             let place = format!("garment \"{}\"", garment.name);
             // Each mesh is forgotten when it has been read.
-            let home = Home::read(ranks, meshes.next().as_deref(), (points, faces), &place, problems);
+            let home = BlockOfMesh::read(ranks, meshes.next().as_deref(), (points, faces), &place, problems);
             problems.extend(home.check(ranks, &place, points));
             homes.push(home);
             partition.add_garment(points);
         }
-        let assignment = partition.share_out(&partition.sizes(), ranks.count());
+        let assignment = partition.balance(&partition.sizes(), ranks.count());
         let starts = assignment.iter().map(|part| partition.starts()[*part] as u32).collect();
         let points_of = homes.iter().map(|home| home.points_of.clone()).collect();
         Self { description, partition, assignment, starts, homes, points_of, columns, pins, pairs }
@@ -121,22 +123,22 @@ impl HandingOut {
         // One garment after the other, and each is forgotten when it is handed out.
         let garments = std::mem::take(&mut self.homes).into_iter().zip(owns).zip(places);
         for (g, ((home, mut own), places)) in garments.enumerate() {
-            let mut sound = Sound::of(ranks, &self.description.garments[g].name, &home);
+            let mut sound = CleanMesh::of(ranks, &self.description.garments[g].name, &home);
             warnings.append(&mut sound.warnings);
-            warnings.extend(winding::told(ranks, (&self.description, g), &self.points_of[g], &sound.triangles));
+            warnings.extend(winding::warning(ranks, (&self.description, g), &self.points_of[g], &sound.triangles));
             if touches(&self.description) {
                 warnings.extend(self.set_apart(ranks, g, (&home.points, &sound, &places), &mut own));
             }
             drop(home);
             held.followers.extend(self.followers(ranks, g, &sound.follows, (&own, &places), &pinned));
-            let near = stars(ranks, &self.points_of[g], sound.triangles, &places, &self.starts);
-            let near = widen(ranks, near, &self.run(ranks), &self.starts, rings(&self.description, g));
+            let near = one_ring(ranks, &self.points_of[g], sound.triangles, &places, &self.starts);
+            let near = grow(ranks, near, &self.run(ranks), &self.starts, halo_width(&self.description, g));
             pieces.push(self.piece(ranks, g, own, near, &held.sewn));
         }
         let mut followers = held.followers.to_bytes();
         ranks.broadcast(&mut followers);
         held.followers = decode(ranks.rank(), "vertices that follow others", &followers);
-        let received = settle(ranks, self.description, (self.partition, self.assignment), pieces, held);
+        let received = assemble(ranks, self.description, (self.partition, self.assignment), pieces, held);
         Received { warnings, ..received }
     }
 
@@ -179,7 +181,7 @@ impl HandingOut {
         }
         let here = homes.rows(ranks.rank());
         let mut places = vec![0; here.len()];
-        for [vertex, number] in ranks.send_lists(lists).into_iter().flatten() {
+        for [vertex, number] in ranks.all_to_all_v(lists).into_iter().flatten() {
             places[vertex as usize - here.start] = number;
         }
         places
@@ -189,7 +191,7 @@ impl HandingOut {
     fn numbers(&self, ranks: &Ranks, garment: usize, vertices: &[u32], places: &[u32]) -> Vec<u32> {
         let homes = &self.points_of[garment];
         let first = homes.rows(ranks.rank()).start;
-        ask(ranks, vertices, |vertex| homes.of(vertex as usize), |vertex| places[vertex as usize - first])
+        fetch(ranks, vertices, |vertex| homes.of(vertex as usize), |vertex| places[vertex as usize - first])
     }
 
     /// What is held or sewn of own vertices; and on rank 0, which knows all and asks where they are, the vertices of all ranks
@@ -229,7 +231,7 @@ impl HandingOut {
         &self,
         ranks: &Ranks,
         garment: usize,
-        (points, sound, places): (&[Vec3], &Sound, &[u32]),
+        (points, sound, places): (&[Vec3], &CleanMesh, &[u32]),
         own: &mut Own,
     ) -> Option<String> {
         let homes = &self.points_of[garment];
@@ -238,13 +240,17 @@ impl HandingOut {
         self.move_to(ranks, garment, (&rest, places), &mut own.rest);
         let mut pairs = rest.pairs;
         if ranks.any(!own.start.is_empty()) {
-            let start =
-                ask(ranks, places, |number| owner(&self.starts, number), |number| own.start[(number - first) as usize]);
+            let start = fetch(
+                ranks,
+                places,
+                |number| owner(&self.starts, number),
+                |number| own.start[(number - first) as usize],
+            );
             let start = Apart::of(ranks, homes, &start, sound);
             self.move_to(ranks, garment, (&start, places), &mut own.start);
             pairs.extend(start.pairs);
         }
-        coincident::told(ranks, &self.description.garments[garment].name, homes, pairs)
+        coincident::warning(ranks, &self.description.garments[garment].name, homes, pairs)
     }
 
     /// Moves own vertices to where they were set apart.
@@ -257,7 +263,7 @@ impl HandingOut {
             lists[owner(&self.starts, number)].push([u64::from(number), x, y, z]);
         }
         let first = u64::from(self.run_of(ranks, garment).start);
-        for [number, x, y, z] in ranks.send_lists(lists).into_iter().flatten() {
+        for [number, x, y, z] in ranks.all_to_all_v(lists).into_iter().flatten() {
             own[(number - first) as usize] = vector_of([x, y, z]);
         }
     }
@@ -270,12 +276,12 @@ impl HandingOut {
         follows: &[[u32; 2]],
         (own, places): (&Own, &[u32]),
         pinned: &[u32],
-    ) -> Vec<Follower> {
+    ) -> Vec<MergedVertex> {
         // The same list on all ranks, of which one asks.
         let wanted = if ranks.is_first() { follows.as_flattened() } else { &[] };
         let numbers = self.numbers(ranks, garment, wanted, places);
         let at = self.starts_at(ranks, garment, &numbers, own);
-        let follower = |(numbers, at): (&[u32; 2], &[Vec3; 2])| Follower {
+        let follower = |(numbers, at): (&[u32; 2], &[Vec3; 2])| MergedVertex {
             vertex: numbers[0],
             leader: numbers[1],
             offset: at[0] - at[1],
@@ -288,7 +294,7 @@ impl HandingOut {
     fn starts_at(&self, ranks: &Ranks, garment: usize, numbers: &[u32], own: &Own) -> Vec<Vec3> {
         let first = self.run_of(ranks, garment).start;
         let start = if own.start.is_empty() { &own.rest } else { &own.start };
-        ask(ranks, numbers, |number| owner(&self.starts, number), |number| start[(number - first) as usize])
+        fetch(ranks, numbers, |number| owner(&self.starts, number), |number| start[(number - first) as usize])
     }
 
     /// Every pinned vertex of the scene by its number, in the order of the targets, on rank 0.
@@ -338,7 +344,7 @@ impl HandingOut {
     }
 
     /// The piece of own vertices of a garment with the triangles `near` them; partners of own vertices are there too.
-    fn piece(&self, ranks: &Ranks, garment: usize, own: Own, near: Vec<[u32; 4]>, sewn: &[Sewn]) -> Piece {
+    fn piece(&self, ranks: &Ranks, garment: usize, own: Own, near: Vec<[u32; 4]>, sewn: &[Sewn]) -> SubMesh {
         let (run, all) = (self.run(ranks), self.run_of(ranks, garment));
         let partners = partners(sewn, &(run.start as usize..run.end as usize), &self.partition.garments()[garment]);
         let corners = near.iter().flat_map(|[_, corners @ ..]| corners);
@@ -347,14 +353,14 @@ impl HandingOut {
         far.dedup();
         let from = |number: u32| owner(&self.starts, number);
         let row = |number: u32| (number - all.start) as usize;
-        let numbers = ask(ranks, &far, from, |number| own.vertices[row(number)]);
-        let rest = ask(ranks, &far, from, |number| own.rest[row(number)]);
+        let numbers = fetch(ranks, &far, from, |number| own.vertices[row(number)]);
+        let rest = fetch(ranks, &far, from, |number| own.rest[row(number)]);
         let maps: Vec<Vec<f64>> =
-            own.maps.iter().map(|map| ask(ranks, &far, from, |number| map[row(number)])).collect();
+            own.maps.iter().map(|map| fetch(ranks, &far, from, |number| map[row(number)])).collect();
         let below = far.partition_point(|number| *number < all.start);
         let mut vertices: Vec<[u32; 2]> = far.into_iter().zip(numbers).map(Into::into).collect();
         vertices.splice(below..below, all.zip(own.vertices).map(Into::into));
-        Piece {
+        SubMesh {
             vertices,
             rest: between(rest, below, own.rest),
             start: own.start,
@@ -367,8 +373,8 @@ impl HandingOut {
 
 /// Whether an effect of the scene lets cloth touch cloth.
 fn touches(description: &SceneDescription) -> bool {
-    let mut effects = description.effects.iter().map(|request| request.effect.as_str());
-    effects.any(|effect| matches!(effect, "self_repulsion" | "self_collision"))
+    let mut specs = description.effects.iter().filter_map(|request| effects::find(&request.effect));
+    specs.any(|spec| spec.needs.contains(&Need::ClothSurface))
 }
 
 /// Values of own vertices among those of the others, of which so many come before.
@@ -381,14 +387,14 @@ fn between<T>(mut far: Vec<T>, below: usize, own: Vec<T>) -> Vec<T> {
 }
 
 /// Values of own vertices of a column that rank 0 has; nothing where there is no such column.
-fn column<T: bytemuck::Pod>(ranks: &Ranks, homes: &Homes, values: Option<Vec<T>>, own: &[u32]) -> Vec<T> {
+fn column<T: bytemuck::Pod>(ranks: &Ranks, homes: &BlockDistribution, values: Option<Vec<T>>, own: &[u32]) -> Vec<T> {
     if !ranks.any(values.is_some()) {
         return Vec::new();
     }
     let values =
-        spread(ranks, homes, |take| values.iter().flatten().for_each(|value| take(std::slice::from_ref(value))));
+        scatter_rows(ranks, homes, |take| values.iter().flatten().for_each(|value| take(std::slice::from_ref(value))));
     let first = homes.rows(ranks.rank()).start;
-    ask(ranks, own, |vertex| homes.of(vertex as usize), |vertex| values[vertex as usize - first])
+    fetch(ranks, own, |vertex| homes.of(vertex as usize), |vertex| values[vertex as usize - first])
 }
 
 /// Takes what belongs to the points; what is painted stays known, and how.

@@ -11,17 +11,17 @@ use crate::Vec3;
 use crate::effects;
 use crate::effects::spec::Need;
 use crate::mesh::TriangleMesh;
-use crate::parallel::message::{Incoming, Wire, decode};
+use crate::parallel::message::{Codec, Decoder, decode};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
-use crate::scene::Follower;
+use crate::scene::MergedVertex;
 use crate::scene::seam_pairs::{Sewn, partners, sewn_to};
 use crate::scene::vertex_maps::{PaintedMap, PaintedMaps};
 use crate::scene::{PinDescription, PinTarget, Pinned, Scene, SceneDescription};
 
 /// What a rank needs of a garment, vertices ascending by their numbers in the scene.
 #[derive(Debug, Default)]
-pub(crate) struct Piece {
+pub(crate) struct SubMesh {
     /// Number in the scene, and in the garment.
     pub(crate) vertices: Vec<[u32; 2]>,
     pub(crate) rest: Vec<Vec3>,
@@ -36,13 +36,13 @@ pub(crate) struct Piece {
 }
 
 /// How many times the pieces of a garment are widened by the triangles beyond their edges.
-pub(crate) fn rings(description: &SceneDescription, garment: usize) -> usize {
+pub(crate) fn halo_width(description: &SceneDescription, garment: usize) -> usize {
     let of_garment = description.effects.iter().filter(|request| request.garment == Some(garment));
     let mut specs = of_garment.filter_map(|request| effects::find(&request.effect));
     if specs.any(|spec| spec.needs.contains(&Need::SecondRing)) { 2 } else { 1 }
 }
 
-impl Piece {
+impl SubMesh {
     fn to_bytes(&self) -> Vec<u8> {
         let Self { vertices, rest, start, velocities, maps, triangles } = self;
         let mut bytes = [vertices.len(), start.len(), velocities.len(), maps.len(), triangles.len()].to_bytes();
@@ -55,7 +55,7 @@ impl Piece {
     }
 
     fn from_bytes(ranks: &Ranks, bytes: &[u8]) -> Self {
-        let mut message = Incoming::new(ranks.rank(), "cloth that moves to another rank", bytes);
+        let mut message = Decoder::new(ranks.rank(), "cloth that moves to another rank", bytes);
         let [vertices, start, velocities, maps, triangles] = <[usize; 5]>::take(&mut message);
         let piece = Self {
             vertices: message.values(vertices),
@@ -77,7 +77,7 @@ impl Piece {
         let number = |v: u32| parts.number(first + v as usize);
         let mut here: Vec<bool> =
             mesh.triangles().iter().map(|corners| corners.iter().any(|v| own.contains(&number(*v)))).collect();
-        for _ in 0..rings(&scene.description, garment) {
+        for _ in 0..halo_width(&scene.description, garment) {
             let near = here.clone();
             for hinge in mesh.hinges() {
                 let [a, b] = hinge.triangles.map(|t| t as usize);
@@ -151,7 +151,7 @@ pub(crate) struct Received {
     pub(crate) pinned: Vec<Pinned>,
     pub(crate) pin_targets: usize,
     pub(crate) sewn: Vec<Sewn>,
-    pub(crate) followers: Vec<Follower>,
+    pub(crate) followers: Vec<MergedVertex>,
     /// What was left out of the garments; on rank 0.
     pub(crate) warnings: Vec<String>,
     pub(crate) painted: Vec<PaintedMaps>,
@@ -162,15 +162,15 @@ pub(crate) struct Held {
     pub(crate) pinned: Vec<Pinned>,
     pub(crate) pin_targets: usize,
     pub(crate) sewn: Vec<Sewn>,
-    pub(crate) followers: Vec<Follower>,
+    pub(crate) followers: Vec<MergedVertex>,
 }
 
 /// Builds what a rank keeps from its pieces.
-pub(crate) fn settle(
+pub(crate) fn assemble(
     ranks: &Ranks,
     description: SceneDescription,
     (partition, assignment): (Partition, Vec<usize>),
-    mut pieces: Vec<Piece>,
+    mut pieces: Vec<SubMesh>,
     Held { mut pinned, pin_targets, sewn, followers }: Held,
 ) -> Received {
     let starts = partition.starts();
@@ -183,14 +183,14 @@ pub(crate) fn settle(
         // What was sent are the pins of own vertices.
         pinned.vertex = pinned.vertex - own.start + parts.own().start as u32;
     }
-    let differs = |of: fn(&Piece) -> &Vec<Vec3>| ranks.any(pieces.iter().any(|piece| !of(piece).is_empty()));
+    let differs = |of: fn(&SubMesh) -> &Vec<Vec3>| ranks.any(pieces.iter().any(|piece| !of(piece).is_empty()));
     let own_places = |garment: usize| parts.own_of_garment(garment);
     let start = differs(|piece| &piece.start).then(|| {
         let mut x: Vec<Vec3> = pieces.iter().flat_map(|piece| &piece.rest).copied().collect();
         for (g, piece) in pieces.iter().enumerate().filter(|(_, piece)| !piece.start.is_empty()) {
             x[own_places(g)].copy_from_slice(&piece.start);
         }
-        parts.halo().refresh(ranks, &mut x);
+        parts.halo().update(ranks, &mut x);
         x
     });
     let velocities = differs(|piece| &piece.velocities).then(|| {
@@ -202,7 +202,7 @@ pub(crate) fn settle(
                 v[own_places(g)].copy_from_slice(&piece.velocities);
             }
         }
-        parts.halo().refresh(ranks, &mut v);
+        parts.halo().update(ranks, &mut v);
         v
     });
     let painted = pieces.iter_mut().zip(&description.garments).map(|(piece, garment)| {
@@ -210,14 +210,14 @@ pub(crate) fn settle(
         maps.map(|((name, map), values)| (name.clone(), PaintedMap { values, absolute: map.absolute })).collect()
     });
     let painted = painted.collect();
-    let meshes = pieces.into_iter().map(Piece::mesh).collect();
+    let meshes = pieces.into_iter().map(SubMesh::mesh).collect();
     let warnings = Vec::new();
     Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn, followers, warnings, painted }
 }
 
 /// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
 /// of the start any more.
-pub(crate) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
+pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Received {
     let (parts, ranks) = (&scene.parts, scene.parts.ranks());
     let partition = parts.partition().clone();
     let now = |rank: usize| parts.rank_starts()[rank]..parts.rank_starts()[rank + 1];
@@ -229,11 +229,11 @@ pub(crate) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
     for garment in 0..scene.meshes.len() {
         let piece = |rank: usize| match moves(rank) {
             none if none.is_empty() => Vec::new(),
-            own => Piece::of_local(scene, garment, &own).to_bytes(),
+            own => SubMesh::of_local(scene, garment, &own).to_bytes(),
         };
-        let received = ranks.send_lists((0..ranks.count()).map(piece).collect());
-        let told = received.iter().filter(|bytes| !bytes.is_empty());
-        pieces.push(Piece::joined(told.map(|bytes| Piece::from_bytes(ranks, bytes)).collect()));
+        let received = ranks.all_to_all_v((0..ranks.count()).map(piece).collect());
+        let arrived = received.iter().filter(|bytes| !bytes.is_empty());
+        pieces.push(SubMesh::joined(arrived.map(|bytes| SubMesh::from_bytes(ranks, bytes)).collect()));
     }
     let numbered = scene.pinned.iter().map(|pinned| Pinned { vertex: parts.number(pinned.vertex as usize), ..*pinned });
     let numbered: Vec<Pinned> = numbered.collect();
@@ -244,7 +244,7 @@ pub(crate) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
             (pins_of(&numbered, &own), sewn_to(&scene.sewn, &own)).to_bytes()
         }
     };
-    let received = ranks.send_lists((0..ranks.count()).map(pins).collect());
+    let received = ranks.all_to_all_v((0..ranks.count()).map(pins).collect());
     let (mut pinned, mut sewn) = (Vec::new(), Vec::new());
     for bytes in received.iter().filter(|bytes| !bytes.is_empty()) {
         let (pins, pairs): (Vec<Pinned>, Vec<Sewn>) =
@@ -257,7 +257,7 @@ pub(crate) fn hand_over(scene: &Scene, assignment: Vec<usize>) -> Received {
     sewn.sort_unstable_by_key(|pair| pair.number);
     sewn.dedup_by_key(|pair| pair.number);
     let held = Held { pinned, pin_targets: scene.pin_targets, sewn, followers: scene.followers.clone() };
-    let received = settle(ranks, scene.description.clone(), (partition, assignment), pieces, held);
+    let received = assemble(ranks, scene.description.clone(), (partition, assignment), pieces, held);
     Received { warnings: scene.warnings.clone(), ..received }
 }
 

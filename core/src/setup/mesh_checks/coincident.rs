@@ -10,9 +10,9 @@ use crate::Vec3;
 use crate::parallel::message::{vector_of, words_of};
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
-use crate::setup::distribute::block_rows::{Homes, ask};
-use crate::setup::distribute::even_blocks::{Known, joined};
-use crate::setup::mesh_checks::degenerate::Sound;
+use crate::setup::distribute::block_rows::{BlockDistribution, fetch};
+use crate::setup::distribute::even_blocks::{FetchedValues, joined};
+use crate::setup::mesh_checks::degenerate::CleanMesh;
 use crate::tolerances::SET_APART;
 
 /// What is set apart of a garment.
@@ -33,7 +33,7 @@ type Way = [u64; 6];
 impl Apart {
     /// Draws vertices that lie where others are into their triangles. `points` are the positions of the vertices at home here,
     /// by which `homes` go. All ranks call it together.
-    pub(crate) fn of(ranks: &Ranks, homes: &Homes, points: &[Vec3], sound: &Sound) -> Self {
+    pub(crate) fn of(ranks: &Ranks, homes: &BlockDistribution, points: &[Vec3], sound: &CleanMesh) -> Self {
         let groups = coinciding(ranks, homes, points, &sound.lives);
         if !ranks.any(!groups.is_empty()) {
             return Self::default();
@@ -42,11 +42,11 @@ impl Apart {
         let mut lists = vec![Vec::new(); ranks.count()];
         groups.iter().flatten().for_each(|v| lists[homes.of(*v as usize)].push(*v));
         let mut coincides = vec![0; points.len()];
-        ranks.send_lists(lists).into_iter().flatten().for_each(|v| coincides[v as usize - first] = 1);
+        ranks.all_to_all_v(lists).into_iter().flatten().for_each(|v| coincides[v as usize - first] = 1);
         let inwards = inwards(ranks, homes, points, (sound, &coincides));
         // All that coincides at home here is among them.
         let row = |v: u32| inwards.partition_point(|(vertex, _)| *vertex < v);
-        let moved = ask(ranks, &groups.concat(), |v| homes.of(v as usize), |v| inwards[row(v)].1);
+        let moved = fetch(ranks, &groups.concat(), |v| homes.of(v as usize), |v| inwards[row(v)].1);
         let mut moved = moved.as_slice();
         let mut apart = Self::default();
         for group in groups {
@@ -62,11 +62,11 @@ impl Apart {
 }
 
 /// Says in words, on rank 0, which vertices of a garment were set apart, at rest or at the start. All ranks call it together.
-pub(crate) fn told(ranks: &Ranks, name: &str, homes: &Homes, pairs: Vec<[u32; 2]>) -> Option<String> {
+pub(crate) fn warning(ranks: &Ranks, name: &str, homes: &BlockDistribution, pairs: Vec<[u32; 2]>) -> Option<String> {
     // A pair may be known to one rank by its places at rest, and to another by those at the start.
     let mut lists = vec![Vec::new(); ranks.count()];
     pairs.into_iter().for_each(|pair| lists[homes.of(pair[0] as usize)].push(pair));
-    let list = listed(ranks, joined(ranks.send_lists(lists)))?;
+    let list = listed(ranks, joined(ranks.all_to_all_v(lists)))?;
     let share = 1.0 / SET_APART;
     ranks.is_first().then(|| {
         format!(
@@ -77,7 +77,7 @@ pub(crate) fn told(ranks: &Ranks, name: &str, homes: &Homes, pairs: Vec<[u32; 2]
 }
 
 /// Vertices with triangles that lie in one place, ascending; each group on one rank.
-fn coinciding(ranks: &Ranks, homes: &Homes, points: &[Vec3], lives: &[u8]) -> Vec<Vec<u32>> {
+fn coinciding(ranks: &Ranks, homes: &BlockDistribution, points: &[Vec3], lives: &[u8]) -> Vec<Vec<u32>> {
     let mut lists: Vec<Vec<Row>> = vec![Vec::new(); ranks.count()];
     let vertices = homes.rows(ranks.rank()).start as u64..;
     for ((vertex, point), _) in vertices.zip(points).zip(lives).filter(|(_, lives)| **lives != 0) {
@@ -85,7 +85,7 @@ fn coinciding(ranks: &Ranks, homes: &Homes, points: &[Vec3], lives: &[u8]) -> Ve
         let [x, y, z] = words_of(&point.add_scalar(0.0));
         lists[meeting_place([x, y, z], ranks.count())].push([x, y, z, vertex]);
     }
-    let mut rows = joined(ranks.send_lists(lists));
+    let mut rows = joined(ranks.all_to_all_v(lists));
     rows.sort_unstable();
     let groups = rows.chunk_by(|a, b| a[..3] == b[..3]).filter(|group| group.len() > 1);
     groups.map(|group| group.iter().map(|row| row[3] as u32).collect()).collect()
@@ -100,14 +100,20 @@ fn meeting_place(bits: [u64; 3], ranks: usize) -> usize {
 }
 
 /// The new places [m] of the vertices at home here that coincide with others, ascending.
-fn inwards(ranks: &Ranks, homes: &Homes, points: &[Vec3], (sound, coincides): (&Sound, &[u8])) -> Vec<(u32, Vec3)> {
+fn inwards(
+    ranks: &Ranks,
+    homes: &BlockDistribution,
+    points: &[Vec3],
+    (sound, coincides): (&CleanMesh, &[u8]),
+) -> Vec<(u32, Vec3)> {
     let all = sound.triangles.iter().flat_map(|[_, corners @ ..]| *corners);
-    let coincides = Known::new(ranks, all, homes, coincides);
+    let coincides = FetchedValues::new(ranks, all, homes, coincides);
     let touched: Vec<(u32, &[u32; 4])> = (0..)
         .zip(&sound.triangles)
         .filter(|(_, [_, corners @ ..])| corners.iter().any(|v| coincides.at(*v) != 0))
         .collect();
-    let positions = Known::new(ranks, touched.iter().flat_map(|(_, [_, corners @ ..])| *corners), homes, points);
+    let positions =
+        FetchedValues::new(ranks, touched.iter().flat_map(|(_, [_, corners @ ..])| *corners), homes, points);
     let mut lists: Vec<Vec<Way>> = vec![Vec::new(); ranks.count()];
     for (number, [polygon, corners @ ..]) in touched {
         let middle = corners.iter().map(|v| positions.at(*v)).sum::<Vec3>() / 3.0;
@@ -116,14 +122,14 @@ fn inwards(ranks: &Ranks, homes: &Homes, points: &[Vec3], (sound, coincides): (&
             lists[homes.of(*v as usize)].push([u64::from(*v), u64::from(*polygon), u64::from(number), x, y, z]);
         }
     }
-    let mut rows = joined(ranks.send_lists(lists));
+    let mut rows = joined(ranks.all_to_all_v(lists));
     // So that the sums are those of a mesh at hand, triangle after triangle.
     rows.sort_unstable_by_key(|[vertex, polygon, number, ..]| [*vertex, *polygon, *number]);
     let first = homes.rows(ranks.rank()).start;
     let moved = |group: &[Way]| {
-        let ways: Vec3 = group.iter().map(|[.., x, y, z]| vector_of([*x, *y, *z])).sum();
+        let inwards: Vec3 = group.iter().map(|[.., x, y, z]| vector_of([*x, *y, *z])).sum();
         let vertex = group[0][0] as u32;
-        (vertex, points[vertex as usize - first] + ways * (SET_APART / group.len() as f64))
+        (vertex, points[vertex as usize - first] + inwards * (SET_APART / group.len() as f64))
     };
     rows.chunk_by(|a, b| a[0] == b[0]).map(moved).collect()
 }
@@ -244,13 +250,13 @@ mod tests {
                 continue;
             }
             names += 1;
-            let (mut way, mut count) = (Vec3::zeros(), 0.0);
+            let (mut inwards, mut count) = (Vec3::zeros(), 0.0);
             for corners in triangles.iter().filter(|corners| corners.contains(&(v as u32))) {
                 let [a, b, c] = corners.map(|corner| mesh.points[corner as usize]);
-                way += (a + b + c) / 3.0 - p;
+                inwards += (a + b + c) / 3.0 - p;
                 count += 1.0;
             }
-            expected[v] += way * (SET_APART / count);
+            expected[v] += inwards * (SET_APART / count);
         }
         assert_eq!(names, 2 * SIDE);
         let garment = GarmentDescription::new("skirt", mesh, 0.2);

@@ -8,13 +8,13 @@ use crate::mesh::{PolygonMesh, triangulate_face};
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
 use crate::scene::coarse_place;
-use crate::setup::distribute::block_rows::Homes;
-use crate::setup::distribute::even_blocks::{Home, Known, joined};
+use crate::setup::distribute::block_rows::BlockDistribution;
+use crate::setup::distribute::even_blocks::{BlockOfMesh, FetchedValues, joined};
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 
 /// The triangles of a garment that are simulated, as far as their faces are at home here, and what was left out of them.
 #[derive(Debug)]
-pub(crate) struct Sound {
+pub(crate) struct CleanMesh {
     /// Polygon and corners (numbers of the garment) of each, in the order of the polygons.
     pub(crate) triangles: Vec<[u32; 4]>,
     /// 1 for each point at home here that such a triangle has, 0 for the others.
@@ -25,9 +25,9 @@ pub(crate) struct Sound {
     pub(crate) warnings: Vec<String>,
 }
 
-impl Sound {
+impl CleanMesh {
     /// The triangles with an area, each once. Of faces on the same corners, the first stays. All ranks call it together.
-    pub(crate) fn of(ranks: &Ranks, name: &str, home: &Home<'_>) -> Self {
+    pub(crate) fn of(ranks: &Ranks, name: &str, home: &BlockOfMesh<'_>) -> Self {
         let positions = home.positions(ranks);
         let shortest = DEGENERATE_EDGE * size(ranks, home);
         let mut repeated = repeated_polygons(ranks, home);
@@ -58,7 +58,7 @@ impl Sound {
 
 /// Takes out triangles on the corners of one before; returns their polygons. They meet where the lowest of these corners is at
 /// home.
-fn drop_repeated(ranks: &Ranks, home: &Home<'_>, triangles: &mut Vec<[u32; 4]>) -> Vec<u32> {
+fn drop_repeated(ranks: &Ranks, home: &BlockOfMesh<'_>, triangles: &mut Vec<[u32; 4]>) -> Vec<u32> {
     let mut lists = vec![Vec::new(); ranks.count()];
     for (number, [polygon, corners @ ..]) in (0u32..).zip(&*triangles) {
         let mut corners = *corners;
@@ -66,7 +66,7 @@ fn drop_repeated(ranks: &Ranks, home: &Home<'_>, triangles: &mut Vec<[u32; 4]>) 
         let [a, b, c] = corners;
         lists[home.points_of.of(a as usize)].push([a, b, c, *polygon, number]);
     }
-    let mut keys = joined(ranks.send_lists(lists));
+    let mut keys = joined(ranks.all_to_all_v(lists));
     keys.sort_unstable();
     let mut answers = vec![Vec::new(); ranks.count()];
     for twice in keys.windows(2).filter(|w| w[0][..3] == w[1][..3]) {
@@ -74,7 +74,7 @@ fn drop_repeated(ranks: &Ranks, home: &Home<'_>, triangles: &mut Vec<[u32; 4]>) 
         answers[home.faces_of.of(polygon as usize)].push(number);
     }
     drop(keys);
-    let mut twice = joined(ranks.send_lists(answers));
+    let mut twice = joined(ranks.all_to_all_v(answers));
     twice.sort_unstable();
     let dropped = twice.iter().map(|t| triangles[*t as usize][0]).collect();
     let mut number = 0..;
@@ -83,7 +83,7 @@ fn drop_repeated(ranks: &Ranks, home: &Home<'_>, triangles: &mut Vec<[u32; 4]>) 
 }
 
 /// 1 for each point at home here that one of the triangles of all ranks has, 0 for the others.
-fn lives(ranks: &Ranks, homes: &Homes, triangles: &[[u32; 4]]) -> Vec<u8> {
+fn lives(ranks: &Ranks, homes: &BlockDistribution, triangles: &[[u32; 4]]) -> Vec<u8> {
     let here = homes.rows(ranks.rank());
     let mut lives = vec![0; here.len()];
     let corners = || triangles.iter().flat_map(|[_, corners @ ..]| *corners);
@@ -94,7 +94,7 @@ fn lives(ranks: &Ranks, homes: &Homes, triangles: &[[u32; 4]]) -> Vec<u8> {
     others.dedup();
     let mut lists = vec![Vec::new(); ranks.count()];
     others.into_iter().for_each(|v| lists[homes.of(v as usize)].push(v));
-    ranks.send_lists(lists).into_iter().flatten().for_each(|v| lives[v as usize - here.start] = 1);
+    ranks.all_to_all_v(lists).into_iter().flatten().for_each(|v| lives[v as usize - here.start] = 1);
     lives
 }
 
@@ -102,7 +102,7 @@ fn lives(ranks: &Ranks, homes: &Homes, triangles: &[[u32; 4]]) -> Vec<u8> {
 fn warnings(
     ranks: &Ranks,
     name: &str,
-    home: &Home<'_>,
+    home: &BlockOfMesh<'_>,
     [repeated, flat]: [Vec<u32>; 2],
     (lives, follows): (&[u8], &[[u32; 2]]),
 ) -> Vec<String> {
@@ -143,12 +143,12 @@ fn told_coarse(ranks: &Ranks, name: &str, farthest: [f64; 2]) -> Option<String> 
 
 /// The triangles of a mesh that a scene simulates: those with an area, each once, in the order of their polygons.
 pub fn simulated_triangles(mesh: &PolygonMesh) -> Vec<[u32; 3]> {
-    let sound = Sound::of(&Ranks::default(), "", &Home::alone(mesh));
+    let sound = CleanMesh::of(&Ranks::default(), "", &BlockOfMesh::alone(mesh));
     sound.triangles.into_iter().map(|[_, corners @ ..]| corners).collect()
 }
 
 /// Diagonal of the bounds of the points of all ranks [m].
-fn size(ranks: &Ranks, home: &Home<'_>) -> f64 {
+fn size(ranks: &Ranks, home: &BlockOfMesh<'_>) -> f64 {
     if home.points_of.count() == 0 {
         return 0.0;
     }
@@ -168,7 +168,7 @@ fn is_flat([a, b, c]: [Vec3; 3], shortest: f64) -> bool {
 
 /// Polygons of four and more corners, at home here, that have those of one before, ascending: however they are wound or turned.
 /// They meet where the lowest of these corners is at home.
-fn repeated_polygons(ranks: &Ranks, home: &Home<'_>) -> Vec<u32> {
+fn repeated_polygons(ranks: &Ranks, home: &BlockOfMesh<'_>) -> Vec<u32> {
     let mut lists = vec![Vec::new(); ranks.count()];
     let mut sorted = Vec::new();
     for (polygon, corners) in home.faces(ranks).filter(|(_, corners)| corners.len() > 3) {
@@ -179,7 +179,7 @@ fn repeated_polygons(ranks: &Ranks, home: &Home<'_>) -> Vec<u32> {
         list.extend([sorted.len() as u32, polygon]);
         list.extend_from_slice(&sorted);
     }
-    let words = joined(ranks.send_lists(lists));
+    let words = joined(ranks.all_to_all_v(lists));
     let mut rest = words.as_slice();
     let next = || {
         let (count, after) = rest.split_first()?;
@@ -196,7 +196,7 @@ fn repeated_polygons(ranks: &Ranks, home: &Home<'_>) -> Vec<u32> {
     }
     drop(rows);
     drop(words);
-    let mut repeated = joined(ranks.send_lists(answers));
+    let mut repeated = joined(ranks.all_to_all_v(answers));
     repeated.sort_unstable();
     repeated
 }
@@ -205,12 +205,12 @@ fn repeated_polygons(ranks: &Ranks, home: &Home<'_>) -> Vec<u32> {
 /// The same on all ranks.
 fn leaders(
     ranks: &Ranks,
-    homes: &Homes,
+    homes: &BlockDistribution,
     flat: &[[u32; 4]],
     lives: &[u8],
-    positions: &Known<'_, Vec3>,
+    positions: &FetchedValues<'_, Vec3>,
 ) -> Vec<[u32; 2]> {
-    let lives = Known::new(ranks, flat.iter().flat_map(|[_, corners @ ..]| *corners), homes, lives);
+    let lives = FetchedValues::new(ranks, flat.iter().flat_map(|[_, corners @ ..]| *corners), homes, lives);
     let mut all: Vec<[u64; 3]> = Vec::new();
     for [_, corners @ ..] in flat {
         for v in corners.iter().filter(|v| lives.at(**v) == 0) {
@@ -225,7 +225,7 @@ fn leaders(
         all.dedup_by_key(|[vertex, ..]| *vertex);
     };
     nearest(&mut all);
-    let mut all = ranks.all_gather_each(&all).concat();
+    let mut all = ranks.all_gather_v(&all).concat();
     nearest(&mut all);
     all.into_iter().map(|[vertex, _, leader]| [vertex as u32, leader as u32]).collect()
 }
@@ -235,7 +235,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::geometry::testing::Random;
+    use crate::geometry::random::SplitMix64;
     use crate::mesh::MeshStream;
     use crate::parallel::local_ranks::LocalRanks;
 
@@ -247,8 +247,8 @@ mod tests {
             let ranks = Ranks::new(communicator);
             let size = (mesh.points.len(), mesh.face_counts.len());
             let (given, mut problems) = (ranks.is_first().then_some(mesh as &dyn MeshStream), Vec::new());
-            let home = Home::read(&ranks, given, size, "skirt", &mut problems);
-            let sound = Sound::of(&ranks, "skirt", &home);
+            let home = BlockOfMesh::read(&ranks, given, size, "skirt", &mut problems);
+            let sound = CleanMesh::of(&ranks, "skirt", &home);
             let first = home.points_of.rows(ranks.rank()).start as u32;
             let lives =
                 (first..).zip(&sound.lives).filter(|(_, lives)| **lives == 1).map(|(v, _)| v).collect::<Vec<_>>();
@@ -326,8 +326,8 @@ mod tests {
 
     /// Faces of three to five corners on points of a small grid: many have no area, and many are there twice.
     fn soup(seed: u64) -> (Vec<[f64; 3]>, Vec<Vec<u32>>) {
-        let mut random = Random(seed);
-        let mut below = |end: usize| ((random.number() + 1.0) * 0.5 * end as f64) as usize;
+        let mut random = SplitMix64::new(seed);
+        let mut below = |end: usize| ((random.signed() + 1.0) * 0.5 * end as f64) as usize;
         let points: Vec<[f64; 3]> = (0..24).map(|_| [below(3), below(3), below(2)].map(|c| c as f64)).collect();
         let mut faces: Vec<Vec<u32>> = Vec::new();
         for _ in 0..10 {

@@ -4,7 +4,7 @@ use crate::mesh::{sides, turned_edges};
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
 use crate::scene::SceneDescription;
-use crate::setup::distribute::block_rows::Homes;
+use crate::setup::distribute::block_rows::BlockDistribution;
 use crate::setup::distribute::even_blocks::joined;
 
 /// What of a scene takes the side that faces show for a side of this garment, in words.
@@ -20,10 +20,10 @@ fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'sta
 
 /// Says in words, on rank 0, at which edges of a garment two faces are wound against each other, if something looks at their
 /// sides. `triangles` are those at home here with their polygons, `homes` those of the points. All ranks call it together.
-pub(crate) fn told(
+pub(crate) fn warning(
     ranks: &Ranks,
     (description, garment): (&SceneDescription, usize),
-    homes: &Homes,
+    homes: &BlockDistribution,
     triangles: &[[u32; 4]],
 ) -> Option<String> {
     let looking = looking_at_sides(description, garment).join(" and ");
@@ -34,7 +34,7 @@ pub(crate) fn told(
     for side in sides(triangles.iter().map(|[_, corners @ ..]| *corners)) {
         lists[homes.of(side[0] as usize)].push(side);
     }
-    let list = listed(ranks, turned_edges(joined(ranks.send_lists(lists))))?;
+    let list = listed(ranks, turned_edges(joined(ranks.all_to_all_v(lists))))?;
     let name = &description.garments[garment].name;
     ranks.is_first().then(|| {
         format!(

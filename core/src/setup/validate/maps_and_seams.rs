@@ -1,16 +1,17 @@
 //! Checks of painted maps and of seams.
 
 use super::report;
+use crate::effects::registry::maps;
 use crate::error::Problem;
-use crate::scene::vertex_maps::{MAPS, SHARES};
 use crate::scene::{GarmentDescription, Mass, SceneDescription};
 
 /// Names and values of painted maps.
 pub(crate) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Problem>) {
     for (name, map) in &garment.maps {
         let place = format!("garment \"{}\", map of {name}", garment.name);
-        if MAPS.iter().all(|(known, _)| known != name) {
-            let names: Vec<&str> = MAPS.iter().map(|(known, _)| *known).collect();
+        let known = maps().find(|(known, _)| known.name == name);
+        if known.is_none() {
+            let names: Vec<&str> = maps().map(|(known, _)| known.name).collect();
             let advice = format!("there are maps of {}", names.join(", "));
             problems.push(Problem::scene(&place, "this quantity cannot be painted", advice));
         }
@@ -28,7 +29,7 @@ pub(crate) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Proble
             let what = format!("the values of vertices {list} are not numbers {least}");
             Problem::data(&place, what, "paint these vertices anew")
         });
-        if SHARES.contains(&name.as_str()) && map.absolute {
+        if known.is_some_and(|(known, _)| known.is_share) && map.absolute {
             let what = format!("a map of {name} is a share of what the {name} does");
             problems.push(Problem::scene(&place, what, "leave it out of `absolute_maps`"));
         }
@@ -42,28 +43,19 @@ pub(crate) fn check_maps(garment: &GarmentDescription, problems: &mut Vec<Proble
 /// Maps of what nothing in the scene looks at.
 pub(crate) fn check_maps_are_used(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (g, garment) in description.garments.iter().enumerate() {
-        let asked = |name: &&str| {
-            description.effects.iter().any(|e| e.effect == *name && e.garment.is_none_or(|garment| garment == g))
-        };
-        let has_number = |name: &str| match name {
-            // These two settings do nothing unless they are written.
-            "break_force" => description.pins.iter().any(|pin| pin.garment == g && pin.hold.break_force().is_some()),
-            "compression" => {
-                let mut own = description.effects.iter().filter(|e| e.effect == "strain_limit" && e.garment == Some(g));
-                own.any(|e| e.settings.contains_key(name))
-            }
-            _ => true,
-        };
-        for (name, lookers) in MAPS.iter().filter(|(name, _)| garment.maps.contains_key(*name)) {
+        for (map, looker) in maps().filter(|(map, _)| garment.maps.contains_key(map.name)) {
+            let Some(looker) = looker.map(|spec| spec.name) else { continue };
             // A map of what was left out is left out with it.
-            let is_out = |name: &&str| description.left_out.iter().any(|out| out == name);
-            if !lookers.is_empty() && !lookers.iter().any(|name| asked(name) || is_out(name)) {
-                let place = format!("garment \"{}\", map of {name}", garment.name);
-                let advice = format!("leave it out, or ask for {}", lookers.join(" or "));
+            if description.left_out.iter().any(|out| out == looker) {
+                continue;
+            }
+            let place = format!("garment \"{}\", map of {}", garment.name, map.name);
+            let mut requests = description.effects.iter().filter(|e| e.effect == looker);
+            if !requests.any(|e| e.garment.is_none_or(|garment| garment == g)) {
+                let advice = format!("leave it out, or ask for {looker}");
                 problems.push(Problem::scene(place, "nothing in this scene looks at it", advice));
-            } else if !lookers.iter().any(is_out) && !has_number(name) {
-                let place = format!("garment \"{}\", map of {name}", garment.name);
-                let advice = format!("write `{name}` as well, or leave the map out");
+            } else if map.varies.is_some_and(|varies| !varies(description, g)) {
+                let advice = format!("write `{}` as well, or leave the map out", map.name);
                 problems.push(Problem::scene(place, "there is nothing that it would vary", advice));
             }
         }

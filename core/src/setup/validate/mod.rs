@@ -23,7 +23,7 @@ use crate::scene::{
     SceneDescription, is_possible,
 };
 use crate::settings::nearest;
-use crate::setup::distribute::scatter::HandingOut;
+use crate::setup::distribute::scatter::SceneScatter;
 use crate::setup::distribute::submesh::{self, Received};
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
 
@@ -43,7 +43,7 @@ impl Scene {
     pub fn distribute(ranks: &Ranks, description: Option<SceneDescription>) -> Result<Self, Problems> {
         let description = description.filter(|_| ranks.is_first());
         let mut problems = description.as_ref().map_or_else(Vec::new, check_description);
-        let handed = HandingOut::begin(ranks, description, &mut problems);
+        let handed = SceneScatter::begin(ranks, description, &mut problems);
         agree(ranks, problems)?;
         let mut scene = Self::derive(handed.finish(ranks));
         agree(ranks, check_inert(&scene.description, &scene.parts, &scene.sewn, scene.inert()))?;
@@ -54,7 +54,7 @@ impl Scene {
     /// The scene with another assignment of the parts to the ranks (first part of every rank, and the number of all). All ranks
     /// call it together.
     pub(crate) fn reassigned(&self, assignment: Vec<usize>) -> Self {
-        Self::derive(submesh::hand_over(self, assignment))
+        Self::derive(submesh::migrate(self, assignment))
     }
 
     /// What follows from a rank's pieces.
@@ -149,7 +149,7 @@ fn masses(
         share_among_the_rest(description, parts, inert, &mut masses);
     }
     // Ghosts have triangles that are not here.
-    parts.halo().refresh(parts.ranks(), &mut masses);
+    parts.halo().update(parts.ranks(), &mut masses);
     masses
 }
 

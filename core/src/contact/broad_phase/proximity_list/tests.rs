@@ -1,7 +1,7 @@
 use super::*;
 use crate::contact::ccd;
 use crate::contact::topology::pair::KINDS;
-use crate::geometry::testing::Random;
+use crate::geometry::random::SplitMix64;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
 
@@ -10,7 +10,7 @@ pub(crate) mod ranks;
 const N: usize = 7;
 
 /// Two small sheets, crumpled into each other.
-fn crumpled(random: &mut Random) -> (Scene, Vec<Vec3>) {
+fn crumpled(random: &mut SplitMix64) -> (Scene, Vec<Vec3>) {
     let at = |k: usize| Vec3::new((k % N) as f64, 0.0, (k / N) as f64) * 0.01;
     let corners = (0..(N - 1) * N).filter(|k| k % N < N - 1).map(|k| k as u32);
     let triangles: Vec<_> =
@@ -46,13 +46,13 @@ fn all_pairs(surface: &ContactSurface) -> Vec<Pair> {
 
 #[test]
 fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
-    let mut random = Random(91);
+    let mut random = SplitMix64::new(91);
     for reach in [0.05, 0.3] {
         let (scene, x) = crumpled(&mut random);
         let mut surface = ContactSurface::new(&scene, 0.4);
         let mut search = PairSearch::new();
-        let mut neighbours = Neighbours::new(&surface, true);
-        assert!(neighbours.note_ways(&surface, &x, &x).is_infinite(), "there is no list yet");
+        let mut neighbours = ProximityList::new(&surface, true);
+        assert!(neighbours.update_displacements(&surface, &x, &x).is_infinite(), "there is no list yet");
         neighbours.rebuild(&mut surface, &mut search, &mut x.clone(), reach, 0.0);
         let all = all_pairs(&surface);
         for round in 0..5 {
@@ -60,13 +60,13 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
             let turn = nalgebra::Rotation3::new(random.vector() * 0.05 * f64::from(round));
             let shift = random.vector();
             let edge = surface.edge_length();
-            let moved = |random: &mut Random| -> Vec<Vec3> {
-                let own = |i: usize, random: &mut Random| random.vector().normalize() * 0.55 * reach * edge[i];
+            let moved = |random: &mut SplitMix64| -> Vec<Vec3> {
+                let own = |i: usize, random: &mut SplitMix64| random.vector().normalize() * 0.55 * reach * edge[i];
                 x.iter().enumerate().map(|(i, x)| turn * x + shift + own(i, random)).collect()
             };
             let (start, end) = (moved(&mut random), moved(&mut random));
-            let way = neighbours.note_ways(&surface, &start, &end);
-            assert!(way <= neighbours.reach(), "{way} in {}", neighbours.reach());
+            let displacement = neighbours.update_displacements(&surface, &start, &end);
+            assert!(displacement <= neighbours.skin(), "{displacement} in {}", neighbours.skin());
             let mut found: Vec<Pair> = KINDS.iter().flat_map(|k| neighbours.list(*k)).map(|n| n.pair).collect();
             found.sort_unstable();
             assert!(found.windows(2).all(|w| w[0] < w[1]), "each pair once");
@@ -80,7 +80,7 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
                     assert!(distance > reach || listed.is_ok(), "{pair:?} at {distance}");
                     close += usize::from(distance <= reach);
                     if listed.is_ok() {
-                        let same = |n: &&Neighbour| n.pair == *pair;
+                        let same = |n: &&CandidatePair| n.pair == *pair;
                         let neighbour = neighbours.list(pair.kind).iter().find(same).expect("it is in the list");
                         least = least.min(distance - neighbours.distance_bound(neighbour));
                     }
@@ -94,13 +94,13 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
 
 #[test]
 fn a_search_along_paths_meets_all_that_collides() {
-    let mut random = Random(92);
+    let mut random = SplitMix64::new(92);
     let (scene, start) = crumpled(&mut random);
     let surface = ContactSurface::new(&scene, 0.4);
     let end: Vec<Vec3> = start.iter().map(|x| x + random.vector() * 0.02).collect();
     let mut search = PairSearch::new();
     let mut found = Vec::new();
-    search.fit(&surface, |i| Aabb::of_segment(&start[i], &end[i]));
+    search.refit(&surface, |i| Aabb::of_segment(&start[i], &end[i]));
     search.pairs(&surface, |pair, out| out.push(pair), &mut found);
     found.sort_unstable();
     assert!(found.windows(2).all(|w| w[0] < w[1]), "each pair once");

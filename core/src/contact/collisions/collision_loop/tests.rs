@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::*;
 use crate::contact::broad_phase::proximity_list::tests::ranks::Heap;
 use crate::contact::testing::on_ranks;
-use crate::geometry::testing::Random;
+use crate::geometry::random::SplitMix64;
 use crate::parallel::ranks::Ranks;
 
 /// Counts that have to be the same on any number of ranks.
@@ -40,7 +40,7 @@ impl Outcome {
 }
 
 /// Resolves the collisions of a heap that goes so many times the way between its first two times.
-fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], way: f64, may_give_back: bool) -> Outcome {
+fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], displacement: f64, may_give_back: bool) -> Outcome {
     let mut surface = heap.surface(ranks, starts);
     let nodes = surface.nodes().clone();
     surface.change_mobility(|mobility| {
@@ -52,12 +52,12 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], way: f64, may_give_back
             }
         }
     });
-    let (mut search, mut neighbours) = (PairSearch::new(), Neighbours::new(&surface, false));
+    let (mut search, mut neighbours) = (PairSearch::new(), ProximityList::new(&surface, false));
     let mut start = heap.at(&surface, 0);
     neighbours.rebuild(&mut surface, &mut search, &mut start, 0.3, 1e-6);
-    let end = start.iter().zip(heap.at(&surface, 1)).map(|(a, b)| a + (b - a) * way).collect();
+    let end = start.iter().zip(heap.at(&surface, 1)).map(|(a, b)| a + (b - a) * displacement).collect();
     let mut paths = NodePaths { start, end };
-    let used = neighbours.note_ways(&surface, &paths.start, &paths.end);
+    let used = neighbours.update_displacements(&surface, &paths.start, &paths.end);
     let ignored = |pair: &Pair| pair.nodes[0].is_multiple_of(97);
     let mut collisions = Collisions {
         surface: &mut surface,
@@ -65,14 +65,14 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], way: f64, may_give_back
         duration: 0.1,
         ignored: &ignored,
         may_give_back,
-        effort: Effort::Usual,
+        effort: Strategy::Usual,
     };
     let mut metrics = Metrics::default();
     let mut work = CollisionLoop::default();
     let resolution = work.resolve(&mut collisions, &mut neighbours, &mut search, &mut paths, used, &mut metrics);
     let nodes = surface.nodes();
     let mut refreshed = paths.end.clone();
-    nodes.refresh(&mut refreshed);
+    nodes.update(&mut refreshed);
     assert_eq!(refreshed, paths.end, "copies end where their owners do");
     Outcome {
         ends: nodes.own().map(|node| paths.end[node]).map(|x| [x.x, x.y, x.z].map(f64::to_bits)).collect(),
@@ -83,12 +83,12 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], way: f64, may_give_back
 }
 
 /// The outcome on one rank, which is checked to be that on several.
-fn check(random: &mut Random, mixed: bool, way: f64, may_give_back: bool) -> Outcome {
+fn check(random: &mut SplitMix64, mixed: bool, displacement: f64, may_give_back: bool) -> Outcome {
     let heap = Arc::new(Heap::random(random, mixed));
-    let alone = resolve(&heap, &Ranks::default(), &heap.cut(random, 1), way, may_give_back);
+    let alone = resolve(&heap, &Ranks::default(), &heap.cut(random, 1), displacement, may_give_back);
     for count in [2, 3, 5] {
         let (heap, starts) = (heap.clone(), heap.cut(random, count));
-        let found = on_ranks(count, move |ranks| resolve(&heap, &ranks, &starts, way, may_give_back));
+        let found = on_ranks(count, move |ranks| resolve(&heap, &ranks, &starts, displacement, may_give_back));
         for rank in &found {
             assert_eq!((rank.flags, rank.counts), (alone.flags, alone.counts), "{count} ranks");
         }
@@ -102,7 +102,7 @@ fn check(random: &mut Random, mixed: bool, way: f64, may_give_back: bool) -> Out
 
 #[test]
 fn impulses_and_small_zones_give_the_same_bits_on_any_number_of_ranks() {
-    let mut random = Random(51);
+    let mut random = SplitMix64::new(51);
     for mixed in [false, true] {
         let outcome = check(&mut random, mixed, 5.0, false);
         assert!(outcome.counted("collision_hits") > 100 && outcome.counted("zones") > 0, "{:?}", outcome.counts);
@@ -112,7 +112,7 @@ fn impulses_and_small_zones_give_the_same_bits_on_any_number_of_ranks() {
 
 #[test]
 fn large_zones_that_let_go_and_turn_give_the_same_bits_on_any_number_of_ranks() {
-    let mut random = Random(52);
+    let mut random = SplitMix64::new(52);
     for mixed in [false, true] {
         let outcome = check(&mut random, mixed, 25.0, false);
         assert!(["zones_large", "zones_rigid", "pairs_pinched"].iter().all(|name| outcome.counted(name) > 0));
@@ -122,7 +122,7 @@ fn large_zones_that_let_go_and_turn_give_the_same_bits_on_any_number_of_ranks() 
 
 #[test]
 fn any_number_of_ranks_gives_back_what_is_hard() {
-    let mut random = Random(53);
+    let mut random = SplitMix64::new(53);
     let outcome = check(&mut random, false, 25.0, true);
     assert!(outcome.flags[2]);
 }

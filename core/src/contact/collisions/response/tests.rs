@@ -1,7 +1,7 @@
 use super::*;
 use crate::contact::testing::{on_ranks, random_starts};
 use crate::contact::topology::pair::PairKind;
-use crate::geometry::testing::Random;
+use crate::geometry::random::SplitMix64;
 use crate::parallel::ranks::Ranks;
 
 const NODES: u32 = 24;
@@ -15,13 +15,13 @@ struct Story {
     start: Vec<Vec3>,
     displacements: Vec<Vec3>,
     mobility: Vec<Vec3>,
-    attempts: Vec<(u32, Vec<Hit>)>,
+    attempts: Vec<(u32, Vec<Collision>)>,
 }
 
 impl Story {
-    fn random(random: &mut Random) -> Self {
+    fn random(random: &mut SplitMix64) -> Self {
         let normal = random.vector().normalize();
-        let hit = |nodes: [u32; 4], sign: f64, target: f64| Hit {
+        let hit = |nodes: [u32; 4], sign: f64, target: f64| Collision {
             pair: Pair { kind: if sign > 0.0 { PairKind::PointTriangle } else { PairKind::EdgeEdge }, nodes },
             moves: nodes.map(|node| node != HELD),
             weights: [1.0, -0.5, -0.3, -0.2],
@@ -51,35 +51,35 @@ impl Story {
     }
 
     /// After each attempt: displacements of own nodes and the nodes touched; and the numbers of closed and open zones.
-    fn told(&self, ranks: &Ranks, starts: &[u32]) -> Vec<(Vec<Vec3>, Vec<u32>, [usize; 2])> {
+    fn outcome(&self, ranks: &Ranks, starts: &[u32]) -> Vec<(Vec<Vec3>, Vec<u32>, [usize; 2])> {
         let own = starts[ranks.rank()]..starts[ranks.rank() + 1];
         let ghosts = (0..NODES).filter(|node| !own.contains(node)).collect();
         let nodes = ContactNodes::new(ranks, starts, ghosts, 0);
-        let field = Field { nodes: &nodes, start: &self.start, mobility: &self.mobility, gap: 1e-6 };
+        let field = Kinematics { nodes: &nodes, start: &self.start, mobility: &self.mobility, gap: 1e-6 };
         let mut displacements = self.displacements.clone();
         let (mut response, mut metrics) = (Response::default(), Metrics::default());
-        let mut told = Vec::new();
+        let mut outcome = Vec::new();
         for (attempt, hits) in &self.attempts {
-            let is_home = |hit: &&Hit| own.contains(&hit.pair.nodes.into_iter().min().unwrap_or(0));
+            let is_home = |hit: &&Collision| own.contains(&hit.pair.nodes.into_iter().min().unwrap_or(0));
             let hits = hits.iter().filter(is_home).copied().collect();
             let touched = response.respond(&field, *attempt, hits, &mut displacements, &mut metrics);
-            nodes.refresh(&mut displacements);
+            nodes.update(&mut displacements);
             let zones = [&response.closed, &response.open].map(|zones| zones.zones().len());
-            told.push((displacements[nodes.own()].to_vec(), touched, zones));
+            outcome.push((displacements[nodes.own()].to_vec(), touched, zones));
         }
         let [_, given_up, _] = response.report(&nodes, &mut metrics);
         assert_eq!(given_up, 2, "with what is held: one after the zone has let go, one as the last chance is over");
         let counts = ["zones_rigid", "zone_fallbacks"].map(|name| metrics.counted(name));
         assert_eq!(ranks.sum_of(counts), [1, 1]);
-        told
+        outcome
     }
 }
 
 #[test]
 fn zones_that_join_let_go_turn_and_stop_are_answered_alike_on_any_ranks() {
-    let mut random = Random(61);
+    let mut random = SplitMix64::new(61);
     let story = Story::random(&mut random);
-    let alone = story.told(&Ranks::default(), &[0, NODES]);
+    let alone = story.outcome(&Ranks::default(), &[0, NODES]);
     let zones: Vec<usize> = alone.iter().map(|(_, _, [closed, open])| closed + open).collect();
     assert_eq!(zones, [2, 2, 1, 1, 2, 3, 3, 3, 3]);
     let (before, after) = (&alone[alone.len() - 2].0, &alone[alone.len() - 1].0);
@@ -88,7 +88,7 @@ fn zones_that_join_let_go_turn_and_stop_are_answered_alike_on_any_ranks() {
     cuts.extend((2..7).map(|ranks| random_starts(&mut random, ranks, NODES as usize)));
     for starts in cuts {
         let (shared, cut) = (story.clone(), starts.clone());
-        let found = on_ranks(starts.len() - 1, move |ranks| shared.told(&ranks, &cut));
+        let found = on_ranks(starts.len() - 1, move |ranks| shared.outcome(&ranks, &cut));
         for (attempt, expected) in alone.iter().enumerate() {
             let displacements: Vec<Vec3> = found.iter().flat_map(|rank| &rank[attempt].0).copied().collect();
             assert_eq!(displacements, expected.0, "attempt {attempt} of {starts:?}");
@@ -105,8 +105,8 @@ fn zones_that_join_let_go_turn_and_stop_are_answered_alike_on_any_ranks() {
 
 #[test]
 fn zones_of_one_rank_stay_there_until_another_names_a_node_of_theirs() {
-    let story = Story::random(&mut Random(62));
-    let found = on_ranks(2, move |ranks| story.told(&ranks, &[0, 12, 24]));
+    let story = Story::random(&mut SplitMix64::new(62));
+    let found = on_ranks(2, move |ranks| story.outcome(&ranks, &[0, 12, 24]));
     let zones = |attempt: usize| [0, 1].map(|rank: usize| found[rank][attempt].2);
     assert_eq!(zones(0), [[1, 0], [1, 0]], "each has its own");
     assert_eq!(zones(1), [[0, 1], [1, 1]], "the first is open");

@@ -6,13 +6,13 @@ use super::rigid::RigidMotion;
 use super::{ZoneNode, inelastic, rigid};
 use crate::Vec3;
 use crate::contact::collisions::impulse::{Constraint, normal_velocity};
-use crate::geometry::testing::Random;
+use crate::geometry::random::SplitMix64;
 
 /// A zone of 1 to 12 kg nodes in a metre, moving by up to `reach` metres, far from the origin.
-fn random_zone(random: &mut Random, count: usize, reach: f64) -> Vec<ZoneNode> {
-    let node = |random: &mut Random| {
+fn random_zone(random: &mut SplitMix64, count: usize, reach: f64) -> Vec<ZoneNode> {
+    let node = |random: &mut SplitMix64| {
         let start = random.vector() + Vec3::new(3.0, -2.0, 5.0);
-        let mobility = Vec3::repeat(1.0 / (6.5 + 5.5 * random.number()));
+        let mobility = Vec3::repeat(1.0 / (6.5 + 5.5 * random.signed()));
         ZoneNode { start, end: start + random.vector() * reach, mobility }
     };
     (0..count).map(|_| node(random)).collect()
@@ -53,7 +53,7 @@ fn distortion(nodes: &[ZoneNode]) -> f64 {
 
 #[test]
 fn a_rigid_zone_keeps_linear_and_angular_momentum() {
-    let mut random = Random(1);
+    let mut random = SplitMix64::new(1);
     for trial in 0..300 {
         let mut nodes = random_zone(&mut random, 4 + trial % 20, 0.3);
         let (before, size) = (momenta(&nodes), sizes(&nodes));
@@ -71,7 +71,7 @@ fn a_rigid_zone_keeps_linear_and_angular_momentum() {
 
 #[test]
 fn a_rigid_zone_keeps_its_distances() {
-    let mut random = Random(2);
+    let mut random = SplitMix64::new(2);
     for reach in [1e-9, 1e-3, 0.3, 100.0] {
         for count in 1..20 {
             let mut nodes = random_zone(&mut random, count, reach);
@@ -85,7 +85,7 @@ fn a_rigid_zone_keeps_its_distances() {
 
 #[test]
 fn a_rigid_zone_never_has_more_energy() {
-    let mut random = Random(3);
+    let mut random = SplitMix64::new(3);
     for reach in [1e-3, 0.3, 100.0] {
         for count in 1..20 {
             let mut nodes = random_zone(&mut random, count, reach);
@@ -106,7 +106,7 @@ fn a_rigid_zone_never_has_more_energy() {
 
 #[test]
 fn a_zone_that_moved_rigidly_moves_on_so() {
-    let mut random = Random(4);
+    let mut random = SplitMix64::new(4);
     for angle in [1e-6, 0.1, 1.0] {
         let mut nodes = random_zone(&mut random, 7, 0.0);
         let turn = UnitQuaternion::from_scaled_axis(random.vector().normalize() * angle);
@@ -124,13 +124,13 @@ fn a_zone_that_moved_rigidly_moves_on_so() {
 
 #[test]
 fn a_collinear_zone_turns_across_its_line_only() {
-    let mut random = Random(5);
+    let mut random = SplitMix64::new(5);
     for _ in 0..50 {
         let (line, origin) = (random.vector(), random.vector());
         let mut nodes = random_zone(&mut random, 5, 0.1);
         for node in &mut nodes {
             let path = node.end - node.start;
-            node.start = origin + line * random.number();
+            node.start = origin + line * random.signed();
             node.end = node.start + path;
         }
         let (before, size) = (momenta(&nodes), sizes(&nodes));
@@ -145,7 +145,7 @@ fn a_collinear_zone_turns_across_its_line_only() {
 
 #[test]
 fn nodes_in_one_point_move_with_their_mean() {
-    let mut random = Random(6);
+    let mut random = SplitMix64::new(6);
     let mut nodes = random_zone(&mut random, 4, 0.1);
     for node in &mut nodes {
         node.end -= node.start;
@@ -159,7 +159,7 @@ fn nodes_in_one_point_move_with_their_mean() {
 
 #[test]
 fn prescribed_nodes_stay_and_the_others_follow_them() {
-    let mut random = Random(7);
+    let mut random = SplitMix64::new(7);
     for prescribed in 1..6 {
         let mut nodes = random_zone(&mut random, 9, 0.1);
         let turn = UnitQuaternion::from_scaled_axis(random.vector());
@@ -196,7 +196,7 @@ fn a_zone_turns_freely_about_what_one_or_two_prescribed_nodes_leave() {
 
 #[test]
 fn prescribed_directions_of_a_node_stay() {
-    let mut random = Random(8);
+    let mut random = SplitMix64::new(8);
     let mut nodes = random_zone(&mut random, 6, 0.1);
     nodes[2].mobility.y = 0.0;
     let before = nodes[2];
@@ -225,7 +225,7 @@ fn a_zone_is_finite_whatever_it_is_given() {
     }
 }
 
-/// Random contacts among nodes at random places, each pushing along the line between its points; some nodes are
+/// SplitMix64 contacts among nodes at random places, each pushing along the line between its points; some nodes are
 /// prescribed, some contacts repeated.
 struct Contacts {
     x: Vec<Vec3>,
@@ -235,24 +235,24 @@ struct Contacts {
 }
 
 impl Contacts {
-    fn random(random: &mut Random, nodes: usize, count: usize) -> Self {
+    fn random(random: &mut SplitMix64, nodes: usize, count: usize) -> Self {
         let x: Vec<Vec3> = (0..nodes).map(|_| random.vector()).collect();
         let mut constraints: Vec<Constraint> = Vec::new();
-        let pick = |random: &mut Random| ((random.number() + 1.0) * 0.5 * nodes as f64) as u32 % nodes as u32;
+        let pick = |random: &mut SplitMix64| ((random.signed() + 1.0) * 0.5 * nodes as f64) as u32 % nodes as u32;
         while constraints.len() < count {
             if constraints.len() % 7 == 6 {
                 constraints.push(constraints[constraints.len() / 2]);
             }
             let first = pick(random);
             let nodes: [u32; 4] = std::array::from_fn(|i| (first + pick(random) % 5 + 5 * i as u32) % nodes as u32);
-            let [a, b] = [0.5 + 0.5 * random.number(), 0.5 + 0.5 * random.number()];
+            let [a, b] = [0.5 + 0.5 * random.signed(), 0.5 + 0.5 * random.signed()];
             let weights =
                 if first % 2 == 0 { [1.0, -a * b, -a * (1.0 - b), a - 1.0] } else { [1.0 - a, a, b - 1.0, -b] };
             let apart: Vec3 = nodes.iter().zip(weights).map(|(&q, w)| x[q as usize] * w).sum();
             constraints.push(Constraint { nodes, weights, normal: apart.normalize() });
         }
         let mobility =
-            |_| if random.number() < -0.9 { Vec3::zeros() } else { Vec3::repeat(600.0 + 500.0 * random.number()) };
+            |_| if random.signed() < -0.9 { Vec3::zeros() } else { Vec3::repeat(600.0 + 500.0 * random.signed()) };
         let mobility: Vec<Vec3> = (0..nodes).map(mobility).collect();
         // Prescribed nodes at rest, so that the constraints can all be satisfied by everything at rest.
         let v = mobility.iter().map(|m| if m.x == 0.0 { Vec3::zeros() } else { random.vector() }).collect();
@@ -315,7 +315,7 @@ fn dense_velocities(contacts: &Contacts, targets: &[f64]) -> Vec<Vec3> {
 
 #[test]
 fn an_inelastic_zone_is_the_solution_of_the_quadratic_program() {
-    let mut random = Random(9);
+    let mut random = SplitMix64::new(9);
     for trial in 0..60 {
         let mut contacts = Contacts::random(&mut random, 24, 2 + trial / 2);
         let targets: Vec<f64> = contacts.constraints.iter().map(|_| 0.0).collect();
@@ -330,7 +330,7 @@ fn an_inelastic_zone_is_the_solution_of_the_quadratic_program() {
 
 #[test]
 fn large_redundant_zones_converge_and_keep_momentum() {
-    let mut random = Random(10);
+    let mut random = SplitMix64::new(10);
     for (nodes, count) in [(300, 400), (300, 3000), (2000, 10_000), (4000, 10_000)] {
         let mut contacts = Contacts::random(&mut random, nodes, count);
         contacts.mobility.iter_mut().for_each(|m| *m = Vec3::repeat(m.x.max(1.0)));
@@ -387,7 +387,7 @@ fn targets_are_reached_and_contacts_that_separate_are_left_alone() {
 #[test]
 fn a_single_contact_goes_on_sliding() {
     let constraint = Constraint { nodes: [0, 1, 2, 3], weights: [0.7, 0.3, -0.2, -0.8], normal: Vec3::y() };
-    let mut random = Random(11);
+    let mut random = SplitMix64::new(11);
     let mut v: Vec<Vec3> = (0..4).map(|_| random.vector()).collect();
     v[0].y = -5.0;
     let before = v.clone();

@@ -2,12 +2,12 @@ use super::*;
 use crate::contact::colouring::order::Order;
 use crate::contact::repulsion::ghost_constraints::tell_ghosts;
 use crate::contact::testing::{below, held, on_ranks, random_starts};
-use crate::geometry::testing::Random;
+use crate::geometry::random::SplitMix64;
 use crate::parallel::ranks::Ranks;
 
 const NODES: usize = 400;
 
-/// Random pairs of both kinds, thick enough for many to be active.
+/// SplitMix64 pairs of both kinds, thick enough for many to be active.
 #[derive(Clone)]
 struct Heap {
     /// Nodes of the pairs of each kind, ascending.
@@ -18,11 +18,11 @@ struct Heap {
     v: Vec<Vec3>,
     mobility: Vec<f64>,
     /// Bodies under some of the nodes.
-    supports: Vec<Supports>,
+    supports: Vec<BodyConstraints>,
 }
 
 impl Heap {
-    fn random(random: &mut Random) -> Self {
+    fn random(random: &mut SplitMix64) -> Self {
         let mut node = |first: usize| (first + below(random, 30)) % NODES;
         let pairs = [0, 1].map(|_| {
             let mut pairs: Vec<[u32; 4]> = (0..3 * NODES)
@@ -33,23 +33,25 @@ impl Heap {
             pairs.dedup();
             pairs
         });
-        let support = |random: &mut Random, i: usize| {
-            let one =
-                |random: &mut Random| Support { normal: random.vector().normalize(), least: random.number() - 0.5 };
+        let support = |random: &mut SplitMix64, i: usize| {
+            let one = |random: &mut SplitMix64| BodyConstraint {
+                normal: random.vector().normalize(),
+                least: random.signed() - 0.5,
+            };
             [i.is_multiple_of(3).then(|| one(random)), i.is_multiple_of(6).then(|| one(random))]
         };
-        let vectors = |random: &mut Random| (0..NODES).map(|_| random.vector()).collect();
+        let vectors = |random: &mut SplitMix64| (0..NODES).map(|_| random.vector()).collect();
         Self {
             pairs,
             sides: (0..3 * NODES).map(|_| random.vector().normalize()).collect(),
             x: std::array::from_fn(|_| vectors(random)),
             v: vectors(random),
-            mobility: (0..NODES).map(|i| if i % 9 == 0 { 0.0 } else { 2.0 + random.number() }).collect(),
+            mobility: (0..NODES).map(|i| if i % 9 == 0 { 0.0 } else { 2.0 + random.signed() }).collect(),
             supports: (0..NODES).map(|i| support(random, i)).collect(),
         }
     }
 
-    /// The pairs that a rank holds, with their sides, as `take_sides` leaves them.
+    /// The pairs that a rank holds, with their sides, as `record_orientations` leaves them.
     fn repulsions(&self, ranks: &Ranks, starts: &[u32]) -> (ContactNodes, Repulsions) {
         let mut repulsions = Repulsions::new(LAWS);
         let all: Vec<[u32; 4]> = self.pairs.iter().flatten().copied().collect();
@@ -61,11 +63,15 @@ impl Heap {
             for (pair, side) in self.pairs[kind as usize].iter().zip(&self.sides) {
                 if pair.iter().any(|node| own.contains(node)) {
                     let side = if kind == PairKind::EdgeEdge { *side } else { Vec3::x() * side.x.signum() };
-                    of_kind.sided.push(Sided { pair: Pair { kind, nodes: pair.map(local) }, thickness: 0.5, side });
+                    of_kind.oriented.push(OrientedPair {
+                        pair: Pair { kind, nodes: pair.map(local) },
+                        thickness: 0.5,
+                        side,
+                    });
                 }
             }
-            of_kind.order = Order::of(&mut of_kind.sided, &nodes, |s| s.pair.nodes);
-            of_kind.touching.resize(of_kind.sided.len(), None);
+            of_kind.order = Order::of(&mut of_kind.oriented, &nodes, |s| s.pair.nodes);
+            of_kind.contacts.resize(of_kind.oriented.len(), None);
         }
         (nodes, repulsions)
     }
@@ -78,7 +84,7 @@ impl Heap {
         let mut v: Vec<Vec3> = numbers.iter().map(|n| self.v[*n]).collect();
         // Those of ghosts come from their owners.
         let own_supports = |(i, n): (usize, &usize)| if nodes.is_own(i as u32) { self.supports[*n] } else { [None; 2] };
-        let mut supports: Vec<Supports> = numbers.iter().enumerate().map(own_supports).collect();
+        let mut supports: Vec<BodyConstraints> = numbers.iter().enumerate().map(own_supports).collect();
         tell_ghosts(&nodes, &mut supports);
         let mut metrics = Metrics::default();
         for (x, passes) in self.x.iter().zip([Passes::Full, Passes::WithoutSprings, Passes::Full]) {
@@ -86,7 +92,7 @@ impl Heap {
             // What ghosts had before must not matter.
             (0..nodes.cloth()).filter(|i| !nodes.is_own(*i as u32)).for_each(|i| v[i] = Vec3::repeat(f64::NAN));
             let supports = (passes == Passes::WithoutSprings).then_some(supports.as_slice());
-            let at = Moment { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility, friction: None, supports };
+            let at = RepulsionStep { nodes: &nodes, dt: 0.1, x: &x, mobility: &mobility, friction: None, supports };
             repulsions.positions_changed();
             repulsions.apply(passes, &at, &mut v, &mut metrics);
         }
@@ -97,7 +103,7 @@ impl Heap {
 
 #[test]
 fn any_number_of_ranks_gives_the_same_bits() {
-    let mut random = Random(31);
+    let mut random = SplitMix64::new(31);
     let heap = Heap::random(&mut random);
     let (expected, counts) = heap.steps(&Ranks::default(), &[0, NODES as u32]);
     assert!(expected.iter().zip(&heap.v).filter(|(a, b)| a != b).count() > NODES / 2, "most nodes are pushed");

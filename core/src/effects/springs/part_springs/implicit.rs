@@ -5,19 +5,19 @@
 //! `K = k e eᵀ + k (1 - l0/l) (I - e eᵀ)`. Where the spring is shorter than at rest its second term is left out, so that the matrix
 //! never adds energy.
 
-use super::{Lanes, NEIGHBOURS, PartMotion, PartSprings, ROW, Rows, fetch};
+use super::{NEIGHBOURS, PartMotion, PartSprings, ROW, Rows, Simd4, fetch};
 use crate::Vec3;
 
 impl Rows<'_, &[f64]> {
     /// Adds the product of every spring to its ends: along the spring as damping does, and across it.
-    fn add_implicit<const N: usize>(&self, across: &[f64], x: &[Lanes], v: &[Lanes], f: &mut [Lanes]) {
+    fn add_implicit<const N: usize>(&self, across: &[f64], x: &[Simd4], v: &[Simd4], f: &mut [Simd4]) {
         let (x, v) = (&x[..f.len()], &v[..f.len()]);
         let rows = self.vertices.iter().zip(self.others.as_chunks::<N>().0);
         let factors = self.scaled_damping.as_chunks::<N>().0.iter().zip(across.as_chunks::<N>().0);
         for ((i, others), (scaled, across)) in rows.zip(factors) {
             let i = usize::from(*i);
             let (xi, vi) = (x[i], v[i]);
-            let mut sum = Lanes::ZERO;
+            let mut sum = Simd4::ZERO;
             for n in 0..N {
                 let j = usize::from(others[n]);
                 let (u, change) = (xi - x[j], vi - v[j]);
@@ -48,7 +48,7 @@ impl PartSprings {
     }
 
     /// The products with damping and `over · K` together.
-    pub(super) fn add_implicit(&self, motion: &PartMotion<'_>, f: &mut [Lanes]) {
+    pub(super) fn add_implicit(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         let (x, v) = (motion.own_x, motion.own_v);
         let mut first = 0;
         for (length, rows) in self.row_groups() {
@@ -77,7 +77,7 @@ impl PartSprings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::force::{PartView, Surroundings};
+    use crate::effects::force::{ForceContext, PartView};
     use crate::effects::registry::build_all;
     use crate::mesh::PolygonMesh;
     use crate::parallel::parts::PART_SIZE;
@@ -114,11 +114,11 @@ mod tests {
         let parts = scene.parts();
         assert!(parts.count() > 1, "some springs cross a border");
         let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
-        let around = Surroundings { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
+        let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
         let v: Vec<Vec3> =
             (0..x.len()).map(|i| Vec3::new((3.0 * i as f64).sin(), (5.0 * i as f64).sin(), (i as f64).cos())).collect();
         let (over, moved) = (0.01, 1e-7);
-        let place = |way: f64| -> Vec<Vec3> { x.iter().zip(&v).map(|(x, v)| x + v * way).collect() };
+        let place = |distance: f64| -> Vec<Vec3> { x.iter().zip(&v).map(|(x, v)| x + v * distance).collect() };
         let (before, after) = (place(-moved), place(moved));
         let effects = build_all(&scene).unwrap_or_else(|problems| panic!("{problems}"));
         for (part, mut force) in effects.into_iter().flat_map(|(_, effect)| effect.forces) {
@@ -126,15 +126,15 @@ mod tests {
             let mut force_at = |x: &[Vec3]| -> Vec<Vec3> {
                 let masses = &scene.masses()[range.clone()];
                 let view = PartView { start: range.start, masses, x, fraction: 0.0, around };
-                let mut f = [Lanes::ZERO; PART_SIZE];
-                let own: Vec<Lanes> = x[range.clone()].iter().map(Lanes::from).collect();
+                let mut f = [Simd4::ZERO; PART_SIZE];
+                let own: Vec<Simd4> = x[range.clone()].iter().map(Simd4::from).collect();
                 force.update(&view, &own, &mut f[..range.len()]);
                 force.linearise(&view, over);
                 f[..range.len()].iter().map(|f| Vec3::from(*f)).collect()
             };
             let (lower, upper) = (force_at(&before), force_at(&after));
             force_at(&x);
-            let mut product = [Lanes::ZERO; PART_SIZE];
+            let mut product = [Simd4::ZERO; PART_SIZE];
             let product = &mut product[..range.len()];
             PartMotion::with(range, &x, &v, |motion| force.add_damping(motion, product));
             let largest = product.iter().map(|f| Vec3::from(*f).norm()).fold(0.0, f64::max);

@@ -1,10 +1,10 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::contact::broad_phase::swept_search::Around;
+use crate::contact::broad_phase::swept_search::Inflation;
 use crate::contact::intersections::exact::crossings;
 use crate::contact::testing::{below, on_ranks};
-use crate::contact::topology::cloth_surface::ClothShare;
+use crate::contact::topology::cloth_surface::LocalClothSurface;
 use crate::contact::topology::surface::{BodyFaces, NodePaths};
 use crate::geometry::crossings::Crossing;
 use crate::parallel::ranks::Ranks;
@@ -13,7 +13,7 @@ use crate::parallel::ranks::Ranks;
 const GAP: f64 = 10.0 * f32::EPSILON as f64;
 
 /// Where paths are searched.
-const AROUND: Around = Around { gap: GAP, margin: 0.02 };
+const AROUND: Inflation = Inflation { gap: GAP, margin: 0.02 };
 
 /// Vertices along each side of a sheet, and sheets.
 const SIDE: usize = 16;
@@ -43,7 +43,7 @@ pub(crate) struct Heap {
 
 impl Heap {
     /// With `mixed`, neighbours on the cloth have numbers far apart.
-    pub(crate) fn random(random: &mut Random, mixed: bool) -> Self {
+    pub(crate) fn random(random: &mut SplitMix64, mixed: bool) -> Self {
         let mut order: Vec<u32> = (0..SHEET as u32).collect();
         if mixed {
             (0..SHEET).for_each(|i| order.swap(i, below(random, SHEET)));
@@ -65,7 +65,7 @@ impl Heap {
         // A body under the sheets.
         let point = |v: usize| Vec3::new((v % SIDE) as f64, -0.7, (v / SIDE) as f64) * 0.01;
         x.extend((0..SHEET).map(point));
-        let noise = |x: &[Vec3], by: f64, random: &mut Random| x.iter().map(|x| x + random.vector() * by).collect();
+        let noise = |x: &[Vec3], by: f64, random: &mut SplitMix64| x.iter().map(|x| x + random.vector() * by).collect();
         let first: Vec<Vec3> = noise(&x, 0.001, random);
         let second: Vec<Vec3> = noise(&first, 0.0008, random);
         let third: Vec<Vec3> = noise(&second, 0.004, random);
@@ -77,16 +77,16 @@ impl Heap {
         Self {
             triangles,
             rest,
-            thickness: (0..CLOTH).map(|_| 0.003 + 0.001 * random.number()).collect(),
-            edge_length: (0..CLOTH).map(|_| 0.01 + 0.003 * random.number()).collect(),
-            mobility: (0..CLOTH).map(|_| 2.0 + random.number()).collect(),
+            thickness: (0..CLOTH).map(|_| 0.003 + 0.001 * random.signed()).collect(),
+            edge_length: (0..CLOTH).map(|_| 0.01 + 0.003 * random.signed()).collect(),
+            mobility: (0..CLOTH).map(|_| 2.0 + random.signed()).collect(),
             blocks,
             x: [first, second, third, fourth],
         }
     }
 
     /// First blocks of so many ranks, and the number of all; some ranks may have none.
-    pub(crate) fn cut(&self, random: &mut Random, ranks: usize) -> Vec<usize> {
+    pub(crate) fn cut(&self, random: &mut SplitMix64, ranks: usize) -> Vec<usize> {
         let count = self.blocks.len() - 1;
         let mut starts: Vec<usize> = (1..ranks).map(|_| below(random, count + 1)).collect();
         starts.extend([0, count]);
@@ -99,7 +99,7 @@ impl Heap {
         let own = self.blocks[mine.start]..self.blocks[mine.end];
         let has_own = |t: &&[u32; 3]| t.iter().any(|v| own.contains(&(*v as usize)));
         let block = |b: usize| self.blocks[b] - own.start..self.blocks[b + 1] - own.start;
-        let share = ClothShare {
+        let share = LocalClothSurface {
             ranks: ranks.clone(),
             rank_starts: starts.iter().map(|b| self.blocks[*b] as u32).collect(),
             block_starts: starts.to_vec(),
@@ -125,7 +125,7 @@ impl Heap {
         let place =
             |node: u32| if own(node) { self.x[time][nodes.number(node) as usize] } else { Vec3::repeat(f64::NAN) };
         let mut x: Vec<Vec3> = (0..nodes.count() as u32).map(place).collect();
-        nodes.refresh(&mut x);
+        nodes.update(&mut x);
         x
     }
 
@@ -155,7 +155,7 @@ struct Found {
     /// Longest ways, after each.
     used: [u64; 4],
     /// Ways of own nodes.
-    ways: Vec<u64>,
+    displacements: Vec<u64>,
     /// Pairs that may meet, from the list and along paths.
     close: Vec<Pair>,
     swept: Vec<Pair>,
@@ -168,7 +168,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let mut surface = heap.surface(ranks, starts);
     let corners = surface.nodes().ghosts().len();
     let mut search = PairSearch::new();
-    let mut neighbours = Neighbours::new(&surface, true);
+    let mut neighbours = ProximityList::new(&surface, true);
     let (mut held, mut used) = ([Vec::new(), Vec::new()], Vec::new());
     for time in [0, 1] {
         let mut x = heap.at(&surface, time);
@@ -176,16 +176,16 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
         assert_eq!(x, heap.at(&surface, time), "positions follow the ghosts");
         assert!(heap.agrees(&surface));
         let end = heap.at(&surface, 2);
-        used.push(neighbours.note_ways(&surface, &x, &x).to_bits());
-        used.push(neighbours.note_ways(&surface, &x, &end).to_bits());
-        let entry = |n: &Neighbour| {
+        used.push(neighbours.update_displacements(&surface, &x, &x).to_bits());
+        used.push(neighbours.update_displacements(&surface, &x, &end).to_bits());
+        let entry = |n: &CandidatePair| {
             let pair = surface.nodes().numbered(&n.pair);
             (pair, n.distance.to_bits(), n.thickness.to_bits(), neighbours.distance_bound(n).to_bits())
         };
         held[time] = KINDS.iter().flat_map(|kind| neighbours.list(*kind)).map(entry).collect();
     }
     let nodes = surface.nodes().clone();
-    let ways = nodes.own().map(|node| neighbours.way[node].to_bits()).collect();
+    let displacements = nodes.own().map(|node| neighbours.displacements[node].to_bits()).collect();
     let numbered = |pairs: &[Pair], surface: &ContactSurface| {
         let mut pairs: Vec<Pair> = pairs.iter().map(|pair| surface.nodes().numbered(pair)).collect();
         pairs.sort_unstable();
@@ -208,7 +208,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     paths.renumber(&wide);
     assert_eq!(paths.start, heap.at(&surface, 2), "ghosts that visitors brought are gone again");
     let after: Vec<Entry> = {
-        let entry = |n: &Neighbour| {
+        let entry = |n: &CandidatePair| {
             (
                 surface.nodes().numbered(&n.pair),
                 n.distance.to_bits(),
@@ -221,7 +221,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     assert_eq!(after, held[1]);
     let mut check = |time: usize, moved: Option<u32>| {
         let x = heap.at(&surface, time);
-        search.fit(&surface, |i| Aabb::of_point(&x[i]));
+        search.refit(&surface, |i| Aabb::of_point(&x[i]));
         let of_third = |third: u32| (0..x.len() as u32).map(move |node| (node, third));
         let moved = moved.map(|third| -> Vec<u8> {
             of_third(third).map(|(node, third)| u8::from(surface.nodes().number(node) % 3 == third)).collect()
@@ -231,14 +231,14 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let crossings = [check(0, None), check(2, None), check(2, Some(1))];
     assert!(ranks.is_alone() || surface.nodes().ghosts().len() >= corners);
     let own = [nodes_own(&surface, 0), nodes_own(&surface, 1)];
-    Found { own, held, used: [used[0], used[1], used[2], used[3]], ways, close, swept, renewed, crossings }
+    Found { own, held, used: [used[0], used[1], used[2], used[3]], displacements, close, swept, renewed, crossings }
 }
 
 /// Sends every so manieth node elsewhere, and renews the search; a new one has to find the same.
 fn renew(
     every: u32,
     heap: &Heap,
-    (surface, neighbours): (&mut ContactSurface, &mut Neighbours),
+    (surface, neighbours): (&mut ContactSurface, &mut ProximityList),
     (search, paths, pairs): (&mut PairSearch, &mut NodePaths, &mut Vec<Pair>),
 ) {
     let elsewhere = heap.at(surface, 1);
@@ -249,9 +249,9 @@ fn renew(
         paths.end[node] = elsewhere[node];
         left[node] = u8::from(nodes.own().contains(&node));
     }
-    search.renew_swept_pairs(surface, neighbours, paths, AROUND, (&mut left, pairs));
+    search.update_swept_pairs(surface, neighbours, paths, AROUND, (&mut left, pairs));
     let (mut anew, mut others) = (PairSearch::new(), Vec::new());
-    // Another tree may invite more.
+    // Another tree may import more.
     if let Some(renumber) = anew.swept_pairs(surface, neighbours, paths, AROUND, &mut others) {
         renumber.renumber(pairs.iter_mut().flat_map(|pair| &mut pair.nodes));
     }
@@ -270,7 +270,7 @@ fn nodes_own(surface: &ContactSurface, end: usize) -> u32 {
 
 #[test]
 fn any_number_of_ranks_finds_the_pairs_the_ways_and_the_crossings_of_one() {
-    let mut random = Random(93);
+    let mut random = SplitMix64::new(93);
     for mixed in [false, true] {
         let heap = Arc::new(Heap::random(&mut random, mixed));
         let alone = {
@@ -300,8 +300,8 @@ fn compare(alone: &Found, found: &[Found]) {
             assert!(*held == expected, "{} pairs of {}", held.len(), expected.len());
         }
     }
-    let ways: Vec<u64> = found.iter().flat_map(|rank| &rank.ways).copied().collect();
-    assert_eq!(ways, alone.ways);
+    let displacements: Vec<u64> = found.iter().flat_map(|rank| &rank.displacements).copied().collect();
+    assert_eq!(displacements, alone.displacements);
     let lists: [fn(&Found) -> &Vec<Pair>; 4] =
         [|found| &found.close, |found| &found.swept, |found| &found.renewed[0], |found| &found.renewed[1]];
     for list in lists {

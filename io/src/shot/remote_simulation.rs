@@ -1,5 +1,5 @@
 //! A simulation on many ranks. Rank 0 leads: it reads, writes and decides, and says before every operation of all ranks what
-//! comes next. The others [`follow`]: they do the same operation with their share of the cloth, and touch no file.
+//! comes next. The others [`worker_loop`]: they do the same operation with their share of the cloth, and touch no file.
 
 use std::time::SystemTime;
 
@@ -20,7 +20,7 @@ use crate::units::Units;
 
 /// What all ranks do next.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-enum Order {
+enum Command {
     /// Start threads: so many, or as each rank finds right.
     Threads { count: Option<usize> },
     /// Take a share of the scene.
@@ -47,35 +47,35 @@ enum Order {
     End { code: u8 },
 }
 
-fn give(ranks: &Ranks, order: Order) {
+fn announce(ranks: &Ranks, command: Command) {
     if !ranks.is_alone() {
-        ranks.broadcast(&mut to_bytes(&order));
+        ranks.broadcast(&mut to_bytes(&command));
     }
 }
 
-fn receive(ranks: &Ranks) -> Order {
+fn receive(ranks: &Ranks) -> Command {
     let mut bytes = Vec::new();
     ranks.broadcast(&mut bytes);
-    from_bytes(ranks, "order of rank 0", &bytes)
+    from_bytes(ranks, "command of rank 0", &bytes)
 }
 
 /// A simulation on all ranks, as rank 0 has it.
-pub(super) struct Crew {
+pub(super) struct RemoteSimulation {
     ranks: Ranks,
     simulation: Simulation,
 }
 
-impl Crew {
+impl RemoteSimulation {
     /// The checked scene, on all ranks.
     pub(super) fn distribute(ranks: &Ranks, description: SceneDescription) -> Result<Scene, Problems> {
-        give(ranks, Order::Scene);
+        announce(ranks, Command::Scene);
         Scene::distribute(ranks, Some(description))
     }
 
     /// The simulation at its start.
     pub(super) fn start(ranks: &Ranks, scene: Scene, input: FrameInput) -> Result<Self, Problems> {
         let input = share(ranks, &scene, input);
-        give(ranks, Order::Start);
+        announce(ranks, Command::Start);
         let simulation = Simulation::new(scene, &input)?;
         Ok(Self { ranks: ranks.clone(), simulation })
     }
@@ -87,7 +87,7 @@ impl Crew {
         // Its room is needed for the one to come.
         drop(simulation);
         let input = share(&ranks, &scene, input);
-        give(&ranks, Order::Restore);
+        announce(&ranks, Command::Restore);
         let simulation = Simulation::restore_from(scene, &input, Some(source))?;
         Ok(Self { ranks, simulation })
     }
@@ -114,7 +114,7 @@ impl Crew {
         input: &FrameInput,
         ask: &mut (dyn FnMut() -> Option<Request> + Send),
     ) -> Result<(Advance, Option<Request>), StepError> {
-        give(&self.ranks, Order::Advance);
+        announce(&self.ranks, Command::Advance);
         advance(&self.ranks, &mut self.simulation, input, ask)
     }
 
@@ -135,33 +135,33 @@ impl Crew {
 
     /// What all ranks agree on when this is asked for here.
     pub(super) fn agree(&self, own: Option<Request>) -> Option<Request> {
-        give(&self.ranks, Order::Agree);
+        announce(&self.ranks, Command::Agree);
         agree(&self.ranks, own)
     }
 
     /// A field of a garment in its own order, as caches in `units` store it.
     pub(super) fn stored(&self, garment: usize, field: Field, units: Units) -> Vec<[f32; 3]> {
         let velocities = field == Field::Velocities;
-        give(&self.ranks, Order::Stored { garment, velocities, units });
+        announce(&self.ranks, Command::Stored { garment, velocities, units });
         stored(&self.simulation, garment, field, units).expect("rank 0 gets what is stored")
     }
 
     /// Number of pairs of an edge and a triangle of cloth that meet in what caches in `units` store: rounded to single
     /// precision in the file's unit, cloth that is free of crossings in the solver's doubles might touch.
     pub(super) fn crossings_of_stored(&mut self, units: Units) -> u32 {
-        give(&self.ranks, Order::Crossings { units });
+        announce(&self.ranks, Command::Crossings { units });
         crossings_of_stored(&mut self.simulation, units)
     }
 
     /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.
     pub(super) fn state(&self) -> [Vec<Vec3>; 2] {
-        give(&self.ranks, Order::State);
+        announce(&self.ranks, Command::State);
         state(&self.ranks, &self.simulation)
     }
 
     /// Everything that time has changed.
     pub(super) fn save(&self, sink: &mut dyn SnapshotSink) {
-        give(&self.ranks, Order::Save);
+        announce(&self.ranks, Command::Save);
         self.simulation.save(Some(sink));
     }
 }
@@ -176,7 +176,7 @@ pub fn start_threads(
     count: Option<usize>,
     start: &dyn Fn(Option<usize>) -> Result<usize, String>,
 ) -> Result<Vec<usize>, String> {
-    give(ranks, Order::Threads { count });
+    announce(ranks, Command::Threads { count });
     let all = ranks.gather(&to_bytes(&start(count)));
     let of_rank = |(rank, bytes): (usize, &Vec<u8>)| {
         let told: Result<usize, String> = from_bytes(ranks, "number of threads", bytes);
@@ -196,8 +196,8 @@ fn from_bytes<'a, T: Deserialize<'a>>(ranks: &Ranks, name: &str, bytes: &'a [u8]
 }
 
 /// Ends all other ranks, each with the exit code of rank 0. They do nothing more after that.
-pub fn dismiss(ranks: &Ranks, code: u8) {
-    give(ranks, Order::End { code });
+pub fn shut_down(ranks: &Ranks, code: u8) {
+    announce(ranks, Command::End { code });
 }
 
 /// What a rank other than 0 does: whatever rank 0 orders, until the end. `requests` are those that come to this rank, such as
@@ -205,63 +205,63 @@ pub fn dismiss(ranks: &Ranks, code: u8) {
 ///
 /// # Panics
 /// Rank 0 gives orders in an impossible sequence, which is a fault of the program.
-pub fn follow(
+pub fn worker_loop(
     ranks: &Ranks,
     requests: &StopRequests,
     start_threads: &dyn Fn(Option<usize>) -> Result<usize, String>,
 ) -> u8 {
-    let mut follower = Follower::default();
+    let mut follower = Worker::default();
     loop {
         match receive(ranks) {
-            Order::End { code } => return code,
-            Order::Threads { count } => drop(ranks.gather(&to_bytes(&start_threads(count)))),
-            order => follower.obey(ranks, order, requests),
+            Command::End { code } => return code,
+            Command::Threads { count } => drop(ranks.gather(&to_bytes(&start_threads(count)))),
+            order => follower.execute(ranks, order, requests),
         }
     }
 }
 
 /// What a rank other than 0 has.
 #[derive(Default)]
-struct Follower {
+struct Worker {
     scene: Option<Scene>,
     simulation: Option<Simulation>,
     input: Option<FrameInput>,
 }
 
-impl Follower {
+impl Worker {
     /// Does what rank 0 does. Errors are the same there, and rank 0 reports them.
-    fn obey(&mut self, ranks: &Ranks, order: Order, requests: &StopRequests) {
+    fn execute(&mut self, ranks: &Ranks, command: Command, requests: &StopRequests) {
         let poll = || requests.poll(SystemTime::now());
-        match order {
-            Order::Scene => self.scene = Scene::distribute(ranks, None).ok(),
-            Order::Input => {
+        match command {
+            Command::Scene => self.scene = Scene::distribute(ranks, None).ok(),
+            Command::Input => {
                 let scene = self.simulation.as_ref().map(Simulation::scene).or(self.scene.as_ref());
                 self.input = scene.map(|scene| scene.share_input(None));
             }
-            Order::Start => {
+            Command::Start => {
                 let scene = self.scene.take().expect("a scene comes before its simulation");
                 self.simulation = Simulation::new(scene, self.input()).ok();
             }
-            Order::Restore => {
+            Command::Restore => {
                 let scene = self.simulation.take().expect("a simulation is started before it goes back").shared_scene();
                 self.simulation = Simulation::restore_from(scene, self.input(), None).ok();
             }
-            Order::Advance => {
+            Command::Advance => {
                 let input = self.input.take().expect("an input comes before its frame");
                 let simulation = self.simulation.as_mut().expect("a simulation is started before it advances");
                 drop(advance(ranks, simulation, &input, &mut || poll()));
                 self.input = Some(input);
             }
-            Order::Agree => drop(agree(ranks, poll())),
-            Order::Stored { garment, velocities, units } => {
+            Command::Agree => drop(agree(ranks, poll())),
+            Command::Stored { garment, velocities, units } => {
                 let field = if velocities { Field::Velocities } else { Field::Positions };
                 stored(self.started(), garment, field, units);
             }
-            Order::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
-            Order::State => drop(state(ranks, self.started())),
-            Order::Save => self.started().save(None),
+            Command::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
+            Command::State => drop(state(ranks, self.started())),
+            Command::Save => self.started().save(None),
             // Not the simulation's business.
-            Order::Threads { .. } | Order::End { .. } => {}
+            Command::Threads { .. } | Command::End { .. } => {}
         }
     }
 
@@ -275,7 +275,7 @@ impl Follower {
 }
 
 fn share(ranks: &Ranks, scene: &Scene, input: FrameInput) -> FrameInput {
-    give(ranks, Order::Input);
+    announce(ranks, Command::Input);
     scene.share_input(Some(input))
 }
 
