@@ -178,7 +178,8 @@ impl BodyCollision {
         self.memory.iter_mut().for_each(|memory| memory.clearance = 0.0);
     }
 
-    /// B.4: corrects the velocities that the step started with and finds the positions at its end.
+    /// B.4: corrects the velocities that the step started with (`v_star`, those of B.3 before) and the positions at its end (`x1`,
+    /// likewise).
     ///
     /// First the velocity alone (`v_star`), from where the vertex would go with `v_half`; then the position, from where it
     /// goes with the corrected velocity plus what the half step added.
@@ -194,8 +195,6 @@ impl BodyCollision {
             *marks = Marks::default();
             for i in 0..x1.len() {
                 let vertex = c * CHUNK + i;
-                v_star[i] = step.v[vertex];
-                x1[i] = step.x[vertex] + step.v_half[vertex] * step.dt;
                 if !held[i] {
                     let memory = &mut memory[i * surfaces..(i + 1) * surfaces];
                     let own_way = (step.v[vertex].norm() + step.v_half[vertex].norm()) * step.dt;
