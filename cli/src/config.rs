@@ -233,7 +233,7 @@ impl RunSettings {
 mod tests {
     use super::*;
 
-    /// Environment with a site file in a folder that is kept beside them.
+    /// Surroundings with a site file in a folder that is kept beside them.
     fn around(site: &str, variable: fn(&str) -> Option<OsString>) -> (Environment, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("site.toml");

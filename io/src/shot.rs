@@ -4,7 +4,7 @@
 //! Everything is checked before anything is written ([`Shot::prepare`]). The simulation always starts at the scene's
 //! first frame minus its pre-roll, because cloth has a history; only the end of the range can be chosen.
 //!
-//! On many ranks all this happens on rank 0; the others [`follow`](remote_simulation::worker_loop).
+//! On many ranks all this happens on rank 0; the others run a [worker loop](remote_simulation::worker_loop).
 
 pub mod bundle;
 pub(crate) mod check;

@@ -1,7 +1,7 @@
 //! What effects cost: expected from their elements before anything has run, or measured in a frame that did.
 //!
 //! Expected: every effect has a [`Cost`] per element, in a time step and in an iteration of the solves, measured on the
-//! machine of docs/effects.md with one thread. ReductionTree of a frame hardly depend on the machine, seconds do.
+//! machine of docs/effects.md with one thread. Shares of a frame hardly depend on the machine, seconds do.
 
 use crate::effects::registry::{PlannedEffect, REGISTRY};
 use crate::effects::spec::Cost;

@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn of_several_crossings_the_first_wanted_one_is_given() {
-        // SplitMix64 motions, those kept whose f changes its sign at least twice; dense sampling is the judge.
+        // Random motions, those kept whose f changes its sign at least twice; dense sampling is the judge.
         let mut random = SplitMix64::new(21);
         let mut seen = 0;
         for _ in 0..200_000 {

@@ -107,7 +107,7 @@ pub struct Recovery {
     pub failure: &'static str,
     /// Name of the count of what was done about it.
     pub level: &'static str,
-    /// Garment of the vertices; empty if none is to attribute.
+    /// Garment of the vertices; empty if none is to blame.
     pub garment: String,
     /// Some of the vertices concerned, in the garment's own order.
     pub vertices: Vec<u32>,

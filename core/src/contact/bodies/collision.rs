@@ -131,7 +131,7 @@ impl BodyCollision {
         }
     }
 
-    /// ClosestCache held [bytes].
+    /// Memory held [bytes].
     pub(crate) fn bytes(&self) -> usize {
         self.contacts.len() * (size_of::<VertexContact>() + 1 + self.surfaces * size_of::<ClosestCache>())
             + self.marks.len() * size_of::<Marks>()

@@ -3,7 +3,7 @@
 /// Stands for sets without nodes.
 pub(crate) const NO_NODE: u32 = u32::MAX;
 
-/// UnionFind of nodes, one after the other.
+/// Sets of nodes, one after the other.
 #[derive(Debug, Default)]
 pub(crate) struct UnionFind {
     nodes: Vec<u32>,

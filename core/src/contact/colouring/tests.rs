@@ -2,7 +2,7 @@ use super::*;
 use crate::contact::testing::{below, held, on_ranks, random_starts};
 use crate::geometry::random::SplitMix64;
 
-/// SplitMix64 pairs of nodes that lie near each other in number, one in ten with any; ascending.
+/// Random pairs of nodes that lie near each other in number, one in ten with any; ascending.
 fn random_pairs(random: &mut SplitMix64, count: usize, nodes: usize, bodies: usize) -> Vec<[u32; 4]> {
     let mut pairs: Vec<[u32; 4]> = Vec::new();
     for _ in 0..count {

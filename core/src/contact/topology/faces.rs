@@ -52,7 +52,7 @@ impl Faces {
         (Self { triangles, owners: EdgeOwners::of_bits(bits), points, edges }, sides)
     }
 
-    /// Triangles that carry what another rank has told with [`Faces::owned_features`].
+    /// Triangles whose features another rank has assigned with [`Faces::owned_features`].
     pub(crate) fn from_bits(triangles: Vec<[u32; 3]>, carried: &[u32]) -> Self {
         let (mut points, mut edges) = (Vec::new(), Vec::new());
         for ((corners, bits), t) in triangles.iter().zip(carried).zip(0u32..) {

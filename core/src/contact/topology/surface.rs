@@ -85,7 +85,7 @@ impl ContactSurface {
     /// The surfaces that a rank has. All ranks call it together.
     pub(crate) fn of_share(share: LocalClothSurface, bodies: &[BodyFaces<'_>]) -> Self {
         let LocalClothSurface { ranks, rank_starts, mut triangles, mean_edge, .. } = share;
-        // ProximityList on the cloth become neighbours in memory, as the vertices are.
+        // Neighbours on the cloth become neighbours in memory, as the vertices are.
         triangles.sort_by_key(|t| t.iter().copied().min());
         let own = rank_starts[ranks.rank()]..rank_starts[ranks.rank() + 1];
         let mut corners: Vec<u32> = triangles.iter().flatten().copied().filter(|v| !own.contains(v)).collect();

@@ -24,7 +24,7 @@ const ROW_BLOCK: usize = 256;
 /// Rows whose lengths are computed together.
 const SPAN: usize = 16;
 
-/// ProximityList that are fetched at once: waiting for many far reads together takes as long as for one. Their numbers are
+/// Neighbours that are fetched at once: waiting for many far reads together takes as long as for one. Their numbers are
 /// taken modulo this, which changes nothing and spares a check.
 const NEIGHBOURS: usize = 64;
 

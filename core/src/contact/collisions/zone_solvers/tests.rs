@@ -225,7 +225,7 @@ fn a_zone_is_finite_whatever_it_is_given() {
     }
 }
 
-/// SplitMix64 contacts among nodes at random places, each pushing along the line between its points; some nodes are
+/// Random contacts among nodes at random places, each pushing along the line between its points; some nodes are
 /// prescribed, some contacts repeated.
 struct Contacts {
     x: Vec<Vec3>,

@@ -7,7 +7,7 @@ use crate::parallel::ranks::Ranks;
 
 const NODES: usize = 400;
 
-/// SplitMix64 pairs of both kinds, thick enough for many to be active.
+/// Random pairs of both kinds, thick enough for many to be active.
 #[derive(Clone)]
 struct Heap {
     /// Nodes of the pairs of each kind, ascending.
