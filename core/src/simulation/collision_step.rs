@@ -18,7 +18,8 @@ use crate::contact::self_contact::{Ending, SelfContact};
 use crate::error::{ShortStep, StepError};
 use crate::parallel::for_each_part::PerPart;
 use crate::solve::conjugate_gradient::Stop;
-use crate::step::{Contacts, Step, StepReport, StepSettings};
+use crate::state::State;
+use crate::step::{CollisionEnd, Step, StepReport, StepSettings};
 use crate::tolerances::CG_GRAVITY_FRACTION;
 
 /// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
@@ -107,28 +108,16 @@ impl Simulation {
 
     fn end_collision_step(&mut self, duration: f64, may_rewind: bool) -> Ending {
         let Self { scene, contacts, cloth, prescribed, metrics, .. } = self;
-        let (parts, state) = (scene.parts(), &mut cloth.state);
-        let Contacts { bodies: collision, cloth: contact } = contacts;
-        let Some(contact) = contact else { return Ending::Resolved };
-        let mut moved = |vertex, displacement| {
-            if let Some(collision) = collision {
-                collision.moved(vertex, displacement);
-            }
-        };
-        if contact.repels_per_collision_step() {
-            metrics.stage("C self-repulsion", |m| {
-                contact.repel_once((&mut state.x[..], &mut state.v[..]), duration, m, &mut moved);
-            });
-        }
+        let State { x, v, .. } = &mut cloth.state;
+        let Some(contact) = &contacts.cloth else { return Ending::Resolved };
         // Repulsions alone only note how far the neighbours have come.
         let stage = if contact.keeps_free() { "C collisions" } else { "A neighbours" };
-        metrics.stage(stage, |m| {
-            let ends = (&mut state.x[..], &mut state.v[..]);
-            let ending = contact.end_collision_step(ends, &prescribed.bodies, duration, may_rewind, m, &mut moved);
-            parts.halo().update(parts.ranks(), &mut state.x);
-            parts.halo().update(parts.ranks(), &mut state.v);
-            ending
-        })
+        let repels = contact.repels_per_collision_step();
+        let mut end = CollisionEnd { x, v, duration, may_rewind };
+        if repels {
+            metrics.stage("C self-repulsion", |m| contacts.repel_once(&mut end, m));
+        }
+        metrics.stage(stage, |m| contacts.resolve_collisions(end, &prescribed.bodies, scene.parts(), m))
     }
 
     /// Takes the state as the next collision-free one, and does what may be done only where nothing is taken back any more.

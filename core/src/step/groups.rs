@@ -5,8 +5,9 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::{Bodies, Samples};
-use crate::contact::self_contact::SelfContact;
+use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::force::VelocityFilter;
+use crate::metrics::Metrics;
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, Mobility, PinTargets};
@@ -70,6 +71,52 @@ pub struct Contacts {
     pub bodies: Option<BodyCollision>,
     /// Cloth, if the scene asks for it.
     pub cloth: Option<SelfContact>,
+}
+
+/// The end of a collision step, from which C goes back to its start or on.
+pub struct CollisionEnd<'a> {
+    /// Positions of the local vertices [m].
+    pub x: &'a mut [Vec3],
+    /// Velocities of the local vertices [m/s].
+    pub v: &'a mut [Vec3],
+    /// From the collision-free state to here [s].
+    pub duration: f64,
+    /// Whether C may give the state back, which leaves a hard case to a shorter collision step.
+    pub may_rewind: bool,
+}
+
+impl Contacts {
+    /// Self-repulsion once for a whole collision step, where a variant has it there.
+    pub(crate) fn repel_once(&mut self, end: &mut CollisionEnd, metrics: &mut Metrics) {
+        let Self { bodies, cloth: Some(contact) } = self else { return };
+        if contact.repels_per_collision_step() {
+            contact.repel_once((end.x, end.v), end.duration, metrics, |vertex, by| note_moved(bodies, vertex, by));
+        }
+    }
+
+    /// C; ghosts are those of their owners afterwards.
+    pub(crate) fn resolve_collisions(
+        &mut self,
+        end: CollisionEnd,
+        prescribed: &Bodies,
+        parts: &Parts,
+        metrics: &mut Metrics,
+    ) -> Ending {
+        let Self { bodies, cloth: Some(contact) } = self else { return Ending::Resolved };
+        let CollisionEnd { x, v, duration, may_rewind } = end;
+        let moved = |vertex, by| note_moved(bodies, vertex, by);
+        let ending = contact.end_collision_step((x, v), prescribed, duration, may_rewind, metrics, moved);
+        parts.halo().update(parts.ranks(), x);
+        parts.halo().update(parts.ranks(), v);
+        ending
+    }
+}
+
+/// Body collision hears that contact of cloth has moved a vertex [m].
+fn note_moved(bodies: &mut Option<BodyCollision>, vertex: usize, by: f64) {
+    if let Some(bodies) = bodies {
+        bodies.moved(vertex, by);
+    }
 }
 
 /// Variants of the method, to compare with (`docs/theory/variants.md`): chosen once for a simulation.

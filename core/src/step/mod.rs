@@ -17,7 +17,7 @@
 
 mod groups;
 
-pub use groups::{Cloth, Contacts, Dynamics, Prescribed, Scratch, Variants};
+pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch, Variants};
 
 use crate::Vec3;
 use crate::clock::Watch;
@@ -284,22 +284,14 @@ impl<'a> Step<'a> {
     /// C between B.4 and B.5, as in the authors' later code: the second solve sees the corrected positions.
     fn collide_after_position_variant(&mut self) {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
-        let Contacts { bodies: collision, cloth: contact } = &mut **contacts;
-        let Some(contact) = contact.as_mut().filter(|_| settings.variants.collides_after_position) else { return };
+        if contacts.cloth.is_none() || !settings.variants.collides_after_position {
+            return;
+        }
         let Scratch { v_star, x_new, .. } = &mut cloth.scratch;
         metrics.stage("C collisions", |m| {
-            let mut moved = |vertex, displacement| {
-                if let Some(collision) = collision {
-                    collision.moved(vertex, displacement);
-                }
-            };
-            if contact.repels_per_collision_step() {
-                contact.repel_once((&mut x_new[..], &mut v_star[..]), settings.dt, m, &mut moved);
-            }
-            let ends = (&mut x_new[..], &mut v_star[..]);
-            contact.end_collision_step(ends, &prescribed.bodies, settings.dt, false, m, &mut moved);
-            parts.halo().update(parts.ranks(), x_new);
-            parts.halo().update(parts.ranks(), v_star);
+            let mut end = CollisionEnd { x: x_new, v: v_star, duration: settings.dt, may_rewind: false };
+            contacts.repel_once(&mut end, m);
+            contacts.resolve_collisions(end, &prescribed.bodies, parts, m);
         });
     }
 
