@@ -1,6 +1,7 @@
 //! Shared pieces of Drapery's tests: small scenes built in code, and the closed-form truths.
 
 pub mod conformance;
+pub mod effect_names;
 pub mod source_text;
 pub mod structure;
 

@@ -63,8 +63,10 @@ fn raw_text(chars: &[char], start: usize) -> Option<usize> {
 
 /// The code before its test module.
 pub fn without_tests(code: &str) -> &str {
-    let module = code.find("#[cfg(test)]\nmod tests");
-    module.map_or(code, |end| &code[..end])
+    let module = ["mod tests", "pub(crate) mod tests", "pub(super) mod tests"]
+        .iter()
+        .filter_map(|module| code.find(&format!("#[cfg(test)]\n{module}")));
+    module.min().map_or(code, |end| &code[..end])
 }
 
 /// A function: its name, its first line (from 1) and its number of lines.

@@ -50,6 +50,81 @@ pub struct Material {
     pub provenance: Cow<'static, str>,
 }
 
+/// A setting of an effect that a material brings.
+#[derive(Debug)]
+pub struct MaterialSetting {
+    /// Its key.
+    pub key: &'static str,
+    /// A key that says the same otherwise: where a scene has that one, the material's does not count.
+    pub unless: Option<&'static str>,
+    /// The material's number, in the SI unit.
+    pub value: fn(&Material) -> f64,
+}
+
+impl MaterialSetting {
+    const fn new(key: &'static str, value: fn(&Material) -> f64) -> Self {
+        Self { key, unless: None, value }
+    }
+}
+
+/// When a material brings settings of an effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TakesPart {
+    /// Where the garment asks for the effect.
+    IfAskedFor,
+    /// Always, and asks for the effect, unless the garment asks for this other one.
+    Unless(&'static str),
+}
+
+/// An effect of a garment of which a material brings settings.
+#[derive(Debug)]
+pub struct MaterialEffect {
+    /// The effect.
+    pub effect: &'static str,
+    /// When.
+    pub takes_part: TakesPart,
+    /// Which settings.
+    pub settings: &'static [MaterialSetting],
+}
+
+const DAMPING: MaterialSetting = MaterialSetting::new("damping_ratio", |material| material.damping_ratio);
+
+/// What materials bring, in every build: a garment whose effect is not in the build is refused.
+pub static EFFECTS: [MaterialEffect; 4] = [
+    MaterialEffect {
+        effect: "membrane",
+        takes_part: TakesPart::IfAskedFor,
+        settings: &[
+            MaterialSetting::new("warp", |material| material.membrane[0]),
+            MaterialSetting::new("weft", |material| material.membrane[1]),
+            MaterialSetting::new("shear", |material| material.membrane[2]),
+            DAMPING,
+        ],
+    },
+    MaterialEffect {
+        effect: "stretch",
+        takes_part: TakesPart::Unless("membrane"),
+        settings: &[
+            MaterialSetting {
+                unless: Some("spring_stiffness"),
+                ..MaterialSetting::new("stiffness", |material| material.stretch_stiffness)
+            },
+            DAMPING,
+        ],
+    },
+    // Who asks for springs across the edges says how stiff they are.
+    MaterialEffect {
+        effect: "dihedral_bending",
+        takes_part: TakesPart::Unless("bending"),
+        settings: &[MaterialSetting::new("stiffness", |material| material.bending_rigidity), DAMPING],
+    },
+    MaterialEffect {
+        effect: "strain_limit",
+        takes_part: TakesPart::IfAskedFor,
+        settings: &[MaterialSetting::new("limit", |material| material.strain_limit)],
+    },
+];
+
 /// All preset materials, from light to heavy handling.
 pub const PRESETS: &[Material] = &[
     Material {

@@ -3,13 +3,14 @@
 
 use std::path::Path;
 
+use drapery_tests::effect_names::named_outside_their_rooms;
 use drapery_tests::structure::{Module, Modules};
 
 use crate::tree::{report, root};
 
 /// The rooms of the solver, lowest first: each may import those before it alone. Read upwards, this is how the solver is built
 /// (`docs/architecture.md`).
-const ROOMS: [&str; 31] = [
+const ROOMS: [&str; 32] = [
     "tolerances",
     "clock",
     "error",
@@ -19,6 +20,7 @@ const ROOMS: [&str; 31] = [
     "parallel",
     "metrics",
     "scene",
+    "observe",
     "snapshot",
     "state",
     "wind_grid",
@@ -126,4 +128,15 @@ fn the_map_names_every_room_of_the_solver_in_their_order() {
     let first_cells = table.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
     let named: Vec<&str> = first_cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
     assert_eq!(named, ROOMS);
+}
+
+/// How often code may name an effect as a text outside the effect's own room.
+const NAMES_OF_EFFECTS: usize = 29;
+
+#[test]
+fn what_is_known_of_an_effect_stands_in_its_room() {
+    let named = named_outside_their_rooms(&root());
+    let times: usize = named.iter().map(|(_, times)| times).sum();
+    let files: Vec<String> = named.iter().map(|(file, times)| format!("{}: {times}", file.display())).collect();
+    assert!(times <= NAMES_OF_EFFECTS, "effects are named {times} times outside their rooms:\n{}", files.join("\n"));
 }

@@ -43,6 +43,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     ],
     shared_stages: &["bodies and pins"],
     is_essential: true,
+    does_work: Some(SceneDescription::moves_pins),
     build,
     ..EffectSpec::BARE
 };

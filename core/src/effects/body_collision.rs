@@ -30,6 +30,11 @@ pub static SPEC: EffectSpec = EffectSpec {
     stages: &["B.4 body collision", "B.7 body friction", "bodies and pins"],
     bytes_of_point: 270.0,
     is_essential: true,
+    does_work: Some(|scene| (0..scene.bodies.len()).any(|body| scene.moves_body(body))),
+    friction: Some(|_, scene| {
+        let rough = scene.bodies.iter().filter(|body| body.friction > 0.0);
+        rough.map(|body| format!("body {} has friction {}", body.name, body.friction)).collect()
+    }),
     build,
     ..EffectSpec::BARE
 };

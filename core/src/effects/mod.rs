@@ -4,6 +4,7 @@
 //! one, write it and list it in [`registry`]; the order there is the order of execution.
 
 pub mod force;
+pub mod inputs;
 pub mod registry;
 pub mod spec;
 pub(crate) mod stability;
@@ -30,5 +31,6 @@ pub mod wind;
 
 pub use crate::snapshot::saved_section::{ElementRows, SectionId};
 pub use force::{FilterStep, Force, ForceContext, PartForce, PartMotion, PartView, Purpose, VelocityFilter};
+pub use inputs::INPUTS;
 pub use registry::{LISTED, PlannedEffect, REGISTRY, build_all, find, lacking, maps};
 pub use spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};

@@ -12,6 +12,7 @@ use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::pins::{BEHIND, HardPins, SECTION, STRETCHED};
+use crate::scene::SceneDescription;
 use crate::settings::Settings;
 
 /// Registry entry.
@@ -26,6 +27,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     counts: &[BEHIND, STRETCHED],
     shared_stages: &["bodies and pins"],
     is_essential: true,
+    does_work: Some(SceneDescription::moves_pins),
     build,
     ..EffectSpec::BARE
 };

@@ -43,6 +43,9 @@ pub static SPEC: EffectSpec = EffectSpec {
     fields: FIELDS,
     needs: &[Need::State],
     cost: Cost { elements: "triangles", step: 7.0, iteration: 0.0 },
+    // Gas and overpressure have an energy of their own.
+    does_work: Some(|_| false),
+    looks_at_sides: |_| Some("`pressure`"),
     build,
     ..EffectSpec::BARE
 };

@@ -41,6 +41,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     cost: Cost { elements: "stitches", step: 25.0, iteration: 5.0 },
     is_internal: true,
     is_essential: true,
+    does_work: Some(|_| true),
     build,
     ..EffectSpec::BARE
 };

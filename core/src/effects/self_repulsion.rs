@@ -94,6 +94,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     stages: &["B.2 self-repulsion", "B.8 self-repulsion", "C self-repulsion", "A neighbours"],
     bytes_of_point: 300.0,
     is_internal: true,
+    friction: Some(|settings, _| {
+        let friction = settings.number("friction");
+        (friction > 0.0).then(|| format!("cloth on cloth has friction {friction}")).into_iter().collect()
+    }),
     build,
     ..EffectSpec::BARE
 };

@@ -7,7 +7,7 @@ use crate::effects::force::{PartForce, VelocityFilter};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::pins::HardPins;
-use crate::scene::{Scene, SceneDescription};
+use crate::scene::{EffectRequest, Scene, SceneDescription};
 use crate::settings::{Field, Settings};
 use crate::snapshot::saved_section::SectionId;
 use crate::volumes::Volume;
@@ -89,6 +89,12 @@ pub struct EffectSpec {
     /// Whether a shot without it is no longer one to look at: cloth without weight, without springs along its edges, without
     /// what holds it or what it lies on.
     pub is_essential: bool,
+    /// Whether it does work on the cloth of a scene from outside; `None` if it does unless it is internal.
+    pub does_work: Option<fn(&SceneDescription) -> bool>,
+    /// What of a request for it takes the side that faces show for a side of the cloth, in words.
+    pub looks_at_sides: fn(&EffectRequest) -> Option<&'static str>,
+    /// Between what there is friction in it, in words; `None` if there cannot be any.
+    pub friction: Option<fn(&Settings, &SceneDescription) -> Vec<String>>,
     /// Memory that it is expected to take for each point of the garments that have it, measured with `drapery check` on panels
     /// of 40,000 and 250,000 points [bytes].
     pub bytes_of_point: f64,
@@ -115,6 +121,9 @@ impl EffectSpec {
         shared_stages: &[],
         is_internal: false,
         is_essential: false,
+        does_work: None,
+        looks_at_sides: |_| None,
+        friction: None,
         bytes_of_point: 0.0,
         section: None,
         counts: &[],

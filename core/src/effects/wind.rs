@@ -50,6 +50,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     needs: &[Need::State],
     cost: Cost { elements: "triangles", step: 25.0, iteration: 5.0 },
     maps: &[MapSpec::share("wind")],
+    looks_at_sides: |request| request.settings.contains_key("normal").then_some("`normal` of the wind"),
     bytes_of_point: 100.0,
     build,
     ..EffectSpec::BARE

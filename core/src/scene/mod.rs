@@ -6,11 +6,14 @@
 //! no part, and the scene says so in its warnings.
 
 mod garment;
+pub mod gather;
 pub(crate) mod origin;
+mod pin;
 pub mod seam_pairs;
 pub mod vertex_maps;
 
 pub use origin::{FARTHEST, coarse_place, is_possible};
+pub use pin::{PinAnchor, PinDescription, PinHold, PinTarget};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -239,83 +242,6 @@ impl RigidMotion {
     }
 }
 
-/// Vertices of a garment that are held.
-#[derive(Debug, Clone)]
-pub struct PinDescription {
-    /// Index of the garment.
-    pub garment: usize,
-    /// What the vertices follow, and which vertices.
-    pub target: PinTarget,
-    /// Axes in which a hard pin holds (world x, y, z).
-    pub axes: [bool; 3],
-    /// Solver time from which it holds [s].
-    pub from: f64,
-    /// Solver time at which it lets go [s].
-    pub until: f64,
-    /// Hard, or by a spring.
-    pub hold: PinHold,
-}
-
-/// What a pinned vertex follows.
-#[derive(Debug, Clone)]
-pub enum PinTarget {
-    /// A place where the vertex was, moved along a path relative to it.
-    Path {
-        /// When the place is taken.
-        anchor: PinAnchor,
-        /// Vertex numbers in the garment's own order.
-        vertices: Vec<u32>,
-        /// Times [s] and offsets [m] from the start position, piecewise linear; empty stays put.
-        offsets: Vec<(f64, Vec3)>,
-    },
-    /// Positions that the caller pushes frame by frame: row `i` of the track belongs to `vertices[i]`.
-    Track {
-        /// Vertex numbers in the garment's own order.
-        vertices: Vec<u32>,
-        /// Number of the track in [`crate::simulation::FrameInput::tracks`].
-        track: usize,
-    },
-    /// Places on the surface of a body.
-    Body {
-        /// Index of the body; it must be a deforming surface.
-        body: usize,
-        /// One attachment per vertex.
-        attachments: Vec<SurfaceAttachment>,
-    },
-    /// The nearest places on the surface of a body when the simulation starts.
-    BodyNearest {
-        /// Index of the body; it must be a deforming surface.
-        body: usize,
-        /// Vertex numbers in the garment's own order.
-        vertices: Vec<u32>,
-    },
-}
-
-/// When a pin takes the place that it holds its vertices to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PinAnchor {
-    /// When the simulation starts.
-    Start,
-    /// When the pin takes hold.
-    WhenHeld,
-}
-
-/// How a pin holds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum PinHold {
-    /// The vertex is where the target is.
-    Hard,
-    /// A zero-length spring pulls the vertex to the target.
-    Spring {
-        /// Stiffness [N/m].
-        stiffness: f64,
-        /// Damping as a fraction of critical damping of the vertex on this spring.
-        damping_ratio: f64,
-        /// Force at which it breaks and lets go for good [N]; `None` holds whatever pulls.
-        break_force: Option<f64>,
-    },
-}
-
 /// Vertices of garments that are sewn together, pair by pair. The gap of a pair closes evenly from what it is at the start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeamDescription {
@@ -412,6 +338,22 @@ impl EffectRequest {
 }
 
 impl SceneDescription {
+    /// Whether a body moves; deforming ones are taken to.
+    pub(crate) fn moves_body(&self, body: usize) -> bool {
+        let body = &self.bodies[body];
+        let turns = body.motion.angular_velocity != Vec3::zeros();
+        matches!(body.shape, BodyShape::Surface { .. }) || body.motion.path.len() > 1 || turns
+    }
+
+    /// Whether what some pin follows moves.
+    pub(crate) fn moves_pins(&self) -> bool {
+        self.pins.iter().any(|pin| match &pin.target {
+            PinTarget::Path { offsets, .. } => offsets.windows(2).any(|pair| pair[0].1 != pair[1].1),
+            PinTarget::Track { .. } => true,
+            PinTarget::Body { body, .. } | PinTarget::BodyNearest { body, .. } => self.moves_body(*body),
+        })
+    }
+
     /// An empty scene at 24 frames per second.
     pub fn new(name: &str) -> Self {
         Self {

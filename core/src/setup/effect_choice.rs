@@ -3,7 +3,7 @@
 use crate::effects;
 use crate::effects::registry::LISTED;
 use crate::error::Problem;
-use crate::scene::{PinHold, PinTarget, SceneDescription};
+use crate::scene::SceneDescription;
 use crate::settings::nearest;
 
 impl SceneDescription {
@@ -15,17 +15,7 @@ impl SceneDescription {
         self.all_asked_for("effects.without", names)?;
         let is_out = |name: &str| names.iter().any(|out| out == name);
         self.effects.retain(|request| !is_out(&request.effect));
-        self.pins.retain(|pin| !is_out(if pin.hold == PinHold::Hard { "pins" } else { "attachments" }));
-        if is_out("seams") {
-            self.seams.clear();
-        }
-        if is_out("wind") {
-            self.wind = None;
-        }
-        let follows = |target: &PinTarget| matches!(target, PinTarget::Body { .. } | PinTarget::BodyNearest { .. });
-        if is_out("body_collision") && !self.pins.iter().any(|pin| follows(&pin.target)) {
-            self.bodies.clear();
-        }
+        effects::INPUTS.iter().filter(|input| is_out(input.effect)).for_each(|input| (input.remove)(self));
         self.left_out.extend_from_slice(names);
         Ok(())
     }

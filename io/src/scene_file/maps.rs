@@ -25,20 +25,20 @@ impl Resolver<'_> {
             data = self.of_file(path, mesh.read());
         }
         for (of, name) in &written {
-            let here = path.clone().key("maps").key(of);
+            let here = path.clone().key("maps").key(of.as_str());
             let values = match name.strip_prefix(FILE) {
                 Some(file) => self.map_file(&here, file),
                 None => data.as_ref().and_then(|data| self.check(&here, attribute(data, name))),
             };
             if let Some(values) = values {
                 let absolute = garment.absolute_maps.iter().any(|absolute| absolute == of);
-                maps.insert((*of).to_owned(), PaintedMap { values, absolute });
+                maps.insert(of.clone(), PaintedMap { values, absolute });
             }
         }
         for (index, absolute) in garment.absolute_maps.iter().enumerate() {
             if written.iter().all(|(of, _)| of != absolute) {
                 let here = path.clone().key("absolute_maps").index(index);
-                let names: Vec<&str> = written.iter().map(|(of, _)| *of).collect();
+                let names: Vec<&str> = written.iter().map(|(of, _)| of.as_str()).collect();
                 self.error_with(&here, format!("there is no map of `{absolute}`"), suggestion(absolute, &names));
             }
         }
@@ -163,7 +163,7 @@ mod tests {
         for name in drapery_core::effects::maps().map(|(map, _)| map.name) {
             let scene = serde_json::json!({ "name": "shirt", "maps": { name: "file:map.txt" } });
             let garment: Garment = serde_json::from_value(scene).unwrap_or_else(|error| panic!("{name}: {error}"));
-            assert_eq!(garment.maps.written(), [(name, "file:map.txt")]);
+            assert_eq!(garment.maps.written(), [(name.to_owned(), "file:map.txt".to_owned())]);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-use crate::materials::{self, Material};
+use crate::materials::{self, Material, MaterialEffect, MaterialSetting, TakesPart};
 
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
@@ -115,42 +115,29 @@ fn fill_garment(table: &mut Table, material: &Material, place: &Place) {
         table.fill("density", Value::Float(material.density), place, origin.clone());
     }
     table.fill("thickness", Value::Float(material.thickness), place, origin);
-    let damping = [("damping_ratio", material.damping_ratio)];
     let has = |table: &Table, effect: &str| table.get(effect).is_some();
-    if has(table, "membrane") {
-        let [warp, weft, shear] = material.membrane;
-        fill_effect(table, "membrane", &[("warp", warp), ("weft", weft), ("shear", shear)], material, place);
-        fill_effect(table, "membrane", &damping, material, place);
-    } else {
-        let own = own_key(table, "stretch", "spring_stiffness");
-        let stiffness = [("stiffness", material.stretch_stiffness)];
-        fill_effect(table, "stretch", if own { &[] } else { &stiffness }, material, place);
-        fill_effect(table, "stretch", &damping, material, place);
+    for MaterialEffect { effect, takes_part, settings } in &materials::EFFECTS {
+        let takes_part = match takes_part {
+            TakesPart::IfAskedFor => has(table, effect),
+            TakesPart::Unless(other) => !has(table, other),
+        };
+        if takes_part {
+            fill_effect(table, effect, settings, material, place);
+        }
     }
-    // Who asks for springs across the edges says how stiff they are.
-    if !has(table, "bending") {
-        fill_effect(table, "dihedral_bending", &[("stiffness", material.bending_rigidity)], material, place);
-        fill_effect(table, "dihedral_bending", &damping, material, place);
-    }
-    if has(table, "strain_limit") {
-        fill_effect(table, "strain_limit", &[("limit", material.strain_limit)], material, place);
-    }
-}
-
-/// Whether a garment's table of an effect has this key.
-fn own_key(garment: &Table, effect: &str, key: &str) -> bool {
-    garment.get(effect).and_then(Node::as_table).is_some_and(|table| table.get(key).is_some())
 }
 
 /// Fills in settings of an effect of a garment, and asks for the effect.
-fn fill_effect(garment: &mut Table, effect: &str, settings: &[(&str, f64)], material: &Material, place: &Place) {
+fn fill_effect(garment: &mut Table, effect: &str, settings: &[MaterialSetting], material: &Material, place: &Place) {
     let origin = Origin::Material(material.name.to_string());
     garment.fill(effect, Value::Table(Table::default()), place, origin.clone());
     let Some(table) = garment.get_mut(effect).and_then(Node::as_table_mut) else {
         return;
     };
-    for (key, value) in settings {
-        table.fill(key, Value::Float(*value), place, origin.clone());
+    for MaterialSetting { key, unless, value } in settings {
+        if unless.is_none_or(|other| table.get(other).is_none()) {
+            table.fill(key, Value::Float(value(material)), place, origin.clone());
+        }
     }
 }
 

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use drapery_core::Vec3;
-use drapery_core::effects::REGISTRY;
+use drapery_core::effects::{INPUTS, REGISTRY};
 use drapery_core::scene::{
-    BodyFriction, EffectRequest, Integrator, PinDescription, PinHold, PinTarget, SceneDescription, SolverSettings,
-    Timeline,
+    BodyFriction, EffectRequest, Integrator, PinTarget, SceneDescription, SolverSettings, Timeline,
 };
 use drapery_core::settings::{Dimension, SettingValue};
 
@@ -279,30 +278,11 @@ impl Resolver<'_> {
     /// Requests of the tables, and those that bodies and pins imply.
     fn effects(&mut self) {
         let mut requests = effects::requests(&self.scene.root);
-        for (effect, hard, how) in [("pins", true, "pinned"), ("attachments", false, "spring-pinned")] {
-            let held = |garment: usize| -> usize {
-                let of = |p: &&PinDescription| p.garment == garment && (p.hold == PinHold::Hard) == hard;
-                self.description.pins.iter().filter(of).map(|p| pinned(&p.target)).sum()
-            };
-            let counts = self.description.garments.iter().enumerate().map(|(index, g)| (&g.name, held(index)));
-            let texts: Vec<String> = counts
-                .filter(|(_, count)| *count > 0)
-                .map(|(name, count)| format!("garment \"{name}\" has {count} {how} vertices"))
-                .collect();
-            if !texts.is_empty() {
-                requests.push(EffectRequest { because: texts.join(", "), ..EffectRequest::of_scene(effect) });
+        for input in INPUTS.iter().filter(|input| input.asks.is_some_and(|asks| asks(&self.description))) {
+            let because = (input.because)(&self.description);
+            if !because.is_empty() {
+                requests.push(EffectRequest { because, ..EffectRequest::of_scene(input.effect) });
             }
-        }
-        let seams = self.description.seams.len();
-        if seams > 0 {
-            let pairs: usize = self.description.seams.iter().map(|seam| seam.pairs.len()).sum();
-            let because = format!("{seams} seam{} of {pairs} pairs", if seams == 1 { "" } else { "s" });
-            requests.push(EffectRequest { because, ..EffectRequest::of_scene("seams") });
-        }
-        let bodies = self.description.bodies.len();
-        if bodies > 0 {
-            let because = format!("the scene has {bodies} bod{}", if bodies == 1 { "y" } else { "ies" });
-            requests.push(EffectRequest { because, ..EffectRequest::of_scene("body_collision") });
         }
         self.wind_file(&requests);
         // In the order of the registry, as they run, so that two ways of writing a scene give one description.
@@ -358,16 +338,6 @@ impl Resolver<'_> {
         }
         self.wind = self.of_file(&Path::default().key("wind").key("file"), opened);
         self.description.wind = self.wind.as_ref().map(WindFile::shape);
-    }
-}
-
-/// Number of vertices of a pin.
-fn pinned(target: &PinTarget) -> usize {
-    match target {
-        PinTarget::Path { vertices, .. }
-        | PinTarget::Track { vertices, .. }
-        | PinTarget::BodyNearest { vertices, .. } => vertices.len(),
-        PinTarget::Body { attachments, .. } => attachments.len(),
     }
 }
 

@@ -10,7 +10,8 @@
 use std::collections::BTreeSet;
 
 use drapery_core::Vec3;
-use drapery_core::scene::{BodyShape, PinTarget, SceneDescription};
+use drapery_core::effects::{find as find_effect, gravity};
+use drapery_core::scene::SceneDescription;
 use drapery_core::simulation::Simulation;
 
 use crate::page::text;
@@ -28,17 +29,13 @@ const ENERGY: f64 = 0.01;
 /// What acts on the cloth of a scene from outside, of which `simulation` is the start.
 pub fn outside(scene: &SceneDescription, simulation: &Simulation) -> Outside {
     let plan = simulation.plan();
-    let gravity = plan.iter().find(|effect| effect.name == "gravity");
+    let gravity = plan.iter().find(|effect| effect.name == gravity::SPEC.name);
     let gravity = gravity.map_or([0.0; 3], |effect| effect.settings.vector("acceleration"));
     let names: BTreeSet<&str> = plan.iter().map(|effect| effect.name).collect();
     let pushes: Vec<&str> = names.iter().copied().filter(|name| !is_internal(name)).collect();
-    let works = |name: &&str| match *name {
-        "pins" | "attachments" => scene.pins.iter().any(|pin| moves(scene, &pin.target)),
-        "body_collision" => (0..scene.bodies.len()).any(|body| is_moving(scene, body)),
-        // Drag in air that stands still only takes; whether it does is not looked at.
-        "wind" | "ether_drag" | "seams" => true,
-        // Gas and overpressure have an energy of their own, which is counted.
-        name => name != "pressure" && !is_internal(name),
+    let works = |name: &&str| {
+        let says = find_effect(name).and_then(|spec| spec.does_work);
+        says.map_or_else(|| !is_internal(name), |does_work| does_work(scene))
     };
     let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
     Outside {
@@ -47,21 +44,6 @@ pub fn outside(scene: &SceneDescription, simulation: &Simulation) -> Outside {
         pushes: owned(pushes),
         works: owned(names.iter().copied().filter(works).collect()),
     }
-}
-
-fn moves(scene: &SceneDescription, target: &PinTarget) -> bool {
-    match target {
-        PinTarget::Path { offsets, .. } => offsets.windows(2).any(|pair| pair[0].1 != pair[1].1),
-        PinTarget::Track { .. } => true,
-        PinTarget::Body { body, .. } | PinTarget::BodyNearest { body, .. } => is_moving(scene, *body),
-    }
-}
-
-/// Deforming bodies are taken to deform.
-fn is_moving(scene: &SceneDescription, body: usize) -> bool {
-    let body = &scene.bodies[body];
-    let turns = body.motion.angular_velocity != Vec3::zeros();
-    matches!(body.shape, BodyShape::Surface { .. }) || body.motion.path.len() > 1 || turns
 }
 
 /// Mass of what moves [kg], of a simulation on one rank.

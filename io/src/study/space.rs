@@ -1,5 +1,7 @@
 //! Which runs make a study, and in what order.
 
+use drapery_core::effects::{body_collision, self_repulsion};
+
 use crate::study::random::Random;
 use crate::study::record::{Asked, Role, Setting};
 use crate::study::vary::{
@@ -172,14 +174,14 @@ fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
         let times = rough_times("cfl", &cfl(divisor), ground) * rough_times("cg_tolerance", TIGHT, ground);
         space.push(RunRequest::new(Role::Accuracy, setting, times));
     }
-    if ground.has("self_collision") {
+    if ground.takes("max_steps") {
         space.push(one("max_steps", "1"));
     }
     space.extend(ground.effects.iter().filter(|name| can_go(name)).map(|name| one(WITHOUT, name)));
-    if ground.has("body_collision") || ground.has("self_repulsion") {
+    if ground.has(body_collision::SPEC.name) || ground.takes("friction") {
         space.push(one(FRICTION, "0"));
     }
-    if ground.has("self_repulsion") {
+    if ground.has(self_repulsion::SPEC.name) {
         space.push(one(THICKNESS, "x0.5"));
     }
     if let Some(cells) = ground.resolution.filter(|cells| *cells >= 8.0) {
@@ -193,10 +195,10 @@ fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
     space.push(one(RANKS, "2"));
     // What the method's own choices bring.
     space.push(one("integrator", "implicit"));
-    if ground.has("self_repulsion") {
+    if ground.takes("per_collision_step") {
         space.push(one("per_collision_step", "true"));
     }
-    if ground.has("body_collision") {
+    if ground.has(body_collision::SPEC.name) {
         space.push(one("body_friction", "position_half"));
     }
     space

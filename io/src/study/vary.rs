@@ -1,5 +1,7 @@
 //! The names that a study varies, and what each of them changes in a scene.
 
+use drapery_core::effects::find;
+
 use crate::study::record::{Role, Setting};
 
 /// Word for a setting without any change.
@@ -79,6 +81,12 @@ pub struct BaseSettings {
 }
 
 impl BaseSettings {
+    /// Whether an effect of the scene has a setting of this name.
+    pub fn takes(&self, setting: &str) -> bool {
+        let has = |name: &String| find(name).is_some_and(|spec| spec.fields.iter().any(|field| field.name == setting));
+        self.effects.iter().any(has)
+    }
+
     /// Whether the scene has an effect.
     pub fn has(&self, effect: &str) -> bool {
         self.effects.iter().any(|name| name == effect)
@@ -133,7 +141,7 @@ pub(super) fn changed(setting: &Setting, name: &str, value: &str, ground: &BaseS
         }
         FRICTION => {
             let bodies = ground.bodies.iter().map(|body| format!("body.{body}.friction"));
-            let cloth = ground.has("self_repulsion").then(|| "self_repulsion.friction".to_owned());
+            let cloth = ground.takes("friction").then(|| "self_repulsion.friction".to_owned());
             setting.settings.extend(bodies.chain(cloth).map(|key| (key, value.to_owned())));
         }
         _ => setting.settings.push((key_of(name).to_owned(), value.to_owned())),

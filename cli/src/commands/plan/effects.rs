@@ -1,7 +1,7 @@
 //! The effects of a plan: why each is there, what it holds, what it needs, and its share of a frame.
 
 use drapery_core::effects::cost::{FrameCost, METHOD};
-use drapery_core::effects::{Need, PlannedEffect};
+use drapery_core::effects::{Need, PlannedEffect, find};
 use drapery_core::scene::SceneDescription;
 use drapery_core::settings::{Origin, SettingValue};
 use drapery_core::simulation::Simulation;
@@ -73,18 +73,8 @@ fn effect_text(effect: &PlannedEffect, share: f64) -> String {
 
 /// Why there is friction in a contact, or why not.
 fn friction(effect: &PlannedEffect, scene: &SceneDescription) -> String {
-    let reasons: Vec<String> = match effect.name {
-        "body_collision" => {
-            let rough = scene.bodies.iter().filter(|body| body.friction > 0.0);
-            rough.map(|body| format!("body {} has friction {}", body.name, body.friction)).collect()
-        }
-        "self_repulsion" => {
-            let friction = effect.settings.number("friction");
-            let text = format!("cloth on cloth has friction {friction}");
-            (friction > 0.0).then_some(text).into_iter().collect()
-        }
-        _ => return String::new(),
-    };
+    let Some(friction) = find(effect.name).and_then(|spec| spec.friction) else { return String::new() };
+    let reasons = friction(&effect.settings, scene);
     match reasons.is_empty() {
         true => "    friction: off, because nothing here has any\n".to_owned(),
         false => format!("    friction: on, because {}\n", reasons.join(", ")),

@@ -1,5 +1,6 @@
 //! Faces of a garment that are wound against their neighbours, said where something looks at the sides of cloth.
 
+use crate::effects;
 use crate::mesh::{sides, turned_edges};
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
@@ -10,12 +11,8 @@ use crate::setup::distribute::even_blocks::joined;
 /// What of a scene takes the side that faces show for a side of this garment, in words.
 fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'static str> {
     let requests = description.effects.iter();
-    let looks = requests.filter_map(|request| match request.effect.as_str() {
-        "pressure" if request.garment == Some(garment) => Some("`pressure`"),
-        "wind" if request.settings.contains_key("normal") => Some("`normal` of the wind"),
-        _ => None,
-    });
-    looks.collect()
+    let acts = requests.filter(|request| request.garment.is_none_or(|of| of == garment));
+    acts.filter_map(|request| effects::find(&request.effect).and_then(|spec| (spec.looks_at_sides)(request))).collect()
 }
 
 /// Says in words, on rank 0, at which edges of a garment two faces are wound against each other, if something looks at their

@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use crate::Vec3;
 use crate::effects;
+use crate::effects::inputs::{EffectInput, INPUTS};
 use crate::effects::spec::Scope;
 use crate::error::{Problem, Problems};
 use crate::geometry::shapes::Shape;
@@ -517,17 +518,11 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
     }
     let has = |name: &str| description.effects.iter().any(|e| e.effect == name);
     check_maps_are_used(description, problems);
-    let by_springs = |p: &crate::scene::PinDescription| matches!(p.hold, PinHold::Spring { .. });
-    let implied = [
-        ("body_collision", !description.bodies.is_empty(), "a body"),
-        ("pins", description.pins.iter().any(|p| !by_springs(p)), "a pin"),
-        ("attachments", description.pins.iter().any(by_springs), "a spring pin"),
-        ("seams", !description.seams.is_empty(), "a seam"),
-    ];
-    for (name, needed, by) in implied {
+    for EffectInput { effect: name, one, asks, .. } in &INPUTS {
+        let Some(needed) = asks.map(|asks| asks(description)) else { continue };
         if needed != has(name) && !description.left_out.iter().any(|out| out == name) {
-            let what = if needed { format!("{by} needs this effect") } else { format!("it needs {by}") };
-            problems.push(Problem::scene(name, what, "ask for both or neither"));
+            let what = if needed { format!("{one} needs this effect") } else { format!("it needs {one}") };
+            problems.push(Problem::scene(*name, what, "ask for both or neither"));
         }
     }
 }

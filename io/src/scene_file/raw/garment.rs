@@ -178,35 +178,11 @@ pub(in crate::scene_file) struct Maps {
 
 impl Maps {
     /// What is painted, and by which name.
-    pub(in crate::scene_file) fn written(&self) -> Vec<(&'static str, &str)> {
-        let all = [
-            ("density", &self.density),
-            ("thickness", &self.thickness),
-            ("self_friction", &self.self_friction),
-            ("friction", &self.friction),
-            ("stretch", &self.stretch),
-            ("shear", &self.shear),
-            ("membrane", &self.membrane),
-            ("grain_angle", &self.grain_angle),
-            ("bending", &self.bending),
-            ("dihedral_bending", &self.dihedral_bending),
-            ("stretch_damping", &self.stretch_damping),
-            ("shear_damping", &self.shear_damping),
-            ("membrane_damping", &self.membrane_damping),
-            ("bending_damping", &self.bending_damping),
-            ("dihedral_bending_damping", &self.dihedral_bending_damping),
-            ("yield_radius", &self.yield_radius),
-            ("hardening", &self.hardening),
-            ("largest_angle", &self.largest_angle),
-            ("strain_limit", &self.strain_limit),
-            ("compression", &self.compression),
-            ("pins", &self.pins),
-            ("pin_damping", &self.pin_damping),
-            ("break_force", &self.break_force),
-            ("wind", &self.wind),
-            ("ether_drag", &self.ether_drag),
-        ];
-        all.into_iter().filter_map(|(of, name)| name.as_deref().map(|name| (of, name))).collect()
+    pub(in crate::scene_file) fn written(&self) -> Vec<(String, String)> {
+        // The names are those of the fields, which serde knows.
+        let Ok(serde_json::Value::Object(all)) = serde_json::to_value(self) else { return Vec::new() };
+        let text = |(of, name): (String, serde_json::Value)| name.as_str().map(|name| (of, name.to_owned()));
+        all.into_iter().filter_map(text).collect()
     }
 
     fn is_empty(&self) -> bool {

@@ -1,0 +1,83 @@
+//! What of a scene is there for one effect alone: pins, seams and bodies, which ask for it, and the grid of the wind.
+//!
+//! The table is in every build, also where an effect is not: a scene that asks for it is then refused, not run without it.
+
+use crate::scene::{PinDescription, PinTarget, SceneDescription};
+
+/// Parts of a scene that only one effect looks at.
+#[derive(Debug)]
+pub struct EffectInput {
+    /// The effect.
+    pub effect: &'static str,
+    /// One of these parts, as in "a pin".
+    pub one: &'static str,
+    /// Whether a scene has some, which ask for the effect; `None` where a table asks for it.
+    pub asks: Option<fn(&SceneDescription) -> bool>,
+    /// What the scene has of them, in words; empty if nothing.
+    pub because: fn(&SceneDescription) -> String,
+    /// Takes them out of a scene that does without the effect.
+    pub remove: fn(&mut SceneDescription),
+}
+
+/// All of them.
+pub static INPUTS: [EffectInput; 5] = [
+    EffectInput {
+        effect: "body_collision",
+        one: "a body",
+        asks: Some(|scene| !scene.bodies.is_empty()),
+        because: |scene| {
+            let bodies = scene.bodies.len();
+            format!("the scene has {bodies} bod{}", if bodies == 1 { "y" } else { "ies" })
+        },
+        remove: |scene| {
+            let follows = |target: &PinTarget| matches!(target, PinTarget::Body { .. } | PinTarget::BodyNearest { .. });
+            if !scene.pins.iter().any(|pin| follows(&pin.target)) {
+                scene.bodies.clear();
+            }
+        },
+    },
+    EffectInput {
+        effect: "pins",
+        one: "a pin",
+        asks: Some(|scene| scene.pins.iter().any(PinDescription::is_hard)),
+        because: |scene| pinned(scene, PinDescription::is_hard, "pinned"),
+        remove: |scene| scene.pins.retain(|pin| !pin.is_hard()),
+    },
+    EffectInput {
+        effect: "attachments",
+        one: "a spring pin",
+        asks: Some(|scene| !scene.pins.iter().all(PinDescription::is_hard)),
+        because: |scene| pinned(scene, |pin| !pin.is_hard(), "spring-pinned"),
+        remove: |scene| scene.pins.retain(PinDescription::is_hard),
+    },
+    EffectInput {
+        effect: "seams",
+        one: "a seam",
+        asks: Some(|scene| !scene.seams.is_empty()),
+        because: |scene| {
+            let (seams, pairs) = (scene.seams.len(), scene.seams.iter().map(|seam| seam.pairs.len()).sum::<usize>());
+            format!("{seams} seam{} of {pairs} pairs", if seams == 1 { "" } else { "s" })
+        },
+        remove: |scene| scene.seams.clear(),
+    },
+    EffectInput {
+        effect: "wind",
+        one: "a grid of the wind",
+        asks: None,
+        because: |_| String::new(),
+        remove: |scene| scene.wind = None,
+    },
+];
+
+/// How many vertices of each garment these pins hold, in words.
+fn pinned(scene: &SceneDescription, which: impl Fn(&PinDescription) -> bool, how: &str) -> String {
+    let held = |garment: usize| -> usize {
+        let pins = scene.pins.iter().filter(|pin| pin.garment == garment && which(pin));
+        pins.map(|pin| pin.target.count()).sum()
+    };
+    let counts = scene.garments.iter().enumerate().map(|(index, garment)| (&garment.name, held(index)));
+    let with_some = counts.filter(|(_, count)| *count > 0);
+    let texts: Vec<String> =
+        with_some.map(|(name, count)| format!("garment \"{name}\" has {count} {how} vertices")).collect();
+    texts.join(", ")
+}
