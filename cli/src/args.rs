@@ -8,6 +8,7 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use drapery_core::effects::{self, LISTED};
+use drapery_core::observe::Tracepoint;
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::duration::parse_duration;
 use drapery_io::shot::run::Resume;
@@ -172,8 +173,12 @@ pub(crate) struct RunArgs {
     /// End with exit code 81 if a count that should stay zero did not, such as `crossings`; all frames are written
     #[arg(long)]
     pub(crate) strict: bool,
+    /// Write the cloth after a line of a time step to DIR/dump, for example B.4 of every step, B.4@1005 of those to frame
+    /// 1005, or B.4@1005.3 of the third of them; lines are A, B.1 to B.8 and C (docs/reference/dump.md)
+    #[arg(long, value_name = "LINE[@FRAME[.STEP]]", value_delimiter = ',')]
+    pub(crate) dump: Vec<Tracepoint>,
     /// SCENE is a bundle (DIR/debug/*.json) that a run left when the solver gave up: go on from its last good state to the
-    /// next frame, and write nothing
+    /// next frame, and write nothing but what --dump asks for
     #[arg(long, conflicts_with_all = ["resume", "resume_with_changes", "overwrite", "steal_lock", "strict", "frames"])]
     pub(crate) replay: bool,
 }

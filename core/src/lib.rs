@@ -35,6 +35,7 @@ pub mod error;
 pub mod geometry;
 pub mod mesh;
 pub mod metrics;
+pub mod observe;
 pub mod parallel;
 pub mod pins;
 pub mod scene;

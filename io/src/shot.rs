@@ -9,6 +9,7 @@
 pub mod bundle;
 pub(crate) mod check;
 mod counted;
+pub mod dump;
 mod folder;
 mod inputs;
 mod kept_frames;
@@ -28,6 +29,7 @@ use std::path::PathBuf;
 
 use drapery_core::Vec3;
 use drapery_core::effects::cost::FrameCost;
+use drapery_core::effects::self_collision;
 use drapery_core::error::{Problems, StepError};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{SceneDescription, Timeline};
@@ -141,9 +143,6 @@ struct About {
     resolved: String,
 }
 
-/// Effect that promises cloth without crossings; without it they are not counted.
-const FREE: &str = "self_collision";
-
 impl Shot {
     /// [`Shot::prepare_on`] one rank.
     ///
@@ -178,7 +177,7 @@ impl Shot {
             timeline,
             last_frame,
             garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
-            keeps_free: scene.effects.iter().any(|request| request.effect == FREE),
+            keeps_free: scene.effects.iter().any(|request| request.effect == self_collision::SPEC.name),
             output,
             resolved: description.resolved,
         };

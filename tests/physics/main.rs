@@ -6,6 +6,7 @@ mod drag;
 mod fit;
 mod free_motion;
 mod friction;
+mod listing;
 mod maps;
 mod maps_of_laws;
 mod membrane;

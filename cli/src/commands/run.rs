@@ -1,6 +1,7 @@
 //! `drapery run`: simulate and write the caches; go on where an earlier attempt stopped.
 
 use std::fs::File;
+use std::path::Path;
 use std::time::SystemTime;
 
 use drapery_core::metrics::Metrics;
@@ -9,6 +10,7 @@ use drapery_io::farm::command_line::quoted;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
 use drapery_io::report::record::in_words;
 use drapery_io::shot::bundle::Bundle;
+use drapery_io::shot::dump;
 use drapery_io::shot::quality::{self, Exceeded, LIMITS};
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
 
@@ -27,7 +29,9 @@ fn replay(args: &RunArgs, ranks: &Ranks, around: &Environment) -> Result<Ended, 
     let scene = SceneArgs { scene: bundle.scene.clone(), ..args.scene.clone() };
     let (shot, _) = plan::prepare(&scene, around, ranks)?;
     say::line(format_args!("the run gave up: {}", bundle.error));
-    let summary = shot.replay(&bundle)?;
+    let folder = args.settings.out.as_deref().or(args.scene.scene.parent()).unwrap_or(Path::new("")).join(dump::FOLDER);
+    let note = &mut |text| say::line(format_args!("{text}"));
+    let summary = shot.replay(&bundle, &args.dump, &folder, note)?;
     let mut exceeded = Vec::new();
     quality::watch(&mut exceeded, summary.frame, |name| summary.metrics.counted(name));
     exceeded.iter().map(quality::first_rise).for_each(|text| tracing::warn!("{text}"));
@@ -133,6 +137,7 @@ fn run_shot(
         pinned: args.pin_checkpoint.clone(),
         requests: watcher.requests.clone(),
         command: command(ranks.count()),
+        dump: args.dump.clone(),
     };
     watcher.progress = Some(Progress::new(watcher.style, watcher.quiet, shot.frame_count()));
     Ok(shot.run(&options, watcher)?)
@@ -210,6 +215,14 @@ impl Observer for Watcher<'_> {
 
     fn note(&mut self, text: String) {
         tracing::warn!("{text}");
+    }
+
+    fn dumped(&mut self, text: String) {
+        tracing::info!("{text}");
+        if !self.quiet && !matches!(self.style, ProgressStyle::Json | ProgressStyle::None) {
+            self.progress.iter_mut().for_each(Progress::clear);
+            say::line(text);
+        }
     }
 
     fn underway(&mut self, frame: i64, states: u64, share: f64) {

@@ -16,6 +16,7 @@ use super::{FrameSummary, Simulation};
 use crate::clock::Watch;
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::error::{ShortStep, StepError};
+use crate::observe::{Observer, Place, Quantity};
 use crate::parallel::for_each_part::PerPart;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
@@ -59,6 +60,7 @@ impl Simulation {
     fn collision_step(&mut self, end: f64, summary: &mut FrameSummary) -> Result<Ended, StepError> {
         self.keep_collision_free_state(); // A
         let steps = self.find_close_pairs(); // A
+        self.show("A");
         let steps = self.time_steps(steps, end, summary)?; // K × B
         let (ending, failure) = self.resolve_collisions(steps); // C
         if let Some(failure) = failure
@@ -101,7 +103,9 @@ impl Simulation {
         let ending = if self.variants.collides_after_position {
             Ending::Resolved
         } else {
-            self.end_collision_step(self.cloth.state.time - steps.start, steps.made > 1)
+            let ending = self.end_collision_step(self.cloth.state.time - steps.start, steps.made > 1);
+            self.show("C");
+            ending
         };
         (ending, self.find_failure(ending))
     }
@@ -118,6 +122,14 @@ impl Simulation {
             metrics.stage("C self-repulsion", |m| contacts.repel_once(&mut end, m));
         }
         metrics.stage(stage, |m| contacts.resolve_collisions(end, &prescribed.bodies, scene.parts(), m))
+    }
+
+    /// Shows the cloth after A or C to whoever looks.
+    fn show(&mut self, line: &'static str) {
+        let Self { observer: Some(observer), scene, cloth, .. } = self else { return };
+        let State { x, v, time } = &cloth.state;
+        let quantities = [Quantity { name: "x", values: x }, Quantity { name: "v", values: v }];
+        observer.after(Place { line, time: *time, dt: 0.0 }, scene, &quantities);
     }
 
     /// Takes the state as the next collision-free one, and does what may be done only where nothing is taken back any more.
@@ -183,6 +195,7 @@ impl Simulation {
         let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
         let tolerance = settings.cg_tolerance.unwrap_or(automatic);
         let stop = self.retry.stop(Stop { tolerance, max_iterations: settings.cg_max_iterations });
+        self.observer.iter_mut().for_each(Observer::begin_step);
         let step = Step {
             parts,
             masses: scene.masses(),
@@ -191,6 +204,7 @@ impl Simulation {
             prescribed: &mut self.prescribed,
             contacts: &mut self.contacts,
             metrics: &mut self.metrics,
+            observer: self.observer.as_mut().map(|observer| (observer, &*scene)),
             settings: StepSettings {
                 dt: choice.dt,
                 recovery_speed: self.limit.recovery_speed(settings, scene.mean_edge(), choice.dt),

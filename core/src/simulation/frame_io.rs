@@ -5,18 +5,10 @@ use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;
 use crate::parallel::message::{Codec, decode, wire};
 use crate::parallel::ranks::Ranks;
-use crate::scene::MergedVertex;
 use crate::scene::Scene;
+use crate::scene::gather::{LocalValues, VertexField};
+use crate::state::State;
 use crate::wind_grid::WindSample;
-
-/// A field of the vertices of a garment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Field {
-    /// Positions [m].
-    Positions,
-    /// Velocities [m/s].
-    Velocities,
-}
 
 wire!(struct Sample { time, positions });
 wire!(struct WindSample { time, velocities });
@@ -66,20 +58,20 @@ impl Simulation {
     pub fn stored(
         &self,
         garment: usize,
-        field: Field,
+        field: VertexField,
         convert: &(dyn Fn(&Vec3) -> [f32; 3] + Sync),
     ) -> Option<Vec<[f32; 3]>> {
-        self.in_own_order(garment, field, [0.0; 3], convert)
+        self.in_own_order(garment, field, convert)
     }
 
     /// Positions of a garment in its own order [m], on rank 0; nothing elsewhere.
     pub fn garment_positions(&self, garment: usize, out: &mut Vec<Vec3>) {
-        *out = self.in_own_order(garment, Field::Positions, Vec3::zeros(), &|x| *x).unwrap_or_default();
+        *out = self.in_own_order(garment, VertexField::Positions, &|x| *x).unwrap_or_default();
     }
 
     /// Velocities of a garment in its own order [m/s], on rank 0; nothing elsewhere.
     pub fn garment_velocities(&self, garment: usize, out: &mut Vec<Vec3>) {
-        *out = self.in_own_order(garment, Field::Velocities, Vec3::zeros(), &|v| *v).unwrap_or_default();
+        *out = self.in_own_order(garment, VertexField::Velocities, &|v| *v).unwrap_or_default();
     }
 
     /// Number of crossings of cloth with cloth when every vertex is where `place` puts it; the same on all ranks. Zero without
@@ -93,71 +85,11 @@ impl Simulation {
     fn in_own_order<T: bytemuck::Pod>(
         &self,
         garment: usize,
-        field: Field,
-        zero: T,
+        field: VertexField,
         convert: &(dyn Fn(&Vec3) -> T + Sync),
     ) -> Option<Vec<T>> {
-        let (parts, ranks) = (self.scene().parts(), self.ranks());
-        let own = parts.own_of_garment(garment);
-        let values = match field {
-            Field::Positions => &self.state().x[own.clone()],
-            Field::Velocities => &self.state().v[own.clone()],
-        };
-        let numbers = &parts.own_numbers()[own];
-        let count = parts.partition().garments()[garment].len();
-        let mut all = vec![zero; if ranks.is_first() { count } else { 0 }];
-        let mut put = |numbers: &[u32], values: &mut dyn Iterator<Item = T>| {
-            numbers.iter().zip(values).for_each(|(number, value)| all[*number as usize] = value);
-        };
-        if ranks.is_first() {
-            put(numbers, &mut values.iter().map(convert));
-        }
-        if !ranks.is_alone() {
-            // Rank after rank, so that rank 0 never holds more than what it hands on and the share of one.
-            for rank in 1..ranks.count() {
-                let here = rank == ranks.rank();
-                let values: Vec<T> = if here { values.iter().map(convert).collect() } else { Vec::new() };
-                let numbers = ranks.send_to_root(rank, if here { numbers } else { &[] });
-                let values = ranks.send_to_root(rank, &values);
-                if ranks.is_first() {
-                    put(&numbers, &mut values.into_iter());
-                }
-            }
-        }
-        self.put_followers(garment, field, convert, &mut all);
-        ranks.is_first().then_some(all)
-    }
-
-    /// Puts what takes no part to where the vertex is that it follows.
-    fn put_followers<T>(&self, garment: usize, field: Field, convert: &(dyn Fn(&Vec3) -> T + Sync), all: &mut [T]) {
-        let (parts, ranks, state) = (self.scene().parts(), self.ranks(), self.state());
-        let place = parts.partition().garments()[garment].clone();
-        let of_garment = self.scene().followers().iter().filter(|follower| place.contains(&(follower.vertex as usize)));
-        let followers: Vec<&MergedVertex> = of_garment.collect();
-        if followers.is_empty() {
-            return;
-        }
-        let own = parts.own();
-        // The row of a follower, its number in the garment where that is known, and the leader where that is.
-        let (mut names, mut values) = (Vec::new(), Vec::new());
-        for (row, follower) in followers.iter().enumerate() {
-            let local = |number: u32| parts.local(number).filter(|local| own.contains(local));
-            names.extend(local(follower.vertex).map(|local| [row as u32, parts.own_numbers()[local]]));
-            values.extend(local(follower.leader).map(|local| match field {
-                Field::Positions => (row, state.x[local] + follower.offset),
-                Field::Velocities => (row, state.v[local]),
-            }));
-        }
-        let names = ranks.all_gather_v(&names).concat();
-        let rows: Vec<[f64; 3]> = values.iter().map(|(_, value)| (*value).into()).collect();
-        let numbers: Vec<u32> = values.iter().map(|(row, _)| *row as u32).collect();
-        let (numbers, rows) = (ranks.all_gather_v(&numbers).concat(), ranks.all_gather_v(&rows).concat());
-        let mut of_rows = vec![0; followers.len()];
-        names.iter().for_each(|[row, number]| of_rows[*row as usize] = *number);
-        if ranks.is_first() {
-            numbers.iter().zip(&rows).for_each(|(row, value)| {
-                all[of_rows[*row as usize] as usize] = convert(&Vec3::from(*value));
-            });
-        }
+        let State { x, v, .. } = self.state();
+        let values = if field == VertexField::Positions { x } else { v };
+        self.scene().gather_garment(garment, LocalValues { field, values }, convert)
     }
 }

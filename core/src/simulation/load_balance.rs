@@ -83,6 +83,7 @@ impl Simulation {
         moved.restore_sections(frame, &memory)?;
         (moved.sent, moved.balance) = (self.sent, self.balance.clone());
         std::mem::swap(&mut moved.metrics, &mut self.metrics);
+        moved.observer = self.observer.take();
         std::mem::swap(&mut moved.crossings, &mut self.crossings);
         *self = moved;
         Ok(())

@@ -11,6 +11,7 @@ use crate::effects::spec::Need;
 use crate::error::{Problems, StepError};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
+use crate::observe::Observer;
 use crate::parallel::problems::agree;
 use crate::parallel::ranks::Sent;
 use crate::pins::{Mobility, PinTargets};
@@ -183,6 +184,8 @@ pub struct Simulation {
     retry: RetryState,
     /// What is suspicious of how pins hold the cloth at the start; on rank 0.
     warnings: Vec<String>,
+    /// Who looks at the cloth after lines of the listings.
+    observer: Option<Observer>,
 }
 
 impl Simulation {
@@ -286,6 +289,7 @@ impl Simulation {
             balance: Balance::default(),
             retry: RetryState::default(),
             warnings: Vec::new(),
+            observer: None,
         })
     }
 
@@ -360,6 +364,12 @@ impl Simulation {
         self.limit.elastic
     }
 
+    /// Lets somebody look at the cloth after lines of the listings, which changes nothing; `None` ends that. All ranks call it
+    /// together.
+    pub fn observe(&mut self, observer: Option<Observer>) {
+        self.observer = observer;
+    }
+
     /// Goes on to the frame of `input`, the one after the current frame.
     ///
     /// # Errors
@@ -402,6 +412,7 @@ impl Simulation {
         stops.sort_unstable_by(f64::total_cmp);
         stops.dedup();
         let mut summary = FrameSummary::empty(input.frame);
+        self.observer.iter_mut().for_each(|observer| observer.begin_frame(input.frame));
         let mut start = from;
         for stop in stops {
             self.push_samples(input, (start, stop), to)?;

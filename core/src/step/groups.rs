@@ -8,6 +8,7 @@ use crate::contact::bodies::{Bodies, Samples};
 use crate::contact::self_contact::{Ending, SelfContact};
 use crate::effects::force::VelocityFilter;
 use crate::metrics::Metrics;
+use crate::observe::Quantity;
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, Mobility, PinTargets};
@@ -24,6 +25,23 @@ pub struct Cloth {
     pub state: State,
     /// Arrays that a step writes and the next one overwrites.
     pub scratch: Scratch,
+}
+
+impl Cloth {
+    /// What there is of the paper's quantities after a line of a step.
+    pub(super) fn quantities(&self, line: &str) -> Vec<Quantity<'_>> {
+        let Self { state: State { x, v, .. }, scratch: Scratch { v_half, v_star, x_new, .. } } = self;
+        let of = |name, values| Quantity { name, values };
+        let [x, v, v_half, x_new] = [of("x", x), of("v", v), of("v_half", v_half), of("x_new", x_new)];
+        let v_star = of("v_star", if v_star.is_empty() { v.values } else { v_star });
+        match line {
+            "B.1" | "B.2" => vec![x, v, v_half],
+            "B.3" | "B.4" | "C" => vec![x, v, v_half, x_new, v_star],
+            // v made room for what undoing the projection needs.
+            "B.5" => vec![x, v_half, x_new, v_star],
+            _ => vec![x, v],
+        }
+    }
 }
 
 /// What acts on the cloth.

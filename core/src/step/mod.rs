@@ -25,10 +25,11 @@ use crate::contact::bodies::collision::{BodyCollision, CollisionStep};
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::effects::force::{FilterStep, ForceContext, Purpose};
 use crate::metrics::Metrics;
+use crate::observe::{Observer, Place};
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::Parts;
 use crate::pins::BEHIND as PINS_BEHIND;
-use crate::scene::{BodyFriction, Integrator};
+use crate::scene::{BodyFriction, Integrator, Scene};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::implicit_velocity::VelocityProblem;
 use crate::volumes::Volumes;
@@ -50,6 +51,8 @@ pub struct Step<'a> {
     pub contacts: &'a mut Contacts,
     /// Seconds and counts.
     pub metrics: &'a mut Metrics,
+    /// Who looks at the cloth after lines, in the scene that they belong to; `None` if nobody does.
+    pub observer: Option<(&'a mut Observer, &'a Scene)>,
     /// How it is made.
     pub settings: StepSettings<'a>,
     /// What it has come to so far.
@@ -174,13 +177,27 @@ impl<'a> Step<'a> {
     /// Makes the step: the state goes on by its length.
     pub fn advance(mut self) -> StepReport {
         self.prescribe();
-        for (_, line) in Self::LISTING {
+        for (at, (_, line)) in Self::LISTING.iter().enumerate() {
             line(&mut self);
+            if self.observer.is_some() {
+                self.show(at);
+            }
             if self.report.not_finite.is_some() {
                 break;
             }
         }
         self.report
+    }
+
+    /// Shows what there is after a line, the last of its label.
+    fn show(&mut self, at: usize) {
+        let (line, is_variant) = (Self::LISTING[at].0, self.settings.variants.collides_after_position);
+        let continues = Self::LISTING.get(at + 1).is_some_and(|(next, _)| *next == line);
+        let Some((observer, scene)) = &mut self.observer else { return };
+        if !continues && (line != "C" || is_variant) {
+            let place = Place { line, time: self.cloth.state.time, dt: self.settings.dt };
+            observer.after(place, scene, &self.cloth.quantities(line));
+        }
     }
 
     fn solves(&self) -> Solves<'a> {

@@ -12,7 +12,8 @@ use drapery_alembic::{
     XformWriter, write_face_set,
 };
 use drapery_core::error::StepError;
-use drapery_core::simulation::frame_io::Field;
+use drapery_core::observe::Tracepoint;
+use drapery_core::scene::gather::VertexField;
 use drapery_core::simulation::{Advance, FrameSummary, Recovery};
 use serde_json::{Value, json};
 
@@ -23,6 +24,7 @@ use crate::error::IoError;
 use crate::farm::command_line::quoted;
 use crate::garment_mesh::GarmentMesh;
 use crate::input_file;
+use crate::shot::dump::{self, Dump};
 use crate::shot::{Shot, ShotError, resume};
 
 /// Folder inside that of a run.
@@ -84,7 +86,7 @@ fn write_cloth(shot: &Shot, path: &Path, (name, vertices): (&str, &[u32])) -> Re
     let garment = shot.about.garments.iter().position(|garment| garment == name).unwrap_or(0);
     // A garment that cannot be read again has no picture.
     let Some(Ok(MeshData { mesh, .. })) = shot.garments.get(garment).map(GarmentMesh::read) else { return Ok(()) };
-    let positions = shot.remote_simulation.stored(garment, Field::Positions, shot.about.output.units);
+    let positions = shot.remote_simulation.stored(garment, VertexField::Positions, shot.about.output.units);
     let faces = mesh.faces().enumerate().filter(|(_, corners)| corners.iter().any(|v| vertices.contains(v)));
     let faces: Vec<i32> = faces.filter_map(|(face, _)| i32::try_from(face).ok()).collect();
     let counts: Vec<i32> = mesh.face_counts.iter().map(|count| *count as i32).collect();
@@ -142,19 +144,32 @@ impl Bundle {
 }
 
 impl Shot {
-    /// Goes on from the last good state of a bundle to the next frame, and writes nothing: either the solver gives up
-    /// again, for the same reason to the last bit, or what has changed since has mended it.
+    /// Goes on from the last good state of a bundle to the next frame, and writes no caches: either the solver gives up
+    /// again, for the same reason to the last bit, or what has changed since has mended it. What `tracepoints` ask for is
+    /// written into `folder`; `note` hears of it.
     ///
     /// # Errors
     /// The checkpoint is not one of this scene; an input breaks; the solver gives up.
-    pub fn replay(self, bundle: &Bundle) -> Result<FrameSummary, ShotError> {
-        let Self { remote_simulation, inputs, .. } = self;
+    pub fn replay(
+        mut self,
+        bundle: &Bundle,
+        tracepoints: &[Tracepoint],
+        folder: &Path,
+        note: &mut dyn FnMut(String),
+    ) -> Result<FrameSummary, ShotError> {
         let mut checkpoint = CheckpointReader::open(&bundle.checkpoint)?;
         let frame = checkpoint.head.frame;
-        let mut remote_simulation =
-            resume::restored(remote_simulation, inputs.at(frame)?, (&mut checkpoint, &bundle.checkpoint))?;
-        let input = remote_simulation.share(inputs.at(frame + 1)?);
-        let (Advance::Done(summary) | Advance::Paused(summary), _) = remote_simulation.advance(&input, &mut || None)?;
+        dump::refuse_unreachable(tracepoints, [frame + 1; 2])?;
+        let start = self.inputs.at(frame)?;
+        self.remote_simulation =
+            resume::restored(self.remote_simulation, start, (&mut checkpoint, &bundle.checkpoint))?;
+        // Steps count from the last good state: nobody knows those before it.
+        let dump = Dump::start(&mut self, tracepoints, folder, 0)?;
+        let input = self.remote_simulation.share(self.inputs.at(frame + 1)?);
+        let advanced = self.remote_simulation.advance(&input, &mut || None);
+        dump.iter().for_each(|dump| note(dump.in_words()));
+        dump.as_ref().map_or(Ok(()), Dump::check)?;
+        let (Advance::Done(summary) | Advance::Paused(summary), _) = advanced?;
         Ok(summary)
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::mesh::MeshStream;
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::frame_io::Field;
+use drapery_core::scene::gather::VertexField;
 use serde_json::{Value, json};
 
 use crate::atomic_file;
@@ -226,9 +226,12 @@ impl Output {
         let mut digests = FrameDigests::new();
         let (units, with_velocities) = (self.units, self.velocities);
         for (garment, writers) in self.writers.iter_mut().enumerate().filter(|(_, writers)| !writers.is_empty()) {
-            let positions = remote_simulation.stored(garment, Field::Positions, units);
-            let velocities =
-                if with_velocities { remote_simulation.stored(garment, Field::Velocities, units) } else { Vec::new() };
+            let positions = remote_simulation.stored(garment, VertexField::Positions, units);
+            let velocities = if with_velocities {
+                remote_simulation.stored(garment, VertexField::Velocities, units)
+            } else {
+                Vec::new()
+            };
             let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
             for writer in writers {
                 writer.write(&CacheFrame { frame, positions, velocities, crossings })?;

@@ -6,9 +6,10 @@ use std::time::SystemTime;
 use drapery_core::Vec3;
 use drapery_core::effects::cost::FrameCost;
 use drapery_core::error::{Problems, StepError};
+use drapery_core::observe::{Observer, Sink, Tracepoint};
 use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::gather::VertexField;
 use drapery_core::scene::{Scene, SceneDescription};
-use drapery_core::simulation::frame_io::Field;
 use drapery_core::simulation::{Advance, FrameInput, FrameSummary, RestoreError, Simulation};
 use drapery_core::snapshot::{SnapshotSink, SnapshotSource};
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ use crate::shot::ShotError;
 use crate::units::Units;
 
 /// What all ranks do next.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 enum Command {
     /// Start threads: so many, or as each rank finds right.
     Threads { count: Option<usize> },
@@ -31,6 +32,8 @@ enum Command {
     Start,
     /// Build it at a checkpoint, from that input.
     Restore,
+    /// Look at the cloth after these lines; so many steps were made since the last frame.
+    Observe { tracepoints: Vec<String>, steps: u64 },
     /// Go on towards the frame of that input.
     Advance,
     /// Say what is asked for here.
@@ -107,6 +110,13 @@ impl RemoteSimulation {
         share(&self.ranks, self.simulation.scene(), input)
     }
 
+    /// Gives `sink` the cloth after these lines from now on; so many steps were made since the last frame.
+    pub(super) fn observe(&mut self, tracepoints: &[Tracepoint], steps: u64, sink: Sink) {
+        let as_text = tracepoints.iter().map(Tracepoint::to_string).collect();
+        announce(&self.ranks, Command::Observe { tracepoints: as_text, steps });
+        observe(&mut self.simulation, tracepoints.to_vec(), steps, Some(sink));
+    }
+
     /// Goes on towards the frame that was shared last. At states free of collisions `ask` says what is asked for here; what all
     /// ranks agree on is returned with the advance.
     pub(super) fn advance(
@@ -140,8 +150,8 @@ impl RemoteSimulation {
     }
 
     /// A field of a garment in its own order, as caches in `units` store it.
-    pub(super) fn stored(&self, garment: usize, field: Field, units: Units) -> Vec<[f32; 3]> {
-        let velocities = field == Field::Velocities;
+    pub(super) fn stored(&self, garment: usize, field: VertexField, units: Units) -> Vec<[f32; 3]> {
+        let velocities = field == VertexField::Velocities;
         announce(&self.ranks, Command::Stored { garment, velocities, units });
         stored(&self.simulation, garment, field, units).expect("rank 0 gets what is stored")
     }
@@ -246,6 +256,10 @@ impl Worker {
                 let scene = self.simulation.take().expect("a simulation is started before it goes back").shared_scene();
                 self.simulation = Simulation::restore_from(scene, self.input(), None).ok();
             }
+            Command::Observe { tracepoints, steps } => {
+                let points = tracepoints.iter().map(|text| text.parse().expect("rank 0 writes what can be read"));
+                observe(self.started(), points.collect(), steps, None);
+            }
             Command::Advance => {
                 let input = self.input.take().expect("an input comes before its frame");
                 let simulation = self.simulation.as_mut().expect("a simulation is started before it advances");
@@ -254,7 +268,7 @@ impl Worker {
             }
             Command::Agree => drop(agree(ranks, poll())),
             Command::Stored { garment, velocities, units } => {
-                let field = if velocities { Field::Velocities } else { Field::Positions };
+                let field = if velocities { VertexField::Velocities } else { VertexField::Positions };
                 stored(self.started(), garment, field, units);
             }
             Command::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
@@ -277,6 +291,11 @@ impl Worker {
 fn share(ranks: &Ranks, scene: &Scene, input: FrameInput) -> FrameInput {
     announce(ranks, Command::Input);
     scene.share_input(Some(input))
+}
+
+fn observe(simulation: &mut Simulation, tracepoints: Vec<Tracepoint>, steps: u64, sink: Option<Sink>) {
+    let next = simulation.frame() + 1;
+    simulation.observe(Some(Observer::new(tracepoints, (next, steps), sink)));
 }
 
 fn advance(
@@ -306,11 +325,11 @@ fn agree(ranks: &Ranks, own: Option<Request>) -> Option<Request> {
 }
 
 /// A field of a garment as caches in `units` store it; on rank 0.
-fn stored(simulation: &Simulation, garment: usize, field: Field, units: Units) -> Option<Vec<[f32; 3]>> {
+fn stored(simulation: &Simulation, garment: usize, field: VertexField, units: Units) -> Option<Vec<[f32; 3]>> {
     let origin = simulation.scene().origin();
     match field {
-        Field::Positions => simulation.stored(garment, field, &|x| units.stored_from(origin, *x)),
-        Field::Velocities => simulation.stored(garment, field, &|v| units.stored(*v)),
+        VertexField::Positions => simulation.stored(garment, field, &|x| units.stored_from(origin, *x)),
+        VertexField::Velocities => simulation.stored(garment, field, &|v| units.stored(*v)),
     }
 }
 

@@ -9,6 +9,7 @@ use std::time::{Instant, SystemTime};
 
 use drapery_core::error::StepError;
 use drapery_core::metrics::Metrics;
+use drapery_core::observe::Tracepoint;
 use drapery_core::simulation::{Advance, FrameSummary};
 use serde_json::json;
 
@@ -23,15 +24,14 @@ use crate::frame_digest::FrameDigests;
 use crate::input_file;
 use crate::report::record::Record;
 use crate::run_record::{self, AttemptRecord, RECORD};
-use crate::shot::bundle;
 use crate::shot::counted::{Counted, SoFar};
+use crate::shot::dump::{self, Dump};
 use crate::shot::folder::{Earlier, Held, files_of_run};
 use crate::shot::long_frames::Watch;
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
 use crate::shot::quality::Exceeded;
-use crate::shot::resume;
 use crate::shot::totals::{Partial, Totals};
-use crate::shot::{Shot, ShotError};
+use crate::shot::{Shot, ShotError, bundle, resume};
 
 /// Where a run begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,6 +69,8 @@ pub struct RunOptions {
     pub requests: StopRequests,
     /// The command line that continues it, for the manifest.
     pub command: String,
+    /// Lines of the solver's listings after which the cloth is written down.
+    pub dump: Vec<Tracepoint>,
 }
 
 impl RunOptions {
@@ -89,6 +91,7 @@ impl RunOptions {
             pinned: Vec::new(),
             requests: StopRequests::default(),
             command: String::new(),
+            dump: Vec::new(),
         }
     }
 }
@@ -157,6 +160,9 @@ pub trait Observer {
     /// Something that whoever looks after the run should know.
     fn note(&mut self, text: String);
 
+    /// What was dumped.
+    fn dumped(&mut self, _text: String) {}
+
     /// A frame takes long: it has so many collision-free states so far, and this share of its time is done.
     fn underway(&mut self, _frame: i64, _states: u64, _share: f64) {}
 
@@ -189,6 +195,8 @@ struct Run<'a> {
     counted: Counted,
     /// Whether it begins at the first frame.
     is_new: bool,
+    /// Where the cloth after lines of the listings is written, if it is.
+    dump: Option<Dump>,
     /// Frame and step of the last checkpoint that tells of the caches as they are.
     saved: Option<(i64, u64)>,
 }
@@ -203,6 +211,7 @@ impl Shot {
         if options.out.to_str().is_none() {
             return Err(IoError::OutputNotUtf8 { path: options.out.clone() }.into());
         }
+        dump::refuse_unreachable(&options.dump, [self.about.timeline.start + 1, self.about.last_frame])?;
         // An earlier run's caches give way to those of this one.
         let (planned, listed) = (planned_files(&self, &options.out), run_record::listed_files(&options.out));
         refuse_inputs(&self, &[planned.as_slice(), &listed].concat())?;
@@ -224,7 +233,10 @@ impl Shot {
             return self.nothing_to_do(options, observer);
         }
         let mut run = Run::prepare(self, options, fingerprint, (changed, notes), observer)?;
-        match run.frames(observer) {
+        run.dump = Dump::of_run(&mut run.shot, options, &run.totals)?;
+        let ended = run.frames(observer);
+        run.dump.iter().for_each(|dump| dump.report(observer));
+        match ended {
             Ok(outcome) => run.end(outcome),
             Err(error) => {
                 // The first error is the one that counts; a full disk would refuse this record too. What was taken over
@@ -361,6 +373,7 @@ impl<'a> Run<'a> {
             totals,
             counted,
             is_new,
+            dump: None,
             saved,
         })
     }
@@ -404,6 +417,7 @@ impl<'a> Run<'a> {
             let remote_simulation = &mut self.shot.remote_simulation;
             let (advance, request) =
                 spent.stage(run_record::SIMULATE, |_| remote_simulation.advance(&input, &mut ask))?;
+            self.dump.as_ref().map_or(Ok(()), Dump::check)?;
             let (Advance::Done(last) | Advance::Paused(last)) = &advance;
             let summary = before.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
             if let Advance::Done(_) = advance {
