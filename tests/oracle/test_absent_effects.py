@@ -40,21 +40,9 @@ corners = ["i0j0"]
 # Not together with a membrane.
 STRETCH = '[garment.stretch]\nstiffness = "100 N/m"\n'
 
-# For each optional effect what asks for it: under the garment, at the end of the scene.
-ASKING = {
-    "shear": '[garment.shear]\nstiffness = "5 N/m"\n',
-    "membrane": '[garment.membrane]\nwarp = "50 N/m"\n',
-    "bending": '[garment.bending]\nstiffness = "5 N/m"\n',
-    "dihedral_bending": '[garment.dihedral_bending]\nstiffness = 1e-5\n',
-    "plastic_wrinkles": '[garment.dihedral_bending]\nstiffness = 1e-5\n[garment.plastic_wrinkles]\nyield_radius = 1.0\n',
-    "wind": "[wind]\ndensity = 1.2\nvelocity = [0, 2, 0]\n",
-    "ether_drag": "[ether_drag]\nrate = 1.0\n",
-    "pressure": "[garment.pressure]\noverpressure = 1.0\nopen = true\n",
-    "seams": '[[seam]]\nstrength = "20 N/m"\nfrom = { garment = "sheet", corners = ["inj0"] }\n'
-    'to = { garment = "sheet", corners = ["injn"] }\n',
-    "attachments": '[[garment.pin]]\ncorners = ["injn"]\nmode = "spring"\nstiffness = "20 N/m"\n',
-    "strain_limit": "[garment.strain_limit]\nlimit = 0.01\n",
-}
+# What asks for each effect, as the reference page shows it.
+PAGE = (ROOT / "docs" / "reference" / "effects.md").read_text()
+ASKING = dict(re.findall(r"^## (\w+)$.*?^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 
 # What goes with an effect when it is left out, because it was only there for it or it has no meaning without.
 TOGETHER = {"plastic_wrinkles": "plastic_wrinkles,dihedral_bending"}
@@ -92,7 +80,7 @@ def test_absent_excluded_and_compiled_out_give_the_same_bytes(tmp_path):
     drapery, without = program("DRAPERY", "drapery"), bare("drapery")
     assert cache(without, tmp_path, "compiled_out", SCENE) == cache(drapery, tmp_path, "plain", SCENE)
     for effect in optional_effects():
-        assert effect in ASKING, f"ASKING needs a table for {effect}"
+        assert effect in ASKING, f"the reference page has no example of {effect}"
         base = SCENE.replace(STRETCH, "") if effect == "membrane" else SCENE
         absent = cache(drapery, tmp_path, f"{effect}_absent", base)
         text = base + ASKING[effect]
@@ -100,7 +88,7 @@ def test_absent_excluded_and_compiled_out_give_the_same_bytes(tmp_path):
         assert cache(drapery, tmp_path, f"{effect}_out", text, "--without", TOGETHER.get(effect, effect)) == absent, effect
         refused, _ = run(without, tmp_path, f"{effect}_lacking", text)
         assert refused.returncode not in (0, 70), refused.stderr
-        assert "--features effect-" in refused.stderr and "built without" in refused.stderr, refused.stderr
+        assert "--features drapery-core/effect-" in refused.stderr and "built without" in refused.stderr, refused.stderr
 
 
 def test_the_bare_build_has_no_effect_that_can_be_left_out():

@@ -25,8 +25,11 @@ The settings of a garment's `material` are those of its effects; what its own ta
 
 fn section(spec: &EffectSpec) -> String {
     let mut text = format!("\n## {}\n\n{}.\n\nAsked for {}.\n", spec.name, sentence(spec.summary), asked_for(spec));
+    if !spec.example.is_empty() {
+        let _ = write!(text, "\n```toml\n{}\n```\n", spec.example);
+    }
     if spec.fields.is_empty() {
-        text += "It has no settings of its own.\n";
+        text += "\nIt has no settings of its own.\n";
         return text;
     }
     text += "\n| setting | unit | default | range | |\n|---|---|---|---|---|\n";

@@ -31,6 +31,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "attachments",
     summary: "springs that pull vertices to prescribed places",
     scope: Scope::Implied,
+    example: r#"[[garment.pin]]
+corners = ["injn"]
+mode = "spring"
+stiffness = "20 N/m""#,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
     cost: Cost { elements: "springs", step: 20.0, iteration: 3.0 },

@@ -23,6 +23,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "bending",
     summary: "springs across the inner edges resist folding",
     scope: Scope::Garment,
+    example: r#"[garment.bending]
+stiffness = "5 N/m""#,
     fields: FIELDS,
     needs: &[Need::State],
     cost: Cost { elements: "springs", step: 6.0, iteration: 0.8 },

@@ -14,6 +14,9 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "body_collision",
     summary: "cloth stays outside bodies and feels their friction",
     scope: Scope::Implied,
+    example: r#"[[body]]
+name = "ball"
+shape = { sphere = { radius = "20 cm" } }"#,
     fields: &[],
     needs: &[Need::State, Need::Bodies],
     cost: Cost { elements: "vertices", step: 50.0, iteration: 0.0 },

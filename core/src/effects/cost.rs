@@ -3,7 +3,8 @@
 //! Expected: every effect has a [`Cost`] per element, in a time step and in an iteration of the solves, measured on the
 //! machine of docs/effects.md with one thread. Shares of a frame hardly depend on the machine, seconds do.
 
-use crate::effects::registry::{PlannedEffect, REGISTRY};
+use crate::effects::REGISTRY;
+use crate::effects::registry::PlannedEffect;
 use crate::effects::spec::Cost;
 use crate::metrics::Metrics;
 

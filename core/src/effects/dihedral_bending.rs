@@ -38,6 +38,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "dihedral_bending",
     summary: "angles between triangles resist bending, with a measured rigidity",
     scope: Scope::Garment,
+    example: r"[garment.dihedral_bending]
+stiffness = 1e-5",
     fields: FIELDS,
     needs: &[Need::State, Need::SecondRing],
     cost: Cost { elements: "hinges", step: 80.0, iteration: 10.0 },

@@ -26,6 +26,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "ether_drag",
     summary: "a medium everywhere slows all motion through it at one rate",
     scope: Scope::Scene,
+    example: r"[ether_drag]
+rate = 1.0",
     fields: &[
         Field {
             name: "rate",

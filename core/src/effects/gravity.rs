@@ -18,6 +18,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "gravity",
     summary: "a constant acceleration of every vertex",
     scope: Scope::Scene,
+    example: r"[gravity]
+acceleration = [0, -9.81, 0]",
     fields: &[Field {
         name: "acceleration",
         dimension: Dimension::Acceleration,

@@ -45,6 +45,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "membrane",
     summary: "finite elements resist stretching along warp and weft, and shear, each with its own stiffness",
     scope: Scope::Garment,
+    example: r#"[garment.membrane]
+warp = "50 N/m""#,
     fields: &[
         Field {
             name: "warp",

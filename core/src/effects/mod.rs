@@ -1,7 +1,8 @@
 //! Effects: everything that can act on cloth. An effect exists only when the scene asks for it.
 //!
 //! Each effect is one file or folder that holds its manual page, its [`EffectSpec`], what it builds, and its tests. To add
-//! one, write it and list it in [`registry`]; the order there is the order of execution.
+//! one, write it, list it below (twice: the second list is in the order of execution), give it a feature in `core/Cargo.toml` and
+//! have `docs/reference/effects.md` written.
 
 pub mod force;
 pub mod inputs;
@@ -32,5 +33,27 @@ pub mod wind;
 pub use crate::snapshot::saved_section::{ElementRows, SectionId};
 pub use force::{FilterStep, Force, ForceContext, PartForce, PartMotion, PartView, Purpose, VelocityFilter};
 pub use inputs::INPUTS;
-pub use registry::{LISTED, PlannedEffect, REGISTRY, build_all, find, lacking, maps};
+pub use registry::{PlannedEffect, build_all, find, lacking, maps};
 pub use spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
+
+// The method itself is in every build: gravity and springs along edges, prescribed vertices, and contact. All others are
+// features, named after them, which the modules repeat as their own condition.
+registry::effects! {
+    gravity,
+    stretch,
+    shear if "effect-shear",
+    membrane if "effect-membrane",
+    bending if "effect-bending",
+    dihedral_bending if "effect-dihedral_bending",
+    plastic_wrinkles if "effect-plastic_wrinkles",
+    wind if "effect-wind",
+    ether_drag if "effect-ether_drag",
+    pressure if "effect-pressure",
+    seams if "effect-seams",
+    attachments if "effect-attachments",
+    pins,
+    strain_limit if "effect-strain_limit",
+    body_collision,
+    self_repulsion,
+    self_collision,
+}

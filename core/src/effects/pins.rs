@@ -20,6 +20,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "pins",
     summary: "vertices that move as prescribed",
     scope: Scope::Implied,
+    example: r#"[[garment.pin]]
+corners = ["i0j0"]"#,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
     cost: Cost { elements: "vertices", step: 40.0, iteration: 2.0 },

@@ -34,6 +34,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "plastic_wrinkles",
     summary: "sharp folds stay in the cloth",
     scope: Scope::Garment,
+    example: r"[garment.dihedral_bending]
+stiffness = 1e-5
+[garment.plastic_wrinkles]
+yield_radius = 1.0",
     fields: FIELDS,
     needs: &[Need::State],
     requires: &["dihedral_bending"],

@@ -40,6 +40,9 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "pressure",
     summary: "the inside of a closed garment pushes outwards",
     scope: Scope::Garment,
+    example: r"[garment.pressure]
+overpressure = 1.0
+open = true",
     fields: FIELDS,
     needs: &[Need::State],
     cost: Cost { elements: "triangles", step: 7.0, iteration: 0.0 },

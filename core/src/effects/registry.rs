@@ -1,9 +1,10 @@
-//! All effects, in the order of execution, and what a scene asks for of them.
+//! What can be asked of all effects, and what a scene asks for of them.
 
 use crate::effects::force::PartForce;
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need};
 use crate::effects::stability::longest_stable_step;
+use crate::effects::{LISTED, REGISTRY};
 use crate::error::{Problem, Problems};
 use crate::scene::Scene;
 use crate::settings::Settings;
@@ -12,10 +13,11 @@ use crate::settings::Settings;
 macro_rules! effects {
     ($($module:ident $(if $feature:literal)?,)*) => {
         /// All effects of this build, in the order of execution.
-        pub static REGISTRY: &[&EffectSpec] = &[$($(#[cfg(feature = $feature)])? &crate::effects::$module::SPEC),*];
+        pub static REGISTRY: &[&EffectSpec] = &[$($(#[cfg(feature = $feature)])? &$module::SPEC),*];
 
         /// All effects of the program, in the order of execution: name, and the feature that a build needs to have it.
-        pub static LISTED: &[(&str, Option<&str>)] = &[$((stringify!($module), optional!($($feature)?))),*];
+        pub static LISTED: &[(&str, Option<&str>)] =
+            &[$((stringify!($module), $crate::effects::registry::optional!($($feature)?))),*];
     };
 }
 
@@ -28,27 +30,7 @@ macro_rules! optional {
     };
 }
 
-// The method itself is in every build: gravity and springs along edges, prescribed vertices, and contact. All others are
-// features, named after them, which the modules repeat as their own condition.
-effects! {
-    gravity,
-    stretch,
-    shear if "effect-shear",
-    membrane if "effect-membrane",
-    bending if "effect-bending",
-    dihedral_bending if "effect-dihedral_bending",
-    plastic_wrinkles if "effect-plastic_wrinkles",
-    wind if "effect-wind",
-    ether_drag if "effect-ether_drag",
-    pressure if "effect-pressure",
-    seams if "effect-seams",
-    attachments if "effect-attachments",
-    pins,
-    strain_limit if "effect-strain_limit",
-    body_collision,
-    self_repulsion,
-    self_collision,
-}
+pub(crate) use {effects, optional};
 
 /// An effect that runs, for `drapery plan`.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,7 +76,7 @@ pub fn lacking(name: &str) -> Option<(String, String)> {
     let (name, feature) = LISTED.iter().find(|(listed, _)| *listed == name && find(listed).is_none())?;
     let feature = (*feature)?;
     let what = format!("this drapery was built without the effect `{name}`");
-    Some((what, format!("build it with `--features {feature}`, or do without the effect")))
+    Some((what, format!("build it with `--features drapery-core/{feature}`, or do without the effect")))
 }
 
 /// Builds what the scene asks for, in the order of the registry, then in that of the garments.

@@ -36,6 +36,10 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "seams",
     summary: "vertices that are drawn together and stay together",
     scope: Scope::Implied,
+    example: r#"[[seam]]
+strength = "20 N/m"
+from = { garment = "sheet", corners = ["inj0"] }
+to = { garment = "sheet", corners = ["injn"] }"#,
     fields: &[],
     needs: &[Need::State],
     cost: Cost { elements: "stitches", step: 25.0, iteration: 5.0 },

@@ -20,6 +20,7 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "self_collision",
     summary: "cloth never passes through cloth, nor through the faces of deforming bodies",
     scope: Scope::Scene,
+    example: "[self_collision]",
     fields: &[
         Field {
             name: "max_steps",

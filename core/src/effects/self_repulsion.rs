@@ -23,6 +23,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "self_repulsion",
     summary: "layers of cloth keep their distance and rub against each other",
     scope: Scope::Scene,
+    example: r"[self_repulsion]
+friction = 0.5",
     fields: &[
         Field {
             name: "friction",

@@ -35,6 +35,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "shear",
     summary: "springs along the shortest altitude of each triangle resist shearing and collapse",
     scope: Scope::Garment,
+    example: r#"[garment.shear]
+stiffness = "5 N/m""#,
     fields: &[
         springs::FIELDS[0],
         springs::FIELDS[1],

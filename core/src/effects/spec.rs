@@ -70,6 +70,8 @@ pub struct EffectSpec {
     pub summary: &'static str,
     /// Where it is asked for.
     pub scope: Scope,
+    /// Lines of a scene that ask for it, for the reference page: on a square sheet called "sheet", under its `[[garment]]`.
+    pub example: &'static str,
     /// Its settings.
     pub fields: &'static [Field],
     /// Structures that it needs.
@@ -112,6 +114,7 @@ impl EffectSpec {
         name: "",
         summary: "",
         scope: Scope::Scene,
+        example: "",
         fields: &[],
         needs: &[Need::State],
         requires: &[],

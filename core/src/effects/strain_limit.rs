@@ -42,6 +42,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "strain_limit",
     summary: "edges stop at a largest stretch, whatever pulls at them",
     scope: Scope::Garment,
+    example: r"[garment.strain_limit]
+limit = 0.01",
     fields: &[
         Field {
             name: "limit",

@@ -20,6 +20,8 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "stretch",
     summary: "springs along the edges resist stretching and compression",
     scope: Scope::Garment,
+    example: r#"[garment.stretch]
+stiffness = "300 N/m""#,
     fields: FIELDS,
     needs: &[Need::State],
     cost: Cost { elements: "springs", step: 6.0, iteration: 0.8 },

@@ -46,6 +46,9 @@ pub static SPEC: EffectSpec = EffectSpec {
     name: "wind",
     summary: "the air pushes and drags cloth that moves relative to it",
     scope: Scope::Scene,
+    example: r"[wind]
+density = 1.2
+velocity = [0, 2, 0]",
     fields: FIELDS,
     needs: &[Need::State],
     cost: Cost { elements: "triangles", step: 25.0, iteration: 5.0 },

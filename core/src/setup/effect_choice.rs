@@ -1,7 +1,7 @@
 //! Doing without effects that a description asks for: `[effects]` of a scene file, `--without` and `--only`.
 
 use crate::effects;
-use crate::effects::registry::LISTED;
+use crate::effects::LISTED;
 use crate::error::Problem;
 use crate::scene::SceneDescription;
 use crate::settings::nearest;
