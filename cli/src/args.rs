@@ -9,7 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use drapery_core::effects::{self, LISTED};
 use drapery_io::checkpoint::Every;
-use drapery_io::farm::duration::parse_duration;
+use drapery_io::duration::parse_duration;
 use drapery_io::shot::run::Resume;
 use drapery_io::study::vary::parse_vary;
 

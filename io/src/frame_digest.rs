@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::farm::digest::hex;
+use crate::sha256::hex;
 
 /// Points that are turned into bytes at a time.
 const BLOCK: usize = 1024;
@@ -46,7 +46,7 @@ fn digest_of(vectors: &[[f32; 3]]) -> String {
         }
         all.update(bytes[..block.len()].as_flattened());
     }
-    hex(all)
+    hex(&all.finalize())
 }
 
 #[cfg(test)]
@@ -57,7 +57,7 @@ mod tests {
     fn a_digest_is_that_of_the_little_endian_bytes() {
         let vectors: Vec<[f32; 3]> = (0..BLOCK as u32 + 7).map(|i| [i as f32, -0.5, 1e-30]).collect();
         let bytes: Vec<u8> = vectors.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
-        assert_eq!(digest_of(&vectors), hex(Sha256::new_with_prefix(bytes)));
+        assert_eq!(digest_of(&vectors), hex(&Sha256::digest(bytes)));
         let of_nothing = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
         assert_eq!(GarmentDigests::of(&[], &[]), GarmentDigests { positions: of_nothing.into(), velocities: None });
         assert_ne!(digest_of(&[[0.0; 3]]), digest_of(&[[-0.0, 0.0, 0.0]]), "bits count, not values");

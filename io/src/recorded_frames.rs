@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::cache_frames::{CacheFrames, StoredFrame};
 use crate::error::IoError;
 use crate::frame_digest::GarmentDigests;
-use crate::report::record::{FrameRow, Record, gaps};
+use crate::run_record::reader::{FrameRow, Record, gaps};
 use crate::shot::quality::CROSSINGS_WRITTEN;
 
 /// A cache of a run.

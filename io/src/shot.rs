@@ -9,11 +9,11 @@
 pub mod bundle;
 pub(crate) mod check;
 mod counted;
+pub mod error;
 mod folder;
 mod inputs;
 mod kept_frames;
 mod long_frames;
-pub mod motion;
 mod output;
 mod pinned;
 pub mod quality;
@@ -28,93 +28,16 @@ use std::path::PathBuf;
 
 use drapery_core::Vec3;
 use drapery_core::effects::cost::FrameCost;
-use drapery_core::error::{Problems, StepError};
+use drapery_core::error::Problems;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{SceneDescription, Timeline};
+use drapery_core::scene::Timeline;
 use drapery_core::simulation::Simulation;
 
-use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
+use crate::shot::error::ShotError;
 use crate::shot::inputs::Inputs;
-use crate::shot::motion::{InputMotion, Preroll};
 use crate::shot::remote_simulation::RemoteSimulation;
-use crate::units::Units;
-use crate::wind_file::WindFile;
-
-/// A scene with its files opened: everything that a run needs.
-#[derive(Debug)]
-pub struct ShotDescription {
-    /// Name of the shot.
-    pub name: String,
-    /// Scene file, for the record; empty when there is none.
-    pub scene_path: PathBuf,
-    /// All files that are read, so that none is overwritten.
-    pub input_files: Vec<PathBuf>,
-    /// What is simulated.
-    pub scene: SceneDescription,
-    /// For each body of the scene its file; `None` for analytic shapes.
-    pub bodies: Vec<Option<InputMotion>>,
-    /// Pin targets, in the order of the tracks.
-    pub tracks: Vec<InputMotion>,
-    /// The grid of the wind, if a file gives one.
-    pub wind: Option<WindFile>,
-    /// For each garment of the scene its mesh as it comes from its file, with everything to hand through.
-    pub garments: Vec<GarmentMesh>,
-    /// First and last frame of the shot.
-    pub frames: [i64; 2],
-    /// Frames before the first one.
-    pub preroll: Preroll,
-    /// What is written.
-    pub output: OutputDescription,
-    /// The scene with every default written out.
-    pub resolved: String,
-    /// What is suspicious but was accepted.
-    pub warnings: Vec<String>,
-}
-
-/// What a run writes.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct OutputDescription {
-    /// Words of [`crate::formats::FORMATS`].
-    pub formats: Vec<String>,
-    /// Units and up axis of the caches.
-    pub units: Units,
-    /// Whether velocities are stored.
-    pub velocities: bool,
-}
-
-/// Why a shot could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum ShotError {
-    /// A file could not be read or written.
-    #[error(transparent)]
-    Io(#[from] IoError),
-    /// The scene or its inputs are wrong; all problems.
-    #[error("{0}")]
-    Problems(Problems),
-    /// The frames asked for cannot be simulated.
-    #[error("{0}")]
-    Frames(String),
-    /// The solver gave up.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// The run that the folder holds is one of another scene, or of other inputs.
-    #[error(
-        "{}: this folder holds a run of the same name, but not of the same shot\n  {}\n  \
-         help: choose another folder with --out, start anew with --overwrite, or insist with --resume-with-changes: frames \
-         after the last checkpoint are then simulated with the changes",
-        folder.display(), changes.join("\n  ")
-    )]
-    Changed {
-        /// The folder.
-        folder: PathBuf,
-        /// What has changed.
-        changes: Vec<String>,
-    },
-    /// There is nothing to go on from where it was asked for.
-    #[error("{0}")]
-    Resume(String),
-}
+use crate::shot_description::{OutputDescription, ShotDescription};
 
 /// A shot that was checked and can run.
 pub struct Shot {

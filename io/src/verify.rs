@@ -14,7 +14,6 @@ use crate::error::IoError;
 use crate::formats;
 use crate::input_file;
 
-pub(crate) use crossings::triangles_of;
 pub use recorded::recorded;
 
 /// Stored velocities over the motion seen between frames; outside of it the unit is wrong (per frame, say).

@@ -11,8 +11,9 @@ use drapery_alembic::{
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, Timeline};
+use drapery_io::shot::Shot;
 use drapery_io::shot::run::{FrameReport, RunOptions};
-use drapery_io::shot::{Shot, ShotDescription};
+use drapery_io::shot_description::ShotDescription;
 use drapery_io::units::Units;
 use drapery_io::verify::{Verification, verify};
 

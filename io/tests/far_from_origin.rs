@@ -12,16 +12,17 @@ use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, SceneDescription, Timeline,
 };
-use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter, MeshData};
+use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
 use drapery_io::farm::stop::StopRequests;
-use drapery_io::formats::{alembic, by_extension};
+use drapery_io::formats::{alembic, by_extension, inspect};
 use drapery_io::garment_mesh::GarmentMesh;
-use drapery_io::inspect::inspect;
+use drapery_io::mesh_data::MeshData;
+use drapery_io::shot::Shot;
 use drapery_io::shot::remote_simulation::{shut_down, worker_loop};
 use drapery_io::shot::run::{FrameReport, Outcome, RunOptions, RunReport};
-use drapery_io::shot::{Shot, ShotDescription};
+use drapery_io::shot_description::ShotDescription;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 use drapery_io::verify::verify;
 
@@ -246,7 +247,7 @@ fn a_cache_says_what_its_positions_are_counted_from_and_goes_on_from_no_other_pl
     // As an input, in metres with Y up again.
     let read = alembic::AlembicMesh::open(&folder.path().join("flag.abc"), None).unwrap();
     let mut points = Vec::new();
-    drapery_io::cache::MeshReader::positions_at(&read, 2.0 / 24.0, &mut points).unwrap();
+    drapery_io::mesh_data::MeshReader::positions_at(&read, 2.0 / 24.0, &mut points).unwrap();
     assert!((UNITS.to_si(points[1]) - origin - Vec3::new(0.01, 0.0, -0.02)).norm() < 1e-10);
 }
 

@@ -9,8 +9,9 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, Timeline};
 use drapery_io::cache_frames::CacheFrames;
+use drapery_io::shot::Shot;
+use drapery_io::shot::error::ShotError;
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, Resume, RunOptions, RunReport};
-use drapery_io::shot::{Shot, ShotError};
 use drapery_io::units::Units;
 use drapery_io::verify;
 

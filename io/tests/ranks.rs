@@ -18,9 +18,11 @@ use drapery_core::scene::{
 use drapery_io::checkpoint::Every;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
 use drapery_io::scene_file::load;
+use drapery_io::shot::Shot;
+use drapery_io::shot::error::ShotError;
 use drapery_io::shot::remote_simulation::{shut_down, worker_loop};
 use drapery_io::shot::run::{FrameReport, Outcome, RunOptions, RunReport};
-use drapery_io::shot::{Shot, ShotDescription, ShotError};
+use drapery_io::shot_description::ShotDescription;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 
 use common::described;

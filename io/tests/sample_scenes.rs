@@ -6,7 +6,8 @@ use drapery_core::Vec3;
 use drapery_core::scene::{BodyShape, PinTarget, Scene};
 use drapery_core::simulation::{FrameInput, Simulation};
 use drapery_io::scene_file::{self, SceneErrorKind};
-use drapery_io::shot::{Shot, ShotDescription};
+use drapery_io::shot::Shot;
+use drapery_io::shot_description::ShotDescription;
 
 const G: f64 = 9.81;
 

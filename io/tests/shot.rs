@@ -15,14 +15,16 @@ use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinDescription, PinHold, PinTarget, RigidMotion,
     SceneDescription, Timeline,
 };
-use drapery_io::cache::{MeshData, Uvs};
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::input_motion::{InputMotion, Preroll};
+use drapery_io::mesh_data::{MeshData, Uvs};
 use drapery_io::mesh_source::MeshSource;
 use drapery_io::scene_file;
-use drapery_io::shot::motion::{InputMotion, Preroll};
+use drapery_io::shot::Shot;
+use drapery_io::shot::error::ShotError;
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, Resume, RunOptions};
-use drapery_io::shot::{Shot, ShotDescription, ShotError};
+use drapery_io::shot_description::ShotDescription;
 use drapery_io::units::Units;
 
 use common::described;

@@ -7,7 +7,7 @@ use drapery_core::metrics::Metrics;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::farm::command_line::quoted;
 use drapery_io::farm::stop::{Reason, Signal, StopRequests};
-use drapery_io::report::record::in_words;
+use drapery_io::run_record::reader::in_words;
 use drapery_io::shot::bundle::Bundle;
 use drapery_io::shot::quality::{self, Exceeded, LIMITS};
 use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};

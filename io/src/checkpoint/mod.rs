@@ -10,12 +10,15 @@
 //! * `cadence` decides when to write one.
 
 pub mod cadence;
+pub mod every;
 pub mod file;
 pub mod store;
 
 mod bytes;
 mod seal;
 
-pub use cadence::{Cadence, Every};
-pub use file::{Checkpoint, CheckpointReader, CheckpointWriter, FORMAT_VERSION, Head};
+pub use cadence::Cadence;
+pub use every::Every;
+pub use file::{Checkpoint, CheckpointReader, CheckpointWriter, Head};
+pub use seal::FORMAT_VERSION;
 pub use store::{Account, Entry, Loaded, Saved, Search, Store};

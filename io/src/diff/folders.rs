@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::{PartComparison, Verdict, compare_files};
 use crate::error::IoError;
-use crate::run_record::{MANIFEST, listed_files};
+use crate::run_record::MANIFEST;
+use crate::run_record::manifest::listed_files;
 
 /// Compares caches of the same file name, and those of a garment that the two runs wrote in different formats.
 pub(super) fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<Vec<PartComparison>, IoError> {

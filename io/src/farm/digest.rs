@@ -18,6 +18,7 @@ use sha2::{Digest, Sha256};
 use crate::error::IoError;
 use crate::input_file;
 use crate::scene_file::FILES;
+use crate::sha256::hex;
 
 /// Digests by name: `scene`, `solver`, `format`, `application`, and `input:<path>` for each input file.
 pub type Digests = BTreeMap<String, String>;
@@ -98,7 +99,7 @@ impl Fingerprint {
             // Lengths keep one value from running into the next.
             all.update(format!("{key} {} {} {hash}{rest}\n", hash.len(), rest.len()));
         }
-        digests.insert(SCENE.to_owned(), hex(all));
+        digests.insert(SCENE.to_owned(), hex(&all.finalize()));
         digests.insert("solver".to_owned(), versions.solver.to_string());
         digests.insert("format".to_owned(), versions.format.to_string());
         digests.insert("application".to_owned(), versions.application.to_owned());
@@ -195,17 +196,12 @@ fn content_digest(path: &Path) -> Result<String, IoError> {
     let (mut all, mut block) = (Sha256::new(), vec![0; BLOCK]);
     loop {
         match file.read(&mut block) {
-            Ok(0) => return Ok(hex(all)),
+            Ok(0) => return Ok(hex(&all.finalize())),
             Ok(count) => all.update(&block[..count]),
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
             Err(error) => return Err(IoError::reading(path, error)),
         }
     }
-}
-
-/// A digest as text.
-pub(crate) fn hex(all: Sha256) -> String {
-    all.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Writes the values of a scene under their places; lists of tables are counted through.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! OUT/lock.json          who runs here                              lock.rs, with process.rs
-//! OUT/control/stop       "write a checkpoint and leave"             stop.rs, with duration.rs
+//! OUT/control/stop       "write a checkpoint and leave"             stop.rs
 //! OUT/control/checkpoint "write a checkpoint and go on"
 //! OUT/logs/001.log       log of the first attempt, and 001.jsonl    attempts.rs
 //! OUT/stale/attempt_002  what an attempt did not go on from         stale.rs
@@ -13,9 +13,7 @@
 pub mod attempts;
 pub mod command_line;
 pub mod digest;
-pub mod duration;
 pub mod lock;
-pub(crate) mod memory;
 pub mod process;
 pub mod stale;
 pub mod stop;

@@ -4,8 +4,6 @@ use std::fs;
 
 use serde::{Deserialize, Serialize};
 
-use super::memory::kibibytes;
-
 /// A process, so that no other one can be taken for it: a number is used again once its process has ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Owner {
@@ -56,31 +54,10 @@ impl std::fmt::Display for Owner {
     }
 }
 
-/// Memory that this process occupies [bytes], where the system tells.
-pub fn resident_bytes() -> Option<u64> {
-    memory("VmRSS:")
-}
-
-/// Most memory that this process has occupied since its start or [`forget_peak`] [bytes], where the system tells.
-pub fn peak_bytes() -> Option<u64> {
-    memory("VmHWM:")
-}
-
-/// Lets [`peak_bytes`] begin again, where the system can.
-pub fn forget_peak() {
-    // Where it cannot, the peak of everything so far is reported.
-    let _ = fs::write("/proc/self/clear_refs", "5");
-}
-
 /// Seconds that all threads of this process have run.
 pub fn processor_seconds() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 / 1e9
-}
-
-/// Memory of this process behind a word of its status [bytes].
-pub(crate) fn memory(word: &str) -> Option<u64> {
-    kibibytes(&fs::read_to_string("/proc/self/status").ok()?, word)
 }
 
 /// Start of a process in clock ticks since the machine's; `None` if it has ended, also while nobody took note of that.

@@ -15,9 +15,9 @@ use drapery_core::mesh::PolygonMesh;
 use globset::GlobBuilder;
 
 use super::alembic_writer::reverse;
-use crate::cache::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
 use crate::error::IoError;
 use crate::input_file;
+use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
 
 /// Points or faces that are read at a time.
 const PIECE: usize = 8192;

@@ -42,6 +42,17 @@ pub(crate) fn seconds(value: f64) -> String {
     }
 }
 
+/// A length [m].
+pub(crate) fn millimetres(metres: f64) -> String {
+    match metres {
+        0.0 => "0 mm".to_owned(),
+        m if m < 1e-9 => format!("{:.1e} mm", m * 1e3),
+        m if m < 1e-6 => format!("{} nm", digits(m * 1e9)),
+        m if m < 1e-4 => format!("{} µm", digits(m * 1e6)),
+        m => format!("{} mm", digits(m * 1e3)),
+    }
+}
+
 /// An amount of memory.
 pub(crate) fn bytes(amount: u64) -> String {
     let (unit, word) = unit_of_bytes(amount);

@@ -6,10 +6,10 @@ use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyShape, RigidMotion};
 use nalgebra::UnitQuaternion;
 
-use super::folder::RunFolder;
 use crate::run_record::RESOLVED;
+use crate::run_record::folder::RunFolder;
 use crate::scene_file;
-use crate::shot::ShotDescription;
+use crate::shot_description::ShotDescription;
 
 /// Segments around a round shape.
 const AROUND: u32 = 48;

@@ -1,12 +1,12 @@
 //! The charts of the page: which figures of a run are drawn, and how several frames become one column.
 
 use super::chart::{Chart, Lane};
-use super::folder::RunFolder;
-use super::record::{EventKind, FrameRow};
 use super::thin::{Column, columns, largest, mean, smallest};
 use crate::page::axis::Axis;
 use crate::page::card;
 use crate::page::text::{self, escape};
+use crate::run_record::folder::RunFolder;
+use crate::run_record::reader::{EventKind, FrameRow};
 use crate::shot::quality::LIMITS;
 
 /// Size of the chart over the whole page.
@@ -316,7 +316,7 @@ fn counts(values: &mut dyn Iterator<Item = f64>, wanted: usize) -> Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::record::StageRow;
+    use crate::run_record::reader::StageRow;
 
     fn row(frame: i64, stages: &[(&str, f64)]) -> FrameRow {
         let stages = stages.iter().map(|(name, seconds)| StageRow {

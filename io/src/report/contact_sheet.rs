@@ -4,11 +4,11 @@ use base64::encode;
 use drapery_core::Vec3;
 
 use super::bodies::{Bodies, BodyMesh};
-use super::folder::RunFolder;
 use super::raster::{Picture, Surface, View, render};
 use crate::cache_frames::CacheFrames;
 use crate::page::text::escape;
-use crate::run_record::ManifestGarment;
+use crate::run_record::folder::RunFolder;
+use crate::run_record::manifest::ManifestGarment;
 
 mod base64;
 

@@ -4,8 +4,6 @@
 //! colours follow the reader's light or dark style; what a column stands for is in its tooltip. The same folder gives
 //! the same bytes.
 
-pub mod folder;
-pub mod record;
 pub mod status;
 
 mod bodies;
@@ -22,8 +20,9 @@ use crate::atomic_file;
 use crate::error::IoError;
 use crate::page::text::{self, escape};
 use crate::page::{document, tile};
-use folder::RunFolder;
-use record::{FrameRow, median};
+use crate::run_record::folder::RunFolder;
+use crate::run_record::reader::{FrameRow, median};
+
 use status::{Degradation, degradations};
 
 /// File name of the page, in the folder of the run.
@@ -122,7 +121,7 @@ fn tiles(run: &RunFolder, rows: &[FrameRow], found: &[Degradation]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::record::{Event, EventKind};
+    use crate::run_record::reader::{Event, EventKind};
 
     fn run(frames: i64) -> RunFolder {
         let mut run = RunFolder::default();

@@ -5,12 +5,12 @@ use std::time::SystemTime;
 
 use serde::Serialize;
 
-use super::folder::RunFolder;
-use super::record::median;
 use crate::error::IoError;
 use crate::farm::lock::{self, Holder, Presence};
 use crate::farm::stale::{self, Stale};
-use crate::run_record::ManifestCheckpoint;
+use crate::run_record::folder::RunFolder;
+use crate::run_record::manifest::ManifestCheckpoint;
+use crate::run_record::reader::median;
 use crate::shot::quality::LIMITS;
 
 /// Number of frames from which the rate is told.

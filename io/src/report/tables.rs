@@ -1,12 +1,12 @@
 //! The tables of the page.
 
-use super::folder::RunFolder;
-use super::record::{EventKind, FrameRow, OverRanks, StageRow};
 use super::status::Degradation;
 use crate::input_file;
 use crate::page::table::{Cell, number, section, table, words};
 use crate::page::text::{self, escape};
 use crate::run_record::RESOLVED;
+use crate::run_record::folder::RunFolder;
+use crate::run_record::reader::{EventKind, FrameRow, OverRanks, StageRow};
 
 /// Letters of the resolved scene that the page shows at most.
 const SCENE_LETTERS: usize = 60_000;
@@ -175,7 +175,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
     let fact = |(name, text): &(&str, String)| vec![words(name), (format!("<code>{}</code>", escape(text)), false)];
     let facts: Vec<Vec<Cell>> = facts.iter().map(fact).collect();
     let mut page = section("Provenance", "", &[words(""), words("")], &facts);
-    let effect = |effect: &super::record::EffectRow| {
+    let effect = |effect: &crate::run_record::reader::EffectRow| {
         vec![
             (format!("<code>{}</code>", escape(&effect.effect)), false),
             words(effect.garment.as_deref().unwrap_or("all")),

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::record::FrameRow;
+use crate::run_record::reader::FrameRow;
 
 /// Frames that share a column of a chart.
 #[derive(Debug, Clone, PartialEq, Eq)]

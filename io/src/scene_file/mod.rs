@@ -48,7 +48,7 @@ use std::path::{Path as FilePath, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::input_file;
-use crate::shot::ShotDescription;
+use crate::shot_description::ShotDescription;
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
 pub use material_files::{material_files, read_material};

@@ -17,24 +17,18 @@ use drapery_core::simulation::{Advance, FrameSummary, Recovery};
 use serde_json::{Value, json};
 
 use crate::atomic_file;
-use crate::cache::MeshData;
 use crate::checkpoint::{CheckpointReader, CheckpointWriter, Head};
 use crate::error::IoError;
 use crate::farm::command_line::quoted;
 use crate::garment_mesh::GarmentMesh;
 use crate::input_file;
-use crate::shot::{Shot, ShotError, resume};
+use crate::mesh_data::MeshData;
+use crate::run_record::writer::recovery_value;
+use crate::shot::error::ShotError;
+use crate::shot::{Shot, resume};
 
 /// Folder inside that of a run.
 const FOLDER: &str = "debug";
-
-/// A rung of the ladder as JSON.
-pub(crate) fn recovery_value(recovery: &Recovery) -> Value {
-    let Recovery { frame, time, failure, level, garment, vertices } = recovery;
-    json!({
-        "frame": frame, "time": time, "trouble": failure, "rung": level, "garment": garment, "vertices": vertices,
-    })
-}
 
 /// Writes the bundle of a run that has given up; returns its JSON file. The simulation stands at its last good state.
 pub(super) fn write(shot: &Shot, out: &Path, head: &Head, error: &StepError) -> Result<PathBuf, IoError> {

@@ -11,9 +11,9 @@ use drapery_core::mesh::{sides, turned_edges};
 use drapery_core::scene::{FARTHEST, Timeline, coarse_place, is_possible};
 use drapery_core::tolerances::DEGENERATE_AREA;
 
-use crate::cache::Connectivity;
 use crate::error::IoError;
-use crate::shot::motion::{InputMotion, file_time};
+use crate::input_motion::InputMotion;
+use crate::mesh_data::Connectivity;
 use crate::units::guess_problem;
 
 use poses::Poses;
@@ -34,11 +34,11 @@ pub(crate) struct Span {
 
 impl Span {
     fn first_time(self) -> f64 {
-        file_time(self.timeline, self.timeline.origin)
+        self.timeline.file_time(self.timeline.origin)
     }
 
     fn last_time(self) -> f64 {
-        file_time(self.timeline, self.last_frame)
+        self.timeline.file_time(self.last_frame)
     }
 
     /// The frame at a time of the file, in words.

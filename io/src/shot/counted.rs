@@ -4,8 +4,8 @@
 use serde_json::Value;
 
 use crate::checkpoint::{Head, Loaded};
-use crate::report::record::{FrameRow, Record, in_words};
-use crate::run_record::{RECORD, recovery_line};
+use crate::run_record::RECORD;
+use crate::run_record::reader::{FrameRow, Record, in_words, recovery_line};
 use crate::shot::pinned;
 use crate::shot::quality::{self, Exceeded};
 use crate::shot::run::Observer;

@@ -14,8 +14,9 @@ use crate::farm::lock::RunLock;
 use crate::farm::process::Owner;
 use crate::farm::stale;
 use crate::input_file;
-use crate::run_record::{self, AttemptRecord, FINGERPRINT, MANIFEST, RECORD, RESOLVED};
-use crate::shot::ShotError;
+use crate::run_record::manifest::{AttemptRecord, listed_files};
+use crate::run_record::{FINGERPRINT, MANIFEST, RECORD, RESOLVED};
+use crate::shot::error::ShotError;
 use crate::shot::run::{Observer, RunOptions};
 
 /// An earlier run in a folder.
@@ -62,7 +63,7 @@ impl Earlier {
     /// Whether all frames up to `last` are there, the caches with them, and the checkpoint from which more could follow.
     pub(super) fn has_all(&self, folder: &Path, last: i64) -> bool {
         let ended = |frame: i64| frame > last || frame == last && self.manifest["state"] == "done";
-        let files = run_record::listed_files(folder);
+        let files = listed_files(folder);
         self.last_complete_frame().is_some_and(ended) && files.iter().all(|file| file.is_file())
     }
 
@@ -129,7 +130,7 @@ pub(super) fn files_of_run(folder: &Path, planned: &[PathBuf]) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = [MANIFEST, RECORD, RESOLVED, FINGERPRINT].map(|name| folder.join(name)).into();
     files.extend(planned.iter().cloned());
     // Caches of the earlier run that this one does not write again would belong to nothing.
-    files.extend(run_record::listed_files(folder));
+    files.extend(listed_files(folder));
     files.retain(|path| path.exists());
     files.sort();
     files.dedup();

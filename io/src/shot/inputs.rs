@@ -6,9 +6,9 @@ use drapery_core::scene::{BodyShape, PinTarget, Scene, SceneDescription, Timelin
 use drapery_core::simulation::FrameInput;
 
 use crate::error::IoError;
-use crate::shot::ShotError;
+use crate::input_motion::{InputMotion, Preroll};
 use crate::shot::check::{BodySurface, Span, check_faces, check_motion, check_size, path_told};
-use crate::shot::motion::{InputMotion, Preroll};
+use crate::shot::error::ShotError;
 use crate::shot::remote_simulation::RemoteSimulation;
 use crate::wind_file::WindFile;
 

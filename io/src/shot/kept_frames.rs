@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::cache::CacheMark;
 use crate::checkpoint::Head;
 use crate::recorded_frames::{FrameFault, RecordedCache};
-use crate::report::record::{Record, in_words};
 use crate::run_record::RECORD;
+use crate::run_record::reader::{Record, in_words};
 
 /// The earliest frame up to a checkpoint that is not what was written, in any of the caches in `folder` that the checkpoint
 /// tells of. `note` hears of frames that cannot be checked.

@@ -18,16 +18,17 @@ use crate::farm::digest::Fingerprint;
 use crate::farm::stop::Reason;
 use crate::formats::{self, CreateCache, ResumeCache};
 use crate::frame_digest::{FrameDigests, GarmentDigests};
-use crate::run_record::{
-    self, AttemptRecord, MANIFEST, Manifest, ManifestCheckpoint, ManifestGarment, RESOLVED, RunRecord,
-};
+use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment};
+use crate::run_record::writer::{RunRecord, counts, digests_record, stages};
+use crate::run_record::{MANIFEST, RESOLVED};
+use crate::shot::Shot;
+use crate::shot::error::ShotError;
 use crate::shot::folder::{files_of_run, write_fingerprint};
 use crate::shot::quality::CROSSINGS_WRITTEN;
 use crate::shot::remote_simulation::RemoteSimulation;
 use crate::shot::rewritten::NewForm;
 use crate::shot::run::RunOptions;
 use crate::shot::totals::Totals;
-use crate::shot::{Shot, ShotError};
 use crate::units::Units;
 
 /// What is being written.
@@ -136,7 +137,7 @@ impl Output {
         }))?;
         if from.other_form {
             let lines = rewritten.into_inner();
-            lines.iter().try_for_each(|(frame, all)| record.line(&run_record::digests_record(*frame, all)))?;
+            lines.iter().try_for_each(|(frame, all)| record.line(&digests_record(*frame, all)))?;
         }
         let mut manifest = manifest(shot, start.options, &planned, start.attempts);
         manifest.last_complete_frame = from.head.delivered;
@@ -251,8 +252,8 @@ impl Output {
             "state": "done",
             "frames": frames,
             "seconds": totals.seconds,
-            "stages": run_record::stages(&totals.metrics),
-            "counts": run_record::counts(&totals.metrics),
+            "stages": stages(&totals.metrics),
+            "counts": counts(&totals.metrics),
         });
         self.end("done", "done", &end)
     }

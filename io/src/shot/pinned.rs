@@ -3,8 +3,9 @@
 use drapery_core::simulation::StrainRecord;
 use drapery_core::tolerances::STRETCHED_BETWEEN_PINS;
 
-use crate::report::record::{FrameRow, StrainRow};
-use crate::shot::{Shot, ShotError};
+use crate::run_record::reader::{FrameRow, StrainRow};
+use crate::shot::Shot;
+use crate::shot::error::ShotError;
 
 impl Shot {
     /// Follows the pins through all frames, and says where they tear the cloth between two of them most; `None` where they do

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::IoError;
 use crate::farm::stop::{Request, StopRequests};
-use crate::shot::ShotError;
+use crate::shot::error::ShotError;
 use crate::units::Units;
 
 /// What all ranks do next.

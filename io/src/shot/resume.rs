@@ -11,14 +11,14 @@ use crate::checkpoint::{CheckpointReader, FORMAT_VERSION, Loaded, Store};
 use crate::error::IoError;
 use crate::farm::digest::{self, Fingerprint, Versions};
 use crate::farm::stale;
-use crate::report::record::Record;
 use crate::run_record::MANIFEST;
+use crate::run_record::reader::Record;
+use crate::shot::error::ShotError;
 use crate::shot::folder::{Earlier, files_of_run};
-use crate::shot::kept_frames;
 use crate::shot::output::planned_files;
 use crate::shot::remote_simulation::RemoteSimulation;
 use crate::shot::run::{Resume, RunOptions};
-use crate::shot::{Shot, ShotError};
+use crate::shot::{Shot, kept_frames};
 
 /// What the shot depends on.
 pub(super) fn fingerprint(shot: &Shot) -> Result<Fingerprint, IoError> {
@@ -105,7 +105,7 @@ pub(super) fn decide(
         let head = (&found.checkpoint.head, shot.about.timeline.origin);
         if let Some(fault) = kept_frames::earliest_fault(&options.out, head, record, note) {
             if let Resume::Frame(frame) = options.resume {
-                return Err(IoError::FrameChanged { fault, asked: frame }.into());
+                return Err(ShotError::FrameChanged { fault, asked: frame });
             }
             note(format!("{fault}; the run goes back to the last checkpoint before this frame and simulates it again"));
             search = store.newest_valid(Some(fault.frame - 1))?;

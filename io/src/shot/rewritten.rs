@@ -11,7 +11,8 @@ use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
 use crate::formats::{CreateCache, ResumeCache};
 use crate::frame_digest::GarmentDigests;
-use crate::run_record::{RECORD, frame_counts};
+use crate::run_record::RECORD;
+use crate::run_record::reader::frame_counts;
 use crate::shot::quality::CROSSINGS_WRITTEN;
 
 /// A cache in its new form.

@@ -21,17 +21,18 @@ use crate::farm::stale;
 use crate::farm::stop::{Reason, Request, StopRequests};
 use crate::frame_digest::FrameDigests;
 use crate::input_file;
-use crate::report::record::Record;
-use crate::run_record::{self, AttemptRecord, RECORD};
-use crate::shot::bundle;
+use crate::run_record::RECORD;
+use crate::run_record::manifest::{AttemptRecord, listed_files};
+use crate::run_record::reader::Record;
+use crate::run_record::writer::{SIMULATE, frame_record, start_record};
 use crate::shot::counted::{Counted, SoFar};
+use crate::shot::error::ShotError;
 use crate::shot::folder::{Earlier, Held, files_of_run};
 use crate::shot::long_frames::Watch;
 use crate::shot::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
 use crate::shot::quality::Exceeded;
-use crate::shot::resume;
 use crate::shot::totals::{Partial, Totals};
-use crate::shot::{Shot, ShotError};
+use crate::shot::{Shot, bundle, resume};
 
 /// Where a run begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -204,7 +205,7 @@ impl Shot {
             return Err(IoError::OutputNotUtf8 { path: options.out.clone() }.into());
         }
         // An earlier run's caches give way to those of this one.
-        let (planned, listed) = (planned_files(&self, &options.out), run_record::listed_files(&options.out));
+        let (planned, listed) = (planned_files(&self, &options.out), listed_files(&options.out));
         refuse_inputs(&self, &[planned.as_slice(), &listed].concat())?;
         if !options.overwrite {
             files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;
@@ -402,8 +403,7 @@ impl<'a> Run<'a> {
                 requests.poll(SystemTime::now()).or_else(due).or_else(report)
             };
             let remote_simulation = &mut self.shot.remote_simulation;
-            let (advance, request) =
-                spent.stage(run_record::SIMULATE, |_| remote_simulation.advance(&input, &mut ask))?;
+            let (advance, request) = spent.stage(SIMULATE, |_| remote_simulation.advance(&input, &mut ask))?;
             let (Advance::Done(last) | Advance::Paused(last)) = &advance;
             let summary = before.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
             if let Advance::Done(_) = advance {
@@ -451,8 +451,8 @@ impl<'a> Run<'a> {
         totals.metrics.add(&spent);
         summary.into_iter().for_each(|summary| totals.metrics.add(&summary.metrics));
         let mut line = match summary {
-            Some(summary) => run_record::frame_record(summary, &spent, taken),
-            None => run_record::start_record(frame, &spent, taken),
+            Some(summary) => frame_record(summary, &spent, taken),
+            None => start_record(frame, &spent, taken),
         };
         if !digests.is_empty() {
             line["digests"] = json!(digests);

@@ -8,9 +8,11 @@ use drapery_core::simulation::{Advance, FrameInput, FrameSummary, Simulation};
 
 use crate::farm::digest::Digests;
 use crate::farm::stop::{Reason, Request};
+use crate::shot::error::ShotError;
 use crate::shot::inputs::Inputs;
 use crate::shot::remote_simulation::RemoteSimulation;
-use crate::shot::{Shot, ShotDescription, ShotError, resume};
+use crate::shot::{Shot, resume};
+use crate::shot_description::ShotDescription;
 
 /// A frame that is done.
 #[derive(Debug, Clone)]

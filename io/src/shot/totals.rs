@@ -5,7 +5,7 @@ use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
 use serde_json::{Value, json};
 
-use crate::report::record::FrameRow;
+use crate::run_record::reader::FrameRow;
 
 /// Sums over the frames that are done, and what was done since the last one.
 #[derive(Debug, Clone, Default, PartialEq)]

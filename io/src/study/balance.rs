@@ -14,9 +14,9 @@ use drapery_core::scene::{BodyShape, PinTarget, SceneDescription};
 use drapery_core::simulation::Simulation;
 
 use crate::page::text;
-use crate::study::checks::{Check, Verdict};
 use crate::study::closed_form::is_internal;
 use crate::study::record::{Outside, Role, Sample, Study};
+use crate::study::verdict::{Check, Verdict};
 
 /// How far momentum may be off, by the largest that the energy of motion can carry: √(2 M K). It is a matter of rounding.
 const MOMENTUM: f64 = 1e-10;

@@ -1,11 +1,11 @@
 //! Whether the figures of a study can be believed: what has to hold of them whatever the scene, and whether it does.
 
-use crate::page::text;
+use crate::page::text::{self, millimetres};
 use crate::study::analysis::{Analysis, NOISY, Row, Told, error_over, mean_step};
 use crate::study::balance;
 use crate::study::record::{Machine, Role, Sample, Study};
-use crate::study::table::millimetres;
 use crate::study::vary::{RANKS, THREADS};
+use crate::study::verdict::Check;
 
 /// Least number of compared frames that can be split into earlier and later ones.
 const SPLIT: usize = 6;
@@ -24,37 +24,6 @@ const SAME_TIME: f64 = 0.1;
 
 /// Running processes for each processor before the study from which times are not to be trusted.
 const BUSY: f64 = 0.5;
-
-/// What a check came to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// It holds.
-    Holds,
-    /// It does not, and whoever reads the figures has to know.
-    Fails,
-    /// There is nothing to tell it from.
-    Unknown,
-    /// It need not hold of this scene.
-    NotApplicable,
-}
-
-/// Something that should hold of a study.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Check {
-    /// What.
-    pub name: &'static str,
-    /// Whether.
-    pub verdict: Verdict,
-    /// By which figures.
-    pub why: String,
-}
-
-impl Check {
-    pub(super) fn new(name: &'static str, verdict: Option<bool>, why: String) -> Self {
-        let verdict = verdict.map_or(Verdict::Unknown, |holds| if holds { Verdict::Holds } else { Verdict::Fails });
-        Self { name, verdict, why }
-    }
-}
 
 /// All checks, in the order of what they are about.
 pub fn checks(study: &Study, analysis: &Analysis<'_>) -> Vec<Check> {
@@ -229,6 +198,7 @@ fn percent(share: f64) -> String {
 mod tests {
     use super::*;
     use crate::study::analysis::{analyse, tests::convergent};
+    use crate::study::verdict::Verdict;
 
     fn verdict(study: &Study, name: &str) -> Verdict {
         let all = checks(study, &analyse(study));

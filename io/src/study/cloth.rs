@@ -7,7 +7,6 @@ use drapery_core::geometry::distance::closest_on_triangle;
 use drapery_core::simulation::{FrameSummary, Simulation};
 
 use crate::study::record::Figures;
-use crate::study::states::FrameState;
 
 /// Angles from which an edge counts as a fold [degrees].
 pub const FOLDS: [f64; 3] = [30.0, 60.0, 90.0];
@@ -23,6 +22,15 @@ const ON_CLOTH: f64 = 0.5;
 
 /// Edges within which the deepest vertex in a body is looked for.
 const DEPTH: f64 = 10.0;
+
+/// Positions and velocities of all garments at a frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameState {
+    /// Positions [m], garment after garment in their own orders.
+    pub positions: Vec<Vec3>,
+    /// Velocities [m/s], likewise.
+    pub velocities: Vec<Vec3>,
+}
 
 /// All garments as one surface, in the order of the solver.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -5,10 +5,10 @@ use std::path::Path;
 use drapery_core::Vec3;
 
 use crate::error::IoError;
-use crate::study::cloth::Cloth;
+use crate::study::cloth::{Cloth, FrameState};
 use crate::study::distance::{self, MeshMap};
 use crate::study::record::{Distance, Role, Sample, Study};
-use crate::study::states::{FrameState, StatesReader};
+use crate::study::states::StatesReader;
 
 /// All compared states of a run.
 struct Run {

@@ -5,9 +5,8 @@ use drapery_core::Vec3;
 use drapery_core::geometry::bvh::Bvh;
 use drapery_core::geometry::distance::closest_on_triangle;
 
-use crate::study::cloth::{Cloth, percentile};
+use crate::study::cloth::{Cloth, FrameState, percentile};
 use crate::study::record::Distance;
-use crate::study::states::FrameState;
 
 /// Distance of two states of the same points; `areas` are those of the vertices [m²].
 pub fn between(areas: &[f64], a: &FrameState, b: &FrameState) -> Distance {

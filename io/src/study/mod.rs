@@ -14,6 +14,7 @@ pub mod cloth;
 pub mod compare;
 pub mod csv;
 pub mod distance;
+pub mod error;
 pub mod fit;
 pub mod page;
 pub mod preset;
@@ -25,6 +26,7 @@ pub mod space;
 pub mod states;
 pub mod table;
 pub mod vary;
+pub mod verdict;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -34,44 +36,18 @@ use crate::cache::APPLICATION;
 use crate::error::IoError;
 use crate::farm::lock::RunLock;
 use crate::farm::process::Owner;
-use crate::scene_file::{SceneFileError, SearchPaths};
-use crate::shot::{Shot, ShotDescription, ShotError};
+use crate::scene_file::SearchPaths;
+use crate::shot::Shot;
+use crate::shot_description::ShotDescription;
+use crate::study::error::StudyError;
 use crate::study::record::{Asked, FORMAT, Machine, RECORD, Role, SceneFacts, Study};
 use crate::study::sample::Bench;
+use crate::study::schedule::Observer;
 use crate::study::space::RunRequest;
 use crate::study::vary::BaseSettings;
 
 /// File name of the table of all runs and frames.
 pub const CSV: &str = "study.csv";
-
-/// Why a study could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// The scene file does not take a setting.
-    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
-    Scene(Vec<SceneFileError>),
-    /// The scene cannot be simulated.
-    #[error(transparent)]
-    Shot(#[from] ShotError),
-    /// A file could not be read or written.
-    #[error(transparent)]
-    Io(#[from] IoError),
-    /// What was asked for cannot be done.
-    #[error("{0}")]
-    Asked(String),
-    /// The folder holds another study.
-    #[error(
-        "{}: this folder holds a study of something else: {what}\n  \
-         help: choose another folder with --out, or start anew with --overwrite",
-        folder.display()
-    )]
-    Other {
-        /// The folder.
-        folder: PathBuf,
-        /// What differs.
-        what: String,
-    },
-}
 
 /// How a study is made.
 #[derive(Debug, Clone)]
@@ -96,15 +72,6 @@ pub struct Options {
     pub threads: usize,
     /// The command line, for the record.
     pub command: String,
-}
-
-/// Who hears of a study while it goes on.
-pub trait Observer {
-    /// Something that whoever looks after the study should know.
-    fn note(&mut self, text: &str);
-
-    /// A run begins; it is the `number`th of `all` and will take about `seconds`, if anything is known of that.
-    fn begins(&mut self, wish: &RunRequest, number: usize, all: usize, seconds: Option<f64>);
 }
 
 /// Makes a study, or goes on with the one that the folder holds, until it is complete or its time is up.

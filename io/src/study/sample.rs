@@ -15,16 +15,18 @@ use sha2::{Digest, Sha256};
 
 use crate::farm::process;
 use crate::farm::stop::StopRequests;
+use crate::memory;
 use crate::scene_file::{self, SceneFile, SearchPaths};
+use crate::shot::error::ShotError;
 use crate::shot::remote_simulation;
 use crate::shot::steps::{SteppedFrame, SteppedShot};
-use crate::shot::{ShotDescription, ShotError};
-use crate::study::StudyError;
-use crate::study::cloth::Cloth;
+use crate::shot_description::ShotDescription;
+use crate::study::cloth::{Cloth, FrameState};
+use crate::study::error::StudyError;
 use crate::study::random::Random;
 use crate::study::record::{Cost, Failure, Figures, Sample, Setting, StageCost};
 use crate::study::space::RunRequest;
-use crate::study::states::{FrameState, StatesWriter};
+use crate::study::states::StatesWriter;
 
 /// Bytes of a digest of states: enough that no two runs share them by accident.
 const DIGEST: usize = 8;
@@ -154,7 +156,7 @@ pub fn run(
     let description = describe(bench, wish)?;
     // Of many ranks none has the cloth as a whole, which is what is measured.
     let whole = (wish.setting.ranks > 1).then(|| describe(bench, wish)).transpose()?;
-    process::forget_peak();
+    memory::forget_peak();
     let sample = Sample { role: wish.role, setting: wish.setting.clone(), ..Sample::default() };
     let sample = Sample { copy: wish.copy, repeat: wish.repeat, ..sample };
     let failed = |frame, what| {
@@ -191,7 +193,7 @@ pub fn run(
     }
     let mut sample = sample;
     course.fill(&mut sample);
-    sample.cost.peak_bytes = process::peak_bytes();
+    sample.cost.peak_bytes = memory::peak_bytes();
     sample.cost.with_overhead = begun.elapsed().as_secs_f64();
     Ok(Ended::Sample(Box::new((sample, course.kept.iter().map(|kept| kept.frame).collect()))))
 }

@@ -10,10 +10,10 @@ use std::time::{Duration, Instant};
 
 use crate::error::IoError;
 use crate::study::compare::Comparison;
+use crate::study::error::StudyError;
 use crate::study::record::{Omission, Role, Sample, Setting, Study};
 use crate::study::sample::{self, Bench, Ended, Pace};
 use crate::study::space::{self, RunRequest};
-use crate::study::{Observer, StudyError};
 
 /// Folder of the states inside that of the study.
 const STATES: &str = "states";
@@ -44,6 +44,15 @@ const BESIDES: [f64; 3] = [10.0, 10.0, 5.0];
 
 /// How much longer than foretold a run may take before it is given up, and how many seconds in any case.
 const PATIENCE: (f64, f64) = (3.0, 3.0);
+
+/// Who hears of a study while it goes on.
+pub trait Observer {
+    /// Something that whoever looks after the study should know.
+    fn note(&mut self, text: &str);
+
+    /// A run begins; it is the `number`th of `all` and will take about `seconds`, if anything is known of that.
+    fn begins(&mut self, wish: &RunRequest, number: usize, all: usize, seconds: Option<f64>);
+}
 
 /// The runs of one attempt at a study.
 #[derive(Debug)]

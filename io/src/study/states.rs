@@ -9,19 +9,10 @@ use drapery_core::Vec3;
 
 use crate::error::IoError;
 use crate::input_file;
-use crate::study::cloth::Cloth;
+use crate::study::cloth::{Cloth, FrameState};
 
 /// What is wrong with a file that cannot be understood.
 const DAMAGED: &str = "it is damaged";
-
-/// Positions and velocities of all garments at a frame.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct FrameState {
-    /// Positions [m], garment after garment in their own orders.
-    pub positions: Vec<Vec3>,
-    /// Velocities [m/s], likewise.
-    pub velocities: Vec<Vec3>,
-}
 
 /// States being written. The file has its name only once it is whole.
 #[derive(Debug)]

@@ -2,12 +2,13 @@
 
 use std::fmt::Write;
 
-use crate::page::text;
+use crate::page::text::{self, millimetres};
 use crate::study::allowed;
 use crate::study::analysis::{Analysis, Error, Row, Told, degradations};
-use crate::study::checks::{Verdict, checks};
+use crate::study::checks::checks;
 use crate::study::record::{Omission, Role, Study};
 use crate::study::schedule::NO_TIME;
+use crate::study::verdict::Verdict;
 
 /// The whole text: a head, a line for every setting, what was found, what to take. `budget` is in seconds a frame.
 pub fn table(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
@@ -132,17 +133,6 @@ fn recommended_error(error: Option<&Error>, own: Option<f64>) -> String {
             format!("error at most {} rms (nearer than the reference can tell)", millimetres(most))
         }
         None => "error not known".to_owned(),
-    }
-}
-
-/// A length.
-pub fn millimetres(metres: f64) -> String {
-    match metres {
-        0.0 => "0 mm".to_owned(),
-        m if m < 1e-9 => format!("{:.1e} mm", m * 1e3),
-        m if m < 1e-6 => format!("{} nm", text::digits(m * 1e9)),
-        m if m < 1e-4 => format!("{} µm", text::digits(m * 1e6)),
-        m => format!("{} mm", text::digits(m * 1e3)),
     }
 }
 

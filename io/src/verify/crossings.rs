@@ -10,13 +10,12 @@ use std::collections::BTreeMap;
 use drapery_alembic::{IDENTITY, Matrix, PolyMesh, TopologyVariance, transform_point};
 use drapery_core::Vec3;
 use drapery_core::geometry::crossings::{Crossing, CrossingSearch, find, find_between};
-use drapery_core::mesh::PolygonMesh;
 
 use super::{Cache, Verification};
-use crate::cache::MeshReader;
+use crate::cache_frames::triangles_of;
 use crate::error::IoError;
 use crate::formats::alembic::sample_times;
-use crate::formats::alembic_writer::{TRIANGLES, reverse};
+use crate::mesh_data::MeshReader;
 
 /// Sample times closer than this are one time [s]: programs round frame / fps differently.
 const SAME_TIME: f64 = 1e-5;
@@ -91,32 +90,6 @@ fn stored(mesh: &PolyMesh, sample: usize) -> Option<Vec<Vec3>> {
     let points = mesh.positions(sample).ok()?;
     let is_finite = points.iter().flatten().all(|x| x.is_finite());
     is_finite.then(|| points.into_iter().map(|p| Vec3::from(p.map(f64::from))).collect())
-}
-
-/// The triangles that were simulated, if the file tells them, or the faces cut by the solver's rule.
-pub(crate) fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
-    let told = mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
-    let in_range = |corner: i32| u32::try_from(corner).ok().filter(|&v| (v as usize) < points.len());
-    let triangle = |[a, b, c]: [i32; 3]| Some([in_range(a)?, in_range(b)?, in_range(c)?]);
-    let told = told.and_then(|told| told.into_iter().map(triangle).collect::<Option<Vec<_>>>());
-    if told.is_some() {
-        return told;
-    }
-    let faces = mesh.faces(0).ok()?;
-    let mut corners = faces.face_indices;
-    reverse(&faces.face_counts, &mut corners);
-    let mut polygons = PolygonMesh { points: points.to_vec(), ..PolygonMesh::default() };
-    let mut start = 0;
-    for count in faces.face_counts {
-        let face = &corners[start..start + count as usize];
-        start += count as usize;
-        // Points and lines among the faces cross nothing.
-        if face.len() > 2 {
-            polygons.face_counts.push(count);
-            polygons.face_indices.extend(face);
-        }
-    }
-    Some(polygons.triangulate().0)
 }
 
 /// A body, in the world and at any time.

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use super::Verification;
 use crate::error::IoError;
 use crate::recorded_frames::{Compared, RecordedCache};
-use crate::report::folder::RunFolder;
-use crate::report::record::in_words;
 use crate::run_record::RECORD;
+use crate::run_record::folder::RunFolder;
+use crate::run_record::reader::in_words;
 
 /// Faults of one cache that are told one by one; what lies behind them is a number.
 const SHOWN: usize = 8;

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use drapery_core::scene::SceneDescription;
-use drapery_io::cache::MeshData;
 use drapery_io::garment_mesh::GarmentMesh;
-use drapery_io::shot::motion::Preroll;
-use drapery_io::shot::{OutputDescription, ShotDescription};
+use drapery_io::input_motion::Preroll;
+use drapery_io::mesh_data::MeshData;
+use drapery_io::shot_description::{OutputDescription, ShotDescription};
 use drapery_io::units::Units;
 
 /// The shot of a scene without input files, whose caches hold velocities.

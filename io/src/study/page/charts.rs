@@ -3,11 +3,11 @@
 use crate::page::axis::Axis;
 use crate::page::card;
 use crate::page::plot::{Bar, Plot, Side, bars};
-use crate::page::text;
+use crate::page::text::{self, millimetres};
 use crate::study::analysis::{Analysis, Row, Told};
 use crate::study::fit::Order;
 use crate::study::record::{Role, Study};
-use crate::study::table::{error_words, is_reference, millimetres, times_words};
+use crate::study::table::{error_words, is_reference, times_words};
 
 /// Size of the chart over the whole page.
 const WIDE: (f64, f64) = (1160.0, 380.0);

@@ -5,13 +5,14 @@ mod charts;
 mod ensemble;
 mod tables;
 
-use crate::page::text::{self, escape};
+use crate::page::text::{self, escape, millimetres};
 use crate::page::{document, tile};
 use crate::study::allowed;
 use crate::study::analysis::{Analysis, analyse};
-use crate::study::checks::{Verdict, checks};
+use crate::study::checks::checks;
 use crate::study::record::Study;
-use crate::study::table::{error_words, millimetres, recommendation, reference_words, window_words};
+use crate::study::table::{error_words, recommendation, reference_words, window_words};
+use crate::study::verdict::Verdict;
 
 /// File name of the page.
 pub const PAGE: &str = "report.html";

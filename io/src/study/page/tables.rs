@@ -3,14 +3,15 @@
 use std::collections::BTreeSet;
 
 use crate::page::table::{Cell, number, section, table, words};
-use crate::page::text::{self, escape};
+use crate::page::text::{self, escape, millimetres};
 use crate::shot::quality::LIMITS;
 use crate::study::analysis::{Analysis, Error, Row, Told, error_over};
-use crate::study::checks::{Check, Verdict, checks};
+use crate::study::checks::checks;
 use crate::study::page::charts::class;
 use crate::study::record::{Omission, Role, Sample, Study};
 use crate::study::schedule::NO_TIME;
-use crate::study::table::{error_words, is_reference, millimetres, times_words};
+use crate::study::table::{error_words, is_reference, times_words};
+use crate::study::verdict::{Check, Verdict};
 
 /// All settings, what they take and how far they are off.
 pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {

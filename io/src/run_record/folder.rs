@@ -4,10 +4,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::record::Record;
+use super::manifest::{Manifest, named_in};
+use super::reader::Record;
+use super::{MANIFEST, RECORD};
 use crate::error::IoError;
 use crate::input_file;
-use crate::run_record::{FRAMES, MANIFEST, Manifest, RECORD, named_in};
+use crate::shot_description::FRAMES;
 
 /// What a run folder tells.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -52,11 +52,6 @@ pub struct InputMotion {
     pub own_units: bool,
 }
 
-/// Time of a frame in files [s]: frame / fps, computed from integers.
-pub fn file_time(timeline: Timeline, frame: i64) -> f64 {
-    frame as f64 * f64::from(timeline.fps_denominator) / f64::from(timeline.fps_numerator)
-}
-
 impl InputMotion {
     /// Samples that lead from the frame before to `frame`, in solver time: those of the file inside the frame, and one
     /// exactly at its end. For the frame at which the simulation starts, only the last is of use.
@@ -66,8 +61,8 @@ impl InputMotion {
     pub fn samples(&self, timeline: Timeline, preroll: Preroll, frame: i64) -> Result<Vec<Sample>, IoError> {
         let mut samples = Vec::new();
         if frame > timeline.origin {
-            let (from, to) = (file_time(timeline, frame - 1), file_time(timeline, frame));
-            let origin = file_time(timeline, timeline.origin);
+            let (from, to) = (timeline.file_time(frame - 1), timeline.file_time(frame));
+            let origin = timeline.file_time(timeline.origin);
             for &time in self.source.times_between(from, to) {
                 samples.push(Sample { time: time - origin, positions: self.chosen(self.pose(time)?) });
             }
@@ -81,7 +76,7 @@ impl InputMotion {
     fn pose_at_frame(&self, timeline: Timeline, preroll: Preroll, frame: i64) -> Result<Vec<Vec3>, IoError> {
         let share = preroll.share(timeline.origin - frame);
         if share == 1.0 {
-            return self.pose(file_time(timeline, frame.max(timeline.origin)));
+            return self.pose(timeline.file_time(frame.max(timeline.origin)));
         }
         let rest = match &self.rest {
             Some(rest) => rest.clone(),
@@ -90,7 +85,7 @@ impl InputMotion {
         if share == 0.0 {
             return Ok(rest);
         }
-        let first = self.pose(file_time(timeline, timeline.origin))?;
+        let first = self.pose(timeline.file_time(timeline.origin))?;
         Ok(rest.iter().zip(&first).map(|(a, b)| a + (b - a) * share).collect())
     }
 

@@ -1,8 +1,6 @@
-//! How much memory this process may still take.
+//! How much memory this process takes, and how much it may still take.
 
 use std::fs;
-
-use super::process;
 
 /// Bytes that this process may still take: the least of what the machine has free, what the control group of the process leaves
 /// and what its limit of address space leaves. `None` where the system does not say.
@@ -17,7 +15,7 @@ fn of_machine() -> Option<u64> {
 }
 
 /// The number behind a word in the tables of `/proc`, in bytes.
-pub(crate) fn kibibytes(table: &str, word: &str) -> Option<u64> {
+fn kibibytes(table: &str, word: &str) -> Option<u64> {
     let line = table.lines().find_map(|line| line.strip_prefix(word))?;
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
@@ -45,8 +43,29 @@ fn of_address_space() -> Option<u64> {
     let limits = fs::read_to_string("/proc/self/limits").ok()?;
     let limit = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     let limit: u64 = limit.split_whitespace().next()?.parse().ok()?;
-    let taken = process::memory("VmSize:")?;
+    let taken = memory("VmSize:")?;
     Some(limit.saturating_sub(taken))
+}
+
+/// Memory that this process occupies [bytes], where the system tells.
+pub fn resident_bytes() -> Option<u64> {
+    memory("VmRSS:")
+}
+
+/// Most memory that this process has occupied since its start or [`forget_peak`] [bytes], where the system tells.
+pub fn peak_bytes() -> Option<u64> {
+    memory("VmHWM:")
+}
+
+/// Lets [`peak_bytes`] begin again, where the system can.
+pub fn forget_peak() {
+    // Where it cannot, the peak of everything so far is reported.
+    let _ = fs::write("/proc/self/clear_refs", "5");
+}
+
+/// Memory of this process behind a word of its status [bytes].
+fn memory(word: &str) -> Option<u64> {
+    kibibytes(&fs::read_to_string("/proc/self/status").ok()?, word)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::error::IoError;
 use crate::frame_digest::FrameDigests;
 use crate::input_file;
-use crate::run_record::FRAMES;
+use crate::shot_description::FRAMES;
 
 /// A whole record.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -86,7 +86,7 @@ pub struct FrameRow {
     pub counts: BTreeMap<String, u64>,
     /// Memory that the process occupied at the end of the frame.
     pub resident_bytes: Option<u64>,
-    /// What was done about steps that went wrong, as [`crate::run_record::recovery_line`] reads it.
+    /// What was done about steps that went wrong, as [`recovery_line`] reads it.
     pub recoveries: Vec<Value>,
     /// Digests of what the caches hold of the frame, by garment; empty where none were recorded.
     pub digests: FrameDigests,
@@ -279,6 +279,30 @@ pub fn median(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied()
+}
+
+/// What is said of a frame in which steps went wrong, from the `recoveries` of its line; nothing where there are none.
+pub fn recovery_line(recoveries: &[Value]) -> Option<String> {
+    let first = recoveries.first()?;
+    let word = |key: &str| first[key].as_str().unwrap_or_default();
+    let vertices: Vec<u64> = first["vertices"].as_array().into_iter().flatten().filter_map(Value::as_u64).collect();
+    let place = match word("garment") {
+        "" => String::new(),
+        garment => format!(", garment \"{garment}\", vertices {vertices:?}"),
+    };
+    let more = match recoveries.len() - 1 {
+        0 => String::new(),
+        also => format!(", and {also} more in this frame"),
+    };
+    let (frame, time) = (first["frame"].as_i64().unwrap_or_default(), first["time"].as_f64().unwrap_or_default());
+    Some(format!("frame {frame}, time {time:.6} s{place}: {}; {}{more}", word("trouble"), word("rung")))
+}
+
+/// A count of every frame in a record; frames that a resumed run came to again count the last time.
+pub fn frame_counts(record: &Path, name: &str) -> BTreeMap<i64, u64> {
+    let text = input_file::bytes(record).unwrap_or_default();
+    let lines = text.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Value>(line).ok());
+    lines.filter_map(|line| Some((line["frame"].as_i64()?, line["counts"][name].as_u64()?))).collect()
 }
 
 #[cfg(test)]
