@@ -7,11 +7,11 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use drapery_analysis::study::vary::parse_vary;
 use drapery_core::effects::{self, LISTED};
 use drapery_io::checkpoint::Every;
 use drapery_io::duration::parse_duration;
 use drapery_io::shot::run::Resume;
-use drapery_io::study::vary::parse_vary;
 
 use crate::exit_code;
 

@@ -313,7 +313,7 @@ fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<CacheMesh, IoError>
 }
 
 /// The triangles that were simulated, if the file tells them, or the faces cut by the solver's rule.
-pub(crate) fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
+pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
     let told = mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
     let in_range = |corner: i32| u32::try_from(corner).ok().filter(|&v| (v as usize) < points.len());
     let triangle = |[a, b, c]: [i32; 3]| Some([in_range(a)?, in_range(b)?, in_range(c)?]);

@@ -5,7 +5,7 @@ use drapery_core::effects::LISTED;
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
-const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
+const ALLOWED: [(&str, &[&str], &[&str]); 9] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &[]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["serde_json", "tempfile"]),
@@ -25,6 +25,21 @@ const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
             "hdf5",
             "sha2",
             "rustix",
+        ],
+        &["tempfile"],
+    ),
+    (
+        "analysis",
+        &[
+            "drapery-core",
+            "drapery-alembic",
+            "drapery-io",
+            "nalgebra",
+            "thiserror",
+            "serde",
+            "serde_json",
+            "toml",
+            "sha2",
             "png",
         ],
         &["tempfile"],
@@ -34,6 +49,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
         &[
             "drapery-core",
             "drapery-io",
+            "drapery-analysis",
             "drapery-mpi",
             "drapery-selftest",
             "clap",
@@ -55,6 +71,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
         &[
             "drapery-core",
             "drapery-io",
+            "drapery-analysis",
             "drapery-alembic",
             "drapery-assets",
             "drapery-selftest",

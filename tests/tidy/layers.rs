@@ -44,15 +44,19 @@ const ROOMS: [&str; 31] = [
 ];
 
 /// Crates, each with those of the project that it may import; what is not listed may import none.
-const CRATES: [(&str, &[&str]); 8] = [
+const CRATES: [(&str, &[&str]); 9] = [
     ("core", &[]),
     ("core/mpi", &["drapery_core"]),
     ("io/alembic", &[]),
     ("io", &["drapery_core", "drapery_alembic"]),
-    ("cli", &["drapery_core", "drapery_io", "drapery_mpi", "drapery_selftest"]),
+    ("analysis", &["drapery_core", "drapery_alembic", "drapery_io"]),
+    ("cli", &["drapery_core", "drapery_io", "drapery_analysis", "drapery_mpi", "drapery_selftest"]),
     ("cli/selftest", &["drapery_core", "drapery_alembic", "drapery_io"]),
     ("sample_assets", &["drapery_alembic"]),
-    ("tests", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_assets", "drapery_selftest"]),
+    (
+        "tests",
+        &["drapery_core", "drapery_alembic", "drapery_io", "drapery_analysis", "drapery_assets", "drapery_selftest"],
+    ),
 ];
 
 /// Place of a module's room among the rooms.

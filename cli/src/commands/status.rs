@@ -4,8 +4,8 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::SystemTime;
 
+use drapery_analysis::report::status::{Process, Status};
 use drapery_io::farm::stale;
-use drapery_io::report::status::{Process, Status};
 use drapery_io::run_record::reader::in_words;
 
 use crate::args::StatusArgs;

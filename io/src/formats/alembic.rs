@@ -223,7 +223,7 @@ fn without_meshes(archive: &Archive) -> String {
 }
 
 /// Times at which points or transforms change, ascending.
-pub(crate) fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
+pub fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
     let mut times = Vec::new();
     for mesh in meshes {
         if mesh.topology_variance() != TopologyVariance::Constant {

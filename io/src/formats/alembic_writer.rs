@@ -447,7 +447,7 @@ pub(crate) fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
 }
 
 /// Puts the corners of every face in the opposite order: clockwise from counter-clockwise and back.
-pub(crate) fn reverse(face_counts: &[u32], corners: &mut [u32]) {
+pub fn reverse(face_counts: &[u32], corners: &mut [u32]) {
     let mut rest = corners;
     for count in face_counts {
         let (face, after) = rest.split_at_mut(*count as usize);

@@ -25,7 +25,7 @@ fuzz_target!(|data: &[u8]| {
         let _ = drapery_io::formats::inspect(&path);
         // Every sample is looked at, and a short file may repeat one of them a million times.
         if PolyMesh::all(&archive).is_ok_and(|meshes| meshes.iter().all(|mesh| mesh.sample_count() < MANY)) {
-            let _ = drapery_io::verify::verify(&[&path], None);
+            let _ = drapery_analysis::verify::verify(&[&path], None);
         }
         read_as_cache(&path);
         // It writes into the file, so it comes last.

@@ -6,13 +6,14 @@ use std::time::{Duration, SystemTime};
 
 use drapery_fuzz::{memory, scratch};
 use drapery_io::farm::lock;
-use drapery_io::report::status::Status;
+use drapery_analysis::report::status::Status;
 use drapery_io::run_record::folder::RunFolder;
 use drapery_io::run_record::manifest::listed_files;
 use drapery_io::run_record::reader::frame_counts;
 use drapery_io::run_record::{MANIFEST, RECORD};
 use drapery_io::site_file::SiteFile;
-use drapery_io::{duration, report, scene_file};
+use drapery_analysis::report;
+use drapery_io::{duration, scene_file};
 use libfuzzer_sys::fuzz_target;
 
 /// A manifest for records of any content.
