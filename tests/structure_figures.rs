@@ -71,7 +71,9 @@ fn main() {
     let effects =
         modules.names().filter(own).map(|module| module[1].clone()).filter(|name| listed.contains(name)).collect();
     let mut files = Vec::new();
-    ["core/src", "io/src", "cli/src"].iter().for_each(|folder| rust_files(&root.join(folder), &mut files));
+    ["core/src", "io/src", "shot/src", "analysis/src", "cli/src"]
+        .iter()
+        .for_each(|folder| rust_files(&root.join(folder), &mut files));
     let outside = files.iter().filter(|path| {
         let name = path.strip_prefix(core.join("effects")).ok().and_then(|path| path.iter().next());
         let stem = name.map(|name| name.to_string_lossy().trim_end_matches(".rs").to_owned());

@@ -1,6 +1,6 @@
 //! `verify` finds where cloth passes through cloth, and only there; runs count it in what they write.
 
-#[path = "../../io/tests/common/mod.rs"]
+#[path = "../../shot/tests/common/mod.rs"]
 mod common;
 
 use std::path::{Path, PathBuf};
@@ -13,10 +13,10 @@ use drapery_analysis::verify::{Verification, verify};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, Timeline};
-use drapery_io::shot::Shot;
-use drapery_io::shot::run::{FrameReport, RunOptions};
 use drapery_io::shot_description::ShotDescription;
 use drapery_io::units::Units;
+use drapery_shot::Shot;
+use drapery_shot::run::{FrameReport, RunOptions};
 
 use common::described;
 

@@ -1,6 +1,6 @@
 //! A shot far from the origin: its caches count positions from a place of their own, and hold what they would hold at the origin.
 
-#[path = "../../io/tests/common/mod.rs"]
+#[path = "../../shot/tests/common/mod.rs"]
 mod common;
 
 use std::path::Path;
@@ -17,15 +17,15 @@ use drapery_core::scene::{
 use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
-use drapery_io::farm::stop::StopRequests;
 use drapery_io::formats::{alembic, by_extension, inspect};
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_data::MeshData;
-use drapery_io::shot::Shot;
-use drapery_io::shot::remote_simulation::{shut_down, worker_loop};
-use drapery_io::shot::run::{FrameReport, Outcome, RunOptions, RunReport};
 use drapery_io::shot_description::ShotDescription;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
+use drapery_shot::Shot;
+use drapery_shot::farm::stop::StopRequests;
+use drapery_shot::remote_simulation::{shut_down, worker_loop};
+use drapery_shot::run::{FrameReport, Outcome, RunOptions, RunReport};
 
 use common::described;
 

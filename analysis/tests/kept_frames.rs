@@ -1,6 +1,6 @@
 //! Frames that have changed on the disk while a run stood still: found when it goes on, and by their record.
 
-#[path = "../../io/tests/common/mod.rs"]
+#[path = "../../shot/tests/common/mod.rs"]
 mod common;
 
 use std::fs;
@@ -11,10 +11,10 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, Timeline};
 use drapery_io::cache_frames::CacheFrames;
-use drapery_io::shot::Shot;
-use drapery_io::shot::error::ShotError;
-use drapery_io::shot::run::{FrameReport, Observer, Outcome, Resume, RunOptions, RunReport};
 use drapery_io::units::Units;
+use drapery_shot::Shot;
+use drapery_shot::ShotError;
+use drapery_shot::run::{FrameReport, Observer, Outcome, Resume, RunOptions, RunReport};
 
 use common::described;
 

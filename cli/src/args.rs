@@ -11,7 +11,7 @@ use drapery_analysis::study::vary::parse_vary;
 use drapery_core::effects::{self, LISTED};
 use drapery_io::checkpoint::Every;
 use drapery_io::duration::parse_duration;
-use drapery_io::shot::run::Resume;
+use drapery_shot::run::Resume;
 
 use crate::exit_code;
 

@@ -7,7 +7,7 @@ use drapery_analysis::study::error::StudyError;
 use drapery_core::error::{ProblemKind, StepError};
 use drapery_io::error::{IoError, IoErrorKind};
 use drapery_io::scene_file::{SceneErrorKind, SceneFileError};
-use drapery_io::shot::error::ShotError;
+use drapery_shot::ShotError;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, NamedSource, SourceSpan};
 
 use crate::exit_code::ExitCode;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use drapery_analysis::study::preset;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::scene_file;
-use drapery_io::shot::Shot;
+use drapery_shot::Shot;
 
 use crate::args::{FrameRange, SceneArgs};
 use crate::config::{Environment, Resolved};

@@ -4,7 +4,7 @@
 use std::io::IsTerminal;
 
 use drapery_io::memory::resident_bytes;
-use drapery_io::shot::run::FrameReport;
+use drapery_shot::run::FrameReport;
 use indicatif::{ProgressBar, ProgressStyle as BarStyle};
 use serde_json::json;
 

@@ -104,7 +104,7 @@ impl WindFile {
     }
 
     /// What is wrong with the samples that the frames up to `last_frame` use.
-    pub(crate) fn check(&self, timeline: Timeline, last_frame: i64) -> Option<Problem> {
+    pub fn check(&self, timeline: Timeline, last_frame: i64) -> Option<Problem> {
         let (first, last) = (timeline.file_time(timeline.origin), timeline.file_time(last_frame));
         let place = format!("wind ({})", self.path.display());
         let margin = self.margin();

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use drapery_io::error::IoError;
-use drapery_io::run_record::MANIFEST;
-use drapery_io::run_record::manifest::listed_files;
+use drapery_shot::run_record::MANIFEST;
+use drapery_shot::run_record::manifest::listed_files;
 
 use super::{PartComparison, Verdict, compare_files};
 

@@ -4,10 +4,10 @@
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::scene::{BodyShape, RigidMotion};
-use drapery_io::run_record::RESOLVED;
-use drapery_io::run_record::folder::RunFolder;
 use drapery_io::scene_file;
 use drapery_io::shot_description::ShotDescription;
+use drapery_shot::run_record::RESOLVED;
+use drapery_shot::run_record::folder::RunFolder;
 use nalgebra::UnitQuaternion;
 
 /// Segments around a round shape.

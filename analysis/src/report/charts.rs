@@ -1,8 +1,8 @@
 //! The charts of the page: which figures of a run are drawn, and how several frames become one column.
 
-use drapery_io::run_record::folder::RunFolder;
-use drapery_io::run_record::reader::{EventKind, FrameRow};
-use drapery_io::shot::quality::LIMITS;
+use drapery_shot::quality::LIMITS;
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::reader::{EventKind, FrameRow};
 
 use super::chart::{Chart, Lane};
 use super::thin::{Column, columns, largest, mean, smallest};
@@ -317,7 +317,7 @@ fn counts(values: &mut dyn Iterator<Item = f64>, wanted: usize) -> Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use drapery_io::run_record::reader::StageRow;
+    use drapery_shot::run_record::reader::StageRow;
 
     fn row(frame: i64, stages: &[(&str, f64)]) -> FrameRow {
         let stages = stages.iter().map(|(name, seconds)| StageRow {

@@ -3,8 +3,8 @@
 use base64::encode;
 use drapery_core::Vec3;
 use drapery_io::cache_frames::CacheFrames;
-use drapery_io::run_record::folder::RunFolder;
-use drapery_io::run_record::manifest::ManifestGarment;
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::manifest::ManifestGarment;
 
 use super::bodies::{Bodies, BodyMesh};
 use super::raster::{Picture, Surface, View, render};

@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 
 use drapery_io::atomic_file;
 use drapery_io::error::IoError;
-use drapery_io::run_record::folder::RunFolder;
-use drapery_io::run_record::reader::{FrameRow, median};
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::reader::{FrameRow, median};
 
 use crate::page::text::{self, escape};
 use crate::page::{document, tile};
@@ -58,8 +58,8 @@ pub fn page(run: &RunFolder) -> String {
     body += &tables::provenance(run);
     let made = format!(
         "Made by drapery report from {} and {}.",
-        drapery_io::run_record::MANIFEST,
-        drapery_io::run_record::RECORD
+        drapery_shot::run_record::MANIFEST,
+        drapery_shot::run_record::RECORD
     );
     document(&format!("{title}: Drapery run"), &body, &made)
 }
@@ -125,7 +125,7 @@ fn tiles(run: &RunFolder, rows: &[FrameRow], found: &[Degradation]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use drapery_io::run_record::reader::{Event, EventKind};
+    use drapery_shot::run_record::reader::{Event, EventKind};
 
     fn run(frames: i64) -> RunFolder {
         let mut run = RunFolder::default();

@@ -4,12 +4,12 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use drapery_io::error::IoError;
-use drapery_io::farm::lock::{self, Holder, Presence};
-use drapery_io::farm::stale::{self, Stale};
-use drapery_io::run_record::folder::RunFolder;
-use drapery_io::run_record::manifest::ManifestCheckpoint;
-use drapery_io::run_record::reader::median;
-use drapery_io::shot::quality::LIMITS;
+use drapery_shot::farm::lock::{self, Holder, Presence};
+use drapery_shot::farm::stale::{self, Stale};
+use drapery_shot::quality::LIMITS;
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::manifest::ManifestCheckpoint;
+use drapery_shot::run_record::reader::median;
 use serde::Serialize;
 
 /// Number of frames from which the rate is told.
@@ -169,8 +169,8 @@ impl From<Holder> for Process {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use drapery_io::farm::lock::RunLock;
-    use drapery_io::farm::process::Owner;
+    use drapery_shot::farm::lock::RunLock;
+    use drapery_shot::farm::process::Owner;
 
     /// A run of ten frames, and one before them, that has reached 1004.
     fn half_done(folder: &Path, state: &str) {

@@ -1,9 +1,9 @@
 //! The tables of the page.
 
 use drapery_io::input_file;
-use drapery_io::run_record::RESOLVED;
-use drapery_io::run_record::folder::RunFolder;
-use drapery_io::run_record::reader::{EventKind, FrameRow, OverRanks, StageRow};
+use drapery_shot::run_record::RESOLVED;
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::reader::{EventKind, FrameRow, OverRanks, StageRow};
 
 use super::status::Degradation;
 use crate::page::table::{Cell, number, section, table, words};
@@ -176,7 +176,7 @@ pub(super) fn provenance(run: &RunFolder) -> String {
     let fact = |(name, text): &(&str, String)| vec![words(name), (format!("<code>{}</code>", escape(text)), false)];
     let facts: Vec<Vec<Cell>> = facts.iter().map(fact).collect();
     let mut page = section("Provenance", "", &[words(""), words("")], &facts);
-    let effect = |effect: &drapery_io::run_record::reader::EffectRow| {
+    let effect = |effect: &drapery_shot::run_record::reader::EffectRow| {
         vec![
             (format!("<code>{}</code>", escape(&effect.effect)), false),
             words(effect.garment.as_deref().unwrap_or("all")),

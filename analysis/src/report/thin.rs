@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use drapery_io::run_record::reader::FrameRow;
+use drapery_shot::run_record::reader::FrameRow;
 
 /// Frames that share a column of a chart.
 #[derive(Debug, Clone, PartialEq, Eq)]

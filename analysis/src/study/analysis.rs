@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use drapery_io::shot::quality::LIMITS;
+use drapery_shot::quality::LIMITS;
 
 use crate::study::fit::{self, Order};
 use crate::study::record::{Distance, Role, Sample, Study};

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use drapery_io::error::IoError;
 use drapery_io::scene_file::SceneFileError;
-use drapery_io::shot::error::ShotError;
+use drapery_shot::ShotError;
 
 /// Why a study could not be made.
 #[derive(Debug, thiserror::Error)]

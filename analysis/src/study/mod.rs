@@ -34,11 +34,11 @@ use std::time::{Duration, Instant, SystemTime};
 use drapery_io::atomic_file;
 use drapery_io::cache::APPLICATION;
 use drapery_io::error::IoError;
-use drapery_io::farm::lock::RunLock;
-use drapery_io::farm::process::Owner;
 use drapery_io::scene_file::SearchPaths;
-use drapery_io::shot::Shot;
 use drapery_io::shot_description::ShotDescription;
+use drapery_shot::Shot;
+use drapery_shot::farm::lock::RunLock;
+use drapery_shot::farm::process::Owner;
 
 use crate::study::error::StudyError;
 use crate::study::record::{Asked, FORMAT, Machine, RECORD, Role, SceneFacts, Study};
@@ -150,7 +150,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
         machine: Machine { threads: options.threads, load, ..Machine::this() },
         closed_forms,
         outside: balance::outside(simulation.scene().description(), simulation),
-        digests: shot.digests()?,
+        digests: shot.fingerprint()?.digests,
         asked: options.asked.clone(),
         budget: options.budget,
         limit: options.limit.as_secs_f64(),

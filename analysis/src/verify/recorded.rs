@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use drapery_io::error::IoError;
-use drapery_io::recorded_frames::{Compared, RecordedCache};
-use drapery_io::run_record::RECORD;
-use drapery_io::run_record::folder::RunFolder;
-use drapery_io::run_record::reader::in_words;
+use drapery_shot::recorded_frames::{Compared, RecordedCache};
+use drapery_shot::run_record::RECORD;
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::reader::in_words;
 
 use super::Verification;
 

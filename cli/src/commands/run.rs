@@ -5,12 +5,12 @@ use std::time::SystemTime;
 
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_io::farm::command_line::quoted;
-use drapery_io::farm::stop::{Reason, Signal, StopRequests};
-use drapery_io::run_record::reader::in_words;
-use drapery_io::shot::bundle::Bundle;
-use drapery_io::shot::quality::{self, Exceeded, LIMITS};
-use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
+use drapery_shot::farm::command_line::quoted;
+use drapery_shot::farm::stop::{Reason, Signal, StopRequests};
+use drapery_shot::quality::{self, Exceeded, LIMITS};
+use drapery_shot::run::Bundle;
+use drapery_shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
+use drapery_shot::run_record::reader::in_words;
 
 use crate::args::{OnTerm, ProgressStyle, RunArgs, SceneArgs};
 use crate::config::{Environment, RunSettings};

@@ -9,8 +9,8 @@ use drapery_analysis::study::{self, Options, analysis, preset, table};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::atomic_file;
 use drapery_io::error::IoError;
-use drapery_io::farm::command_line::quoted;
 use drapery_io::input_file;
+use drapery_shot::farm::command_line::quoted;
 
 use crate::args::StudyArgs;
 use crate::config::Environment;

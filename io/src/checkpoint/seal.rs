@@ -71,7 +71,7 @@ pub(super) fn check(path: &Path, file: &mut File) -> Result<(), IoError> {
 }
 
 /// Content that cannot be used, and what to do.
-pub(super) fn damaged(path: &Path, place: &str, what: String) -> IoError {
+pub fn damaged(path: &Path, place: &str, what: String) -> IoError {
     IoError::data(path, place, what, USE_EARLIER)
 }
 

@@ -52,7 +52,7 @@ use crate::shot_description::ShotDescription;
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
 pub use material_files::{material_files, read_material};
-pub(crate) use resolved::FILES;
+pub use resolved::FILES;
 pub use schema::schema;
 pub use search::{PathMaps, SearchPaths};
 

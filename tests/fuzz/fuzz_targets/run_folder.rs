@@ -5,12 +5,12 @@
 use std::time::{Duration, SystemTime};
 
 use drapery_fuzz::{memory, scratch};
-use drapery_io::farm::lock;
+use drapery_shot::farm::lock;
 use drapery_analysis::report::status::Status;
-use drapery_io::run_record::folder::RunFolder;
-use drapery_io::run_record::manifest::listed_files;
-use drapery_io::run_record::reader::frame_counts;
-use drapery_io::run_record::{MANIFEST, RECORD};
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::manifest::listed_files;
+use drapery_shot::run_record::reader::frame_counts;
+use drapery_shot::run_record::{MANIFEST, RECORD};
 use drapery_io::site_file::SiteFile;
 use drapery_analysis::report;
 use drapery_io::{duration, scene_file};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use drapery_io::shot::quality::LIMITS;
+use drapery_shot::quality::LIMITS;
 
 use crate::page::table::{Cell, number, section, table, words};
 use crate::page::text::{self, escape, millimetres};

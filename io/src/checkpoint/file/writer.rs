@@ -101,7 +101,7 @@ impl CheckpointWriter {
     }
 
     /// From now on an array for which the disk has no room is refused before it is written, as one of the file `path`.
-    pub(in crate::checkpoint) fn look_for_room(&mut self, path: &Path) {
+    pub fn look_for_room(&mut self, path: &Path) {
         self.room = Some(path.to_owned());
     }
 
