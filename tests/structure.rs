@@ -121,7 +121,7 @@ fn collect(folder: &Path, module: &mut Module, code: &mut BTreeMap<Module, Strin
 fn without_test_modules(code: &str) -> String {
     let (mut out, mut inside, mut test) = (String::new(), false, false);
     for line in code.lines() {
-        inside |= test && line.starts_with("mod ") && line.ends_with('{');
+        inside |= test && line.contains("mod ") && line.ends_with('{');
         if !inside {
             out.push_str(line);
             out.push('\n');

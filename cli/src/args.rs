@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use drapery_analysis::study::vary::parse_vary;
 use drapery_core::effects::{self, LISTED};
 use drapery_core::observe::Tracepoint;
 use drapery_io::checkpoint::Every;
-use drapery_io::farm::duration::parse_duration;
-use drapery_io::shot::run::Resume;
-use drapery_io::study::vary::parse_vary;
+use drapery_io::duration::parse_duration;
+use drapery_shot::run::Resume;
 
 use crate::exit_code;
 

@@ -8,11 +8,11 @@ use std::time::{Duration, SystemTime};
 use clap::ValueEnum;
 use drapery_core::settings::nearest;
 use drapery_io::checkpoint::Every;
-use drapery_io::farm::duration::parse_epoch;
-use drapery_io::farm::stop::{Reason, StopRequests};
+use drapery_io::duration::parse_epoch;
 use drapery_io::scene_file::{SceneErrorKind, SearchPaths};
-use drapery_io::shot::run::RunOptions;
 use drapery_io::site_file::SiteFile;
+use drapery_shot::farm::stop::{Reason, StopRequests};
+use drapery_shot::run::RunOptions;
 
 use crate::args::{MaterialsArgs, OnTerm, ProgressStyle, RunSettingsArgs};
 use crate::exit_code::ExitCode;

@@ -3,11 +3,11 @@
 use std::io::IsTerminal;
 use std::sync::Arc;
 
+use drapery_analysis::study::error::StudyError;
 use drapery_core::error::{ProblemKind, StepError};
 use drapery_io::error::{IoError, IoErrorKind};
 use drapery_io::scene_file::{SceneErrorKind, SceneFileError};
-use drapery_io::shot::ShotError;
-use drapery_io::study::StudyError;
+use drapery_shot::ShotError;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, NamedSource, SourceSpan};
 
 use crate::exit_code::ExitCode;
@@ -56,7 +56,7 @@ impl From<ShotError> for Failure {
             ShotError::Io(error) => code_of(error),
             ShotError::Frames(_) | ShotError::Resume(_) => ExitCode::Usage,
             ShotError::Changed { .. } => ExitCode::CannotCreate,
-            ShotError::Step(StepError::Input { .. }) => ExitCode::BadInput,
+            ShotError::FrameChanged { .. } | ShotError::Step(StepError::Input { .. }) => ExitCode::BadInput,
             ShotError::Step(_) => ExitCode::SolverGaveUp,
             // Whoever corrects the scene first may find that the data was right.
             ShotError::Problems(problems) if problems.0.iter().any(|p| p.kind == ProblemKind::Scene) => ExitCode::Scene,

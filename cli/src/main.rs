@@ -16,8 +16,8 @@ mod signals;
 use clap::Parser;
 use clap::error::ErrorKind;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_io::farm::command_line::quoted;
-use drapery_io::shot::remote_simulation;
+use drapery_shot::farm::command_line::quoted;
+use drapery_shot::remote_simulation;
 
 use crate::args::{Cli, Command};
 use crate::config::Environment;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use drapery_analysis::study::preset;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::scene_file;
-use drapery_io::shot::Shot;
-use drapery_io::study::preset;
+use drapery_shot::Shot;
 
 use crate::args::{FrameRange, SceneArgs};
 use crate::config::{Environment, Resolved};

@@ -3,8 +3,8 @@
 
 use std::io::IsTerminal;
 
-use drapery_io::farm::process::resident_bytes;
-use drapery_io::shot::run::FrameReport;
+use drapery_io::memory::resident_bytes;
+use drapery_shot::run::FrameReport;
 use indicatif::{ProgressBar, ProgressStyle as BarStyle};
 use serde_json::json;
 

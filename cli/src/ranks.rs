@@ -2,9 +2,9 @@
 //! others follow it in `run`, and wait for its end in everything else.
 
 use drapery_core::parallel::ranks::Ranks;
-use drapery_io::farm::process::Owner;
-use drapery_io::farm::stop::StopRequests;
-use drapery_io::shot::remote_simulation;
+use drapery_shot::farm::process::Owner;
+use drapery_shot::farm::stop::StopRequests;
+use drapery_shot::remote_simulation;
 
 use crate::args::Command;
 use crate::config::Resolved;

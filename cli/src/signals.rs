@@ -4,7 +4,7 @@
 
 use std::time::SystemTime;
 
-use drapery_io::farm::stop::{Signal, StopRequests};
+use drapery_shot::farm::stop::{Signal, StopRequests};
 use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU};
 use signal_hook::iterator::Signals;
 
@@ -48,7 +48,7 @@ pub(crate) fn end_by_term() {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use drapery_io::farm::stop::{Reason, Request};
+    use drapery_shot::farm::stop::{Reason, Request};
     use std::time::{Duration, Instant};
 
     /// What is asked for, once that is no longer what it was.

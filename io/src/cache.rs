@@ -1,137 +1,15 @@
-//! What mesh files and caches are to the rest of the program: a mesh with its attributes, a reader that can be asked
-//! for any time, and a writer that takes one frame after the other.
-//!
-//! Readers and writers speak the file's own units and axes; [`crate::mesh_source::MeshSource`] and the frame loop convert at
-//! the door. Faces are counter-clockwise seen from outside everywhere in the program; formats
-//! that store them the other way round are reversed on reading and again on writing.
+//! What caches are to the rest of the program: a plan, and a writer that takes one frame after the other, in the file's own
+//! units and axes.
 
 use std::path::Path;
 
-pub use drapery_alembic::{DataType, PodType, Scope};
 use drapery_core::Vec3;
-use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
 use serde::{Deserialize, Serialize};
 
 use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
 use crate::units::Units;
-
-/// Texture coordinates: a list of values, and for every face corner which value it has.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Uvs {
-    /// Name of the UV set in the source file; empty when it has none.
-    pub name: String,
-    /// Texture coordinates.
-    pub values: Vec<[f32; 2]>,
-    /// Value of each face corner, in the order of the mesh's face indices.
-    pub indices: Vec<u32>,
-}
-
-/// A named set of faces, such as a panel or the faces of one material.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FaceSet {
-    /// Its name.
-    pub name: String,
-    /// Face numbers, ascending.
-    pub faces: Vec<u32>,
-}
-
-/// An attribute of a mesh that is handed through from the source file to the output, value by value.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct MeshParam {
-    /// Its name.
-    pub name: String,
-    /// What one value belongs to. Values of face corners are in Alembic's order, clockwise seen from outside.
-    pub scope: Scope,
-    /// Type of one value.
-    pub data_type: DataType,
-    /// What the numbers mean, in Alembic's words; empty for plain numbers.
-    pub interpretation: String,
-    /// Name of a UV set, when it is one and has one.
-    pub source_name: Option<String>,
-    /// The values as stored bytes.
-    pub values: Vec<u8>,
-    /// Value used at each place, when values are shared.
-    pub indices: Option<Vec<u32>>,
-}
-
-/// A mesh with everything that is handed through to the output.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct MeshData {
-    /// Full path of the object in its file (`/hero/geo/skirt/skirtShape`); empty when the format has no paths.
-    pub object_path: String,
-    /// Points and polygons.
-    pub mesh: PolygonMesh,
-    /// Texture coordinates, if there are any.
-    pub uvs: Option<Uvs>,
-    /// Face sets in the order of the file.
-    pub face_sets: Vec<FaceSet>,
-    /// Other attributes, passed through as they are.
-    pub params: Vec<MeshParam>,
-}
-
-impl MeshData {
-    /// A mesh without attributes.
-    pub fn new(mesh: PolygonMesh) -> Self {
-        Self { mesh, ..Self::default() }
-    }
-}
-
-/// Number of corners of each face, and the point of each corner.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Connectivity {
-    /// Number of corners of each face.
-    pub face_counts: Vec<u32>,
-    /// Point of each corner, face by face.
-    pub face_indices: Vec<u32>,
-}
-
-/// An opened mesh, in the units and axes of its file, transforms of all parents applied.
-pub trait MeshReader: Send {
-    /// Paths of the objects that were chosen, in the order in which they are merged.
-    fn objects(&self) -> Vec<String>;
-
-    /// Times at which anything of the chosen objects or their parents is stored [s], ascending; empty when nothing
-    /// moves.
-    fn sample_times(&self) -> &[f64];
-
-    /// The mesh at a time [s]; between samples as [`MeshReader::positions_at`].
-    ///
-    /// # Errors
-    /// The file cannot be read or contradicts itself.
-    fn mesh_at(&self, time: f64) -> Result<MeshData, IoError>;
-
-    /// Positions at a time [s], linear between the samples around it, held before the first and after the last.
-    ///
-    /// # Errors
-    /// The file cannot be read or contradicts itself.
-    fn positions_at(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError>;
-
-    /// Gives the positions at a time [s] piece by piece, as [`MeshReader::positions_at`] has them.
-    ///
-    /// # Errors
-    /// The file cannot be read or contradicts itself.
-    fn points_at(&self, time: f64, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError>;
-
-    /// Gives the faces at a time [s] piece by piece: the number of corners of each, and the point of each corner.
-    ///
-    /// # Errors
-    /// The file cannot be read or contradicts itself.
-    fn faces_at(&self, time: f64, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError>;
-
-    /// Reads what is handed through at a time [s], one attribute after the other, and keeps nothing.
-    ///
-    /// # Errors
-    /// The file cannot be read or contradicts itself.
-    fn check_attributes_at(&self, time: f64) -> Result<(), IoError>;
-
-    /// How faces and points hang together at a time [s], or `None` when the file promises that it never changes.
-    ///
-    /// # Errors
-    /// The file cannot be read or contradicts itself.
-    fn connectivity_at(&self, time: f64) -> Result<Option<Connectivity>, IoError>;
-}
 
 /// What a cache will hold, known before its first frame.
 #[derive(Debug, Clone)]
@@ -175,11 +53,6 @@ impl CachePlan<'_> {
         // Adding zero turns a negative zero into the positive one.
         let in_file = || <[f64; 3]>::from(self.units.from_si(self.origin)).map(|c| c + 0.0);
         (self.origin != Vec3::zeros()).then(in_file)
-    }
-
-    /// File time of a frame [s]: frame / fps, computed from integers.
-    pub fn file_time(&self, frame: i64) -> f64 {
-        frame as f64 * f64::from(self.timeline.fps_denominator) / f64::from(self.timeline.fps_numerator)
     }
 
     /// Frames per second.

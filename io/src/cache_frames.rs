@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 
 use drapery_alembic::{Archive, Bounds, IDENTITY, PolyMesh, Samples};
 use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
 
-use crate::cache::Connectivity;
 use crate::error::IoError;
-use crate::formats::alembic_writer::{CROSSINGS, bounds_of, reverse, shifted};
+use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
 use crate::formats::hdf5::stored;
 use crate::input_file;
+use crate::mesh_data::Connectivity;
 use crate::units::{LengthUnit, Units, UpAxis};
-use crate::verify::triangles_of;
 
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
 const WHOLE_FRAME: f64 = 1e-3;
@@ -310,6 +310,32 @@ fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<CacheMesh, IoError>
         described.faces = Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices };
     }
     Ok(described)
+}
+
+/// The triangles that were simulated, if the file tells them, or the faces cut by the solver's rule.
+pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
+    let told = mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
+    let in_range = |corner: i32| u32::try_from(corner).ok().filter(|&v| (v as usize) < points.len());
+    let triangle = |[a, b, c]: [i32; 3]| Some([in_range(a)?, in_range(b)?, in_range(c)?]);
+    let told = told.and_then(|told| told.into_iter().map(triangle).collect::<Option<Vec<_>>>());
+    if told.is_some() {
+        return told;
+    }
+    let faces = mesh.faces(0).ok()?;
+    let mut corners = faces.face_indices;
+    reverse(&faces.face_counts, &mut corners);
+    let mut polygons = PolygonMesh { points: points.to_vec(), ..PolygonMesh::default() };
+    let mut start = 0;
+    for count in faces.face_counts {
+        let face = &corners[start..start + count as usize];
+        start += count as usize;
+        // Points and lines among the faces cross nothing.
+        if face.len() > 2 {
+            polygons.face_counts.push(count);
+            polygons.face_indices.extend(face);
+        }
+    }
+    Some(polygons.triangulate().0)
 }
 
 /// Frame numbers of samples, or sample numbers where times are not those of whole frames.

@@ -4,8 +4,6 @@ use std::path::{Path, PathBuf};
 
 use drapery_alembic::AlembicError;
 
-use crate::recorded_frames::FrameFault;
-
 /// An error of reading or writing files.
 #[derive(Debug, thiserror::Error)]
 pub enum IoError {
@@ -162,18 +160,6 @@ pub enum IoError {
         /// What to do.
         advice: String,
     },
-    /// A frame before the one that a run is told to go on after is not what was written.
-    #[error(
-        "{fault}\n  \
-         help: go on from a checkpoint before this frame with --resume FRAME, leave --resume {asked} out to let the run find \
-         it, or start anew with --overwrite"
-    )]
-    FrameChanged {
-        /// The cache, the frame, and what is wrong.
-        fault: FrameFault,
-        /// The frame of `--resume`.
-        asked: i64,
-    },
     /// A file has a format that is not read or written here.
     #[error(
         "{}: {what}\n  \
@@ -229,8 +215,7 @@ impl IoError {
             Self::OutputNotUtf8 { .. } => IoErrorKind::CannotCreate,
             Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
             Self::Write { .. } | Self::NoRoom { .. } => IoErrorKind::Io,
-            Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
-            Self::FrameChanged { .. } | Self::NotAFile { .. } => IoErrorKind::BadInput,
+            Self::NotAFile { .. } | Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
             Self::Alembic(AlembicError::Io { action: "create", .. }) => IoErrorKind::CannotCreate,
             Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
             Self::Alembic(AlembicError::Refused { .. } | AlembicError::TimeSampling { .. }) => IoErrorKind::Internal,

@@ -10,8 +10,8 @@ use drapery_core::mesh::{MeshStream, PolygonMesh};
 use drapery_core::setup::simulated_triangles;
 use sha2::{Digest, Sha256};
 
-use crate::cache::MeshData;
 use crate::error::IoError;
+use crate::mesh_data::MeshData;
 
 /// How the mesh of a garment is read.
 pub trait GarmentReader: Send + Sync {

@@ -92,7 +92,7 @@ pub fn text(path: &Path) -> Result<String, IoError> {
 ///
 /// # Errors
 /// The file cannot be read; the line is longer than 64 MiB.
-pub(crate) fn read_line(path: &Path, reader: &mut impl BufRead, line: &mut Vec<u8>) -> Result<bool, IoError> {
+pub fn read_line(path: &Path, reader: &mut impl BufRead, line: &mut Vec<u8>) -> Result<bool, IoError> {
     line.clear();
     let read = reader.take(LONGEST_LINE + 1).read_until(b'\n', line).map_err(|error| IoError::reading(path, error))?;
     if read as u64 > LONGEST_LINE {

@@ -1,4 +1,4 @@
-//! Drapery's files: scenes, meshes, caches, and the loop that turns one into the other frame by frame.
+//! Drapery's files: scenes, meshes, caches, checkpoints.
 //!
 //! Everything inside the program is in metres, seconds and kilograms with Y up and faces counter-clockwise; files may
 //! differ, and are converted where they are read or written. The library never prints.
@@ -7,24 +7,21 @@ pub mod atomic_file;
 pub mod cache;
 pub mod cache_frames;
 pub mod checkpoint;
-pub mod diff;
+pub mod dump_file;
+pub mod duration;
 pub mod error;
-pub mod farm;
+pub mod file_summary;
 pub mod formats;
-pub mod frame_digest;
 pub mod garment_mesh;
 pub mod input_file;
-pub mod inspect;
+pub mod input_motion;
 pub mod materials;
+pub mod memory;
+pub mod mesh_data;
 pub mod mesh_source;
-pub(crate) mod page;
-pub mod recorded_frames;
-pub mod report;
-pub mod run_record;
 pub mod scene_file;
-pub mod shot;
+pub mod sha256;
+pub mod shot_description;
 pub mod site_file;
-pub mod study;
 pub mod units;
-pub mod verify;
 pub mod wind_file;

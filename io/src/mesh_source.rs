@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
 
-use crate::cache::{Connectivity, MeshData, MeshReader};
 use crate::error::IoError;
 use crate::formats;
+use crate::mesh_data::{Connectivity, MeshData, MeshReader};
 use crate::units::Units;
 
 /// Times closer than this share of a sample step are the same: programs round frame / fps differently.

@@ -25,7 +25,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
 use crate::checkpoint::Every;
-use crate::farm::duration::parse_duration;
+use crate::duration::parse_duration;
 use crate::scene_file::{self, PathMaps, SceneFileError};
 
 /// What a site file says.

@@ -18,7 +18,6 @@ use hdf5::{Dataset, Hyperslab};
 use crate::error::IoError;
 use crate::formats::hdf5::stored;
 use crate::input_file;
-use crate::shot::motion::file_time;
 
 /// Times closer than this share of a sample step are the same: programs round frame / fps differently.
 const SAME_SAMPLE: f64 = 1e-3;
@@ -88,10 +87,10 @@ impl WindFile {
     /// # Errors
     /// The file is damaged.
     pub fn samples(&self, timeline: Timeline, frame: i64) -> Result<Vec<WindSample>, IoError> {
-        let origin = file_time(timeline, timeline.origin);
+        let origin = timeline.file_time(timeline.origin);
         let mut samples = Vec::new();
         if frame > timeline.origin {
-            let (from, to) = (file_time(timeline, frame - 1), file_time(timeline, frame));
+            let (from, to) = (timeline.file_time(frame - 1), timeline.file_time(frame));
             let margin = self.margin();
             for (number, time) in self.times.iter().enumerate() {
                 if *time > from + margin && *time < to - margin {
@@ -99,14 +98,14 @@ impl WindFile {
                 }
             }
         }
-        let velocities = self.at(file_time(timeline, frame.max(timeline.origin)))?;
+        let velocities = self.at(timeline.file_time(frame.max(timeline.origin)))?;
         samples.push(WindSample { time: timeline.time(frame), velocities });
         Ok(samples)
     }
 
     /// What is wrong with the samples that the frames up to `last_frame` use.
-    pub(crate) fn check(&self, timeline: Timeline, last_frame: i64) -> Option<Problem> {
-        let (first, last) = (file_time(timeline, timeline.origin), file_time(timeline, last_frame));
+    pub fn check(&self, timeline: Timeline, last_frame: i64) -> Option<Problem> {
+        let (first, last) = (timeline.file_time(timeline.origin), timeline.file_time(last_frame));
         let place = format!("wind ({})", self.path.display());
         let margin = self.margin();
         let covered = [self.times[0], self.times[self.times.len() - 1]];

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use drapery_alembic::{Archive, PolyMesh, TopologyVariance};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
-use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter, DataType, MeshData, MeshParam, Scope};
+use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
 use drapery_io::formats::alembic_writer::AlembicWriter;
 use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::mesh_data::{DataType, MeshData, MeshParam, Scope};
 use drapery_io::mesh_source::MeshSource;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 

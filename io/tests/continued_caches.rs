@@ -8,10 +8,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use drapery_alembic::{Archive, PodType, PolyMesh};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
-use drapery_io::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter, DataType, MeshData, MeshParam, Scope};
+use drapery_io::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use drapery_io::error::IoError;
 use drapery_io::formats::by_extension;
 use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::mesh_data::{DataType, MeshData, MeshParam, Scope};
 use drapery_io::mesh_source::MeshSource;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 

@@ -6,9 +6,10 @@ use std::time::Instant;
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
-use drapery_io::cache::{CacheFrame, CachePlan, MeshData};
+use drapery_io::cache::{CacheFrame, CachePlan};
 use drapery_io::formats::by_extension;
 use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::mesh_data::MeshData;
 use drapery_io::units::{LengthUnit, Units, UpAxis};
 
 const FRAMES: i64 = 1000;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
+use drapery_io::input_motion::{InputMotion, Preroll};
 use drapery_io::mesh_source::MeshSource;
-use drapery_io::shot::motion::{InputMotion, Preroll};
 use drapery_io::units::Units;
 use serde_json::Value;
 

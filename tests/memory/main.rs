@@ -13,10 +13,9 @@ use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{EffectRequest, Scene, SceneDescription};
 use drapery_io::cache::{CacheFrame, CachePlan};
-use drapery_io::formats;
 use drapery_io::garment_mesh::GarmentMesh;
-use drapery_io::scene_file;
 use drapery_io::units::Units;
+use drapery_io::{formats, scene_file};
 
 /// Notes the largest block that is asked for.
 struct Largest;
@@ -110,7 +109,7 @@ fn write_obj(mesh: &dyn MeshStream, path: &Path) {
 }
 
 fn write_abc(mesh: &dyn MeshStream, path: &Path) {
-    let mut data = drapery_io::cache::MeshData::default();
+    let mut data = drapery_io::mesh_data::MeshData::default();
     mesh.points(&mut |points| data.mesh.points.extend_from_slice(points)).expect("points");
     mesh.faces(&mut |counts, corners| {
         data.mesh.face_counts.extend_from_slice(counts);

@@ -1,13 +1,16 @@
 //! `docs/reference/counts.md` explains every count of the program, and says which are limits.
 
 use drapery_core::effects::REGISTRY;
-use drapery_io::shot::quality::LIMITS;
+use drapery_shot::quality::LIMITS;
 
-use crate::tree::{report, root, rust_files};
+use crate::tree::{SourceFile, report, root, rust_files};
 use drapery_tests::source_text::without_tests;
 
 /// How the page's tables of counts begin.
 const HEAD: &str = "| count | limit | meaning |";
+
+/// Folders of the code that counts.
+const COUNTING: [&str; 3] = ["core/src/", "io/src/", "shot/src/"];
 
 /// Names in the tables of counts, with whether they are called limits.
 fn explained(page: &str) -> Vec<(&str, bool)> {
@@ -24,7 +27,8 @@ fn row(line: &str) -> Option<(&str, bool)> {
 /// Names of the counts in the program's text, each once.
 fn counted() -> Vec<String> {
     let mut names: Vec<String> = LIMITS.iter().map(|(name, _)| (*name).to_owned()).collect();
-    for file in rust_files().iter().filter(|f| f.name.starts_with("core/src/") || f.name.starts_with("io/src/")) {
+    let counts = |file: &&SourceFile| COUNTING.iter().any(|folder| file.name.starts_with(folder));
+    for file in rust_files().iter().filter(counts) {
         // Of texts only what stands between the quotes matters, so comments may stay.
         let text = without_tests(&file.text);
         let calls = text.split(".count(\"").skip(1).map(|call| call.split('"').next().unwrap_or_default());

@@ -5,7 +5,7 @@ use drapery_core::effects::LISTED;
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
-const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
+const ALLOWED: [(&str, &[&str], &[&str]); 10] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &[]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["serde_json", "tempfile"]),
@@ -25,6 +25,37 @@ const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
             "hdf5",
             "sha2",
             "rustix",
+        ],
+        &["tempfile"],
+    ),
+    (
+        "shot",
+        &[
+            "drapery-core",
+            "drapery-alembic",
+            "drapery-io",
+            "thiserror",
+            "serde",
+            "serde_json",
+            "toml",
+            "sha2",
+            "rustix",
+        ],
+        &["tempfile"],
+    ),
+    (
+        "analysis",
+        &[
+            "drapery-core",
+            "drapery-alembic",
+            "drapery-io",
+            "drapery-shot",
+            "nalgebra",
+            "thiserror",
+            "serde",
+            "serde_json",
+            "toml",
+            "sha2",
             "png",
         ],
         &["tempfile"],
@@ -34,6 +65,8 @@ const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
         &[
             "drapery-core",
             "drapery-io",
+            "drapery-shot",
+            "drapery-analysis",
             "drapery-mpi",
             "drapery-selftest",
             "clap",
@@ -49,12 +82,18 @@ const ALLOWED: [(&str, &[&str], &[&str]); 8] = [
         &["tempfile"],
     ),
     ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["serde_json", "tempfile"]),
-    ("cli/selftest", &["drapery-core", "drapery-alembic", "drapery-io", "nalgebra", "serde_json", "tempfile"], &[]),
+    (
+        "cli/selftest",
+        &["drapery-core", "drapery-alembic", "drapery-io", "drapery-shot", "nalgebra", "serde_json", "tempfile"],
+        &[],
+    ),
     (
         "tests",
         &[
             "drapery-core",
             "drapery-io",
+            "drapery-shot",
+            "drapery-analysis",
             "drapery-alembic",
             "drapery-assets",
             "drapery-selftest",

@@ -1,7 +1,6 @@
-//! The direction of imports: from crate to crate, and inside the solver from room to room. What is used stands before what uses
-//! it.
+//! The direction of imports: from crate to crate, and inside a crate from room to room. What is used stands before what uses it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use drapery_tests::effect_names::named_outside_their_rooms;
 use drapery_tests::structure::{Module, Modules};
@@ -45,42 +44,134 @@ const ROOMS: [&str; 32] = [
     "simulation",
 ];
 
+/// The rooms of files: reading and writing.
+const IO_ROOMS: [&str; 22] = [
+    "error",
+    "input_file",
+    "atomic_file",
+    "units",
+    "memory",
+    "duration",
+    "sha256",
+    "mesh_data",
+    "garment_mesh",
+    "cache",
+    "file_summary",
+    "formats",
+    "dump_file",
+    "mesh_source",
+    "cache_frames",
+    "checkpoint",
+    "materials",
+    "wind_file",
+    "input_motion",
+    "shot_description",
+    "scene_file",
+    "site_file",
+];
+
+/// The rooms of running a shot.
+const SHOT_ROOMS: [&str; 15] = [
+    "quality",
+    "frame_digest",
+    "run_record",
+    "recorded_frames",
+    "checkpoints",
+    "farm",
+    "error",
+    "remote_simulation",
+    "check",
+    "inputs",
+    "long_frames",
+    "shot",
+    "pinned",
+    "run",
+    "steps",
+];
+
+/// The rooms of what is told of results.
+const ANALYSIS_ROOMS: [&str; 5] = ["page", "verify", "diff", "report", "study"];
+
+/// Rooms whose files are one piece: what a scene file may hold, its defaults and what it is resolved to know each other.
+const WHOLE: [(&str, &str); 1] = [("io", "scene_file")];
+
+/// A crate whose rooms are held.
+struct Held {
+    folder: &'static str,
+    /// Its rooms, lowest first.
+    rooms: &'static [&'static str],
+    /// Modules that only list rooms.
+    lists: &'static [&'static str],
+}
+
+const HELD: [Held; 4] = [
+    Held { folder: "core", rooms: &ROOMS, lists: &["contact"] },
+    Held { folder: "io", rooms: &IO_ROOMS, lists: &[] },
+    Held { folder: "shot", rooms: &SHOT_ROOMS, lists: &[] },
+    Held { folder: "analysis", rooms: &ANALYSIS_ROOMS, lists: &[] },
+];
+
 /// Crates, each with those of the project that it may import; what is not listed may import none.
-const CRATES: [(&str, &[&str]); 8] = [
+const CRATES: [(&str, &[&str]); 10] = [
     ("core", &[]),
     ("core/mpi", &["drapery_core"]),
     ("io/alembic", &[]),
     ("io", &["drapery_core", "drapery_alembic"]),
-    ("cli", &["drapery_core", "drapery_io", "drapery_mpi", "drapery_selftest"]),
-    ("cli/selftest", &["drapery_core", "drapery_alembic", "drapery_io"]),
+    ("shot", &["drapery_core", "drapery_alembic", "drapery_io"]),
+    ("analysis", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
+    ("cli", &["drapery_core", "drapery_io", "drapery_shot", "drapery_analysis", "drapery_mpi", "drapery_selftest"]),
+    ("cli/selftest", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
     ("sample_assets", &["drapery_alembic"]),
-    ("tests", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_assets", "drapery_selftest"]),
+    (
+        "tests",
+        &[
+            "drapery_core",
+            "drapery_alembic",
+            "drapery_io",
+            "drapery_shot",
+            "drapery_analysis",
+            "drapery_assets",
+            "drapery_selftest",
+        ],
+    ),
 ];
 
-/// Place of a module's room among the rooms.
-fn place(module: &Module) -> Option<usize> {
-    let name = module.join("::");
-    ROOMS.iter().position(|room| name == *room || name.starts_with(&format!("{room}::")))
-}
+impl Held {
+    fn source(&self) -> PathBuf {
+        root().join(self.folder).join("src")
+    }
 
-fn solver() -> Modules {
-    Modules::read(&root().join("core/src"))
+    /// Place of a module's room among the rooms.
+    fn place(&self, module: &Module) -> Option<usize> {
+        let name = module.join("::");
+        self.rooms.iter().position(|room| name == *room || name.starts_with(&format!("{room}::")))
+    }
+
+    /// Whether a module holds others that are looked at each by itself.
+    fn is_room(&self, module: &Module) -> bool {
+        let name = module.join("::");
+        let is_whole = WHOLE.contains(&(self.folder, name.as_str()));
+        !is_whole && (self.rooms.contains(&name.as_str()) || only_holds(&self.source(), module))
+    }
 }
 
 #[test]
-fn every_module_of_the_solver_imports_only_what_is_below_it() {
+fn every_module_imports_only_what_is_below_it() {
     let mut complaints = Vec::new();
-    for (module, targets) in solver().imports() {
-        // The crate and the room of contact only list what is in them.
-        if module.is_empty() || module == ["contact"] {
-            continue;
-        }
-        let Some(from) = place(&module) else {
-            complaints.push(format!("{}: this room is not among the rooms", module.join("::")));
-            continue;
-        };
-        for target in targets.iter().filter(|target| place(target).is_none_or(|to| to > from)) {
-            complaints.push(format!("{} imports {}, which is above it", module.join("::"), target.join("::")));
+    for held in &HELD {
+        for (module, targets) in Modules::read(&held.source()).imports() {
+            let name = format!("{}: {}", held.folder, module.join("::"));
+            // The crate and the rooms of rooms only list what is in them.
+            if module.is_empty() || held.lists.contains(&module.join("::").as_str()) {
+                continue;
+            }
+            let Some(from) = held.place(&module) else {
+                complaints.push(format!("{name}: this room is not among the rooms"));
+                continue;
+            };
+            for target in targets.iter().filter(|target| held.place(target).is_none_or(|to| to > from)) {
+                complaints.push(format!("{name} imports {}, which is above it", target.join("::")));
+            }
         }
     }
     report(&complaints);
@@ -94,14 +185,15 @@ fn only_holds(folder: &Path, module: &Module) -> bool {
 }
 
 #[test]
-fn no_modules_of_the_solver_import_each_other_in_a_circle() {
-    let folder = root().join("core/src");
-    let circles = solver().circles(|module| only_holds(&folder, module) || ROOMS.contains(&module.join("::").as_str()));
-    let named = |circle: &std::collections::BTreeSet<Module>| {
-        let names: Vec<String> = circle.iter().map(|module| module.join("::")).collect();
-        format!("a circle: {}", names.join(", "))
-    };
-    report(&circles.iter().map(named).collect::<Vec<_>>());
+fn no_modules_import_each_other_in_a_circle() {
+    let mut complaints = Vec::new();
+    for held in &HELD {
+        for circle in Modules::read(&held.source()).circles(|module| held.is_room(module)) {
+            let names: Vec<String> = circle.iter().map(|module| module.join("::")).collect();
+            complaints.push(format!("{}: a circle: {}", held.folder, names.join(", ")));
+        }
+    }
+    report(&complaints);
 }
 
 #[test]
@@ -121,13 +213,16 @@ fn every_crate_imports_only_those_below_it() {
 }
 
 #[test]
-fn the_map_names_every_room_of_the_solver_in_their_order() {
+fn the_map_names_every_room_in_their_order() {
     let page = std::fs::read_to_string(root().join("docs/architecture.md")).expect("the map");
-    let table =
-        page.split("## The rooms of the solver").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap_or_default();
-    let first_cells = table.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
-    let named: Vec<&str> = first_cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
-    assert_eq!(named, ROOMS);
+    for held in &HELD {
+        let heading = format!("## The rooms of {}\n", held.folder);
+        let table = page.split(&heading).nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap_or_default();
+        let first_cells =
+            table.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
+        let named: Vec<&str> = first_cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
+        assert_eq!(named, held.rooms, "{heading}");
+    }
 }
 
 /// How often code may name an effect as a text outside the effect's own room.

@@ -12,7 +12,7 @@ use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::{Scene, SceneDescription};
 use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
 use drapery_core::snapshot::Snapshot;
-use drapery_io::shot::quality::LIMITS;
+use drapery_shot::quality::LIMITS;
 
 use crate::case::Tier;
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use drapery_io::diff::{self, Comparison, PartComparison, Verdict};
+use drapery_analysis::diff::{self, Comparison, PartComparison, Verdict};
 
 use crate::args::DiffArgs;
 use crate::exit_code::ExitCode;

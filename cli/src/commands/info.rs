@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use drapery_io::inspect::{self, MeshSummary};
+use drapery_io::file_summary::MeshSummary;
+use drapery_io::formats;
 
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
@@ -10,7 +11,7 @@ use crate::say;
 
 /// Prints what a file holds.
 pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
-    let summary = inspect::inspect(path)?;
+    let summary = formats::inspect(path)?;
     say::line(format_args!("{}: {}", path.display(), summary.format));
     for (name, value) in &summary.properties {
         say::line(format_args!("  {name}: {value}"));

@@ -3,7 +3,7 @@
 use drapery_core::Vec3;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::formats;
-use drapery_io::shot::Shot;
+use drapery_shot::Shot;
 use serde_json::{Value, json};
 
 use crate::args::PlanArgs;

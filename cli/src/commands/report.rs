@@ -1,6 +1,6 @@
 //! `drapery report`: a page about a run.
 
-use drapery_io::report;
+use drapery_analysis::report;
 
 use crate::args::ReportArgs;
 use crate::exit_code::ExitCode;

@@ -6,13 +6,11 @@ use std::time::SystemTime;
 
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_io::farm::command_line::quoted;
-use drapery_io::farm::stop::{Reason, Signal, StopRequests};
-use drapery_io::report::record::in_words;
-use drapery_io::shot::bundle::Bundle;
-use drapery_io::shot::dump;
-use drapery_io::shot::quality::{self, Exceeded, LIMITS};
-use drapery_io::shot::run::{FrameReport, Observer, Outcome, RunOptions, RunReport};
+use drapery_shot::farm::command_line::quoted;
+use drapery_shot::farm::stop::{Reason, Signal, StopRequests};
+use drapery_shot::quality::{self, Exceeded, LIMITS};
+use drapery_shot::run::{Bundle, DUMPS, FrameReport, Observer, Outcome, RunOptions, RunReport};
+use drapery_shot::run_record::reader::in_words;
 
 use crate::args::{OnTerm, ProgressStyle, RunArgs, SceneArgs};
 use crate::config::{Environment, RunSettings};
@@ -29,7 +27,7 @@ fn replay(args: &RunArgs, ranks: &Ranks, around: &Environment) -> Result<Ended, 
     let scene = SceneArgs { scene: bundle.scene.clone(), ..args.scene.clone() };
     let (shot, _) = plan::prepare(&scene, around, ranks)?;
     say::line(format_args!("the run gave up: {}", bundle.error));
-    let folder = args.settings.out.as_deref().or(args.scene.scene.parent()).unwrap_or(Path::new("")).join(dump::FOLDER);
+    let folder = args.settings.out.as_deref().or(args.scene.scene.parent()).unwrap_or(Path::new("")).join(DUMPS);
     let note = &mut |text| say::line(format_args!("{text}"));
     let summary = shot.replay(&bundle, &args.dump, &folder, note)?;
     let mut exceeded = Vec::new();

@@ -4,9 +4,9 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::SystemTime;
 
-use drapery_io::farm::stale;
-use drapery_io::report::record::in_words;
-use drapery_io::report::status::{Process, Status};
+use drapery_analysis::report::status::{Process, Status};
+use drapery_shot::farm::stale;
+use drapery_shot::run_record::reader::in_words;
 
 use crate::args::StatusArgs;
 use crate::exit_code::ExitCode;

@@ -2,7 +2,7 @@
 
 use std::time::SystemTime;
 
-use drapery_io::farm::stop::request_stop;
+use drapery_shot::farm::stop::request_stop;
 
 use crate::args::StopArgs;
 use crate::exit_code::ExitCode;

@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use drapery_analysis::study::record::{Asked, Study};
+use drapery_analysis::study::schedule::Observer;
+use drapery_analysis::study::space::RunRequest;
+use drapery_analysis::study::{self, Options, analysis, preset, table};
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::atomic_file;
 use drapery_io::error::IoError;
-use drapery_io::farm::command_line::quoted;
 use drapery_io::input_file;
-use drapery_io::study::record::{Asked, Study};
-use drapery_io::study::space::RunRequest;
-use drapery_io::study::{self, Observer, Options, analysis, preset, table};
+use drapery_shot::farm::command_line::quoted;
 
 use crate::args::StudyArgs;
 use crate::config::Environment;

@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
+use drapery_analysis::verify::{self, Verification};
 use drapery_io::error::{IoError, IoErrorKind};
-use drapery_io::verify::{self, Verification};
 
 use crate::args::VerifyArgs;
 use crate::exit_code::ExitCode;

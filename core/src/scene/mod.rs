@@ -77,6 +77,11 @@ impl Timeline {
         (frame - self.origin) as f64 * f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
     }
 
+    /// Time of a frame in files [s]: frame / fps, computed from integers.
+    pub fn file_time(&self, frame: i64) -> f64 {
+        frame as f64 * f64::from(self.fps_denominator) / f64::from(self.fps_numerator)
+    }
+
     /// Length of one frame [s].
     pub fn frame_duration(&self) -> f64 {
         f64::from(self.fps_denominator) / f64::from(self.fps_numerator)

@@ -3,6 +3,8 @@
 use drapery_core::snapshot::{SnapshotSink, ValueKind, Values};
 use sha2::{Digest, Sha256};
 
+use crate::sha256::hex;
+
 /// Number of values that are converted at a time; small enough for the processor's cache.
 const BLOCK: usize = 8192;
 
@@ -119,11 +121,6 @@ impl SnapshotSink for ContentHash {
             Ok(()) => {}
         }
     }
-}
-
-/// Bytes as hexadecimal digits.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

@@ -20,9 +20,6 @@ use crate::error::IoError;
 pub use reader::CheckpointReader;
 pub use writer::CheckpointWriter;
 
-/// Version of the layout that is written. The one before it will stay readable when it is raised.
-pub const FORMAT_VERSION: u32 = 1;
-
 // The arrays are written as little-endian bytes under the machine's own types.
 const _: () = assert!(cfg!(target_endian = "little"), "checkpoints need a little-endian machine");
 

@@ -9,12 +9,14 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use super::bytes::hex;
-use super::file::FORMAT_VERSION;
 use crate::error::IoError;
+use crate::sha256::hex;
 
 /// Length of the user block [bytes], the smallest that HDF5 has.
 pub(super) const LENGTH: usize = 512;
+
+/// Version of the layout that is written. The one before it will stay readable when it is raised.
+pub const FORMAT_VERSION: u32 = 1;
 
 /// First word of the file.
 const MAGIC: &str = "Drapery checkpoint ";
@@ -69,7 +71,7 @@ pub(super) fn check(path: &Path, file: &mut File) -> Result<(), IoError> {
 }
 
 /// Content that cannot be used, and what to do.
-pub(super) fn damaged(path: &Path, place: &str, what: String) -> IoError {
+pub fn damaged(path: &Path, place: &str, what: String) -> IoError {
     IoError::data(path, place, what, USE_EARLIER)
 }
 

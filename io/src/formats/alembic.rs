@@ -15,9 +15,9 @@ use drapery_core::mesh::PolygonMesh;
 use globset::GlobBuilder;
 
 use super::alembic_writer::reverse;
-use crate::cache::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
 use crate::error::IoError;
 use crate::input_file;
+use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
 
 /// Points or faces that are read at a time.
 const PIECE: usize = 8192;
@@ -223,7 +223,7 @@ fn without_meshes(archive: &Archive) -> String {
 }
 
 /// Times at which points or transforms change, ascending.
-pub(crate) fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
+pub fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
     let mut times = Vec::new();
     for mesh in meshes {
         if mesh.topology_variance() != TopologyVariance::Constant {

@@ -23,9 +23,10 @@ use drapery_core::mesh::MeshStream;
 
 use super::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, sync_name, too_short};
 use crate::atomic_file::unfinished;
-use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter, FaceSet, MeshData, MeshParam, Uvs};
+use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, told};
+use crate::mesh_data::{FaceSet, MeshData, MeshParam, Uvs};
 use crate::units::Units;
 
 /// User property: the triangles that were simulated, three points each, counter-clockwise. Only in meshes with other
@@ -125,7 +126,7 @@ impl AlembicWriter {
             properties,
             units: plan.units,
             origin: plan.file_origin(),
-            sampling: TimeSampling::uniform(plan.file_time(plan.first_frame), plan.timeline.frame_duration())?,
+            sampling: TimeSampling::uniform(plan.timeline.file_time(plan.first_frame), plan.timeline.frame_duration())?,
             first_frame: plan.first_frame,
             velocities: plan.velocities,
             crossings: plan.crossings,
@@ -446,7 +447,7 @@ pub(crate) fn bounds_of(positions: &[[f32; 3]]) -> Bounds {
 }
 
 /// Puts the corners of every face in the opposite order: clockwise from counter-clockwise and back.
-pub(crate) fn reverse(face_counts: &[u32], corners: &mut [u32]) {
+pub fn reverse(face_counts: &[u32], corners: &mut [u32]) {
     let mut rest = corners;
     for count in face_counts {
         let (face, after) = rest.split_at_mut(*count as usize);

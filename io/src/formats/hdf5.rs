@@ -40,8 +40,8 @@ use super::continuing::{cannot_continue, hexadecimal, marked_frames, remove, syn
 use crate::atomic_file::unfinished;
 use crate::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
+use crate::file_summary::{FileSummary, MeshSummary, face_kinds};
 use crate::input_file;
-use crate::inspect::{FileSummary, MeshSummary, face_kinds};
 
 /// An HDF5 cache being written.
 #[derive(Debug)]
@@ -277,7 +277,7 @@ impl CacheWriter for Hdf5Writer {
 ///
 /// # Errors
 /// The file cannot be opened or has another layout.
-pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
+pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
     input_file::check_for_hdf5(path)?;
     read_summary(path).map_err(|source| {
         IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
@@ -321,8 +321,8 @@ fn read_summary(path: &Path) -> hdf5::Result<FileSummary> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cache::{MeshData, Uvs};
     use crate::garment_mesh::GarmentMesh;
+    use crate::mesh_data::{MeshData, Uvs};
     use crate::units::{LengthUnit, Units, UpAxis};
     use drapery_core::Vec3;
     use drapery_core::mesh::PolygonMesh;
@@ -381,7 +381,7 @@ mod tests {
         assert_eq!(file.dataset("crossings").unwrap().read_raw::<u32>().unwrap()[..2], [1, 2]);
         assert_eq!(file.dataset("times").unwrap().read_raw::<f64>().unwrap()[1], 1002.0 / 24.0);
         drop(file);
-        let summary = inspect(&folder.path().join("flag.h5")).unwrap();
+        let summary = summary(&folder.path().join("flag.h5")).unwrap();
         assert_eq!((summary.meshes[0].samples, summary.meshes[0].points), (2, 3));
     }
 

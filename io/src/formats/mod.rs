@@ -1,6 +1,7 @@
 //! The file formats: which are read and which are written.
 
 pub mod alembic;
+mod alembic_summary;
 pub mod alembic_writer;
 mod continuing;
 pub mod hdf5;
@@ -8,8 +9,11 @@ pub mod obj;
 
 use std::path::Path;
 
-use crate::cache::{CacheMark, CachePlan, CacheWriter, MeshReader};
+use crate::cache::{CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
+use crate::file_summary::FileSummary;
+use crate::input_file;
+use crate::mesh_data::MeshReader;
 
 /// Opens a mesh, or the objects of it whose path fits the pattern.
 pub type OpenMesh = fn(&Path, Option<&str>) -> Result<Box<dyn MeshReader>, IoError>;
@@ -24,6 +28,9 @@ pub type CreateCache = fn(&Path, &CachePlan<'_>) -> Result<Box<dyn CacheWriter>,
 /// Only the last frame may be another than planned before, as long as it is not before a frame that the file holds.
 pub type ResumeCache = fn(&Path, &CachePlan<'_>, &CacheMark) -> Result<Box<dyn CacheWriter>, IoError>;
 
+/// Looks into a file.
+pub type Summarise = fn(&Path) -> Result<FileSummary, IoError>;
+
 /// A file format.
 pub struct Format {
     /// File name extension, which is also its word in the scene file.
@@ -36,6 +43,8 @@ pub struct Format {
     pub create: Option<CreateCache>,
     /// How caches in it are continued, if they are written.
     pub resume: Option<ResumeCache>,
+    /// What a file of it holds.
+    pub summary_of: Summarise,
 }
 
 /// All formats.
@@ -46,6 +55,7 @@ pub static FORMATS: &[Format] = &[
         open: Some(|path, pattern| Ok(Box::new(alembic::AlembicMesh::open(path, pattern)?))),
         create: Some(|path, plan| Ok(Box::new(alembic_writer::AlembicWriter::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(alembic_writer::AlembicWriter::resume(path, plan, mark)?))),
+        summary_of: alembic_summary::summary,
     },
     Format {
         extension: "obj",
@@ -53,6 +63,7 @@ pub static FORMATS: &[Format] = &[
         open: Some(open_obj),
         create: None,
         resume: None,
+        summary_of: obj::summary,
     },
     Format {
         extension: "h5",
@@ -60,6 +71,7 @@ pub static FORMATS: &[Format] = &[
         open: None,
         create: Some(|path, plan| Ok(Box::new(hdf5::Hdf5Writer::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(hdf5::Hdf5Writer::resume(path, plan, mark)?))),
+        summary_of: hdf5::summary,
     },
 ];
 
@@ -84,6 +96,23 @@ pub fn open_mesh(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReade
         });
     };
     open(path, pattern)
+}
+
+/// Looks into a file.
+///
+/// # Errors
+/// The file is missing, damaged, or of a format that is not read here.
+pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
+    input_file::open(path)?;
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    let Some(format) = by_extension(&extension) else {
+        return Err(IoError::Format {
+            path: path.to_owned(),
+            what: format!("files of the kind .{} cannot be looked into", extension.to_lowercase()),
+            advice: "give an .abc, .obj or .h5 file".into(),
+        });
+    };
+    (format.summary_of)(path)
 }
 
 fn open_obj(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReader>, IoError> {

@@ -7,7 +7,7 @@ use drapery_core::scene::{BodyDescription, BodyShape, RigidMotion};
 use drapery_core::settings::Dimension;
 use nalgebra::{Unit, UnitQuaternion};
 
-use crate::shot::motion::InputMotion;
+use crate::input_motion::InputMotion;
 
 use super::raw::{self, Body, BodyPath, Rotation};
 use super::resolve::Resolver;

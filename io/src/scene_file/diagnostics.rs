@@ -80,7 +80,7 @@ impl SceneFileError {
     }
 
     /// An error of a file that the scene names at `location`.
-    pub(crate) fn of_file(location: Option<Location>, error: &IoError) -> Self {
+    pub fn of_file(location: Option<Location>, error: &IoError) -> Self {
         let text = error.to_string();
         let (message, help) = match text.split_once("\n  help: ") {
             Some((message, help)) => (message.to_owned(), Some(help.to_owned())),

@@ -10,9 +10,9 @@ use drapery_core::mesh::{MeshStream, PolygonMesh};
 use drapery_core::scene::{GarmentDescription, Mass};
 use drapery_core::settings::Dimension;
 
-use crate::cache::{MeshData, Uvs};
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, GarmentReader};
+use crate::mesh_data::{MeshData, Uvs};
 use crate::mesh_source::MeshSource;
 use crate::units::Units;
 

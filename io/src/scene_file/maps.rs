@@ -2,10 +2,10 @@
 
 use drapery_core::scene::vertex_maps::{PaintedMap, PaintedMaps};
 
-use crate::cache::{DataType, MeshData, MeshParam, Scope};
 use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
 use crate::input_file;
+use crate::mesh_data::{DataType, MeshData, MeshParam, Scope};
 
 use super::deserialize::suggestion;
 use super::raw::Garment;
@@ -100,7 +100,7 @@ fn attribute(data: &MeshData, name: &str) -> Result<Vec<f64>, String> {
 
 /// The first component of every value: what is painted in a colour is its red.
 fn components(param: &MeshParam) -> Option<Vec<f64>> {
-    use crate::cache::PodType::{F32, F64, I8, I16, I32, U8, U16, U32};
+    use crate::mesh_data::PodType::{F32, F64, I8, I16, I32, U8, U16, U32};
     let DataType { pod, extent } = param.data_type;
     let bytes = &param.values;
     let all: Vec<f64> = match pod {
@@ -136,7 +136,7 @@ mod tests {
         let param = |name: &str, scope, extent, values: &[f32], indices| MeshParam {
             name: name.into(),
             scope,
-            data_type: DataType { pod: crate::cache::PodType::F32, extent },
+            data_type: DataType { pod: crate::mesh_data::PodType::F32, extent },
             interpretation: String::new(),
             source_name: None,
             values: values.iter().flat_map(|value| value.to_le_bytes()).collect(),

@@ -164,7 +164,7 @@ fn error(root: &Node, sources: &Sources, key: &str, text: String) -> SceneFileEr
 mod tests {
     use super::super::{SearchPaths, load_with};
     use super::*;
-    use crate::shot::ShotDescription;
+    use crate::shot_description::ShotDescription;
 
     const VELVET: &str = "density = \"420 g/m²\"\nthickness = \"1.2 mm\"\nstretch_stiffness = \"300 N/m\"\n\
                           bending_rigidity = \"0.04 mN·m\"\ndamping_ratio = 2\nfriction = 0.45\n";

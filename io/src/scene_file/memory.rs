@@ -6,7 +6,7 @@
 use drapery_core::effects::{REGISTRY, body_collision};
 use drapery_core::scene::EffectRequest;
 
-use crate::farm::memory::available;
+use crate::memory::available;
 
 use super::resolve::Resolver;
 use super::tree::{Path, Segment};

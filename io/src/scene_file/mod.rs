@@ -48,11 +48,11 @@ use std::path::{Path as FilePath, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::input_file;
-use crate::shot::ShotDescription;
+use crate::shot_description::ShotDescription;
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
 pub use material_files::{material_files, read_material};
-pub(crate) use resolved::FILES;
+pub use resolved::FILES;
 pub use schema::schema;
 pub use search::{PathMaps, SearchPaths};
 
@@ -151,7 +151,7 @@ fn read_text(path: &FilePath, asked_at: Option<Location>) -> Result<String, Scen
 ///
 /// # Errors
 /// The file cannot be read, is not TOML, or does not fit the type; the first such place.
-pub(crate) fn read_table<T: DeserializeOwned>(path: &FilePath) -> Result<T, SceneFileError> {
+pub fn read_table<T: DeserializeOwned>(path: &FilePath) -> Result<T, SceneFileError> {
     let sources = Sources::new(&path.to_string_lossy(), &read_text(path, None)?);
     deserialize::read(&tree::parse(&sources, 0, &Origin::Scene)?, &sources, |_| Vec::new())
 }

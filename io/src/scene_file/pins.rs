@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use crate::error::IoError;
 use crate::input_file;
-use crate::shot::motion::InputMotion;
+use crate::input_motion::InputMotion;
 
 use super::deserialize::suggestion;
 use super::raw::{Bind, Corner, Pin, PinMode, Region};

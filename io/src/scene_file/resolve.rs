@@ -9,23 +9,21 @@ use drapery_core::scene::{
 };
 use drapery_core::settings::{Dimension, SettingValue};
 
-use crate::cache::MeshData;
 use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
+use crate::input_motion::{InputMotion, Preroll};
+use crate::mesh_data::MeshData;
 use crate::mesh_source::MeshSource;
-use crate::run_record::FRAMES;
-use crate::shot::motion::{InputMotion, Preroll, file_time};
-use crate::shot::{OutputDescription, ShotDescription};
+use crate::shot_description::{FRAMES, OutputDescription, ShotDescription};
 use crate::units::Units;
 use crate::wind_file::WindFile;
 
-use super::SceneFile;
 use super::deserialize::dotted;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
 use super::memory::Memory;
 use super::raw::{self, FileUnits, Quantity};
 use super::tree::Path;
-use super::{effects, file_names, ranges, resolved};
+use super::{SceneFile, effects, file_names, ranges, resolved};
 
 /// What pins have to know of a garment.
 pub(super) struct ReadGarment<'a> {
@@ -204,7 +202,7 @@ impl Resolver<'_> {
 
     /// Time of the shot's first frame in files [s].
     pub(super) fn first_file_time(&self) -> f64 {
-        file_time(self.timeline, self.timeline.origin)
+        self.timeline.file_time(self.timeline.origin)
     }
 
     /// Splits `"file.abc@101"` into the file and the time of the frame in it.

@@ -11,7 +11,7 @@ const ORDER: [&str; 9] = ["drapery", "shot", "units", "solver", "effects", "body
 const TABLES: usize = 5;
 
 /// Keys that name files relative to the scene file.
-pub(crate) const FILES: [&str; 4] = ["file", "rest", "start", "track"];
+pub const FILES: [&str; 4] = ["file", "rest", "start", "track"];
 
 /// Column of the comments.
 const COMMENT_COLUMN: usize = 44;

@@ -400,36 +400,3 @@ fn the_schema_is_json_and_knows_the_tables_of_effects() {
     // Any number may be a parameter.
     assert_eq!(schema["$defs"]["Panel"]["properties"]["resolution"]["type"], serde_json::json!(["integer", "string"]));
 }
-
-#[test]
-fn path_maps_find_inputs_elsewhere_and_leave_the_shot_the_same() {
-    use crate::farm::digest::{Fingerprint, Versions, compare};
-    let versions = Versions { solver: 1, format: 1, application: "Drapery" };
-    let mut text = DRESSED.to_owned();
-    for file in ["hero.obj", "skirt.obj", "skirt_pins.json"] {
-        text = text.replace(&format!("\"{file}"), &format!("\"X:\\\\lib\\\\{file}"));
-    }
-    assert!(text.contains("X:"), "{text}");
-    let (a, b, scenes) = (wardrobe(), wardrobe(), tempfile::tempdir().expect("a temporary folder"));
-    let path = scenes.path().join("dressed.toml");
-    std::fs::write(&path, &text).expect("a file");
-    let shot_in = |lib: &FilePath| {
-        let maps = PathMaps::new([("X:/lib/".to_owned(), lib.to_string_lossy().into_owned())]).expect("a map");
-        let scene = load_with(&path, &[], &SearchPaths { maps, ..SearchPaths::default() });
-        scene.unwrap_or_else(|error| panic!("{error}")).resolve().unwrap_or_else(|errors| panic!("{}", errors[0]))
-    };
-    let print = |shot: &ShotDescription| {
-        Fingerprint::of(&shot.resolved, &path, &shot.input_files, versions).expect("inputs can be read")
-    };
-    let (first, second) = (shot_in(a.path()), shot_in(b.path()));
-    assert!(first.resolved.contains("# scene, path map"), "{}", first.resolved);
-    assert_eq!(format!("{:?}", first.scene), format!("{:?}", second.scene));
-    let changes = compare(&print(&first), &print(&second));
-    assert_eq!(changes.forbidden, Vec::<String>::new());
-    assert!(!changes.allowed.is_empty(), "the other place is told");
-    // Other content at the place of the other map is another shot.
-    let skirt = b.path().join("skirt.obj");
-    let mesh = std::fs::read_to_string(&skirt).expect("a mesh");
-    std::fs::write(&skirt, format!("# another\n{mesh}")).expect("a mesh");
-    assert!(!compare(&print(&first), &print(&shot_in(b.path()))).forbidden.is_empty());
-}

@@ -22,10 +22,10 @@ fuzz_target!(|data: &[u8]| {
         let Ok(archive) = Archive::from_bytes(data.to_vec(), "memory") else { return };
         archive.objects().for_each(|object| read_object(&object));
         read_as_mesh(&path);
-        let _ = drapery_io::inspect::inspect(&path);
+        let _ = drapery_io::formats::inspect(&path);
         // Every sample is looked at, and a short file may repeat one of them a million times.
         if PolyMesh::all(&archive).is_ok_and(|meshes| meshes.iter().all(|mesh| mesh.sample_count() < MANY)) {
-            let _ = drapery_io::verify::verify(&[&path], None);
+            let _ = drapery_analysis::verify::verify(&[&path], None);
         }
         read_as_cache(&path);
         // It writes into the file, so it comes last.

@@ -1,17 +1,17 @@
 //! HDF5 caches of any layout: what `info` and `diff` look at, and going on with one. The bytes are edits of a good cache.
 #![no_main]
 
-
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
 use drapery_fuzz::edits::Bytes;
 use drapery_fuzz::layout::{Kind, Layout, Value};
 use drapery_fuzz::{memory, scratch};
-use drapery_io::cache::{CacheMark, CachePlan, CacheWriter, MeshData};
-use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::cache::{CacheMark, CachePlan, CacheWriter};
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::formats::hdf5::Hdf5Writer;
+use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::mesh_data::MeshData;
 use drapery_io::units::Units;
 use libfuzzer_sys::fuzz_target;
 
@@ -66,7 +66,7 @@ fuzz_target!(|data: &[u8]| {
         return;
     }
     memory::bounded(|| {
-        let _ = drapery_io::inspect::inspect(&path);
+        let _ = drapery_io::formats::inspect(&path);
         if let Ok(cache) = CacheFrames::open(&path) {
             for (number, mesh) in cache.meshes().iter().enumerate() {
                 for sample in 0..mesh.frames.len().min(4) {

@@ -4,14 +4,14 @@
 use drapery_core::Vec3;
 use drapery_core::scene::{EffectRequest, GarmentDescription, Mass, Scene, SceneDescription};
 use drapery_fuzz::{memory, scratch};
-use drapery_io::cache::MeshData;
 use drapery_io::formats;
+use drapery_io::mesh_data::MeshData;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
     let path = scratch::file("mesh.obj", data);
     memory::bounded(|| {
-        let _ = drapery_io::inspect::inspect(&path);
+        let _ = drapery_io::formats::inspect(&path);
         let Ok(reader) = formats::open_mesh(&path, None) else { return };
         let Ok(MeshData { mesh, .. }) = reader.mesh_at(0.0) else { return };
         let (mut points, mut corners) = (Vec::new(), Vec::new());

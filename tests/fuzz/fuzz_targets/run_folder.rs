@@ -5,12 +5,15 @@
 use std::time::{Duration, SystemTime};
 
 use drapery_fuzz::{memory, scratch};
-use drapery_io::farm::{duration, lock};
-use drapery_io::report::folder::RunFolder;
-use drapery_io::report::status::Status;
-use drapery_io::run_record::{MANIFEST, RECORD};
+use drapery_shot::farm::lock;
+use drapery_analysis::report::status::Status;
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::manifest::listed_files;
+use drapery_shot::run_record::reader::frame_counts;
+use drapery_shot::run_record::{MANIFEST, RECORD};
 use drapery_io::site_file::SiteFile;
-use drapery_io::{report, run_record, scene_file};
+use drapery_analysis::report;
+use drapery_io::{duration, scene_file};
 use libfuzzer_sys::fuzz_target;
 
 /// A manifest for records of any content.
@@ -40,8 +43,8 @@ fuzz_target!(|data: &[u8]| {
 fn page(manifest: &[u8], record: &[u8]) {
     scratch::file(MANIFEST, manifest);
     let record = scratch::file(RECORD, record);
-    let _ = run_record::listed_files(scratch::folder());
-    let _ = run_record::frame_counts(&record, "crossings");
+    let _ = listed_files(scratch::folder());
+    let _ = frame_counts(&record, "crossings");
     let _ = RunFolder::read(scratch::folder()).map(|run| report::page(&run));
     let _ = Status::of(scratch::folder(), now()).map_err(|error| error.to_string());
 }

@@ -6,7 +6,7 @@ use std::sync::Once;
 
 use drapery_fuzz::{memory, scratch};
 use drapery_io::scene_file;
-use drapery_io::shot::Shot;
+use drapery_shot::Shot;
 use libfuzzer_sys::fuzz_target;
 
 /// A pin file for the house.

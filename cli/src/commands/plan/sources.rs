@@ -5,7 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::ValueEnum;
 use drapery_io::checkpoint::Every;
-use drapery_io::shot::Shot;
+use drapery_shot::Shot;
 use serde_json::{Value, json};
 
 use crate::args::PlanArgs;

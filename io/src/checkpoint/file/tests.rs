@@ -5,7 +5,7 @@ use drapery_core::snapshot::{Dataset, Section, SnapshotSink, SnapshotSource, Val
 use hdf5::types::VarLenUnicode;
 
 use super::*;
-use crate::checkpoint::seal;
+use crate::checkpoint::seal::{self, FORMAT_VERSION};
 use crate::error::IoErrorKind;
 
 pub(crate) fn sample() -> Checkpoint {

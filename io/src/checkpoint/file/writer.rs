@@ -15,6 +15,7 @@ use crate::checkpoint::bytes::{self, ContentHash};
 use crate::checkpoint::seal;
 use crate::error::IoError;
 use crate::formats::hdf5::reserved;
+use crate::sha256::hex;
 
 /// Space that a checkpoint takes beside its arrays and its head, at most [bytes].
 const STRUCTURE: u64 = 1 << 20;
@@ -80,7 +81,7 @@ impl CheckpointWriter {
         let file = opened.map_err(|e| IoError::creating(path, e))?;
         let text = head.text();
         // As long as the hash, and no part of the head: it would have to contain its own hash.
-        let placeholder = bytes::hex(&Sha256::digest(format!("to come, of {text}")));
+        let placeholder = hex(&Sha256::digest(format!("to come, of {text}")));
         let library = lay_out_head(path, head, &text, &placeholder).map_err(|e| library_refused(path, &e))?;
         Ok(Self {
             path: path.to_owned(),
@@ -100,7 +101,7 @@ impl CheckpointWriter {
     }
 
     /// From now on an array for which the disk has no room is refused before it is written, as one of the file `path`.
-    pub(in crate::checkpoint) fn look_for_room(&mut self, path: &Path) {
+    pub fn look_for_room(&mut self, path: &Path) {
         self.room = Some(path.to_owned());
     }
 

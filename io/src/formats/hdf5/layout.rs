@@ -8,8 +8,9 @@ use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
 use super::stored::{ORIGIN, dataset, origin, place_of};
-use crate::cache::{APPLICATION, CachePlan, MeshData};
+use crate::cache::{APPLICATION, CachePlan};
 use crate::garment_mesh::told;
+use crate::mesh_data::MeshData;
 
 /// Version of the layout, stored as the attribute `format_version`.
 const FORMAT_VERSION: i64 = 1;
@@ -198,7 +199,7 @@ fn integers(plan: &CachePlan<'_>) -> [(&'static str, i64); 3] {
 
 fn fixed_datasets<'a>(plan: &CachePlan<'_>, data: &'a MeshData, cut: &'a Option<Vec<[u32; 3]>>) -> Vec<Fixed<'a>> {
     let numbers: Vec<i64> = (plan.first_frame..=plan.last_frame).collect();
-    let times: Vec<f64> = numbers.iter().map(|&frame| plan.file_time(frame)).collect();
+    let times: Vec<f64> = numbers.iter().map(|&frame| plan.timeline.file_time(frame)).collect();
     let (mesh, frames) = (&data.mesh, numbers.len());
     let triangles = cut.as_ref().map_or(mesh.face_indices.as_slice(), |triangles| triangles.as_flattened());
     let fixed = |name, shape: &[usize], values| Fixed { name, shape: shape.to_vec(), values };

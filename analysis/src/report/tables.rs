@@ -1,0 +1,229 @@
+//! The tables of the page.
+
+use drapery_io::input_file;
+use drapery_shot::run_record::RESOLVED;
+use drapery_shot::run_record::folder::RunFolder;
+use drapery_shot::run_record::reader::{EventKind, FrameRow, OverRanks, StageRow};
+
+use super::status::Degradation;
+use crate::page::table::{Cell, number, section, table, words};
+use crate::page::text::{self, escape};
+
+/// Letters of the resolved scene that the page shows at most.
+const SCENE_LETTERS: usize = 60_000;
+
+/// Counts that should be zero and are not.
+pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {
+    if found.is_empty() {
+        return "<section><h2>Degradations</h2><div class=\"card\"><p class=\"none\">None: every limit is kept in every \
+                frame.</p></div></section>\n"
+            .to_owned();
+    }
+    let frames = run.record.frames.len().max(1);
+    let row = |found: &Degradation| {
+        vec![
+            (format!("<code>{}</code>", escape(found.name)), false),
+            words(found.meaning),
+            number(text::count(found.total)),
+            number(format!("{} of {frames}", found.frames)),
+            number(found.first_frame.to_string()),
+            number(found.worst_frame.to_string()),
+        ]
+    };
+    let heads = [
+        words("count"),
+        words("meaning"),
+        number("total"),
+        number("frames"),
+        number("first frame"),
+        number("worst frame"),
+    ];
+    section("Degradations", "", &heads, &found.iter().map(row).collect::<Vec<_>>())
+}
+
+/// Where the time went: in a run on several ranks the mean, and the least and the most of one.
+pub(super) fn stages(rows: &[FrameRow]) -> String {
+    let mut totals: Vec<StageRow> = Vec::new();
+    for stage in rows.iter().flat_map(|row| &row.stages) {
+        match totals.iter_mut().find(|total| total.stage == stage.stage) {
+            Some(total) => {
+                total.seconds += stage.seconds;
+                total.calls += stage.calls;
+                if let Some(OverRanks { min, max }) = stage.over_ranks {
+                    let total = total.over_ranks.get_or_insert_default();
+                    (total.min, total.max) = (total.min + min, total.max + max);
+                }
+            }
+            None => totals.push(stage.clone()),
+        }
+    }
+    let whole: f64 = rows.iter().map(|row| row.seconds).sum();
+    let staged: f64 = totals.iter().map(|stage| stage.seconds).sum();
+    let mut lines: Vec<Vec<Cell>> =
+        totals.iter().map(|stage| stage_row(&stage.stage, stage.seconds, whole, text::count(stage.calls))).collect();
+    if !lines.is_empty() {
+        let rest = (whole - staged).max(0.0);
+        lines.push(stage_row("everything else: reading, checking, writing", rest, whole, String::new()));
+    }
+    let mut heads = vec![words("stage"), number("time"), number("share"), words(""), number("calls")];
+    if totals.iter().any(|stage| stage.over_ranks.is_some()) {
+        heads.extend([number("least of a rank"), number("most of a rank")]);
+        let spreads = totals.iter().map(|stage| stage.over_ranks).chain([None]);
+        for (line, spread) in lines.iter_mut().zip(spreads) {
+            let seconds = |of: fn(&OverRanks) -> f64| spread.as_ref().map_or(String::new(), |s| text::seconds(of(s)));
+            line.extend([number(seconds(|s| s.min)), number(seconds(|s| s.max))]);
+        }
+    }
+    let page = section("Time by stage", "", &heads, &lines);
+    // The bar is drawn in its own kind of cell.
+    page.replace("<td><i style", "<td class=\"bar\"><i style")
+}
+
+fn stage_row(name: &str, seconds: f64, whole: f64, calls: String) -> Vec<Cell> {
+    let share = 100.0 * seconds / whole.max(f64::MIN_POSITIVE);
+    vec![
+        words(name),
+        number(text::seconds(seconds)),
+        number(format!("{share:.1} %")),
+        (format!("<i style=\"width:{share:.1}%\"></i>"), false),
+        number(calls),
+    ]
+}
+
+/// Processes that worked on the run, and the checkpoints between them.
+pub(super) fn attempts(run: &RunFolder) -> String {
+    let frame = |frame: Option<i64>| number(frame.map_or(String::new(), |frame| frame.to_string()));
+    let rows: Vec<Vec<Cell>> = run
+        .manifest
+        .attempts
+        .iter()
+        .map(|attempt| {
+            vec![
+                number(attempt.attempt.to_string()),
+                words(format!("{}:{}", attempt.host, attempt.pid)),
+                number(attempt.ranks.max(1).to_string()),
+                number(attempt.threads.to_string()),
+                frame(Some(attempt.first_frame)),
+                frame(attempt.last_frame),
+                number(text::seconds(attempt.seconds)),
+                words(attempt.end.as_deref().unwrap_or("no word: it runs, or was killed")),
+            ]
+        })
+        .collect();
+    let heads = [
+        number("attempt"),
+        words("process"),
+        number("ranks"),
+        number("threads of each"),
+        number("first frame"),
+        number("last frame"),
+        number("time"),
+        words("end"),
+    ];
+    let attempts = if rows.is_empty() { String::new() } else { table(&heads, &rows) };
+    let checkpoints = checkpoints(run);
+    if attempts.is_empty() && checkpoints.is_empty() {
+        return String::new();
+    }
+    format!("<section><h2>Attempts and checkpoints</h2><div class=\"card\">{checkpoints}{attempts}</div></section>\n")
+}
+
+/// What checkpoints there were and what they took.
+fn checkpoints(run: &RunFolder) -> String {
+    let (mut count, mut seconds, mut slowest, mut largest) = (0_u64, 0.0, 0.0_f64, 0);
+    for event in &run.record.events {
+        if let EventKind::Checkpoint { seconds: took, bytes } = event.kind {
+            count += 1;
+            seconds += took;
+            slowest = slowest.max(took);
+            largest = largest.max(bytes);
+        }
+    }
+    let mut text = String::new();
+    if count > 0 {
+        let whole: f64 = run.record.frames.iter().map(|row| row.seconds).sum();
+        let share = 100.0 * seconds / whole.max(f64::MIN_POSITIVE);
+        text += &format!(
+            "<p>{} checkpoints written in {} ({share:.1} % of the time of all frames), \
+             the slowest in {}, the largest {}.</p>",
+            text::count(count),
+            text::seconds(seconds),
+            text::seconds(slowest),
+            text::bytes(largest)
+        );
+    }
+    if let Some(last) = &run.manifest.checkpoint {
+        let steps = if last.sub_step == 0 { String::new() } else { format!(" and {} steps", last.sub_step) };
+        text += &format!("<p>Last one: frame {}{steps}, <code>{}</code>.</p>", last.frame, escape(&last.file));
+    }
+    text
+}
+
+/// What was run, by what.
+pub(super) fn provenance(run: &RunFolder) -> String {
+    let manifest = &run.manifest;
+    let files: Vec<&str> = manifest.garments.iter().flat_map(|garment| &garment.files).map(String::as_str).collect();
+    let mut facts = vec![
+        ("scene", manifest.scene.clone()),
+        ("program", manifest.application.clone()),
+        ("threads", manifest.threads.to_string()),
+        ("caches", format!("{} (lengths in {}, {} up)", files.join(", "), manifest.length_unit, manifest.up_axis)),
+    ];
+    if run.record.unreadable > 0 {
+        let lines = run.record.unreadable;
+        facts.push(("record", format!("{lines} lines of run.jsonl could not be understood and are left out")));
+    }
+    let fact = |(name, text): &(&str, String)| vec![words(name), (format!("<code>{}</code>", escape(text)), false)];
+    let facts: Vec<Vec<Cell>> = facts.iter().map(fact).collect();
+    let mut page = section("Provenance", "", &[words(""), words("")], &facts);
+    let effect = |effect: &drapery_shot::run_record::reader::EffectRow| {
+        vec![
+            (format!("<code>{}</code>", escape(&effect.effect)), false),
+            words(effect.garment.as_deref().unwrap_or("all")),
+            words(&effect.because),
+            number(text::bytes(effect.bytes)),
+        ]
+    };
+    let effects: Vec<Vec<Cell>> = run.record.header.effects.iter().map(effect).collect();
+    let heads = [words("effect"), words("garment"), words("why it is there"), number("memory")];
+    page += &section("Effects, in the order of execution", "", &heads, &effects);
+    let totals: Vec<Vec<Cell>> = run
+        .record
+        .totals()
+        .into_iter()
+        .map(|(name, total)| vec![(format!("<code>{}</code>", escape(name)), false), number(text::count(total))])
+        .collect();
+    let mut folded = String::new();
+    if !totals.is_empty() {
+        let table = table(&[words("count"), number("total of all frames")], &totals);
+        folded += &format!("<div class=\"card\"><details><summary>All counts</summary>{table}</details></div>");
+    }
+    if let Ok(scene) = input_file::text(&run.path.join(RESOLVED)) {
+        let shown: String = scene.chars().take(SCENE_LETTERS).collect();
+        let rest = if shown.len() < scene.len() { "\n… the rest is in resolved.toml" } else { "" };
+        folded += &format!(
+            "<div class=\"card\"><details><summary>The scene as it was run, every default written out</summary>\
+             <pre>{}{rest}</pre></details></div>",
+            escape(&shown)
+        );
+    }
+    page + &format!("<section><h2>Details</h2>{folded}</section>\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_of_several_ranks_show_the_least_and_the_most_of_one() {
+        let row = |over_ranks| FrameRow {
+            seconds: 2.0,
+            stages: vec![StageRow { stage: "dt".into(), seconds: 1.5, calls: 1, over_ranks }],
+            ..FrameRow::default()
+        };
+        assert!(!stages(&[row(None)]).contains("of a rank"));
+        let page = stages(&[row(Some(OverRanks { min: 1.0, max: 2.0 })), row(Some(OverRanks { min: 0.5, max: 3.0 }))]);
+        let [least, most] = [1.5, 5.0].map(|seconds| format!(">{}</td>", text::seconds(seconds)));
+        assert!(page.contains("most of a rank") && page.contains(&(least + "<td class=\"n\"" + &most)), "{page}");
+    }
+}

@@ -1,0 +1,36 @@
+//! What can go wrong with a study.
+
+use std::path::PathBuf;
+
+use drapery_io::error::IoError;
+use drapery_io::scene_file::SceneFileError;
+use drapery_shot::ShotError;
+
+/// Why a study could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// The scene file does not take a setting.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Scene(Vec<SceneFileError>),
+    /// The scene cannot be simulated.
+    #[error(transparent)]
+    Shot(#[from] ShotError),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    Io(#[from] IoError),
+    /// What was asked for cannot be done.
+    #[error("{0}")]
+    Asked(String),
+    /// The folder holds another study.
+    #[error(
+        "{}: this folder holds a study of something else: {what}\n  \
+         help: choose another folder with --out, or start anew with --overwrite",
+        folder.display()
+    )]
+    Other {
+        /// The folder.
+        folder: PathBuf,
+        /// What differs.
+        what: String,
+    },
+}

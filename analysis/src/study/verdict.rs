@@ -1,0 +1,32 @@
+//! What a check of a study came to.
+
+/// Whether something holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// It holds.
+    Holds,
+    /// It does not, and whoever reads the figures has to know.
+    Fails,
+    /// There is nothing to tell it from.
+    Unknown,
+    /// It need not hold of this scene.
+    NotApplicable,
+}
+
+/// Something that should hold of a study.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Check {
+    /// What.
+    pub name: &'static str,
+    /// Whether.
+    pub verdict: Verdict,
+    /// By which figures.
+    pub why: String,
+}
+
+impl Check {
+    pub(super) fn new(name: &'static str, verdict: Option<bool>, why: String) -> Self {
+        let verdict = verdict.map_or(Verdict::Unknown, |holds| if holds { Verdict::Holds } else { Verdict::Fails });
+        Self { name, verdict, why }
+    }
+}

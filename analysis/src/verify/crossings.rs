@@ -1,0 +1,256 @@
+//! Does cloth pass through cloth? Exactly, on the stored positions, in every frame.
+//!
+//! Each mesh against itself, and against every other of all files given. Positions are taken as they are stored, so
+//! nothing is rounded; only meshes under different transforms have to be brought together in the world, where their
+//! points are rounded as `f64`. Faces are cut into the triangles that were simulated where the file tells them, and
+//! otherwise by the solver's rule at the first sample.
+
+use std::collections::BTreeMap;
+
+use drapery_alembic::{IDENTITY, Matrix, PolyMesh, TopologyVariance, transform_point};
+use drapery_core::Vec3;
+use drapery_core::geometry::crossings::{Crossing, CrossingSearch, find, find_between};
+use drapery_io::cache_frames::triangles_of;
+use drapery_io::error::IoError;
+use drapery_io::formats::alembic::sample_times;
+use drapery_io::mesh_data::MeshReader;
+
+use super::{Cache, Verification};
+
+/// Sample times closer than this are one time [s]: programs round frame / fps differently.
+const SAME_TIME: f64 = 1e-5;
+
+/// Checks all meshes of all files against themselves and one another, and counts where they cross a body.
+pub(super) fn check(caches: &[Cache], body: Option<&dyn MeshReader>, found: &mut Verification) -> Result<(), IoError> {
+    let mut sheets = Vec::new();
+    for cache in caches {
+        sheets.extend(cache.meshes.iter().filter_map(|mesh| Sheet::open(cache, mesh)));
+    }
+    let mut body = body.map(Body::open).transpose()?;
+    let fps = caches.iter().find_map(|cache| cache.fps);
+    let mut tallies = Tallies::default();
+    for time in all_times(&sheets) {
+        let frame = match fps {
+            Some(fps) => format!("frame {}", (time * fps * 1e3).round() / 1e3),
+            None => format!("{time:.6} s"),
+        };
+        check_moment(&mut sheets, body.as_mut(), (time, &frame), &mut tallies)?;
+    }
+    report(&sheets, &tallies, found);
+    Ok(())
+}
+
+/// A mesh whose samples are looked at.
+struct Sheet<'a> {
+    name: String,
+    mesh: &'a PolyMesh,
+    search: CrossingSearch,
+    /// Times at which it or a parent is stored [s]; empty when nothing moves.
+    times: Vec<f64>,
+}
+
+impl<'a> Sheet<'a> {
+    /// `None` for a mesh without a first sample or with changing topology, which break other rules.
+    fn open(cache: &Cache, mesh: &'a PolyMesh) -> Option<Self> {
+        if mesh.topology_variance() == TopologyVariance::Heterogeneous {
+            return None;
+        }
+        let points = stored(mesh, 0)?;
+        let triangles = triangles_of(mesh, &points)?;
+        let times = sample_times(std::slice::from_ref(mesh)).ok()?;
+        Some(Self { name: cache.name_of(mesh), mesh, search: CrossingSearch::new(triangles, points), times })
+    }
+
+    /// Takes the positions stored at a time; whether there are any.
+    fn place(&mut self, time: f64) -> bool {
+        let mesh = self.mesh;
+        // What does not move is there at any time.
+        let is_still = mesh.topology_variance() == TopologyVariance::Constant;
+        let sample = mesh.time_sampling().near_index(time, mesh.sample_count());
+        let is_stored = is_still || (mesh.time(sample) - time).abs() < SAME_TIME;
+        let count = self.search.surface().positions.len();
+        match stored(mesh, sample).filter(|points| is_stored && points.len() == count) {
+            Some(points) => {
+                self.search.place(points);
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Takes its positions into the world.
+    fn transform(&mut self, matrix: &Matrix) {
+        let local = self.search.surface().positions.to_vec();
+        self.search.place(local.into_iter().map(|p| Vec3::from(transform_point(p.into(), matrix))));
+    }
+}
+
+/// Stored positions, none if they cannot be read or are not numbers.
+fn stored(mesh: &PolyMesh, sample: usize) -> Option<Vec<Vec3>> {
+    let points = mesh.positions(sample).ok()?;
+    let is_finite = points.iter().flatten().all(|x| x.is_finite());
+    is_finite.then(|| points.into_iter().map(|p| Vec3::from(p.map(f64::from))).collect())
+}
+
+/// A body, in the world and at any time.
+struct Body<'a> {
+    reader: &'a dyn MeshReader,
+    search: CrossingSearch,
+    points: Vec<Vec3>,
+}
+
+impl<'a> Body<'a> {
+    fn open(reader: &'a dyn MeshReader) -> Result<Self, IoError> {
+        let first = reader.sample_times().first().copied().unwrap_or(0.0);
+        let mesh = reader.mesh_at(first)?.mesh;
+        Ok(Self { reader, search: CrossingSearch::new(mesh.triangulate().0, mesh.points), points: Vec::new() })
+    }
+
+    fn place(&mut self, time: f64) -> Result<(), IoError> {
+        self.reader.positions_at(time, &mut self.points)?;
+        self.search.place(self.points.iter().copied());
+        Ok(())
+    }
+}
+
+/// What is checked: a mesh with itself (`a == b`), with another, or with the body.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Subject {
+    Cloth(usize, usize),
+    Body(usize),
+}
+
+/// What was found about one subject in all frames.
+#[derive(Default)]
+struct Tally {
+    looked_at: usize,
+    frames: usize,
+    /// Largest number of crossings in one frame, and that frame.
+    worst: (usize, String),
+    /// The first crossing, in words.
+    first: String,
+}
+
+type Tallies = BTreeMap<Subject, Tally>;
+
+impl Tally {
+    /// Adds a frame; `words` describes a crossing by the names of the meshes of its edge and its triangle.
+    fn add(&mut self, frame: &str, lists: &[(&[Crossing], [&str; 2])]) {
+        self.looked_at += 1;
+        let count = lists.iter().map(|(list, _)| list.len()).sum();
+        let first = lists.iter().find_map(|(list, names)| Some((list.first()?, names)));
+        let Some((Crossing { edge: [p, q], triangle: [a, b, c] }, names)) = first else { return };
+        self.frames += 1;
+        if self.first.is_empty() {
+            let [edge_of, triangle_of] = names;
+            self.first = format!("{frame}, edge {p}-{q}{edge_of} through triangle {a}-{b}-{c}{triangle_of}");
+        }
+        if count > self.worst.0 {
+            self.worst = (count, frame.to_owned());
+        }
+    }
+}
+
+/// All checks at one time, whose name is given with it.
+fn check_moment(
+    sheets: &mut [Sheet<'_>],
+    body: Option<&mut Body<'_>>,
+    (time, frame): (f64, &str),
+    tallies: &mut Tallies,
+) -> Result<(), IoError> {
+    let mut present = Vec::new();
+    for (i, sheet) in sheets.iter_mut().enumerate() {
+        if sheet.place(time) {
+            let list = find(&sheet.search.surface());
+            tallies.entry(Subject::Cloth(i, i)).or_default().add(frame, &[(&list, ["", ""])]);
+            present.push((i, sheet.mesh.world_matrix_at(time)?));
+        }
+    }
+    let is_one_space =
+        present.iter().all(|(_, matrix)| *matrix == present[0].1 && (body.is_none() || *matrix == IDENTITY));
+    if !is_one_space {
+        present.iter().for_each(|(i, matrix)| sheets[*i].transform(matrix));
+    }
+    let between = |a: &CrossingSearch, b: &CrossingSearch| find_between(&a.surface(), &b.surface());
+    for (k, &(i, _)) in present.iter().enumerate() {
+        for &(j, _) in &present[k + 1..] {
+            let (a, b) = (&sheets[i], &sheets[j]);
+            let lists = [between(&a.search, &b.search), between(&b.search, &a.search)];
+            let names = [format!(" of {}", a.name), format!(" of {}", b.name)];
+            let lists: [(&[Crossing], _); 2] =
+                [(&lists[0], [names[0].as_str(), &names[1]]), (&lists[1], [names[1].as_str(), &names[0]])];
+            tallies.entry(Subject::Cloth(i, j)).or_default().add(frame, &lists);
+        }
+    }
+    let Some(body) = body else { return Ok(()) };
+    body.place(time)?;
+    for &(i, _) in &present {
+        let lists = [between(&sheets[i].search, &body.search), between(&body.search, &sheets[i].search)];
+        let lists: [(&[Crossing], _); 2] = [(&lists[0], ["", " of the body"]), (&lists[1], [" of the body", ""])];
+        tallies.entry(Subject::Body(i)).or_default().add(frame, &lists);
+    }
+    Ok(())
+}
+
+/// Every time at which something is stored, ascending; the first time if nothing moves.
+fn all_times(sheets: &[Sheet<'_>]) -> Vec<f64> {
+    let mut times: Vec<f64> = sheets.iter().flat_map(|sheet| sheet.times.iter().copied()).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup_by(|b, a| *b - *a < SAME_TIME);
+    if times.is_empty() {
+        times.extend(sheets.iter().map(|sheet| sheet.mesh.time(0)).min_by(f64::total_cmp));
+    }
+    times
+}
+
+/// Puts what was found into words.
+fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
+    let mut clean_pairs = 0;
+    for (subject, tally) in tallies {
+        let (all, frames, first) = (tally.looked_at, tally.frames, &tally.first);
+        let (count, worst) = &tally.worst;
+        let where_and_how = format!("in {frames} of {all} frames, at most {count} crossings ({worst}); first: {first}");
+        let name = |i: usize| &sheets[i].name;
+        match *subject {
+            Subject::Cloth(i, j) if i == j && frames == 0 => {
+                let triangles = sheets[i].search.surface().triangles.len();
+                found.facts.push(format!("{}: {triangles} triangles, no crossings in {all} frames", name(i)));
+            }
+            Subject::Cloth(i, j) if i == j => {
+                found.failures.push(format!("{}: the cloth crosses itself {where_and_how}", name(i)));
+            }
+            Subject::Cloth(..) if frames == 0 => clean_pairs += 1,
+            Subject::Cloth(i, j) => {
+                found.failures.push(format!("{} and {} cross {where_and_how}", name(i), name(j)));
+            }
+            Subject::Body(i) if frames == 0 => {
+                found.facts.push(format!("{}: no crossings with the body in {all} frames", name(i)));
+            }
+            // Where a body squeezes or crosses itself, cloth has no right place: this is told, not judged.
+            Subject::Body(i) => {
+                found.warnings.push(format!("{} and the body cross {where_and_how}", name(i)));
+            }
+        }
+    }
+    if clean_pairs > 0 {
+        found.facts.push(format!("no crossings between meshes, {clean_pairs} pairs of them"));
+    }
+    report_times(sheets, tallies, found);
+}
+
+/// Meshes can be compared only where both are stored.
+fn report_times(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
+    for (i, a) in sheets.iter().enumerate() {
+        for (j, b) in sheets.iter().enumerate().skip(i + 1) {
+            let common = tallies.get(&Subject::Cloth(i, j)).map_or(0, |tally| tally.looked_at);
+            let expected = a.times.len().min(b.times.len());
+            if common == 0 {
+                let what = "have no sample at the same time, so crossings between them cannot be judged";
+                found.failures.push(format!("{} and {} {what}", a.name, b.name));
+            } else if common < expected {
+                let what = format!("share {common} times of {expected}; crossings between them were judged there only");
+                found.warnings.push(format!("{} and {} {what}", a.name, b.name));
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! What a mesh or cache file holds, for `drapery info`; the table of formats says how it is found out.
+
+use drapery_core::Vec3;
+use serde::Serialize;
+
+/// What a file holds.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct FileSummary {
+    /// Its format.
+    pub format: &'static str,
+    /// Who wrote it, how it counts frames, and the like: name and value.
+    pub properties: Vec<(String, String)>,
+    /// Its meshes.
+    pub meshes: Vec<MeshSummary>,
+    /// Objects that are no meshes: path and kind.
+    pub others: Vec<(String, String)>,
+}
+
+/// A mesh of a file.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct MeshSummary {
+    /// Full path of the object.
+    pub path: String,
+    /// Number of points of the first sample.
+    pub points: usize,
+    /// Faces with three, four, and more corners.
+    pub faces: [usize; 3],
+    /// Whether points and faces change.
+    pub topology: &'static str,
+    /// Number of samples of the points.
+    pub samples: usize,
+    /// Times of the first and the last sample [s].
+    pub times: [f64; 2],
+    /// Smallest and largest coordinates of the first sample, in world space and the file's unit.
+    pub bounds: Option<[[f64; 3]; 2]>,
+    /// Name of the UV set and number of its values.
+    pub uvs: Option<(String, usize)>,
+    /// Face sets and their number of faces.
+    pub face_sets: Vec<(String, usize)>,
+    /// Names of other attributes.
+    pub attributes: Vec<String>,
+    /// Whether velocities are stored.
+    pub velocities: bool,
+}
+
+/// Faces with three, four, and more corners.
+pub(crate) fn face_kinds(counts: &[u32]) -> [usize; 3] {
+    let number = |test: fn(u32) -> bool| counts.iter().filter(|&&count| test(count)).count();
+    [number(|c| c <= 3), number(|c| c == 4), number(|c| c > 4)]
+}
+
+/// Smallest and largest coordinates of points.
+pub(crate) fn bounds(points: &[Vec3]) -> Option<[[f64; 3]; 2]> {
+    let first = *points.first()?;
+    let (low, high) = points.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
+    Some([low.into(), high.into()])
+}

@@ -1,0 +1,58 @@
+//! What an Alembic file holds.
+
+use std::path::Path;
+
+use drapery_alembic::{Archive, PolyMesh, Schema, TopologyVariance};
+use drapery_core::Vec3;
+
+use crate::error::IoError;
+use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
+
+/// What an archive holds.
+///
+/// # Errors
+/// The file cannot be opened or contradicts itself.
+pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
+    let archive = Archive::open(path)?;
+    let mut properties: Vec<(String, String)> = archive
+        .metadata()
+        .iter()
+        .map(|(key, value)| (key.trim_start_matches("_ai_").to_owned(), value.to_owned()))
+        .collect();
+    properties.push(("library".into(), archive.library_version().to_string()));
+    let others = archive
+        .objects()
+        .filter(|o| !matches!(o.schema(), Schema::PolyMesh | Schema::SubD | Schema::FaceSet))
+        .map(|o| (o.path().to_owned(), format!("{:?}", o.schema())))
+        .collect();
+    let meshes = PolyMesh::all(&archive)?.iter().map(alembic_mesh).collect::<Result<_, _>>()?;
+    Ok(FileSummary { format: "Alembic (Ogawa)", properties, meshes, others })
+}
+
+fn alembic_mesh(mesh: &PolyMesh) -> Result<MeshSummary, IoError> {
+    let count = mesh.sample_count();
+    let mut summary = MeshSummary {
+        path: mesh.object().path().to_owned(),
+        samples: count,
+        topology: match mesh.topology_variance() {
+            TopologyVariance::Constant => "constant",
+            TopologyVariance::Homogeneous => "constant faces, moving points",
+            TopologyVariance::Heterogeneous => "changing",
+        },
+        uvs: mesh
+            .uv()
+            .map(|uv| (uv.source_name().unwrap_or("uv").to_owned(), uv.samples().element_count(0).unwrap_or(0))),
+        face_sets: mesh.face_sets()?.into_iter().map(|set| (set.name, set.faces.len())).collect(),
+        attributes: mesh.attributes().iter().map(|param| param.name().to_owned()).collect(),
+        ..MeshSummary::default()
+    };
+    if count > 0 {
+        let points: Vec<Vec3> = mesh.world_positions(0)?.into_iter().map(Vec3::from).collect();
+        summary.points = points.len();
+        summary.faces = face_kinds(&mesh.faces(0)?.face_counts);
+        summary.times = [mesh.time(0), mesh.time(count - 1)];
+        summary.bounds = bounds(&points);
+        summary.velocities = mesh.velocities(0)?.is_some();
+    }
+    Ok(summary)
+}

@@ -1,0 +1,56 @@
+//! What a scene file becomes: a scene with its files opened, and what is written of it.
+
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+
+use drapery_core::scene::SceneDescription;
+
+use crate::garment_mesh::GarmentMesh;
+use crate::input_motion::{InputMotion, Preroll};
+use crate::units::Units;
+use crate::wind_file::WindFile;
+
+/// Frame numbers that there can be: far more than any shot has, and far from where sums of them would overflow.
+pub const FRAMES: RangeInclusive<i64> = -1_000_000_000..=1_000_000_000;
+
+/// A scene with its files opened: everything that a run needs.
+#[derive(Debug)]
+pub struct ShotDescription {
+    /// Name of the shot.
+    pub name: String,
+    /// Scene file, for the record; empty when there is none.
+    pub scene_path: PathBuf,
+    /// All files that are read, so that none is overwritten.
+    pub input_files: Vec<PathBuf>,
+    /// What is simulated.
+    pub scene: SceneDescription,
+    /// For each body of the scene its file; `None` for analytic shapes.
+    pub bodies: Vec<Option<InputMotion>>,
+    /// Pin targets, in the order of the tracks.
+    pub tracks: Vec<InputMotion>,
+    /// The grid of the wind, if a file gives one.
+    pub wind: Option<WindFile>,
+    /// For each garment of the scene its mesh as it comes from its file, with everything to hand through.
+    pub garments: Vec<GarmentMesh>,
+    /// First and last frame of the shot.
+    pub frames: [i64; 2],
+    /// Frames before the first one.
+    pub preroll: Preroll,
+    /// What is written.
+    pub output: OutputDescription,
+    /// The scene with every default written out.
+    pub resolved: String,
+    /// What is suspicious but was accepted.
+    pub warnings: Vec<String>,
+}
+
+/// What a run writes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OutputDescription {
+    /// Words of [`crate::formats::FORMATS`].
+    pub formats: Vec<String>,
+    /// Units and up axis of the caches.
+    pub units: Units,
+    /// Whether velocities are stored.
+    pub velocities: bool,
+}

@@ -1,0 +1,53 @@
+//! What can go wrong with a shot.
+
+use std::path::PathBuf;
+
+use drapery_core::error::{Problems, StepError};
+use drapery_io::error::IoError;
+
+use crate::recorded_frames::FrameFault;
+
+/// Why a shot could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ShotError {
+    /// A file could not be read or written.
+    #[error(transparent)]
+    Io(#[from] IoError),
+    /// The scene or its inputs are wrong; all problems.
+    #[error("{0}")]
+    Problems(Problems),
+    /// The frames asked for cannot be simulated.
+    #[error("{0}")]
+    Frames(String),
+    /// The solver gave up.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The run that the folder holds is one of another scene, or of other inputs.
+    #[error(
+        "{}: this folder holds a run of the same name, but not of the same shot\n  {}\n  \
+         help: choose another folder with --out, start anew with --overwrite, or insist with --resume-with-changes: frames \
+         after the last checkpoint are then simulated with the changes",
+        folder.display(), changes.join("\n  ")
+    )]
+    Changed {
+        /// The folder.
+        folder: PathBuf,
+        /// What has changed.
+        changes: Vec<String>,
+    },
+    /// A frame before the one that a run is told to go on after is not what was written.
+    #[error(
+        "{fault}\n  \
+         help: go on from a checkpoint before this frame with --resume FRAME, leave --resume {asked} out to let the run find \
+         it, or start anew with --overwrite"
+    )]
+    FrameChanged {
+        /// The cache, the frame, and what is wrong.
+        fault: FrameFault,
+        /// The frame of `--resume`.
+        asked: i64,
+    },
+    /// There is nothing to go on from where it was asked for.
+    #[error("{0}")]
+    Resume(String),
+}

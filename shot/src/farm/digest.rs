@@ -1,0 +1,263 @@
+//! What a shot depends on, in a form that can be kept and compared: the same shot may be continued, another may not.
+//!
+//! [`Fingerprint::of`] holds one digest each of the scene, of the content of every input file, and of the versions.
+//! [`compare`] says in words what has changed since: changes that cannot alter a frame that is already there (the end
+//! of the range, what is written, the name) are *allowed*; all others are *forbidden* unless somebody insists.
+//!
+//! The scene is compared value by value, as `resolved.toml` has them with all defaults, so that comments, order and
+//! spelling of numbers do not matter. A value that names a file stands for the content of the file: moving inputs to
+//! another folder is allowed.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf, absolute};
+
+use drapery_io::error::IoError;
+use drapery_io::input_file;
+use drapery_io::scene_file::FILES;
+use drapery_io::sha256::hex;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// Digests by name: `scene`, `solver`, `format`, `application`, and `input:<path>` for each input file.
+pub type Digests = BTreeMap<String, String>;
+
+/// Name of the scene's digest.
+const SCENE: &str = "scene";
+
+/// Start of the names of input files' digests.
+const INPUT: &str = "input:";
+
+/// Keys of the scene that no frame which is already there depends on; a name that ends in a dot stands for a table.
+const FREE_KEYS: [&str; 3] = ["shot.name", LAST_FRAME, "output."];
+
+/// The range of the shot is compared by its ends.
+const FRAMES: &str = "shot.frames";
+const FIRST_FRAME: &str = "shot.first_frame";
+const LAST_FRAME: &str = "shot.last_frame";
+
+/// Key of the scene that says whether caches hold velocities.
+const VELOCITIES: &str = "output.velocities";
+
+/// Longest value that is shown in full, in characters.
+const SHOWN: usize = 48;
+
+/// Bytes that are read from an input at a time.
+const BLOCK: usize = 1 << 20;
+
+/// Versions that a run depends on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Versions<'a> {
+    /// `drapery_core::SOLVER_VERSION`: raised when results change.
+    pub solver: u32,
+    /// Version of checkpoints.
+    pub format: u32,
+    /// Program and its version; another one may continue, as long as the other two are equal.
+    pub application: &'a str,
+}
+
+/// What a shot depends on.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fingerprint {
+    /// For comparing, also from a checkpoint.
+    pub digests: Digests,
+    /// Values of the scene by their place, as in `garment[0].stretch.stiffness`: for telling which have changed.
+    pub scene: BTreeMap<String, String>,
+}
+
+/// What differs between two fingerprints, in words.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// Changes with which a run goes on.
+    pub allowed: Vec<String>,
+    /// Changes that make it another shot.
+    pub forbidden: Vec<String>,
+}
+
+impl Fingerprint {
+    /// Of a scene with all defaults (`resolved`), its input files and the program. The scene file itself may be among
+    /// the inputs: it is left out, because not every change of it matters.
+    ///
+    /// # Errors
+    /// An input cannot be read.
+    pub fn of(resolved: &str, scene_path: &Path, inputs: &[PathBuf], versions: Versions<'_>) -> Result<Self, IoError> {
+        let table: toml::Table = toml::from_str(resolved).map_err(|error| {
+            let advice = "this is a fault of Drapery; please report it with the scene";
+            IoError::data(scene_path, "the scene with its defaults", error.to_string(), advice)
+        })?;
+        let mut scene = BTreeMap::new();
+        flatten(&mut scene, "", &toml::Value::Table(table));
+        split_frames(&mut scene);
+        let mut digests = Digests::new();
+        for input in inputs.iter().filter(|input| input.as_path() != scene_path) {
+            digests.insert(input_name(input), content_digest(input)?);
+        }
+        let mut all = Sha256::new();
+        for (key, value) in scene.iter().filter(|(key, _)| !is_free(key)) {
+            let (hash, rest) = by_content(&digests, key, value).unwrap_or(("", value));
+            // Lengths keep one value from running into the next.
+            all.update(format!("{key} {} {} {hash}{rest}\n", hash.len(), rest.len()));
+        }
+        digests.insert(SCENE.to_owned(), hex(&all.finalize()));
+        digests.insert("solver".to_owned(), versions.solver.to_string());
+        digests.insert("format".to_owned(), versions.format.to_string());
+        digests.insert("application".to_owned(), versions.application.to_owned());
+        Ok(Self { digests, scene })
+    }
+
+    /// What the scene says about velocities in the caches.
+    pub fn stores_velocities(&self) -> Option<&str> {
+        self.scene.get(VELOCITIES).map(String::as_str)
+    }
+}
+
+/// What has changed from `old` to `new`. Digests alone are enough to see that; the values of the scene, where both have
+/// them, say what.
+pub fn compare(old: &Fingerprint, new: &Fingerprint) -> Changes {
+    let mut changes = Changes::default();
+    let value =
+        |side: &Fingerprint, name: &str| side.digests.get(name).cloned().unwrap_or_else(|| "unknown".to_owned());
+    for (name, what) in [("solver", "version of the solver"), ("format", "version of checkpoints")] {
+        let (old, new) = (value(old, name), value(new, name));
+        if old != new {
+            changes.forbidden.push(format!("{what} {old} -> {new}"));
+        }
+    }
+    if value(old, "application") != value(new, "application") {
+        let text = format!("program {} -> {}", value(old, "application"), value(new, "application"));
+        changes.allowed.push(text);
+    }
+    for (name, hash) in old.digests.iter().filter_map(|(name, hash)| Some((name.strip_prefix(INPUT)?, hash))) {
+        if new.digests.get(&format!("{INPUT}{name}")).is_some_and(|now| now != hash) {
+            changes.forbidden.push(format!("input {name} has changed"));
+        }
+    }
+    if !old.scene.is_empty() && !new.scene.is_empty() {
+        compare_scenes(old, new, &mut changes);
+    }
+    let scene_differs = value(old, SCENE) != value(new, SCENE);
+    if scene_differs && changes.forbidden.is_empty() {
+        changes.forbidden.push("the scene has changed".to_owned());
+    }
+    changes
+}
+
+/// Values of the scene that differ, each in its list.
+fn compare_scenes(old: &Fingerprint, new: &Fingerprint, changes: &mut Changes) {
+    let keys = old.scene.keys().chain(new.scene.keys().filter(|key| !old.scene.contains_key(*key)));
+    for key in keys {
+        let (before, after) = (old.scene.get(key), new.scene.get(key));
+        if before == after {
+            continue;
+        }
+        let shown = |value: Option<&String>| value.map_or_else(|| "(nothing)".to_owned(), |text| shorten(text));
+        let text = format!("{key} {} -> {}", shown(before), shown(after));
+        let content = |side: &Fingerprint, value: Option<&String>| {
+            let (hash, rest) = by_content(&side.digests, key, value?)?;
+            Some((hash.to_owned(), rest.to_owned()))
+        };
+        let moved = content(old, before).is_some_and(|file| Some(file) == content(new, after));
+        match is_free(key) || moved {
+            true if moved => changes.allowed.push(format!("{text} (the same content)")),
+            true => changes.allowed.push(text),
+            false => changes.forbidden.push(text),
+        }
+    }
+}
+
+/// Whether frames that are already there do not depend on a key.
+fn is_free(key: &str) -> bool {
+    FREE_KEYS.iter().any(|free| if free.ends_with('.') { key.starts_with(free) } else { key == *free })
+}
+
+/// Content of the file that a value names, and what the value says besides (`@101`, the frame in the file).
+fn by_content<'a>(digests: &'a Digests, key: &str, value: &'a str) -> Option<(&'a str, &'a str)> {
+    let last = key.rsplit('.').next().unwrap_or(key);
+    if !FILES.contains(&last) {
+        return None;
+    }
+    let text = value.strip_prefix('"')?.strip_suffix('"')?;
+    let path = text.rsplit_once('@').map_or(text, |(path, _)| path);
+    [text, path].into_iter().find_map(|path| {
+        let hash = digests.get(&input_name(Path::new(path)))?;
+        Some((hash.as_str(), &text[path.len()..]))
+    })
+}
+
+fn input_name(path: &Path) -> String {
+    // A path that cannot be made absolute is empty or belongs to a folder that is gone; as it is, it still is a name.
+    format!("{INPUT}{}", absolute(path).unwrap_or_else(|_| path.to_owned()).display())
+}
+
+/// Digest of all bytes of a file.
+fn content_digest(path: &Path) -> Result<String, IoError> {
+    let mut file = input_file::open(path)?;
+    let (mut all, mut block) = (Sha256::new(), vec![0; BLOCK]);
+    loop {
+        match file.read(&mut block) {
+            Ok(0) => return Ok(hex(&all.finalize())),
+            Ok(count) => all.update(&block[..count]),
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(IoError::reading(path, error)),
+        }
+    }
+}
+
+/// Writes the values of a scene under their places; lists of tables are counted through.
+fn flatten(out: &mut BTreeMap<String, String>, place: &str, value: &toml::Value) {
+    match value {
+        toml::Value::Table(table) if !table.is_empty() => {
+            for (key, inner) in table {
+                let place = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
+                flatten(out, &place, inner);
+            }
+        }
+        toml::Value::Array(items) if !items.is_empty() && items.iter().all(toml::Value::is_table) => {
+            for (index, inner) in items.iter().enumerate() {
+                flatten(out, &format!("{place}[{index}]"), inner);
+            }
+        }
+        _ => {
+            out.insert(place.to_owned(), text(value));
+        }
+    }
+}
+
+/// A value as text; 2 and 2.0 are the same number.
+fn text(value: &toml::Value) -> String {
+    match value {
+        toml::Value::Integer(number) => number.to_string(),
+        // The shortest text that reads back to the same bits; whole numbers come out without a point.
+        toml::Value::Float(number) => number.to_string(),
+        toml::Value::Array(items) => format!("[{}]", items.iter().map(text).collect::<Vec<_>>().join(", ")),
+        toml::Value::Table(table) => {
+            let entries: Vec<String> = table.iter().map(|(key, value)| format!("{key} = {}", text(value))).collect();
+            format!("{{{}}}", entries.join(", "))
+        }
+        toml::Value::String(text) => format!("{text:?}"),
+        other => other.to_string(),
+    }
+}
+
+/// Replaces the range of frames by its two ends: they do not mean the same.
+fn split_frames(scene: &mut BTreeMap<String, String>) {
+    let Some(range) = scene.get(FRAMES).and_then(|text| text.strip_prefix('"')?.strip_suffix('"')) else { return };
+    // The first character may be the sign of a negative frame.
+    let dash = range.char_indices().skip(1).find(|(_, c)| *c == '-').map(|(i, _)| i);
+    let (first, last) = dash.map_or((range, range), |i| (&range[..i], &range[i + 1..]));
+    let (first, last) = (first.trim().to_owned(), last.trim().to_owned());
+    scene.remove(FRAMES);
+    scene.insert(FIRST_FRAME.to_owned(), first);
+    scene.insert(LAST_FRAME.to_owned(), last);
+}
+
+/// A text that fits on a line; of long ones the start.
+fn shorten(text: &str) -> String {
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

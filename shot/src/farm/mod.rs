@@ -1,0 +1,19 @@
+//! Running where machines are taken away: one run a folder, requests to stop, what changed between two attempts.
+//!
+//! ```text
+//! OUT/lock.json          who runs here                              lock.rs, with process.rs
+//! OUT/control/stop       "write a checkpoint and leave"             stop.rs
+//! OUT/control/checkpoint "write a checkpoint and go on"
+//! OUT/logs/001.log       log of the first attempt, and 001.jsonl    attempts.rs
+//! OUT/stale/attempt_002  what an attempt did not go on from         stale.rs
+//! ```
+//!
+//! What a resumed run is compared with is computed in `digest`; it is kept in the manifest and in checkpoints.
+
+pub mod attempts;
+pub mod command_line;
+pub mod digest;
+pub mod lock;
+pub mod process;
+pub mod stale;
+pub mod stop;

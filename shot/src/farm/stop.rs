@@ -1,0 +1,364 @@
+//! Requests to a run in progress: stop, stop at once, write a checkpoint.
+//!
+//! The frame loop asks after every step that leaves a state free of collisions ([`StopRequests::poll`]). Requests come
+//! from signals, from the time that the run may take, and from files in `OUT/control`: `stop` and `checkpoint`.
+//!
+//! A file `checkpoint` is removed when the request is handed to the frame loop. A file `stop` stays as long as the run
+//! is ending, and is removed when it has ended ([`StopRequests::finish`]). What an earlier run was killed over is removed
+//! at the start ([`StopRequests::watch_folder`]): a file that stays would stop every attempt to continue.
+
+use std::collections::VecDeque;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
+
+use drapery_io::error::IoError;
+
+use crate::farm::lock::{self, Holder};
+use crate::run_record::MANIFEST;
+
+/// Folder of the request files in the folder of a run.
+pub const CONTROL: &str = "control";
+
+/// File that asks for a checkpoint and the end.
+const STOP: &str = "stop";
+
+/// File that asks for a checkpoint.
+const CHECKPOINT: &str = "checkpoint";
+
+/// Shortest time between two looks for files: a look costs a file server as much as a small read.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// The same signal again within this time counts once: launchers signal the group of processes and then each process.
+const SAME_SIGNAL: Duration = Duration::from_millis(500);
+
+/// Checkpoints that must fit into the time before a deadline: the one to come may take twice as long as the slowest yet.
+const CHECKPOINTS_IN_RESERVE: f64 = 2.0;
+
+/// Least time before a deadline at which a run ends [s]: programs need a while to start and to end.
+const LEAST_RESERVE: f64 = 10.0;
+
+/// The least time is not more than this share of the time that there was: short runs are to get somewhere, too.
+const LEAST_RESERVE_SHARE: f64 = 0.1;
+
+/// Frames from which the time of the next is estimated.
+const FRAMES_SEEN: usize = 10;
+
+/// A signal that asks a run to stop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Signal {
+    /// SIGTERM: a scheduler takes the machine away.
+    Terminate,
+    /// SIGUSR1: notice before the end of the time.
+    User1,
+    /// SIGUSR2: the same, on other schedulers.
+    User2,
+    /// SIGINT: somebody pressed Ctrl-C.
+    Interrupt,
+    /// SIGXCPU: the limit of processor time.
+    CpuLimit,
+}
+
+/// Why a run stops early.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// A signal came.
+    Signal(Signal),
+    /// The run has taken the time that it was given.
+    MaxWall,
+    /// The point of time has come at which it is to stop.
+    StopAt,
+    /// The scheduler's job ends.
+    JobEnd,
+    /// Somebody made the file `control/stop`.
+    ControlFile,
+}
+
+impl Reason {
+    /// The word for log and manifest; it never changes its meaning.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Signal(Signal::Terminate) => "signal TERM",
+            Self::Signal(Signal::User1) => "signal USR1",
+            Self::Signal(Signal::User2) => "signal USR2",
+            Self::Signal(Signal::Interrupt) => "signal INT",
+            Self::Signal(Signal::CpuLimit) => "signal XCPU",
+            Self::MaxWall => "max-wall",
+            Self::StopAt => "stop-at",
+            Self::JobEnd => "job-end",
+            Self::ControlFile => "control/stop",
+        }
+    }
+}
+
+/// All reasons; of several at once, the last in this list is the one that is told.
+const REASONS: [Reason; 9] = [
+    Reason::ControlFile,
+    Reason::JobEnd,
+    Reason::StopAt,
+    Reason::MaxWall,
+    Reason::Signal(Signal::CpuLimit),
+    Reason::Signal(Signal::User2),
+    Reason::Signal(Signal::User1),
+    Reason::Signal(Signal::Interrupt),
+    Reason::Signal(Signal::Terminate),
+];
+
+impl std::fmt::Display for Reason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// What the frame loop is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Request {
+    /// Say how far the frame is, and go on.
+    Report,
+    /// Write a checkpoint and go on. Asked for once.
+    Checkpoint,
+    /// Write a checkpoint and end. Asked for again until the run ends.
+    Stop(Reason),
+    /// End without another checkpoint; the last one is where the run continues.
+    StopAtOnce(Reason),
+}
+
+impl Request {
+    /// A number that is the larger, the more urgent a request is; 0 for none. Ranks agree on what to do by the largest.
+    pub fn urgency(request: Option<Self>) -> f64 {
+        let place = |reason| REASONS.iter().position(|known| *known == reason).unwrap_or(0);
+        let urgency = match request {
+            None => 0,
+            Some(Self::Report) => 1,
+            Some(Self::Checkpoint) => 2,
+            Some(Self::Stop(reason)) => 3 + place(reason),
+            Some(Self::StopAtOnce(reason)) => 3 + REASONS.len() + place(reason),
+        };
+        urgency as f64
+    }
+
+    /// The request of an urgency.
+    pub fn of_urgency(urgency: f64) -> Option<Self> {
+        let reason = |place: usize| REASONS.get(place).copied();
+        match urgency as usize {
+            0 => None,
+            1 => Some(Self::Report),
+            2 => Some(Self::Checkpoint),
+            stop => match reason(stop - 3) {
+                Some(reason) => Some(Self::Stop(reason)),
+                None => reason(stop - 3 - REASONS.len()).map(Self::StopAtOnce),
+            },
+        }
+    }
+}
+
+/// How much time a run needs for ending before its earliest deadline, and how much there is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Notice {
+    /// Why it will stop.
+    pub reason: Reason,
+    /// Twice its slowest checkpoint and the longest of its last frames, or the least reserve if that is more [s].
+    pub needed: f64,
+    /// Until the deadline [s].
+    pub left: f64,
+    /// Whether a checkpoint was written, so that `needed` is measured.
+    pub knows_checkpoints: bool,
+}
+
+/// All requests to one run. Clones are the same requests: one stays with the signals, one goes into the frame loop.
+#[derive(Debug, Clone, Default)]
+pub struct StopRequests(Arc<Mutex<State>>);
+
+#[derive(Debug, Default)]
+struct State {
+    /// The first signal and when it came.
+    signal: Option<(Signal, SystemTime)>,
+    /// The second one.
+    second: Option<Signal>,
+    deadlines: Vec<Deadline>,
+    files: Option<ControlFiles>,
+    slowest_checkpoint: f64,
+    frames: VecDeque<f64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Deadline {
+    reason: Reason,
+    at: SystemTime,
+    /// What there was of it when the run learnt of it.
+    span: Duration,
+}
+
+#[derive(Debug)]
+struct ControlFiles {
+    folder: PathBuf,
+    last_look: Option<SystemTime>,
+    stop: bool,
+    /// Age of the request that was handed on, should its file not go away.
+    obeyed: Option<SystemTime>,
+}
+
+impl StopRequests {
+    /// A signal came; it may be the second one.
+    pub fn signal(&self, signal: Signal, now: SystemTime) {
+        let mut state = self.state();
+        match state.signal {
+            None => state.signal = Some((signal, now)),
+            Some((first, at)) if first == signal && now.duration_since(at).unwrap_or_default() < SAME_SIGNAL => {}
+            Some(_) => state.second = state.second.or(Some(signal)),
+        }
+    }
+
+    /// The run is to have ended at a point of time. Of several, the earliest counts.
+    pub fn deadline(&self, reason: Reason, at: SystemTime, now: SystemTime) {
+        let span = at.duration_since(now).unwrap_or_default();
+        self.state().deadlines.push(Deadline { reason, at, span });
+    }
+
+    /// Looks for request files in the folder of the run from now on; requests to an earlier run are removed.
+    ///
+    /// Only whoever has the lock of the folder may do this. Returns the names of what was removed.
+    ///
+    /// # Errors
+    /// The folder `control` cannot be created.
+    pub fn watch_folder(&self, run_folder: &Path) -> Result<Vec<&'static str>, IoError> {
+        let folder = run_folder.join(CONTROL);
+        fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
+        let mut removed = Vec::new();
+        for name in [STOP, CHECKPOINT] {
+            match fs::remove_file(folder.join(name)) {
+                Ok(()) => removed.push(name),
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+                Err(error) => return Err(IoError::writing(&folder.join(name), error)),
+            }
+        }
+        self.state().files = Some(ControlFiles { folder, last_look: None, stop: false, obeyed: None });
+        Ok(removed)
+    }
+
+    /// A checkpoint took so long [s].
+    pub fn note_checkpoint(&self, seconds: f64) {
+        let mut state = self.state();
+        state.slowest_checkpoint = state.slowest_checkpoint.max(seconds);
+    }
+
+    /// A frame took so long [s].
+    pub fn note_frame(&self, seconds: f64) {
+        let mut state = self.state();
+        if state.frames.len() == FRAMES_SEEN {
+            state.frames.pop_front();
+        }
+        state.frames.push_back(seconds);
+    }
+
+    /// The earliest deadline, and how long before it the run will stop as things are now. `None` without a deadline.
+    pub fn notice(&self, now: SystemTime) -> Option<Notice> {
+        let state = self.state();
+        let deadline = state.deadlines.iter().min_by_key(|deadline| deadline.at)?;
+        Some(Notice {
+            reason: deadline.reason,
+            needed: deadline.reserve(state.needed_notice()),
+            left: deadline.left(now),
+            knows_checkpoints: state.slowest_checkpoint > 0.0,
+        })
+    }
+
+    /// What is asked for now. Signals come before deadlines, and those before files.
+    pub fn poll(&self, now: SystemTime) -> Option<Request> {
+        let mut state = self.state();
+        if let Some(second) = state.second {
+            return Some(Request::StopAtOnce(Reason::Signal(second)));
+        }
+        if let Some((first, _)) = state.signal {
+            return Some(Request::Stop(Reason::Signal(first)));
+        }
+        let needed = state.needed_notice();
+        let passed = state.deadlines.iter().filter(|deadline| deadline.has_come(needed, now));
+        if let Some(deadline) = passed.min_by_key(|deadline| deadline.at) {
+            return Some(Request::Stop(deadline.reason));
+        }
+        state.files.as_mut().and_then(|files| files.look(now))
+    }
+
+    /// The run has ended: removes its request files.
+    pub fn finish(&self) {
+        if let Some(files) = self.state().files.take() {
+            for name in [STOP, CHECKPOINT] {
+                // If it stays, the next start removes it.
+                let _ = fs::remove_file(files.folder.join(name));
+            }
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        // Every change is complete in itself, so a panic elsewhere leaves nothing half done.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn needed_notice(&self) -> f64 {
+        let frame = self.frames.iter().copied().fold(0.0, f64::max);
+        CHECKPOINTS_IN_RESERVE * self.slowest_checkpoint + frame
+    }
+}
+
+impl Deadline {
+    /// Whether what is left of the time is needed for ending.
+    fn has_come(&self, needed_notice: f64, now: SystemTime) -> bool {
+        self.left(now) <= self.reserve(needed_notice)
+    }
+
+    /// Time until it [s].
+    fn left(&self, now: SystemTime) -> f64 {
+        self.at.duration_since(now).unwrap_or_default().as_secs_f64()
+    }
+
+    /// Time before it at which the run ends [s].
+    fn reserve(&self, needed_notice: f64) -> f64 {
+        needed_notice.max(LEAST_RESERVE.min(LEAST_RESERVE_SHARE * self.span.as_secs_f64()))
+    }
+}
+
+impl ControlFiles {
+    fn look(&mut self, now: SystemTime) -> Option<Request> {
+        let since = self.last_look.map(|last| now.duration_since(last).unwrap_or(LOOK_EVERY));
+        if !self.stop && since.is_some_and(|since| since < LOOK_EVERY) {
+            return None;
+        }
+        self.last_look = Some(now);
+        self.stop |= self.folder.join(STOP).exists();
+        if self.stop {
+            return Some(Request::Stop(Reason::ControlFile));
+        }
+        let path = self.folder.join(CHECKPOINT);
+        let asked = fs::metadata(&path).and_then(|about| about.modified()).ok()?;
+        // A file that others own may not go away; it is obeyed once all the same.
+        let _ = fs::remove_file(&path);
+        (self.obeyed.replace(asked) != Some(asked)).then_some(Request::Checkpoint)
+    }
+}
+
+/// Asks the run in a folder to write a checkpoint and to end, from another process. Returns who was asked; `None` when
+/// nobody runs there, and nothing was done.
+///
+/// # Errors
+/// The folder holds no run, or the request cannot be written.
+pub fn request_stop(run_folder: &Path, now: SystemTime) -> Result<Option<Holder>, IoError> {
+    let holder = lock::holder(run_folder, now)?;
+    if holder.is_none() && !run_folder.join(MANIFEST).exists() {
+        return Err(IoError::NoRun { path: run_folder.to_owned() });
+    }
+    if holder.as_ref().is_none_or(|holder| holder.presence == lock::Presence::Gone) {
+        return Ok(None);
+    }
+    let folder = run_folder.join(CONTROL);
+    fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
+    let path = folder.join(STOP);
+    fs::write(&path, "").map_err(|e| IoError::creating(&path, e))?;
+    Ok(holder)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,24 @@
+//! Running a shot: inputs in, frames through the solver, caches out, with checkpoints to go on from and a record of what was
+//! measured. The command, and any other door to the solver, runs this.
+//!
+//! [`Shot::prepare`] checks a scene with its files, [`Shot::run`] simulates and writes it ([`run`]). On many ranks all this
+//! happens on rank 0; the others run a [worker loop](remote_simulation::worker_loop). The library never prints.
+
+mod check;
+pub mod checkpoints;
+pub mod error;
+pub mod farm;
+pub mod frame_digest;
+mod inputs;
+mod long_frames;
+mod pinned;
+pub mod quality;
+pub mod recorded_frames;
+pub mod remote_simulation;
+pub mod run;
+pub mod run_record;
+mod shot;
+pub mod steps;
+
+pub use error::ShotError;
+pub use shot::Shot;

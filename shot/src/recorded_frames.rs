@@ -1,0 +1,99 @@
+//! Whether caches still hold what a run has written: every frame is compared with the digests in the run's record.
+//!
+//! Frames are decoded by the readers of their format, so it does not matter whether a cache was continued in place, in a copy,
+//! or was copied elsewhere. Positions, velocities, the number of crossings and bounds are compared to the last bit.
+
+use std::path::{Path, PathBuf};
+
+use drapery_io::cache_frames::{CacheFrames, StoredFrame};
+use drapery_io::error::IoError;
+
+use crate::frame_digest::GarmentDigests;
+use crate::quality::CROSSINGS_WRITTEN;
+use crate::run_record::reader::{FrameRow, Record, gaps};
+
+/// A cache of a run.
+#[derive(Debug, Clone, Copy)]
+pub struct RecordedCache<'a> {
+    /// The file.
+    pub path: &'a Path,
+    /// Where the tables of the commit stand that is looked at; the last one when `None`. Alembic only.
+    pub root: Option<u64>,
+    /// The garment that it holds, as the record calls it.
+    pub garment: &'a str,
+}
+
+/// A frame of a cache that is not what was written.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}: frame {frame}: {what}", path.display())]
+pub struct FrameFault {
+    /// The cache.
+    pub path: PathBuf,
+    /// The frame.
+    pub frame: i64,
+    /// What is wrong with it.
+    pub what: String,
+}
+
+/// What a comparison came to.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Compared {
+    /// Frames that are what was written.
+    pub sound: usize,
+    /// Frames of which the record holds no digests, as ranges.
+    pub unrecorded: Vec<[i64; 2]>,
+    /// Frames that are not what was written, in ascending order.
+    pub faults: Vec<FrameFault>,
+}
+
+impl RecordedCache<'_> {
+    /// Compares the frames from `first` to `last`; ends after the first fault where `only_first` says so.
+    ///
+    /// # Errors
+    /// The file is missing, cannot be read as a whole, or what is the same in all frames is not what was written.
+    pub fn compare(&self, record: &Record, [first, last]: [i64; 2], only_first: bool) -> Result<Compared, IoError> {
+        let cache = CacheFrames::open_at(self.path, self.root)?;
+        cache.check_constants()?;
+        let (mut compared, mut recorded) = (Compared::default(), Vec::new());
+        for row in record.frames.iter().filter(|row| (first..=last).contains(&row.frame)) {
+            let Some(digests) = row.digests.get(self.garment) else { continue };
+            recorded.push(row.frame);
+            match fault(&cache, row, digests) {
+                None => compared.sound += 1,
+                Some(what) => {
+                    compared.faults.push(FrameFault { path: self.path.to_owned(), frame: row.frame, what });
+                    if only_first {
+                        break;
+                    }
+                }
+            }
+        }
+        let looked_at = compared.faults.last().filter(|_| only_first).map_or(last, |fault| fault.frame);
+        compared.unrecorded = gaps(first, looked_at, recorded.into_iter());
+        Ok(compared)
+    }
+}
+
+/// What is wrong with a frame.
+fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Option<String> {
+    let Ok(sample) = cache.meshes()[0].frames.binary_search(&row.frame) else {
+        return Some("it is missing".to_owned());
+    };
+    let Ok(stored) = cache.stored_frame(0, sample) else {
+        return Some("it cannot be read".to_owned());
+    };
+    let StoredFrame { positions, velocities, crossings, has_bounds_of_points } = stored;
+    let found = GarmentDigests::of(&positions, &velocities.unwrap_or_default());
+    let counted = row.counts.get(CROSSINGS_WRITTEN).copied();
+    let differs = |what: &str| Some(format!("the {what} not those that were written"));
+    match () {
+        () if found.positions != digests.positions => differs("positions are"),
+        // A run may have gone on without velocities; they are then in none of the frames.
+        () if found.velocities.is_some() && found.velocities != digests.velocities => differs("velocities are"),
+        () if crossings.is_some_and(|stored| counted.is_some_and(|counted| u64::from(stored) != counted)) => {
+            Some("the number of crossings is not the one that was written".to_owned())
+        }
+        () if !has_bounds_of_points => Some("the bounds are not those of the points".to_owned()),
+        () => None,
+    }
+}

@@ -1,0 +1,341 @@
+//! A simulation on many ranks. Rank 0 leads: it reads, writes and decides, and says before every operation of all ranks what
+//! comes next. The others [`worker_loop`]: they do the same operation with their share of the cloth, and touch no file.
+
+use std::time::SystemTime;
+
+use drapery_core::Vec3;
+use drapery_core::effects::cost::FrameCost;
+use drapery_core::error::{Problems, StepError};
+use drapery_core::observe::{Observer, Sink, Tracepoint};
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::gather::VertexField;
+use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::simulation::{Advance, FrameInput, FrameSummary, RestoreError, Simulation};
+use drapery_core::snapshot::{SnapshotSink, SnapshotSource};
+use drapery_io::error::IoError;
+use drapery_io::units::Units;
+use serde::{Deserialize, Serialize};
+
+use crate::error::ShotError;
+use crate::farm::stop::{Request, StopRequests};
+
+/// What all ranks do next.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+enum Command {
+    /// Start threads: so many, or as each rank finds right.
+    Threads { count: Option<usize> },
+    /// Take a share of the scene.
+    Scene,
+    /// Take the input of a frame.
+    Input,
+    /// Build the simulation at its start, from that input.
+    Start,
+    /// Build it at a checkpoint, from that input.
+    Restore,
+    /// Look at the cloth after these lines; so many steps were made since the last frame.
+    Observe { tracepoints: Vec<String>, steps: u64 },
+    /// Go on towards the frame of that input.
+    Advance,
+    /// Say what is asked for here.
+    Agree,
+    /// Give a field of a garment.
+    Stored { garment: usize, velocities: bool, units: Units },
+    /// Look for crossings of what caches store.
+    Crossings { units: Units },
+    /// Give positions and velocities.
+    State,
+    /// Give everything that time has changed.
+    Save,
+    /// End with this exit code.
+    End { code: u8 },
+}
+
+fn announce(ranks: &Ranks, command: Command) {
+    if !ranks.is_alone() {
+        ranks.broadcast(&mut to_bytes(&command));
+    }
+}
+
+fn receive(ranks: &Ranks) -> Command {
+    let mut bytes = Vec::new();
+    ranks.broadcast(&mut bytes);
+    from_bytes(ranks, "command of rank 0", &bytes)
+}
+
+/// A simulation on all ranks, as rank 0 has it.
+pub(super) struct RemoteSimulation {
+    ranks: Ranks,
+    simulation: Simulation,
+}
+
+impl RemoteSimulation {
+    /// The checked scene, on all ranks.
+    pub(super) fn distribute(ranks: &Ranks, description: SceneDescription) -> Result<Scene, Problems> {
+        announce(ranks, Command::Scene);
+        Scene::distribute(ranks, Some(description))
+    }
+
+    /// The simulation at its start.
+    pub(super) fn start(ranks: &Ranks, scene: Scene, input: FrameInput) -> Result<Self, Problems> {
+        let input = share(ranks, &scene, input);
+        announce(ranks, Command::Start);
+        let simulation = Simulation::new(scene, &input)?;
+        Ok(Self { ranks: ranks.clone(), simulation })
+    }
+
+    /// The simulation at a checkpoint of the frame of `input`.
+    pub(super) fn restored(self, input: FrameInput, source: &mut dyn SnapshotSource) -> Result<Self, RestoreError> {
+        let Self { ranks, simulation } = self;
+        let scene = simulation.shared_scene();
+        // Its room is needed for the one to come.
+        drop(simulation);
+        let input = share(&ranks, &scene, input);
+        announce(&ranks, Command::Restore);
+        let simulation = Simulation::restore_from(scene, &input, Some(source))?;
+        Ok(Self { ranks, simulation })
+    }
+
+    /// The ranks.
+    pub(super) fn ranks(&self) -> &Ranks {
+        &self.ranks
+    }
+
+    /// This rank's part of the simulation.
+    pub(super) fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    /// Gives every rank what it needs of the input of a frame; returns what this one needs.
+    pub(super) fn share(&self, input: FrameInput) -> FrameInput {
+        share(&self.ranks, self.simulation.scene(), input)
+    }
+
+    /// Gives `sink` the cloth after these lines from now on; so many steps were made since the last frame.
+    pub(super) fn observe(&mut self, tracepoints: &[Tracepoint], steps: u64, sink: Sink) {
+        let as_text = tracepoints.iter().map(Tracepoint::to_string).collect();
+        announce(&self.ranks, Command::Observe { tracepoints: as_text, steps });
+        observe(&mut self.simulation, tracepoints.to_vec(), steps, Some(sink));
+    }
+
+    /// Goes on towards the frame that was shared last. At states free of collisions `ask` says what is asked for here; what all
+    /// ranks agree on is returned with the advance.
+    pub(super) fn advance(
+        &mut self,
+        input: &FrameInput,
+        ask: &mut (dyn FnMut() -> Option<Request> + Send),
+    ) -> Result<(Advance, Option<Request>), StepError> {
+        announce(&self.ranks, Command::Advance);
+        advance(&self.ranks, &mut self.simulation, input, ask)
+    }
+
+    /// Goes on by these frames, all of them on this rank; returns what one has cost in the mean.
+    pub(super) fn trial(
+        &mut self,
+        inputs: impl Iterator<Item = Result<FrameInput, IoError>>,
+    ) -> Result<FrameCost, ShotError> {
+        let (mut all, mut frames) = (FrameSummary::empty(self.simulation.frame()), 0.0);
+        for input in inputs {
+            let summary = self.simulation.advance(&input?)?;
+            (all, frames) = (summary.after(&all), frames + 1.0);
+        }
+        let mut cost = self.simulation.measured_cost(&all).map_err(ShotError::Problems)?;
+        cost.divide(frames);
+        Ok(cost)
+    }
+
+    /// What all ranks agree on when this is asked for here.
+    pub(super) fn agree(&self, own: Option<Request>) -> Option<Request> {
+        announce(&self.ranks, Command::Agree);
+        agree(&self.ranks, own)
+    }
+
+    /// A field of a garment in its own order, as caches in `units` store it.
+    pub(super) fn stored(&self, garment: usize, field: VertexField, units: Units) -> Vec<[f32; 3]> {
+        let velocities = field == VertexField::Velocities;
+        announce(&self.ranks, Command::Stored { garment, velocities, units });
+        stored(&self.simulation, garment, field, units).expect("rank 0 gets what is stored")
+    }
+
+    /// Number of pairs of an edge and a triangle of cloth that meet in what caches in `units` store: rounded to single
+    /// precision in the file's unit, cloth that is free of crossings in the solver's doubles might touch.
+    pub(super) fn crossings_of_stored(&mut self, units: Units) -> u32 {
+        announce(&self.ranks, Command::Crossings { units });
+        crossings_of_stored(&mut self.simulation, units)
+    }
+
+    /// Positions [m] and velocities [m/s] of all vertices, in the order of the scene.
+    pub(super) fn state(&self) -> [Vec<Vec3>; 2] {
+        announce(&self.ranks, Command::State);
+        state(&self.ranks, &self.simulation)
+    }
+
+    /// Everything that time has changed.
+    pub(super) fn save(&self, sink: &mut dyn SnapshotSink) {
+        announce(&self.ranks, Command::Save);
+        self.simulation.save(Some(sink));
+    }
+}
+
+/// Starts the threads of all ranks, so many each or as each finds right: with `start`, which all call together and which
+/// returns their number. To be called by rank 0, once; returns the number of threads of every rank.
+///
+/// # Errors
+/// What went wrong on the first rank on which something did.
+pub fn start_threads(
+    ranks: &Ranks,
+    count: Option<usize>,
+    start: &dyn Fn(Option<usize>) -> Result<usize, String>,
+) -> Result<Vec<usize>, String> {
+    announce(ranks, Command::Threads { count });
+    let all = ranks.gather(&to_bytes(&start(count)));
+    let of_rank = |(rank, bytes): (usize, &Vec<u8>)| {
+        let told: Result<usize, String> = from_bytes(ranks, "number of threads", bytes);
+        told.map_err(|error| if rank == 0 { error } else { format!("rank {rank}: {error}") })
+    };
+    all.iter().enumerate().map(of_rank).collect()
+}
+
+fn to_bytes(value: &impl Serialize) -> Vec<u8> {
+    serde_json::to_vec(value).expect("numbers and texts have a JSON form")
+}
+
+/// What another rank has told. All ranks run the same program, so that it can be decoded.
+fn from_bytes<'a, T: Deserialize<'a>>(ranks: &Ranks, name: &str, bytes: &'a [u8]) -> T {
+    serde_json::from_slice(bytes)
+        .unwrap_or_else(|error| panic!("the message \"{name}\" to rank {} cannot be decoded: {error}", ranks.rank()))
+}
+
+/// Ends all other ranks, each with the exit code of rank 0. They do nothing more after that.
+pub fn shut_down(ranks: &Ranks, code: u8) {
+    announce(ranks, Command::End { code });
+}
+
+/// What a rank other than 0 does: whatever rank 0 orders, until the end. `requests` are those that come to this rank, such as
+/// signals; `start_threads` is what [`start_threads`] calls here. Returns the exit code.
+///
+/// # Panics
+/// Rank 0 gives orders in an impossible sequence, which is a fault of the program.
+pub fn worker_loop(
+    ranks: &Ranks,
+    requests: &StopRequests,
+    start_threads: &dyn Fn(Option<usize>) -> Result<usize, String>,
+) -> u8 {
+    let mut follower = Worker::default();
+    loop {
+        match receive(ranks) {
+            Command::End { code } => return code,
+            Command::Threads { count } => drop(ranks.gather(&to_bytes(&start_threads(count)))),
+            order => follower.execute(ranks, order, requests),
+        }
+    }
+}
+
+/// What a rank other than 0 has.
+#[derive(Default)]
+struct Worker {
+    scene: Option<Scene>,
+    simulation: Option<Simulation>,
+    input: Option<FrameInput>,
+}
+
+impl Worker {
+    /// Does what rank 0 does. Errors are the same there, and rank 0 reports them.
+    fn execute(&mut self, ranks: &Ranks, command: Command, requests: &StopRequests) {
+        let poll = || requests.poll(SystemTime::now());
+        match command {
+            Command::Scene => self.scene = Scene::distribute(ranks, None).ok(),
+            Command::Input => {
+                let scene = self.simulation.as_ref().map(Simulation::scene).or(self.scene.as_ref());
+                self.input = scene.map(|scene| scene.share_input(None));
+            }
+            Command::Start => {
+                let scene = self.scene.take().expect("a scene comes before its simulation");
+                self.simulation = Simulation::new(scene, self.input()).ok();
+            }
+            Command::Restore => {
+                let scene = self.simulation.take().expect("a simulation is started before it goes back").shared_scene();
+                self.simulation = Simulation::restore_from(scene, self.input(), None).ok();
+            }
+            Command::Observe { tracepoints, steps } => {
+                let points = tracepoints.iter().map(|text| text.parse().expect("rank 0 writes what can be read"));
+                observe(self.started(), points.collect(), steps, None);
+            }
+            Command::Advance => {
+                let input = self.input.take().expect("an input comes before its frame");
+                let simulation = self.simulation.as_mut().expect("a simulation is started before it advances");
+                drop(advance(ranks, simulation, &input, &mut || poll()));
+                self.input = Some(input);
+            }
+            Command::Agree => drop(agree(ranks, poll())),
+            Command::Stored { garment, velocities, units } => {
+                let field = if velocities { VertexField::Velocities } else { VertexField::Positions };
+                stored(self.started(), garment, field, units);
+            }
+            Command::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
+            Command::State => drop(state(ranks, self.started())),
+            Command::Save => self.started().save(None),
+            // Not the simulation's business.
+            Command::Threads { .. } | Command::End { .. } => {}
+        }
+    }
+
+    fn input(&self) -> &FrameInput {
+        self.input.as_ref().expect("an input comes before what needs it")
+    }
+
+    fn started(&mut self) -> &mut Simulation {
+        self.simulation.as_mut().expect("a simulation is started before anything is asked of it")
+    }
+}
+
+fn share(ranks: &Ranks, scene: &Scene, input: FrameInput) -> FrameInput {
+    announce(ranks, Command::Input);
+    scene.share_input(Some(input))
+}
+
+fn observe(simulation: &mut Simulation, tracepoints: Vec<Tracepoint>, steps: u64, sink: Option<Sink>) {
+    let next = simulation.frame() + 1;
+    simulation.observe(Some(Observer::new(tracepoints, (next, steps), sink)));
+}
+
+fn advance(
+    ranks: &Ranks,
+    simulation: &mut Simulation,
+    input: &FrameInput,
+    ask: &mut (dyn FnMut() -> Option<Request> + Send),
+) -> Result<(Advance, Option<Request>), StepError> {
+    let mut agreed = None;
+    let mut pause = |_| {
+        agreed = agree(ranks, ask());
+        agreed.is_some()
+    };
+    let advance = simulation.advance_or_pause(input, &mut pause)?;
+    Ok((advance, agreed))
+}
+
+/// Positions [m] and velocities [m/s] of all vertices in the order of the scene, in which ranks follow each other; on rank 0.
+fn state(ranks: &Ranks, simulation: &Simulation) -> [Vec<Vec3>; 2] {
+    let (state, own) = (simulation.state(), simulation.scene().parts().own());
+    [&state.x, &state.v].map(|field| ranks.gather(&field[own.clone()]).concat())
+}
+
+/// The most urgent of what the ranks are asked for.
+fn agree(ranks: &Ranks, own: Option<Request>) -> Option<Request> {
+    if ranks.is_alone() { own } else { Request::of_urgency(ranks.max(Request::urgency(own))) }
+}
+
+/// A field of a garment as caches in `units` store it; on rank 0.
+fn stored(simulation: &Simulation, garment: usize, field: VertexField, units: Units) -> Option<Vec<[f32; 3]>> {
+    let origin = simulation.scene().origin();
+    match field {
+        VertexField::Positions => simulation.stored(garment, field, &|x| units.stored_from(origin, *x)),
+        VertexField::Velocities => simulation.stored(garment, field, &|v| units.stored(*v)),
+    }
+}
+
+/// Crossings of cloth with cloth where caches in `units` have its vertices, counted from their origin as they are stored:
+/// nothing is rounded but what the caches round.
+fn crossings_of_stored(simulation: &mut Simulation, units: Units) -> u32 {
+    let origin = simulation.scene().origin();
+    simulation.crossings_when(&|x| Vec3::from(units.stored_from(origin, *x).map(f64::from)))
+}

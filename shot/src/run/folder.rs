@@ -1,0 +1,139 @@
+//! What an earlier run has left in a folder, and how it makes room for another.
+
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use drapery_io::atomic_file;
+use drapery_io::error::IoError;
+use drapery_io::input_file;
+use serde_json::Value;
+
+use crate::checkpoints::{Store, store};
+use crate::error::ShotError;
+use crate::farm::attempts::Attempt;
+use crate::farm::digest::Fingerprint;
+use crate::farm::lock::RunLock;
+use crate::farm::process::Owner;
+use crate::farm::stale;
+use crate::run::observer::Observer;
+use crate::run::options::RunOptions;
+use crate::run_record::manifest::{AttemptRecord, listed_files};
+use crate::run_record::{FINGERPRINT, MANIFEST, RECORD, RESOLVED};
+
+/// An earlier run in a folder.
+#[derive(Debug)]
+pub(super) struct Earlier {
+    /// Its manifest.
+    manifest: Value,
+    /// What it depended on; `None` when that is not known.
+    pub(super) fingerprint: Option<Fingerprint>,
+    /// Its attempts.
+    pub(super) attempts: Vec<AttemptRecord>,
+}
+
+impl Earlier {
+    /// The run in a folder, if there is one.
+    pub(super) fn read(folder: &Path) -> Option<Self> {
+        let read = |name: &str| input_file::text(&folder.join(name)).ok();
+        let manifest: Value = serde_json::from_str(&read(MANIFEST)?).ok()?;
+        let fingerprint = read(FINGERPRINT).and_then(|text| serde_json::from_str(&text).ok());
+        let attempts = serde_json::from_value(manifest["attempts"].clone()).unwrap_or_default();
+        Some(Self { manifest, fingerprint, attempts })
+    }
+
+    /// Last frame that is complete in every cache.
+    pub(super) fn last_complete_frame(&self) -> Option<i64> {
+        self.manifest["last_complete_frame"].as_i64()
+    }
+
+    /// Whether its caches hold velocities where those of a shot would not, or the other way round.
+    pub(super) fn stores_other_velocities(&self, now: &Fingerprint) -> bool {
+        self.fingerprint.as_ref().is_some_and(|then| then.stores_velocities() != now.stores_velocities())
+    }
+
+    /// What positions in its caches are counted from [m]; the origin of the world in folders of older programs.
+    pub(super) fn origin(&self) -> [f64; 3] {
+        serde_json::from_value(self.manifest["origin"].clone()).unwrap_or_default()
+    }
+
+    /// Whether it has come far enough for anything to depend on what it was: a delivered frame or a checkpoint.
+    pub(super) fn has_begun(&self, folder: &Path) -> bool {
+        self.last_complete_frame().is_some() || store::list(folder).is_ok_and(|checkpoints| !checkpoints.is_empty())
+    }
+
+    /// Whether all frames up to `last` are there, the caches with them, and the checkpoint from which more could follow.
+    pub(super) fn has_all(&self, folder: &Path, last: i64) -> bool {
+        let ended = |frame: i64| frame > last || frame == last && self.manifest["state"] == "done";
+        let files = listed_files(folder);
+        self.last_complete_frame().is_some_and(ended) && files.iter().all(|file| file.is_file())
+    }
+
+    /// Says in the manifest that only the frames up to `delivered` count: what follows is about to be taken back.
+    pub(super) fn take_back(&self, folder: &Path, delivered: Option<i64>) -> Result<(), IoError> {
+        let mut manifest = self.manifest.clone();
+        manifest["state"] = "running".into();
+        manifest["last_complete_frame"] = delivered.into();
+        let text = format!("{manifest:#}\n");
+        atomic_file::replace(&folder.join(MANIFEST), text.as_bytes())
+    }
+}
+
+/// A folder that this attempt has taken.
+pub(super) struct Held {
+    /// This process.
+    pub(super) owner: Owner,
+    /// The folder's lock.
+    pub(super) lock: RunLock,
+    /// Number and logs.
+    pub(super) attempt: Attempt,
+    /// The folder's checkpoints.
+    pub(super) store: Store,
+}
+
+impl Held {
+    /// Takes the folder, opens the logs, and clears up what earlier attempts left unfinished.
+    pub(super) fn take(
+        options: &RunOptions,
+        notes: Vec<String>,
+        observer: &mut dyn Observer,
+    ) -> Result<Self, ShotError> {
+        let out = &options.out;
+        let owner = Owner::this_process();
+        let lock = RunLock::take(out, &owner, options.steal_lock, SystemTime::now())?;
+        let attempt = Attempt::next(out)?;
+        observer.logs(attempt.open()?);
+        notes.into_iter().for_each(|note| observer.note(note));
+        if let Some(former) = lock.former() {
+            observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
+        }
+        for name in options.requests.watch_folder(out)? {
+            observer.note(format!("control/{name} was asked of an earlier attempt and is removed"));
+        }
+        let store = Store::open(out, options.keep, &options.pinned)?;
+        if options.overwrite {
+            store.remove_all()?;
+        }
+        stale::clear_unfinished(out)?;
+        Ok(Self { owner, lock, attempt, store })
+    }
+}
+
+/// Writes what a run depends on.
+pub(super) fn write_fingerprint(folder: &Path, fingerprint: &Fingerprint) -> Result<(), IoError> {
+    // Texts only: they always have a JSON form.
+    let text = serde_json::to_string_pretty(fingerprint).unwrap_or_default() + "\n";
+    atomic_file::replace(&folder.join(FINGERPRINT), text.as_bytes())
+}
+
+/// Files of a run in `folder` beside its checkpoints and logs: those that are there of what every run writes, of the caches
+/// `planned`, and of what the manifest lists.
+pub(super) fn files_of_run(folder: &Path, planned: &[PathBuf]) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = [MANIFEST, RECORD, RESOLVED, FINGERPRINT].map(|name| folder.join(name)).into();
+    files.extend(planned.iter().cloned());
+    // Caches of the earlier run that this one does not write again would belong to nothing.
+    files.extend(listed_files(folder));
+    files.retain(|path| path.exists());
+    files.sort();
+    files.dedup();
+    files
+}

@@ -1,0 +1,455 @@
+//! The frame loop: starts, goes on where an earlier attempt stopped, and stops when it is told.
+//!
+//! Frames come from inputs through the solver into the caches. At states free of collisions the loop looks for requests to
+//! stop and for checkpoints that are due; it goes on from a checkpoint with the same bits as if it had never stopped.
+
+use std::time::{Instant, SystemTime};
+
+use drapery_core::error::StepError;
+use drapery_core::metrics::Metrics;
+use drapery_core::simulation::{Advance, FrameSummary};
+use drapery_io::checkpoint::{FORMAT_VERSION, Head};
+use drapery_io::error::IoError;
+use drapery_io::input_file;
+use serde_json::json;
+
+use crate::checkpoints::{Account, Cadence, Store};
+use crate::error::ShotError;
+use crate::farm::command_line::quoted;
+use crate::farm::digest::Fingerprint;
+use crate::farm::lock::RunLock;
+use crate::farm::stale;
+use crate::farm::stop::{Reason, Request};
+use crate::frame_digest::FrameDigests;
+use crate::long_frames::Watch;
+use crate::run::counted::{Counted, SoFar};
+use crate::run::dump::{self, Dump};
+use crate::run::folder::{Earlier, Held, files_of_run};
+use crate::run::observer::{FrameReport, Observer, Outcome, RunReport};
+use crate::run::options::{Resume, RunOptions};
+use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
+use crate::run::totals::{Partial, Totals};
+use crate::run::{bundle, resume};
+use crate::run_record::RECORD;
+use crate::run_record::manifest::{AttemptRecord, listed_files};
+use crate::run_record::reader::Record;
+use crate::run_record::writer::{SIMULATE, frame_record, start_record};
+use crate::shot::Shot;
+
+/// A run in progress.
+struct Run<'a> {
+    shot: Shot,
+    options: &'a RunOptions,
+    fingerprint: Fingerprint,
+    output: Output,
+    store: Store,
+    lock: RunLock,
+    cadence: Cadence,
+    clock: Instant,
+    attempt: u32,
+    totals: Totals,
+    /// What the frames so far have counted that should have stayed zero.
+    counted: Counted,
+    /// Whether it begins at the first frame.
+    is_new: bool,
+    /// Where the cloth after lines of the listings is written, if it is.
+    dump: Option<Dump>,
+    /// Frame and step of the last checkpoint that tells of the caches as they are.
+    saved: Option<(i64, u64)>,
+}
+
+impl Shot {
+    /// Simulates and writes all frames that are not there yet; `observer` hears of each when it is on the disk.
+    ///
+    /// # Errors
+    /// The folder holds another run, is in use or cannot be written; an input breaks; the solver gives up. Frames before
+    /// stay valid.
+    pub fn run(self, options: &RunOptions, observer: &mut dyn Observer) -> Result<RunReport, ShotError> {
+        if options.out.to_str().is_none() {
+            return Err(IoError::OutputNotUtf8 { path: options.out.clone() }.into());
+        }
+        dump::refuse_unreachable(&options.dump, [self.about.timeline.start + 1, self.about.last_frame])?;
+        // An earlier run's caches give way to those of this one.
+        let (planned, listed) = (planned_files(&self, &options.out), listed_files(&options.out));
+        refuse_inputs(&self, &[planned.as_slice(), &listed].concat())?;
+        if !options.overwrite {
+            files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;
+        }
+        let fingerprint = self.fingerprint()?;
+        let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
+        let (mut notes, mut changed) = (Vec::new(), Vec::new());
+        if let Some(earlier) = &earlier {
+            changed = resume::changes(earlier, &options.out, &fingerprint, &mut |text| notes.push(text));
+        }
+        let forbidden = !changed.is_empty() && !options.with_changes && !matches!(options.resume, Resume::Never);
+        if forbidden {
+            return Err(ShotError::Changed { folder: options.out.clone(), changes: changed });
+        }
+        resume::refuse_others(&self, options, earlier.as_ref())?;
+        if changed.is_empty() && resume::is_complete(&self, options, earlier.as_ref(), &fingerprint) {
+            return self.nothing_to_do(options, observer);
+        }
+        let mut run = Run::prepare(self, options, fingerprint, (changed, notes), observer)?;
+        run.dump = Dump::of_run(&mut run.shot, options, &run.totals)?;
+        let ended = run.frames(observer);
+        run.dump.iter().for_each(|dump| dump.report(observer));
+        match ended {
+            Ok(outcome) => run.end(outcome),
+            Err(error) => {
+                // The first error is the one that counts; a full disk would refuse this record too. What was taken over
+                // belongs to somebody else.
+                if run.lock.still_mine() {
+                    run.leave_bundle(&error, observer);
+                    let _ = run.output.fail(&error);
+                }
+                Err(error)
+            }
+        }
+    }
+
+    /// Says of the run what was said when it was made; its record tells.
+    fn nothing_to_do(&self, options: &RunOptions, observer: &mut dyn Observer) -> Result<RunReport, ShotError> {
+        let record = Record::read(&options.out.join(RECORD))?;
+        let frames = [self.about.timeline.start, self.about.last_frame];
+        let Counted { exceeded, uncounted, .. } = Counted::of(&record, frames, &mut |text| observer.note(text));
+        Ok(RunReport {
+            outcome: Outcome::NothingToDo,
+            frame: self.about.last_frame,
+            metrics: Metrics::default(),
+            seconds: 0.0,
+            frames: self.delivered_frames(),
+            files: planned_files(self, &options.out),
+            exceeded,
+            uncounted,
+            ranks: self.remote_simulation.ranks().count(),
+        })
+    }
+
+    fn delivered_frames(&self) -> u64 {
+        self.about.last_frame.abs_diff(self.about.timeline.origin) + 1
+    }
+
+    /// Head of the record: what will run.
+    pub(super) fn header(&self, threads: usize) -> serde_json::Value {
+        let timeline = self.about.timeline;
+        let effect = |effect: &drapery_core::effects::PlannedEffect| {
+            let (garment, because) = (&effect.garment, &effect.because);
+            json!({"effect": effect.name, "garment": garment, "because": because, "bytes": effect.bytes})
+        };
+        json!({
+            "record": "header",
+            "application": drapery_io::cache::APPLICATION,
+            "shot": self.about.name,
+            "scene": self.about.scene_path.to_string_lossy(),
+            "fps": [timeline.fps_numerator, timeline.fps_denominator],
+            "start_frame": timeline.start,
+            "first_frame": timeline.origin,
+            "last_frame": self.about.last_frame,
+            "threads": threads,
+            "ranks": self.remote_simulation.ranks().count(),
+            "origin": <[f64; 3]>::from(self.origin()),
+            "effects": self.simulation().plan().iter().map(effect).collect::<Vec<_>>(),
+        })
+    }
+}
+
+impl<'a> Run<'a> {
+    /// Takes the folder and brings the simulation to where the run begins.
+    fn prepare(
+        mut shot: Shot,
+        options: &'a RunOptions,
+        fingerprint: Fingerprint,
+        (changes, notes): (Vec<String>, Vec<String>),
+        observer: &mut dyn Observer,
+    ) -> Result<Self, ShotError> {
+        let out = &options.out;
+        let Held { owner, lock, attempt, store } = Held::take(options, notes, observer)?;
+        // Read again under the lock: another run may have gone on in the meantime.
+        let earlier = Earlier::read(out).filter(|_| !options.overwrite);
+        let record = earlier.as_ref().map(|_| Record::read(&out.join(RECORD))).transpose()?;
+        let note = &mut |text| observer.note(text);
+        let mut found = resume::decide(&shot, options, (record.as_ref(), &fingerprint), &store, note)?;
+        if let Some(found) = &mut found {
+            let input = shot.inputs.at(found.checkpoint.head.frame)?;
+            shot.remote_simulation =
+                resume::restored(shot.remote_simulation, input, (&mut found.checkpoint, &found.path))?;
+        }
+        if let Some(earlier) = &earlier
+            && resume::set_aside_after(&shot, out, earlier, found.as_ref(), (&store, attempt.number))?
+        {
+            let set_aside = stale::attempt(out, attempt.number);
+            let removed = stale::prune(out, &fingerprint)?;
+            observer.note(format!(
+                "what is simulated again was set aside in {}{}",
+                set_aside.display(),
+                stale::removed_in_words(&removed)
+            ));
+        }
+        let differs = |earlier: &Earlier| {
+            earlier.stores_other_velocities(&fingerprint) || earlier.origin() != <[f64; 3]>::from(shot.origin())
+        };
+        let other_form = earlier.as_ref().is_some_and(differs);
+        let mut attempts = earlier.map_or_else(Vec::new, |earlier| earlier.attempts);
+        attempts.push(AttemptRecord {
+            attempt: attempt.number,
+            host: owner.host.clone(),
+            pid: owner.pid,
+            threads: options.threads,
+            ranks: shot.remote_simulation.ranks().count(),
+            first_frame: found.as_ref().map_or(shot.about.timeline.start, |found| found.checkpoint.head.frame + 1),
+            changes,
+            ..AttemptRecord::default()
+        });
+        let start = Start { options, fingerprint: &fingerprint, attempts };
+        let (output, so_far, saved) = match &found {
+            None => (Output::create(&shot, start)?, SoFar::default(), None),
+            Some(found) => {
+                let head = &found.checkpoint.head;
+                let so_far = SoFar::of(found, shot.about.timeline.start, &record.unwrap_or_default(), observer);
+                let checkpoint = manifest_checkpoint(&found.path, head.frame, head.sub_step);
+                let from = From { head, account: found.account.as_ref(), checkpoint, other_form };
+                observer.resumed(head.frame, head.frame.abs_diff(shot.about.timeline.start) + 1);
+                let output = Output::resume(&shot, start, from)?;
+                let saved = output.has_caches_of(head).then_some((head.frame, head.sub_step));
+                (output, so_far, saved)
+            }
+        };
+        let SoFar { totals, counted } = so_far;
+        let (attempt, cadence) = (attempt.number, Cadence::new(options.checkpoint_every, 0.0));
+        let (clock, is_new) = (Instant::now(), found.is_none());
+        Ok(Self {
+            shot,
+            options,
+            fingerprint,
+            output,
+            store,
+            lock,
+            cadence,
+            clock,
+            attempt,
+            totals,
+            counted,
+            is_new,
+            dump: None,
+            saved,
+        })
+    }
+
+    /// All frames that are missing.
+    fn frames(&mut self, observer: &mut dyn Observer) -> Result<Outcome, ShotError> {
+        if self.is_new {
+            let start = self.shot.about.timeline.start;
+            self.totals.partial.spent = Metrics::default();
+            self.finish_frame(start, None, observer)?;
+            if let Some(reason) = self.between_frames()? {
+                return Ok(Outcome::Stopped(reason));
+            }
+        } else if self.saved.is_none() {
+            self.checkpoint()?;
+        }
+        while self.shot.simulation().frame() < self.shot.about.last_frame {
+            if let Some(reason) = self.next_frame(observer)? {
+                return Ok(Outcome::Stopped(reason));
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// Goes on to the next frame; returns why, if it is to stop.
+    fn next_frame(&mut self, observer: &mut dyn Observer) -> Result<Option<Reason>, ShotError> {
+        let frame = self.shot.simulation().frame() + 1;
+        let (shot, spent) = (&self.shot, &mut self.totals.partial.spent);
+        let input =
+            spent.stage("read inputs", |_| shot.inputs.at(frame).map(|input| shot.remote_simulation.share(input)))?;
+        let mut watch = Watch::start(self.shot.simulation(), self.totals.partial.sub_step);
+        loop {
+            let Partial { spent, sub_step, summary: before } = &mut self.totals.partial;
+            let (requests, cadence, clock) = (&self.options.requests, &self.cadence, &self.clock);
+            let mut ask = || {
+                *sub_step += 1;
+                let due = || cadence.due(clock.elapsed().as_secs_f64(), false).then_some(Request::Checkpoint);
+                let report = || watch.is_due(*sub_step).then_some(Request::Report);
+                requests.poll(SystemTime::now()).or_else(due).or_else(report)
+            };
+            let remote_simulation = &mut self.shot.remote_simulation;
+            let (advance, request) = spent.stage(SIMULATE, |_| remote_simulation.advance(&input, &mut ask))?;
+            self.dump.as_ref().map_or(Ok(()), Dump::check)?;
+            let (Advance::Done(last) | Advance::Paused(last)) = &advance;
+            let summary = before.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
+            if let Advance::Done(_) = advance {
+                self.finish_frame(frame, Some(&summary), observer)?;
+                return self.between_frames();
+            }
+            *before = Some(summary);
+            let done = *sub_step;
+            watch.check(self.shot.simulation(), done)?;
+            if watch.tells() {
+                let timeline = self.shot.about.timeline;
+                let since = self.shot.simulation().state().time - timeline.time(frame - 1);
+                observer.underway(frame, done, since / timeline.frame_duration());
+            }
+            match request {
+                Some(Request::Report) => {}
+                Some(Request::StopAtOnce(reason)) => return Ok(Some(reason)),
+                Some(Request::Stop(reason)) => {
+                    self.checkpoint()?;
+                    return Ok(Some(reason));
+                }
+                Some(Request::Checkpoint) | None => self.checkpoint()?,
+            }
+        }
+    }
+
+    /// Writes a frame and everything about it.
+    fn finish_frame(
+        &mut self,
+        frame: i64,
+        summary: Option<&FrameSummary>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), ShotError> {
+        self.lock.check()?;
+        let mut spent = std::mem::take(&mut self.totals.partial).spent;
+        let Shot { about, remote_simulation, .. } = &mut self.shot;
+        let is_preroll = frame < about.timeline.origin;
+        let digests = match is_preroll {
+            true => FrameDigests::new(),
+            false => self.output.write_frame(frame, remote_simulation, &mut spent)?,
+        };
+        let taken = spent.stages().iter().fold(0.0, |sum, stage| sum + stage.seconds);
+        let totals = &mut self.totals;
+        totals.seconds += taken;
+        totals.metrics.add(&spent);
+        summary.into_iter().for_each(|summary| totals.metrics.add(&summary.metrics));
+        let mut line = match summary {
+            Some(summary) => frame_record(summary, &spent, taken),
+            None => start_record(frame, &spent, taken),
+        };
+        if !digests.is_empty() {
+            line["digests"] = json!(digests);
+        }
+        self.output.record(&line)?;
+        self.counted.add_line(line, frame).into_iter().for_each(|text| observer.note(text));
+        self.output.frame_done(frame, taken)?;
+        self.options.requests.note_frame(taken);
+        self.cadence.frame_done();
+        let about = &self.shot.about;
+        observer.frame(&FrameReport {
+            frame,
+            last_frame: about.last_frame,
+            is_preroll,
+            done: frame.abs_diff(about.timeline.start) + 1,
+            total: self.shot.frame_count(),
+            seconds: taken,
+            summary,
+        });
+        Ok(())
+    }
+
+    /// At a frame: looks for requests, and writes a checkpoint if one is due. Returns why, if the run is to stop.
+    fn between_frames(&mut self) -> Result<Option<Reason>, ShotError> {
+        let frame = self.shot.simulation().frame();
+        let is_last = frame == self.shot.about.last_frame;
+        let own = self.options.requests.poll(SystemTime::now());
+        let stop = match self.shot.remote_simulation.agree(own) {
+            Some(Request::StopAtOnce(reason)) if !is_last => return Ok(Some(reason)),
+            Some(Request::Stop(reason)) if !is_last => Some(reason),
+            Some(Request::Checkpoint) => {
+                self.checkpoint()?;
+                None
+            }
+            _ => None,
+        };
+        let due = self.cadence.due(self.clock.elapsed().as_secs_f64(), true);
+        if is_last || stop.is_some() || due || self.store.is_pinned(frame) {
+            self.checkpoint()?;
+        }
+        Ok(stop)
+    }
+
+    /// Where the solver has given up: a checkpoint to go on from once that is mended, and a bundle to replay.
+    fn leave_bundle(&mut self, error: &ShotError, observer: &mut dyn Observer) {
+        let ShotError::Step(error) = error else { return };
+        if matches!(error, StepError::Input { .. }) {
+            return;
+        }
+        let head = self.head(Vec::new());
+        let written = self.checkpoint().map_err(|e| e.to_string());
+        let bundle = bundle::write(&self.shot, &self.options.out, &head, error).map_err(|e| e.to_string());
+        observer.note(match written.and(bundle) {
+            Ok(path) => format!(
+                "the last good state and what went wrong are in {}; see it again with: drapery run --replay {}",
+                path.display(),
+                quoted(path.as_os_str())
+            ),
+            Err(error) => format!("what went wrong could not be written down: {error}"),
+        });
+    }
+
+    /// What the present state is a checkpoint of.
+    fn head(&self, caches: Vec<serde_json::Value>) -> Head {
+        let simulation = self.shot.simulation();
+        let (frame, timeline) = (simulation.frame(), self.shot.about.timeline);
+        Head {
+            format_version: FORMAT_VERSION,
+            application: drapery_io::cache::APPLICATION.to_owned(),
+            shot: self.shot.about.name.clone(),
+            frame,
+            sub_step: self.totals.partial.sub_step,
+            time: simulation.state().time,
+            delivered: (frame >= timeline.origin).then_some(frame),
+            fps: [timeline.fps_numerator, timeline.fps_denominator],
+            digests: self.fingerprint.digests.clone(),
+            caches,
+        }
+    }
+
+    /// Writes a checkpoint of the present state, unless there is one.
+    fn checkpoint(&mut self) -> Result<(), ShotError> {
+        let simulation = self.shot.simulation();
+        let (frame, sub_step) = (simulation.frame(), self.totals.partial.sub_step);
+        if self.saved == Some((frame, sub_step)) {
+            return Ok(());
+        }
+        self.lock.check()?;
+        let (marks, record_bytes) = self.output.mark()?;
+        // A mark is of texts and numbers: it always has a JSON form.
+        let head = self.head(marks.iter().filter_map(|mark| serde_json::to_value(mark).ok()).collect());
+        let account = Account { attempt: self.attempt, record_bytes, totals: self.totals.to_json() };
+        let saved = self.store.save(&head, &account, |sink| self.shot.remote_simulation.save(sink))?;
+        self.saved = Some((frame, sub_step));
+        self.cadence.saved(self.clock.elapsed().as_secs_f64(), saved.seconds);
+        self.options.requests.note_checkpoint(saved.seconds);
+        self.output.checkpoint_saved(&saved, frame, sub_step)?;
+        Ok(())
+    }
+
+    /// Brings everything to the disk and gives the folder back.
+    fn end(mut self, outcome: Outcome) -> Result<RunReport, ShotError> {
+        let frame = self.shot.simulation().frame();
+        let frames = u64::try_from(frame - self.shot.about.timeline.origin + 1).unwrap_or(0);
+        match self.lock.check().and_then(|()| match outcome {
+            Outcome::Stopped(reason) => self.output.stop(reason, frame),
+            Outcome::Done | Outcome::NothingToDo => self.output.finish(&self.totals, frames),
+        }) {
+            Ok(()) => {}
+            Err(error @ IoError::LockLost { .. }) => return Err(error.into()),
+            Err(error) => {
+                let error = ShotError::from(error);
+                let _ = self.output.fail(&error);
+                return Err(error);
+            }
+        }
+        self.options.requests.finish();
+        Ok(RunReport {
+            outcome,
+            frame,
+            metrics: self.totals.metrics,
+            seconds: self.totals.seconds,
+            frames,
+            files: self.output.files(),
+            exceeded: self.counted.exceeded,
+            uncounted: self.counted.uncounted,
+            ranks: self.shot.remote_simulation.ranks().count(),
+        })
+    }
+}

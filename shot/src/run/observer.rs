@@ -1,0 +1,93 @@
+//! What is heard of a run while it goes on, and when it has ended.
+
+use std::fs::File;
+use std::path::PathBuf;
+
+use drapery_core::metrics::Metrics;
+use drapery_core::simulation::FrameSummary;
+
+use crate::farm::stop::Reason;
+use crate::quality::Exceeded;
+
+/// One frame that is done.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameReport<'a> {
+    /// Its number.
+    pub frame: i64,
+    /// Last frame of the run.
+    pub last_frame: i64,
+    /// Whether it lies before the first frame that is delivered.
+    pub is_preroll: bool,
+    /// Frames done so far, pre-roll and those of earlier attempts included.
+    pub done: u64,
+    /// Frames in all, pre-roll included.
+    pub total: u64,
+    /// Seconds it took, reading and writing included.
+    pub seconds: f64,
+    /// What the solver reports; `None` for the frame at which the simulation starts.
+    pub summary: Option<&'a FrameSummary>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// All frames are written.
+    Done,
+    /// All frames were there already; nothing was written.
+    NothingToDo,
+    /// It was told to stop, and goes on from the last checkpoint when it is run again.
+    Stopped(Reason),
+}
+
+/// What a whole run took and wrote, in all its attempts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunReport {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The last frame that is done.
+    pub frame: i64,
+    /// Stages and counts of all frames.
+    pub metrics: Metrics,
+    /// Seconds of all frames.
+    pub seconds: f64,
+    /// Frames delivered.
+    pub frames: u64,
+    /// The caches.
+    pub files: Vec<PathBuf>,
+    /// Counts that should have stayed zero, in the order in which they rose.
+    pub exceeded: Vec<Exceeded>,
+    /// Frames whose counts are not known, as ranges: earlier attempts simulated them, and the record does not tell.
+    pub uncounted: Vec<[i64; 2]>,
+    /// Number of ranks of this attempt.
+    pub ranks: usize,
+}
+
+/// Who hears of a run while it goes on.
+pub trait Observer {
+    /// The logs of this attempt are open: words, then JSON lines.
+    fn logs(&mut self, _files: [File; 2]) {}
+
+    /// The run does not begin at the first frame: so many frames are done.
+    fn resumed(&mut self, _frame: i64, _done: u64) {}
+
+    /// Something that whoever looks after the run should know.
+    fn note(&mut self, text: String);
+
+    /// What was dumped.
+    fn dumped(&mut self, _text: String) {}
+
+    /// A frame takes long: it has so many collision-free states so far, and this share of its time is done.
+    fn underway(&mut self, _frame: i64, _states: u64, _share: f64) {}
+
+    /// A frame is on the disk.
+    fn frame(&mut self, report: &FrameReport<'_>);
+}
+
+/// A function that hears of frames alone.
+impl<F: FnMut(&FrameReport<'_>)> Observer for F {
+    fn note(&mut self, _text: String) {}
+
+    fn frame(&mut self, report: &FrameReport<'_>) {
+        self(report);
+    }
+}

@@ -1,0 +1,71 @@
+//! How a run is made: what the command was asked for.
+
+use std::path::PathBuf;
+
+use drapery_core::observe::Tracepoint;
+use drapery_io::checkpoint::Every;
+
+use crate::farm::stop::StopRequests;
+
+/// Where a run begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Resume {
+    /// After the last good checkpoint of an earlier run in the folder, if there is one.
+    Auto,
+    /// At the first frame; a folder that holds a run is refused.
+    Never,
+    /// After the checkpoint of this frame.
+    Frame(i64),
+}
+
+/// How a run is made.
+#[derive(Debug, Clone)]
+pub struct RunOptions {
+    /// Folder of the output.
+    pub out: PathBuf,
+    /// Where it begins.
+    pub resume: Resume,
+    /// Whether a run that the folder holds is replaced.
+    pub overwrite: bool,
+    /// Whether a run of another scene, or with other inputs, is gone on with.
+    pub with_changes: bool,
+    /// Whether the folder is taken from a run that may be in progress.
+    pub steal_lock: bool,
+    /// Number of threads of each rank, for the record; the caller has set up the pool.
+    pub threads: usize,
+    /// How often checkpoints are written.
+    pub checkpoint_every: Every,
+    /// How many of the last checkpoints are kept.
+    pub keep: usize,
+    /// Frames of which checkpoints are written and kept in any case.
+    pub pinned: Vec<i64>,
+    /// Who may stop the run.
+    pub requests: StopRequests,
+    /// The command line that continues it, for the manifest.
+    pub command: String,
+    /// Lines of the solver's listings after which the cloth is written down.
+    pub dump: Vec<Tracepoint>,
+}
+
+impl RunOptions {
+    /// Checkpoints that a run keeps when nobody says.
+    pub const KEEP: usize = 3;
+
+    /// A run into a folder that starts or goes on, on one thread, and that nobody stops.
+    pub fn new(out: PathBuf) -> Self {
+        Self {
+            out,
+            resume: Resume::Auto,
+            overwrite: false,
+            with_changes: false,
+            steal_lock: false,
+            threads: 1,
+            checkpoint_every: Every::Auto,
+            keep: Self::KEEP,
+            pinned: Vec::new(),
+            requests: StopRequests::default(),
+            command: String::new(),
+            dump: Vec::new(),
+        }
+    }
+}

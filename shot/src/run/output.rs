@@ -1,0 +1,400 @@
+//! The folder of a run: caches, manifest, record and the resolved scene.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use drapery_core::mesh::MeshStream;
+use drapery_core::metrics::Metrics;
+use drapery_core::scene::gather::VertexField;
+use drapery_io::atomic_file;
+use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
+use drapery_io::checkpoint::Head;
+use drapery_io::error::IoError;
+use drapery_io::formats::{self, CreateCache, ResumeCache};
+use drapery_io::units::Units;
+use serde_json::{Value, json};
+
+use crate::checkpoints::{Account, Saved, store};
+use crate::error::ShotError;
+use crate::farm::digest::Fingerprint;
+use crate::farm::stop::Reason;
+use crate::frame_digest::{FrameDigests, GarmentDigests};
+use crate::quality::CROSSINGS_WRITTEN;
+use crate::remote_simulation::RemoteSimulation;
+use crate::run::folder::{files_of_run, write_fingerprint};
+use crate::run::options::RunOptions;
+use crate::run::rewritten::NewForm;
+use crate::run::totals::Totals;
+use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment};
+use crate::run_record::writer::{RunRecord, counts, digests_record, stages};
+use crate::run_record::{MANIFEST, RESOLVED};
+use crate::shot::Shot;
+
+/// What is being written.
+pub(super) struct Output {
+    folder: PathBuf,
+    manifest: Manifest,
+    record: RunRecord,
+    /// The caches of each garment.
+    writers: Vec<Vec<Box<dyn CacheWriter>>>,
+    units: Units,
+    velocities: bool,
+    /// Whether crossings of what is written are counted: in scenes that promise cloth without them.
+    crossings: bool,
+}
+
+/// A cache to be: garment, file, and how it is made.
+struct Planned {
+    garment: usize,
+    path: PathBuf,
+    create: CreateCache,
+    resume: ResumeCache,
+}
+
+/// What the folder of an attempt is told beside its scene.
+pub(super) struct Start<'a> {
+    /// How the run is made.
+    pub(super) options: &'a RunOptions,
+    /// What it depends on.
+    pub(super) fingerprint: &'a Fingerprint,
+    /// All attempts; the last one is this.
+    pub(super) attempts: Vec<AttemptRecord>,
+}
+
+/// Where a run goes on.
+pub(super) struct From<'a> {
+    /// What the checkpoint says.
+    pub(super) head: &'a Head,
+    /// What the run had taken, if that is known.
+    pub(super) account: Option<&'a Account>,
+    /// The checkpoint, relative to the folder.
+    pub(super) checkpoint: ManifestCheckpoint,
+    /// Whether caches that are there have another form than is asked for now.
+    pub(super) other_form: bool,
+}
+
+impl Output {
+    /// Prepares the folder for a run from the start, which replaces what is left of an earlier one.
+    pub(super) fn create(shot: &Shot, start: Start<'_>) -> Result<Self, IoError> {
+        let folder = start.options.out.clone();
+        let planned = planned(shot, &folder);
+        let old = files_of_run(&folder, &paths(&planned));
+        // First of all: a folder with a manifest holds a run, which may be started again.
+        let manifest = manifest(shot, start.options, &planned, start.attempts);
+        manifest.write(&folder)?;
+        let its_manifest = folder.join(MANIFEST);
+        for path in old.iter().filter(|path| **path != its_manifest) {
+            fs::remove_file(path).map_err(|e| IoError::creating(path, e))?;
+        }
+        describe(shot, start.fingerprint, &folder)?;
+        let mut record = RunRecord::create(&folder)?;
+        record.line(&shot.header(start.options.threads))?;
+        let create = |cache: &Planned, plan: CachePlan<'_>| (cache.create)(&cache.path, &plan);
+        let writers = of_garments(shot, &planned, create)?;
+        Ok(Self::new(shot, folder, manifest, record, writers))
+    }
+
+    /// Goes on in the folder of a run that stopped: cuts caches and record back to a checkpoint.
+    pub(super) fn resume(shot: &Shot, start: Start<'_>, from: From<'_>) -> Result<Self, IoError> {
+        let folder = start.options.out.clone();
+        let planned = planned(shot, &folder);
+        let marks: Vec<CacheMark> =
+            from.head.caches.iter().filter_map(|mark| serde_json::from_value(mark.clone()).ok()).collect();
+        let rewritten = RefCell::new(BTreeMap::<i64, FrameDigests>::new());
+        let resume = |cache: &Planned, plan: CachePlan<'_>| {
+            let mark = marks.iter().find(|mark| mark.file == file_name(&cache.path));
+            match (mark, from.head.delivered) {
+                (_, None) => (cache.create)(&cache.path, &plan),
+                (Some(mark), Some(_)) if !from.other_form => (cache.resume)(&cache.path, &plan, mark),
+                (own, Some(last)) => {
+                    // Its own file first: a cache of another format may have been left out for a while.
+                    let stem = cache.path.file_stem();
+                    let other = marks.iter().rfind(|mark| Path::new(&mark.file).file_stem() == stem);
+                    let source = own.or(other).map(|mark| folder.join(&mark.file));
+                    let source = source.unwrap_or_else(|| cache.path.clone());
+                    let open = (cache.create, cache.resume);
+                    let garment = plan.garment.to_owned();
+                    let mut take = |frame, digests| {
+                        rewritten.borrow_mut().entry(frame).or_default().insert(garment.clone(), digests);
+                    };
+                    NewForm { path: &cache.path, plan, open }.write(&source, last, &mut take)
+                }
+            }
+        };
+        let writers = of_garments(shot, &planned, resume)?;
+        describe(shot, start.fingerprint, &folder)?;
+        let mut record = RunRecord::resume(&folder, from.head.frame, from.account.map(|account| account.record_bytes))?;
+        let attempt = start.attempts.last().map_or(0, |attempt| attempt.attempt);
+        record.line(&json!({
+            "record": "resume",
+            "frame": from.head.frame,
+            "sub_step": from.head.sub_step,
+            "checkpoint": from.checkpoint.file,
+            "attempt": attempt,
+            "changes": start.attempts.last().map(|attempt| attempt.changes.clone()).unwrap_or_default(),
+            "counts_lost": from.account.is_none() && from.head.sub_step > 0,
+        }))?;
+        if from.other_form {
+            let lines = rewritten.into_inner();
+            lines.iter().try_for_each(|(frame, all)| record.line(&digests_record(*frame, all)))?;
+        }
+        let mut manifest = manifest(shot, start.options, &planned, start.attempts);
+        manifest.last_complete_frame = from.head.delivered;
+        manifest.checkpoint = Some(from.checkpoint);
+        manifest.write(&folder)?;
+        Ok(Self::new(shot, folder, manifest, record, writers))
+    }
+
+    fn new(
+        shot: &Shot,
+        folder: PathBuf,
+        manifest: Manifest,
+        record: RunRecord,
+        writers: Vec<Vec<Box<dyn CacheWriter>>>,
+    ) -> Self {
+        let about = &shot.about;
+        let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
+        Self { folder, manifest, record, writers, units, velocities, crossings }
+    }
+
+    /// The cache files.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        self.writers.iter().flatten().map(|writer| writer.path().to_owned()).collect()
+    }
+
+    /// Writes the state of the simulation as a frame of every cache, then tells the manifest; returns digests of what was written.
+    pub(super) fn write_frame(
+        &mut self,
+        frame: i64,
+        remote_simulation: &mut RemoteSimulation,
+        spent: &mut Metrics,
+    ) -> Result<FrameDigests, IoError> {
+        let units = self.units;
+        let crossings =
+            self.crossings.then(|| spent.stage("check caches", |_| remote_simulation.crossings_of_stored(units)));
+        if let Some(count) = crossings {
+            spent.count(CROSSINGS_WRITTEN, u64::from(count));
+        }
+        let digests = spent.stage("write caches", |_| self.write_caches(frame, remote_simulation, crossings))?;
+        self.manifest.last_complete_frame = Some(frame);
+        Ok(digests)
+    }
+
+    /// Notes in the manifest that this attempt has finished a frame, pre-roll included, which took so long [s].
+    pub(super) fn frame_done(&mut self, frame: i64, seconds: f64) -> Result<(), IoError> {
+        if let Some(attempt) = self.manifest.attempts.last_mut() {
+            attempt.last_frame = Some(frame);
+            attempt.seconds += seconds;
+        }
+        self.manifest.write(&self.folder)
+    }
+
+    /// Whether the caches are those that a checkpoint tells of.
+    pub(super) fn has_caches_of(&self, head: &Head) -> bool {
+        let marks = self.writers.iter().flatten().map(|writer| serde_json::to_value(writer.mark()).unwrap_or_default());
+        marks.eq(head.caches.iter().cloned())
+    }
+
+    /// Brings the caches to the disk; returns what they are then, and the length of the record.
+    pub(super) fn mark(&mut self) -> Result<(Vec<CacheMark>, u64), IoError> {
+        for writer in self.writers.iter_mut().flatten() {
+            writer.sync()?;
+        }
+        Ok((self.writers.iter().flatten().map(|writer| writer.mark()).collect(), self.record.length()?))
+    }
+
+    /// Notes a checkpoint that was written.
+    pub(super) fn checkpoint_saved(&mut self, saved: &Saved, frame: i64, sub_step: u64) -> Result<(), IoError> {
+        self.record.line(&json!({
+            "record": "checkpoint",
+            "frame": frame,
+            "sub_step": sub_step,
+            "seconds": saved.seconds,
+            "bytes": saved.bytes,
+        }))?;
+        self.manifest.checkpoint = Some(manifest_checkpoint(&saved.path, frame, sub_step));
+        self.manifest.write(&self.folder)
+    }
+
+    /// One garment after the other: no more than one is in memory as a whole.
+    fn write_caches(
+        &mut self,
+        frame: i64,
+        remote_simulation: &RemoteSimulation,
+        crossings: Option<u32>,
+    ) -> Result<FrameDigests, IoError> {
+        let mut digests = FrameDigests::new();
+        let (units, with_velocities) = (self.units, self.velocities);
+        for (garment, writers) in self.writers.iter_mut().enumerate().filter(|(_, writers)| !writers.is_empty()) {
+            let positions = remote_simulation.stored(garment, VertexField::Positions, units);
+            let velocities = if with_velocities {
+                remote_simulation.stored(garment, VertexField::Velocities, units)
+            } else {
+                Vec::new()
+            };
+            let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
+            for writer in writers {
+                writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
+            }
+            let name = self.manifest.garments[garment].name.clone();
+            digests.insert(name, GarmentDigests::of(positions, velocities));
+        }
+        Ok(digests)
+    }
+
+    /// Appends a line to the record.
+    pub(super) fn record(&mut self, line: &Value) -> Result<(), IoError> {
+        self.record.line(line)
+    }
+
+    /// Brings everything to the disk and says that the run is complete.
+    pub(super) fn finish(&mut self, totals: &Totals, frames: u64) -> Result<(), IoError> {
+        let end = json!({
+            "record": "end",
+            "state": "done",
+            "frames": frames,
+            "seconds": totals.seconds,
+            "stages": stages(&totals.metrics),
+            "counts": counts(&totals.metrics),
+        });
+        self.end("done", "done", &end)
+    }
+
+    /// Says that the run stopped early at a state from which it goes on, and why.
+    pub(super) fn stop(&mut self, reason: Reason, frame: i64) -> Result<(), IoError> {
+        let end = json!({"record": "stop", "reason": reason.word(), "frame": frame});
+        self.end("stopped", reason.word(), &end)
+    }
+
+    /// Says that the run ended early, and why. The caches keep the frames before.
+    pub(super) fn fail(&mut self, error: &ShotError) -> Result<(), IoError> {
+        self.manifest.error = Some(error.to_string());
+        let end = json!({"record": "end", "state": "failed", "error": error.to_string()});
+        self.end("failed", "failed", &end)
+    }
+
+    fn end(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
+        for writer in self.writers.iter_mut().flatten() {
+            writer.finish()?;
+        }
+        self.record.line(record)?;
+        self.manifest.state = state.into();
+        if let Some(attempt) = self.manifest.attempts.last_mut() {
+            attempt.end = Some(how.to_owned());
+        }
+        self.manifest.write(&self.folder)
+    }
+}
+
+/// How the manifest names a checkpoint.
+pub(super) fn manifest_checkpoint(path: &Path, frame: i64, sub_step: u64) -> ManifestCheckpoint {
+    ManifestCheckpoint { file: format!("{}/{}", store::FOLDER, file_name(path)), frame, sub_step }
+}
+
+/// Writes beside the caches what they come from.
+fn describe(shot: &Shot, fingerprint: &Fingerprint, folder: &Path) -> Result<(), IoError> {
+    atomic_file::replace(&folder.join(RESOLVED), shot.about.resolved.as_bytes())?;
+    write_fingerprint(folder, fingerprint)
+}
+
+/// The caches of each garment, opened by `open`.
+fn of_garments(
+    shot: &Shot,
+    planned: &[Planned],
+    open: impl Fn(&Planned, CachePlan<'_>) -> Result<Box<dyn CacheWriter>, IoError>,
+) -> Result<Vec<Vec<Box<dyn CacheWriter>>>, IoError> {
+    let of_garment = |garment: usize| {
+        let caches = planned.iter().filter(|cache| cache.garment == garment);
+        caches.map(|cache| open(cache, cache_plan(shot, garment))).collect()
+    };
+    (0..shot.garments.len()).map(of_garment).collect()
+}
+
+/// The caches that a shot writes into a folder.
+pub(super) fn planned_files(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
+    paths(&planned(shot, folder))
+}
+
+fn paths(planned: &[Planned]) -> Vec<PathBuf> {
+    planned.iter().map(|cache| cache.path.clone()).collect()
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn garment_names(shot: &Shot) -> impl Iterator<Item = &str> {
+    shot.about.garments.iter().map(String::as_str)
+}
+
+fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
+    let formats = shot.about.output.formats.iter().filter_map(|word| formats::by_extension(word));
+    let writable: Vec<_> = formats.filter_map(|f| Some((f.extension, f.create?, f.resume?))).collect();
+    let caches = |(garment, name): (usize, &str)| {
+        let path = |extension: &str| folder.join(format!("{name}.{extension}"));
+        let cache = |&(extension, create, resume): &(&str, CreateCache, ResumeCache)| Planned {
+            garment,
+            path: path(extension),
+            create,
+            resume,
+        };
+        writable.iter().map(cache).collect()
+    };
+    garment_names(shot).enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
+}
+
+/// An output that is an input of the same shot would be destroyed before it is read.
+pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoError> {
+    let real = |path: &PathBuf| fs::canonicalize(path).ok();
+    let inputs: Vec<PathBuf> = shot.about.input_files.iter().chain([&shot.about.scene_path]).filter_map(real).collect();
+    match outputs.iter().find(|output| real(output).is_some_and(|output| inputs.contains(&output))) {
+        Some(output) => Err(IoError::OutputIsInput { path: output.clone() }),
+        None => Ok(()),
+    }
+}
+
+fn cache_plan(shot: &Shot, garment: usize) -> CachePlan<'_> {
+    let about = &shot.about;
+    CachePlan {
+        garment: &about.garments[garment],
+        mesh: &shot.garments[garment],
+        units: about.output.units,
+        origin: shot.origin(),
+        timeline: about.timeline,
+        first_frame: about.timeline.origin,
+        last_frame: about.last_frame,
+        velocities: about.output.velocities,
+        crossings: about.keeps_free,
+    }
+}
+
+fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Vec<AttemptRecord>) -> Manifest {
+    let about = &shot.about;
+    let garments = garment_names(shot).zip(&shot.garments).enumerate().map(|(index, (name, mesh))| ManifestGarment {
+        name: name.to_owned(),
+        object_path: cache_plan(shot, index).object_path(),
+        points: mesh.point_count(),
+        files: planned.iter().filter(|cache| cache.garment == index).map(|cache| file_name(&cache.path)).collect(),
+    });
+    Manifest {
+        application: APPLICATION.to_owned(),
+        shot: about.name.clone(),
+        scene: about.scene_path.display().to_string(),
+        state: "running".into(),
+        error: None,
+        first_frame: about.timeline.origin,
+        last_frame: about.last_frame,
+        last_complete_frame: None,
+        fps: format!("{}/{}", about.timeline.fps_numerator, about.timeline.fps_denominator),
+        length_unit: about.output.units.length.word().to_owned(),
+        up_axis: format!("{:?}", about.output.units.up),
+        origin: shot.origin().into(),
+        garments: garments.collect(),
+        threads: options.threads,
+        command: Some(options.command.clone()),
+        checkpoint: None,
+        attempts,
+    }
+}

@@ -1,0 +1,109 @@
+//! Caches that a run goes on with in another form than it began: a format more, or without velocities. The frames that are
+//! there are written anew from a cache that holds them; both store single precision, so nothing is lost. Only where a change that
+//! was insisted on has moved their origin, positions are rounded once more.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
+use drapery_io::cache_frames::CacheFrames;
+use drapery_io::error::IoError;
+use drapery_io::formats::{CreateCache, ResumeCache};
+
+use crate::frame_digest::GarmentDigests;
+use crate::quality::CROSSINGS_WRITTEN;
+use crate::run_record::RECORD;
+use crate::run_record::reader::frame_counts;
+
+/// A cache in its new form.
+pub(super) struct NewForm<'a> {
+    /// The file.
+    pub(super) path: &'a Path,
+    /// What it will hold.
+    pub(super) plan: CachePlan<'a>,
+    /// How it is made, and gone on with.
+    pub(super) open: (CreateCache, ResumeCache),
+}
+
+impl NewForm<'_> {
+    /// Writes the frames up to `last` from the cache `source`, puts the file in its place and goes on with it; `take` is given each
+    /// frame with the digests of what was written of it.
+    ///
+    /// # Errors
+    /// The source cannot be read, lacks a frame or the velocities that are asked for; the disk refuses.
+    pub(super) fn write(
+        &self,
+        source: &Path,
+        last: i64,
+        take: &mut dyn FnMut(i64, GarmentDigests),
+    ) -> Result<Box<dyn CacheWriter>, IoError> {
+        let (create, resume) = self.open;
+        let aside = aside(self.path);
+        let mut writer = create(&aside, &self.plan)?;
+        self.copy_frames(source, last, (writer.as_mut(), take))?;
+        writer.finish()?;
+        let mut mark = writer.mark();
+        drop(writer);
+        fs::rename(&aside, self.path).map_err(|e| IoError::writing(self.path, e))?;
+        mark.file = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        resume(self.path, &self.plan, &mark)
+    }
+
+    fn copy_frames(
+        &self,
+        source: &Path,
+        last: i64,
+        (writer, take): (&mut dyn CacheWriter, &mut dyn FnMut(i64, GarmentDigests)),
+    ) -> Result<(), IoError> {
+        let lacks = |what: String| {
+            let advice = "leave [output] as it was, or start anew with --overwrite";
+            IoError::data(source, "the frames so far", what, advice)
+        };
+        let frames = CacheFrames::open(source)?;
+        let folder = source.parent().unwrap_or(Path::new("."));
+        let crossings = if self.plan.crossings { crossings_of(folder) } else { BTreeMap::new() };
+        for frame in self.plan.first_frame..=last {
+            let sample = frames.meshes()[0].frames.binary_search(&frame);
+            let sample = sample.map_err(|_| lacks(format!("frame {frame} is missing in it")))?;
+            let positions = self.positions(&frames, sample)?;
+            let velocities = match frames.velocities(0, sample)? {
+                Some(velocities) => velocities,
+                None if self.plan.velocities => return Err(lacks("it holds no velocities".to_owned())),
+                None => Vec::new(),
+            };
+            let crossings = self.plan.crossings.then(|| crossings.get(&frame).copied().unwrap_or(0));
+            let velocities = self.plan.units.stored_all(&velocities);
+            let (positions, velocities) = (&positions[..], &velocities[..]);
+            writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
+            let stored = if self.plan.velocities { velocities } else { &[] };
+            take(frame, GarmentDigests::of(positions, stored));
+        }
+        Ok(())
+    }
+
+    /// Positions of a frame as the new form stores them.
+    fn positions(&self, frames: &CacheFrames, sample: usize) -> Result<Vec<[f32; 3]>, IoError> {
+        let (units, origin) = (self.plan.units, self.plan.file_origin().unwrap_or_default());
+        match frames.stored_positions(0, sample)? {
+            Some(stored) if (stored.units, stored.origin) == (units, origin) => Ok(stored.points),
+            _ => {
+                let world = frames.positions(0, sample)?;
+                Ok(world.iter().map(|x| units.stored_from(self.plan.origin, *x)).collect())
+            }
+        }
+    }
+}
+
+/// Where the new form is written until it is whole; it keeps its extension.
+fn aside(path: &Path) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{stem}.rewritten.{extension}"))
+}
+
+/// What every frame counted in the record beside the caches.
+fn crossings_of(folder: &Path) -> BTreeMap<i64, u32> {
+    let counts = frame_counts(&folder.join(RECORD), CROSSINGS_WRITTEN);
+    counts.into_iter().map(|(frame, count)| (frame, u32::try_from(count).unwrap_or(u32::MAX))).collect()
+}

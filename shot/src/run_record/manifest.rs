@@ -1,0 +1,173 @@
+//! `manifest.json`: what a folder of output holds.
+
+use std::borrow::Cow;
+use std::path::{Component, Path, PathBuf};
+
+use drapery_io::atomic_file;
+use drapery_io::error::IoError;
+use drapery_io::formats;
+use drapery_io::input_file;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::MANIFEST;
+
+/// What a folder of output holds, for programs that pick it up.
+///
+/// What a folder of an older program does not say is empty.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Manifest {
+    /// Program and version.
+    pub application: String,
+    /// Name of the shot.
+    pub shot: String,
+    /// Scene file.
+    pub scene: String,
+    /// `running`, `stopped`, `done` or `failed`.
+    pub state: Cow<'static, str>,
+    /// Why it failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// First frame that is delivered.
+    pub first_frame: i64,
+    /// Last frame that is delivered.
+    pub last_frame: i64,
+    /// Last frame that is complete in every cache; `None` before the first.
+    pub last_complete_frame: Option<i64>,
+    /// Frames per second as a fraction.
+    pub fps: String,
+    /// Unit of length of the caches.
+    pub length_unit: String,
+    /// Up axis of the caches.
+    pub up_axis: String,
+    /// What the positions in the caches are counted from [m], Y up.
+    pub origin: [f64; 3],
+    /// Caches.
+    pub garments: Vec<ManifestGarment>,
+    /// Number of threads of each rank.
+    pub threads: usize,
+    /// The command line that continues the run.
+    pub command: Option<String>,
+    /// The last good checkpoint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<ManifestCheckpoint>,
+    /// Every start of the run in this folder.
+    pub attempts: Vec<AttemptRecord>,
+}
+
+/// The last good checkpoint.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ManifestCheckpoint {
+    /// The file, relative to the folder.
+    pub file: String,
+    /// Last frame that it holds.
+    pub frame: i64,
+    /// States free of collisions since that frame.
+    pub sub_step: u64,
+}
+
+/// One start of the run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct AttemptRecord {
+    /// Its number, that of its logs.
+    pub attempt: u32,
+    /// Machine.
+    pub host: String,
+    /// Process.
+    pub pid: u32,
+    /// Number of threads of each rank.
+    pub threads: usize,
+    /// Number of ranks; 0 in the records of older programs, which had one.
+    pub ranks: usize,
+    /// First frame that it simulated, or would have.
+    pub first_frame: i64,
+    /// Last frame that it finished.
+    pub last_frame: Option<i64>,
+    /// Seconds that its frames took.
+    pub seconds: f64,
+    /// How it ended: `done`, `failed`, or why it stopped; nothing while it runs, or when it was killed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end: Option<String>,
+    /// What had changed, when it was told to go on all the same.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<String>,
+}
+
+/// The caches of one garment.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ManifestGarment {
+    /// Name of the garment.
+    pub name: String,
+    /// Full path of the object in the archive.
+    pub object_path: String,
+    /// Number of points.
+    pub points: usize,
+    /// File names, relative to the folder.
+    pub files: Vec<String>,
+}
+
+impl Manifest {
+    /// Writes it into `folder`.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write(&self, folder: &Path) -> Result<(), IoError> {
+        // A struct of texts and numbers always has a JSON form.
+        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        atomic_file::replace(&folder.join(MANIFEST), text.as_bytes())
+    }
+}
+
+/// Caches that the manifest of a folder lists, and nothing else that it may name; none when there is no manifest that can be read.
+pub fn listed_files(folder: &Path) -> Vec<PathBuf> {
+    let text = input_file::bytes(&folder.join(MANIFEST)).unwrap_or_default();
+    let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
+    let garments = manifest["garments"].as_array().into_iter().flatten();
+    let names =
+        garments.flat_map(|garment| garment["files"].as_array().into_iter().flatten()).filter_map(Value::as_str);
+    let is_cache = |path: &PathBuf| {
+        let format = path.extension().and_then(|extension| formats::by_extension(extension.to_str()?));
+        format.is_some_and(|format| format.create.is_some())
+    };
+    names.filter_map(|name| named_in(folder, name)).filter(is_cache).collect()
+}
+
+/// The file of this name in a folder; `None` for what leads out of it: a manifest that was tampered with must not reach files
+/// elsewhere.
+pub(super) fn named_in(folder: &Path, name: &str) -> Option<PathBuf> {
+    let mut parts = Path::new(name).components();
+    let is_name = matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None));
+    is_name.then(|| folder.join(name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_manifest_that_was_tampered_with_names_no_files_but_caches_in_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = [
+            "sheet.abc",
+            "sheet.h5",
+            "../a.abc",
+            "/a.abc",
+            "b/a.abc",
+            "..",
+            ".",
+            "/",
+            "",
+            "scene.toml",
+            "body.obj",
+            "logs",
+        ];
+        let manifest = json!({"garments": [{"files": names}]});
+        std::fs::write(folder.path().join(MANIFEST), manifest.to_string()).unwrap();
+        assert_eq!(listed_files(folder.path()), ["sheet.abc", "sheet.h5"].map(|name| folder.path().join(name)));
+    }
+}

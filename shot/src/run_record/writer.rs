@@ -1,0 +1,176 @@
+//! Writing `run.jsonl`: one line a frame with everything that was measured, and the events between frames.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use drapery_core::metrics::Metrics;
+use drapery_core::simulation::{BrokenAttachment, FrameSummary, Recovery, StrainRecord};
+use drapery_io::error::IoError;
+use drapery_io::memory::resident_bytes;
+use serde_json::{Value, json};
+
+use super::RECORD;
+use crate::frame_digest::FrameDigests;
+
+/// Stage of a frame that holds all stages of the solver.
+pub const SIMULATE: &str = "simulate";
+
+/// The record being written.
+#[derive(Debug)]
+pub struct RunRecord {
+    path: PathBuf,
+    file: File,
+}
+
+impl RunRecord {
+    /// Creates the record in `folder`.
+    ///
+    /// # Errors
+    /// The file cannot be created.
+    pub fn create(folder: &Path) -> Result<Self, IoError> {
+        let path = folder.join(RECORD);
+        let file = File::create(&path).map_err(|e| IoError::creating(&path, e))?;
+        Ok(Self { path, file })
+    }
+
+    /// Goes on with the record in `folder` after `frame`. If its length then is known [bytes], what comes after that is cut
+    /// off, but for what had happened up to that frame: checkpoints, stops, errors.
+    ///
+    /// # Errors
+    /// The file cannot be read, opened or cut.
+    pub fn resume(folder: &Path, frame: i64, length: Option<u64>) -> Result<Self, IoError> {
+        let path = folder.join(RECORD);
+        let options = &mut OpenOptions::new();
+        let file = options.read(true).append(true).create(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
+        let mut record = Self { path, file };
+        let present = record.length()?;
+        let cut = length.filter(|length| *length < present);
+        // A record that somebody has changed has another length there: it stays, and `resume` voids what comes after.
+        if let Some(length) = cut.filter(|length| record.ends_line(*length)) {
+            let events = record.events_after(length, frame)?;
+            record.file.set_len(length).map_err(|e| IoError::writing(&record.path, e))?;
+            events.iter().try_for_each(|event| record.line(event))?;
+        }
+        record.end_half_line()?;
+        Ok(record)
+    }
+
+    /// Whether a line ends at `length` bytes.
+    fn ends_line(&mut self, length: u64) -> bool {
+        let mut last = [0];
+        let at = length.checked_sub(1).map(SeekFrom::Start);
+        at.is_none_or(|at| self.file.seek(at).and_then(|_| self.file.read_exact(&mut last)).is_ok() && last == *b"\n")
+    }
+
+    /// Gives a line its end that a process which was killed left without, so that the next one is not lost with it.
+    fn end_half_line(&mut self) -> Result<(), IoError> {
+        match self.length().map(|length| self.ends_line(length))? {
+            true => Ok(()),
+            false => self.file.write_all(b"\n").map_err(|e| IoError::writing(&self.path, e)),
+        }
+    }
+
+    /// Lines behind `length` bytes that are not about a frame and not about what came after `frame`.
+    fn events_after(&mut self, length: u64, frame: i64) -> Result<Vec<Value>, IoError> {
+        let mut tail = Vec::new();
+        let read = self.file.seek(SeekFrom::Start(length)).and_then(|_| self.file.read_to_end(&mut tail));
+        read.map_err(|e| IoError::reading(&self.path, e))?;
+        let lines = tail.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Value>(line).ok());
+        let is_event = |line: &Value| {
+            let of_frame = matches!(line["record"].as_str(), Some("frame" | "start") | None);
+            !of_frame && line["frame"].as_i64().is_none_or(|at| at <= frame)
+        };
+        Ok(lines.filter(is_event).collect())
+    }
+
+    /// Its length [bytes].
+    ///
+    /// # Errors
+    /// The system does not say.
+    pub fn length(&self) -> Result<u64, IoError> {
+        Ok(self.file.metadata().map_err(|e| IoError::reading(&self.path, e))?.len())
+    }
+
+    /// Appends a line.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn line(&mut self, value: &Value) -> Result<(), IoError> {
+        let line = format!("{value}\n");
+        self.file.write_all(line.as_bytes()).map_err(|e| IoError::writing(&self.path, e))
+    }
+}
+
+/// The frame at which the simulation starts: nothing is simulated, `counts` holds what its writing counted.
+pub fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
+    json!({"record": "start", "frame": frame, "seconds": seconds, "counts": counts(spent)})
+}
+
+/// Everything that was measured in one frame; `spent` is what reading and writing took and counted.
+pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Value {
+    let strain = |strain: &StrainRecord| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain});
+    let mut all = summary.metrics.clone();
+    spent.counts().iter().for_each(|(name, amount)| all.add_count(name.clone(), *amount));
+    // What the solver took is told by its own stages.
+    let around = spent.stages().iter().filter(|stage| stage.name != SIMULATE);
+    around.for_each(|stage| all.add_time(stage.name.clone(), stage.seconds, stage.calls));
+    let mut record = json!({
+        "record": "frame",
+        "frame": summary.frame,
+        "seconds": seconds,
+        "steps": summary.steps,
+        "dt_min": summary.dt_min,
+        "dt_max": summary.dt_max,
+        "cg_iterations": summary.cg_iterations,
+        "max_strain": summary.max_strain.as_ref().map(strain),
+        "kinetic_energy": summary.kinetic_energy,
+        "potential_energy": summary.potential_energy,
+        "body_self_crossings": summary.body_self_crossings,
+        "resident_bytes": resident_bytes(),
+        "stages": stages(&all),
+        "counts": counts(&all),
+    });
+    if let Some(between_pins) = &summary.between_pins {
+        record["strain_between_pins"] = strain(between_pins);
+    }
+    if !summary.recoveries.is_empty() {
+        record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
+    }
+    if !summary.broken.is_empty() {
+        let broken = |b: &BrokenAttachment| json!({"garment": b.garment, "vertex": b.vertex, "pin": b.pin});
+        record["broken_attachments"] = summary.broken.iter().map(broken).collect();
+    }
+    record
+}
+
+/// Digests of what the caches hold of a frame, where they are not those that its own line has: caches that were written anew.
+pub fn digests_record(frame: i64, digests: &FrameDigests) -> Value {
+    json!({"record": "digests", "frame": frame, "digests": digests})
+}
+
+/// A rung of the ladder as JSON.
+pub fn recovery_value(recovery: &Recovery) -> Value {
+    let Recovery { frame, time, failure, level, garment, vertices } = recovery;
+    json!({
+        "frame": frame, "time": time, "trouble": failure, "rung": level, "garment": garment, "vertices": vertices,
+    })
+}
+
+/// Stages with seconds and calls, in the order of their first call; over ranks the seconds are their mean, with the least and
+/// the most of a rank beside it.
+pub fn stages(metrics: &Metrics) -> Vec<Value> {
+    let stage = |s: &drapery_core::metrics::Stage| {
+        let mut stage = json!({"stage": s.name, "seconds": s.seconds, "calls": s.calls});
+        if let Some([min, max]) = s.spread {
+            stage["over_ranks"] = json!({"min": min, "mean": s.seconds, "max": max});
+        }
+        stage
+    };
+    metrics.stages().iter().map(stage).collect()
+}
+
+/// Counts by name.
+pub fn counts(metrics: &Metrics) -> Value {
+    metrics.counts().iter().map(|(name, amount)| (name.to_string(), Value::from(*amount))).collect()
+}

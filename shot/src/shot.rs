@@ -1,0 +1,213 @@
+//! A shot that was checked and can run. Everything is checked before anything is written ([`Shot::prepare`]). The simulation
+//! always starts at the scene's first frame minus its pre-roll, because cloth has a history; only the end of the range can
+//! be chosen.
+
+use std::path::PathBuf;
+
+use drapery_core::Vec3;
+use drapery_core::effects::cost::FrameCost;
+use drapery_core::effects::self_collision;
+use drapery_core::error::Problems;
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::Timeline;
+use drapery_core::simulation::Simulation;
+use drapery_io::cache::APPLICATION;
+use drapery_io::checkpoint::FORMAT_VERSION;
+use drapery_io::error::IoError;
+use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::shot_description::{OutputDescription, ShotDescription};
+
+use crate::error::ShotError;
+use crate::farm::digest::{Fingerprint, Versions};
+use crate::inputs::Inputs;
+use crate::long_frames;
+use crate::remote_simulation::RemoteSimulation;
+
+/// A shot that was checked and can run.
+pub struct Shot {
+    pub(crate) remote_simulation: RemoteSimulation,
+    pub(crate) inputs: Inputs,
+    pub(crate) garments: Vec<GarmentMesh>,
+    pub(crate) about: About,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// What a shot is called, where it ends and what it writes.
+#[derive(Debug)]
+pub(crate) struct About {
+    pub(crate) name: String,
+    pub(crate) scene_path: PathBuf,
+    pub(crate) input_files: Vec<PathBuf>,
+    pub(crate) timeline: Timeline,
+    pub(crate) last_frame: i64,
+    /// Names of the garments.
+    pub(crate) garments: Vec<String>,
+    /// Whether the scene promises cloth without crossings.
+    pub(crate) keeps_free: bool,
+    pub(crate) output: OutputDescription,
+    pub(crate) resolved: String,
+}
+
+impl Shot {
+    /// [`Shot::prepare_on`] one rank.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn prepare(description: ShotDescription, frames: Option<[i64; 2]>) -> Result<Self, ShotError> {
+        Self::prepare_on(&Ranks::default(), description, frames)
+    }
+
+    /// Checks the scene and every frame of its inputs, and builds the simulation at its start. Writes nothing.
+    ///
+    /// `frames` are the first and last frame asked for; the whole range of the scene when `None`. This is rank 0 of `ranks`;
+    /// the others follow until they are dismissed, also when there is an error.
+    ///
+    /// # Errors
+    /// All problems at once; a file that cannot be read; frames that cannot be simulated.
+    pub fn prepare_on(
+        ranks: &Ranks,
+        description: ShotDescription,
+        frames: Option<[i64; 2]>,
+    ) -> Result<Self, ShotError> {
+        let ShotDescription { scene, bodies, tracks, wind, garments, preroll, output, .. } = description;
+        let mut warnings = description.warnings;
+        let last_frame = last_frame(description.frames, frames, &mut warnings)?;
+        let timeline = scene.timeline;
+        let inputs = Inputs { timeline, preroll, bodies, tracks, wind };
+        let mut problems = inputs.check(&scene, last_frame, &mut warnings);
+        let about = About {
+            name: description.name,
+            scene_path: description.scene_path,
+            input_files: description.input_files,
+            timeline,
+            last_frame,
+            garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
+            keeps_free: scene.effects.iter().any(|request| request.effect == self_collision::SPEC.name),
+            output,
+            resolved: description.resolved,
+        };
+        let remote_simulation = match RemoteSimulation::distribute(ranks, scene) {
+            Err(Problems(found)) => {
+                problems.extend(found);
+                None
+            }
+            Ok(scene) => {
+                warnings.extend_from_slice(scene.warnings());
+                inputs.start(ranks, scene, &mut problems)?
+            }
+        };
+        if let Some(remote_simulation) = &remote_simulation {
+            let (simulation, min_dt) =
+                (remote_simulation.simulation(), remote_simulation.simulation().scene().description().solver.min_dt);
+            problems.extend(long_frames::judge(&simulation.planned_steps(), min_dt, &mut warnings));
+        }
+        let Some(remote_simulation) = remote_simulation.filter(|_| problems.is_empty()) else {
+            return Err(ShotError::Problems(Problems(problems)));
+        };
+        warnings.extend_from_slice(remote_simulation.simulation().warnings());
+        Ok(Self { remote_simulation, inputs, garments, about, warnings })
+    }
+
+    /// What is suspicious but was accepted.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The simulation at its start: what will run, and why.
+    pub fn simulation(&self) -> &Simulation {
+        self.remote_simulation.simulation()
+    }
+
+    /// Simulates the first frames after the start, in memory and on one rank, and says what one of them has cost in the mean.
+    ///
+    /// # Errors
+    /// An input breaks; the solver gives up.
+    pub fn trial(mut self, frames: u32) -> Result<FrameCost, ShotError> {
+        let start = self.about.timeline.start;
+        let inputs = (1..=i64::from(frames)).map(|frame| self.inputs.at(start + frame));
+        self.remote_simulation.trial(inputs)
+    }
+
+    /// Name of the shot.
+    pub fn name(&self) -> &str {
+        &self.about.name
+    }
+
+    /// First and last frame that are delivered.
+    pub fn frames(&self) -> [i64; 2] {
+        [self.about.timeline.origin, self.about.last_frame]
+    }
+
+    /// Frame rate, first frame and start of the simulation.
+    pub fn timeline(&self) -> Timeline {
+        self.about.timeline
+    }
+
+    /// What is written.
+    pub fn output(&self) -> &OutputDescription {
+        &self.about.output
+    }
+
+    /// What positions in the caches are counted from [m].
+    pub fn origin(&self) -> Vec3 {
+        self.simulation().scene().origin()
+    }
+
+    /// The scene with every default written out.
+    pub fn resolved(&self) -> &str {
+        &self.about.resolved
+    }
+
+    /// What the shot depends on: the scene, its inputs and the program.
+    ///
+    /// # Errors
+    /// An input cannot be read.
+    pub fn fingerprint(&self) -> Result<Fingerprint, IoError> {
+        let about = &self.about;
+        let (format, application) = (FORMAT_VERSION, APPLICATION);
+        let versions = Versions { solver: drapery_core::SOLVER_VERSION, format, application };
+        Fingerprint::of(&about.resolved, &about.scene_path, &about.input_files, versions)
+    }
+
+    /// Number of frames that a run computes, pre-roll included.
+    pub fn frame_count(&self) -> u64 {
+        self.about.last_frame.abs_diff(self.about.timeline.start) + 1
+    }
+}
+
+/// The last frame of a run. A range that ends after the scene's own is cut; one that starts elsewhere is refused.
+fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>, warnings: &mut Vec<String>) -> Result<i64, ShotError> {
+    let [scene_first, scene_last] = scene;
+    let Some([first, last]) = asked else {
+        return Ok(scene_last);
+    };
+    if first > scene_first || last < scene_first {
+        return Err(ShotError::Frames(format!(
+            "frames {first}-{last}: cloth depends on the frames before, so a run starts at frame {scene_first}\n  \
+             help: ask for {scene_first}-{}, and take what you need of it",
+            last.clamp(scene_first, scene_last.max(scene_first))
+        )));
+    }
+    if first < scene_first || last > scene_last {
+        warnings.push(format!("frames {first}-{last} are cut to those of the shot, {scene_first}-{scene_last}"));
+    }
+    Ok(last.min(scene_last))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_is_cut_at_its_ends_but_always_starts_at_the_first_frame() {
+        let mut warnings = Vec::new();
+        assert_eq!(last_frame([1001, 1100], None, &mut warnings).unwrap(), 1100);
+        assert_eq!(last_frame([1001, 1100], Some([1001, 1010]), &mut warnings).unwrap(), 1010);
+        assert!(warnings.is_empty());
+        assert_eq!(last_frame([1001, 1100], Some([990, 1200]), &mut warnings).unwrap(), 1100);
+        assert_eq!(warnings.len(), 1);
+        let late = last_frame([1001, 1100], Some([1050, 1060]), &mut warnings).unwrap_err();
+        assert!(late.to_string().contains("1001-1060"), "{late}");
+        assert!(last_frame([1001, 1100], Some([900, 950]), &mut warnings).is_err());
+    }
+}
