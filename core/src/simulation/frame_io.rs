@@ -3,7 +3,7 @@
 
 use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;
-use crate::parallel::message::{Codec, decode, wire};
+use crate::parallel::message::codec;
 use crate::parallel::ranks::Ranks;
 use crate::scene::MergedVertex;
 use crate::scene::Scene;
@@ -18,24 +18,44 @@ pub enum Field {
     Velocities,
 }
 
-wire!(struct Sample { time, positions });
-wire!(struct WindSample { time, velocities });
-wire!(struct FrameInput { frame, bodies, tracks, wind });
+codec!(struct Sample { time, positions });
+codec!(struct WindSample { time, velocities });
+codec!(struct FrameInput { frame, bodies, tracks, wind });
+
+/// The number in its garment of the vertex that follows another in a row.
+struct MergedNumber {
+    row: u32,
+    number: u32,
+}
+
+/// What the vertex in a row gets of the one that it follows.
+struct MergedValue {
+    row: u32,
+    /// Position [m] or velocity [m/s].
+    value: Vec3,
+}
+
+codec!(struct MergedNumber { row, number });
+codec!(struct MergedValue { row, value });
 
 impl Scene {
     /// The input of a frame for each rank, of what rank 0 has read: all bodies, and of the tracks what own pins follow. All
     /// ranks call it together; `None` everywhere but on rank 0.
     pub fn share_input(&self, input: Option<FrameInput>) -> FrameInput {
         let ranks = self.parts().ranks();
-        let mut input = input.unwrap_or_default();
         if ranks.is_alone() {
-            return input;
+            return input.expect("rank 0 has read the input");
         }
-        let tracks = std::mem::take(&mut input.tracks);
-        let mut bytes = (input, tracks.len()).to_bytes();
-        ranks.broadcast(&mut bytes);
-        let (mut shared, count): (FrameInput, usize) = decode(ranks.rank(), "input of a frame", &bytes);
-        shared.tracks = (0..count).map(|track| self.share_track(track, tracks.get(track))).collect();
+        let mut tracks = Vec::new();
+        let input = input.map(|mut input| {
+            let shells = vec![Vec::new(); input.tracks.len()];
+            tracks = std::mem::replace(&mut input.tracks, shells);
+            input
+        });
+        let mut shared = ranks.broadcast_encoded("input of a frame", input);
+        for (track, samples) in shared.tracks.iter_mut().enumerate() {
+            *samples = self.share_track(track, tracks.get(track));
+        }
         shared
     }
 
@@ -43,16 +63,13 @@ impl Scene {
     fn share_track(&self, track: usize, samples: Option<&Vec<Sample>>) -> Vec<Sample> {
         let ranks = self.parts().ranks();
         let wanted = ranks.gather(&self.track_rows(track));
-        let rows = |rows: &Vec<u32>| -> Vec<u8> {
-            let of = |sample: &Sample| Sample {
-                time: sample.time,
-                positions: rows.iter().filter_map(|row| sample.positions.get(*row as usize).copied()).collect(),
-            };
-            samples.map_or_else(Vec::new, |samples| samples.iter().map(of).collect()).to_bytes()
+        let rows_of = |sample: &Sample, rows: &[u32]| Sample {
+            time: sample.time,
+            positions: rows.iter().filter_map(|row| sample.positions.get(*row as usize).copied()).collect(),
         };
-        let mut lists: Vec<Vec<u8>> = wanted.iter().map(rows).collect();
-        lists.resize(ranks.count(), Vec::new());
-        decode(ranks.rank(), "samples of a track", &ranks.all_to_all_v(lists)[0])
+        ranks.scatter_encoded("samples of a track", |rank| {
+            samples.into_iter().flatten().map(|sample| rows_of(sample, &wanted[rank])).collect()
+        })
     }
 }
 
@@ -138,26 +155,25 @@ impl Simulation {
             return;
         }
         let own = parts.own();
-        // The row of a follower, its number in the garment where that is known, and the leader where that is.
-        let (mut names, mut values) = (Vec::new(), Vec::new());
-        for (row, follower) in followers.iter().enumerate() {
+        // The number of a follower is known to its owner, and its place to that of its leader.
+        let (mut numbers, mut values) = (Vec::new(), Vec::new());
+        for (row, follower) in (0..).zip(&followers) {
             let local = |number: u32| parts.local(number).filter(|local| own.contains(local));
-            names.extend(local(follower.vertex).map(|local| [row as u32, parts.own_numbers()[local]]));
-            values.extend(local(follower.leader).map(|local| match field {
-                Field::Positions => (row, state.x[local] + follower.offset),
-                Field::Velocities => (row, state.v[local]),
-            }));
+            let number = |local: usize| MergedNumber { row, number: parts.own_numbers()[local] };
+            numbers.extend(local(follower.vertex).map(number));
+            let value = |local: usize| match field {
+                Field::Positions => state.x[local] + follower.offset,
+                Field::Velocities => state.v[local],
+            };
+            values.extend(local(follower.leader).map(|local| MergedValue { row, value: value(local) }));
         }
-        let names = ranks.all_gather_v(&names).concat();
-        let rows: Vec<[f64; 3]> = values.iter().map(|(_, value)| (*value).into()).collect();
-        let numbers: Vec<u32> = values.iter().map(|(row, _)| *row as u32).collect();
-        let (numbers, rows) = (ranks.all_gather_v(&numbers).concat(), ranks.all_gather_v(&rows).concat());
-        let mut of_rows = vec![0; followers.len()];
-        names.iter().for_each(|[row, number]| of_rows[*row as usize] = *number);
+        let mut number_of = vec![0; followers.len()];
+        for MergedNumber { row, number } in ranks.all_gather_encoded("numbers of followers", numbers) {
+            number_of[row as usize] = number;
+        }
+        let values = ranks.all_gather_encoded("values of followers", values);
         if ranks.is_first() {
-            numbers.iter().zip(&rows).for_each(|(row, value)| {
-                all[of_rows[*row as usize] as usize] = convert(&Vec3::from(*value));
-            });
+            values.iter().for_each(|merged| all[number_of[merged.row as usize] as usize] = convert(&merged.value));
         }
     }
 }

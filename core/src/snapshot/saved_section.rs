@@ -7,7 +7,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use crate::Vec3;
-use crate::parallel::message::{Codec, Decoder};
+use crate::parallel::message::{Codec, codec};
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::scene::{FARTHEST, is_possible};
@@ -58,6 +58,17 @@ pub(crate) enum Field {
     /// Rows of elements: those that count here when they are given, those of all ranks when they were taken or have moved.
     Elements(ElementRows),
 }
+
+/// A pin target of a rank.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OwnTarget {
+    /// Its number.
+    pub(crate) number: u32,
+    /// Number of its vertex in the scene.
+    pub(crate) vertex: u32,
+}
+
+codec!(struct SnapshotError { section, what });
 
 /// Which rows of a field a rank has: their keys, ascending, and the places of their values.
 struct Rows {
@@ -127,7 +138,7 @@ impl Rows {
     }
 
     /// Takes this rank's rows of what rank 0 reads, chunk by chunk.
-    fn take<T: Pod>(
+    fn take<T: Pod + Codec>(
         &self,
         ranks: &Ranks,
         width: usize,
@@ -147,31 +158,8 @@ impl Rows {
 }
 
 /// What rank 0 reads, on every rank; or its error.
-fn share<T: Pod>(ranks: &Ranks, read: impl FnOnce() -> Result<Vec<T>, SnapshotError>) -> Result<Vec<T>, SnapshotError> {
-    if ranks.is_alone() {
-        return read();
-    }
-    let mut bytes = Vec::new();
-    if ranks.is_first() {
-        match read() {
-            Ok(values) => {
-                true.put(&mut bytes);
-                bytes.extend_from_slice(bytemuck::cast_slice(&values));
-            }
-            Err(error) => {
-                false.put(&mut bytes);
-                (error.section, error.what).put(&mut bytes);
-            }
-        }
-    }
-    ranks.broadcast(&mut bytes);
-    let mut message = Decoder::new(ranks.rank(), "rows of a snapshot", &bytes);
-    if bool::take(&mut message) {
-        return Ok(message.all_values());
-    }
-    let (section, what) = Codec::take(&mut message);
-    message.end();
-    Err(SnapshotError { section, what })
+fn share<T: Codec>(ranks: &Ranks, read: impl FnOnce() -> Result<T, SnapshotError>) -> Result<T, SnapshotError> {
+    ranks.broadcast_encoded("rows of a snapshot", ranks.is_first().then(read))
 }
 
 /// Numbers of nodes in the scene as numbers that no partition enters: garments' own, points of bodies after them. The same on
@@ -207,12 +195,13 @@ fn translated(parts: &Parts, numbers: &[u32], known: impl Fn(u32) -> Option<u32>
 }
 
 /// The rows of those targets that are this rank's in `new`.
-fn moved_targets<T: Pod>(new: &Parts, pinned: &[[u32; 2]], width: usize, values: &[T]) -> Vec<T> {
+fn moved_targets<T: Pod>(new: &Parts, pinned: &[OwnTarget], width: usize, values: &[T]) -> Vec<T> {
     let ranks = new.ranks();
     let to = |rank: usize| {
-        pinned.iter().zip(values.chunks_exact(width)).filter(move |([_, vertex], _)| new.owner(*vertex) == rank)
+        pinned.iter().zip(values.chunks_exact(width)).filter(move |(target, _)| new.owner(target.vertex) == rank)
     };
-    let numbers = ranks.all_to_all_v((0..ranks.count()).map(|rank| to(rank).map(|(p, _)| p[0]).collect()).collect());
+    let numbers = ranks
+        .all_to_all_v((0..ranks.count()).map(|rank| to(rank).map(|(target, _)| target.number).collect()).collect());
     let rows = ranks
         .all_to_all_v((0..ranks.count()).map(|rank| to(rank).flat_map(|(_, row)| row).copied().collect()).collect());
     let (numbers, rows) = (numbers.concat(), rows.concat());
@@ -240,9 +229,9 @@ impl Reader<'_, '_> {
     fn count_rows(&mut self) -> Result<(), SnapshotError> {
         let rows = share(self.parts.ranks(), || {
             let source = self.source.as_deref().ok_or_else(|| self.error("nobody gives it".into()))?;
-            Ok(vec![source.rows_of(self.section, self.name)? as u64])
+            source.rows_of(self.section, self.name)
         })?;
-        self.rows = rows.first().map_or(0, |rows| *rows as usize);
+        self.rows = rows;
         Ok(())
     }
 
@@ -255,7 +244,7 @@ impl Reader<'_, '_> {
     }
 
     /// The rows of this rank, of values that `of_kind` takes out.
-    fn own<T: Pod>(
+    fn own<T: Pod + Codec>(
         &mut self,
         rows: &Rows,
         width: usize,
@@ -449,11 +438,10 @@ impl SavedSection {
         let error = |what: String| SnapshotError { section: section.to_owned(), what };
         let version = share(ranks, || {
             let version = source.as_deref().and_then(|source| source.version(section));
-            Ok(vec![u64::from(version.ok_or_else(|| error("it is missing".into()))?)])
+            version.ok_or_else(|| error("it is missing".into()))
         })?;
-        if version != [u64::from(self.version)] {
-            let (found, known) = (version.first().copied().unwrap_or(0), self.version);
-            return Err(error(format!("it has version {found}, this program reads {known}")));
+        if version != self.version {
+            return Err(error(format!("it has version {version}, this program reads {}", self.version)));
         }
         for (name, field) in &mut self.fields {
             let source = source.as_deref_mut();
@@ -464,9 +452,9 @@ impl SavedSection {
         Ok(())
     }
 
-    /// Hands the rows of own vertices and targets to the ranks that own them in `new`; `pinned` are the own targets, each with its
-    /// number and that of its vertex in the scene. All ranks call it together.
-    pub(crate) fn migrate(&mut self, old: &Parts, new: &Parts, pinned: &[[u32; 2]]) {
+    /// Hands the rows of own vertices and targets to the ranks that own them in `new`; `pinned` are the own targets. All ranks call
+    /// it together.
+    pub(crate) fn migrate(&mut self, old: &Parts, new: &Parts, pinned: &[OwnTarget]) {
         let ranks = old.ranks();
         let first = old.rank_starts()[ranks.rank()];
         let own = first..old.rank_starts()[ranks.rank() + 1];

@@ -99,11 +99,7 @@ impl PairSearch {
         if nodes.ranks().is_alone() {
             return;
         }
-        let mut corners: Vec<[[f32; 3]; 2]> = self.node_boxes.iter().map(|b| [b.min, b.max]).collect();
-        nodes.update(&mut corners);
-        for (node_box, [min, max]) in self.node_boxes.iter_mut().zip(corners) {
-            *node_box = Aabb { min, max };
-        }
+        nodes.update(&mut self.node_boxes);
         nodes.update(marks);
     }
 

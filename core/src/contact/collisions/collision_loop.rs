@@ -28,7 +28,6 @@ use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::metrics::Metrics;
-use crate::parallel::message::{vector_of, words_of};
 
 /// Attempts with impulses that are added where the usual ones did not do.
 const MORE_ATTEMPTS: u32 = 3 * IMPULSE_ATTEMPTS;
@@ -263,10 +262,10 @@ impl CollisionLoop {
         }
         let mut copies = Vec::new();
         let (recent, displacements) = (&self.recent, &self.displacements);
-        let own = |node: u32| (recent[node as usize] != 0).then(|| words_of(&displacements[node as usize]));
-        nodes.halo().update_changed(nodes.ranks(), own, |copy, words: [u64; 3]| copies.push((copy, words)));
-        for (copy, words) in copies {
-            self.displacements[copy] = vector_of(words);
+        let own = |node: u32| (recent[node as usize] != 0).then(|| displacements[node as usize]);
+        nodes.halo().update_changed(nodes.ranks(), own, |copy, displacement: Vec3| copies.push((copy, displacement)));
+        for (copy, displacement) in copies {
+            self.displacements[copy] = displacement;
             self.note(copy as u32, paths);
         }
         covered
