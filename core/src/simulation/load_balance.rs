@@ -79,7 +79,7 @@ impl Simulation {
         let (bodies, wind) = (std::mem::take(&mut self.prescribed.bodies), std::mem::take(&mut self.dynamics.wind));
         let frame = self.frame;
         let error = |what: String| SnapshotError { section: "scene".into(), what };
-        let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, (tracks, wind))
+        let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, tracks, wind)
             .map_err(|problems| error(problems.to_string()))?;
         moved.restore_sections(frame, &memory)?;
         (moved.sent, moved.balance) = (self.sent, self.balance.clone());

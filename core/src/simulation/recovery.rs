@@ -227,7 +227,7 @@ impl Simulation {
     pub(super) fn rate_of_strain(&mut self) -> f64 {
         let Self { scene, limit, dynamics: Dynamics { forces, .. }, cloth: Cloth { state, .. }, contacts, .. } = self;
         let share = contacts.cloth.as_ref().map_or(1.0, |contact| contact.step_share());
-        limit.rate(&scene.description().solver, scene.parts(), forces, (&state.x, &state.v), share)
+        limit.rate(&scene.description().solver, scene.parts(), forces, state, share)
     }
 
     /// What is wrong with the state at the end of a collision step.

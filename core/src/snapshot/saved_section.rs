@@ -68,6 +68,15 @@ pub(crate) struct OwnTarget {
     pub(crate) vertex: u32,
 }
 
+/// The numbers of pin targets.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TargetNumbers<'a> {
+    /// Those of this rank, ascending.
+    pub(crate) own: &'a [u32],
+    /// How many all ranks have.
+    pub(crate) all: usize,
+}
+
 codec!(struct SnapshotError { section, what });
 
 /// Which rows of a field a rank has: their keys, ascending, and the places of their values.
@@ -91,9 +100,9 @@ impl Rows {
         Self { keys, places, all: 0..parts.partition().vertex_count() }
     }
 
-    /// Own pin targets, given by their numbers, ascending.
-    fn of_targets(numbers: &[u32], all: usize) -> Self {
-        Self { keys: numbers.to_vec(), places: (0..numbers.len() as u32).collect(), all: 0..all }
+    /// Own pin targets.
+    fn of_targets(TargetNumbers { own, all }: TargetNumbers<'_>) -> Self {
+        Self { keys: own.to_vec(), places: (0..own.len() as u32).collect(), all: 0..all }
     }
 
     /// Rows that all ranks have.
@@ -353,7 +362,7 @@ impl SavedSection {
     pub(crate) fn write(
         &self,
         parts: &Parts,
-        targets: (&[u32], usize),
+        targets: TargetNumbers<'_>,
         mut sink: Option<&mut (dyn SnapshotSink + '_)>,
     ) {
         let ranks = parts.ranks();
@@ -380,8 +389,8 @@ impl SavedSection {
                 Field::Nodes(_, Some((_, bodies))) => {
                     begin(&[parts.partition().vertex_count() + bodies.len(), 3], ValueKind::F64);
                 }
-                Field::Targets(1, values) => begin(&[targets.1], values.kind()),
-                Field::Targets(width, values) => begin(&[targets.1, *width], values.kind()),
+                Field::Targets(1, values) => begin(&[targets.all], values.kind()),
+                Field::Targets(width, values) => begin(&[targets.all, *width], values.kind()),
                 Field::Numbers(width, values) => begin(&[values.len() / width, *width], ValueKind::U32),
                 Field::Elements(_) => {}
             }
@@ -390,7 +399,7 @@ impl SavedSection {
                     sink.rows(values);
                 }
             };
-            let of_targets = || Rows::of_targets(targets.0, targets.1);
+            let of_targets = || Rows::of_targets(targets);
             match field {
                 Field::Number(value) => rows(Values::F64(vec![*value])),
                 Field::Count(value) => rows(Values::U64(vec![*value])),
@@ -431,7 +440,7 @@ impl SavedSection {
     pub(crate) fn read(
         &mut self,
         parts: &Parts,
-        (numbers, targets): (&[u32], usize),
+        targets: TargetNumbers<'_>,
         mut source: Option<&mut (dyn SnapshotSource + '_)>,
     ) -> Result<(), SnapshotError> {
         let (ranks, section) = (parts.ranks(), self.name);
@@ -447,7 +456,7 @@ impl SavedSection {
             let source = source.as_deref_mut();
             let mut reader = Reader { parts, section, name, source, rows: 0 };
             reader.count_rows()?;
-            reader.read(field, &Rows::of_targets(numbers, targets))?;
+            reader.read(field, &Rows::of_targets(targets))?;
         }
         Ok(())
     }

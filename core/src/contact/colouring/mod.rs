@@ -52,7 +52,7 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
     let alone = nodes.ranks().is_alone();
     let decided = if alone { 0 } else { between };
     if !alone {
-        colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut used_colours);
+        colour_together(nodes, &nodes_of, &order[..decided], &mut colours, &mut used_colours);
     }
     // What is within a part is of one rank, and all before it is decided.
     for &pair in &order[decided..] {
@@ -68,7 +68,8 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
 /// Colours the pairs of `order`, which several ranks hold, page by page.
 fn colour_together(
     nodes: &ContactNodes,
-    (nodes_of, order): (impl Fn(usize) -> [u32; 4], &[u32]),
+    nodes_of: impl Fn(usize) -> [u32; 4],
+    order: &[u32],
     colours: &mut [u32],
     used_colours: &mut UsedColours,
 ) {

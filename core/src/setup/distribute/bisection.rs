@@ -48,7 +48,8 @@ pub(crate) fn order(
     ranks: &Ranks,
     places: Range<usize>,
     starts: &[u32],
-    (first, points): (usize, &[Vec3]),
+    first: usize,
+    points: &[Vec3],
 ) -> (Vec<u32>, Vec<Vec3>) {
     let row = |(position, vertex): (&Vec3, u32)| PlacedVertex { position: *position, vertex, piece: 0 };
     let rows = points.iter().zip(first as u32..).map(row).collect();
@@ -193,7 +194,7 @@ mod tests {
                     let assignment = partition.balance(&partition.sizes(), ranks.count());
                     let starts: Vec<u32> = assignment.iter().map(|p| partition.starts()[*p] as u32).collect();
                     let own = BlockDistribution::new(count, ranks.count()).rows(ranks.rank());
-                    let (order, rest) = order(&ranks, places, &starts, (own.start, &all[own.clone()]));
+                    let (order, rest) = order(&ranks, places, &starts, own.start, &all[own.clone()]);
                     assert!(order.iter().zip(&rest).all(|(v, p)| all[*v as usize] == *p));
                     order
                 });

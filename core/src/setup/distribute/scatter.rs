@@ -27,7 +27,7 @@ use crate::setup::distribute::block_rows::{BlockDistribution, fetch, scatter_row
 use crate::setup::distribute::even_blocks::{BlockOfMesh, MeshSize};
 use crate::setup::distribute::one_ring::{Triangle, grow, one_ring, owner};
 use crate::setup::distribute::submesh::{
-    Held, Received, SubMesh, VertexNumbers, assemble, forget_vertices, halo_width, pins_of,
+    AssignedPartition, Held, Received, SubMesh, VertexNumbers, assemble, forget_vertices, halo_width, pins_of,
 };
 use crate::setup::mesh_checks::coincident;
 use crate::setup::mesh_checks::coincident::Apart;
@@ -50,6 +50,15 @@ struct Own {
     start: Vec<Vec3>,
     velocities: Vec<Vec3>,
     maps: Vec<Vec<f64>>,
+}
+
+/// What a rank has of a garment at home.
+struct AtHome<'a> {
+    /// Rest positions of its points [m].
+    points: &'a [Vec3],
+    sound: &'a CleanMesh,
+    /// Number of each of its points in the scene.
+    places: &'a [u32],
 }
 
 /// What rank 0 tells all before anything is read.
@@ -141,19 +150,24 @@ impl SceneScatter {
         for (g, ((home, mut own), places)) in garments.enumerate() {
             let mut sound = CleanMesh::of(ranks, &self.description.garments[g].name, &home);
             warnings.append(&mut sound.warnings);
-            warnings.extend(winding::warning(ranks, (&self.description, g), &self.points_of[g], &sound.triangles));
+            warnings.extend(winding::warning(ranks, &self.description, g, &self.points_of[g], &sound.triangles));
             if touches(&self.description) {
-                warnings.extend(self.set_apart(ranks, g, (&home.points, &sound, &places), &mut own));
+                let at_home = AtHome { points: &home.points, sound: &sound, places: &places };
+                warnings.extend(self.set_apart(ranks, g, &at_home, &mut own));
             }
             drop(home);
-            held.followers.extend(self.followers(ranks, g, &sound.follows, (&own, &places), &pinned));
+            // The same list on all ranks, of which one asks.
+            let follows = if ranks.is_first() { &*sound.follows } else { &[] };
+            let followers = self.followers(ranks, g, follows, &own, &places);
+            held.followers.extend(followers.into_iter().filter(|f| pinned.binary_search(&f.vertex).is_err()));
             let near = one_ring(ranks, &self.points_of[g], sound.triangles, &places, &self.starts);
             let near = grow(ranks, near, &self.run(ranks), &self.starts, halo_width(&self.description, g));
             pieces.push(self.piece(ranks, g, own, near, &held.sewn));
         }
         let followers = ranks.is_first().then_some(held.followers);
         held.followers = ranks.broadcast_encoded("vertices that follow others", followers);
-        let received = assemble(ranks, self.description, (self.partition, self.assignment), pieces, held);
+        let assigned = AssignedPartition { partition: self.partition, assignment: self.assignment };
+        let received = assemble(ranks, self.description, assigned, pieces, held);
         Received { warnings, ..received }
     }
 
@@ -174,7 +188,7 @@ impl SceneScatter {
         let (home, homes) = (&self.homes[garment], &self.points_of[garment]);
         let first = homes.rows(ranks.rank()).start;
         let places = self.partition.garments()[garment].clone();
-        let (vertices, rest) = bisection::order(ranks, places, &self.starts, (first, &home.points));
+        let (vertices, rest) = bisection::order(ranks, places, &self.starts, first, &home.points);
         let Columns { start, velocities, maps } = self.columns.get_mut(garment).map(std::mem::take).unwrap_or_default();
         let mut maps = maps.into_iter();
         let maps = (0..self.description.garments[garment].maps.len()).map(|_| maps.next());
@@ -237,13 +251,13 @@ impl SceneScatter {
         &self,
         ranks: &Ranks,
         garment: usize,
-        (points, sound, places): (&[Vec3], &CleanMesh, &[u32]),
+        &AtHome { points, sound, places }: &AtHome<'_>,
         own: &mut Own,
     ) -> Option<String> {
         let homes = &self.points_of[garment];
         let first = self.run_of(ranks, garment).start;
         let rest = Apart::of(ranks, homes, points, sound);
-        self.move_to(ranks, garment, (&rest, places), &mut own.rest);
+        self.move_to(ranks, garment, &rest, places, &mut own.rest);
         let mut pairs = rest.pairs;
         if ranks.any(!own.start.is_empty()) {
             let start = fetch(
@@ -253,14 +267,14 @@ impl SceneScatter {
                 |number| own.start[(number - first) as usize],
             );
             let start = Apart::of(ranks, homes, &start, sound);
-            self.move_to(ranks, garment, (&start, places), &mut own.start);
+            self.move_to(ranks, garment, &start, places, &mut own.start);
             pairs.extend(start.pairs);
         }
         coincident::warning(ranks, &self.description.garments[garment].name, homes, pairs)
     }
 
     /// Moves own vertices to where they were set apart.
-    fn move_to(&self, ranks: &Ranks, garment: usize, (apart, places): (&Apart, &[u32]), own: &mut [Vec3]) {
+    fn move_to(&self, ranks: &Ranks, garment: usize, apart: &Apart, places: &[u32], own: &mut [Vec3]) {
         let vertices: Vec<u32> = apart.moved.iter().map(|(vertex, _)| *vertex).collect();
         let numbers = self.numbers(ranks, garment, &vertices, places);
         let mut lists = vec![Vec::new(); ranks.count()];
@@ -273,24 +287,21 @@ impl SceneScatter {
         }
     }
 
-    /// What takes no part and follows another vertex, but for those that a pin moves; on rank 0.
+    /// Those that follow another vertex, by numbers of the scene.
     fn followers(
         &self,
         ranks: &Ranks,
         garment: usize,
         follows: &[MergedInto],
-        (own, places): (&Own, &[u32]),
-        pinned: &[u32],
+        own: &Own,
+        places: &[u32],
     ) -> Vec<MergedVertex> {
-        // The same list on all ranks, of which one asks.
-        let follows = if ranks.is_first() { follows } else { &[] };
         let wanted: Vec<u32> = follows.iter().flat_map(|follower| [follower.vertex, follower.leader]).collect();
         let numbers = self.numbers(ranks, garment, &wanted, places);
         let at = self.starts_at(ranks, garment, &numbers, own);
         let follower =
             |(&[vertex, leader], at): (&[u32; 2], &[Vec3; 2])| MergedVertex { vertex, leader, offset: at[0] - at[1] };
-        let all = numbers.as_chunks().0.iter().zip(at.as_chunks().0).map(follower);
-        all.filter(|follower| pinned.binary_search(&follower.vertex).is_err()).collect()
+        numbers.as_chunks().0.iter().zip(at.as_chunks().0).map(follower).collect()
     }
 
     /// Where vertices of the scene, all of one garment, start [m].

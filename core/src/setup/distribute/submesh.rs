@@ -164,13 +164,20 @@ pub(crate) struct Held {
     pub(crate) followers: Vec<MergedVertex>,
 }
 
+/// The parts of a scene, and who has them.
+pub(crate) struct AssignedPartition {
+    pub(crate) partition: Partition,
+    /// First part of every rank, and the number of all at the end.
+    pub(crate) assignment: Vec<usize>,
+}
+
 codec!(struct Held { pinned, pin_targets, sewn, followers });
 
 /// Builds what a rank keeps from its pieces.
 pub(crate) fn assemble(
     ranks: &Ranks,
     description: SceneDescription,
-    (partition, assignment): (Partition, Vec<usize>),
+    AssignedPartition { partition, assignment }: AssignedPartition,
     mut pieces: Vec<SubMesh>,
     Held { mut pinned, pin_targets, sewn, followers }: Held,
 ) -> Received {
@@ -258,7 +265,8 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Received {
     sewn.sort_unstable_by_key(|pair| pair.number);
     sewn.dedup_by_key(|pair| pair.number);
     let held = Held { pinned, pin_targets: scene.pin_targets, sewn, followers: scene.followers.clone() };
-    let received = assemble(ranks, scene.description.clone(), (partition, assignment), pieces, held);
+    let assigned = AssignedPartition { partition, assignment };
+    let received = assemble(ranks, scene.description.clone(), assigned, pieces, held);
     Received { warnings: scene.warnings.clone(), ..received }
 }
 

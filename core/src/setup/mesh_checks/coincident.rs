@@ -67,7 +67,7 @@ impl Apart {
         groups.iter().flatten().for_each(|v| lists[homes.of(*v as usize)].push(*v));
         let mut coincides = vec![0; points.len()];
         ranks.all_to_all_v(lists).into_iter().flatten().for_each(|v| coincides[v as usize - first] = 1);
-        let inwards = inwards(ranks, homes, points, (sound, &coincides));
+        let inwards = inwards(ranks, homes, points, sound, &coincides);
         // All that coincides at home here is among them.
         let row = |v: u32| inwards.partition_point(|(vertex, _)| *vertex < v);
         let moved = fetch(ranks, &groups.concat(), |v| homes.of(v as usize), |v| inwards[row(v)].1);
@@ -128,7 +128,8 @@ fn inwards(
     ranks: &Ranks,
     homes: &BlockDistribution,
     points: &[Vec3],
-    (sound, coincides): (&CleanMesh, &[u8]),
+    sound: &CleanMesh,
+    coincides: &[u8],
 ) -> Vec<(u32, Vec3)> {
     let all = sound.triangles.iter().flat_map(|triangle| triangle.corners);
     let coincides = FetchedValues::new(ranks, all, homes, coincides);

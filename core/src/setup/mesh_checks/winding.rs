@@ -23,7 +23,8 @@ fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'sta
 /// sides. `triangles` are those at home here with their polygons, `homes` those of the points. All ranks call it together.
 pub(crate) fn warning(
     ranks: &Ranks,
-    (description, garment): (&SceneDescription, usize),
+    description: &SceneDescription,
+    garment: usize,
     homes: &BlockDistribution,
     triangles: &[Triangle],
 ) -> Option<String> {
