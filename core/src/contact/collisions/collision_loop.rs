@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::ProximityList;
-use crate::contact::broad_phase::swept_search::Inflation;
+use crate::contact::broad_phase::swept_search::{Inflation, SweptPairs};
 use crate::contact::ccd::Contact;
 use crate::contact::collisions::first_contact::first_contact;
 use crate::contact::collisions::impact_zones::Collision;
@@ -209,7 +209,8 @@ impl CollisionLoop {
             }
             CandidateSource::Renewed => {
                 metrics.count_once(surface.ranks(), "swept_renewals", 1);
-                search.update_swept_pairs(surface, neighbours, paths, around, (&mut self.left, found))
+                let pairs = SweptPairs { left: &mut self.left, found };
+                search.update_swept_pairs(surface, neighbours, paths, around, pairs)
             }
         };
         self.left.fill(0);

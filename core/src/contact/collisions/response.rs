@@ -101,7 +101,8 @@ impl Response {
         if attempt <= IMPULSE_ATTEMPTS {
             for hit in own {
                 let places = hit.pair.nodes.map(|number| field.local(number));
-                if impulse(&hit, places, field.gap, [field.start, field.mobility], displacements) {
+                let nodes = HitNodes { start: field.start, mobility: field.mobility, gap: field.gap };
+                if impulse(&hit, places, &nodes, displacements) {
                     touched.extend(hit.moving().map(|number| field.local(number)));
                 }
             }
@@ -247,7 +248,8 @@ impl Response {
         let mut changed = Vec::new();
         for (hit, _) in shared.iter().zip(sets.representatives()).filter(|(_, smallest)| nodes.owns(*smallest)) {
             let place = |number: u32| numbers.partition_point(|n| *n < number) as u32;
-            if impulse(hit, hit.pair.nodes.map(place), field.gap, [&start, &mobility], &mut moved) {
+            let nodes = HitNodes { start: &start, mobility: &mobility, gap: field.gap };
+            if impulse(hit, hit.pair.nodes.map(place), &nodes, &mut moved) {
                 changed.extend(hit.moving().map(place));
             }
         }
@@ -354,16 +356,21 @@ impl ZoneSolution {
     }
 }
 
+/// Nodes of hits, in any numbering.
+struct HitNodes<'a> {
+    /// Positions at the collision-free state [m].
+    start: &'a [Vec3],
+    /// Inverse masses per axis [1/kg].
+    mobility: &'a [Vec3],
+    /// Distance that everything keeps [m].
+    gap: f64,
+}
+
 /// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it
 /// does. What meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the
 /// arrays.
-fn impulse(
-    hit: &Collision,
-    places: [u32; 4],
-    gap: f64,
-    [start, mobility]: [&[Vec3]; 2],
-    displacements: &mut [Vec3],
-) -> bool {
+fn impulse(hit: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displacements: &mut [Vec3]) -> bool {
+    let HitNodes { start, mobility, gap } = *nodes;
     let start = places.map(|place| start[place as usize]);
     let end = [0, 1, 2, 3].map(|q| start[q] + displacements[places[q] as usize]);
     let Some((contact, _)) = first_contact(hit.pair.kind, &start, &end, gap) else { return false };

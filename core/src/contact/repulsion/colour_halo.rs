@@ -46,7 +46,7 @@ impl HaloPerColour {
         let mut rounds = [0, 1].map(|kind| vec![HaloExchange::default(); kinds[kind].live_order.colours().len()]);
         let mut lists = Vec::new();
         for ((to, list), wanted) in halo.sends().iter().zip(&wanted) {
-            let announced = announced_pairs(nodes, &near, (*to, list), wanted);
+            let announced = announced_pairs(nodes, &near, *to, list, wanted);
             for Announced { kind, colour, places } in &announced {
                 let sent = places.iter().map(|place| list[*place as usize]).collect();
                 rounds[*kind as usize][*colour as usize].sends.push((*to, sent));
@@ -208,12 +208,7 @@ impl Announced {
 }
 
 /// What the rank `to` is told, which has copies of the nodes in `list`: those that it wants, in pairs that it does not hold.
-fn announced_pairs(
-    nodes: &ContactNodes,
-    near: &[NearPair],
-    (to, list): (usize, &[u32]),
-    wanted: &[u32],
-) -> Vec<Announced> {
+fn announced_pairs(nodes: &ContactNodes, near: &[NearPair], to: usize, list: &[u32], wanted: &[u32]) -> Vec<Announced> {
     let received = nodes.halo().receives().iter().find(|(from, _)| *from == to);
     let theirs = received.map_or(0..0, |(_, range)| range.clone());
     let mut place_of: Vec<(u32, u32)> = wanted.iter().map(|place| (list[*place as usize], *place)).collect();
