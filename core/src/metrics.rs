@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use crate::clock::Watch;
-use crate::parallel::message::{Codec, decode};
+use crate::parallel::message::codec;
 use crate::parallel::ranks::Ranks;
 
 /// Seconds and calls of one stage.
@@ -28,8 +28,21 @@ pub struct Metrics {
     last_seconds: f64,
 }
 
-/// Stages and counts as ranks send them.
-type Record = (Vec<(String, (f64, u64))>, Vec<(String, u64)>);
+/// Stages and counts of a rank, as it sends them.
+struct RankRecord {
+    stages: Vec<RankStage>,
+    counts: Vec<(String, u64)>,
+}
+
+/// Seconds and calls of one stage of a rank.
+struct RankStage {
+    name: String,
+    seconds: f64,
+    calls: u64,
+}
+
+codec!(struct RankRecord { stages, counts });
+codec!(struct RankStage { name, seconds, calls });
 
 impl Metrics {
     /// Runs `work` as the stage `name`.
@@ -126,28 +139,27 @@ impl Metrics {
         if ranks.is_alone() {
             return self;
         }
-        let stages: Vec<(String, (f64, u64))> =
-            self.stages.iter().map(|s| (s.name.to_string(), (s.seconds, s.calls))).collect();
-        let counts: Vec<(String, u64)> = self.counts.iter().map(|(name, amount)| (name.to_string(), *amount)).collect();
-        let all = ranks.gather(&(stages, counts).to_bytes());
+        let stage = |s: &Stage| RankStage { name: s.name.to_string(), seconds: s.seconds, calls: s.calls };
+        let stages = self.stages.iter().map(stage).collect();
+        let counts = self.counts.iter().map(|(name, amount)| (name.to_string(), *amount)).collect();
+        let records = ranks.gather_encoded("stages and counts of a rank", &RankRecord { stages, counts });
         if !ranks.is_first() {
             return self;
         }
         let mut together = Self::default();
-        let records: Vec<Record> =
-            all.iter().map(|bytes| decode(ranks.rank(), "stages and counts of a rank", bytes)).collect();
-        for (name, (_, calls)) in records.iter().flat_map(|(stages, _)| stages) {
+        for RankStage { name, calls, .. } in records.iter().flat_map(|record| &record.stages) {
             if together.stages.iter().any(|stage| stage.name == *name) {
                 continue;
             }
-            let of_rank = |(stages, _): &Record| stages.iter().find(|s| s.0 == *name).map_or(0.0, |(_, (s, _))| *s);
+            let of_rank =
+                |record: &RankRecord| record.stages.iter().find(|s| s.name == *name).map_or(0.0, |s| s.seconds);
             let seconds: Vec<f64> = records.iter().map(of_rank).collect();
             let mean = seconds.iter().sum::<f64>() / seconds.len() as f64;
             together.add_time(Cow::Owned(name.clone()), mean, *calls);
             let least = seconds.iter().copied().fold(f64::INFINITY, f64::min);
             together.add_spread(name, [least, seconds.iter().copied().fold(0.0, f64::max)]);
         }
-        for (name, amount) in records.into_iter().flat_map(|(_, counts)| counts) {
+        for (name, amount) in records.into_iter().flat_map(|record| record.counts) {
             together.add_count(Cow::Owned(name), amount);
         }
         together

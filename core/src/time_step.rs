@@ -4,6 +4,8 @@
 //! alone and is computed once. Damping is implicit and sets no limit. Strain rate: no edge changes its length by more than a
 //! given fraction in a step.
 
+use std::ops::Range;
+
 use crate::Vec3;
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::effects::force::{Force, PartMotion};
@@ -12,6 +14,7 @@ use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::largest;
 use crate::scene::{Integrator, SolverSettings};
+use crate::state::State;
 use crate::tolerances::LAST_TWO_STEPS;
 
 /// Limits that do not change during a run.
@@ -38,6 +41,15 @@ pub struct Choice {
     pub limit: f64,
     /// Whether the strain rate set that limit rather than the elastic forces.
     pub by_strain: bool,
+}
+
+/// Shares of what is allowed that a step takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepShares {
+    /// Of what the elastic forces and the scene allow.
+    pub of_longest: f64,
+    /// Of what is allowed after that and by the rate of strain.
+    pub of_allowed: f64,
 }
 
 impl StepLimit {
@@ -98,7 +110,7 @@ impl StepLimit {
         settings: &SolverSettings,
         parts: &Parts,
         forces: &[Vec<Box<dyn Force>>],
-        (x, v): (&[Vec3], &[Vec3]),
+        State { x, v, .. }: &State,
         share: f64,
     ) -> f64 {
         if let Some(rate) = self.rate {
@@ -124,20 +136,13 @@ impl StepLimit {
         *self.rate.insert(parts.ranks().max(largest(&self.strain_rates)))
     }
 
-    /// The step from `time` towards `end` [s] at this rate of strain [1/s]: `share` of what the cloth would allow, and `part`
-    /// of what it then does.
-    pub fn choose(
-        &mut self,
-        settings: &SolverSettings,
-        rate: f64,
-        (time, end): (f64, f64),
-        (share, part): (f64, f64),
-    ) -> Choice {
+    /// The step from the start of `interval` towards its end [s] at this rate of strain [1/s].
+    pub fn choose(&mut self, settings: &SolverSettings, rate: f64, interval: Range<f64>, shares: StepShares) -> Choice {
         let strain = settings.strain_per_step / rate;
-        let whole = self.longest(settings, share).min(strain);
-        let limit = if part < 1.0 { part * whole.min(self.frame) } else { whole };
+        let whole = self.longest(settings, shares.of_longest).min(strain);
+        let limit = if shares.of_allowed < 1.0 { shares.of_allowed * whole.min(self.frame) } else { whole };
         self.last = limit;
-        let left = end - time;
+        let left = interval.end - interval.start;
         let by_strain = strain < self.elastic;
         if left <= limit {
             Choice { dt: left, ends_interval: true, limit, by_strain }

@@ -153,7 +153,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     }
     let moduli = moduli(settings);
     let warp = |corners, angle| turned(warp_at_rest(grain, corners), corners, angle);
-    let mut elements = elements(settings, (context, garment), &moduli, warp);
+    let mut elements = elements(settings, context, garment, &moduli, warp);
     let (count, notes) = soften(&mut elements, context, settings.number("thin_triangles"));
     weigh(&mut elements, context, garment);
     let (forces, bytes) = part_membrane::build(context.scene, &elements, moduli);
@@ -188,7 +188,8 @@ fn turned(direction: Vec3, corners: [Vec3; 3], angle: f64) -> Vec3 {
 /// The triangles with a vertex of this rank.
 fn elements(
     settings: &Settings,
-    (context, garment): (&BuildContext<'_>, usize),
+    context: &BuildContext<'_>,
+    garment: usize,
     moduli: &Moduli,
     warp: impl Fn([Vec3; 3], f64) -> Vec3,
 ) -> Vec<TriangleElement> {

@@ -24,7 +24,7 @@ use crate::Vec3;
 use crate::effects::force::{Force, PartForce, PartMotion, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
-use crate::effects::springs::{self, SpringElement};
+use crate::effects::springs::{self, SpringElement, Stiffnesses};
 use crate::elements::corners::{add, by_part, gather, outside, share};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -116,7 +116,8 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     let shortest = |springs: &[SpringElement]| springs.iter().map(|s| s.rest_length).fold(f64::INFINITY, f64::min);
     let counted = corners.iter().zip(springs.chunks(3)).filter(|(corners, _)| is_own(corners));
     let lengths: Vec<f64> = counted.map(|(_, springs)| shortest(springs)).collect();
-    let (stiffnesses, _, notes) = springs::stiffnesses_of(settings, context, "shear", (&springs, &lengths))?;
+    let Stiffnesses { of_springs: stiffnesses, notes, .. } =
+        springs::stiffnesses_of(settings, context, "shear", &springs, &lengths)?;
     let damping_ratios = springs::damping_ratios(settings, context, "shear", &springs);
     let triangle = |number: usize| {
         let inverse = corners[number].map(|corner| 1.0 / scene.masses()[corner]);

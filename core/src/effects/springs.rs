@@ -109,15 +109,15 @@ pub fn build_effect(
     // Each spring counts at the rank that owns its first vertex.
     let counts = elements.iter().filter(|e| e.vertices.iter().min().is_some_and(|first| is_own(*first)));
     let lengths: Vec<f64> = counts.map(|e| e.rest_length).collect();
-    let (stiffnesses, shortest, notes) = stiffnesses_of(settings, context, name, (&elements, &lengths))?;
-    let damping_ratios = damping_ratios(settings, context, name, &elements);
-    let (forces, bytes) = part_springs::build(
-        context.scene,
-        garment,
-        (&elements, measures_strain),
-        (&stiffnesses, shortest),
-        &damping_ratios,
-    );
+    let Stiffnesses { of_springs, shortest, notes } = stiffnesses_of(settings, context, name, &elements, &lengths)?;
+    let springs = SpringNetwork {
+        elements: &elements,
+        stiffnesses: &of_springs,
+        damping_ratios: &damping_ratios(settings, context, name, &elements),
+        shortest,
+        measures_strain,
+    };
+    let (forces, bytes) = part_springs::build(context.scene, garment, &springs);
     Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
 }
 
@@ -133,8 +133,30 @@ pub(super) fn damping_ratios(
     elements.iter().map(|e| painted.map_or(of_garment, |map| map.mean(&e.vertices, of_garment))).collect()
 }
 
-/// Stiffness of each spring [N/m] as the settings say, the length to which shorter ones are softened [m], and notes for the
-/// plan; `lengths` are those that count at this rank.
+/// The springs of a garment before they are sorted into parts.
+struct SpringNetwork<'a> {
+    elements: &'a [SpringElement],
+    /// Stiffness of each [N/m].
+    stiffnesses: &'a [f64],
+    /// Damping of each as a fraction of critical.
+    damping_ratios: &'a [f64],
+    /// The length to which shorter ones are softened [m].
+    shortest: f64,
+    /// Whether their strain is that of the cloth.
+    measures_strain: bool,
+}
+
+/// What the settings make of some springs.
+pub(super) struct Stiffnesses {
+    /// Stiffness of each [N/m].
+    pub(super) of_springs: Vec<f64>,
+    /// The length to which shorter ones are softened [m].
+    pub(super) shortest: f64,
+    /// A note for the plan on those, if there are any.
+    pub(super) notes: Vec<String>,
+}
+
+/// Stiffnesses as the settings say; `lengths` are those that count at this rank.
 ///
 /// # Errors
 /// The stiffness is given twice or not at all.
@@ -142,8 +164,9 @@ pub(super) fn stiffnesses_of(
     settings: &Settings,
     context: &BuildContext<'_>,
     name: &str,
-    (elements, lengths): (&[SpringElement], &[f64]),
-) -> Result<(Vec<f64>, f64, Vec<String>), Problem> {
+    elements: &[SpringElement],
+    lengths: &[f64],
+) -> Result<Stiffnesses, Problem> {
     let stiffness = stiffness_setting(settings).map_err(|e| {
         let garments = &context.scene.description().garments;
         let place = context.garment.map_or_else(String::new, |g| format!("garment \"{}\", {name}", garments[g].name));
@@ -151,38 +174,56 @@ pub(super) fn stiffnesses_of(
     })?;
     let ranks = context.scene.parts().ranks();
     let painted = context.garment.and_then(|garment| context.scene.painted(garment, name));
-    Ok(stiffnesses(elements, lengths, (stiffness, painted), settings.optional("short_edges"), ranks))
+    let default = if matches!(stiffness, Stiffness::Membrane(_)) { SHORT_EDGES } else { 0.0 };
+    let softened = softened(lengths, settings.optional("short_edges").unwrap_or(default), ranks);
+    Ok(Stiffnesses {
+        of_springs: elements
+            .iter()
+            .map(|element| stiffness_of(element, stiffness, painted, softened.shortest))
+            .collect(),
+        shortest: softened.shortest,
+        notes: softened.note().into_iter().collect(),
+    })
 }
 
-/// Stiffness of each spring [N/m], the length to which the shorter ones are softened [m], and a note on those: a
-/// rest length that is clamped from below in the stiffness and in the rate of strain, not in the length at rest
-/// (`docs/theory/step.md#springs`).
-fn stiffnesses(
-    elements: &[SpringElement],
-    lengths: &[f64],
-    (stiffness, painted): (Stiffness, Option<&PaintedMap>),
-    short_edges: Option<f64>,
-    ranks: &Ranks,
-) -> (Vec<f64>, f64, Vec<String>) {
-    let default = if matches!(stiffness, Stiffness::Membrane(_)) { SHORT_EDGES } else { 0.0 };
+/// The shortest springs, which are softened: a rest length that is clamped from below in the stiffness and in the rate of strain,
+/// not in the length at rest (`docs/theory/step.md#springs`).
+struct Softened {
+    /// The length to which they are [m].
+    shortest: f64,
+    /// How many are shorter.
+    count: u64,
+}
+
+impl Softened {
+    fn note(&self) -> Option<String> {
+        let Self { shortest, count } = self;
+        (*count > 0).then(|| {
+            format!(
+                "{count} springs shorter than {:.3} mm are softened to that length, so that they do not set the time step",
+                1e3 * shortest
+            )
+        })
+    }
+}
+
+/// This share of the springs of all ranks, of which these lengths [m] count here.
+fn softened(lengths: &[f64], share: f64, ranks: &Ranks) -> Softened {
     let [count] = ranks.sum_of([lengths.len() as u64]);
-    let place = (short_edges.unwrap_or(default) * count as f64) as u64;
+    let place = (share * count as f64) as u64;
     let shortest = if place > 0 && place < count { smallest_but(place, lengths, ranks) } else { 0.0 };
-    let [softened] = ranks.sum_of([lengths.iter().filter(|l| **l < shortest).count() as u64]);
-    let of = |element: &SpringElement| {
-        let length = element.rest_length.max(shortest);
-        // A spring has the mean of what is painted at its ends.
-        let local = |of_garment: f64| painted.map_or(of_garment, |map| map.mean(&element.vertices, of_garment));
-        match stiffness {
-            Stiffness::Membrane(y) => local(y) * element.area / (length * length),
-            Stiffness::Constant(e) => local(e) / length,
-        }
-    };
-    let note = format!(
-        "{softened} springs shorter than {:.3} mm are softened to that length, so that they do not set the time step",
-        1e3 * shortest
-    );
-    (elements.iter().map(of).collect(), shortest, if softened > 0 { vec![note] } else { Vec::new() })
+    let [count] = ranks.sum_of([lengths.iter().filter(|l| **l < shortest).count() as u64]);
+    Softened { shortest, count }
+}
+
+/// Stiffness of a spring [N/m], with the mean of what is painted at its ends.
+fn stiffness_of(element: &SpringElement, stiffness: Stiffness, painted: Option<&PaintedMap>, shortest: f64) -> f64 {
+    let length = element.rest_length.max(shortest);
+    let local = |of_garment: f64| painted.map_or(of_garment, |map| map.mean(&element.vertices, of_garment));
+    match stiffness {
+        Stiffness::Membrane(y) => local(y) * element.area / (length * length),
+        Stiffness::Constant(e) => local(e) / length,
+    }
 }
 
 /// The value that so many of all ranks' lengths are not longer than before it: that at `place` if they stood in order.

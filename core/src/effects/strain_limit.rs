@@ -186,7 +186,7 @@ impl VelocityFilter for StrainLimit {
         }
         metrics.count_once(parts.ranks(), "strain_limit_sweeps", sweeps as u64);
         if purpose == Purpose::Positions {
-            let over = self.edges.iter().map(|edges| edges.over_limit((x, v), dt)).sum();
+            let over = self.edges.iter().map(|edges| edges.over_limit(x, v, dt)).sum();
             metrics.count("strain_over_limit", over);
         }
     }
@@ -195,12 +195,12 @@ impl VelocityFilter for StrainLimit {
 impl StrainLimit {
     /// Begins a round of sweeps. Returns the largest excess over what is allowed, by rest length, and the sum of its squares.
     fn begin(&mut self, step: &FilterStep<'_>, v: &mut [Vec3]) -> (f64, f64) {
-        let FilterStep { parts, mobility, x, dt, purpose } = *step;
+        let parts = step.parts;
         parts.halo().update(parts.ranks(), v);
         let Self { edges, valence, excess, squares, .. } = self;
         let seen: &[Vec3] = v;
         parts.for_each((PerPart(edges), PerPart(excess), PerPart(squares)), &|_, (edges, excess, squares)| {
-            (excess.0[0], squares.0[0]) = edges.0[0].begin((x, seen), (dt, purpose), (mobility, valence));
+            (excess.0[0], squares.0[0]) = edges.0[0].begin(step, seen, valence);
         });
         let [squares] = parts.join_parts(&[&self.squares]);
         (self.worst(parts), squares)

@@ -1,9 +1,12 @@
 //! Axis-aligned boxes with single-precision bounds around double-precision points.
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::Vec3;
 
 /// An axis-aligned box \[m\] with `f32` bounds that contain the `f64` points it was made from.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Aabb {
     /// Lower corner.
     pub min: [f32; 3],

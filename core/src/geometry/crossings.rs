@@ -7,6 +7,7 @@
 //!
 //! Boxes choose the candidates, [`segment_meets_triangle`] decides them. Results ascend and do not depend on threads.
 
+use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
 use crate::Vec3;
@@ -26,7 +27,8 @@ const TASKS: usize = 256;
 const CHUNK: usize = 1024;
 
 /// An edge that passes through or touches a triangle with which it shares no vertex.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 pub struct Crossing {
     /// Vertices of the edge, ascending.
     pub edge: [u32; 2],

@@ -5,7 +5,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use crate::parallel::communicator::{Exchange, Expected, Message};
-use crate::parallel::message::Decoder;
+use crate::parallel::message::{self, Codec, Decoder};
 use crate::parallel::ranks::Ranks;
 
 /// Which own vertices go to which rank, and where those of other ranks stand here. Numbers are local: places in arrays that
@@ -20,6 +20,8 @@ pub struct Halo {
 pub struct InFlight<'a> {
     exchange: Option<Box<dyn Exchange + 'a>>,
     receives: &'a [(usize, Range<usize>)],
+    /// The rank that gets them.
+    rank: usize,
 }
 
 impl Halo {
@@ -65,9 +67,9 @@ impl Halo {
 
     /// Sends own values; the ghosts get theirs when the flight is finished.
     pub fn start<'a, T: Pod>(&'a self, ranks: &'a Ranks, values: &[T]) -> InFlight<'a> {
-        let receives = self.receives.as_slice();
+        let (receives, rank) = (self.receives.as_slice(), ranks.rank());
         if self.is_empty() {
-            return InFlight { exchange: None, receives };
+            return InFlight { exchange: None, receives, rank };
         }
         let pack = |list: &[u32]| {
             let mut bytes = Vec::with_capacity(size_of::<T>() * list.len());
@@ -75,7 +77,7 @@ impl Halo {
             bytes
         };
         let exchange = self.exchange(ranks, pack, |range| Some(size_of::<T>() * range.len()));
-        InFlight { exchange: Some(exchange), receives }
+        InFlight { exchange: Some(exchange), receives, rank }
     }
 
     /// Sends each rank what `pack` makes of the own vertices that it has copies of; what comes has the `length` for these
@@ -94,7 +96,7 @@ impl Halo {
 
     /// Sends the values of own vertices that have `changed`, and gives those that come to `take` with the ghost's place:
     /// rank by rank, ascending. For values of which few change.
-    pub fn update_changed<T: Pod>(
+    pub(crate) fn update_changed<T: Codec>(
         &self,
         ranks: &Ranks,
         changed: impl Fn(u32) -> Option<T>,
@@ -105,11 +107,11 @@ impl Halo {
         }
         let pack = |list: &[u32]| {
             let mut bytes = Vec::new();
-            for (place, vertex) in list.iter().enumerate() {
-                if let Some(value) = changed(*vertex) {
-                    bytes.extend_from_slice(&(place as u32).to_ne_bytes());
-                    bytes.extend_from_slice(bytemuck::bytes_of(&value));
-                }
+            for (place, vertex) in (0_u32..).zip(list) {
+                changed(*vertex).iter().for_each(|value| {
+                    place.put(&mut bytes);
+                    value.put(&mut bytes);
+                });
             }
             bytes
         };
@@ -117,11 +119,41 @@ impl Halo {
         for ((_, range), bytes) in self.receives.iter().zip(received) {
             let mut message = Decoder::new(ranks.rank(), "values that have changed", &bytes);
             while !message.is_empty() {
-                let place: u32 = bytemuck::pod_read_unaligned(message.bytes(size_of::<u32>()));
-                let value = bytemuck::pod_read_unaligned(message.bytes(size_of::<T>()));
-                take(range.start + place as usize, value);
+                let place = message.index(range.len());
+                take(range.start + place, T::take(&mut message));
             }
         }
+    }
+
+    /// Sends the ranks with copies of own vertices a list each, in the order of [`Halo::sends`]; returns the lists of the owners
+    /// of ghosts, in the order of [`Halo::receives`].
+    pub(crate) fn tell_holders_encoded<T: Codec>(
+        &self,
+        ranks: &Ranks,
+        name: &'static str,
+        lists: &[Vec<T>],
+    ) -> Vec<Vec<T>> {
+        let message = |((to, _), list): (&(usize, _), &Vec<T>)| Message { to: *to, bytes: message::encode_all(list) };
+        let messages = self.sends.iter().zip(lists).map(message).collect();
+        let expected: Vec<Expected> =
+            self.receives.iter().map(|(from, _)| Expected { from: *from, length: None }).collect();
+        let received = ranks.start(messages, &expected).finish();
+        received.iter().map(|bytes| message::decode_all(ranks.rank(), name, bytes)).collect()
+    }
+
+    /// The other way round: sends the owners of ghosts the rows that `of` has for each run of ghosts; returns what comes for own
+    /// vertices, in the order of [`Halo::sends`].
+    pub(crate) fn tell_owners<T: Pod>(
+        &self,
+        ranks: &Ranks,
+        name: &'static str,
+        of: impl Fn(&Range<usize>) -> Vec<T>,
+    ) -> Vec<Vec<T>> {
+        let messages = self.receives.iter().map(|(to, range)| Message::of_rows(*to, &of(range))).collect();
+        let expected: Vec<Expected> =
+            self.sends.iter().map(|(from, _)| Expected { from: *from, length: None }).collect();
+        let received = ranks.start(messages, &expected).finish();
+        received.iter().map(|bytes| message::rows(ranks.rank(), name, bytes)).collect()
     }
 
     /// Brings the ghosts to their owners' values.
@@ -135,7 +167,7 @@ impl InFlight<'_> {
     pub fn finish<T: Pod>(self, values: &mut [T]) {
         let Some(exchange) = self.exchange else { return };
         for ((_, range), bytes) in self.receives.iter().zip(exchange.finish()) {
-            bytemuck::cast_slice_mut::<T, u8>(&mut values[range.clone()]).copy_from_slice(&bytes);
+            message::copy_rows(self.rank, "values of ghosts", &bytes, &mut values[range.clone()]);
         }
     }
 }

@@ -1,4 +1,9 @@
-//! Plain data as bytes, for what rank 0 tells the others once. Large arrays go as they are (`Ranks`).
+//! What ranks tell each other, as bytes. There are two kinds of messages, both sent by `Ranks` and `Halo`:
+//!
+//! * *rows* of fixed size, of which there may be many: numbers, vectors, and structs of them with a name for each field
+//!   (`#[repr(C)]` and [`Pod`], which does not compile where something lies between the fields). An array of rows goes as it is.
+//! * *encoded* values, of any shape: what implements [`Codec`], nearly always by [`codec!`]. Functions that send them have names
+//!   that end in `_encoded`.
 //!
 //! Ranks run the same program, so that a message is what was sent. One that is not is a fault of the program, and no rank may
 //! go on without what it was told: decoding gives the value or panics, which ends all ranks.
@@ -9,6 +14,7 @@ use std::fmt::Display;
 use bytemuck::Pod;
 
 use crate::Vec3;
+use crate::parallel::communicator::Message;
 
 /// What is left of a message that is being decoded.
 #[derive(Debug)]
@@ -44,14 +50,12 @@ impl<'a> Decoder<'a> {
         bytemuck::pod_collect_to_vec(self.bytes(count.saturating_mul(size_of::<T>())))
     }
 
-    /// All plain values that are left.
+    /// The next number, which counts something of which there are `count`.
     ///
     /// # Panics
-    /// The message ends within one.
-    pub(crate) fn all_values<T: Pod>(mut self) -> Vec<T> {
-        let values = self.values(self.rest.len() / size_of::<T>());
-        self.end();
-        values
+    /// It is not below that.
+    pub(crate) fn index(&mut self, count: usize) -> usize {
+        index(self.rank, self.name, u32::take(self), count)
     }
 
     /// Whether nothing is left.
@@ -69,14 +73,24 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    fn array<const N: usize>(&mut self) -> [u8; N] {
-        *self.bytes(N).first_chunk().expect("so many bytes were asked for")
-    }
-
     /// Ends the run.
     pub(crate) fn is_broken(&self, what: impl Display) -> ! {
-        panic!("the message \"{}\" to rank {} cannot be decoded: {what}", self.name, self.rank)
+        is_broken(self.rank, self.name, what)
     }
+}
+
+/// Ends the run because of a message to this rank.
+pub(crate) fn is_broken(rank: usize, name: &'static str, what: impl Display) -> ! {
+    panic!("the message \"{name}\" to rank {rank} cannot be decoded: {what}")
+}
+
+/// A number from a message to this rank, which counts something of which there are `count`.
+///
+/// # Panics
+/// It is not below that.
+pub(crate) fn index(rank: usize, name: &'static str, number: u32, count: usize) -> usize {
+    let index = number as usize;
+    if index < count { index } else { is_broken(rank, name, format_args!("it names number {number} of {count}")) }
 }
 
 /// The value that a message to this rank holds.
@@ -90,15 +104,58 @@ pub(crate) fn decode<T: Codec>(rank: usize, name: &'static str, bytes: &[u8]) ->
     value
 }
 
-/// The plain values that a message to this rank holds.
+/// All values, one after the other, that a message to this rank holds.
 ///
 /// # Panics
 /// It ends within one.
-pub(crate) fn values<T: Pod>(rank: usize, name: &'static str, bytes: &[u8]) -> Vec<T> {
-    Decoder::new(rank, name, bytes).all_values()
+pub(crate) fn decode_all<T: Codec>(rank: usize, name: &'static str, bytes: &[u8]) -> Vec<T> {
+    let mut message = Decoder::new(rank, name, bytes);
+    let mut all = Vec::new();
+    while !message.is_empty() {
+        all.push(T::take(&mut message));
+    }
+    all
 }
 
-/// A value that can be sent. What was put is taken again in the same order.
+/// Values one after the other; none are no bytes.
+pub(crate) fn encode_all<T: Codec>(all: &[T]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    T::put_all(all, &mut bytes);
+    bytes
+}
+
+/// The rows that a message to this rank holds.
+///
+/// # Panics
+/// It ends within one.
+pub(crate) fn rows<T: Pod>(rank: usize, name: &'static str, bytes: &[u8]) -> Vec<T> {
+    if !bytes.len().is_multiple_of(size_of::<T>()) {
+        let row = std::any::type_name::<T>();
+        is_broken(rank, name, format_args!("its {} bytes are not rows of {} ({row})", bytes.len(), size_of::<T>()));
+    }
+    bytemuck::pod_collect_to_vec(bytes)
+}
+
+/// Puts the rows that a message to this rank holds into their place.
+///
+/// # Panics
+/// There are not as many.
+pub(crate) fn copy_rows<T: Pod>(rank: usize, name: &'static str, bytes: &[u8], to: &mut [T]) {
+    let to = bytemuck::cast_slice_mut::<T, u8>(to);
+    if bytes.len() != to.len() {
+        is_broken(rank, name, format_args!("it has {} bytes, and {} are to follow", bytes.len(), to.len()));
+    }
+    to.copy_from_slice(bytes);
+}
+
+impl Message {
+    /// Rows for a rank.
+    pub(crate) fn of_rows<T: Pod>(to: usize, rows: &[T]) -> Self {
+        Self { to, bytes: bytemuck::cast_slice(rows).to_vec() }
+    }
+}
+
+/// A value that can be encoded. What was put is taken again in the same order.
 pub(crate) trait Codec: Sized {
     /// Appends the value.
     fn put(&self, out: &mut Vec<u8>);
@@ -109,6 +166,24 @@ pub(crate) trait Codec: Sized {
     /// The message does not begin with one.
     fn take(message: &mut Decoder<'_>) -> Self;
 
+    /// Appends values one after the other.
+    fn put_all(all: &[Self], out: &mut Vec<u8>) {
+        all.iter().for_each(|value| value.put(out));
+    }
+
+    /// Takes so many values.
+    ///
+    /// # Panics
+    /// The message does not begin with so many.
+    fn take_all(count: usize, message: &mut Decoder<'_>) -> Vec<Self> {
+        // A count that is broken asks for no more room than its message has.
+        let mut all = Vec::with_capacity(count.min(message.rest.len()));
+        for _ in 0..count {
+            all.push(Self::take(message));
+        }
+        all
+    }
+
     /// The value alone.
     fn to_bytes(&self) -> Vec<u8> {
         let mut out = Vec::new();
@@ -117,20 +192,30 @@ pub(crate) trait Codec: Sized {
     }
 }
 
-macro_rules! wire_numbers {
-    ($($number:ty),+) => {$(
-        impl Codec for $number {
+/// Makes rows something that can stand in an encoded value: arrays of them as they are.
+macro_rules! codec_of_rows {
+    ($($row:ty),+ $(,)?) => {$(
+        impl $crate::parallel::message::Codec for $row {
             fn put(&self, out: &mut Vec<u8>) {
-                out.extend_from_slice(&self.to_le_bytes());
+                out.extend_from_slice(bytemuck::bytes_of(self));
             }
 
-            fn take(message: &mut Decoder<'_>) -> Self {
-                Self::from_le_bytes(message.array())
+            fn take(message: &mut $crate::parallel::message::Decoder<'_>) -> Self {
+                bytemuck::pod_read_unaligned(message.bytes(size_of::<Self>()))
+            }
+
+            fn put_all(all: &[Self], out: &mut Vec<u8>) {
+                out.extend_from_slice(bytemuck::cast_slice(all));
+            }
+
+            fn take_all(count: usize, message: &mut $crate::parallel::message::Decoder<'_>) -> Vec<Self> {
+                message.values(count)
             }
         }
     )+};
 }
-wire_numbers!(u8, u32, u64, i64, f64);
+pub(crate) use codec_of_rows;
+codec_of_rows!(u8, u32, u64, u128, i64, f64, Vec3);
 
 impl Codec for usize {
     fn put(&self, out: &mut Vec<u8>) {
@@ -159,7 +244,8 @@ impl Codec for bool {
 
 impl Codec for String {
     fn put(&self, out: &mut Vec<u8>) {
-        self.as_bytes().to_vec().put(out);
+        self.len().put(out);
+        out.extend_from_slice(self.as_bytes());
     }
 
     fn take(message: &mut Decoder<'_>) -> Self {
@@ -170,17 +256,11 @@ impl Codec for String {
 impl<T: Codec> Codec for Vec<T> {
     fn put(&self, out: &mut Vec<u8>) {
         self.len().put(out);
-        self.iter().for_each(|item| item.put(out));
+        T::put_all(self, out);
     }
 
     fn take(message: &mut Decoder<'_>) -> Self {
-        let count = usize::take(message);
-        // A count that is broken asks for no more room than its message has.
-        let mut all = Self::with_capacity(count.min(message.rest.len()));
-        for _ in 0..count {
-            all.push(T::take(message));
-        }
-        all
+        T::take_all(usize::take(message), message)
     }
 }
 
@@ -195,23 +275,27 @@ impl<T: Codec> Codec for Option<T> {
     }
 }
 
+impl<T: Codec, E: Codec> Codec for Result<T, E> {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.is_ok().put(out);
+        match self {
+            Ok(value) => value.put(out),
+            Err(error) => error.put(out),
+        }
+    }
+
+    fn take(message: &mut Decoder<'_>) -> Self {
+        if bool::take(message) { Ok(T::take(message)) } else { Err(E::take(message)) }
+    }
+}
+
 impl<T: Codec, const N: usize> Codec for [T; N] {
     fn put(&self, out: &mut Vec<u8>) {
-        self.iter().for_each(|item| item.put(out));
+        T::put_all(self, out);
     }
 
     fn take(message: &mut Decoder<'_>) -> Self {
         [(); N].map(|()| T::take(message))
-    }
-}
-
-impl Codec for Vec3 {
-    fn put(&self, out: &mut Vec<u8>) {
-        <[f64; 3]>::from(*self).put(out);
-    }
-
-    fn take(message: &mut Decoder<'_>) -> Self {
-        <[f64; 3]>::take(message).into()
     }
 }
 
@@ -240,19 +324,9 @@ impl<K: Codec + Ord, V: Codec> Codec for BTreeMap<K, V> {
     }
 }
 
-/// A vector as words, for rows that hold numbers beside it.
-pub(crate) fn words_of(vector: &Vec3) -> [u64; 3] {
-    [vector.x, vector.y, vector.z].map(f64::to_bits)
-}
-
-/// The vector of such words.
-pub(crate) fn vector_of(words: [u64; 3]) -> Vec3 {
-    Vec3::from(words.map(f64::from_bits))
-}
-
-/// Makes a struct, or an enum with a number for each of its variants, something that can be sent. A field that is left out
+/// Makes a struct, or an enum with a number for each of its variants, something that can be encoded. A field that is left out
 /// does not compile.
-macro_rules! wire {
+macro_rules! codec {
     (struct $name:path { $($field:ident),* $(,)? }) => {
         impl $crate::parallel::message::Codec for $name {
             fn put(&self, out: &mut Vec<u8>) {
@@ -280,7 +354,7 @@ macro_rules! wire {
             }
 
             fn take(message: &mut $crate::parallel::message::Decoder<'_>) -> Self {
-                match u8::take(message) {
+                match <u8 as $crate::parallel::message::Codec>::take(message) {
                     $($tag => {
                         $($(let $field = $crate::parallel::message::Codec::take(message);)*)?
                         $($(let $item = $crate::parallel::message::Codec::take(message);)*)?
@@ -292,7 +366,7 @@ macro_rules! wire {
         }
     };
 }
-pub(crate) use wire;
+pub(crate) use codec;
 
 #[cfg(test)]
 mod tests {
@@ -310,6 +384,7 @@ mod tests {
     fn what_was_put_is_taken_again() {
         comes_back(&(vec![(7_usize, -0.0_f64), (usize::MAX, f64::MIN)], String::from("skirt")));
         comes_back(&([Some(Vec3::x()), None], BTreeMap::from([(2_u32, true), (5, false)])));
+        comes_back(&[Ok(vec![Vec3::y(); 3]), Err(String::from("it is missing"))]);
     }
 
     /// What is said of a rank that gets these bytes as texts, while the other two wait for it.
@@ -332,7 +407,7 @@ mod tests {
         no_text[16] = 0xff;
         let broken = [
             (&[][..], "8 bytes are to follow, and 0 are left"),
-            (short, "1 bytes are to follow, and 0 are left"),
+            (short, "5 bytes are to follow, and 4 are left"),
             (&long, "1 bytes are left behind its end"),
             (&no_text, "invalid utf-8"),
             (&endless, "8 bytes are to follow"),
@@ -346,9 +421,26 @@ mod tests {
     }
 
     #[test]
-    fn plain_values_fill_their_message() {
-        let ended = std::panic::catch_unwind(|| values::<u64>(0, "numbers", &[0; 12]));
-        assert!(ended.is_err());
-        assert_eq!(values::<u32>(0, "numbers", &[0; 12]), [0; 3]);
+    fn rows_fill_their_message() {
+        let ended = std::panic::catch_unwind(|| rows::<u64>(0, "numbers", &[0; 12]));
+        let said = ended.expect_err("half a row is none").downcast::<String>().expect("a panic with words");
+        assert!(said.contains("the message \"numbers\" to rank 0") && said.contains("rows of 8 (u64)"), "{said}");
+        assert_eq!(rows::<u32>(0, "numbers", &[0; 12]), [0; 3]);
+        assert!(std::panic::catch_unwind(|| copy_rows(0, "numbers", &[0; 12], &mut [0_u64])).is_err());
+    }
+
+    #[test]
+    fn numbers_of_a_message_are_below_the_count_of_what_they_name() {
+        assert_eq!(index(0, "places", 3, 4), 3);
+        let ended = std::panic::catch_unwind(|| index(0, "places", 4, 4));
+        let said = ended.expect_err("there are four").downcast::<String>().expect("a panic with words");
+        assert!(said.contains("\"places\" to rank 0 cannot be decoded: it names number 4 of 4"), "{said}");
+    }
+
+    #[test]
+    fn values_one_after_the_other_are_as_many_as_there_were() {
+        let all = [vec![1_u32, 2], Vec::new(), vec![3]];
+        assert_eq!(decode_all::<Vec<u32>>(0, "lists", &encode_all(&all)), all);
+        assert_eq!(decode_all::<Vec<u32>>(0, "lists", &[]), [[0_u32; 0]; 0]);
     }
 }

@@ -11,8 +11,9 @@
 //!   are theirs alone.
 //!
 //! A rank is a process (`core/mpi`) or, in tests, a thread ([`local_ranks`]); one alone is [`serial`]. They speak through a
-//! [`communicator`], which [`ranks`] wraps, counts and times; `message` makes bytes of values. All ranks call the same
-//! operations in the same order, never inside a parallel loop: each has its own pool of threads, and a frame runs inside it.
+//! [`communicator`], which [`ranks`] wraps, counts and times; `message` says of which two kinds messages are,
+//! rows and encoded values. All ranks call the same operations in the same order, never inside a parallel loop: each has its own
+//! pool of threads, and a frame runs inside it.
 
 pub mod communicator;
 pub mod for_each_part;

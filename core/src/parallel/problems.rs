@@ -1,23 +1,22 @@
 //! Problems that ranks find, alike on all of them.
 
 use crate::error::{Problem, ProblemKind, Problems};
-use crate::parallel::message::{Codec, decode, wire};
+use crate::parallel::message::codec;
 use crate::parallel::ranks::Ranks;
 
 /// Elements of one kind that are listed before the rest is only counted.
 pub(crate) const LISTED: usize = 5;
 
-wire!(enum ProblemKind { 0 => Scene, 1 => Data });
-wire!(struct Problem { place, what, advice, kind });
+codec!(enum ProblemKind { 0 => Scene, 1 => Data });
+codec!(struct Problem { place, what, advice, kind });
 
 /// The problems of all ranks, each once, as an error on every rank.
 pub(crate) fn agree(ranks: &Ranks, problems: Vec<Problem>) -> Result<(), Problems> {
     if !ranks.any(!problems.is_empty()) {
         return Ok(());
     }
-    let all = ranks.all_gather_v(&problems.to_bytes());
     let mut together: Vec<Problem> = Vec::new();
-    for problem in all.iter().flat_map(|bytes| decode::<Vec<Problem>>(ranks.rank(), "problems of a rank", bytes)) {
+    for problem in ranks.all_gather_encoded("problems of all ranks", problems) {
         if !together.contains(&problem) {
             together.push(problem);
         }

@@ -8,7 +8,7 @@ use bytemuck::Pod;
 
 use crate::clock::Watch;
 use crate::parallel::communicator::{Communicator, Exchange, Expected, Message};
-use crate::parallel::message;
+use crate::parallel::message::{self, Codec};
 use crate::parallel::serial::Serial;
 
 /// This rank, and the way to the others.
@@ -174,7 +174,7 @@ impl Ranks {
         }
         let lengths: Vec<usize> = counts.iter().map(|count| count * size_of::<T>()).collect();
         let gather = |c: &dyn Communicator| c.all_gather(bytemuck::cast_slice(own), &lengths);
-        message::values(self.rank(), "values of all ranks", &self.together(size_of_val(own), gather))
+        message::rows(self.rank(), "rows of all ranks", &self.together(size_of_val(own), gather))
     }
 
     /// The values of all ranks, each by itself, where nobody knows how many others give.
@@ -201,7 +201,61 @@ impl Ranks {
             return vec![own.to_vec()];
         }
         let all = self.together(size_of_val(own), |c| c.gather(bytemuck::cast_slice(own).to_vec()));
-        all.iter().map(|bytes| message::values(self.rank(), "values of a rank", bytes)).collect()
+        all.iter().map(|bytes| message::rows(self.rank(), "rows of a rank", bytes)).collect()
+    }
+
+    /// The values of all ranks, those of rank 0 first; `name` is for the report of a broken message, as in the functions below.
+    pub(crate) fn all_gather_encoded<T: Codec>(&self, name: &'static str, own: Vec<T>) -> Vec<T> {
+        if self.is_alone() {
+            return own;
+        }
+        let all = self.all_gather_v(&message::encode_all(&own));
+        all.iter().flat_map(|bytes| message::decode_all(self.rank(), name, bytes)).collect()
+    }
+
+    /// The value of every rank in the order of ranks on rank 0; nothing elsewhere.
+    pub(crate) fn gather_encoded<T: Codec>(&self, name: &'static str, own: &T) -> Vec<T> {
+        let all = self.gather(&own.to_bytes());
+        all.iter().map(|bytes| message::decode(self.rank(), name, bytes)).collect()
+    }
+
+    /// The value of rank 0, on every rank; it is given there alone.
+    pub(crate) fn broadcast_encoded<T: Codec>(&self, name: &'static str, value: Option<T>) -> T {
+        let mut bytes = Vec::new();
+        if !self.is_alone() {
+            value.iter().for_each(|value| value.put(&mut bytes));
+            self.broadcast(&mut bytes);
+        }
+        match value {
+            Some(value) if self.is_first() => value,
+            _ => message::decode(self.rank(), name, &bytes),
+        }
+    }
+
+    /// What rank 0 has for this rank: `value_of` makes it there, for one rank after the other.
+    pub(crate) fn scatter_encoded<T: Codec>(&self, name: &'static str, value_of: impl Fn(usize) -> T) -> T {
+        if !self.is_first() {
+            let received = self.start(Vec::new(), &[Expected { from: 0, length: None }]).finish();
+            return message::decode(self.rank(), name, &received[0]);
+        }
+        for to in 1..self.count() {
+            self.start(vec![Message { to, bytes: value_of(to).to_bytes() }], &[]).finish();
+        }
+        value_of(0)
+    }
+
+    /// Gives every rank its list; returns what each rank gave this one. A list for this rank comes back as it is.
+    pub(crate) fn all_to_all_encoded<T: Codec>(&self, name: &'static str, mut lists: Vec<Vec<T>>) -> Vec<Vec<T>> {
+        if self.is_alone() {
+            return lists;
+        }
+        let mine = std::mem::take(&mut lists[self.rank()]);
+        // Each list is forgotten when it is encoded.
+        let encoded = lists.into_iter().map(|list| message::encode_all(&list)).collect();
+        let received = self.all_to_all_v(encoded);
+        let mut all: Vec<Vec<T>> = received.iter().map(|bytes| message::decode_all(self.rank(), name, bytes)).collect();
+        all[self.rank()] = mine;
+        all
     }
 
     /// The bytes of rank 0, on every rank.
@@ -222,11 +276,10 @@ impl Ranks {
     /// Sends the values of one rank to rank 0, which gets them; nothing elsewhere. Only these two ranks need to call it.
     pub fn send_to_root<T: Pod>(&self, from: usize, own: &[T]) -> Vec<T> {
         if self.rank() == from {
-            let message = Message { to: 0, bytes: bytemuck::cast_slice(own).to_vec() };
-            self.start(vec![message], &[]).finish();
+            self.start(vec![Message::of_rows(0, own)], &[]).finish();
         } else if self.is_first() {
             let received = self.start(Vec::new(), &[Expected { from, length: None }]).finish();
-            return message::values(self.rank(), "values for rank 0", &received[0]);
+            return message::rows(self.rank(), "rows for rank 0", &received[0]);
         }
         Vec::new()
     }
@@ -246,14 +299,76 @@ impl Ranks {
             .filter(|&from| from != rank && to_me(from) > 0)
             .map(|from| Expected { from, length: Some(to_me(from)) })
             .collect();
-        let message = |(to, list): (usize, &Vec<T>)| Message { to, bytes: bytemuck::cast_slice(list).to_vec() };
-        let messages = lists.iter().enumerate().filter(|(_, list)| !list.is_empty()).map(message).collect();
+        let filled = lists.iter().enumerate().filter(|(_, list)| !list.is_empty());
+        let messages = filled.map(|(to, list)| Message::of_rows(to, list)).collect();
         let received = self.start(messages, &expected).finish();
         let mut all: Vec<Vec<T>> = (0..count).map(|_| Vec::new()).collect();
         for (expected, bytes) in expected.iter().zip(received) {
-            all[expected.from] = message::values(self.rank(), "list of a rank", &bytes);
+            all[expected.from] = message::rows(self.rank(), "rows for a rank", &bytes);
         }
         all[rank] = mine;
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parallel::local_ranks::LocalRanks;
+
+    /// What is said of ranks that do this.
+    fn said_of(work: impl Fn(&Ranks) + Sync) -> String {
+        let ended = LocalRanks::run(2, 1, |communicator| work(&Ranks::new(communicator)));
+        ended.map(|_| ()).expect_err("no rank goes on without what it was told").to_string()
+    }
+
+    #[test]
+    fn rows_that_cannot_be_decoded_end_all_ranks_and_are_named() {
+        let said = said_of(|ranks| {
+            let half_a_row = [0_u8; 6];
+            match ranks.rank() {
+                0 => drop(ranks.send_to_root::<u32>(1, &[])),
+                _ => drop(ranks.send_to_root(1, &half_a_row)),
+            }
+            ranks.barrier();
+        });
+        assert!(said.contains("rank 0: the message \"rows for rank 0\" to rank 0 cannot be decoded"), "{said}");
+        assert!(said.contains("rows of 4 (u32)"), "{said}");
+    }
+
+    #[test]
+    fn encoded_values_that_cannot_be_decoded_end_all_ranks_and_are_named() {
+        let said = said_of(|ranks| {
+            match ranks.rank() {
+                0 => drop(ranks.all_gather_encoded("garments", vec![String::from("skirt")])),
+                _ => drop(ranks.all_gather_v(&[1_u8; 5])),
+            }
+            ranks.barrier();
+        });
+        assert!(said.contains("rank 0: the message \"garments\" to rank 0 cannot be decoded"), "{said}");
+        // Nobody gives anything, which is not the same as an empty list.
+        let said = said_of(|ranks| drop(ranks.broadcast_encoded::<Vec<u32>>("input", None)));
+        assert!(said.contains("the message \"input\" to rank") && said.contains("and 0 are left"), "{said}");
+    }
+
+    #[test]
+    fn encoded_values_reach_whom_they_are_for() {
+        for count in 1..4 {
+            let all = LocalRanks::run(count, 1, |communicator| {
+                let ranks = Ranks::new(communicator);
+                let name = |from: usize, to: usize| format!("{from} to {to}");
+                let to_all = (0..count).map(|to| vec![name(ranks.rank(), to); to]).collect();
+                let received = ranks.all_to_all_encoded("names", to_all);
+                let here = ranks.rank();
+                assert!(received.into_iter().eq((0..count).map(|from| vec![name(from, here); here])));
+                assert_eq!(ranks.scatter_encoded("name", |to| name(0, to)), name(0, here));
+                assert_eq!(ranks.broadcast_encoded("name", ranks.is_first().then(|| name(0, 9))), name(0, 9));
+                let gathered = ranks.all_gather_encoded("names", vec![name(here, 9); here]);
+                assert!(gathered.into_iter().eq((0..count).flat_map(|from| vec![name(from, 9); from])));
+                ranks.gather_encoded("name", &name(here, 0)).len()
+            });
+            let counts = all.expect("no rank ends early");
+            assert!(counts.iter().enumerate().all(|(rank, got)| *got == if rank == 0 { count } else { 0 }));
+        }
     }
 }

@@ -4,6 +4,23 @@ use bytemuck::Pod;
 
 use super::{MergedVertex, Scene};
 use crate::Vec3;
+use crate::parallel::message::codec;
+
+/// The number in its garment of the vertex that follows another in a row.
+struct MergedNumber {
+    row: u32,
+    number: u32,
+}
+
+/// What the vertex in a row gets of the one that it follows.
+struct MergedValue {
+    row: u32,
+    /// Position [m] or velocity [m/s].
+    value: Vec3,
+}
+
+codec!(struct MergedNumber { row, number });
+codec!(struct MergedValue { row, value });
 
 /// A field of the vertices of a garment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,23 +102,22 @@ impl Scene {
             return;
         }
         let own = parts.own();
-        // The row of a follower, its number in the garment where that is known, and the leader where that is.
-        let (mut names, mut values) = (Vec::new(), Vec::new());
-        for (row, follower) in followers.iter().enumerate() {
+        // The number of a follower is known to its owner, and its value to that of its leader.
+        let (mut numbers, mut values) = (Vec::new(), Vec::new());
+        for (row, follower) in (0..).zip(followers.iter().copied()) {
             let own_index = |number: u32| parts.local(number).filter(|index| own.contains(index));
-            names.extend(own_index(follower.vertex).map(|index| [row as u32, parts.own_numbers()[index]]));
-            values.extend(own_index(follower.leader).map(|leader| (row, local.of_follower(follower, leader))));
+            let number = |index: usize| MergedNumber { row, number: parts.own_numbers()[index] };
+            numbers.extend(own_index(follower.vertex).map(number));
+            let value = |leader: usize| MergedValue { row, value: local.of_follower(follower, leader) };
+            values.extend(own_index(follower.leader).map(value));
         }
-        let names = ranks.all_gather_v(&names).concat();
-        let rows: Vec<[f64; 3]> = values.iter().map(|(_, value)| (*value).into()).collect();
-        let numbers: Vec<u32> = values.iter().map(|(row, _)| *row as u32).collect();
-        let (numbers, rows) = (ranks.all_gather_v(&numbers).concat(), ranks.all_gather_v(&rows).concat());
-        let mut of_rows = vec![0; followers.len()];
-        names.iter().for_each(|[row, number]| of_rows[*row as usize] = *number);
+        let mut number_of = vec![0; followers.len()];
+        for MergedNumber { row, number } in ranks.all_gather_encoded("numbers of followers", numbers) {
+            number_of[row as usize] = number;
+        }
+        let values = ranks.all_gather_encoded("values of followers", values);
         if ranks.is_first() {
-            numbers.iter().zip(&rows).for_each(|(row, value)| {
-                all[of_rows[*row as usize] as usize] = convert(&Vec3::from(*value));
-            });
+            values.iter().for_each(|merged| all[number_of[merged.row as usize] as usize] = convert(&merged.value));
         }
     }
 }

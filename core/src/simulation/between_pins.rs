@@ -127,12 +127,10 @@ fn far_bound_warning(scene: &Scene, pin: usize, far: Vec<(f64, u32)>) -> Option<
 
 /// The farthest vertex of all ranks; among equal ones that with the smallest number.
 fn farthest(ranks: &Ranks, far: &[(f64, u32)]) -> (f64, u32) {
-    let own: Vec<[u64; 2]> = far.iter().map(|(distance, vertex)| [distance.to_bits(), u64::from(*vertex)]).collect();
-    let order = |a: &[u64; 2], b: &[u64; 2]| a[0].cmp(&b[0]).then(b[1].cmp(&a[1]));
-    // Bits of what is not negative are in the order of the numbers.
-    let own: Vec<[u64; 2]> = own.into_iter().max_by(order).into_iter().collect();
-    let all = ranks.all_gather_v(&own).concat();
-    all.into_iter().max_by(order).map_or((0.0, 0), |[bits, vertex]| (f64::from_bits(bits), vertex as u32))
+    let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1));
+    let own = far.iter().copied().max_by(order).into_iter().collect();
+    let all = ranks.all_gather_encoded("farthest vertices of a pin", own);
+    all.into_iter().max_by(order).expect("a vertex is listed")
 }
 
 #[cfg(test)]

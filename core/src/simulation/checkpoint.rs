@@ -8,7 +8,7 @@ use crate::contact::bodies::collision;
 use crate::contact::self_contact;
 use crate::error::Problems;
 use crate::scene::Scene;
-use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId};
+use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId, TargetNumbers};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 use crate::step::Prescribed;
 
@@ -44,8 +44,9 @@ impl Simulation {
     /// [`Simulation::snapshot`].
     pub fn save(&self, mut sink: Option<&mut dyn SnapshotSink>) {
         let numbers = self.prescribed.targets.numbers();
+        let targets = TargetNumbers { own: &numbers, all: self.scene.pin_targets() };
         for section in self.saved_sections() {
-            section.write(self.scene.parts(), (&numbers, self.scene.pin_targets()), sink.as_deref_mut());
+            section.write(self.scene.parts(), targets, sink.as_deref_mut());
         }
     }
 
@@ -100,9 +101,10 @@ impl Simulation {
         let mut simulation = Self::build(scene.into(), start).map_err(RestoreError::Problems)?;
         // What a new simulation remembers says what there is to read.
         let mut memory = simulation.saved_sections();
-        let (numbers, targets) = (simulation.prescribed.targets.numbers(), simulation.scene.pin_targets());
+        let numbers = simulation.prescribed.targets.numbers();
+        let targets = TargetNumbers { own: &numbers, all: simulation.scene.pin_targets() };
         for section in &mut memory {
-            section.read(simulation.scene.parts(), (&numbers, targets), source.as_deref_mut())?;
+            section.read(simulation.scene.parts(), targets, source.as_deref_mut())?;
         }
         simulation.restore_sections(start.frame, &memory)?;
         Ok(simulation)

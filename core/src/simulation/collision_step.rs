@@ -21,6 +21,7 @@ use crate::parallel::for_each_part::PerPart;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
 use crate::step::{CollisionEnd, Step, StepReport, StepSettings};
+use crate::time_step::StepShares;
 use crate::tolerances::CG_GRAVITY_FRACTION;
 
 /// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
@@ -183,8 +184,9 @@ impl Simulation {
         let parts = scene.parts();
         let watch = Watch::start();
         let rate = self.rate_of_strain();
-        let (share, part) = (self.contacts.cloth.as_ref().map_or(1.0, SelfContact::step_share), self.retry.part());
-        let choice = self.limit.choose(settings, rate, (self.cloth.state.time, end), (share, part));
+        let of_longest = self.contacts.cloth.as_ref().map_or(1.0, SelfContact::step_share);
+        let shares = StepShares { of_longest, of_allowed: self.retry.part() };
+        let choice = self.limit.choose(settings, rate, self.cloth.state.time..end, shares);
         self.metrics.add_time("dt".into(), watch.seconds(), 1);
         if choice.limit < settings.min_dt {
             let because = if choice.by_strain { ShortStep::StrainRate } else { ShortStep::Stiffness };

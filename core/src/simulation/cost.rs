@@ -73,8 +73,7 @@ impl Simulation {
             steps * UPDATES * update + (iterations + steps * RESIDUALS) * product
         };
         let forces: Vec<f64> = build_all(&self.scene)?.iter_mut().map(seconds).collect();
-        let counts = (summary.steps, summary.cg_iterations);
-        Ok(FrameCost::measured(&self.plan, &summary.metrics, counts, &forces))
+        Ok(FrameCost::measured(&self.plan, &summary.metrics, summary.steps, summary.cg_iterations, &forces))
     }
 
     /// Seconds of one update and of one damping product of these forces.

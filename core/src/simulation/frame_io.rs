@@ -3,31 +3,35 @@
 
 use super::{FrameInput, Sample, Simulation};
 use crate::Vec3;
-use crate::parallel::message::{Codec, decode, wire};
+use crate::parallel::message::codec;
 use crate::parallel::ranks::Ranks;
 use crate::scene::Scene;
 use crate::scene::gather::{LocalValues, VertexField};
 use crate::state::State;
 use crate::wind_grid::WindSample;
 
-wire!(struct Sample { time, positions });
-wire!(struct WindSample { time, velocities });
-wire!(struct FrameInput { frame, bodies, tracks, wind });
+codec!(struct Sample { time, positions });
+codec!(struct WindSample { time, velocities });
+codec!(struct FrameInput { frame, bodies, tracks, wind });
 
 impl Scene {
     /// The input of a frame for each rank, of what rank 0 has read: all bodies, and of the tracks what own pins follow. All
     /// ranks call it together; `None` everywhere but on rank 0.
     pub fn share_input(&self, input: Option<FrameInput>) -> FrameInput {
         let ranks = self.parts().ranks();
-        let mut input = input.unwrap_or_default();
         if ranks.is_alone() {
-            return input;
+            return input.expect("rank 0 has read the input");
         }
-        let tracks = std::mem::take(&mut input.tracks);
-        let mut bytes = (input, tracks.len()).to_bytes();
-        ranks.broadcast(&mut bytes);
-        let (mut shared, count): (FrameInput, usize) = decode(ranks.rank(), "input of a frame", &bytes);
-        shared.tracks = (0..count).map(|track| self.share_track(track, tracks.get(track))).collect();
+        let mut tracks = Vec::new();
+        let input = input.map(|mut input| {
+            let shells = vec![Vec::new(); input.tracks.len()];
+            tracks = std::mem::replace(&mut input.tracks, shells);
+            input
+        });
+        let mut shared = ranks.broadcast_encoded("input of a frame", input);
+        for (track, samples) in shared.tracks.iter_mut().enumerate() {
+            *samples = self.share_track(track, tracks.get(track));
+        }
         shared
     }
 
@@ -35,16 +39,13 @@ impl Scene {
     fn share_track(&self, track: usize, samples: Option<&Vec<Sample>>) -> Vec<Sample> {
         let ranks = self.parts().ranks();
         let wanted = ranks.gather(&self.track_rows(track));
-        let rows = |rows: &Vec<u32>| -> Vec<u8> {
-            let of = |sample: &Sample| Sample {
-                time: sample.time,
-                positions: rows.iter().filter_map(|row| sample.positions.get(*row as usize).copied()).collect(),
-            };
-            samples.map_or_else(Vec::new, |samples| samples.iter().map(of).collect()).to_bytes()
+        let rows_of = |sample: &Sample, rows: &[u32]| Sample {
+            time: sample.time,
+            positions: rows.iter().filter_map(|row| sample.positions.get(*row as usize).copied()).collect(),
         };
-        let mut lists: Vec<Vec<u8>> = wanted.iter().map(rows).collect();
-        lists.resize(ranks.count(), Vec::new());
-        decode(ranks.rank(), "samples of a track", &ranks.all_to_all_v(lists)[0])
+        ranks.scatter_encoded("samples of a track", |rank| {
+            samples.into_iter().flatten().map(|sample| rows_of(sample, &wanted[rank])).collect()
+        })
     }
 }
 

@@ -1,5 +1,6 @@
 //! What is measured at the end of a frame, over all ranks.
 
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 use super::recovery::is_finite;
@@ -7,9 +8,50 @@ use super::{BrokenAttachment, FrameSummary, Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{ForceContext, PartView};
 use crate::error::StepError;
+use crate::parallel::message::codec;
 use crate::parallel::reduce::weighted_dot;
 use crate::state::State;
 use crate::step::Dynamics;
+
+/// A vertex whose attachment broke; ordered by the pin.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct BrokenTarget {
+    pin: usize,
+    garment: usize,
+    /// Number in the garment.
+    vertex: u32,
+}
+
+/// A stretched edge.
+struct StrainedEdge {
+    /// Relative change of its length.
+    strain: f64,
+    /// Its vertices in the scene, ascending.
+    numbers: [u32; 2],
+    garment: usize,
+    /// Its vertices in the garment, ascending.
+    vertices: [u32; 2],
+}
+
+impl StrainedEdge {
+    /// By strain; of equal ones, that with the smallest numbers is the last.
+    fn order(&self, other: &Self) -> Ordering {
+        self.strain.total_cmp(&other.strain).then(other.numbers.cmp(&self.numbers))
+    }
+}
+
+/// A vertex whose numbers are no longer finite.
+struct BrokenVertex {
+    /// Number in the scene.
+    number: u32,
+    garment: usize,
+    /// Number in the garment.
+    vertex: u32,
+}
+
+codec!(struct BrokenTarget { pin, garment, vertex });
+codec!(struct StrainedEdge { strain, numbers, garment, vertices });
+codec!(struct BrokenVertex { number, garment, vertex });
 
 impl Simulation {
     /// Fills in what is measured at the end of a frame, and makes sure that everything is finite.
@@ -70,18 +112,16 @@ impl Simulation {
         }
         let (parts, timeline) = (self.scene.parts(), description.timeline);
         let here = self.prescribed.targets.broken_between(timeline.time(frame - 1), timeline.time(frame)).into_iter();
-        let here: Vec<[u64; 3]> = here
-            .map(|(vertex, pin)| {
-                let (garment, own) = parts.own_vertex(vertex);
-                [pin as u64, garment as u64, own.into()]
-            })
-            .collect();
-        let mut all = self.ranks().all_gather_v(&here).concat();
+        let here = here.map(|(vertex, pin)| {
+            let (garment, vertex) = parts.own_vertex(vertex);
+            BrokenTarget { pin, garment, vertex }
+        });
+        let mut all = self.ranks().all_gather_encoded("attachments that broke", here.collect());
         all.sort_unstable();
-        let named = |[pin, garment, vertex]: [u64; 3]| BrokenAttachment {
-            garment: description.garments[garment as usize].name.clone(),
-            vertex: vertex as u32,
-            pin: pin as usize,
+        let named = |BrokenTarget { pin, garment, vertex }: BrokenTarget| BrokenAttachment {
+            garment: description.garments[garment].name.clone(),
+            vertex,
+            pin,
         };
         all.into_iter().map(named).collect()
     }
@@ -97,23 +137,14 @@ impl Simulation {
         let numbered = all.map(|(strain, ends)| {
             let mut numbers = ends.map(|local| parts.number(local));
             numbers.sort_unstable();
-            (strain, numbers, ends)
-        });
-        let larger =
-            |a: &(f64, [u32; 2], [usize; 2]), b: &(f64, [u32; 2], [usize; 2])| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1));
-        let here = numbered.max_by(larger).map(|(strain, numbers, ends)| {
             let (garment, a) = parts.own_vertex(ends[0]);
             let (_, b) = parts.own_vertex(ends[1]);
-            // Bits of the strain, and what orders and names it.
-            [strain.to_bits(), numbers[0].into(), numbers[1].into(), garment as u64, a.min(b).into(), a.max(b).into()]
+            StrainedEdge { strain, numbers, garment, vertices: [a.min(b), a.max(b)] }
         });
-        let all = ranks.all_gather_v(here.as_slice()).concat();
-        let strain = |found: &[u64; 6]| f64::from_bits(found[0]);
-        let order = |a: &[u64; 6], b: &[u64; 6]| strain(a).total_cmp(&strain(b)).then(b[1..3].cmp(&a[1..3]));
-        let found = all.into_iter().max_by(order)?;
-        let garment = &self.scene.description().garments[found[3] as usize];
-        let vertices = [found[4] as usize, found[5] as usize].map(|v| v as u32);
-        Some(StrainRecord { garment: garment.name.clone(), vertices, strain: strain(&found) })
+        let here = numbered.max_by(StrainedEdge::order).into_iter().collect();
+        let found = ranks.all_gather_encoded("most stretched edges", here).into_iter().max_by(StrainedEdge::order)?;
+        let garment = self.scene.description().garments[found.garment].name.clone();
+        Some(StrainRecord { garment, vertices: found.vertices, strain: found.strain })
     }
 
     /// Counts what this rank has sent since the last frame.
@@ -131,19 +162,19 @@ impl Simulation {
         }
     }
 
-    /// The first vertex of all ranks whose numbers are no longer finite. All ranks call it together.
+    /// The first vertex of all ranks whose numbers are no longer finite; there is one. All ranks call it together.
     pub(super) fn not_finite(&self, stage: &'static str, frame: i64, dt: f64) -> StepError {
         let parts = self.scene.parts();
         let broken = parts.own().find(|&i| !is_finite(&self.cloth.state.x[i]) || !is_finite(&self.cloth.state.v[i]));
         let here = broken.map(|i| {
             let (garment, vertex) = parts.own_vertex(i);
-            [u64::from(parts.number(i)), garment as u64, vertex.into()]
+            BrokenVertex { number: parts.number(i), garment, vertex }
         });
-        let all = self.ranks().all_gather_v(here.as_slice()).concat();
-        let [_, garment, vertex] = all.into_iter().min().unwrap_or_default();
+        let all = self.ranks().all_gather_encoded("vertices that are not finite", here.into_iter().collect());
+        let first = all.into_iter().min_by_key(|vertex| vertex.number).expect("some rank has found one");
         StepError::NotFinite {
-            garment: self.scene.description().garments[garment as usize].name.clone(),
-            vertex: vertex as usize,
+            garment: self.scene.description().garments[first.garment].name.clone(),
+            vertex: first.vertex as usize,
             frame,
             time: self.cloth.state.time,
             stage,

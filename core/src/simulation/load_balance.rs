@@ -7,8 +7,9 @@ use super::Simulation;
 use crate::Vec3;
 use crate::clock::Watch;
 use crate::contact::bodies::{Sample, Samples};
-use crate::scene::Scene;
+use crate::scene::{Pinned, Scene};
 use crate::snapshot::SnapshotError;
+use crate::snapshot::saved_section::OwnTarget;
 use crate::state::State;
 
 /// Frames that are looked at together.
@@ -70,15 +71,15 @@ impl Simulation {
     pub fn assign(&mut self, assignment: Vec<usize>) -> Result<(), SnapshotError> {
         let scene = Arc::new(self.scene.reassigned(assignment));
         let (old, new) = (self.scene.parts(), scene.parts());
-        let pinned: Vec<[u32; 2]> =
-            self.scene.pinned().iter().map(|p| [p.number, old.number(p.vertex as usize)]).collect();
+        let target = |p: &Pinned| OwnTarget { number: p.number, vertex: old.number(p.vertex as usize) };
+        let pinned: Vec<OwnTarget> = self.scene.pinned().iter().map(target).collect();
         let mut memory = self.saved_sections();
         memory.iter_mut().for_each(|section| section.migrate(old, new, &pinned));
         let tracks = self.moved_tracks(&scene);
         let (bodies, wind) = (std::mem::take(&mut self.prescribed.bodies), std::mem::take(&mut self.dynamics.wind));
         let frame = self.frame;
         let error = |what: String| SnapshotError { section: "scene".into(), what };
-        let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, (tracks, wind))
+        let mut moved = Self::with(Arc::clone(&scene), State::at_start(&scene), bodies, tracks, wind)
             .map_err(|problems| error(problems.to_string()))?;
         moved.restore_sections(frame, &memory)?;
         (moved.sent, moved.balance) = (self.sent, self.balance.clone());

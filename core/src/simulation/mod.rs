@@ -1,5 +1,6 @@
 //! A scene with its state and effects, advanced frame by frame.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::Vec3;
@@ -213,7 +214,7 @@ impl Simulation {
         let bodies = Bodies::new(&scene, &start.bodies, state.time)?;
         let tracks = first_tracks(&scene, start)?;
         let wind = WindGrid::new(scene.description().wind, &start.wind).map_err(|problem| Problems(vec![problem]))?;
-        Self::with(scene, state, bodies, (tracks, wind))
+        Self::with(scene, state, bodies, tracks, wind)
     }
 
     /// The simulation of a scene with these bodies, tracks and wind.
@@ -221,7 +222,8 @@ impl Simulation {
         scene: Arc<Scene>,
         state: State,
         bodies: Bodies,
-        (tracks, wind): (Vec<Samples>, WindGrid),
+        tracks: Vec<Samples>,
+        wind: WindGrid,
     ) -> Result<Self, Problems> {
         let targets = PinTargets::new(&scene, &state.x, &bodies, &tracks, state.time);
         let parts = scene.parts();
@@ -415,7 +417,7 @@ impl Simulation {
         self.observer.iter_mut().for_each(|observer| observer.begin_frame(input.frame));
         let mut start = from;
         for stop in stops {
-            self.push_samples(input, (start, stop), to)?;
+            self.push_samples(input, start..stop, to)?;
             start = stop;
             if self.cloth.state.time >= stop {
                 // Behind a pause.
@@ -437,8 +439,9 @@ impl Simulation {
         Ok(Advance::Done(summary))
     }
 
-    /// Hands bodies and tracks the samples that the interval from `start` to `stop` [s] needs.
-    fn push_samples(&mut self, input: &FrameInput, (start, stop): (f64, f64), frame_end: f64) -> Result<(), StepError> {
+    /// Hands bodies and tracks the samples that an interval [s] needs.
+    fn push_samples(&mut self, input: &FrameInput, interval: Range<f64>, frame_end: f64) -> Result<(), StepError> {
+        let Range { start, end: stop } = interval;
         // The next sample of each mesh is the first one at or after the end of the interval; take it once.
         let needed = |samples: &[Sample]| samples.iter().find(|s| s.time >= stop).cloned();
         for body in 0..self.prescribed.bodies.list().len() {

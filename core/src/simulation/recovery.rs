@@ -15,6 +15,8 @@ use crate::Vec3;
 use crate::contact::collisions::collision_loop::Strategy;
 use crate::contact::self_contact::Ending;
 use crate::error::StepError;
+use crate::parallel::message::codec;
+use crate::parallel::parts::Parts;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
 use crate::step::{Cloth, Dynamics};
@@ -38,6 +40,9 @@ const MORE_ITERATIONS: usize = 10;
 
 /// Vertices that an event names.
 const NAMED: usize = 8;
+
+/// The report of a broken message about them says.
+const VERTEX_NAMES: &str = "names of vertices";
 
 /// Events of a frame that are kept with their names; all are counted.
 const KEPT: usize = 16;
@@ -222,7 +227,7 @@ impl Simulation {
     pub(super) fn rate_of_strain(&mut self) -> f64 {
         let Self { scene, limit, dynamics: Dynamics { forces, .. }, cloth: Cloth { state, .. }, contacts, .. } = self;
         let share = contacts.cloth.as_ref().map_or(1.0, |contact| contact.step_share());
-        limit.rate(&scene.description().solver, scene.parts(), forces, (&state.x, &state.v), share)
+        limit.rate(&scene.description().solver, scene.parts(), forces, state, share)
     }
 
     /// What is wrong with the state at the end of a collision step.
@@ -351,24 +356,28 @@ impl Simulation {
         if let (FailureKind::Wild, Some(record)) = (failure, self.largest_strain()) {
             return (record.garment, record.vertices.to_vec());
         }
-        let mut named: Vec<[u32; 2]> = own_names(&self.retry.concerned, parts);
-        named = ranks.all_gather_v(&named).concat();
+        let mut named = ranks.all_gather_encoded(VERTEX_NAMES, own_names(&self.retry.concerned, parts));
         named.sort_unstable();
-        let Some([garment, _]) = named.first().copied() else { return (String::new(), Vec::new()) };
-        let vertices = named.iter().filter(|[of, _]| *of == garment).map(|[_, vertex]| *vertex).take(NAMED).collect();
-        (scene.description().garments[garment as usize].name.clone(), vertices)
+        let Some(VertexName { garment, .. }) = named.first().copied() else { return (String::new(), Vec::new()) };
+        let vertices = named.iter().filter(|name| name.garment == garment).map(|name| name.vertex);
+        (scene.description().garments[garment].name.clone(), vertices.take(NAMED).collect())
     }
 }
 
-/// Garment and own number of the first of these vertices that this rank has.
-fn own_names(numbers: &[u32], parts: &crate::parallel::parts::Parts) -> Vec<[u32; 2]> {
+/// A vertex by its garment and its number in that.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct VertexName {
+    garment: usize,
+    vertex: u32,
+}
+
+codec!(struct VertexName { garment, vertex });
+
+/// The first of these vertices that this rank has.
+fn own_names(numbers: &[u32], parts: &Parts) -> Vec<VertexName> {
     let own = parts.own().filter(|i| numbers.binary_search(&parts.number(*i)).is_ok());
-    let mut names: Vec<[u32; 2]> = own
-        .map(|i| {
-            let (garment, vertex) = parts.own_vertex(i);
-            [garment as u32, vertex]
-        })
-        .collect();
+    let name = |(garment, vertex)| VertexName { garment, vertex };
+    let mut names: Vec<VertexName> = own.map(|i| name(parts.own_vertex(i))).collect();
     names.sort_unstable();
     names.truncate(NAMED);
     names

@@ -67,14 +67,11 @@ pub(super) fn start_outside(
                 .filter(|(phi, _)| *phi < 0.0)
                 .collect();
             let deepest = inside.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0));
-            let deepest = deepest.map_or((f64::INFINITY, 0), |(phi, vertex)| (phi, scene.parts().own_vertex(vertex).1));
+            let deepest = deepest.map(|(phi, vertex)| (phi, scene.parts().own_vertex(vertex).1));
             let ranks = scene.parts().ranks();
-            let ([count], all) = (ranks.sum_of([inside.len() as u64]), ranks.all_gather_v(&[deepest.0]).concat());
-            let own = ranks.all_gather_v(&[deepest.1]).concat();
-            let Some((deepest, own)) = all.into_iter().zip(own).min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
-            if count == 0 {
-                continue;
-            }
+            let [count] = ranks.sum_of([inside.len() as u64]);
+            let all = ranks.all_gather_encoded("deepest vertices", deepest.into_iter().collect());
+            let Some((deepest, own)) = all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
             let is_surface = matches!(body.shape, BodyShape::Surface { .. });
             problems.push(Problem::data(
                 format!("garment \"{}\", vertex {own}", garment.name),

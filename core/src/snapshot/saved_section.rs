@@ -7,7 +7,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use crate::Vec3;
-use crate::parallel::message::{Codec, Decoder};
+use crate::parallel::message::{Codec, codec};
 use crate::parallel::parts::Parts;
 use crate::parallel::ranks::Ranks;
 use crate::scene::{FARTHEST, is_possible};
@@ -59,6 +59,26 @@ pub(crate) enum Field {
     Elements(ElementRows),
 }
 
+/// A pin target of a rank.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OwnTarget {
+    /// Its number.
+    pub(crate) number: u32,
+    /// Number of its vertex in the scene.
+    pub(crate) vertex: u32,
+}
+
+/// The numbers of pin targets.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TargetNumbers<'a> {
+    /// Those of this rank, ascending.
+    pub(crate) own: &'a [u32],
+    /// How many all ranks have.
+    pub(crate) all: usize,
+}
+
+codec!(struct SnapshotError { section, what });
+
 /// Which rows of a field a rank has: their keys, ascending, and the places of their values.
 struct Rows {
     keys: Vec<u32>,
@@ -80,9 +100,9 @@ impl Rows {
         Self { keys, places, all: 0..parts.partition().vertex_count() }
     }
 
-    /// Own pin targets, given by their numbers, ascending.
-    fn of_targets(numbers: &[u32], all: usize) -> Self {
-        Self { keys: numbers.to_vec(), places: (0..numbers.len() as u32).collect(), all: 0..all }
+    /// Own pin targets.
+    fn of_targets(TargetNumbers { own, all }: TargetNumbers<'_>) -> Self {
+        Self { keys: own.to_vec(), places: (0..own.len() as u32).collect(), all: 0..all }
     }
 
     /// Rows that all ranks have.
@@ -127,7 +147,7 @@ impl Rows {
     }
 
     /// Takes this rank's rows of what rank 0 reads, chunk by chunk.
-    fn take<T: Pod>(
+    fn take<T: Pod + Codec>(
         &self,
         ranks: &Ranks,
         width: usize,
@@ -147,31 +167,8 @@ impl Rows {
 }
 
 /// What rank 0 reads, on every rank; or its error.
-fn share<T: Pod>(ranks: &Ranks, read: impl FnOnce() -> Result<Vec<T>, SnapshotError>) -> Result<Vec<T>, SnapshotError> {
-    if ranks.is_alone() {
-        return read();
-    }
-    let mut bytes = Vec::new();
-    if ranks.is_first() {
-        match read() {
-            Ok(values) => {
-                true.put(&mut bytes);
-                bytes.extend_from_slice(bytemuck::cast_slice(&values));
-            }
-            Err(error) => {
-                false.put(&mut bytes);
-                (error.section, error.what).put(&mut bytes);
-            }
-        }
-    }
-    ranks.broadcast(&mut bytes);
-    let mut message = Decoder::new(ranks.rank(), "rows of a snapshot", &bytes);
-    if bool::take(&mut message) {
-        return Ok(message.all_values());
-    }
-    let (section, what) = Codec::take(&mut message);
-    message.end();
-    Err(SnapshotError { section, what })
+fn share<T: Codec>(ranks: &Ranks, read: impl FnOnce() -> Result<T, SnapshotError>) -> Result<T, SnapshotError> {
+    ranks.broadcast_encoded("rows of a snapshot", ranks.is_first().then(read))
 }
 
 /// Numbers of nodes in the scene as numbers that no partition enters: garments' own, points of bodies after them. The same on
@@ -207,12 +204,13 @@ fn translated(parts: &Parts, numbers: &[u32], known: impl Fn(u32) -> Option<u32>
 }
 
 /// The rows of those targets that are this rank's in `new`.
-fn moved_targets<T: Pod>(new: &Parts, pinned: &[[u32; 2]], width: usize, values: &[T]) -> Vec<T> {
+fn moved_targets<T: Pod>(new: &Parts, pinned: &[OwnTarget], width: usize, values: &[T]) -> Vec<T> {
     let ranks = new.ranks();
     let to = |rank: usize| {
-        pinned.iter().zip(values.chunks_exact(width)).filter(move |([_, vertex], _)| new.owner(*vertex) == rank)
+        pinned.iter().zip(values.chunks_exact(width)).filter(move |(target, _)| new.owner(target.vertex) == rank)
     };
-    let numbers = ranks.all_to_all_v((0..ranks.count()).map(|rank| to(rank).map(|(p, _)| p[0]).collect()).collect());
+    let numbers = ranks
+        .all_to_all_v((0..ranks.count()).map(|rank| to(rank).map(|(target, _)| target.number).collect()).collect());
     let rows = ranks
         .all_to_all_v((0..ranks.count()).map(|rank| to(rank).flat_map(|(_, row)| row).copied().collect()).collect());
     let (numbers, rows) = (numbers.concat(), rows.concat());
@@ -240,9 +238,9 @@ impl Reader<'_, '_> {
     fn count_rows(&mut self) -> Result<(), SnapshotError> {
         let rows = share(self.parts.ranks(), || {
             let source = self.source.as_deref().ok_or_else(|| self.error("nobody gives it".into()))?;
-            Ok(vec![source.rows_of(self.section, self.name)? as u64])
+            source.rows_of(self.section, self.name)
         })?;
-        self.rows = rows.first().map_or(0, |rows| *rows as usize);
+        self.rows = rows;
         Ok(())
     }
 
@@ -255,7 +253,7 @@ impl Reader<'_, '_> {
     }
 
     /// The rows of this rank, of values that `of_kind` takes out.
-    fn own<T: Pod>(
+    fn own<T: Pod + Codec>(
         &mut self,
         rows: &Rows,
         width: usize,
@@ -364,7 +362,7 @@ impl SavedSection {
     pub(crate) fn write(
         &self,
         parts: &Parts,
-        targets: (&[u32], usize),
+        targets: TargetNumbers<'_>,
         mut sink: Option<&mut (dyn SnapshotSink + '_)>,
     ) {
         let ranks = parts.ranks();
@@ -391,8 +389,8 @@ impl SavedSection {
                 Field::Nodes(_, Some((_, bodies))) => {
                     begin(&[parts.partition().vertex_count() + bodies.len(), 3], ValueKind::F64);
                 }
-                Field::Targets(1, values) => begin(&[targets.1], values.kind()),
-                Field::Targets(width, values) => begin(&[targets.1, *width], values.kind()),
+                Field::Targets(1, values) => begin(&[targets.all], values.kind()),
+                Field::Targets(width, values) => begin(&[targets.all, *width], values.kind()),
                 Field::Numbers(width, values) => begin(&[values.len() / width, *width], ValueKind::U32),
                 Field::Elements(_) => {}
             }
@@ -401,7 +399,7 @@ impl SavedSection {
                     sink.rows(values);
                 }
             };
-            let of_targets = || Rows::of_targets(targets.0, targets.1);
+            let of_targets = || Rows::of_targets(targets);
             match field {
                 Field::Number(value) => rows(Values::F64(vec![*value])),
                 Field::Count(value) => rows(Values::U64(vec![*value])),
@@ -442,31 +440,30 @@ impl SavedSection {
     pub(crate) fn read(
         &mut self,
         parts: &Parts,
-        (numbers, targets): (&[u32], usize),
+        targets: TargetNumbers<'_>,
         mut source: Option<&mut (dyn SnapshotSource + '_)>,
     ) -> Result<(), SnapshotError> {
         let (ranks, section) = (parts.ranks(), self.name);
         let error = |what: String| SnapshotError { section: section.to_owned(), what };
         let version = share(ranks, || {
             let version = source.as_deref().and_then(|source| source.version(section));
-            Ok(vec![u64::from(version.ok_or_else(|| error("it is missing".into()))?)])
+            version.ok_or_else(|| error("it is missing".into()))
         })?;
-        if version != [u64::from(self.version)] {
-            let (found, known) = (version.first().copied().unwrap_or(0), self.version);
-            return Err(error(format!("it has version {found}, this program reads {known}")));
+        if version != self.version {
+            return Err(error(format!("it has version {version}, this program reads {}", self.version)));
         }
         for (name, field) in &mut self.fields {
             let source = source.as_deref_mut();
             let mut reader = Reader { parts, section, name, source, rows: 0 };
             reader.count_rows()?;
-            reader.read(field, &Rows::of_targets(numbers, targets))?;
+            reader.read(field, &Rows::of_targets(targets))?;
         }
         Ok(())
     }
 
-    /// Hands the rows of own vertices and targets to the ranks that own them in `new`; `pinned` are the own targets, each with its
-    /// number and that of its vertex in the scene. All ranks call it together.
-    pub(crate) fn migrate(&mut self, old: &Parts, new: &Parts, pinned: &[[u32; 2]]) {
+    /// Hands the rows of own vertices and targets to the ranks that own them in `new`; `pinned` are the own targets. All ranks call
+    /// it together.
+    pub(crate) fn migrate(&mut self, old: &Parts, new: &Parts, pinned: &[OwnTarget]) {
         let ranks = old.ranks();
         let first = old.rank_starts()[ranks.rank()];
         let own = first..old.rank_starts()[ranks.rank() + 1];

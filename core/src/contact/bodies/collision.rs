@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
-use crate::contact::bodies::friction::{coulomb, respond};
+use crate::contact::bodies::friction::{SurfaceContact, VertexMotion, coulomb, respond};
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::contact::bodies::{Bodies, BodyPoint};
 use crate::metrics::Metrics;
@@ -379,8 +379,9 @@ impl Search<'_> {
             if let Some(at) = self.contact(body, x, &before) {
                 let properties = &step.bodies.list()[body];
                 let friction = properties.friction_on(self.painted.get(vertex));
-                *v_star =
-                    respond((properties, friction), &at, &before, (x, v_star), (dt, step.recovery_speed)).velocity;
+                let contact = SurfaceContact { body: properties, at: &at, friction };
+                let motion = VertexMotion { x_old: x, x: &before, velocity: v_star, dt };
+                *v_star = respond(&contact, &motion, step.recovery_speed).velocity;
                 met = true;
             }
         }
@@ -393,7 +394,9 @@ impl Search<'_> {
                 let properties = &step.bodies.list()[body];
                 let outside = *x1 + at.normal * (properties.offset - properties.thickness - at.phi);
                 let friction = properties.friction_on(self.painted.get(vertex));
-                let response = respond((properties, friction), &at, x1, (x, v_star), (dt, step.recovery_speed));
+                let surface = SurfaceContact { body: properties, at: &at, friction };
+                let motion = VertexMotion { x_old: x, x: x1, velocity: v_star, dt };
+                let response = respond(&surface, &motion, step.recovery_speed);
                 *x1 = response.position;
                 touched = Some(LastContact { body, at, outside });
                 contact.add(BodyContact { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
@@ -559,8 +562,8 @@ impl Search<'_> {
                 at = found;
             } else if squeezed.is_none() && constraint.is_some() && at.phi < properties.thickness {
                 // The surface is curved: what the tangent plane left too deep is moved straight out.
-                let deep =
-                    properties.depenetration(properties.offset - at.phi, (self.step.dt, self.step.recovery_speed));
+                let CollisionStep { dt, recovery_speed, .. } = *self.step;
+                let deep = properties.depenetration(properties.offset - at.phi, dt, recovery_speed);
                 *x1 += at.normal * deep;
                 at.phi += deep;
             }

@@ -39,18 +39,37 @@ pub fn coulomb(velocity: &Vec3, body_velocity: &Vec3, normal: &Vec3, friction: f
     if stopped == 0.0 { *velocity } else { body_velocity + normal * approach.max(0.0) + tangential * kept }
 }
 
-/// Moves a vertex that ended a step at `x` (from `x_old`, both in m) too close to a body, and corrects `velocity` [m/s].
+/// Where a vertex comes too close to a body.
+#[derive(Debug, Clone, Copy)]
+pub struct SurfaceContact<'a> {
+    /// The body.
+    pub body: &'a Body,
+    /// Its nearest point.
+    pub at: &'a BodyPoint,
+    /// Coefficient of friction of this vertex on the body.
+    pub friction: f64,
+}
+
+/// How a vertex moves in a step.
+#[derive(Debug, Clone, Copy)]
+pub struct VertexMotion<'a> {
+    /// Position at the start [m].
+    pub x_old: &'a Vec3,
+    /// Position at the end [m].
+    pub x: &'a Vec3,
+    /// Velocity [m/s].
+    pub velocity: &'a Vec3,
+    /// Length of the step [s].
+    pub dt: f64,
+}
+
+/// Moves a vertex that ended a step too close to a body, and corrects its velocity.
 ///
 /// The position is corrected in the frame that the body's material carries along: what is left of the relative motion after
-/// friction is the slip, and a vertex that sticks ends exactly where the body carried it. `friction` is the coefficient of this
-/// vertex on the body.
-pub fn respond(
-    (body, friction): (&Body, f64),
-    at: &BodyPoint,
-    x: &Vec3,
-    (x_old, velocity): (&Vec3, &Vec3),
-    (dt, recovery_speed): (f64, RecoverySpeed),
-) -> Response {
+/// friction is the slip, and a vertex that sticks ends exactly where the body carried it.
+pub fn respond(contact: &SurfaceContact<'_>, motion: &VertexMotion<'_>, recovery_speed: RecoverySpeed) -> Response {
+    let SurfaceContact { body, at, friction } = *contact;
+    let VertexMotion { x_old, x, velocity, dt } = *motion;
     let n = &at.normal;
     let carried = x_old + at.displacement;
     let depth = body.offset - at.phi;
@@ -62,7 +81,7 @@ pub fn respond(
     } else {
         // What was too deep before this step comes out at a limited speed; what this step added is undone at once, so that
         // a vertex pulled hard against a body does not sink in.
-        (0.0, carried + n * body.depenetration(depth_at_start, (dt, recovery_speed)))
+        (0.0, carried + n * body.depenetration(depth_at_start, dt, recovery_speed))
     };
     let slip = coulomb(&relative, &Vec3::zeros(), n, friction);
     let normal_slip = slip.dot(n);

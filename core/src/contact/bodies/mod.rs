@@ -429,7 +429,7 @@ impl Body {
     }
 
     /// How much of a depth [m] cloth comes out in a step of `dt` [s].
-    pub(crate) fn depenetration(&self, depth: f64, (dt, recovery_speed): (f64, RecoverySpeed)) -> f64 {
+    pub(crate) fn depenetration(&self, depth: f64, dt: f64, recovery_speed: RecoverySpeed) -> f64 {
         recovery_speed.of(depth).min(dt * self.max_push_speed)
     }
 

@@ -128,7 +128,7 @@ impl PairSearch {
         let RefittedBvh { tree, triangle_boxes, .. } = &self.cloth;
         let imported: Vec<GhostTriangle> =
             ghost_triangles::exchange_ghosts(surface.nodes(), surface.cloth(), tree, triangle_boxes);
-        let numbers = imported.iter().flat_map(|[a, b, c, _]| [*a, *b, *c]);
+        let numbers = imported.iter().flat_map(|ghost| ghost.corners);
         let mut ghosts: Vec<u32> = numbers.filter(|number| !surface.nodes().owns(*number)).collect();
         ghosts.extend_from_slice(surface.nodes().ghosts());
         ghosts.sort_unstable();
@@ -136,8 +136,8 @@ impl PairSearch {
         let renumber = surface.set_ghosts(ghosts);
         let local =
             |number: u32| surface.nodes().local(number).expect("the nodes of ghost triangles are own or ghosts");
-        let triangles = imported.iter().map(|[a, b, c, _]| [*a, *b, *c].map(local)).collect();
-        let owned: Vec<u32> = imported.iter().map(|[.., owned]| *owned).collect();
+        let triangles = imported.iter().map(|ghost| ghost.corners.map(local)).collect();
+        let owned: Vec<u32> = imported.iter().map(|ghost| ghost.owned_features).collect();
         self.ghosts = Faces::from_bits(triangles, &owned);
         if let Some(renumber) = &renumber {
             renumber.apply(&mut self.node_boxes, Aabb::EMPTY);

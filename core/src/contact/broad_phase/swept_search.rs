@@ -22,6 +22,14 @@ pub(crate) struct Inflation {
     pub margin: f64,
 }
 
+/// Pairs that were found along paths.
+pub(crate) struct SweptPairs<'a> {
+    /// Marks of the own nodes that have left their boxes since, over local nodes.
+    pub left: &'a mut Vec<u8>,
+    /// The pairs.
+    pub found: &'a mut Vec<Pair>,
+}
+
 impl Inflation {
     /// The box of a node.
     fn swept(&self, surface: &ContactSurface, paths: &NodePaths, shift: &Vec3, node: usize) -> Aabb {
@@ -55,15 +63,15 @@ impl PairSearch {
         renumber
     }
 
-    /// Brings the pairs found last along paths to those with the present ends of the nodes that `left` marks: own ones that left
-    /// their boxes. All ranks call it together, and everything is as with [`PairSearch::swept_pairs`].
+    /// Brings the pairs found last along paths to those with the present ends of the nodes that left their boxes. All ranks call
+    /// it together, and everything is as with [`PairSearch::swept_pairs`].
     pub(crate) fn update_swept_pairs(
         &mut self,
         surface: &mut ContactSurface,
         neighbours: &mut ProximityList,
         paths: &mut NodePaths,
         around: Inflation,
-        (left, found): (&mut Vec<u8>, &mut Vec<Pair>),
+        SweptPairs { left, found }: SweptPairs<'_>,
     ) -> Option<IndexMap> {
         for node in surface.nodes().own().filter(|node| left[*node] != 0) {
             self.node_boxes[node] = around.swept(surface, paths, &self.shift, node);
@@ -99,11 +107,7 @@ impl PairSearch {
         if nodes.ranks().is_alone() {
             return;
         }
-        let mut corners: Vec<[[f32; 3]; 2]> = self.node_boxes.iter().map(|b| [b.min, b.max]).collect();
-        nodes.update(&mut corners);
-        for (node_box, [min, max]) in self.node_boxes.iter_mut().zip(corners) {
-            *node_box = Aabb { min, max };
-        }
+        nodes.update(&mut self.node_boxes);
         nodes.update(marks);
     }
 

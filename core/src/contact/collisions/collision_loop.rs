@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::Vec3;
 use crate::contact::broad_phase::bvh_search::PairSearch;
 use crate::contact::broad_phase::proximity_list::ProximityList;
-use crate::contact::broad_phase::swept_search::Inflation;
+use crate::contact::broad_phase::swept_search::{Inflation, SweptPairs};
 use crate::contact::ccd::Contact;
 use crate::contact::collisions::first_contact::first_contact;
 use crate::contact::collisions::impact_zones::Collision;
@@ -28,7 +28,6 @@ use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::metrics::Metrics;
-use crate::parallel::message::{vector_of, words_of};
 
 /// Attempts with impulses that are added where the usual ones did not do.
 const MORE_ATTEMPTS: u32 = 3 * IMPULSE_ATTEMPTS;
@@ -210,7 +209,8 @@ impl CollisionLoop {
             }
             CandidateSource::Renewed => {
                 metrics.count_once(surface.ranks(), "swept_renewals", 1);
-                search.update_swept_pairs(surface, neighbours, paths, around, (&mut self.left, found))
+                let pairs = SweptPairs { left: &mut self.left, found };
+                search.update_swept_pairs(surface, neighbours, paths, around, pairs)
             }
         };
         self.left.fill(0);
@@ -263,10 +263,10 @@ impl CollisionLoop {
         }
         let mut copies = Vec::new();
         let (recent, displacements) = (&self.recent, &self.displacements);
-        let own = |node: u32| (recent[node as usize] != 0).then(|| words_of(&displacements[node as usize]));
-        nodes.halo().update_changed(nodes.ranks(), own, |copy, words: [u64; 3]| copies.push((copy, words)));
-        for (copy, words) in copies {
-            self.displacements[copy] = vector_of(words);
+        let own = |node: u32| (recent[node as usize] != 0).then(|| displacements[node as usize]);
+        nodes.halo().update_changed(nodes.ranks(), own, |copy, displacement: Vec3| copies.push((copy, displacement)));
+        for (copy, displacement) in copies {
+            self.displacements[copy] = displacement;
             self.note(copy as u32, paths);
         }
         covered

@@ -169,6 +169,25 @@ impl Zone {
     }
 }
 
+/// What came out of solving the zone at a place.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ZoneSolution {
+    pub place: usize,
+    pub action: Action,
+    pub members: Vec<u32>,
+    /// Which members can move.
+    pub moves: Vec<bool>,
+    pub solved: Solved,
+}
+
+impl ZoneSolution {
+    /// The members that can move, and their displacements.
+    pub(crate) fn moved(&self) -> impl Iterator<Item = (u32, &Vec3)> {
+        let members = self.members.iter().zip(&self.moves).zip(&self.solved.displacements);
+        members.filter(|((_, moves), _)| **moves).map(|((number, _), displacement)| (*number, displacement))
+    }
+}
+
 /// Zones that share no node that can move.
 #[derive(Debug, Default)]
 pub(crate) struct Zones {

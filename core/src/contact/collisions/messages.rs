@@ -1,98 +1,85 @@
-//! Hits and zones as they travel between ranks.
+//! What ranks tell each other of open hits and zones.
 
 use std::collections::BTreeMap;
 
-use crate::contact::collisions::impact_zones::{Action, Collision, Motion, Solved, Zone};
-use crate::contact::collisions::packing::{Packed, Unpacked};
-use crate::contact::collisions::response::ZoneSolution;
-use crate::contact::topology::pair::{KINDS, Pair};
+use crate::Vec3;
+use crate::contact::collisions::impact_zones::{Action, Collision, Motion, Solved, Zone, ZoneSolution};
+use crate::parallel::message::{codec, is_broken};
 
-impl Packed {
-    /// A hit, with how its nodes move.
-    pub(super) fn shared_hit(&mut self, hit: &Collision, motion: impl Fn(u32) -> Motion) {
-        self.hit(hit);
-        hit.pair.nodes.iter().for_each(|number| self.motion(&motion(*number)));
+codec!(struct Collision { pair, moves, weights, normal, target });
+codec!(struct Motion { start, displacement, mobility });
+codec!(struct Zone { nodes, hits, rigid, has_released_prescribed, contradicts });
+
+/// What a rank opens: all ranks are told of it.
+#[derive(Default)]
+pub(super) struct Opened {
+    pub(super) hits: Vec<Collision>,
+    pub(super) zones: Vec<Zone>,
+    /// How the nodes of these move, by their numbers in the scene.
+    pub(super) motions: BTreeMap<u32, Motion>,
+}
+
+codec!(struct Opened { hits, zones, motions });
+
+/// Where an open hit has moved a node to.
+pub(super) struct MovedNode {
+    /// Number in the scene.
+    pub(super) number: u32,
+    /// Displacement since the collision-free state [m].
+    pub(super) displacement: Vec3,
+}
+
+codec!(struct MovedNode { number, displacement });
+
+/// What came out of solving an open zone, of which all ranks know the members and what it did.
+pub(super) struct ZoneAnswer {
+    /// Place of the zone among the open ones.
+    pub(super) place: u32,
+    contradicts: bool,
+    /// Which members can move.
+    moves: Vec<bool>,
+    /// Displacement of each member since the collision-free state [m].
+    displacements: Vec<Vec3>,
+}
+
+codec!(struct ZoneAnswer { place, contradicts, moves, displacements });
+
+impl ZoneAnswer {
+    /// The report of a broken one says.
+    pub(super) const NAME: &str = "what came out of open zones";
+
+    /// What is told of a solution.
+    pub(super) fn of(solution: ZoneSolution) -> Self {
+        let ZoneSolution { place, moves, solved: Solved { displacements, contradicts, .. }, .. } = solution;
+        Self { place: place as u32, contradicts, moves, displacements }
     }
 
-    /// A zone, with how its members move.
-    pub(super) fn zone(&mut self, zone: &Zone, motion: impl Fn(u32) -> Motion) {
-        self.number(zone.has_released_prescribed);
-        self.number(zone.contradicts);
-        self.list(&zone.nodes, |packed, node| packed.number(*node));
-        self.list(&zone.rigid, |packed, node| packed.number(*node));
-        self.list(&zone.hits, |packed, (attempt, hit)| {
-            packed.number(*attempt);
-            packed.hit(hit);
-        });
-        self.list(&zone.members(), |packed, number| {
-            packed.number(*number);
-            packed.motion(&motion(*number));
-        });
-    }
-
-    /// What came out of solving a zone; its members and what it did are known.
-    pub(super) fn answer(&mut self, answer: &ZoneSolution) {
-        self.number(answer.place as u64);
-        self.number(answer.solved.contradicts);
-        for (moves, displacement) in answer.moves.iter().zip(&answer.solved.displacements) {
-            self.number(*moves);
-            self.vector(displacement);
+    /// The solution that a rank was told, of a zone with these members that did this.
+    ///
+    /// # Panics
+    /// It has not as many members.
+    pub(super) fn solution(self, rank: usize, (action, members): (Action, Vec<u32>)) -> ZoneSolution {
+        let Self { place, contradicts, moves, displacements } = self;
+        if [moves.len(), displacements.len()] != [members.len(); 2] {
+            is_broken(rank, Self::NAME, format_args!("{} of {} members moved", displacements.len(), members.len()));
         }
-    }
-
-    fn hit(&mut self, hit: &Collision) {
-        self.number(hit.pair.kind as u64);
-        hit.pair.nodes.iter().for_each(|node| self.number(*node));
-        hit.moves.iter().for_each(|moves| self.number(*moves));
-        hit.weights.iter().for_each(|weight| self.float(*weight));
-        self.vector(&hit.normal);
-        self.float(hit.target);
-    }
-
-    fn motion(&mut self, motion: &Motion) {
-        [motion.start, motion.displacement, motion.mobility].iter().for_each(|vector| self.vector(vector));
+        let solved = Solved { displacements, passes: 0, contradicts };
+        ZoneSolution { place: place as usize, action, members, moves, solved }
     }
 }
 
-impl Unpacked<'_> {
-    /// A hit; how its nodes move is noted.
-    pub(super) fn shared_hit(&mut self, remote_motion: &mut BTreeMap<u32, Motion>) -> Collision {
-        let hit = self.hit();
-        for number in hit.pair.nodes {
-            remote_motion.insert(number, self.motion());
-        }
-        hit
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-    /// A zone; how its members move is noted.
-    pub(super) fn zone(&mut self, remote_motion: &mut BTreeMap<u32, Motion>) -> Zone {
-        let [has_released_prescribed, contradicts] = [(); 2].map(|()| self.flag());
-        let nodes = self.list(Self::node);
-        let rigid = self.list(Self::node);
-        let hits = self.list(|unpacked| (unpacked.number() as u32, unpacked.hit()));
-        self.list(|unpacked| remote_motion.insert(unpacked.node(), unpacked.motion()));
-        Zone { nodes, hits, rigid, has_released_prescribed, contradicts }
-    }
-
-    /// See [`Packed::answer`]; `known` tells what a zone did, and its members.
-    pub(super) fn answer(&mut self, known: impl FnOnce(usize) -> (Action, Vec<u32>)) -> ZoneSolution {
-        let (place, contradicts) = (self.number() as usize, self.flag());
-        let (action, members) = known(place);
-        let (moves, displacements) = members.iter().map(|_| (self.flag(), self.vector())).unzip();
-        ZoneSolution { place, action, members, moves, solved: Solved { displacements, passes: 0, contradicts } }
-    }
-
-    fn hit(&mut self) -> Collision {
-        let kind = KINDS[self.number() as usize];
-        let nodes = [(); 4].map(|()| self.node());
-        let moves = [(); 4].map(|()| self.flag());
-        let weights = [(); 4].map(|()| self.float());
-        let (normal, target) = (self.vector(), self.float());
-        Collision { pair: Pair { kind, nodes }, moves, weights, normal, target }
-    }
-
-    fn motion(&mut self) -> Motion {
-        let [start, displacement, mobility] = [(); 3].map(|()| self.vector());
-        Motion { start, displacement, mobility }
+    #[test]
+    fn an_answer_of_other_members_ends_the_run() {
+        let answer =
+            || ZoneAnswer { place: 4, contradicts: true, moves: vec![true; 2], displacements: vec![Vec3::x(); 2] };
+        let solution = answer().solution(0, (Action::Rigid, vec![7, 9]));
+        assert_eq!((solution.place, solution.solved.displacements), (4, vec![Vec3::x(); 2]));
+        let ended = std::panic::catch_unwind(|| answer().solution(0, (Action::Rigid, vec![7, 9, 11])));
+        let said = ended.expect_err("nobody moved the third").downcast::<String>().expect("a panic with words");
+        assert!(said.contains("\"what came out of open zones\"") && said.contains("2 of 3 members"), "{said}");
     }
 }

@@ -9,7 +9,6 @@ pub(crate) mod first_contact;
 pub(crate) mod impact_zones;
 pub(crate) mod impulse;
 pub(crate) mod messages;
-pub(crate) mod packing;
 pub(crate) mod response;
 pub(crate) mod union_find;
 pub(crate) mod zone_solvers;

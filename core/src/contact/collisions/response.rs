@@ -5,19 +5,19 @@
 //! are told of it, the rank of its smallest node answers, and tells the others. An open zone stays open.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use crate::Vec3;
 use crate::contact::collisions::first_contact::first_contact;
-use crate::contact::collisions::impact_zones::{Action, Collision, Motion, Solved, Zone, Zones};
+use crate::contact::collisions::impact_zones::{Action, Collision, Motion, Zone, ZoneSolution, Zones};
 use crate::contact::collisions::impulse::{change_normal_velocity, normal_velocity, response};
-use crate::contact::collisions::packing::{Packed, Unpacked};
+use crate::contact::collisions::messages::{MovedNode, Opened, ZoneAnswer};
 use crate::contact::collisions::union_find::UnionFind;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::Pair;
 use crate::metrics::Metrics;
-use crate::parallel::communicator::{Expected, Message};
 use crate::parallel::message;
 
 /// Attempts with impulses alone. The authors make three, and ten or twenty in older scenes
@@ -101,7 +101,8 @@ impl Response {
         if attempt <= IMPULSE_ATTEMPTS {
             for hit in own {
                 let places = hit.pair.nodes.map(|number| field.local(number));
-                if impulse(&hit, places, field.gap, [field.start, field.mobility], displacements) {
+                let nodes = HitNodes { start: field.start, mobility: field.mobility, gap: field.gap };
+                if impulse(&hit, places, &nodes, displacements) {
                     touched.extend(hit.moving().map(|number| field.local(number)));
                 }
             }
@@ -182,22 +183,19 @@ impl Response {
         if nodes.ranks().is_alone() {
             return (hits, Vec::new(), Vec::new());
         }
-        let (own, mut shared, mut zones) = self.split(nodes, hits);
-        let mut packed = Packed::default();
-        if !shared.is_empty() || !zones.is_empty() {
-            let motion = |number: u32| field.motion(number, displacements);
-            packed.list(&shared, |packed, hit| packed.shared_hit(hit, motion));
-            packed.list(&zones, |packed, zone| packed.zone(zone, motion));
+        let (own, hits, zones) = self.split(nodes, hits);
+        let concerned = hits.iter().flat_map(|hit| hit.pair.nodes).chain(zones.iter().flat_map(Zone::members));
+        let motions = concerned.map(|number| (number, field.motion(number, displacements))).collect();
+        let opens = !hits.is_empty() || !zones.is_empty();
+        let opened = opens.then_some(Opened { hits, zones, motions });
+        let mut all = Opened::default();
+        for opened in nodes.ranks().all_gather_encoded("open hits and zones", opened.into_iter().collect()) {
+            all.hits.extend(opened.hits);
+            all.zones.extend(opened.zones);
+            self.remote_motion.extend(opened.motions);
         }
-        shared.clear();
-        zones.clear();
-        for words in nodes.ranks().all_gather_v(packed.words()).iter().filter(|words| !words.is_empty()) {
-            let mut unpacked = Unpacked::new(words);
-            shared.extend(unpacked.list(|unpacked| unpacked.shared_hit(&mut self.remote_motion)));
-            zones.extend(unpacked.list(|unpacked| unpacked.zone(&mut self.remote_motion)));
-        }
-        shared.sort_unstable_by_key(|hit| hit.pair);
-        (own, shared, zones)
+        all.hits.sort_unstable_by_key(|hit| hit.pair);
+        (own, all.hits, all.zones)
     }
 
     /// Splits the hits into those that concern nobody else and the others, and takes out the zones of this rank that
@@ -250,25 +248,19 @@ impl Response {
         let mut changed = Vec::new();
         for (hit, _) in shared.iter().zip(sets.representatives()).filter(|(_, smallest)| nodes.owns(*smallest)) {
             let place = |number: u32| numbers.partition_point(|n| *n < number) as u32;
-            if impulse(hit, hit.pair.nodes.map(place), field.gap, [&start, &mobility], &mut moved) {
+            let nodes = HitNodes { start: &start, mobility: &mobility, gap: field.gap };
+            if impulse(hit, hit.pair.nodes.map(place), &nodes, &mut moved) {
                 changed.extend(hit.moving().map(place));
             }
         }
         changed.sort_unstable();
         changed.dedup();
-        let mut packed = Packed::default();
-        for place in changed {
-            packed.number(numbers[place as usize]);
-            packed.vector(&moved[place as usize]);
-        }
-        for words in nodes.ranks().all_gather_v(packed.words()) {
-            let mut unpacked = Unpacked::new(&words);
-            while !unpacked.is_empty() {
-                let (number, displacement) = (unpacked.node(), unpacked.vector());
-                if nodes.owns(number) {
-                    displacements[field.local(number) as usize] = displacement;
-                    touched.push(field.local(number));
-                }
+        let changed = changed.into_iter().map(|place| place as usize);
+        let changed = changed.map(|place| MovedNode { number: numbers[place], displacement: moved[place] }).collect();
+        for MovedNode { number, displacement } in nodes.ranks().all_gather_encoded("nodes of open hits", changed) {
+            if nodes.owns(number) {
+                displacements[field.local(number) as usize] = displacement;
+                touched.push(field.local(number));
             }
         }
     }
@@ -307,18 +299,16 @@ impl Response {
         if open.is_empty() {
             return;
         }
-        let mut packed = Packed::default();
-        shared.iter().for_each(|answer| packed.answer(answer));
-        for words in field.nodes.ranks().all_gather_v(packed.words()) {
-            let mut unpacked = Unpacked::new(&words);
-            while !unpacked.is_empty() {
-                let answer = unpacked.answer(|place| Task::members(&self.open.zones()[place], attempt));
-                for (number, displacement) in answer.moved() {
-                    self.remote_motion.entry(number).and_modify(|motion| motion.displacement = *displacement);
-                }
-                answer.apply(field, displacements, touched);
-                self.open.zone_mut(answer.place).note(answer.action, answer.solved.contradicts);
+        let (ranks, answers) = (field.nodes.ranks(), shared.into_iter().map(ZoneAnswer::of).collect());
+        for answer in ranks.all_gather_encoded(ZoneAnswer::NAME, answers) {
+            let zones = self.open.zones();
+            let place = message::index(ranks.rank(), ZoneAnswer::NAME, answer.place, zones.len());
+            let solution = answer.solution(ranks.rank(), Task::members(&zones[place], attempt));
+            for (number, displacement) in solution.moved() {
+                self.remote_motion.entry(number).and_modify(|motion| motion.displacement = *displacement);
             }
+            solution.apply(field, displacements, touched);
+            self.open.zone_mut(place).note(solution.action, solution.solved.contradicts);
         }
     }
 }
@@ -356,24 +346,7 @@ impl<'a> Task<'a> {
     }
 }
 
-/// What came out of solving the zone at a place.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct ZoneSolution {
-    pub(super) place: usize,
-    pub(super) action: Action,
-    pub(super) members: Vec<u32>,
-    /// Which members can move.
-    pub(super) moves: Vec<bool>,
-    pub(super) solved: Solved,
-}
-
 impl ZoneSolution {
-    /// The members that can move, and their displacements.
-    fn moved(&self) -> impl Iterator<Item = (u32, &Vec3)> {
-        let members = self.members.iter().zip(&self.moves).zip(&self.solved.displacements);
-        members.filter(|((_, moves), _)| **moves).map(|((number, _), displacement)| (*number, displacement))
-    }
-
     /// Moves the own nodes among the members.
     fn apply(&self, field: &Kinematics<'_>, displacements: &mut [Vec3], touched: &mut Vec<u32>) {
         for (number, displacement) in self.moved().filter(|(number, _)| field.nodes.owns(*number)) {
@@ -383,16 +356,21 @@ impl ZoneSolution {
     }
 }
 
+/// Nodes of hits, in any numbering.
+struct HitNodes<'a> {
+    /// Positions at the collision-free state [m].
+    start: &'a [Vec3],
+    /// Inverse masses per axis [1/kg].
+    mobility: &'a [Vec3],
+    /// Distance that everything keeps [m].
+    gap: f64,
+}
+
 /// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it
 /// does. What meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the
 /// arrays.
-fn impulse(
-    hit: &Collision,
-    places: [u32; 4],
-    gap: f64,
-    [start, mobility]: [&[Vec3]; 2],
-    displacements: &mut [Vec3],
-) -> bool {
+fn impulse(hit: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displacements: &mut [Vec3]) -> bool {
+    let HitNodes { start, mobility, gap } = *nodes;
     let start = places.map(|place| start[place as usize]);
     let end = [0, 1, 2, 3].map(|q| start[q] + displacements[places[q] as usize]);
     let Some((contact, _)) = first_contact(hit.pair.kind, &start, &end, gap) else { return false };
@@ -412,19 +390,16 @@ fn named_by_others(nodes: &ContactNodes, hits: &[Collision]) -> Vec<u32> {
     let mut ghosts: Vec<u32> = ghosts.filter_map(|number| nodes.local(number)).collect();
     ghosts.sort_unstable();
     ghosts.dedup();
-    let message = |(to, range): &(usize, std::ops::Range<usize>)| {
+    let named_of = |range: &Range<usize>| {
         let place = |end: usize| ghosts.partition_point(|ghost| (*ghost as usize) < end);
         let named = &ghosts[place(range.start)..place(range.end)];
-        let places: Vec<u32> = named.iter().map(|ghost| ghost - range.start as u32).collect();
-        Message { to: *to, bytes: bytemuck::cast_slice(&places).to_vec() }
+        named.iter().map(|ghost| ghost - range.start as u32).collect()
     };
-    let messages = halo.receives().iter().map(message).collect();
-    let expected: Vec<Expected> = halo.sends().iter().map(|(from, _)| Expected { from: *from, length: None }).collect();
-    let answers = nodes.ranks().start(messages, &expected).finish();
+    const NAME: &str = "nodes of hits";
     let mut named = Vec::new();
-    for ((_, list), bytes) in halo.sends().iter().zip(answers) {
-        let places: Vec<u32> = message::values(nodes.ranks().rank(), "nodes of hits", &bytes);
-        named.extend(places.iter().map(|place| nodes.number(list[*place as usize])));
+    for ((_, list), places) in halo.sends().iter().zip(halo.tell_owners::<u32>(nodes.ranks(), NAME, named_of)) {
+        let place = |place: u32| message::index(nodes.ranks().rank(), NAME, place, list.len());
+        named.extend(places.into_iter().map(|at| nodes.number(list[place(at)])));
     }
     named.sort_unstable();
     named.dedup();

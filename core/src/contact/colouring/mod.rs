@@ -18,6 +18,7 @@ mod tests;
 use std::ops::Range;
 
 use crate::contact::topology::nodes::ContactNodes;
+use crate::parallel::message::codec;
 
 /// The colour of pairs that have none.
 pub(crate) const NO_COLOUR: u32 = u32::MAX;
@@ -51,7 +52,7 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
     let alone = nodes.ranks().is_alone();
     let decided = if alone { 0 } else { between };
     if !alone {
-        colour_together(nodes, (&nodes_of, &order[..decided]), &mut colours, &mut used_colours);
+        colour_together(nodes, &nodes_of, &order[..decided], &mut colours, &mut used_colours);
     }
     // What is within a part is of one rank, and all before it is decided.
     for &pair in &order[decided..] {
@@ -67,7 +68,8 @@ pub(crate) fn colours(count: usize, nodes: &ContactNodes, nodes_of: impl Fn(usiz
 /// Colours the pairs of `order`, which several ranks hold, page by page.
 fn colour_together(
     nodes: &ContactNodes,
-    (nodes_of, order): (impl Fn(usize) -> [u32; 4], &[u32]),
+    nodes_of: impl Fn(usize) -> [u32; 4],
+    order: &[u32],
     colours: &mut [u32],
     used_colours: &mut UsedColours,
 ) {
@@ -334,16 +336,27 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
         }
         let (announced, used, has_changed) = (&self.announced, &self.used, &self.has_changed);
         let mut copies = Vec::new();
-        let own = |node: u32| has_changed[node as usize].then(|| pack(&announced[node as usize], used[node as usize]));
-        nodes.halo().update_changed(nodes.ranks(), own, |copy, words: [u64; 4]| copies.push((copy, words)));
+        let own = |node: usize| Announcement { first: announced[node], used: used[node] };
+        let changed = |node: u32| has_changed[node as usize].then(|| own(node as usize));
+        nodes.halo().update_changed(nodes.ranks(), changed, |copy, state: Announcement| copies.push((copy, state)));
         known.iter().for_each(|node| self.has_changed[*node as usize] = false);
-        for (copy, words) in copies {
-            (self.announced[copy], self.used[copy]) = unpack(&words);
+        for (copy, Announcement { first, used }) in copies {
+            (self.announced[copy], self.used[copy]) = (first, used);
             known.push(copy as u32);
         }
         known
     }
 }
+
+/// What the owner of a node tells those who have a copy of it.
+struct Announcement {
+    /// The first undecided pair there.
+    first: Key,
+    /// Colours of the page that are taken there.
+    used: u128,
+}
+
+codec!(struct Announcement { first, used });
 
 /// The undecided pairs of each node, by their places in the order, ascending.
 struct WaitLists {
@@ -410,17 +423,4 @@ impl WaitLists {
             }
         }
     }
-}
-
-/// A key and a mask as they travel.
-fn pack(&[a, b, c, d]: &Key, used: u128) -> [u64; 4] {
-    let two = |low: u32, high: u32| u64::from(low) | u64::from(high) << u32::BITS;
-    [two(a, b), two(c, d), used as u64, (used >> u64::BITS) as u64]
-}
-
-/// See [`pack`].
-fn unpack(&[ab, cd, low, high]: &[u64; 4]) -> (Key, u128) {
-    let two = |both: u64| [both as u32, (both >> u32::BITS) as u32];
-    let ([a, b], [c, d]) = (two(ab), two(cd));
-    ([a, b, c, d], u128::from(low) | u128::from(high) << u64::BITS)
 }

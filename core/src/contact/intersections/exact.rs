@@ -41,11 +41,7 @@ pub(crate) fn crossings(
     let number = |node: u32| nodes.number(node);
     let mut all: Vec<Crossing> = found.iter().map(|c| numbered(c, number, number)).collect();
     all.extend(with_visitors(surface, search, &cloth, moved));
-    let rows: Vec<[u32; 5]> =
-        all.iter().map(|c| [c.edge[0], c.edge[1], c.triangle[0], c.triangle[1], c.triangle[2]]).collect();
-    let received = nodes.ranks().all_gather_v(&rows).into_iter().flatten();
-    let mut all: Vec<Crossing> =
-        received.map(|[a, b, c, d, e]| Crossing { edge: [a, b], triangle: [c, d, e] }).collect();
+    let mut all = nodes.ranks().all_gather_v(&all).concat();
     all.sort_unstable();
     all.dedup();
     all

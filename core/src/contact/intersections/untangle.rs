@@ -10,13 +10,13 @@
 
 mod contours;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::Vec3;
-use crate::contact::collisions::packing::{Packed, Unpacked};
 use crate::contact::tolerances::ALONG_TRIANGLE;
 use crate::contact::topology::surface::ContactSurface;
 use crate::geometry::crossings::Crossing;
+use crate::parallel::message::codec;
 use contours::along_lines;
 
 /// Edge lengths per second at which cloth that crosses cloth is pushed apart [1/s].
@@ -87,8 +87,29 @@ struct Known {
     edges: BTreeMap<[u32; 2], Edge>,
 }
 
+codec!(struct Point { x, v, mobility });
+codec!(struct Edge { length, corners });
+codec!(struct Known { points, edges });
+
 impl Known {
     fn of_all(
+        surface: &ContactSurface,
+        crossings: &[Crossing],
+        x: &[Vec3],
+        velocity: impl Fn(u32) -> Vec3,
+        v: &[Vec3],
+    ) -> Self {
+        let own = Self::of_own(surface, crossings, x, velocity, v);
+        let mut known = Self { points: BTreeMap::new(), edges: BTreeMap::new() };
+        for Self { points, edges } in surface.ranks().all_gather_encoded("what is known of crossings", vec![own]) {
+            known.points.extend(points);
+            known.edges.extend(edges);
+        }
+        known
+    }
+
+    /// What this rank tells.
+    fn of_own(
         surface: &ContactSurface,
         crossings: &[Crossing],
         x: &[Vec3],
@@ -98,50 +119,28 @@ impl Known {
         let nodes = surface.nodes();
         // What bodies do is known everywhere: one rank tells it.
         let tells =
-            |number: u32| nodes.owns(number) || (number >= nodes.global_cloth_count() && nodes.ranks().is_first());
-        let mut numbers: Vec<u32> = crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle)).collect();
-        let mut edges: Vec<[u32; 2]> = crossings.iter().map(|crossing| crossing.edge).collect();
-        numbers.retain(|number| tells(*number));
-        edges.retain(|[first, _]| tells(*first));
-        numbers.sort_unstable();
-        numbers.dedup();
-        edges.sort_unstable();
-        edges.dedup();
+            |number: &u32| nodes.owns(*number) || (*number >= nodes.global_cloth_count() && nodes.ranks().is_first());
+        let numbers = crossings.iter().flat_map(|c| c.edge.into_iter().chain(c.triangle)).filter(tells);
+        let edges = crossings.iter().map(|crossing| crossing.edge).filter(|[first, _]| tells(first));
         let local = |number: u32| nodes.local(number).expect("own nodes, their edges' other ends and bodies are known");
-        let mut packed = Packed::default();
-        packed.list(&numbers, |packed, number| {
-            let node = local(*number);
-            let v = if nodes.owns(*number) { v[(number - nodes.owned().start) as usize] } else { velocity(node) };
-            packed.number(*number);
-            [x[node as usize], v, surface.mobility()[node as usize]].iter().for_each(|vector| packed.vector(vector));
-        });
-        packed.list(&edges, |packed, edge| {
-            let of = edge.map(local);
-            let opposite = |triangle: [u32; 3]| triangle.into_iter().find(|node| !of.contains(node));
-            let corners: Vec<u32> = surface.triangles_of_edge(of).filter_map(opposite).collect();
-            edge.iter().for_each(|number| packed.number(*number));
-            packed.float(surface.edge_length()[of[0] as usize]);
-            packed.list(&corners, |packed, node| {
-                packed.number(nodes.number(*node));
-                packed.vector(&x[*node as usize]);
-            });
-        });
-        let mut known = Self { points: BTreeMap::new(), edges: BTreeMap::new() };
-        for words in nodes.ranks().all_gather_v(packed.words()) {
-            let mut unpacked = Unpacked::new(&words);
-            unpacked.list(|unpacked| {
-                let number = unpacked.node();
-                let [x, v, mobility] = [(); 3].map(|()| unpacked.vector());
-                known.points.insert(number, Point { x, v, mobility })
-            });
-            unpacked.list(|unpacked| {
-                let edge = [(); 2].map(|()| unpacked.node());
-                let length = unpacked.float();
-                let corners = unpacked.list(|unpacked| (unpacked.node(), unpacked.vector()));
-                known.edges.insert(edge, Edge { length, corners })
-            });
+        let point = |number: u32| {
+            let node = local(number);
+            let v = if nodes.owns(number) { v[(number - nodes.owned().start) as usize] } else { velocity(node) };
+            Point { x: x[node as usize], v, mobility: surface.mobility()[node as usize] }
+        };
+        let edge = |ends: [u32; 2]| {
+            let ends = ends.map(local);
+            let opposite = |triangle: [u32; 3]| triangle.into_iter().find(|node| !ends.contains(node));
+            let corners = surface.triangles_of_edge(ends).filter_map(opposite);
+            let corners = corners.map(|node| (nodes.number(node), x[node as usize])).collect();
+            Edge { length: surface.edge_length()[ends[0] as usize], corners }
+        };
+        // Each once, however many crossings name it.
+        let (numbers, edges): (BTreeSet<u32>, BTreeSet<[u32; 2]>) = (numbers.collect(), edges.collect());
+        Self {
+            points: numbers.into_iter().map(|number| (number, point(number))).collect(),
+            edges: edges.into_iter().map(|ends| (ends, edge(ends))).collect(),
         }
-        known
     }
 }
 

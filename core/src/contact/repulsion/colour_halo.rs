@@ -5,12 +5,15 @@
 //! nothing of this kind takes no message. The
 //! pairs that change what is told go first, and the others while it is on its way.
 
+use std::ops::Range;
+
 use crate::Vec3;
 use crate::contact::repulsion::active_contact::{ActiveContact, PairsOfKind};
 use crate::contact::repulsion::atomic_vectors::AtomicVectors;
 use crate::contact::topology::nodes::ContactNodes;
+use crate::contact::topology::pair::{KINDS, PairKind};
 use crate::parallel::communicator::{Exchange, Expected, Message};
-use crate::parallel::message;
+use crate::parallel::message::{self, codec};
 use crate::parallel::ranks::Ranks;
 
 /// What is told when.
@@ -41,23 +44,24 @@ impl HaloPerColour {
         let (wanted, first) = wanted(nodes, marked);
         let near = near(nodes, kinds, &wanted);
         let mut rounds = [0, 1].map(|kind| vec![HaloExchange::default(); kinds[kind].live_order.colours().len()]);
-        let mut messages = Vec::new();
+        let mut lists = Vec::new();
         for ((to, list), wanted) in halo.sends().iter().zip(&wanted) {
-            let words = announced_pairs(nodes, &near, (*to, list), wanted);
-            for ([kind, colour], places) in Entries(&words) {
+            let announced = announced_pairs(nodes, &near, *to, list, wanted);
+            for Announced { kind, colour, places } in &announced {
                 let sent = places.iter().map(|place| list[*place as usize]).collect();
-                rounds[kind][colour].sends.push((*to, sent));
+                rounds[*kind as usize][*colour as usize].sends.push((*to, sent));
             }
-            messages.push(Message { to: *to, bytes: bytemuck::cast_slice(&words).to_vec() });
+            lists.push(announced);
         }
-        let expected = |(from, _): &(usize, _)| Expected { from: *from, length: None };
-        let expected: Vec<Expected> = halo.receives().iter().map(expected).collect();
-        let answers = nodes.ranks().start(messages, &expected).finish();
-        for ((from, range), bytes) in halo.receives().iter().zip(answers) {
-            let words: Vec<u32> = message::values(nodes.ranks().rank(), "places of active pairs", &bytes);
-            for ([kind, colour], places) in Entries(&words) {
-                let received = places.iter().map(|place| range.start as u32 + place).collect();
-                rounds[kind][colour].receives.push((*from, received));
+        let (ranks, rank) = (nodes.ranks(), nodes.ranks().rank());
+        let received = halo.tell_holders_encoded(ranks, Announced::NAME, &lists);
+        for ((from, range), announced) in halo.receives().iter().zip(received) {
+            for Announced { kind, colour, places } in announced {
+                let rounds = &mut rounds[kind as usize];
+                let colour = message::index(rank, Announced::NAME, colour, rounds.len());
+                let place = |place| range.start + message::index(rank, Announced::NAME, place, range.len());
+                let ghosts = places.into_iter().map(|at| place(at) as u32).collect();
+                rounds[colour].receives.push((*from, ghosts));
             }
         }
         Self { first, rounds }
@@ -115,10 +119,8 @@ impl HaloExchange {
         if self.sends.is_empty() && self.receives.is_empty() {
             return None;
         }
-        let message = |(to, list): &(usize, Vec<u32>)| {
-            let values: Vec<Vec3> = list.iter().map(|node| velocities.get(*node)).collect();
-            Message { to: *to, bytes: bytemuck::cast_slice(&values).to_vec() }
-        };
+        let values = |list: &[u32]| list.iter().map(|node| velocities.get(*node)).collect::<Vec<Vec3>>();
+        let message = |(to, list): &(usize, Vec<u32>)| Message::of_rows(*to, &values(list));
         let length = |list: &[u32]| size_of::<Vec3>() * list.len();
         let expected = |(from, list): &(usize, Vec<u32>)| Expected { from: *from, length: Some(length(list)) };
         let messages = self.sends.iter().map(message).collect();
@@ -129,7 +131,8 @@ impl HaloExchange {
     /// Waits for those of others.
     fn finish(&self, ranks: &Ranks, exchange: Box<dyn Exchange + '_>, velocities: &AtomicVectors) {
         for ((_, list), bytes) in self.receives.iter().zip(exchange.finish()) {
-            let values: Vec<Vec3> = message::values(ranks.rank(), "velocities of active pairs", &bytes);
+            let mut values = vec![Vec3::zeros(); list.len()];
+            message::copy_rows(ranks.rank(), "velocities of active pairs", &bytes, &mut values);
             list.iter().zip(&values).for_each(|(node, value)| velocities.set(*node, value));
         }
     }
@@ -139,14 +142,10 @@ impl HaloExchange {
 /// it, rank by rank as in the halo; and the round that gives all of them.
 fn wanted(nodes: &ContactNodes, marked: &[bool]) -> (Vec<Vec<u32>>, HaloExchange) {
     let halo = nodes.halo();
-    let is_wanted = |range: &std::ops::Range<usize>| marked[range.clone()].iter().map(|m| u8::from(*m)).collect();
-    let ask = |(to, range): &(usize, _)| Message { to: *to, bytes: is_wanted(range) };
-    let messages = halo.receives().iter().map(ask).collect();
-    let asked = |(from, list): &(usize, Vec<u32>)| Expected { from: *from, length: Some(list.len()) };
-    let asked: Vec<Expected> = halo.sends().iter().map(asked).collect();
-    let answers = nodes.ranks().start(messages, &asked).finish();
-    let places = |marks: &Vec<u8>| (0..marks.len() as u32).filter(|place| marks[*place as usize] != 0).collect();
-    let wanted: Vec<Vec<u32>> = answers.iter().map(places).collect();
+    let marks = |range: &Range<usize>| marked[range.clone()].iter().map(|m| u8::from(*m)).collect();
+    let answers = halo.tell_owners::<u8>(nodes.ranks(), "nodes of active pairs", marks);
+    let wanted: Vec<Vec<u32>> =
+        halo.sends().iter().zip(answers).map(|((_, list), marks)| places(nodes, list, &marks)).collect();
     let mut first = HaloExchange::default();
     for ((to, list), wanted) in halo.sends().iter().zip(&wanted).filter(|(_, wanted)| !wanted.is_empty()) {
         first.sends.push((*to, wanted.iter().map(|place| list[*place as usize]).collect()));
@@ -160,62 +159,66 @@ fn wanted(nodes: &ContactNodes, marked: &[bool]) -> (Vec<Vec<u32>>, HaloExchange
     (wanted, first)
 }
 
-/// Kind and colour, and nodes, of the active pairs that have a node which somebody wants; in the order of the sweeps.
-fn near(nodes: &ContactNodes, kinds: &[PairsOfKind; 2], wanted: &[Vec<u32>]) -> Vec<([u32; 2], [u32; 4])> {
+/// The places that are marked in a list, which has as many.
+fn places(nodes: &ContactNodes, list: &[u32], marks: &[u8]) -> Vec<u32> {
+    if marks.len() != list.len() {
+        let what = format_args!("{} of {} nodes are marked", marks.len(), list.len());
+        message::is_broken(nodes.ranks().rank(), "nodes of active pairs", what);
+    }
+    (0..).zip(marks).filter(|(_, mark)| **mark != 0).map(|(place, _)| place).collect()
+}
+
+/// An active pair that has a node which somebody wants.
+struct NearPair {
+    kind: PairKind,
+    colour: u32,
+    nodes: [u32; 4],
+}
+
+/// The active pairs that have a node which somebody wants, in the order of the sweeps.
+fn near(nodes: &ContactNodes, kinds: &[PairsOfKind; 2], wanted: &[Vec<u32>]) -> Vec<NearPair> {
     let mut watched = vec![false; nodes.cloth()];
     for ((_, list), wanted) in nodes.halo().sends().iter().zip(wanted) {
         wanted.iter().for_each(|place| watched[list[*place as usize] as usize] = true);
     }
     let mut near = Vec::new();
-    for (kind, of_kind) in kinds.iter().enumerate() {
-        for (colour, range) in of_kind.live_order.colours().iter().enumerate() {
+    for (kind, of_kind) in KINDS.into_iter().zip(kinds) {
+        for (colour, range) in (0..).zip(of_kind.live_order.colours()) {
             let active = of_kind.live[range.clone()].iter().filter_map(|&i| of_kind.contacts[i as usize].as_ref());
             let watched = active.filter(|t| t.nodes.iter().any(|node| watched[*node as usize]));
-            near.extend(watched.map(|t| ([kind as u32, colour as u32], t.nodes)));
+            near.extend(watched.map(|t| NearPair { kind, colour, nodes: t.nodes }));
         }
     }
     near
 }
 
-/// What the rank `to` is told, which has copies of the nodes in `list`, as [`Entries`]: those that it wants, in pairs
-/// that it does not hold.
-fn announced_pairs(
-    nodes: &ContactNodes,
-    near: &[([u32; 2], [u32; 4])],
-    (to, list): (usize, &[u32]),
-    wanted: &[u32],
-) -> Vec<u32> {
+/// Which of the nodes that a rank has copies of change in the pairs of a colour.
+struct Announced {
+    kind: PairKind,
+    colour: u32,
+    /// Places in the list of what is sent to the rank.
+    places: Vec<u32>,
+}
+
+codec!(struct Announced { kind, colour, places });
+
+impl Announced {
+    /// The report of a broken message says.
+    const NAME: &str = "places of active pairs";
+}
+
+/// What the rank `to` is told, which has copies of the nodes in `list`: those that it wants, in pairs that it does not hold.
+fn announced_pairs(nodes: &ContactNodes, near: &[NearPair], to: usize, list: &[u32], wanted: &[u32]) -> Vec<Announced> {
     let received = nodes.halo().receives().iter().find(|(from, _)| *from == to);
     let theirs = received.map_or(0..0, |(_, range)| range.clone());
     let mut place_of: Vec<(u32, u32)> = wanted.iter().map(|place| (list[*place as usize], *place)).collect();
     place_of.sort_unstable();
-    let mut words = Vec::new();
-    for same in near.chunk_by(|a, b| a.0 == b.0) {
-        let not_held = same.iter().filter(|(_, of)| !of.iter().any(|node| theirs.contains(&(*node as usize))));
-        let place = |node: &u32| place_of.binary_search_by_key(node, |(n, _)| *n).ok();
-        let places: Vec<u32> = not_held.flat_map(|(_, of)| of).filter_map(place).map(|i| place_of[i].1).collect();
-        if !places.is_empty() {
-            let [kind, colour] = same[0].0;
-            words.extend([kind, colour, places.len() as u32]);
-            words.extend(places);
-        }
-    }
-    words
-}
-
-/// Entries of a message: kind, colour, how many, and so many places.
-struct Entries<'a>(&'a [u32]);
-
-impl<'a> Iterator for Entries<'a> {
-    type Item = ([usize; 2], &'a [u32]);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        if self.0.is_empty() {
-            return None;
-        }
-        let [kind, colour, count, rest @ ..] = self.0 else { unreachable!("a message holds whole entries") };
-        let (places, rest) = rest.split_at(*count as usize);
-        self.0 = rest;
-        Some(([*kind as usize, *colour as usize], places))
-    }
+    let place = |node: &u32| place_of.binary_search_by_key(node, |(n, _)| *n).ok();
+    let announced = |same: &[NearPair]| {
+        let not_held = same.iter().filter(|pair| !pair.nodes.iter().any(|node| theirs.contains(&(*node as usize))));
+        let places = not_held.flat_map(|pair| &pair.nodes).filter_map(place).map(|i| place_of[i].1).collect();
+        Announced { kind: same[0].kind, colour: same[0].colour, places }
+    };
+    let colours = near.chunk_by(|a, b| (a.kind, a.colour) == (b.kind, b.colour));
+    colours.map(announced).filter(|announced| !announced.places.is_empty()).collect()
 }

@@ -2,6 +2,7 @@
 
 use crate::Vec3;
 use crate::geometry::distance::{closest_on_segments, closest_on_triangle};
+use crate::parallel::message::codec;
 
 /// What the four nodes of a pair form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -23,6 +24,9 @@ pub(crate) struct Pair {
     /// Its nodes, in the solver's numbering.
     pub nodes: [u32; 4],
 }
+
+codec!(enum PairKind { 0 => PointTriangle, 1 => EdgeEdge });
+codec!(struct Pair { kind, nodes });
 
 /// The closest points of a pair.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -8,7 +8,7 @@
 
 use crate::Vec3;
 use crate::effects::force::{Force, PartForce, PartMotion, PartView};
-use crate::effects::springs::SpringElement;
+use crate::effects::springs::SpringNetwork;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
 use crate::scene::{Integrator, Scene};
@@ -75,13 +75,8 @@ const _: () = assert!(PART_SIZE <= u16::MAX as usize, "rows number the vertices 
 type Entry = (usize, usize, usize);
 
 /// Sorts the springs of a garment into its parts.
-pub(super) fn build(
-    scene: &Scene,
-    garment: usize,
-    (elements, measures_strain): (&[SpringElement], bool),
-    (stiffnesses, shortest): (&[f64], f64),
-    damping_ratios: &[f64],
-) -> (Vec<PartForce>, usize) {
+pub(super) fn build(scene: &Scene, garment: usize, network: &SpringNetwork<'_>) -> (Vec<PartForce>, usize) {
+    let SpringNetwork { elements, stiffnesses, damping_ratios, shortest, measures_strain } = *network;
     let (parts, masses) = (scene.parts(), scene.masses());
     let first = parts.garment(garment).start;
     let part_of = |vertex: usize| parts.own().contains(&vertex).then(|| parts.part_of(vertex));
@@ -264,8 +259,10 @@ impl Rows<'_, &mut [f64]> {
             let springs = first..first + vertices.len() * N;
             pull(
                 &mut pulls.as_flattened_mut()[..springs.len()],
-                (&self.stiffness[springs.clone()], &self.rest_length[springs.clone()]),
-                (&self.damping[springs.clone()], &mut self.scaled_damping[springs]),
+                &self.stiffness[springs.clone()],
+                &self.rest_length[springs.clone()],
+                &self.damping[springs.clone()],
+                &mut self.scaled_damping[springs],
             );
             for ((i, others), pulls) in vertices.iter().zip(others).zip(&pulls) {
                 let i = usize::from(*i);
@@ -291,7 +288,7 @@ fn fetch(vertices: &[u32], from: &[Vec3]) -> [Simd4; NEIGHBOURS] {
 
 /// Turns squared lengths into tensions over length [N/m], and c into c / l²; several springs share the time of a root and
 /// a division.
-fn pull(lengths: &mut [f64], (stiffness, rest): (&[f64], &[f64]), (damping, scaled): (&[f64], &mut [f64])) {
+fn pull(lengths: &mut [f64], stiffness: &[f64], rest: &[f64], damping: &[f64], scaled: &mut [f64]) {
     let springs = lengths.iter_mut().zip(stiffness.iter().zip(rest)).zip(damping.iter().zip(scaled));
     for ((length, (k, rest)), (c, scaled)) in springs {
         let squared = *length;
@@ -379,8 +376,9 @@ impl Force for PartSprings {
                 let [i, j] = self.border[b].map(usize::from);
                 let u = x[j % NEIGHBOURS] - own[i];
                 let (spring, mut length) = (first + b..first + b + 1, [u.dot(u)]);
-                let elastic = (&self.stiffness[spring.clone()], &self.rest_length[spring.clone()]);
-                pull(&mut length, elastic, (&self.damping[spring.clone()], &mut scaled[spring]));
+                let [stiffness, rest, damping] =
+                    [&self.stiffness, &self.rest_length, &self.damping].map(|all| &all[spring.clone()]);
+                pull(&mut length, stiffness, rest, damping, &mut scaled[spring]);
                 f[i] += u * length[0];
             }
         }

@@ -1,7 +1,7 @@
 //! The edges of one part under a strain limit. An edge over a border is with both parts, with the same numbers.
 
 use crate::Vec3;
-use crate::effects::force::Purpose;
+use crate::effects::force::{FilterStep, Purpose};
 use crate::effects::strain_limit::{Limits, RECOVERY};
 use crate::elements::corners::by_part;
 use crate::mesh::TriangleMesh;
@@ -84,14 +84,10 @@ impl PartEdges {
         self.edges[edge].ahead
     }
 
-    /// Begins a solve for a step of `dt` [s] with these positions and velocities of the local vertices, without impulses. Returns
-    /// the largest excess over what is allowed, by rest length, and the sum of the squares of those that count here.
-    pub(super) fn begin(
-        &mut self,
-        (x, v): (&[Vec3], &[Vec3]),
-        (dt, purpose): (f64, Purpose),
-        (mobility, valence): (&[Vec3], &[f64]),
-    ) -> (f64, f64) {
+    /// Begins a solve for a step with these velocities and numbers of edges of the local vertices, without impulses. Returns the
+    /// largest excess over what is allowed, by rest length, and the sum of the squares of those that count here.
+    pub(super) fn begin(&mut self, step: &FilterStep<'_>, v: &[Vec3], valence: &[f64]) -> (f64, f64) {
+        let FilterStep { mobility, x, dt, purpose, .. } = *step;
         self.dt = dt;
         let (mut worst, mut squares) = (0.0_f64, 0.0);
         for (edge, counts) in self.edges.iter_mut().zip(&self.counts) {
@@ -150,7 +146,7 @@ impl PartEdges {
     }
 
     /// How many edges are beyond the limit after a step with these velocities.
-    pub(super) fn over_limit(&self, (x, v): (&[Vec3], &[Vec3]), dt: f64) -> u64 {
+    pub(super) fn over_limit(&self, x: &[Vec3], v: &[Vec3], dt: f64) -> u64 {
         let is_over = |edge: &LimitedEdge| {
             let [i, j] = edge.ends.map(|end| end as usize);
             let after = (x[j] - x[i] + (v[j] - v[i]) * dt).norm() / edge.rest_length;

@@ -8,8 +8,9 @@
 
 use std::ops::Range;
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::Vec3;
-use crate::parallel::message::{vector_of, words_of};
 use crate::parallel::ranks::Ranks;
 
 /// Number of vertices at which the bisection stops ordering.
@@ -20,13 +21,22 @@ const DIGIT: u32 = 4;
 const KEY: u32 = u64::BITS + u32::BITS;
 const DIGITS: usize = 1 << DIGIT;
 
-/// A vertex on its way: bits of its rest position, and its number in the garment.
-type Row = [u64; 4];
+/// A vertex on its way.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct PlacedVertex {
+    /// Rest position [m].
+    position: Vec3,
+    /// Number in the garment.
+    vertex: u32,
+    /// Number of the piece that it belongs to, once all pieces are whole.
+    piece: u32,
+}
 
 /// Vertices that take these places of the order; each rank has some of them.
 struct Piece {
     places: Range<usize>,
-    rows: Vec<Row>,
+    rows: Vec<PlacedVertex>,
 }
 
 /// The vertices that take this rank's places among those of a garment, in their order, with their rest positions [m].
@@ -38,13 +48,11 @@ pub(crate) fn order(
     ranks: &Ranks,
     places: Range<usize>,
     starts: &[u32],
-    (first, points): (usize, &[Vec3]),
+    first: usize,
+    points: &[Vec3],
 ) -> (Vec<u32>, Vec<Vec3>) {
-    let row = |(p, vertex): (&Vec3, u64)| {
-        let [x, y, z] = words_of(p);
-        [x, y, z, vertex]
-    };
-    let rows = points.iter().zip(first as u64..).map(row).collect();
+    let row = |(position, vertex): (&Vec3, u32)| PlacedVertex { position: *position, vertex, piece: 0 };
+    let rows = points.iter().zip(first as u32..).map(row).collect();
     let mut open = vec![Piece { places, rows }];
     let mut whole: Vec<(usize, Piece)> = Vec::new();
     open.retain(|piece| !piece.places.is_empty());
@@ -62,25 +70,20 @@ pub(crate) fn order(
     }
     whole.sort_unstable_by_key(|(_, piece)| piece.places.start);
     let mut lists = vec![Vec::new(); ranks.count()];
-    for (number, (rank, piece)) in (0u64..).zip(whole) {
-        // Above the vertex, so that sorting brings pieces together and their vertices in order.
-        lists[rank].extend(piece.rows.into_iter().map(|[x, y, z, vertex]| [x, y, z, number << 32 | vertex]));
+    for (number, (rank, piece)) in (0..).zip(whole) {
+        lists[rank].extend(piece.rows.into_iter().map(|row| PlacedVertex { piece: number, ..row }));
     }
     let mut own = ranks.all_to_all_v(lists).concat();
-    own.sort_unstable_by_key(|row| row[3]);
+    own.sort_unstable_by_key(|row| (row.piece, row.vertex));
     let (mut vertices, mut rest) = (Vec::with_capacity(own.len()), Vec::with_capacity(own.len()));
-    for piece in own.chunk_by(|a, b| a[3] >> 32 == b[3] >> 32) {
-        let positions: Vec<Vec3> = piece.iter().map(position).collect();
+    for piece in own.chunk_by(|a, b| a.piece == b.piece) {
+        let positions: Vec<Vec3> = piece.iter().map(|row| row.position).collect();
         let mut order: Vec<u32> = (0..piece.len() as u32).collect();
         bisect(&positions, &mut order);
-        vertices.extend(order.iter().map(|i| piece[*i as usize][3] as u32));
+        vertices.extend(order.iter().map(|i| piece[*i as usize].vertex));
         rest.extend(order.iter().map(|i| positions[*i as usize]));
     }
     (vertices, rest)
-}
-
-fn position([x, y, z, _]: &Row) -> Vec3 {
-    vector_of([*x, *y, *z])
 }
 
 /// Orders `order` by recursive bisection.
@@ -122,7 +125,8 @@ fn halves(ranks: &Ranks, pieces: Vec<Piece>) -> Vec<Piece> {
 fn longest_sides(ranks: &Ranks, pieces: &[Piece]) -> Vec<usize> {
     let none = Vec3::repeat(f64::NEG_INFINITY);
     let bounds = |piece: &Piece| {
-        let bounds = piece.rows.iter().map(position).fold((none, none), |(l, h), p| (l.sup(&-p), h.sup(&p)));
+        let positions = piece.rows.iter().map(|row| row.position);
+        let bounds = positions.fold((none, none), |(l, h), p| (l.sup(&-p), h.sup(&p)));
         [bounds.0.x, bounds.0.y, bounds.0.z, bounds.1.x, bounds.1.y, bounds.1.z]
     };
     let all = ranks.max_each(pieces.iter().flat_map(bounds).collect());
@@ -131,10 +135,10 @@ fn longest_sides(ranks: &Ranks, pieces: &[Piece]) -> Vec<usize> {
 }
 
 /// What a vertex is compared by: its coordinate in the order of `total_cmp`, then its number.
-fn key(row: &Row, axis: usize) -> u128 {
-    let bits = row[axis];
+fn key(row: &PlacedVertex, axis: usize) -> u128 {
+    let bits = row.position[axis].to_bits();
     let coordinate = if bits >> 63 == 0 { bits | 1 << 63 } else { !bits };
-    u128::from(coordinate) << u32::BITS | u128::from(row[3])
+    u128::from(coordinate) << u32::BITS | u128::from(row.vertex)
 }
 
 /// For each list, of which every rank has some keys, the key that so many others are smaller than.
@@ -190,7 +194,7 @@ mod tests {
                     let assignment = partition.balance(&partition.sizes(), ranks.count());
                     let starts: Vec<u32> = assignment.iter().map(|p| partition.starts()[*p] as u32).collect();
                     let own = BlockDistribution::new(count, ranks.count()).rows(ranks.rank());
-                    let (order, rest) = order(&ranks, places, &starts, (own.start, &all[own.clone()]));
+                    let (order, rest) = order(&ranks, places, &starts, own.start, &all[own.clone()]);
                     assert!(order.iter().zip(&rest).all(|(v, p)| all[*v as usize] == *p));
                     order
                 });

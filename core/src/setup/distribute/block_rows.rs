@@ -41,60 +41,62 @@ impl BlockDistribution {
     }
 }
 
-/// Rank 0's side of [`spread`].
-struct Reading<'a, T> {
+/// Rank 0's side of [`scatter_rows`].
+struct Reading<'a, T, const N: usize> {
     ranks: &'a Ranks,
     homes: &'a BlockDistribution,
     /// Rows that were given.
     given: usize,
-    own: Vec<T>,
-    /// What the next message holds, and of how many rows.
-    waiting: Vec<T>,
+    own: [Vec<T>; N],
+    /// What the next messages hold, one for each column, and of how many rows.
+    waiting: [Vec<T>; N],
     rows: usize,
 }
 
-impl<T: Pod> Reading<'_, T> {
-    fn push(&mut self, row: &[T]) {
+impl<T: Pod, const N: usize> Reading<'_, T, N> {
+    fn push(&mut self, row: [&[T]; N]) {
         if self.given == self.homes.count() {
             return;
         }
         let to = self.homes.of(self.given);
         self.given += 1;
         if to == 0 {
-            self.own.extend_from_slice(row);
+            self.own.iter_mut().zip(row).for_each(|(column, values)| column.extend_from_slice(values));
             return;
         }
-        self.waiting.extend_from_slice(row);
+        self.waiting.iter_mut().zip(row).for_each(|(column, values)| column.extend_from_slice(values));
         self.rows += 1;
         if self.rows == PIECE || self.given == self.homes.rows(to).end {
-            let bytes = bytemuck::cast_slice(&self.waiting).to_vec();
-            self.ranks.start(vec![Message { to, bytes }], &[]).finish();
-            self.waiting.clear();
+            for column in &mut self.waiting {
+                self.ranks.start(vec![Message::of_rows(to, column)], &[]).finish();
+                column.clear();
+            }
             self.rows = 0;
         }
     }
 }
 
-/// This rank's share of rows that rank 0 gives one after the other, each as its values; `give` is called there alone. What is
-/// given beyond the shares is passed over, and what is missing has no values. All ranks call it together.
-pub(crate) fn scatter_rows<T: Pod>(
+/// This rank's share of rows that rank 0 gives one after the other, each as its values in every column; `give` is called there
+/// alone. What is given beyond the shares is passed over, and what is missing has no values. All ranks call it together.
+pub(crate) fn scatter_rows<T: Pod, const N: usize>(
     ranks: &Ranks,
     homes: &BlockDistribution,
-    give: impl FnOnce(&mut dyn FnMut(&[T])),
-) -> Vec<T> {
+    give: impl FnOnce(&mut dyn FnMut([&[T]; N])),
+) -> [Vec<T>; N] {
+    let mut own = [(); N].map(|()| Vec::new());
     if ranks.is_first() {
-        let (own, waiting) = (Vec::new(), Vec::new());
+        let waiting = own.clone();
         let mut reading = Reading { ranks, homes, given: 0, own, waiting, rows: 0 };
         give(&mut |row| reading.push(row));
         while reading.given < homes.count() {
-            reading.push(&[]);
+            reading.push([&[]; N]);
         }
         return reading.own;
     }
-    let mut own = Vec::new();
     for _ in 0..homes.rows(ranks.rank()).len().div_ceil(PIECE) {
-        for bytes in ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish() {
-            own.extend(message::values::<T>(ranks.rank(), "rows that rank 0 reads", &bytes));
+        for column in &mut own {
+            let received = ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish();
+            column.extend(message::rows::<T>(ranks.rank(), "rows that rank 0 reads", &received[0]));
         }
     }
     own
@@ -127,11 +129,12 @@ mod tests {
             let all = LocalRanks::run(ranks, 1, |communicator| {
                 let ranks = Ranks::new(communicator);
                 let homes = BlockDistribution::new(rows, ranks.count());
-                // Row r has r mod 3 values.
-                let own = scatter_rows(&ranks, &homes, |take| {
-                    (0..rows as u32 + 7).for_each(|row| take(&vec![row; row as usize % 3]));
+                // Row r has r mod 3 values, and one that counts them.
+                let [counts, own] = scatter_rows(&ranks, &homes, |take| {
+                    (0..rows as u32 + 7).for_each(|row| take([&[row % 3], &vec![row; row as usize % 3]]));
                 });
                 let mine = homes.rows(ranks.rank());
+                assert!(counts.iter().copied().eq(mine.clone().map(|row| row as u32 % 3)));
                 assert!(own.iter().copied().eq(mine.flat_map(|row| vec![row as u32; row % 3])));
                 let wanted: Vec<u32> = (0..rows as u32).rev().step_by(5).collect();
                 let answers = fetch(
@@ -154,10 +157,10 @@ mod tests {
     fn rows_that_are_missing_hold_nobody_up() {
         let all = LocalRanks::run(4, 1, |communicator| {
             let ranks = Ranks::new(communicator);
-            scatter_rows::<u32>(&ranks, &BlockDistribution::new(40_000, 4), |take| {
-                (0..15_000).for_each(|row| take(&[row]))
-            })
-            .len()
+            let [own] = scatter_rows::<u32, 1>(&ranks, &BlockDistribution::new(40_000, 4), |take| {
+                (0..15_000).for_each(|row| take([&[row]]))
+            });
+            own.len()
         });
         assert_eq!(all.expect("no rank waits for ever"), [10_000, 5000, 0, 0]);
     }

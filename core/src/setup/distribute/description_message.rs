@@ -7,7 +7,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use crate::geometry::attachment::SurfaceAttachment;
 use crate::geometry::shapes::Shape;
 use crate::mesh::{MeshStream, PolygonMesh};
-use crate::parallel::message::{Codec, Decoder, wire};
+use crate::parallel::message::{Codec, Decoder, codec};
 use crate::scene::seam_pairs::Sewn;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{
@@ -17,44 +17,44 @@ use crate::scene::{
 };
 use crate::settings::SettingValue;
 
-wire!(struct Timeline { fps_numerator, fps_denominator, origin, start });
-wire!(enum Integrator { 0 => SemiImplicit, 1 => Implicit });
-wire!(enum BodyFriction { 0 => WholeStep, 1 => PositionHalf });
-wire!(struct SolverSettings {
+codec!(struct Timeline { fps_numerator, fps_denominator, origin, start });
+codec!(enum Integrator { 0 => SemiImplicit, 1 => Implicit });
+codec!(enum BodyFriction { 0 => WholeStep, 1 => PositionHalf });
+codec!(struct SolverSettings {
     cfl, max_dt, min_dt, strain_per_step, cg_tolerance, cg_max_iterations, integrator, body_friction
 });
-wire!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
-wire!(struct PolygonMesh { points, face_counts, face_indices });
-wire!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, maps });
-wire!(struct PaintedMap { values, absolute });
-wire!(enum Shape {
+codec!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
+codec!(struct PolygonMesh { points, face_counts, face_indices });
+codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, maps });
+codec!(struct PaintedMap { values, absolute });
+codec!(enum Shape {
     0 => HalfSpace,
     1 => Sphere { radius },
     2 => Capsule { radius, half_length },
     3 => Cylinder { radius, half_length },
     4 => Box { half_extents },
 });
-wire!(enum BodyShape { 0 => Rigid(shape), 1 => Surface { triangles, point_count } });
-wire!(struct RigidMotion { path, rotation, angular_velocity, spin_start });
-wire!(struct BodyDescription { name, shape, motion, friction, thickness, max_push_speed, faces_inwards });
-wire!(enum PinAnchor { 0 => Start, 1 => WhenHeld });
-wire!(enum PinHold { 0 => Hard, 1 => Spring { stiffness, damping_ratio, break_force } });
-wire!(struct SurfaceAttachment { vertex, body_points, weights, offset });
-wire!(enum PinTarget {
+codec!(enum BodyShape { 0 => Rigid(shape), 1 => Surface { triangles, point_count } });
+codec!(struct RigidMotion { path, rotation, angular_velocity, spin_start });
+codec!(struct BodyDescription { name, shape, motion, friction, thickness, max_push_speed, faces_inwards });
+codec!(enum PinAnchor { 0 => Start, 1 => WhenHeld });
+codec!(enum PinHold { 0 => Hard, 1 => Spring { stiffness, damping_ratio, break_force } });
+codec!(struct SurfaceAttachment { vertex, body_points, weights, offset });
+codec!(enum PinTarget {
     0 => Path { anchor, vertices, offsets },
     1 => Track { vertices, track },
     2 => Body { body, attachments },
     3 => BodyNearest { body, vertices },
 });
-wire!(struct PinDescription { garment, target, axes, from, until, hold });
-wire!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
-wire!(struct EffectRequest { effect, garment, settings, because });
-wire!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
-wire!(struct WindGridShape { origin, spacing, counts });
-wire!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, wind, effects, left_out });
-wire!(struct Pinned { number, pin, row, vertex, attachment });
-wire!(struct MergedVertex { vertex, leader, offset });
-wire!(struct Sewn { number, seam, ends, gap });
+codec!(struct PinDescription { garment, target, axes, from, until, hold });
+codec!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
+codec!(struct EffectRequest { effect, garment, settings, because });
+codec!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
+codec!(struct WindGridShape { origin, spacing, counts });
+codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, wind, effects, left_out });
+codec!(struct Pinned { number, pin, row, vertex, attachment });
+codec!(struct MergedVertex { vertex, leader, offset });
+codec!(struct Sewn { number, seam, ends, gap });
 
 /// Only rank 0 reads.
 impl Codec for Option<Arc<dyn MeshStream>> {

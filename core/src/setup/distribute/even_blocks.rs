@@ -6,6 +6,7 @@ use std::borrow::Cow;
 use crate::Vec3;
 use crate::error::Problem;
 use crate::mesh::{MeshStream, PolygonMesh};
+use crate::parallel::message::{codec, is_broken};
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
 use crate::scene::{FARTHEST, is_possible};
@@ -17,49 +18,55 @@ pub(crate) struct BlockOfMesh<'a> {
     pub(crate) faces_of: BlockDistribution,
     /// Rest positions [m].
     pub(crate) points: Cow<'a, [Vec3]>,
-    /// Number of corners and corners of each face.
-    corners: Vec<u32>,
+    /// Number of corners of each face.
+    face_counts: Cow<'a, [u32]>,
+    /// Corners of one face after the other.
+    corners: Cow<'a, [u32]>,
 }
+
+/// How large a mesh is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct MeshSize {
+    pub(crate) points: usize,
+    pub(crate) faces: usize,
+}
+
+codec!(struct MeshSize { points, faces });
 
 impl<'a> BlockOfMesh<'a> {
     /// All of a mesh, for one rank.
     pub(crate) fn alone(mesh: &'a PolygonMesh) -> Self {
         let [points_of, faces_of] =
             [mesh.points.len(), mesh.face_counts.len()].map(|rows| BlockDistribution::new(rows, 1));
-        let rows =
-            mesh.faces().flat_map(|corners| std::iter::once(corners.len() as u32).chain(corners.iter().copied()));
-        Self { points_of, faces_of, points: Cow::Borrowed(&mesh.points), corners: rows.collect() }
+        let [face_counts, corners] = [&mesh.face_counts, &mesh.face_indices].map(|list| Cow::Borrowed(list.as_slice()));
+        Self { points_of, faces_of, points: Cow::Borrowed(&mesh.points), face_counts, corners }
     }
 
-    /// Reads a mesh of so many points and faces on rank 0, and spreads it. All ranks call it together.
+    /// Reads a mesh of this size on rank 0, and spreads it. All ranks call it together.
     pub(crate) fn read(
         ranks: &Ranks,
         mesh: Option<&dyn MeshStream>,
-        (points, faces): (usize, usize),
+        MeshSize { points, faces }: MeshSize,
         place: &str,
         problems: &mut Vec<Problem>,
     ) -> Self {
         let [points_of, faces_of] = [points, faces].map(|rows| BlockDistribution::new(rows, ranks.count()));
         let (mut read, mut given) = (Ok(()), [0, 0]);
-        let own_points = scatter_rows(ranks, &points_of, |take| {
+        let [own_points] = scatter_rows(ranks, &points_of, |take| {
             let mut each = |points: &[Vec3]| {
                 given[0] += points.len();
-                points.iter().for_each(|point| take(std::slice::from_ref(point)));
+                points.iter().for_each(|point| take([std::slice::from_ref(point)]));
             };
             read = mesh.map_or(Ok(()), |mesh| mesh.points(&mut each));
         });
-        let mut row = Vec::new();
-        let corners = scatter_rows(ranks, &faces_of, |take| {
+        let [face_counts, corners] = scatter_rows(ranks, &faces_of, |take| {
             let mut each = |counts: &[u32], corners: &[u32]| {
                 let mut rest = corners;
                 for count in counts {
                     let Some((corners, after)) = rest.split_at_checked(*count as usize) else { return };
                     rest = after;
                     given[1] += 1;
-                    row.clear();
-                    row.push(*count);
-                    row.extend_from_slice(corners);
-                    take(&row);
+                    take([std::slice::from_ref(count), corners]);
                 }
             };
             read = std::mem::replace(&mut read, Ok(())).and(mesh.map_or(Ok(()), |mesh| mesh.faces(&mut each)));
@@ -71,18 +78,17 @@ impl<'a> BlockOfMesh<'a> {
         if let Err(what) = read {
             problems.push(Problem::data(place, what, "export the mesh again, and leave it alone while it is read"));
         }
-        Self { points_of, faces_of, points: Cow::Owned(own_points), corners }
+        if face_counts.iter().map(|count| *count as usize).sum::<usize>() != corners.len() {
+            is_broken(ranks.rank(), "rows that rank 0 reads", "corners do not fit the faces");
+        }
+        let [face_counts, corners] = [face_counts, corners].map(Cow::Owned);
+        Self { points_of, faces_of, points: Cow::Owned(own_points), face_counts, corners }
     }
 
     /// Each face here, with its number in the garment.
     pub(crate) fn faces(&self, ranks: &Ranks) -> impl Iterator<Item = (u32, &[u32])> {
-        let mut rest = self.corners.as_slice();
-        let faces = std::iter::from_fn(move || {
-            let (count, after) = rest.split_first()?;
-            let (corners, after) = after.split_at(*count as usize);
-            rest = after;
-            Some(corners)
-        });
+        let mut rest = &*self.corners;
+        let faces = self.face_counts.iter().map_while(move |count| rest.split_off(..*count as usize));
         (self.faces_of.rows(ranks.rank()).start as u32..).zip(faces)
     }
 

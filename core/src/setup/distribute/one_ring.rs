@@ -3,12 +3,24 @@
 
 use std::ops::Range;
 
+use bytemuck::{Pod, Zeroable};
+
+use crate::parallel::message::codec_of_rows;
 use crate::parallel::ranks::Ranks;
 use crate::setup::distribute::block_rows::BlockDistribution;
 use crate::setup::distribute::even_blocks::{FetchedValues, joined};
 
-/// A polygon and the corners of one of its triangles.
-pub(crate) type Triangle = [u32; 4];
+/// A triangle of a polygon; ordered by the polygon first.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+pub(crate) struct Triangle {
+    /// Number of the polygon in the garment.
+    pub(crate) polygon: u32,
+    /// Numbers of the corners: in the garment while faces are at home, in the scene from then on.
+    pub(crate) corners: [u32; 3],
+}
+
+codec_of_rows!(Triangle);
 
 /// The rank that owns a number of the scene.
 pub(crate) fn owner(starts: &[u32], number: u32) -> usize {
@@ -25,12 +37,12 @@ pub(crate) fn one_ring(
     places: &[u32],
     starts: &[u32],
 ) -> Vec<Triangle> {
-    let numbers = FetchedValues::new(ranks, cut.iter().flat_map(|[_, corners @ ..]| *corners), homes, places);
+    let numbers = FetchedValues::new(ranks, cut.iter().flat_map(|triangle| triangle.corners), homes, places);
     let mut lists: Vec<Vec<Triangle>> = vec![Vec::new(); ranks.count()];
-    for [polygon, corners @ ..] in &cut {
-        let [a, b, c] = corners.map(|vertex| numbers.at(vertex));
-        let [p, q, r] = [a, b, c].map(|number| owner(starts, number));
-        let row = [*polygon, a, b, c];
+    for Triangle { polygon, corners } in &cut {
+        let corners = corners.map(|vertex| numbers.at(vertex));
+        let [p, q, r] = corners.map(|number| owner(starts, number));
+        let row = Triangle { polygon: *polygon, corners };
         lists[p].push(row);
         if q != p {
             lists[q].push(row);
@@ -57,7 +69,7 @@ struct Star<'a> {
 impl<'a> Star<'a> {
     fn new(triangles: &'a [Triangle], own: Range<u32>) -> Self {
         let corners = || {
-            let of = |(t, [_, a, b, c]): (u32, &Triangle)| [(t, *a), (t, *b), (t, *c)];
+            let of = |(t, triangle): (u32, &Triangle)| triangle.corners.map(|corner| (t, corner));
             (0..)
                 .zip(triangles)
                 .flat_map(of)
@@ -80,7 +92,7 @@ impl<'a> Star<'a> {
     fn across(&self, [p, q]: [u32; 2]) -> impl Iterator<Item = Triangle> + use<'_, 'a> {
         let v = (p - self.own.start) as usize;
         let all = &self.at[self.rows[v] as usize..self.rows[v + 1] as usize];
-        all.iter().map(|t| self.triangles[*t as usize]).filter(move |triangle| triangle[1..].contains(&q))
+        all.iter().map(|t| self.triangles[*t as usize]).filter(move |triangle| triangle.corners.contains(&q))
     }
 }
 
@@ -99,7 +111,7 @@ pub(crate) fn grow(
     let mut beyond: Vec<Triangle> = Vec::new();
     let mut latest = near.clone();
     for _ in 0..times {
-        let edges = latest.iter().flat_map(|[_, a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]);
+        let edges = latest.iter().flat_map(|Triangle { corners: [a, b, c], .. }| [[*a, *b], [*b, *c], [*c, *a]]);
         // Own vertices know all their triangles.
         let strange = edges.filter(|edge| edge.iter().all(|v| !own.contains(v)));
         let mut strange: Vec<[u32; 2]> = strange.map(|[p, q]| [p.min(q), p.max(q)]).collect();

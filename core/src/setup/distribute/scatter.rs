@@ -8,13 +8,14 @@
 
 use std::ops::Range;
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::Vec3;
 use crate::effects::registry as effects;
 use crate::effects::spec::Need;
 use crate::error::Problem;
 use crate::geometry::attachment::SurfaceAttachment;
-use crate::parallel::communicator::{Expected, Message};
-use crate::parallel::message::{Codec, decode, vector_of, words_of};
+use crate::parallel::message::codec;
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
 use crate::scene::MergedVertex;
@@ -23,12 +24,14 @@ use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{GarmentDescription, PinDescription, PinHold, PinTarget, Pinned, SceneDescription};
 use crate::setup::distribute::bisection;
 use crate::setup::distribute::block_rows::{BlockDistribution, fetch, scatter_rows};
-use crate::setup::distribute::even_blocks::BlockOfMesh;
-use crate::setup::distribute::one_ring::{grow, one_ring, owner};
-use crate::setup::distribute::submesh::{Held, Received, SubMesh, assemble, forget_vertices, halo_width, pins_of};
+use crate::setup::distribute::even_blocks::{BlockOfMesh, MeshSize};
+use crate::setup::distribute::one_ring::{Triangle, grow, one_ring, owner};
+use crate::setup::distribute::submesh::{
+    AssignedPartition, Held, Received, SubMesh, VertexNumbers, assemble, forget_vertices, halo_width, pins_of,
+};
 use crate::setup::mesh_checks::coincident;
 use crate::setup::mesh_checks::coincident::Apart;
-use crate::setup::mesh_checks::degenerate::CleanMesh;
+use crate::setup::mesh_checks::degenerate::{CleanMesh, MergedInto};
 use crate::setup::mesh_checks::winding;
 
 /// What belongs to the points of a garment beside their rest positions; on rank 0, where they are given.
@@ -47,6 +50,35 @@ struct Own {
     start: Vec<Vec3>,
     velocities: Vec<Vec3>,
     maps: Vec<Vec<f64>>,
+}
+
+/// What a rank has of a garment at home.
+struct AtHome<'a> {
+    /// Rest positions of its points [m].
+    points: &'a [Vec3],
+    sound: &'a CleanMesh,
+    /// Number of each of its points in the scene.
+    places: &'a [u32],
+}
+
+/// What rank 0 tells all before anything is read.
+struct Outline {
+    /// Without the arrays of garments and pins.
+    description: SceneDescription,
+    /// How large the garments are.
+    sizes: Vec<MeshSize>,
+}
+
+codec!(struct Outline { description, sizes });
+
+/// Where a vertex was set apart to. Packed, so that nothing lies between its end and the next.
+#[repr(C, packed(4))]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct MovedVertex {
+    /// Number in the scene.
+    number: u32,
+    /// New position [m].
+    position: Vec3,
 }
 
 /// A scene that is being handed out.
@@ -72,36 +104,29 @@ impl SceneScatter {
     pub(crate) fn begin(ranks: &Ranks, description: Option<SceneDescription>, problems: &mut Vec<Problem>) -> Self {
         let mut meshes = Vec::new();
         let (mut columns, mut pins, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
-        let mut all = Vec::new();
-        let given = description.map(|mut description| {
+        let outline = description.map(|mut description| {
             pins.clone_from(&description.pins);
             pairs = description.seams.iter_mut().map(|seam| std::mem::take(&mut seam.pairs)).collect();
             description.pins.iter_mut().for_each(forget_vertices);
-            let counts: Vec<(usize, usize)> =
-                description.garments.iter().map(|garment| (garment.point_count(), garment.face_count())).collect();
+            let size = |g: &GarmentDescription| MeshSize { points: g.point_count(), faces: g.face_count() };
+            let sizes = description.garments.iter().map(size).collect();
             for garment in &mut description.garments {
                 meshes.push(garment.take_mesh());
                 columns.push(take_columns(garment));
             }
-            (description.to_bytes(), counts.clone()).put(&mut all);
-            (description, counts)
+            Outline { description, sizes }
         });
-        ranks.broadcast(&mut all);
-        let (description, counts) = given.unwrap_or_else(|| {
-            let (bytes, counts): (Vec<u8>, _) = decode(ranks.rank(), "counts of the garments", &all);
-            (decode(ranks.rank(), "description of the scene", &bytes), counts)
-        });
-        drop(all);
+        let Outline { description, sizes } = ranks.broadcast_encoded("description of the scene", outline);
         let mut meshes = meshes.into_iter();
         let mut homes = Vec::new();
         let mut partition = Partition::default();
-        for ((points, faces), garment) in counts.into_iter().zip(&description.garments) {
+        for (size, garment) in sizes.into_iter().zip(&description.garments) {
             let place = format!("garment \"{}\"", garment.name);
             // Each mesh is forgotten when it has been read.
-            let home = BlockOfMesh::read(ranks, meshes.next().as_deref(), (points, faces), &place, problems);
-            problems.extend(home.check(ranks, &place, points));
+            let home = BlockOfMesh::read(ranks, meshes.next().as_deref(), size, &place, problems);
+            problems.extend(home.check(ranks, &place, size.points));
             homes.push(home);
-            partition.add_garment(points);
+            partition.add_garment(size.points);
         }
         let assignment = partition.balance(&partition.sizes(), ranks.count());
         let starts = assignment.iter().map(|part| partition.starts()[*part] as u32).collect();
@@ -125,20 +150,24 @@ impl SceneScatter {
         for (g, ((home, mut own), places)) in garments.enumerate() {
             let mut sound = CleanMesh::of(ranks, &self.description.garments[g].name, &home);
             warnings.append(&mut sound.warnings);
-            warnings.extend(winding::warning(ranks, (&self.description, g), &self.points_of[g], &sound.triangles));
+            warnings.extend(winding::warning(ranks, &self.description, g, &self.points_of[g], &sound.triangles));
             if touches(&self.description) {
-                warnings.extend(self.set_apart(ranks, g, (&home.points, &sound, &places), &mut own));
+                let at_home = AtHome { points: &home.points, sound: &sound, places: &places };
+                warnings.extend(self.set_apart(ranks, g, &at_home, &mut own));
             }
             drop(home);
-            held.followers.extend(self.followers(ranks, g, &sound.follows, (&own, &places), &pinned));
+            // The same list on all ranks, of which one asks.
+            let follows = if ranks.is_first() { &*sound.follows } else { &[] };
+            let followers = self.followers(ranks, g, follows, &own, &places);
+            held.followers.extend(followers.into_iter().filter(|f| pinned.binary_search(&f.vertex).is_err()));
             let near = one_ring(ranks, &self.points_of[g], sound.triangles, &places, &self.starts);
             let near = grow(ranks, near, &self.run(ranks), &self.starts, halo_width(&self.description, g));
             pieces.push(self.piece(ranks, g, own, near, &held.sewn));
         }
-        let mut followers = held.followers.to_bytes();
-        ranks.broadcast(&mut followers);
-        held.followers = decode(ranks.rank(), "vertices that follow others", &followers);
-        let received = assemble(ranks, self.description, (self.partition, self.assignment), pieces, held);
+        let followers = ranks.is_first().then_some(held.followers);
+        held.followers = ranks.broadcast_encoded("vertices that follow others", followers);
+        let assigned = AssignedPartition { partition: self.partition, assignment: self.assignment };
+        let received = assemble(ranks, self.description, assigned, pieces, held);
         Received { warnings, ..received }
     }
 
@@ -159,7 +188,7 @@ impl SceneScatter {
         let (home, homes) = (&self.homes[garment], &self.points_of[garment]);
         let first = homes.rows(ranks.rank()).start;
         let places = self.partition.garments()[garment].clone();
-        let (vertices, rest) = bisection::order(ranks, places, &self.starts, (first, &home.points));
+        let (vertices, rest) = bisection::order(ranks, places, &self.starts, first, &home.points);
         let Columns { start, velocities, maps } = self.columns.get_mut(garment).map(std::mem::take).unwrap_or_default();
         let mut maps = maps.into_iter();
         let maps = (0..self.description.garments[garment].maps.len()).map(|_| maps.next());
@@ -176,13 +205,13 @@ impl SceneScatter {
     fn places(&self, ranks: &Ranks, garment: usize, own: &[u32]) -> Vec<u32> {
         let homes = &self.points_of[garment];
         let mut lists = vec![Vec::new(); ranks.count()];
-        for (vertex, number) in own.iter().zip(self.run_of(ranks, garment)) {
-            lists[homes.of(*vertex as usize)].push([*vertex, number]);
+        for (garment, scene) in own.iter().copied().zip(self.run_of(ranks, garment)) {
+            lists[homes.of(garment as usize)].push(VertexNumbers { scene, garment });
         }
         let here = homes.rows(ranks.rank());
         let mut places = vec![0; here.len()];
-        for [vertex, number] in ranks.all_to_all_v(lists).into_iter().flatten() {
-            places[vertex as usize - here.start] = number;
+        for VertexNumbers { scene, garment } in ranks.all_to_all_v(lists).into_iter().flatten() {
+            places[garment as usize - here.start] = scene;
         }
         places
     }
@@ -205,24 +234,15 @@ impl SceneScatter {
         if !self.description.seams.is_empty() {
             sewn = self.sewn(ranks, owns, places);
         }
-        let own = |rank: usize| self.starts[rank] as usize..self.starts[rank + 1] as usize;
-        let followers = Vec::new();
-        if ranks.is_first() {
-            for rank in 1..ranks.count() {
-                let of_rank = (pins_of(&pinned, &own(rank)), sewn_to(&sewn, &own(rank)));
-                let bytes = (pinned.len(), of_rank).to_bytes();
-                ranks.start(vec![Message { to: rank, bytes }], &[]).finish();
-            }
-            let pin_targets = pinned.len();
-            let is_hard = |pinned: &&Pinned| self.description.pins[pinned.pin].hold == PinHold::Hard;
-            let mut moved: Vec<u32> = pinned.iter().filter(is_hard).map(|pinned| pinned.vertex).collect();
-            moved.sort_unstable();
-            let (pinned, sewn) = (pins_of(&pinned, &own(0)), sewn_to(&sewn, &own(0)));
-            return (Held { pinned, pin_targets, sewn, followers }, moved);
-        }
-        let received = ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish();
-        let (pin_targets, (pinned, sewn)) = decode(ranks.rank(), "pins and seams of a rank", &received[0]);
-        (Held { pinned, pin_targets, sewn, followers }, Vec::new())
+        let held = ranks.scatter_encoded("pins and seams of a rank", |rank| {
+            let own = self.starts[rank] as usize..self.starts[rank + 1] as usize;
+            let (of_rank, sewn) = (pins_of(&pinned, &own), sewn_to(&sewn, &own));
+            Held { pinned: of_rank, pin_targets: pinned.len(), sewn, followers: Vec::new() }
+        });
+        let is_hard = |pinned: &&Pinned| self.description.pins[pinned.pin].hold == PinHold::Hard;
+        let mut moved: Vec<u32> = pinned.iter().filter(is_hard).map(|pinned| pinned.vertex).collect();
+        moved.sort_unstable();
+        (held, moved)
     }
 
     /// Sets apart what coincides of a garment, at rest and at the start, each for itself: in what the owners have. Says on rank 0
@@ -231,13 +251,13 @@ impl SceneScatter {
         &self,
         ranks: &Ranks,
         garment: usize,
-        (points, sound, places): (&[Vec3], &CleanMesh, &[u32]),
+        &AtHome { points, sound, places }: &AtHome<'_>,
         own: &mut Own,
     ) -> Option<String> {
         let homes = &self.points_of[garment];
         let first = self.run_of(ranks, garment).start;
         let rest = Apart::of(ranks, homes, points, sound);
-        self.move_to(ranks, garment, (&rest, places), &mut own.rest);
+        self.move_to(ranks, garment, &rest, places, &mut own.rest);
         let mut pairs = rest.pairs;
         if ranks.any(!own.start.is_empty()) {
             let start = fetch(
@@ -247,47 +267,41 @@ impl SceneScatter {
                 |number| own.start[(number - first) as usize],
             );
             let start = Apart::of(ranks, homes, &start, sound);
-            self.move_to(ranks, garment, (&start, places), &mut own.start);
+            self.move_to(ranks, garment, &start, places, &mut own.start);
             pairs.extend(start.pairs);
         }
         coincident::warning(ranks, &self.description.garments[garment].name, homes, pairs)
     }
 
     /// Moves own vertices to where they were set apart.
-    fn move_to(&self, ranks: &Ranks, garment: usize, (apart, places): (&Apart, &[u32]), own: &mut [Vec3]) {
+    fn move_to(&self, ranks: &Ranks, garment: usize, apart: &Apart, places: &[u32], own: &mut [Vec3]) {
         let vertices: Vec<u32> = apart.moved.iter().map(|(vertex, _)| *vertex).collect();
         let numbers = self.numbers(ranks, garment, &vertices, places);
         let mut lists = vec![Vec::new(); ranks.count()];
         for (number, (_, place)) in numbers.into_iter().zip(&apart.moved) {
-            let [x, y, z] = words_of(place);
-            lists[owner(&self.starts, number)].push([u64::from(number), x, y, z]);
+            lists[owner(&self.starts, number)].push(MovedVertex { number, position: *place });
         }
-        let first = u64::from(self.run_of(ranks, garment).start);
-        for [number, x, y, z] in ranks.all_to_all_v(lists).into_iter().flatten() {
-            own[(number - first) as usize] = vector_of([x, y, z]);
+        let first = self.run_of(ranks, garment).start;
+        for MovedVertex { number, position } in ranks.all_to_all_v(lists).into_iter().flatten() {
+            own[(number - first) as usize] = position;
         }
     }
 
-    /// What takes no part and follows another vertex, but for those that a pin moves; on rank 0.
+    /// Those that follow another vertex, by numbers of the scene.
     fn followers(
         &self,
         ranks: &Ranks,
         garment: usize,
-        follows: &[[u32; 2]],
-        (own, places): (&Own, &[u32]),
-        pinned: &[u32],
+        follows: &[MergedInto],
+        own: &Own,
+        places: &[u32],
     ) -> Vec<MergedVertex> {
-        // The same list on all ranks, of which one asks.
-        let wanted = if ranks.is_first() { follows.as_flattened() } else { &[] };
-        let numbers = self.numbers(ranks, garment, wanted, places);
+        let wanted: Vec<u32> = follows.iter().flat_map(|follower| [follower.vertex, follower.leader]).collect();
+        let numbers = self.numbers(ranks, garment, &wanted, places);
         let at = self.starts_at(ranks, garment, &numbers, own);
-        let follower = |(numbers, at): (&[u32; 2], &[Vec3; 2])| MergedVertex {
-            vertex: numbers[0],
-            leader: numbers[1],
-            offset: at[0] - at[1],
-        };
-        let all = numbers.as_chunks().0.iter().zip(at.as_chunks().0).map(follower);
-        all.filter(|follower| pinned.binary_search(&follower.vertex).is_err()).collect()
+        let follower =
+            |(&[vertex, leader], at): (&[u32; 2], &[Vec3; 2])| MergedVertex { vertex, leader, offset: at[0] - at[1] };
+        numbers.as_chunks().0.iter().zip(at.as_chunks().0).map(follower).collect()
     }
 
     /// Where vertices of the scene, all of one garment, start [m].
@@ -344,10 +358,10 @@ impl SceneScatter {
     }
 
     /// The piece of own vertices of a garment with the triangles `near` them; partners of own vertices are there too.
-    fn piece(&self, ranks: &Ranks, garment: usize, own: Own, near: Vec<[u32; 4]>, sewn: &[Sewn]) -> SubMesh {
+    fn piece(&self, ranks: &Ranks, garment: usize, own: Own, near: Vec<Triangle>, sewn: &[Sewn]) -> SubMesh {
         let (run, all) = (self.run(ranks), self.run_of(ranks, garment));
         let partners = partners(sewn, &(run.start as usize..run.end as usize), &self.partition.garments()[garment]);
-        let corners = near.iter().flat_map(|[_, corners @ ..]| corners);
+        let corners = near.iter().flat_map(|triangle| &triangle.corners);
         let mut far: Vec<u32> = corners.chain(&partners).copied().filter(|number| !all.contains(number)).collect();
         far.sort_unstable();
         far.dedup();
@@ -358,8 +372,9 @@ impl SceneScatter {
         let maps: Vec<Vec<f64>> =
             own.maps.iter().map(|map| fetch(ranks, &far, from, |number| map[row(number)])).collect();
         let below = far.partition_point(|number| *number < all.start);
-        let mut vertices: Vec<[u32; 2]> = far.into_iter().zip(numbers).map(Into::into).collect();
-        vertices.splice(below..below, all.zip(own.vertices).map(Into::into));
+        let named = |(scene, garment)| VertexNumbers { scene, garment };
+        let mut vertices: Vec<VertexNumbers> = far.into_iter().zip(numbers).map(named).collect();
+        vertices.splice(below..below, all.zip(own.vertices).map(named));
         SubMesh {
             vertices,
             rest: between(rest, below, own.rest),
@@ -387,12 +402,13 @@ fn between<T>(mut far: Vec<T>, below: usize, own: Vec<T>) -> Vec<T> {
 }
 
 /// Values of own vertices of a column that rank 0 has; nothing where there is no such column.
-fn column<T: bytemuck::Pod>(ranks: &Ranks, homes: &BlockDistribution, values: Option<Vec<T>>, own: &[u32]) -> Vec<T> {
+fn column<T: Pod>(ranks: &Ranks, homes: &BlockDistribution, values: Option<Vec<T>>, own: &[u32]) -> Vec<T> {
     if !ranks.any(values.is_some()) {
         return Vec::new();
     }
-    let values =
-        scatter_rows(ranks, homes, |take| values.iter().flatten().for_each(|value| take(std::slice::from_ref(value))));
+    let [values] = scatter_rows(ranks, homes, |take| {
+        values.iter().flatten().for_each(|value| take([std::slice::from_ref(value)]));
+    });
     let first = homes.rows(ranks.rank()).start;
     fetch(ranks, own, |vertex| homes.of(vertex as usize), |vertex| values[vertex as usize - first])
 }

@@ -7,23 +7,25 @@
 
 use std::ops::Range;
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::Vec3;
 use crate::effects;
 use crate::effects::spec::Need;
 use crate::mesh::TriangleMesh;
-use crate::parallel::message::{Codec, Decoder, decode};
+use crate::parallel::message::{codec, codec_of_rows, is_broken};
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
 use crate::scene::MergedVertex;
 use crate::scene::seam_pairs::{Sewn, partners, sewn_to};
 use crate::scene::vertex_maps::{PaintedMap, PaintedMaps};
 use crate::scene::{PinDescription, PinTarget, Pinned, Scene, SceneDescription};
+use crate::setup::distribute::one_ring::Triangle;
 
 /// What a rank needs of a garment, vertices ascending by their numbers in the scene.
 #[derive(Debug, Default)]
 pub(crate) struct SubMesh {
-    /// Number in the scene, and in the garment.
-    pub(crate) vertices: Vec<[u32; 2]>,
+    pub(crate) vertices: Vec<VertexNumbers>,
     pub(crate) rest: Vec<Vec3>,
     /// Start of own vertices, where it differs from the rest shape [m].
     pub(crate) start: Vec<Vec3>,
@@ -31,9 +33,20 @@ pub(crate) struct SubMesh {
     pub(crate) velocities: Vec<Vec3>,
     /// Painted values of all vertices, map after map in the order of their names.
     pub(crate) maps: Vec<Vec<f64>>,
-    /// Polygon and corners (numbers in the scene), ascending: the order in which triangles stand on every rank.
-    pub(crate) triangles: Vec<[u32; 4]>,
+    /// Triangles by numbers of the scene, ascending: the order in which they stand on every rank.
+    pub(crate) triangles: Vec<Triangle>,
 }
+
+/// The numbers of a vertex; ordered by that in the scene.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+pub(crate) struct VertexNumbers {
+    pub(crate) scene: u32,
+    pub(crate) garment: u32,
+}
+
+codec_of_rows!(VertexNumbers);
+codec!(struct SubMesh { vertices, rest, start, velocities, maps, triangles });
 
 /// How many times the pieces of a garment are widened by the triangles beyond their edges.
 pub(crate) fn halo_width(description: &SceneDescription, garment: usize) -> usize {
@@ -43,30 +56,18 @@ pub(crate) fn halo_width(description: &SceneDescription, garment: usize) -> usiz
 }
 
 impl SubMesh {
-    fn to_bytes(&self) -> Vec<u8> {
-        let Self { vertices, rest, start, velocities, maps, triangles } = self;
-        let mut bytes = [vertices.len(), start.len(), velocities.len(), maps.len(), triangles.len()].to_bytes();
-        bytes.reserve(size_of_val(vertices.as_slice()) + size_of_val(rest.as_slice()));
-        bytes.extend_from_slice(bytemuck::cast_slice(vertices));
-        [rest, start, velocities].iter().for_each(|vectors| bytes.extend_from_slice(bytemuck::cast_slice(vectors)));
-        maps.iter().for_each(|map| bytes.extend_from_slice(bytemuck::cast_slice(map)));
-        bytes.extend_from_slice(bytemuck::cast_slice(triangles));
-        bytes
-    }
+    /// The report of a broken one says.
+    const NAME: &str = "cloth that moves to another rank";
 
-    fn from_bytes(ranks: &Ranks, bytes: &[u8]) -> Self {
-        let mut message = Decoder::new(ranks.rank(), "cloth that moves to another rank", bytes);
-        let [vertices, start, velocities, maps, triangles] = <[usize; 5]>::take(&mut message);
-        let piece = Self {
-            vertices: message.values(vertices),
-            rest: message.values(vertices),
-            start: message.values(start),
-            velocities: message.values(velocities),
-            maps: (0..maps).map(|_| message.values(vertices)).collect(),
-            triangles: message.values(triangles),
-        };
-        message.end();
-        piece
+    /// Makes sure that a piece which came to a rank is whole.
+    ///
+    /// # Panics
+    /// It is not.
+    fn check(&self, rank: usize) {
+        let count = self.vertices.len();
+        if self.rest.len() != count || self.maps.iter().any(|map| map.len() != count) {
+            is_broken(rank, Self::NAME, format_args!("not all of its {count} vertices have their values"));
+        }
     }
 
     /// The piece around the vertices `own` of the scene, all of them this rank's own, of what it has of a garment, with those
@@ -75,6 +76,7 @@ impl SubMesh {
         let (parts, mesh) = (&scene.parts, &scene.meshes[garment]);
         let first = parts.garment(garment).start;
         let number = |v: u32| parts.number(first + v as usize);
+        let numbers = |v: &u32| VertexNumbers { scene: number(*v), garment: parts.own_numbers()[first + *v as usize] };
         let mut here: Vec<bool> =
             mesh.triangles().iter().map(|corners| corners.iter().any(|v| own.contains(&number(*v)))).collect();
         for _ in 0..halo_width(&scene.description, garment) {
@@ -92,16 +94,13 @@ impl SubMesh {
         vertices.extend(partners.iter().filter_map(|far| parts.local(*far)).map(|local| (local - first) as u32));
         vertices.sort_unstable();
         vertices.dedup();
-        let mut triangles: Vec<[u32; 4]> = chosen()
-            .map(|((corners, polygon), _)| {
-                let [a, b, c] = corners.map(number);
-                [*polygon, a, b, c]
-            })
+        let mut triangles: Vec<Triangle> = chosen()
+            .map(|((corners, polygon), _)| Triangle { polygon: *polygon, corners: corners.map(number) })
             .collect();
         triangles.sort_unstable();
         Self {
             rest: vertices.iter().map(|v| mesh.rest_positions()[*v as usize]).collect(),
-            vertices: vertices.iter().map(|v| [number(*v), parts.own_numbers()[first + *v as usize]]).collect(),
+            vertices: vertices.iter().map(numbers).collect(),
             maps: scene.painted[garment].values().map(|map| painted(map, &vertices)).collect(),
             triangles,
             ..Self::default()
@@ -119,7 +118,7 @@ impl SubMesh {
         let rest = places.iter().map(|(p, row)| pieces[*p].rest[*row]).collect();
         let map = |m: usize| places.iter().map(|(p, row)| pieces[*p].maps[m][*row]).collect();
         let maps = (0..pieces.first().map_or(0, |piece| piece.maps.len())).map(map).collect();
-        let mut triangles: Vec<[u32; 4]> = pieces.into_iter().flat_map(|piece| piece.triangles).collect();
+        let mut triangles: Vec<Triangle> = pieces.into_iter().flat_map(|piece| piece.triangles).collect();
         triangles.sort_unstable();
         triangles.dedup();
         Self { vertices, rest, maps, triangles, ..Self::default() }
@@ -127,9 +126,9 @@ impl SubMesh {
 
     /// The mesh of this piece.
     fn mesh(self) -> TriangleMesh {
-        let local = |number: u32| self.vertices.partition_point(|[other, _]| *other < number) as u32;
-        let corners = self.triangles.iter().map(|[_, a, b, c]| [*a, *b, *c].map(local)).collect();
-        let polygons = self.triangles.iter().map(|triangle| triangle[0]).collect();
+        let local = |number: u32| self.vertices.partition_point(|other| other.scene < number) as u32;
+        let corners = self.triangles.iter().map(|triangle| triangle.corners.map(local)).collect();
+        let polygons = self.triangles.iter().map(|triangle| triangle.polygon).collect();
         TriangleMesh::of_triangles(self.rest, corners, polygons)
     }
 }
@@ -165,19 +164,28 @@ pub(crate) struct Held {
     pub(crate) followers: Vec<MergedVertex>,
 }
 
+/// The parts of a scene, and who has them.
+pub(crate) struct AssignedPartition {
+    pub(crate) partition: Partition,
+    /// First part of every rank, and the number of all at the end.
+    pub(crate) assignment: Vec<usize>,
+}
+
+codec!(struct Held { pinned, pin_targets, sewn, followers });
+
 /// Builds what a rank keeps from its pieces.
 pub(crate) fn assemble(
     ranks: &Ranks,
     description: SceneDescription,
-    (partition, assignment): (Partition, Vec<usize>),
+    AssignedPartition { partition, assignment }: AssignedPartition,
     mut pieces: Vec<SubMesh>,
     Held { mut pinned, pin_targets, sewn, followers }: Held,
 ) -> Received {
     let starts = partition.starts();
     let own = starts[assignment[ranks.rank()]] as u32..starts[assignment[ranks.rank() + 1]] as u32;
     let vertices = || pieces.iter().flat_map(|piece| &piece.vertices);
-    let ghosts = vertices().map(|[number, _]| *number).filter(|number| !own.contains(number)).collect();
-    let own_numbers = vertices().map(|[_, own]| *own).collect();
+    let ghosts = vertices().map(|vertex| vertex.scene).filter(|number| !own.contains(number)).collect();
+    let own_numbers = vertices().map(|vertex| vertex.garment).collect();
     let parts = Parts::new(ranks.clone(), partition, assignment, ghosts, own_numbers);
     for pinned in &mut pinned {
         // What was sent are the pins of own vertices.
@@ -229,11 +237,12 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Received {
     for garment in 0..scene.meshes.len() {
         let piece = |rank: usize| match moves(rank) {
             none if none.is_empty() => Vec::new(),
-            own => SubMesh::of_local(scene, garment, &own).to_bytes(),
+            own => vec![SubMesh::of_local(scene, garment, &own)],
         };
-        let received = ranks.all_to_all_v((0..ranks.count()).map(piece).collect());
-        let arrived = received.iter().filter(|bytes| !bytes.is_empty());
-        pieces.push(SubMesh::joined(arrived.map(|bytes| SubMesh::from_bytes(ranks, bytes)).collect()));
+        let received = ranks.all_to_all_encoded(SubMesh::NAME, (0..ranks.count()).map(piece).collect());
+        let arrived: Vec<SubMesh> = received.into_iter().flatten().collect();
+        arrived.iter().for_each(|piece| piece.check(ranks.rank()));
+        pieces.push(SubMesh::joined(arrived));
     }
     let numbered = scene.pinned.iter().map(|pinned| Pinned { vertex: parts.number(pinned.vertex as usize), ..*pinned });
     let numbered: Vec<Pinned> = numbered.collect();
@@ -241,14 +250,13 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Received {
         own if own.is_empty() || (numbered.is_empty() && scene.sewn.is_empty()) => Vec::new(),
         own => {
             let own = own.start as usize..own.end as usize;
-            (pins_of(&numbered, &own), sewn_to(&scene.sewn, &own)).to_bytes()
+            vec![(pins_of(&numbered, &own), sewn_to(&scene.sewn, &own))]
         }
     };
-    let received = ranks.all_to_all_v((0..ranks.count()).map(pins).collect());
+    let name = "pins and seams that move to another rank";
+    let received = ranks.all_to_all_encoded(name, (0..ranks.count()).map(pins).collect());
     let (mut pinned, mut sewn) = (Vec::new(), Vec::new());
-    for bytes in received.iter().filter(|bytes| !bytes.is_empty()) {
-        let (pins, pairs): (Vec<Pinned>, Vec<Sewn>) =
-            decode(ranks.rank(), "pins and seams that move to another rank", bytes);
+    for (pins, pairs) in received.into_iter().flatten() {
         pinned.extend(pins);
         sewn.extend(pairs);
     }
@@ -257,7 +265,8 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Received {
     sewn.sort_unstable_by_key(|pair| pair.number);
     sewn.dedup_by_key(|pair| pair.number);
     let held = Held { pinned, pin_targets: scene.pin_targets, sewn, followers: scene.followers.clone() };
-    let received = assemble(ranks, scene.description.clone(), (partition, assignment), pieces, held);
+    let assigned = AssignedPartition { partition, assignment };
+    let received = assemble(ranks, scene.description.clone(), assigned, pieces, held);
     Received { warnings: scene.warnings.clone(), ..received }
 }
 

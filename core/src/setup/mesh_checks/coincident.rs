@@ -6,12 +6,14 @@
 //!
 //! Vertices meet on a rank that their place says, whatever their numbers; whoever has their triangles tells what these ask for.
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::Vec3;
-use crate::parallel::message::{vector_of, words_of};
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
 use crate::setup::distribute::block_rows::{BlockDistribution, fetch};
 use crate::setup::distribute::even_blocks::{FetchedValues, joined};
+use crate::setup::distribute::one_ring::Triangle;
 use crate::setup::mesh_checks::degenerate::CleanMesh;
 use crate::tolerances::SET_APART;
 
@@ -24,11 +26,33 @@ pub(crate) struct Apart {
     pub(crate) pairs: Vec<[u32; 2]>,
 }
 
-/// Words of a position, both zeros alike, and the vertex that is there.
-type Row = [u64; 4];
+/// A vertex where it meets those in its place. Packed, so that nothing lies between its end and the next.
+#[repr(C, packed(4))]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct PlacedVertex {
+    /// Rest position or start [m], both zeros alike.
+    position: Vec3,
+    vertex: u32,
+}
 
-/// Vertex, polygon, number of one of its triangles among those at home there, and words of the way to its middle.
-type Way = [u64; 6];
+impl PlacedVertex {
+    /// What says whether two are in one place.
+    fn bits(&self) -> [u64; 3] {
+        <[f64; 3]>::from(self.position).map(f64::to_bits)
+    }
+}
+
+/// The way from a vertex into one of its triangles; packed likewise.
+#[repr(C, packed(4))]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct WayInwards {
+    vertex: u32,
+    polygon: u32,
+    /// Number of the triangle where its polygon is at home.
+    triangle: u32,
+    /// From the vertex to the middle of the triangle [m].
+    way: Vec3,
+}
 
 impl Apart {
     /// Draws vertices that lie where others are into their triangles. `points` are the positions of the vertices at home here,
@@ -43,7 +67,7 @@ impl Apart {
         groups.iter().flatten().for_each(|v| lists[homes.of(*v as usize)].push(*v));
         let mut coincides = vec![0; points.len()];
         ranks.all_to_all_v(lists).into_iter().flatten().for_each(|v| coincides[v as usize - first] = 1);
-        let inwards = inwards(ranks, homes, points, (sound, &coincides));
+        let inwards = inwards(ranks, homes, points, sound, &coincides);
         // All that coincides at home here is among them.
         let row = |v: u32| inwards.partition_point(|(vertex, _)| *vertex < v);
         let moved = fetch(ranks, &groups.concat(), |v| homes.of(v as usize), |v| inwards[row(v)].1);
@@ -78,17 +102,17 @@ pub(crate) fn warning(ranks: &Ranks, name: &str, homes: &BlockDistribution, pair
 
 /// Vertices with triangles that lie in one place, ascending; each group on one rank.
 fn coinciding(ranks: &Ranks, homes: &BlockDistribution, points: &[Vec3], lives: &[u8]) -> Vec<Vec<u32>> {
-    let mut lists: Vec<Vec<Row>> = vec![Vec::new(); ranks.count()];
-    let vertices = homes.rows(ranks.rank()).start as u64..;
+    let mut lists: Vec<Vec<PlacedVertex>> = vec![Vec::new(); ranks.count()];
+    let vertices = homes.rows(ranks.rank()).start as u32..;
     for ((vertex, point), _) in vertices.zip(points).zip(lives).filter(|(_, lives)| **lives != 0) {
         // Adding zero turns a negative zero into the positive one.
-        let [x, y, z] = words_of(&point.add_scalar(0.0));
-        lists[meeting_place([x, y, z], ranks.count())].push([x, y, z, vertex]);
+        let placed = PlacedVertex { position: point.add_scalar(0.0), vertex };
+        lists[meeting_place(placed.bits(), ranks.count())].push(placed);
     }
     let mut rows = joined(ranks.all_to_all_v(lists));
-    rows.sort_unstable();
-    let groups = rows.chunk_by(|a, b| a[..3] == b[..3]).filter(|group| group.len() > 1);
-    groups.map(|group| group.iter().map(|row| row[3] as u32).collect()).collect()
+    rows.sort_unstable_by_key(|row| (row.bits(), row.vertex));
+    let groups = rows.chunk_by(|a, b| a.bits() == b.bits()).filter(|group| group.len() > 1);
+    groups.map(|group| group.iter().map(|row| row.vertex).collect()).collect()
 }
 
 /// The rank on which those meet whose positions have these bits.
@@ -104,34 +128,34 @@ fn inwards(
     ranks: &Ranks,
     homes: &BlockDistribution,
     points: &[Vec3],
-    (sound, coincides): (&CleanMesh, &[u8]),
+    sound: &CleanMesh,
+    coincides: &[u8],
 ) -> Vec<(u32, Vec3)> {
-    let all = sound.triangles.iter().flat_map(|[_, corners @ ..]| *corners);
+    let all = sound.triangles.iter().flat_map(|triangle| triangle.corners);
     let coincides = FetchedValues::new(ranks, all, homes, coincides);
-    let touched: Vec<(u32, &[u32; 4])> = (0..)
+    let touched: Vec<(u32, &Triangle)> = (0..)
         .zip(&sound.triangles)
-        .filter(|(_, [_, corners @ ..])| corners.iter().any(|v| coincides.at(*v) != 0))
+        .filter(|(_, triangle)| triangle.corners.iter().any(|v| coincides.at(*v) != 0))
         .collect();
-    let positions =
-        FetchedValues::new(ranks, touched.iter().flat_map(|(_, [_, corners @ ..])| *corners), homes, points);
-    let mut lists: Vec<Vec<Way>> = vec![Vec::new(); ranks.count()];
-    for (number, [polygon, corners @ ..]) in touched {
+    let positions = FetchedValues::new(ranks, touched.iter().flat_map(|(_, t)| t.corners), homes, points);
+    let mut lists: Vec<Vec<WayInwards>> = vec![Vec::new(); ranks.count()];
+    for (triangle, &Triangle { polygon, corners }) in touched {
         let middle = corners.iter().map(|v| positions.at(*v)).sum::<Vec3>() / 3.0;
         for v in corners.iter().filter(|v| coincides.at(**v) != 0) {
-            let [x, y, z] = words_of(&(middle - positions.at(*v)));
-            lists[homes.of(*v as usize)].push([u64::from(*v), u64::from(*polygon), u64::from(number), x, y, z]);
+            let way = middle - positions.at(*v);
+            lists[homes.of(*v as usize)].push(WayInwards { vertex: *v, polygon, triangle, way });
         }
     }
     let mut rows = joined(ranks.all_to_all_v(lists));
     // So that the sums are those of a mesh at hand, triangle after triangle.
-    rows.sort_unstable_by_key(|[vertex, polygon, number, ..]| [*vertex, *polygon, *number]);
+    rows.sort_unstable_by_key(|row| (row.vertex, row.polygon, row.triangle));
     let first = homes.rows(ranks.rank()).start;
-    let moved = |group: &[Way]| {
-        let inwards: Vec3 = group.iter().map(|[.., x, y, z]| vector_of([*x, *y, *z])).sum();
-        let vertex = group[0][0] as u32;
+    let moved = |group: &[WayInwards]| {
+        let inwards: Vec3 = group.iter().map(|row| row.way).sum();
+        let vertex = group[0].vertex;
         (vertex, points[vertex as usize - first] + inwards * (SET_APART / group.len() as f64))
     };
-    rows.chunk_by(|a, b| a[0] == b[0]).map(moved).collect()
+    rows.chunk_by(|a, b| a.vertex == b.vertex).map(moved).collect()
 }
 
 #[cfg(test)]

@@ -3,26 +3,45 @@
 //! None of it is simulated, so that the rest moves as it would without it. In the output everything stays: a vertex that
 //! only faces without area have goes with the nearest of their other corners, any other stays where it starts.
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::Vec3;
 use crate::mesh::{PolygonMesh, triangulate_face};
+use crate::parallel::message::is_broken;
 use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
 use crate::scene::coarse_place;
 use crate::setup::distribute::block_rows::BlockDistribution;
 use crate::setup::distribute::even_blocks::{BlockOfMesh, FetchedValues, joined};
+use crate::setup::distribute::one_ring::Triangle;
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 
 /// The triangles of a garment that are simulated, as far as their faces are at home here, and what was left out of them.
 #[derive(Debug)]
 pub(crate) struct CleanMesh {
-    /// Polygon and corners (numbers of the garment) of each, in the order of the polygons.
-    pub(crate) triangles: Vec<[u32; 4]>,
+    /// Its triangles by numbers of the garment, in the order of the polygons.
+    pub(crate) triangles: Vec<Triangle>,
     /// 1 for each point at home here that such a triangle has, 0 for the others.
     pub(crate) lives: Vec<u8>,
-    /// Vertices that go with another, ascending, and which; numbers of the garment, the same on all ranks.
-    pub(crate) follows: Vec<[u32; 2]>,
+    /// Vertices that go with another, ascending; the same on all ranks.
+    pub(crate) follows: Vec<MergedInto>,
     /// What was left out, in words; on rank 0.
     pub(crate) warnings: Vec<String>,
+}
+
+/// A vertex that goes with another, by numbers of the garment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct MergedInto {
+    pub(crate) vertex: u32,
+    pub(crate) leader: u32,
+}
+
+/// Polygons that are left out or lose a part.
+struct LeftOut {
+    /// Those on the corners of one before.
+    repeated: Vec<u32>,
+    /// Those with a triangle that has no area.
+    flat: Vec<u32>,
 }
 
 impl CleanMesh {
@@ -43,50 +62,85 @@ impl CleanMesh {
                     farthest = [farthest[0].max(far), farthest[1].max(apart)];
                 }
                 let list = if is_flat { &mut flat } else { &mut triangles };
-                list.push([polygon, a, b, c]);
+                list.push(Triangle { polygon, corners: [a, b, c] });
             }
         }
         repeated.extend(drop_repeated(ranks, home, &mut triangles));
         let lives = lives(ranks, &home.points_of, &triangles);
         let follows = leaders(ranks, &home.points_of, &flat, &lives, &positions);
-        let flat = flat.into_iter().map(|[polygon, ..]| polygon).collect();
-        let mut warnings = warnings(ranks, name, home, [repeated, flat], (&lives, &follows));
-        warnings.extend(told_coarse(ranks, name, farthest));
-        Self { triangles, lives, follows, warnings }
+        let flat = flat.into_iter().map(|triangle| triangle.polygon).collect();
+        let mut sound = Self { triangles, lives, follows, warnings: Vec::new() };
+        sound.warnings = sound.warnings_of(ranks, name, home, LeftOut { repeated, flat });
+        sound.warnings.extend(told_coarse(ranks, name, farthest));
+        sound
     }
+
+    /// What was left out in words, on rank 0: these polygons, and the points that have no other.
+    fn warnings_of(&self, ranks: &Ranks, name: &str, home: &BlockOfMesh<'_>, left_out: LeftOut) -> Vec<String> {
+        let goes = |v: &u32| self.follows.binary_search_by_key(v, |follower| follower.vertex).is_ok();
+        let first = home.points_of.rows(ranks.rank()).start as u32;
+        let inert = (first..).zip(&self.lives).filter(|(_, lives)| **lives == 0).map(|(v, _)| v);
+        let (follow, stay): (Vec<u32>, Vec<u32>) = inert.partition(goes);
+        let LeftOut { repeated, flat } = left_out;
+        let says = [
+            ("faces", repeated, "lie on other faces of the same corners, and take no part: delete the duplicate faces"),
+            ("faces", flat, "have no area, or a part of them has none: it takes no part; merge points by distance"),
+            ("vertices", follow, "are in no other face, and go with the nearest corner of these: delete such faces"),
+            ("vertices", stay, "belong to no face that has an area, and stay where they start: delete loose vertices"),
+        ];
+        let place = format!("garment \"{name}\"");
+        let mut warnings = Vec::new();
+        if home.faces_of.count() == 0 {
+            warnings.push(format!("{place}: it has no faces, so nothing of it moves: export a mesh with polygons"));
+        }
+        for (what, list, is) in says {
+            let list = listed(ranks, list.into_iter().map(|number| [number; 2]).collect());
+            warnings.extend(list.map(|list| format!("{place}: {what} {list} {is}")));
+        }
+        if ranks.is_first() { warnings } else { Vec::new() }
+    }
+}
+
+/// A triangle where the lowest of its corners is at home; ordered by the corners first.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+struct TriangleKey {
+    /// Its corners, ascending.
+    corners: [u32; 3],
+    polygon: u32,
+    /// Its number where its polygon is at home.
+    number: u32,
 }
 
 /// Takes out triangles on the corners of one before; returns their polygons. They meet where the lowest of these corners is at
 /// home.
-fn drop_repeated(ranks: &Ranks, home: &BlockOfMesh<'_>, triangles: &mut Vec<[u32; 4]>) -> Vec<u32> {
+fn drop_repeated(ranks: &Ranks, home: &BlockOfMesh<'_>, triangles: &mut Vec<Triangle>) -> Vec<u32> {
     let mut lists = vec![Vec::new(); ranks.count()];
-    for (number, [polygon, corners @ ..]) in (0u32..).zip(&*triangles) {
+    for (number, Triangle { polygon, corners }) in (0u32..).zip(&*triangles) {
         let mut corners = *corners;
         corners.sort_unstable();
-        let [a, b, c] = corners;
-        lists[home.points_of.of(a as usize)].push([a, b, c, *polygon, number]);
+        lists[home.points_of.of(corners[0] as usize)].push(TriangleKey { corners, polygon: *polygon, number });
     }
     let mut keys = joined(ranks.all_to_all_v(lists));
     keys.sort_unstable();
     let mut answers = vec![Vec::new(); ranks.count()];
-    for twice in keys.windows(2).filter(|w| w[0][..3] == w[1][..3]) {
-        let [.., polygon, number] = twice[1];
-        answers[home.faces_of.of(polygon as usize)].push(number);
+    for twice in keys.windows(2).filter(|w| w[0].corners == w[1].corners) {
+        answers[home.faces_of.of(twice[1].polygon as usize)].push(twice[1].number);
     }
     drop(keys);
     let mut twice = joined(ranks.all_to_all_v(answers));
     twice.sort_unstable();
-    let dropped = twice.iter().map(|t| triangles[*t as usize][0]).collect();
+    let dropped = twice.iter().map(|t| triangles[*t as usize].polygon).collect();
     let mut number = 0..;
     triangles.retain(|_| number.next().is_none_or(|t| twice.binary_search(&t).is_err()));
     dropped
 }
 
 /// 1 for each point at home here that one of the triangles of all ranks has, 0 for the others.
-fn lives(ranks: &Ranks, homes: &BlockDistribution, triangles: &[[u32; 4]]) -> Vec<u8> {
+fn lives(ranks: &Ranks, homes: &BlockDistribution, triangles: &[Triangle]) -> Vec<u8> {
     let here = homes.rows(ranks.rank());
     let mut lives = vec![0; here.len()];
-    let corners = || triangles.iter().flat_map(|[_, corners @ ..]| *corners);
+    let corners = || triangles.iter().flat_map(|triangle| triangle.corners);
     let is_here = |v: &u32| here.contains(&(*v as usize));
     corners().filter(is_here).for_each(|v| lives[v as usize - here.start] = 1);
     let mut others: Vec<u32> = corners().filter(|v| !is_here(v)).collect();
@@ -96,36 +150,6 @@ fn lives(ranks: &Ranks, homes: &BlockDistribution, triangles: &[[u32; 4]]) -> Ve
     others.into_iter().for_each(|v| lists[homes.of(v as usize)].push(v));
     ranks.all_to_all_v(lists).into_iter().flatten().for_each(|v| lives[v as usize - here.start] = 1);
     lives
-}
-
-/// What was left out in words, on rank 0: `repeated` and `flat` polygons, and the points that have no other.
-fn warnings(
-    ranks: &Ranks,
-    name: &str,
-    home: &BlockOfMesh<'_>,
-    [repeated, flat]: [Vec<u32>; 2],
-    (lives, follows): (&[u8], &[[u32; 2]]),
-) -> Vec<String> {
-    let goes = |v: &u32| follows.binary_search_by_key(v, |[follower, _]| *follower).is_ok();
-    let first = home.points_of.rows(ranks.rank()).start as u32;
-    let inert = (first..).zip(lives).filter(|(_, lives)| **lives == 0).map(|(v, _)| v);
-    let (follow, stay): (Vec<u32>, Vec<u32>) = inert.partition(goes);
-    let says = [
-        ("faces", repeated, "lie on other faces of the same corners, and take no part: delete the duplicate faces"),
-        ("faces", flat, "have no area, or a part of them has none: it takes no part; merge points by distance"),
-        ("vertices", follow, "are in no other face, and go with the nearest corner of these: delete such faces"),
-        ("vertices", stay, "belong to no face that has an area, and stay where they start: delete loose vertices"),
-    ];
-    let place = format!("garment \"{name}\"");
-    let mut warnings = Vec::new();
-    if home.faces_of.count() == 0 {
-        warnings.push(format!("{place}: it has no faces, so nothing of it moves: export a mesh with polygons"));
-    }
-    for (what, list, is) in says {
-        let list = listed(ranks, list.into_iter().map(|number| [number; 2]).collect());
-        warnings.extend(list.map(|list| format!("{place}: {what} {list} {is}")));
-    }
-    if ranks.is_first() { warnings } else { Vec::new() }
 }
 
 /// Says on rank 0 of faces without area that single precision may have taken it: how far from the origin the farthest of them is
@@ -144,7 +168,7 @@ fn told_coarse(ranks: &Ranks, name: &str, farthest: [f64; 2]) -> Option<String> 
 /// The triangles of a mesh that a scene simulates: those with an area, each once, in the order of their polygons.
 pub fn simulated_triangles(mesh: &PolygonMesh) -> Vec<[u32; 3]> {
     let sound = CleanMesh::of(&Ranks::default(), "", &BlockOfMesh::alone(mesh));
-    sound.triangles.into_iter().map(|[_, corners @ ..]| corners).collect()
+    sound.triangles.into_iter().map(|triangle| triangle.corners).collect()
 }
 
 /// Diagonal of the bounds of the points of all ranks [m].
@@ -166,36 +190,42 @@ fn is_flat([a, b, c]: [Vec3; 3], shortest: f64) -> bool {
     edges.iter().any(|edge| *edge <= shortest) || area <= DEGENERATE_AREA * longest * longest
 }
 
+/// A polygon where the lowest of its corners is at home; the corners are sent beside it.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct PolygonKey {
+    polygon: u32,
+    /// Number of its corners.
+    corners: u32,
+}
+
 /// Polygons of four and more corners, at home here, that have those of one before, ascending: however they are wound or turned.
 /// They meet where the lowest of these corners is at home.
 fn repeated_polygons(ranks: &Ranks, home: &BlockOfMesh<'_>) -> Vec<u32> {
-    let mut lists = vec![Vec::new(); ranks.count()];
+    let (mut keys, mut corners) = (vec![Vec::new(); ranks.count()], vec![Vec::new(); ranks.count()]);
     let mut sorted = Vec::new();
-    for (polygon, corners) in home.faces(ranks).filter(|(_, corners)| corners.len() > 3) {
+    for (polygon, of_polygon) in home.faces(ranks).filter(|(_, corners)| corners.len() > 3) {
         sorted.clear();
-        sorted.extend_from_slice(corners);
+        sorted.extend_from_slice(of_polygon);
         sorted.sort_unstable();
-        let list = &mut lists[home.points_of.of(sorted[0] as usize)];
-        list.extend([sorted.len() as u32, polygon]);
-        list.extend_from_slice(&sorted);
+        let to = home.points_of.of(sorted[0] as usize);
+        keys[to].push(PolygonKey { polygon, corners: sorted.len() as u32 });
+        corners[to].extend_from_slice(&sorted);
     }
-    let words = joined(ranks.all_to_all_v(lists));
-    let mut rest = words.as_slice();
-    let next = || {
-        let (count, after) = rest.split_first()?;
-        let (row, after) = after.split_at(*count as usize + 1);
-        rest = after;
-        Some(row)
+    let (keys, corners) = (joined(ranks.all_to_all_v(keys)), joined(ranks.all_to_all_v(corners)));
+    let mut rest = corners.as_slice();
+    let row = |key: &PolygonKey| match rest.split_off(..key.corners as usize) {
+        Some(row) => (row, key.polygon),
+        None => is_broken(ranks.rank(), "corners of polygons", format_args!("polygon {} lacks some", key.polygon)),
     };
-    // Polygon and corners of each.
-    let mut rows: Vec<&[u32]> = std::iter::from_fn(next).collect();
-    rows.sort_unstable_by(|a, b| a[1..].cmp(&b[1..]).then(a[0].cmp(&b[0])));
+    let mut rows: Vec<(&[u32], u32)> = keys.iter().map(row).collect();
+    rows.sort_unstable();
     let mut answers = vec![Vec::new(); ranks.count()];
-    for twice in rows.windows(2).filter(|w| w[0][1..] == w[1][1..]) {
-        answers[home.faces_of.of(twice[1][0] as usize)].push(twice[1][0]);
+    for twice in rows.windows(2).filter(|w| w[0].0 == w[1].0) {
+        answers[home.faces_of.of(twice[1].1 as usize)].push(twice[1].1);
     }
     drop(rows);
-    drop(words);
+    drop(corners);
     let mut repeated = joined(ranks.all_to_all_v(answers));
     repeated.sort_unstable();
     repeated
@@ -206,28 +236,40 @@ fn repeated_polygons(ranks: &Ranks, home: &BlockOfMesh<'_>) -> Vec<u32> {
 fn leaders(
     ranks: &Ranks,
     homes: &BlockDistribution,
-    flat: &[[u32; 4]],
+    flat: &[Triangle],
     lives: &[u8],
     positions: &FetchedValues<'_, Vec3>,
-) -> Vec<[u32; 2]> {
-    let lives = FetchedValues::new(ranks, flat.iter().flat_map(|[_, corners @ ..]| *corners), homes, lives);
-    let mut all: Vec<[u64; 3]> = Vec::new();
-    for [_, corners @ ..] in flat {
+) -> Vec<MergedInto> {
+    let lives = FetchedValues::new(ranks, flat.iter().flat_map(|triangle| triangle.corners), homes, lives);
+    let mut all: Vec<NearLeader> = Vec::new();
+    for Triangle { corners, .. } in flat {
         for v in corners.iter().filter(|v| lives.at(**v) == 0) {
             let others = corners.iter().filter(|other| lives.at(**other) != 0);
-            // Bits of what is not negative are in the order of the numbers.
-            let distance = |w: &u32| (positions.at(*v) - positions.at(*w)).norm().to_bits();
-            all.extend(others.map(|w| [u64::from(*v), distance(w), u64::from(*w)]));
+            let distance = |w: &u32| (positions.at(*v) - positions.at(*w)).norm();
+            all.extend(others.map(|w| NearLeader { distance: distance(w), vertex: *v, leader: *w }));
         }
     }
-    let nearest = |all: &mut Vec<[u64; 3]>| {
-        all.sort_unstable();
-        all.dedup_by_key(|[vertex, ..]| *vertex);
+    let order = |a: &NearLeader, b: &NearLeader| {
+        a.vertex.cmp(&b.vertex).then(a.distance.total_cmp(&b.distance)).then(a.leader.cmp(&b.leader))
+    };
+    let nearest = |all: &mut Vec<NearLeader>| {
+        all.sort_unstable_by(order);
+        all.dedup_by_key(|near| near.vertex);
     };
     nearest(&mut all);
     let mut all = ranks.all_gather_v(&all).concat();
     nearest(&mut all);
-    all.into_iter().map(|[vertex, _, leader]| [vertex as u32, leader as u32]).collect()
+    all.into_iter().map(|NearLeader { vertex, leader, .. }| MergedInto { vertex, leader }).collect()
+}
+
+/// A corner that a vertex of a flat triangle may go with.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct NearLeader {
+    /// From the one to the other [m].
+    distance: f64,
+    vertex: u32,
+    leader: u32,
 }
 
 #[cfg(test)]
@@ -238,14 +280,15 @@ mod tests {
     use crate::geometry::random::SplitMix64;
     use crate::mesh::MeshStream;
     use crate::parallel::local_ranks::LocalRanks;
+    use crate::setup::distribute::even_blocks::MeshSize;
 
     /// The triangles with their polygons, who follows whom, and what is said, by as many ranks.
-    type Found = (Vec<[u32; 4]>, Vec<[u32; 2]>, Vec<String>);
+    type Found = (Vec<Triangle>, Vec<MergedInto>, Vec<String>);
 
     fn sound_by(count: usize, mesh: &PolygonMesh) -> Found {
         let all = LocalRanks::run(count, 1, |communicator| {
             let ranks = Ranks::new(communicator);
-            let size = (mesh.points.len(), mesh.face_counts.len());
+            let size = MeshSize { points: mesh.points.len(), faces: mesh.face_counts.len() };
             let (given, mut problems) = (ranks.is_first().then_some(mesh as &dyn MeshStream), Vec::new());
             let home = BlockOfMesh::read(&ranks, given, size, "skirt", &mut problems);
             let sound = CleanMesh::of(&ranks, "skirt", &home);
@@ -256,8 +299,8 @@ mod tests {
             (sound, lives)
         });
         let all = all.expect("no rank ends early");
-        let triangles: Vec<[u32; 4]> = all.iter().flat_map(|(sound, _)| sound.triangles.clone()).collect();
-        let mut corners: Vec<u32> = triangles.iter().flat_map(|[_, corners @ ..]| *corners).collect();
+        let triangles: Vec<Triangle> = all.iter().flat_map(|(sound, _)| sound.triangles.clone()).collect();
+        let mut corners: Vec<u32> = triangles.iter().flat_map(|triangle| triangle.corners).collect();
         corners.sort_unstable();
         corners.dedup();
         assert_eq!(all.iter().flat_map(|(_, lives)| lives.clone()).collect::<Vec<_>>(), corners);
@@ -274,7 +317,7 @@ mod tests {
             face_indices: faces.concat(),
         };
         let alone = sound_by(1, &mesh);
-        assert_eq!(simulated_triangles(&mesh), alone.0.iter().map(|[_, c @ ..]| *c).collect::<Vec<_>>());
+        assert_eq!(simulated_triangles(&mesh), alone.0.iter().map(|triangle| triangle.corners).collect::<Vec<_>>());
         (2..6).for_each(|ranks| assert_eq!(sound_by(ranks, &mesh), alone, "{ranks} ranks"));
         alone
     }
@@ -300,7 +343,7 @@ mod tests {
             [&[0, 1, 2, 3], &[1, 2, 3, 0], &[3, 2, 1, 0], &[2, 1, 0], &[0, 1, 4], &[2, 5, 3], &[0, 0, 3]];
         let odd = sound(&POINTS, &faces);
         assert_eq!(&odd.0, triangles);
-        assert_eq!(odd.1, [[4, 1], [5, 2]]);
+        assert_eq!(odd.1, [[4, 1], [5, 2]].map(|[vertex, leader]| MergedInto { vertex, leader }));
         let said = odd.2.join("\n");
         for part in ["faces 1, 2, 3 lie on", "faces 4, 5, 6 have no area", "vertices 4, 5 are in", "vertices 6 belong"]
         {
@@ -371,21 +414,22 @@ mod tests {
                     if (at(b) - at(a)).cross(&(at(c) - at(a))) == Vec3::zeros() {
                         flat.push([a, b, c]);
                     } else {
-                        triangles.push([polygon, a, b, c]);
+                        triangles.push(Triangle { polygon, corners: [a, b, c] });
                     }
                 }
             }
             seen.clear();
-            triangles.retain(|[_, corners @ ..]| seen.insert(set(corners)));
+            triangles.retain(|triangle| seen.insert(set(&triangle.corners)));
             assert_eq!(found, triangles, "soup {seed}");
-            let lives = |v: u32| triangles.iter().any(|[_, corners @ ..]| corners.contains(&v));
+            let lives = |v: u32| triangles.iter().any(|triangle| triangle.corners.contains(&v));
             let leader = |v: u32| {
                 let near = flat.iter().filter(|corners| corners.contains(&v)).flatten().filter(|w| lives(**w));
                 let nearer =
                     |a: &&u32, b: &&u32| (at(**a) - at(v)).norm().total_cmp(&(at(**b) - at(v)).norm()).then(a.cmp(b));
-                near.min_by(nearer).map(|leader| [v, *leader])
+                near.min_by(nearer).map(|leader| MergedInto { vertex: v, leader: *leader })
             };
-            let expected: Vec<[u32; 2]> = (0..points.len() as u32).filter(|v| !lives(*v)).filter_map(leader).collect();
+            let expected: Vec<MergedInto> =
+                (0..points.len() as u32).filter(|v| !lives(*v)).filter_map(leader).collect();
             assert_eq!(follows, expected, "soup {seed}");
             led += expected.len();
         }

@@ -7,6 +7,7 @@ use crate::parallel::ranks::Ranks;
 use crate::scene::SceneDescription;
 use crate::setup::distribute::block_rows::BlockDistribution;
 use crate::setup::distribute::even_blocks::joined;
+use crate::setup::distribute::one_ring::Triangle;
 
 /// What of a scene takes the side that faces show for a side of this garment, in words.
 fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'static str> {
@@ -19,16 +20,17 @@ fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'sta
 /// sides. `triangles` are those at home here with their polygons, `homes` those of the points. All ranks call it together.
 pub(crate) fn warning(
     ranks: &Ranks,
-    (description, garment): (&SceneDescription, usize),
+    description: &SceneDescription,
+    garment: usize,
     homes: &BlockDistribution,
-    triangles: &[[u32; 4]],
+    triangles: &[Triangle],
 ) -> Option<String> {
     let looking = looking_at_sides(description, garment).join(" and ");
     if looking.is_empty() {
         return None;
     }
     let mut lists = vec![Vec::new(); ranks.count()];
-    for side in sides(triangles.iter().map(|[_, corners @ ..]| *corners)) {
+    for side in sides(triangles.iter().map(|triangle| triangle.corners)) {
         lists[homes.of(side[0] as usize)].push(side);
     }
     let list = listed(ranks, turned_edges(joined(ranks.all_to_all_v(lists))))?;

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::contact::broad_phase::swept_search::Inflation;
+use crate::contact::broad_phase::swept_search::{Inflation, SweptPairs};
 use crate::contact::intersections::exact::crossings;
 use crate::contact::testing::{below, on_ranks};
 use crate::contact::topology::cloth_surface::LocalClothSurface;
@@ -249,7 +249,7 @@ fn renew(
         paths.end[node] = elsewhere[node];
         left[node] = u8::from(nodes.own().contains(&node));
     }
-    search.update_swept_pairs(surface, neighbours, paths, AROUND, (&mut left, pairs));
+    search.update_swept_pairs(surface, neighbours, paths, AROUND, SweptPairs { left: &mut left, found: pairs });
     let (mut anew, mut others) = (PairSearch::new(), Vec::new());
     // Another tree may import more.
     if let Some(renumber) = anew.swept_pairs(surface, neighbours, paths, AROUND, &mut others) {
