@@ -1,9 +1,18 @@
-//! Settings of effects: each effect declares its [`Field`]s; what a scene wrote is checked against them once.
+//! Settings: effects, `[solver]`, bodies, pins and seams declare their values as [`Field`]s; what a scene wrote is checked against
+//! them once. From a field come its check, help, JSON schema and reference page.
 //!
 //! A value may be written as a bare number in the field's SI unit, or as text with a unit (`"2 mm"`). A unit of another
 //! dimension is refused.
 
+mod dimension;
+mod member;
+
 use std::collections::BTreeMap;
+
+pub use crate::choice;
+pub use dimension::Dimension;
+pub(crate) use member::written;
+pub use member::{Member, Written};
 
 /// A value as written in a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,123 +29,30 @@ pub enum SettingValue {
     Keys(Vec<(f64, [f64; 3])>),
 }
 
-/// Physical dimension of a field.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Dimension {
-    /// A pure number.
-    None,
-    /// Length, SI unit m.
-    Length,
-    /// Force, SI unit N.
-    Force,
-    /// Force per length, SI unit N/m.
-    Stiffness,
-    /// Acceleration, SI unit m/s².
-    Acceleration,
-    /// Speed, SI unit m/s.
-    Speed,
-    /// Areal density, SI unit kg/m².
-    ArealDensity,
-    /// Time, SI unit s.
-    Time,
-    /// Rate, SI unit 1/s.
-    Rate,
-    /// Density of a fluid, SI unit kg/m³.
-    Density,
-    /// Force per area and speed, SI unit N s/m³.
-    Drag,
-    /// Force per area, SI unit Pa.
-    Pressure,
-    /// Bending rigidity: moment per width and curvature, SI unit N·m.
-    BendingRigidity,
-    /// Angle, SI unit rad.
-    Angle,
-}
-
-impl Dimension {
-    /// Units that may be written, each with the factor to SI; the SI unit comes first.
-    pub fn units(self) -> &'static [(&'static str, f64)] {
-        match self {
-            Self::None => &[("", 1.0), ("%", 0.01)],
-            Self::Length => &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("in", 0.0254)],
-            Self::Force => &[("N", 1.0), ("mN", 1e-3), ("gf", 9.80665e-3)],
-            Self::Stiffness => &[("N/m", 1.0), ("mN/m", 1e-3), ("N/cm", 100.0), ("N/mm", 1000.0)],
-            Self::Acceleration => &[("m/s²", 1.0), ("m/s^2", 1.0), ("m/s2", 1.0), ("cm/s²", 1e-2), ("cm/s^2", 1e-2)],
-            Self::Speed => &[("m/s", 1.0), ("cm/s", 1e-2), ("mm/s", 1e-3)],
-            Self::ArealDensity => {
-                &[("kg/m²", 1.0), ("kg/m^2", 1.0), ("kg/m2", 1.0), ("g/m²", 1e-3), ("g/m^2", 1e-3), ("gsm", 1e-3)]
-            }
-            Self::Time => &[("s", 1.0), ("ms", 1e-3)],
-            Self::Rate => &[("1/s", 1.0)],
-            Self::Density => &[("kg/m³", 1.0), ("kg/m^3", 1.0), ("kg/m3", 1.0)],
-            Self::Drag => &[("N s/m³", 1.0), ("N s/m^3", 1.0), ("N s/m3", 1.0)],
-            Self::Pressure => &[("Pa", 1.0), ("hPa", 100.0), ("kPa", 1000.0), ("mbar", 100.0)],
-            // Kawabata's instrument gives gf·cm²/cm.
-            Self::BendingRigidity => &[
-                ("N·m", 1.0),
-                ("N m", 1.0),
-                ("Nm", 1.0),
-                ("mN·m", 1e-3),
-                ("µN·m", 1e-6),
-                ("uNm", 1e-6),
-                ("gf·cm²/cm", 9.80665e-5),
-            ],
-            Self::Angle => &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
-        }
-    }
-
-    /// The SI unit as text; empty for pure numbers.
-    pub fn si_unit(self) -> &'static str {
-        self.units()[0].0
-    }
-
-    /// Reads `"2 mm"` as 0.002; `Err` says what was expected.
-    ///
-    /// # Errors
-    /// The text is not a number followed by a unit of this dimension.
-    pub fn parse(self, text: &str) -> Result<f64, String> {
-        let text = text.trim();
-        let split = text
-            .char_indices()
-            .find(|(i, c)| !(c.is_ascii_digit() || "+-._".contains(*c) || is_exponent(text, *i)))
-            .map_or(text.len(), |(i, _)| i);
-        let (number, unit) = (text[..split].trim(), text[split..].trim());
-        let expected = || {
-            let units: Vec<_> = self.units().iter().map(|u| u.0).filter(|u| !u.is_empty()).collect();
-            if units.is_empty() {
-                "a number".to_owned()
-            } else {
-                format!("a number with one of the units {}", units.join(", "))
-            }
-        };
-        let value: f64 = number.parse().map_err(|_| format!("`{text}` is not a number; expected {}", expected()))?;
-        if unit.is_empty() {
-            return Ok(value);
-        }
-        let factor = self.units().iter().find(|(name, _)| *name == unit).map(|(_, factor)| *factor);
-        factor.map(|f| value * f).ok_or_else(|| format!("unit `{unit}` does not fit here; expected {}", expected()))
-    }
-}
-
-/// Whether the character at `i` is the `e` of an exponent (`1e-3`), not the start of a unit.
-fn is_exponent(text: &str, i: usize) -> bool {
-    let rest = &text[i..];
-    let follows = rest.strip_prefix(['e', 'E']).and_then(|r| r.strip_prefix(['+', '-']).or(Some(r)));
-    i > 0 && follows.is_some_and(|r| r.starts_with(|c: char| c.is_ascii_digit()))
-}
-
-/// Default of a field.
+/// What a field takes, and its value when the scene says nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Default {
-    /// The scene has to say it.
+    /// A number that the scene has to say.
     Required,
+    /// Three numbers that the scene has to say.
+    RequiredVector,
     /// This number, in the SI unit.
     Number(f64),
+    /// This number, written with its unit.
+    Quantity(&'static str),
+    /// This number, in the SI unit, where another key gives it a meaning; it is not written out.
+    Conditional(f64),
+    /// This whole number.
+    Count(u32),
+    /// [`AUTO`]: chosen while the scene runs, unless the scene says a number.
+    Auto,
     /// These three numbers, in the SI unit.
     Vector([f64; 3]),
     /// Yes or no.
     Flag(bool),
-    /// Nothing, unless the scene says it: the effect works without.
+    /// This one of some words.
+    Choice(&'static str, &'static [Word]),
+    /// No number, unless the scene says it: everything works without.
     Absent,
     /// No keys, unless the scene says them.
     Keys,
@@ -144,7 +60,45 @@ pub enum Default {
     File,
 }
 
-/// One setting of an effect.
+/// The word in place of a number that is chosen while the scene runs.
+pub const AUTO: &str = "auto";
+
+/// A word that a field takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Word {
+    /// As it is written.
+    pub name: &'static str,
+    /// What it means.
+    pub help: &'static str,
+}
+
+impl Default {
+    /// The default as it would be written; `None` where the scene has to say the value, or there is none.
+    pub fn value(self) -> Option<SettingValue> {
+        match self {
+            Self::Number(number) | Self::Conditional(number) => Some(SettingValue::Number(number)),
+            Self::Count(count) => Some(SettingValue::Number(f64::from(count))),
+            Self::Quantity(text) | Self::Choice(text, _) => Some(SettingValue::Text(text.into())),
+            Self::Auto => Some(SettingValue::Text(AUTO.into())),
+            Self::Vector(vector) => Some(SettingValue::Vector(vector)),
+            Self::Flag(flag) => Some(SettingValue::Flag(flag)),
+            Self::Required | Self::RequiredVector | Self::Absent | Self::Keys | Self::File => None,
+        }
+    }
+
+    /// Whether it is one number.
+    pub fn is_number(self) -> bool {
+        use self::Default::{Absent, Auto, Conditional, Count, Number, Quantity, Required};
+        matches!(self, Required | Absent | Auto | Number(_) | Quantity(_) | Conditional(_) | Count(_))
+    }
+
+    /// Whether the scene has to say the value.
+    pub fn is_required(self) -> bool {
+        matches!(self, Self::Required | Self::RequiredVector)
+    }
+}
+
+/// One setting: its row in the table of an effect or of a description.
 #[derive(Debug, Clone, Copy)]
 pub struct Field {
     /// Key in the scene file.
@@ -153,7 +107,7 @@ pub struct Field {
     pub dimension: Dimension,
     /// Value when the scene says nothing.
     pub default: Default,
-    /// Smallest and largest number allowed, in the SI unit.
+    /// Smallest and largest number allowed, in the SI unit; from [`f64::MIN_POSITIVE`] is every number above zero.
     pub range: (f64, f64),
     /// One line for the reference page: what it does, which values are usual.
     pub help: &'static str,
@@ -164,11 +118,11 @@ pub struct Field {
 pub enum Origin {
     /// Written in the scene (or in a preset that the scene names).
     Scene,
-    /// Default of the effect.
+    /// Default of the field.
     Default,
 }
 
-/// Checked settings of one effect, in SI units.
+/// Checked settings of one table, in SI units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     values: BTreeMap<&'static str, (SettingValue, Origin)>,
@@ -179,7 +133,7 @@ impl Settings {
     ///
     /// # Errors
     /// One message per unknown key, missing value, wrong unit or value out of range.
-    pub fn check(fields: &[Field], written: &BTreeMap<String, SettingValue>) -> Result<Self, Vec<String>> {
+    pub fn check(fields: &[Field], written: &Written) -> Result<Self, Vec<String>> {
         let mut problems: Vec<String> = written
             .keys()
             .filter(|key| !fields.iter().any(|f| f.name == key.as_str()))
@@ -187,7 +141,7 @@ impl Settings {
             .collect();
         let mut values = BTreeMap::new();
         for field in fields {
-            match resolve(field, written.get(field.name)) {
+            match field.resolve(written.get(field.name)) {
                 Ok(Some(value)) => drop(values.insert(field.name, value)),
                 Ok(None) => {}
                 Err(problem) => problems.push(problem),
@@ -196,9 +150,17 @@ impl Settings {
         if problems.is_empty() { Ok(Self { values }) } else { Err(problems) }
     }
 
+    /// Those of a table when the scene says nothing.
+    ///
+    /// # Panics
+    /// A field has to be said.
+    pub fn defaults(fields: &[Field]) -> Self {
+        Self::check(fields, &BTreeMap::new()).unwrap_or_else(|texts| panic!("{}", texts.join("; ")))
+    }
+
     /// A number that is required or has a default, in the SI unit.
     pub fn number(&self, name: &str) -> f64 {
-        self.optional(name).unwrap_or_else(|| panic!("field `{name}` is declared with a number by its effect"))
+        self.optional(name).unwrap_or_else(|| panic!("field `{name}` is declared with a number"))
     }
 
     /// A number that may be absent, in the SI unit.
@@ -213,7 +175,7 @@ impl Settings {
     pub fn vector(&self, name: &str) -> [f64; 3] {
         match self.values.get(name) {
             Some((SettingValue::Vector(value), _)) => *value,
-            _ => panic!("field `{name}` is declared with a vector by its effect"),
+            _ => panic!("field `{name}` is declared with a vector"),
         }
     }
 
@@ -221,7 +183,7 @@ impl Settings {
     pub fn flag(&self, name: &str) -> bool {
         match self.values.get(name) {
             Some((SettingValue::Flag(value), _)) => *value,
-            _ => panic!("field `{name}` is declared with a flag by its effect"),
+            _ => panic!("field `{name}` is declared with a flag"),
         }
     }
 
@@ -233,7 +195,7 @@ impl Settings {
         }
     }
 
-    /// A name of a file that may be absent.
+    /// A name of a file that may be absent, or a word.
     pub fn text(&self, name: &str) -> Option<&str> {
         match self.values.get(name) {
             Some((SettingValue::Text(text), _)) => Some(text),
@@ -247,67 +209,102 @@ impl Settings {
     }
 }
 
-/// The value of one field, or what is wrong with it.
-fn resolve(field: &Field, written: Option<&SettingValue>) -> Result<Option<(SettingValue, Origin)>, String> {
-    let Some(written) = written else {
-        return match field.default {
-            Default::Required => Err(format!("`{}` is missing: {}", field.name, field.help)),
-            Default::Number(value) => Ok(Some((SettingValue::Number(value), Origin::Default))),
-            Default::Vector(value) => Ok(Some((SettingValue::Vector(value), Origin::Default))),
-            Default::Flag(value) => Ok(Some((SettingValue::Flag(value), Origin::Default))),
-            Default::Absent | Default::Keys | Default::File => Ok(None),
+impl Field {
+    /// The value of the field, or what is wrong with it.
+    fn resolve(&self, written: Option<&SettingValue>) -> Result<Option<(SettingValue, Origin)>, String> {
+        let (value, origin) = match written {
+            Some(value) => (value.clone(), Origin::Scene),
+            None if self.default.is_required() => return Err(format!("`{}` is missing: {}", self.name, self.help)),
+            None => match self.default.value() {
+                Some(value) => (value, Origin::Default),
+                None => return Ok(None),
+            },
         };
-    };
-    if let Default::Flag(_) = field.default {
-        return match written {
-            SettingValue::Flag(value) => Ok(Some((SettingValue::Flag(*value), Origin::Scene))),
-            _ => Err(format!("`{}` takes true or false: {}", field.name, field.help)),
+        self.check(&value).map(|value| Some((value, origin)))
+    }
+
+    /// A value as written in the SI unit; words and names of files as they are.
+    ///
+    /// # Errors
+    /// What is wrong with it: its kind, its unit, or its number, which is out of range.
+    pub fn check(&self, written: &SettingValue) -> Result<SettingValue, String> {
+        match (self.default, written) {
+            (Default::Flag(_), SettingValue::Flag(_)) | (Default::File, SettingValue::Text(_)) => {}
+            (Default::Auto, SettingValue::Text(text)) if text == AUTO => {}
+            (Default::Choice(_, words), SettingValue::Text(text)) => self.check_word(words, text)?,
+            (Default::Keys, SettingValue::Keys(keys)) => self.check_keys(keys)?,
+            (Default::Vector(_) | Default::RequiredVector, SettingValue::Vector(value)) => {
+                value.iter().try_for_each(|v| self.check_number(*v))?;
+            }
+            (kind, SettingValue::Number(value)) if kind.is_number() => self.check_number(*value)?,
+            (kind, SettingValue::Text(text)) if kind.is_number() => {
+                let value = self.dimension.parse(text).map_err(|e| format!("`{}`: {e}", self.name))?;
+                self.check_number(value)?;
+                return Ok(SettingValue::Number(value));
+            }
+            _ => return Err(self.expected()),
+        }
+        Ok(written.clone())
+    }
+
+    /// What the field takes, as a sentence.
+    pub fn expected(&self) -> String {
+        let form = match self.default {
+            Default::Vector(_) | Default::RequiredVector => "three numbers",
+            Default::Flag(_) => "true or false",
+            Default::Choice(..) => "a word",
+            Default::Count(_) => "a whole number",
+            Default::Keys => "[[seconds, [x, y, z]], …]",
+            Default::File => "the name of a file",
+            Default::Auto => "a number, text with a unit, or \"auto\"",
+            _ => "a number, or text with a unit",
         };
+        format!("`{}` has to be {form}: {}", self.name, self.help)
     }
-    match (field.default, written) {
-        (Default::Keys, SettingValue::Keys(keys)) => {
-            check_keys(field, keys)?;
-            return Ok(Some((written.clone(), Origin::Scene)));
+
+    fn check_word(&self, words: &[Word], word: &str) -> Result<(), String> {
+        let names = || words.iter().map(|known| known.name);
+        if names().any(|name| name == word) {
+            return Ok(());
         }
-        (Default::File, SettingValue::Text(_)) => return Ok(Some((written.clone(), Origin::Scene))),
-        (Default::Keys, _) => return Err(format!("`{}` takes [[seconds, [x, y, z]], …]: {}", field.name, field.help)),
-        (Default::File, _) => return Err(format!("`{}` takes the name of a file: {}", field.name, field.help)),
-        _ => {}
+        let advice = match nearest(word, names()) {
+            Some(best) => format!("did you mean `{best}`?"),
+            None => format!("it takes {}", names().collect::<Vec<_>>().join(", ")),
+        };
+        Err(format!("`{}` cannot be `{word}`; {advice}", self.name))
     }
-    let is_vector = matches!(field.default, Default::Vector(_));
-    let value = match (written, is_vector) {
-        (SettingValue::Vector(value), true) => {
-            value.iter().try_for_each(|v| in_range(field, *v))?;
-            SettingValue::Vector(*value)
+
+    fn check_keys(&self, keys: &[(f64, [f64; 3])]) -> Result<(), String> {
+        keys.iter().flat_map(|(_, value)| value).try_for_each(|value| self.check_number(*value))?;
+        let ascending = keys.windows(2).all(|w| w[0].0 < w[1].0) && keys.iter().all(|(time, _)| time.is_finite());
+        let wrong = || format!("the times of `{}` have to ascend", self.name);
+        (ascending && !keys.is_empty()).then_some(()).ok_or_else(wrong)
+    }
+
+    fn check_number(&self, value: f64) -> Result<(), String> {
+        let (low, high) = self.range;
+        if !(value >= low && value <= high) {
+            let unit = self.dimension.si_unit();
+            let with_unit = |number: f64| format!("{} {unit}", short(number)).trim_end().to_owned();
+            let expected = match (low, high) {
+                (_, f64::INFINITY) if low == f64::MIN_POSITIVE => "has to be above 0".to_owned(),
+                (f64::NEG_INFINITY, f64::INFINITY) => "has to be a number".to_owned(),
+                (_, f64::INFINITY) => format!("has to be {} or more", with_unit(low)),
+                _ => format!("is outside {} to {}", short(low), with_unit(high)),
+            };
+            return Err(format!("`{}` = {} {expected}: {}", self.name, with_unit(value), self.help));
         }
-        (SettingValue::Number(value), false) => {
-            in_range(field, *value)?;
-            SettingValue::Number(*value)
+        match self.default {
+            Default::Count(_) if value.fract() != 0.0 => Err(self.expected()),
+            _ => Ok(()),
         }
-        (SettingValue::Text(text), false) => {
-            let value = field.dimension.parse(text).map_err(|e| format!("`{}`: {e}", field.name))?;
-            in_range(field, value)?;
-            SettingValue::Number(value)
-        }
-        (_, true) => return Err(format!("`{}` takes three numbers, for example [0, -9.81, 0]", field.name)),
-        (_, false) => return Err(format!("`{}` takes one number", field.name)),
-    };
-    Ok(Some((value, Origin::Scene)))
+    }
 }
 
-fn check_keys(field: &Field, keys: &[(f64, [f64; 3])]) -> Result<(), String> {
-    keys.iter().flat_map(|(_, value)| value).try_for_each(|value| in_range(field, *value))?;
-    let ascending = keys.windows(2).all(|w| w[0].0 < w[1].0) && keys.iter().all(|(time, _)| time.is_finite());
-    if ascending && !keys.is_empty() { Ok(()) } else { Err(format!("the times of `{}` have to ascend", field.name)) }
-}
-
-fn in_range(field: &Field, value: f64) -> Result<(), String> {
-    let (low, high) = field.range;
-    if value >= low && value <= high {
-        return Ok(());
-    }
-    let unit = field.dimension.si_unit();
-    Err(format!("`{}` = {value} {unit} is outside {low} to {high} {unit}: {}", field.name, field.help))
+/// A number with as few digits as it has.
+pub fn short(value: f64) -> String {
+    let is_long = value != 0.0 && value.is_finite() && !(1e-3..1e6).contains(&value.abs());
+    if is_long { format!("{value:e}") } else { value.to_string() }
 }
 
 fn unknown_key(key: &str, fields: &[Field]) -> String {
@@ -347,27 +344,58 @@ fn edit_distance(a: &str, b: &str) -> usize {
 mod tests {
     use super::*;
 
-    #[test]
-    fn units_are_converted_to_si_and_wrong_ones_refused() {
-        assert_eq!(Dimension::Length.parse("2 mm"), Ok(0.002));
-        assert_eq!(Dimension::Length.parse("1e-3m"), Ok(0.001));
-        assert_eq!(Dimension::ArealDensity.parse("150 g/m²"), Ok(0.15));
-        assert!(Dimension::Length.parse("2 N").unwrap_err().contains("mm"));
-        assert!(Dimension::Length.parse("wide").is_err());
+    const WORDS: &[Word] = &[Word { name: "early", help: "" }, Word { name: "late", help: "" }];
+
+    fn field(name: &'static str, default: Default, range: (f64, f64)) -> Field {
+        Field { name, dimension: Dimension::Time, default, range, help: "what it does" }
+    }
+
+    fn fields() -> [Field; 5] {
+        [
+            field("step", Default::Auto, (1.0, 2.0)),
+            field("most", Default::Count(7), (1.0, 1e6)),
+            field("when", Default::Choice("late", WORDS), (0.0, 0.0)),
+            field("until", Default::Number(f64::INFINITY), (f64::MIN_POSITIVE, f64::INFINITY)),
+            field("pause", Default::Quantity("2 ms"), (0.0, f64::INFINITY)),
+        ]
+    }
+
+    fn wrong(key: &str, value: SettingValue) -> String {
+        Settings::check(&fields(), &BTreeMap::from([(key.to_owned(), value)])).unwrap_err().join("; ")
     }
 
     #[test]
-    fn a_misspelt_key_names_the_nearest_word() {
-        let fields = [Field {
-            name: "stiffness",
-            dimension: Dimension::Stiffness,
-            default: Default::Number(1.0),
-            range: (0.0, 2.0),
-            help: "",
-        }];
-        let written = BTreeMap::from([("stifness".to_owned(), SettingValue::Number(1.0))]);
-        assert!(Settings::check(&fields, &written).unwrap_err()[0].contains("did you mean `stiffness`"));
-        let written = BTreeMap::from([("stiffness".to_owned(), SettingValue::Number(3.0))]);
-        assert!(Settings::check(&fields, &written).unwrap_err()[0].contains("outside"));
+    fn defaults_are_in_the_si_unit_and_say_that_they_are() {
+        let settings = Settings::defaults(&fields());
+        assert_eq!(
+            (settings.optional("step"), settings.number("most"), settings.text("when")),
+            (None, 7.0, Some("late"))
+        );
+        assert_eq!((settings.number("until"), settings.number("pause")), (f64::INFINITY, 0.002));
+        assert!(settings.iter().all(|(_, _, origin)| origin == Origin::Default));
+    }
+
+    #[test]
+    fn a_misspelt_key_or_word_names_the_nearest() {
+        assert!(wrong("stepp", SettingValue::Number(1.0)).contains("did you mean `step`"));
+        assert!(wrong("when", SettingValue::Text("lat".into())).contains("did you mean `late`"));
+        assert!(wrong("when", SettingValue::Text("never".into())).contains("it takes early, late"));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_what_does() {
+        let number = SettingValue::Number;
+        for (key, value, words) in [
+            ("step", number(3.0), "`step` = 3 s is outside 1 to 2 s: what it does"),
+            ("step", SettingValue::Flag(true), "`step` has to be a number, text with a unit, or \"auto\""),
+            ("step", SettingValue::Text("2 mm".into()), "unit `mm` does not fit here"),
+            ("most", number(1.5), "`most` has to be a whole number"),
+            ("most", number(f64::NAN), "is outside 1 to 1e6 s"),
+            ("when", number(1.0), "`when` has to be a word"),
+            ("until", number(0.0), "`until` = 0 s has to be above 0"),
+            ("pause", number(-1.0), "`pause` = -1 s has to be 0 s or more"),
+        ] {
+            assert!(wrong(key, value.clone()).contains(words), "{}", wrong(key, value));
+        }
     }
 }

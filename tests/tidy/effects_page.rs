@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use drapery_core::effects::{EffectSpec, REGISTRY, Scope};
-use drapery_core::settings::{Default, Dimension, Field};
+use drapery_core::settings::{AUTO, Default, Dimension, Field};
 
 /// The page.
 pub(crate) fn page() -> String {
@@ -77,8 +77,11 @@ fn unit(dimension: Dimension) -> &'static str {
 
 fn default(field: &Field) -> String {
     match field.default {
-        Default::Required => "has to be given".to_owned(),
-        Default::Number(value) => format!("{value}"),
+        Default::Required | Default::RequiredVector => "has to be given".to_owned(),
+        Default::Number(value) | Default::Conditional(value) => format!("{value}"),
+        Default::Count(value) => format!("{value}"),
+        Default::Quantity(text) | Default::Choice(text, _) => text.to_owned(),
+        Default::Auto => AUTO.to_owned(),
         Default::Vector(value) => format!("{value:?}"),
         Default::Flag(value) => format!("{value}"),
         Default::Absent | Default::Keys | Default::File => "none".to_owned(),
@@ -89,6 +92,7 @@ fn range(field: &Field) -> String {
     match field.default {
         Default::Flag(_) => return "true or false".to_owned(),
         Default::File => return "a file name".to_owned(),
+        Default::Choice(_, words) => return words.iter().map(|word| word.name).collect::<Vec<_>>().join(", "),
         _ => {}
     }
     let (low, high) = field.range;

@@ -1,6 +1,8 @@
 //! The names that a study varies, and what each of them changes in a scene.
 
 use drapery_core::effects::find;
+use drapery_core::scene::{Described, SolverSettings};
+use drapery_core::settings::{self, Field};
 
 use crate::study::record::{Role, Setting};
 
@@ -28,20 +30,9 @@ pub(super) const FRICTION: &str = "friction";
 /// Parameter that is taken for the fineness of the mesh.
 pub const RESOLUTION: &str = "resolution";
 
-/// Short names of keys of the scene.
-const SHORT: [(&str, &str); 8] = [
-    ("cfl", "solver.cfl"),
-    ("max_dt", "solver.max_dt"),
-    ("cg_tolerance", "solver.cg_tolerance"),
-    ("strain_per_step", "solver.strain_per_step"),
-    ("max_steps", "self_collision.max_steps"),
-    ("integrator", "solver.integrator"),
-    ("body_friction", "solver.body_friction"),
-    ("per_collision_step", "self_repulsion.per_collision_step"),
-];
-
-/// Keys of `[solver]` that are another method, not another accuracy.
-const METHODS: [&str; 2] = ["solver.integrator", "solver.body_friction"];
+/// Short names of keys of the scene, beside those of `[solver]`, which are named without their table.
+const SHORT: [(&str, &str); 2] =
+    [("max_steps", "self_collision.max_steps"), ("per_collision_step", "self_repulsion.per_collision_step")];
 
 /// Power of the number of steps that the time of a run follows, measured on the sample scenes: shorter steps need fewer
 /// iterations each.
@@ -49,6 +40,9 @@ const STEPS_POWER: f64 = 0.6;
 
 /// Time of a run with solves a hundred times as tight, measured likewise.
 const TIGHTER: f64 = 1.8;
+
+/// Start of the keys of the time integration.
+const SOLVER: &str = "solver.";
 
 /// Start of the keys that choose effects.
 const CHOICE: &str = "effects.";
@@ -144,7 +138,7 @@ pub(super) fn changed(setting: &Setting, name: &str, value: &str, ground: &BaseS
             let cloth = ground.takes("friction").then(|| "self_repulsion.friction".to_owned());
             setting.settings.extend(bodies.chain(cloth).map(|key| (key, value.to_owned())));
         }
-        _ => setting.settings.push((key_of(name).to_owned(), value.to_owned())),
+        _ => setting.settings.push((key_of(name), value.to_owned())),
     }
     let words: Vec<String> = setting.changes.iter().map(|(name, value)| format!("{name} {value}")).collect();
     setting.label = words.join(", ");
@@ -160,19 +154,29 @@ fn leave_out(setting: &mut Setting, ground: &BaseSettings) {
     setting.settings.push((format!("{CHOICE}only"), "[]".to_owned()));
 }
 
-fn key_of(name: &str) -> &str {
-    SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, key)| key)
+/// The row of `[solver]` with a name, alone or behind that of the table.
+fn row_of(name: &str) -> Option<&'static Field> {
+    let name = name.strip_prefix(SOLVER).unwrap_or(name);
+    SolverSettings::FIELDS.iter().find(|field| field.name == name)
+}
+
+fn key_of(name: &str) -> String {
+    match row_of(name) {
+        Some(row) => format!("{SOLVER}{}", row.name),
+        None => SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, key)| key).to_owned(),
+    }
 }
 
 /// What a change of this name is compared with.
 pub(super) fn role_of(name: &str) -> Role {
-    let key = key_of(name);
-    match name {
-        WITHOUT => Role::Without,
-        THREADS | RANKS => Role::Threads,
-        BODY_FRAMES => Role::Accuracy,
-        _ if METHODS.contains(&key) => Role::Model,
-        _ if key.starts_with("solver.") || key == "self_collision.max_steps" => Role::Accuracy,
+    match (name, row_of(name)) {
+        (WITHOUT, _) => Role::Without,
+        (THREADS | RANKS, _) => Role::Threads,
+        (BODY_FRAMES, _) => Role::Accuracy,
+        // Words are another method, not another accuracy.
+        (_, Some(Field { default: settings::Default::Choice(..), .. })) => Role::Model,
+        (_, Some(_)) => Role::Accuracy,
+        _ if name.starts_with(SOLVER) || key_of(name) == "self_collision.max_steps" => Role::Accuracy,
         _ => Role::Model,
     }
 }
@@ -233,6 +237,20 @@ pub(super) mod tests {
         let two = changed(&one, "without", "self_repulsion", &ground);
         let expected = [("effects.without", r#"["wind", "bending", "self_repulsion"]"#), ("effects.only", "[]")];
         assert_eq!(two.settings, pairs(&expected));
+    }
+
+    #[test]
+    fn every_row_of_the_solver_can_be_varied_by_its_name_alone() {
+        for row in SolverSettings::FIELDS {
+            let setting = changed(&as_is(), row.name, "2", &ground());
+            assert_eq!(setting.settings, pairs(&[(&format!("solver.{}", row.name), "2")]));
+            assert_eq!(role_of(row.name), role_of(&format!("solver.{}", row.name)));
+        }
+        assert_eq!((role_of("min_dt"), role_of("integrator")), (Role::Accuracy, Role::Model));
+        assert_eq!(
+            (key_of("max_steps"), key_of("resolution")),
+            ("self_collision.max_steps".into(), "resolution".into())
+        );
     }
 
     #[test]

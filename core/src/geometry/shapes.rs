@@ -4,6 +4,7 @@
 //! axis, medial planes) one is chosen by a fixed rule, so that equal input gives equal output.
 
 use crate::Vec3;
+use crate::settings::{Default, Dimension, Field, Member, Settings, Written, written};
 
 /// Tangent steps after which a path counts as having arrived. They at least halve the gap even at a grazing contact,
 /// so that 64 of them use up the digits of a number.
@@ -40,7 +41,83 @@ pub enum Shape {
     },
 }
 
+/// A shape as a scene writes it: a word, and a table of sizes.
+#[derive(Debug)]
+pub struct ShapeSpec {
+    /// The word.
+    pub name: &'static str,
+    /// One line for help and the reference page.
+    pub summary: &'static str,
+    /// Its sizes.
+    pub fields: &'static [Field],
+    /// The shape of these sizes.
+    pub of: fn(&Settings) -> Shape,
+}
+
+const fn size(name: &'static str, default: Default, help: &'static str) -> Field {
+    Field { name, dimension: Dimension::Length, default, range: (1e-9, 1e9), help }
+}
+
+const RADIUS: Field = size("radius", Default::Required, "radius");
+
 impl Shape {
+    /// All shapes that a scene can write.
+    pub const SPECS: &'static [ShapeSpec; 5] = &[
+        ShapeSpec {
+            name: "half_space",
+            summary: "everything below the plane y = 0",
+            fields: &[],
+            of: |_| Self::HalfSpace,
+        },
+        ShapeSpec {
+            name: "sphere",
+            summary: "a ball",
+            fields: &[RADIUS],
+            of: |settings| Self::Sphere { radius: settings.number("radius") },
+        },
+        ShapeSpec {
+            name: "capsule",
+            summary: "a cylinder along y with round ends",
+            fields: &[
+                RADIUS,
+                size("half_length", Default::Required, "half the length of the axis between the round ends"),
+            ],
+            of: |settings| Self::Capsule {
+                radius: settings.number("radius"),
+                half_length: settings.number("half_length"),
+            },
+        },
+        ShapeSpec {
+            name: "cylinder",
+            summary: "a cylinder along y",
+            fields: &[RADIUS, size("half_length", Default::Required, "half the height")],
+            of: |settings| Self::Cylinder {
+                radius: settings.number("radius"),
+                half_length: settings.number("half_length"),
+            },
+        },
+        ShapeSpec {
+            name: "box",
+            summary: "a box",
+            fields: &[size("half_extents", Default::RequiredVector, "half the edge lengths along x, y and z")],
+            of: |settings| Self::Box { half_extents: settings.vector("half_extents") },
+        },
+    ];
+
+    /// The shape as a scene would write it.
+    pub fn written(&self) -> (&'static ShapeSpec, Written) {
+        let [half_space, sphere, capsule, cylinder, cuboid] = Self::SPECS;
+        let round =
+            |radius: f64, half_length: f64| written([("radius", radius.value()), ("half_length", half_length.value())]);
+        match *self {
+            Self::HalfSpace => (half_space, Written::new()),
+            Self::Sphere { radius } => (sphere, written([("radius", radius.value())])),
+            Self::Capsule { radius, half_length } => (capsule, round(radius, half_length)),
+            Self::Cylinder { radius, half_length } => (cylinder, round(radius, half_length)),
+            Self::Box { half_extents } => (cuboid, written([("half_extents", half_extents.value())])),
+        }
+    }
+
     /// Signed distance of `p` \[m\], negative inside, and the outward unit gradient.
     pub fn signed_distance(&self, p: &Vec3) -> (f64, Vec3) {
         match *self {
@@ -161,6 +238,16 @@ mod tests {
             Shape::Cylinder { radius, half_length } => p.x.hypot(p.z) < radius && p.y.abs() < half_length,
             Shape::Box { half_extents: h } => (0..3).all(|k| p[k].abs() < h[k]),
         }
+    }
+
+    #[test]
+    fn every_shape_is_read_as_it_is_written() {
+        for shape in SHAPES {
+            let (spec, written) = shape.written();
+            assert_eq!((spec.of)(&Settings::check(spec.fields, &written).unwrap()), shape);
+        }
+        let words: std::collections::BTreeSet<&str> = SHAPES.iter().map(|shape| shape.written().0.name).collect();
+        assert_eq!(words.len(), Shape::SPECS.len(), "each is tried");
     }
 
     #[test]

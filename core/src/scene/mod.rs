@@ -5,24 +5,29 @@
 //! that every index is in range, every number finite and every rest edge longer than zero: what of a garment has no area takes
 //! no part, and the scene says so in its warnings.
 
+mod body;
+pub(crate) mod described;
 mod garment;
 pub mod gather;
 pub(crate) mod origin;
 mod pin;
+mod seam;
 pub mod seam_pairs;
+mod solver;
 pub mod vertex_maps;
 
+pub use body::{BodyDescription, BodyShape, RigidMotion};
+pub use described::Described;
 pub use origin::{FARTHEST, coarse_place, is_possible};
-pub use pin::{PinAnchor, PinDescription, PinHold, PinTarget};
+pub use pin::{PinAnchor, PinDescription, PinHold, PinMode, PinTarget};
+pub use seam::SeamDescription;
+pub use solver::{BodyFriction, Integrator, SolverSettings};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::UnitQuaternion;
-
 use crate::Vec3;
 pub use crate::geometry::attachment::SurfaceAttachment;
-use crate::geometry::shapes::Shape;
 use crate::mesh::{MeshStream, PolygonMesh, TriangleMesh};
 use crate::parallel::parts::Parts;
 use crate::settings::SettingValue;
@@ -95,66 +100,6 @@ impl Default for Timeline {
     }
 }
 
-/// Settings of the time integration (`docs/theory/step.md`).
-#[derive(Debug, Clone, PartialEq)]
-pub struct SolverSettings {
-    /// CFL number of the elastic step limit; 4 is the authors' value for cloth, below 2.83 is provably stable.
-    pub cfl: f64,
-    /// Largest time step [s]; `None` leaves the choice to the CFL number and the strain rate.
-    pub max_dt: Option<f64>,
-    /// A step that would have to be shorter than this ends the run with an error [s].
-    pub min_dt: f64,
-    /// Largest relative change of an edge's length in one step.
-    pub strain_per_step: f64,
-    /// Largest nodal residual at which the damping solve stops [m/s]; `None` takes the smaller of 1e-2 m/s and a tenth
-    /// of what gravity adds in one step, so that accuracy does not fade as steps get shorter
-    /// (`docs/theory/step.md#the-damping-solve`).
-    pub cg_tolerance: Option<f64>,
-    /// Largest number of conjugate gradient iterations of one solve; a solve that reaches it is counted, not fatal.
-    pub cg_max_iterations: usize,
-    /// How elastic forces enter both solves.
-    pub integrator: Integrator,
-    /// Where in a step friction with bodies acts.
-    pub body_friction: BodyFriction,
-}
-
-impl Default for SolverSettings {
-    fn default() -> Self {
-        Self {
-            cfl: 4.0,
-            max_dt: None,
-            min_dt: 1e-9,
-            strain_per_step: 0.1,
-            cg_tolerance: None,
-            cg_max_iterations: 200,
-            integrator: Integrator::default(),
-            body_friction: BodyFriction::default(),
-        }
-    }
-}
-
-/// How elastic forces enter the two solves of a step; see `docs/theory/variants.md`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Integrator {
-    /// Explicit, with implicit damping: the paper's step. Of second order; elastic forces limit the time step.
-    #[default]
-    SemiImplicit,
-    /// Springs are linearised over the step and implicit like damping (`docs/theory/variants.md#fully-implicit`); other
-    /// forces stay explicit. Of first order, loses energy like backward Euler; springs do not limit the time step.
-    Implicit,
-}
-
-/// Where in a step friction between cloth and bodies acts; see `docs/theory/variants.md`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum BodyFriction {
-    /// In the position half (B.4), and in B.7 on the final velocities with the load of the whole step: the paper's
-    /// (`docs/theory/friction.md#why-it-is-accurate`).
-    #[default]
-    WholeStep,
-    /// In the position half alone; B.7 only stops what approaches. It loses the friction of resting contact.
-    PositionHalf,
-}
-
 /// A garment: its mesh at rest, where it starts, and what it weighs.
 #[derive(Debug, Clone)]
 pub struct GarmentDescription {
@@ -188,85 +133,6 @@ pub enum Mass {
     UniformTotal(f64),
 }
 
-/// A body that garments collide with. It moves as prescribed; cloth never moves it.
-#[derive(Debug, Clone)]
-pub struct BodyDescription {
-    /// Name, unique among the bodies.
-    pub name: String,
-    /// Surface of the body.
-    pub shape: BodyShape,
-    /// Motion of an analytic shape; a deforming surface moves by its samples and ignores this.
-    pub motion: RigidMotion,
-    /// Coulomb friction coefficient against cloth.
-    pub friction: f64,
-    /// Distance that cloth keeps from the surface [m].
-    pub thickness: f64,
-    /// Fastest speed at which a vertex that is already too deep is pushed out [m/s]; infinite corrects in one step.
-    pub max_push_speed: f64,
-    /// Whether the triangles of a closed surface face what they enclose, as those of a room do; a surface that faces outwards and
-    /// comes to enclose the outside has turned inside out, and its sides are exchanged.
-    pub faces_inwards: bool,
-}
-
-/// Surface of a body, in its own frame.
-#[derive(Debug, Clone)]
-pub enum BodyShape {
-    /// An analytic shape that moves rigidly.
-    Rigid(Shape),
-    /// A deforming triangle mesh whose positions the caller pushes frame by frame, in world space.
-    Surface {
-        /// Triangles, counter-clockwise seen from outside.
-        triangles: Vec<[u32; 3]>,
-        /// Number of points of every sample.
-        point_count: usize,
-    },
-}
-
-/// Prescribed rigid motion: a piecewise linear path of the origin, and a rotation that may spin.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RigidMotion {
-    /// Times [s] and positions [m] of the origin, ascending in time; held before the first and after the last.
-    pub path: Vec<(f64, Vec3)>,
-    /// Orientation before any spin.
-    pub rotation: UnitQuaternion<f64>,
-    /// Angular velocity in world axes [rad/s], acting from `spin_start` on.
-    pub angular_velocity: Vec3,
-    /// Solver time at which the spin starts [s].
-    pub spin_start: f64,
-}
-
-impl RigidMotion {
-    /// At rest at `position` [m].
-    pub fn at(position: Vec3) -> Self {
-        Self {
-            path: vec![(0.0, position)],
-            rotation: UnitQuaternion::identity(),
-            angular_velocity: Vec3::zeros(),
-            spin_start: 0.0,
-        }
-    }
-}
-
-/// Vertices of garments that are sewn together, pair by pair. The gap of a pair closes evenly from what it is at the start.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SeamDescription {
-    /// Garment of either side.
-    pub garments: [usize; 2],
-    /// Pairs of vertices, each by its number in the garment of its side.
-    pub pairs: Vec<[u32; 2]>,
-    /// Solver time at which the gaps start to close [s].
-    pub from: f64,
-    /// Solver time from which they are closed [s]; not after `from` closes them at once.
-    pub until: f64,
-    /// What is left of the gaps then [m]; `None` takes the larger thickness of the two garments if cloth touches cloth in this
-    /// scene, and nothing otherwise.
-    pub rest_gap: Option<f64>,
-    /// Stiffness of each pair [N/m].
-    pub stiffness: f64,
-    /// Damping as a fraction of critical damping of the pair.
-    pub damping_ratio: f64,
-}
-
 /// A regular grid of velocities of the air; it does not move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WindGridShape {
@@ -276,16 +142,6 @@ pub struct WindGridShape {
     pub spacing: Vec3,
     /// Number of nodes along x, y and z.
     pub counts: [usize; 3],
-}
-
-impl PinHold {
-    /// The force at which it breaks [N]; `None` if it never does.
-    pub(crate) fn break_force(&self) -> Option<f64> {
-        match self {
-            Self::Spring { break_force, .. } => *break_force,
-            Self::Hard => None,
-        }
-    }
 }
 
 /// An effect that the scene asks for.
@@ -379,21 +235,6 @@ impl SceneDescription {
 
 /// Thickness of a garment that does not say it [m]: a shirt's.
 pub const DEFAULT_THICKNESS: f64 = 0.0005;
-
-impl BodyDescription {
-    /// A frictionless body without thickness.
-    pub fn new(name: &str, shape: BodyShape, motion: RigidMotion) -> Self {
-        Self {
-            name: name.into(),
-            shape,
-            motion,
-            friction: 0.0,
-            thickness: 0.0,
-            max_push_speed: f64::INFINITY,
-            faces_inwards: false,
-        }
-    }
-}
 
 /// A checked scene: indices in range, numbers finite, rest edges longer than zero, effects known. On many ranks this is what
 /// one of them has: its own vertices and what lies around them.

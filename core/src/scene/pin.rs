@@ -1,7 +1,9 @@
-//! Pins as a scene describes them: vertices whose motion is given.
+//! Pins of a description: which vertices are held, to what, and how.
 
-use super::SurfaceAttachment;
 use crate::Vec3;
+use crate::geometry::attachment::SurfaceAttachment;
+use crate::scene::described::described;
+use crate::settings::{Member, Settings, choice};
 
 /// Vertices of a garment that are held.
 #[derive(Debug, Clone)]
@@ -98,3 +100,62 @@ pub enum PinHold {
         break_force: Option<f64>,
     },
 }
+
+impl PinHold {
+    /// What the table of a pin says; `None` for a spring without stiffness.
+    pub fn of(settings: &Settings) -> Option<Self> {
+        Some(match PinMode::of(settings, "mode") {
+            PinMode::Hard => Self::Hard,
+            PinMode::Spring => Self::Spring {
+                stiffness: settings.optional("stiffness")?,
+                damping_ratio: settings.number("damping_ratio"),
+                break_force: settings.optional("break_force"),
+            },
+        })
+    }
+
+    fn mode(&self) -> PinMode {
+        self.spring().map_or(PinMode::Hard, |_| PinMode::Spring)
+    }
+
+    /// Stiffness [N/m] and damping ratio.
+    fn spring(&self) -> Option<[f64; 2]> {
+        match *self {
+            Self::Spring { stiffness, damping_ratio, .. } => Some([stiffness, damping_ratio]),
+            Self::Hard => None,
+        }
+    }
+
+    /// The force at which it breaks [N]; `None` if it never does.
+    pub(crate) fn break_force(&self) -> Option<f64> {
+        match self {
+            Self::Spring { break_force, .. } => *break_force,
+            Self::Hard => None,
+        }
+    }
+}
+
+choice! {
+    /// The words for how a pin holds.
+    pub enum PinMode {
+        /// The vertex is where its target is.
+        Hard = "hard",
+        /// A spring pulls it there.
+        Spring = "spring",
+    }
+}
+
+described! { PinDescription as pin {
+    "from", pin.from => Time, default Number(f64::NEG_INFINITY), range (f64::NEG_INFINITY, f64::INFINITY),
+        "when it takes hold, since the first frame";
+    "until", pin.until => Time, default Number(f64::INFINITY), range (f64::NEG_INFINITY, f64::INFINITY),
+        "when it lets go, since the first frame";
+    "mode", pin.hold.mode() => None, default Choice("hard", PinMode::WORDS), range (0.0, 0.0),
+        "how it holds";
+    "stiffness", pin.hold.spring().map(|[stiffness, _]| stiffness) => Stiffness, default Absent, range (1e-12, 1e10),
+        "with `mode = \"spring\"`: stiffness, for example \"200 N/m\"";
+    "damping_ratio", pin.hold.spring().map(|[_, damping_ratio]| damping_ratio) => None, default Conditional(1.0), range (0.0, 1e3),
+        "with `mode = \"spring\"`: damping as a fraction of critical";
+    "break_force", pin.hold.break_force() => Force, default Absent, range (1e-12, 1e12),
+        "with `mode = \"spring\"`: a vertex that is pulled with more is let go for good; left out, it holds whatever pulls";
+} }

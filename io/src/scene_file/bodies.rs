@@ -3,26 +3,27 @@
 use drapery_core::Vec3;
 use drapery_core::geometry::moving_surface::enclosed_share;
 use drapery_core::geometry::shapes::Shape;
-use drapery_core::scene::{BodyDescription, BodyShape, RigidMotion};
-use drapery_core::settings::Dimension;
+use drapery_core::scene::{BodyDescription, BodyShape, Described, RigidMotion};
 use nalgebra::{Unit, UnitQuaternion};
 
 use crate::input_motion::InputMotion;
 
-use super::raw::{self, Body, BodyPath, Rotation};
+use super::fields::SHAPE;
+use super::raw::{Body, BodyPath, Rotation};
 use super::resolve::Resolver;
+use super::shape;
 use super::tree::Path;
 
 impl Resolver<'_> {
     /// Resolves one body. Problems are recorded; the body then stays in its place with what could be read.
     pub(super) fn body(&mut self, body: &Body, path: &Path) {
         let still = || RigidMotion::at(Vec3::zeros());
-        let (shape, motion, input, faces_inwards) = match (&body.file, body.shape) {
+        let (shape, motion, input, faces_inwards) = match (&body.file, self.shape(path)) {
             (Some(file), None) => match self.file_body(body, file, path) {
                 Some((shape, input, faces_inwards)) => (shape, still(), Some(input), faces_inwards),
                 None => (BodyShape::Rigid(Shape::HalfSpace), still(), None, false),
             },
-            (None, Some(shape)) => (of_shape(shape), self.motion(body, path), None, false),
+            (None, Some(shape)) => (BodyShape::Rigid(shape), self.motion(body, path), None, false),
             _ => {
                 let help = "for example shape = { sphere = { radius = 0.25 } }, or file = \"hero.abc\"".to_owned();
                 self.error_with(path, format!("body \"{}\" needs either a `shape` or a `file`", body.name), help);
@@ -30,17 +31,23 @@ impl Resolver<'_> {
                 (BodyShape::Rigid(Shape::HalfSpace), still(), None, false)
             }
         };
-        let thickness = self.quantity(&path.clone().key("thickness"), &body.thickness, Dimension::Length);
-        let speed = self.quantity(&path.clone().key("max_push_speed"), &body.max_push_speed, Dimension::Speed);
         self.bodies.push(input);
-        let (Some(thickness), Some(max_push_speed)) = (thickness, speed) else {
-            return;
-        };
-        let name = body.name.clone();
-        let friction = body.friction;
-        let body =
-            BodyDescription { friction, thickness, max_push_speed, ..BodyDescription::new(&name, shape, motion) };
-        self.description.bodies.push(BodyDescription { faces_inwards, ..body });
+        let settings = self.settings(path, BodyDescription::FIELDS);
+        self.description.bodies.push(BodyDescription {
+            name: body.name.clone(),
+            shape,
+            motion,
+            friction: settings.number("friction"),
+            thickness: settings.number("thickness"),
+            max_push_speed: settings.number("max_push_speed"),
+            faces_inwards,
+        });
+    }
+
+    /// The ideal shape of the body at a path, if it has one.
+    pub(super) fn shape(&self, path: &Path) -> Option<Shape> {
+        let node = path.find(&self.scene.root).as_table()?.get(SHAPE)?;
+        shape::read(node, &path.clone().key(SHAPE), &self.scene.sources).ok()
     }
 
     fn motion(&mut self, body: &Body, path: &Path) -> RigidMotion {
@@ -144,14 +151,4 @@ impl Resolver<'_> {
         self.data_error(path, format!("{a} has {found} points, and {b} has {count}"), help);
         None
     }
-}
-
-fn of_shape(shape: raw::Shape) -> BodyShape {
-    BodyShape::Rigid(match shape {
-        raw::Shape::HalfSpace {} => Shape::HalfSpace,
-        raw::Shape::Sphere { radius } => Shape::Sphere { radius },
-        raw::Shape::Capsule { radius, half_length } => Shape::Capsule { radius, half_length },
-        raw::Shape::Cylinder { radius, half_length } => Shape::Cylinder { radius, half_length },
-        raw::Shape::Box { half_extents } => Shape::Box { half_extents },
-    })
 }

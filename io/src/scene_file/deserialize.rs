@@ -62,6 +62,25 @@ impl de::Error for Misfit {
     }
 }
 
+/// What tables look like that are usually written on one line.
+const EXAMPLES: [(&str, &str); 12] = [
+    ("Preroll", "{ settle = 24 }"),
+    ("FileUnits", "{ length = \"cm\", up = \"Y\" }"),
+    ("Rotation", "{ axis = [0, 1, 0], degrees = 90 }"),
+    ("Spin", "{ angular_velocity = [0, 1, 0] }"),
+    ("Panel", "{ resolution = 40 }"),
+    ("Disc", "{ resolution = 20, radius = 0.5 }"),
+    ("Ball", "{ resolution = 20, radius = 0.5 }"),
+    ("Tube", "{ resolution = 40, radius = 0.5, length = 1 }"),
+    ("Folds", "{ layers = 4, gap = 0.005 }"),
+    ("Jitter", "{ axis = \"y\", amplitude = 0.001, seed = 1 }"),
+    ("RandomVelocity", "{ speed = \"1 m/s\", seed = 1 }"),
+    ("SeamSide", "{ garment = \"left\", vertices = [0, 1] }"),
+];
+
+/// What a region looks like.
+const REGION: &str = "{ box = { min = [-1, 0, -1], max = [1, 2, 1] } }";
+
 /// What Rust's types are called outside of Rust.
 fn plain(expected: &str) -> String {
     match expected {
@@ -75,8 +94,12 @@ fn plain(expected: &str) -> String {
         "a tuple of size 2" => "a pair [seconds, [x, y, z]]".to_owned(),
         "an array of length 3" => "three numbers".to_owned(),
         "an array of length 2" => "two numbers".to_owned(),
+        "struct variant Region::Box" => format!("a table such as {REGION}"),
         other => match other.strip_prefix("struct ") {
-            Some(_) => "a table".to_owned(),
+            Some(name) => match EXAMPLES.iter().find(|(table, _)| *table == name) {
+                Some((_, example)) => format!("a table such as {example}"),
+                None => "a table".to_owned(),
+            },
             None => other.to_owned(),
         },
     }
@@ -91,6 +114,7 @@ fn describe(found: Unexpected<'_>) -> String {
         Unexpected::Str(text) => format!("the text \"{text}\""),
         Unexpected::Seq => "a list".to_owned(),
         Unexpected::Map => "a table".to_owned(),
+        Unexpected::UnitVariant => "a word alone".to_owned(),
         other => other.to_string(),
     }
 }

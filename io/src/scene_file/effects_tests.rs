@@ -89,6 +89,9 @@ fn slips_in_these_tables_name_the_line_and_what_to_write() {
         ("keys = [[0, [0, 0, 0]], [2, [6.0, 0, 1]]]", "keys = [[0, [0, 0]]]", "`keys` has to be"),
         ("keys = [[0, [0, 0, 0]], [2, [6.0, 0, 1]]]", "keys = [[2, [0, 0, 0]], [1, [6, 0, 1]]]", "ascend"),
         ("density = \"1.2 kg/m³\"", "file = \"gusts.h5\"\ndensity = 1.2", "no such file"),
+        ("strength = \"800 N/m\"", "strenght = 800", "did you mean `strength`?"),
+        ("strength = \"800 N/m\"", "", "in `seam.0`: `strength` is missing: stiffness of each pair"),
+        ("strength = \"800 N/m\"", "strength = 800\nclosed = 1e10", "`closed` = 1e10 s is outside -1e9 to 1e9 s"),
         ("mode = \"spring\"\nstiffness = \"200 N/m\"\n", "", "a hard pin has no stiffness"),
     ] {
         let text = SEWN.replace(from, to);

@@ -23,6 +23,7 @@ mod bodies;
 mod deserialize;
 mod diagnostics;
 mod effects;
+mod fields;
 mod file_names;
 mod garments;
 mod maps;
@@ -39,6 +40,7 @@ mod resolved;
 mod schema;
 mod seams;
 mod search;
+mod shape;
 mod shapes;
 mod start;
 mod tree;
@@ -127,19 +129,29 @@ fn parse_with(
     let material_files = presets::fill(&mut root, &mut sources, &search.materials)?;
     search.maps.apply_to_files(&mut root);
     effects::check_and_fill(&mut root, &sources)?;
-    let own = effects::without(&root);
-    let document: raw::Document = deserialize::read(&own, &sources, effects::names_at)?;
+    let of_effects = effects::tables(&root).into_iter().map(|(_, path)| path);
+    let own = fields::without(root.clone(), of_effects);
+    let document: raw::Document = deserialize::read(&own, &sources, names_at)?;
     if document.drapery != VERSION {
         let place = Path::default().key("drapery").place(&root);
         let text = format!("this scene is of version {}; this program reads version {VERSION}", document.drapery);
         return Err(sources.error(&place, text, Some("a newer Drapery may read it".to_owned())));
     }
+    // After all keys are known: a key that is missing may be a misspelt one.
+    fields::check(&root, &sources)?;
+    shape::check(&root, &sources)?;
     ranges::check(&own, &sources)?;
-    let defaults = toml::Value::try_from(&document)
+    let mut defaults = toml::Value::try_from(&document)
         .map_err(|error| sources.error(&root.place, format!("this scene cannot be written back: {error}"), None))?;
+    fields::add_defaults(&mut defaults);
     root.fill_from(&defaults);
     let (folder, path) = (folder.to_owned(), PathBuf::new());
     Ok(SceneFile { document, root, sources, parameters, material_files, folder, path })
+}
+
+/// Keys that may stand at a path beside those that serde knows.
+fn names_at(path: &Path) -> Vec<&'static str> {
+    [effects::names_at(path), fields::names_at(path)].concat()
 }
 
 /// The text of a scene, or of another file in TOML; `asked_at` is where a scene names it.

@@ -3,8 +3,8 @@
 use std::path::Path as FilePath;
 
 use drapery_core::Vec3;
-use drapery_core::scene::{BodyShape, PinAnchor, PinDescription, PinHold, PinTarget, SurfaceAttachment};
-use drapery_core::settings::Dimension;
+use drapery_core::scene::{BodyShape, Described, PinAnchor, PinDescription, PinHold, PinTarget, SurfaceAttachment};
+use drapery_core::settings::{Member, Origin, Settings};
 use serde::Deserialize;
 
 use crate::error::IoError;
@@ -12,7 +12,7 @@ use crate::input_file;
 use crate::input_motion::InputMotion;
 
 use super::deserialize::suggestion;
-use super::raw::{Bind, Corner, Pin, PinMode, Region};
+use super::raw::{BIND, Bind, Corner, Pin, Region};
 use super::resolve::{ReadGarment, Resolver};
 use super::tree::Path;
 
@@ -167,7 +167,7 @@ impl Resolver<'_> {
         let chosen = vertices(pin, garment, file.as_ref());
         let vertices = self.check(path, chosen)?;
         let target = if let Some(body) = pin.to.strip_prefix("body:") {
-            self.body_target(pin, path, body, vertices, file.as_ref())?
+            self.body_target(path, body, vertices, file.as_ref())?
         } else if pin.to == "track" {
             self.track_target(pin, path, vertices, garment)?
         } else if let Some(anchor) = anchor(&pin.to) {
@@ -180,35 +180,25 @@ impl Resolver<'_> {
         };
         let axes = axes(&pin.axes).ok_or_else(|| format!("\"{}\" is not a set of the axes x, y and z", pin.axes));
         let axes = self.check(&path.clone().key("axes"), axes)?;
-        let hold = self.hold(pin, path)?;
-        Some(PinDescription { garment: index, target, axes, from: pin.from, until: pin.until, hold })
+        let settings = self.settings(path, PinDescription::FIELDS);
+        let hold = self.hold(&settings, path)?;
+        let (from, until) = (settings.number("from"), settings.number("until"));
+        Some(PinDescription { garment: index, target, axes, from, until, hold })
     }
 
-    fn hold(&mut self, pin: &Pin, path: &Path) -> Option<PinHold> {
-        match (pin.mode, &pin.stiffness) {
-            (PinMode::Hard, None) if pin.damping_ratio.is_none() && pin.break_force.is_none() => Some(PinHold::Hard),
-            (PinMode::Hard, _) => {
-                let help = "add mode = \"spring\", or leave stiffness, damping_ratio and break_force out".to_owned();
-                self.error_with(path, "a hard pin has no stiffness, no damping and no force at which it breaks", help);
-                None
-            }
-            (PinMode::Spring, None) => {
-                let help = "add for example stiffness = \"200 N/m\"".to_owned();
-                self.error_with(path, "a spring pin needs its `stiffness`", help);
-                None
-            }
-            (PinMode::Spring, Some(stiffness)) => {
-                let stiffness = self.quantity(&path.clone().key("stiffness"), stiffness, Dimension::Stiffness)?;
-                let break_force = match &pin.break_force {
-                    Some(force) => {
-                        let here = path.clone().key("break_force");
-                        Some(self.quantity(&here, force, Dimension::Force)?)
-                    }
-                    None => None,
-                };
-                Some(PinHold::Spring { stiffness, damping_ratio: pin.damping_ratio.unwrap_or(1.0), break_force })
-            }
+    fn hold(&mut self, settings: &Settings, path: &Path) -> Option<PinHold> {
+        let of_springs = ["stiffness", "damping_ratio", "break_force"];
+        let is_written = |(name, _, origin)| origin == Origin::Scene && of_springs.contains(&name);
+        let hold = PinHold::of(settings);
+        if hold == Some(PinHold::Hard) && settings.iter().any(is_written) {
+            let help = "add mode = \"spring\", or leave stiffness, damping_ratio and break_force out".to_owned();
+            self.error_with(path, "a hard pin has no stiffness, no damping and no force at which it breaks", help);
         }
+        if hold.is_none() {
+            let help = "add for example stiffness = \"200 N/m\"".to_owned();
+            self.error_with(path, "a spring pin needs its `stiffness`", help);
+        }
+        hold
     }
 
     fn track_target(
@@ -240,7 +230,6 @@ impl Resolver<'_> {
 
     fn body_target(
         &mut self,
-        pin: &Pin,
         path: &Path,
         name: &str,
         vertices: Vec<u32>,
@@ -256,10 +245,11 @@ impl Resolver<'_> {
         // The file name is compared, not the path: the pin file was written next to a copy of the body.
         let body_file = self.scene.document.body[body].file.as_deref().map(FilePath::new).and_then(FilePath::file_name);
         let made_for_it = file.is_some_and(|f| FilePath::new(&f.body).file_name() == body_file);
-        let from_file = file.filter(|_| pin.bind == Bind::File || (pin.bind == Bind::Auto && made_for_it));
+        let bind = Bind::of(&self.settings(path, &[BIND]), BIND.name);
+        let from_file = file.filter(|_| bind == Bind::File || (bind == Bind::Auto && made_for_it));
         let Some(input) = self.bodies.get(body).and_then(Option::as_ref) else {
             // A body that could not be read has been reported already.
-            if self.scene.document.body[body].shape.is_some() {
+            if self.shape(&Path::default().key("body").index(body)).is_some() {
                 let help = "use to = \"start\" with a `path` that moves as the body does".to_owned();
                 self.error_with(
                     &here,
@@ -270,7 +260,7 @@ impl Resolver<'_> {
             return None;
         };
         let Some(file) = from_file else {
-            if pin.bind == Bind::File {
+            if bind == Bind::File {
                 let help = "name the file with `file`, or use bind = \"nearest\"".to_owned();
                 self.error_with(path, "`bind = \"file\"` needs a pin file", help);
                 return None;

@@ -1,15 +1,17 @@
 //! What presets put into a scene before its own defaults: the solver's quality, and materials.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
+
+use drapery_core::scene::{Described, SolverSettings};
 
 use crate::materials::{self, Material, MaterialEffect, MaterialSetting, TakesPart};
 
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
-use super::material_files;
-use super::raw;
 use super::tree::{Node, Origin, Place, Sources, Table, Value};
+use super::{fields, material_files};
 
 /// Fills in what the presets and the materials in `folders` say, wherever the scene does not say it itself. Returns the
 /// material files that were read, each once.
@@ -60,12 +62,11 @@ fn fill_solver(root: &mut Node) {
     for (key, value) in values {
         table.fill(key, value, &place, origin.clone());
     }
-    if let Ok(defaults) = toml::Table::try_from(raw::Solver::default()) {
-        let mut rest = Node { value: Value::Table(Table::default()), place: place.clone(), origin: origin.clone() };
-        rest.fill_from(&toml::Value::Table(defaults));
-        if let Value::Table(rest) = rest.value {
-            rest.0.into_iter().for_each(|e| table.fill(&e.key, e.node.value, &place, origin.clone()));
-        }
+    // By name, as defaults are.
+    let defaults: BTreeMap<&str, toml::Value> =
+        SolverSettings::FIELDS.iter().filter_map(|field| Some((field.name, fields::default(field)?))).collect();
+    for (key, value) in defaults {
+        table.fill(key, Value::from_toml(&value, &place), &place, origin.clone());
     }
 }
 

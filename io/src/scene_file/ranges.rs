@@ -1,9 +1,10 @@
-//! The ranges of a scene's numbers. They are declared beside the keys (`raw`), the JSON schema shows them, and what was written
-//! is held against that schema before anything is built: a number that would keep the program busy for hours, or overflow on
-//! the way, is a slip of the hand. Effects declare theirs in the registry.
+//! The ranges of a scene's numbers that have no rows (`fields`). They are declared beside the keys (`raw`), the JSON schema
+//! shows them, and what was written is held against that schema before anything is built: a number that would keep the program
+//! busy for hours, or overflow on the way, is a slip of the hand.
 
 use std::sync::LazyLock;
 
+use drapery_core::settings::short;
 use schemars::Schema;
 use serde_json::{Value as Json, json};
 
@@ -39,12 +40,6 @@ impl Range {
         };
         Err(format!("{} is not possible; expected {expected}", short(value)))
     }
-}
-
-/// A number with as few digits as it has.
-fn short(value: f64) -> String {
-    let is_long = value != 0.0 && value.is_finite() && !(1e-3..1e6).contains(&value.abs());
-    if is_long { format!("{value:e}") } else { value.to_string() }
 }
 
 /// Holds every number of a tree without effects against its range.
@@ -156,8 +151,8 @@ mod tests {
     fn ranges_are_found_through_lists_tables_and_alternatives() {
         let panel = Path::default().key("garment").index(0).key("panel").key("resolution");
         assert_eq!(at(&panel), Some(Range { least: Some(1.0), most: Some(20_000.0) }));
-        let corner = Path::default().key("body").index(2).key("shape").key("box").key("half_extents").index(1);
-        assert!(at(&corner).is_some_and(|range| range.check(-1.0).is_err()));
+        let spin = Path::default().key("body").index(2).key("spin").key("angular_velocity").index(1);
+        assert!(at(&spin).is_some_and(|range| range.check(-1e6).is_err()));
         let path = Path::default().key("body").index(0).key("path").index(3).index(1).index(2);
         assert!(at(&path).is_some_and(|range| range.check(1e10).is_err() && range.check(1e9).is_ok()));
         assert_eq!(at(&Path::default().key("garment").index(0).key("name")), None);

@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use drapery_core::Vec3;
 use drapery_core::effects::{INPUTS, REGISTRY};
-use drapery_core::scene::{
-    BodyFriction, EffectRequest, Integrator, PinTarget, SceneDescription, SolverSettings, Timeline,
-};
-use drapery_core::settings::{Dimension, SettingValue};
+use drapery_core::scene::{Described, EffectRequest, PinTarget, SceneDescription, SolverSettings, Timeline};
+use drapery_core::settings::{Dimension, Field, SettingValue, Settings};
 
 use crate::error::IoError;
 use crate::garment_mesh::GarmentMesh;
@@ -23,7 +21,7 @@ use super::diagnostics::{SceneErrorKind, SceneFileError};
 use super::memory::Memory;
 use super::raw::{self, FileUnits, Quantity};
 use super::tree::Path;
-use super::{SceneFile, effects, file_names, ranges, resolved};
+use super::{SceneFile, effects, fields, file_names, ranges, resolved};
 
 /// What pins have to know of a garment.
 pub(super) struct ReadGarment<'a> {
@@ -243,34 +241,13 @@ impl Resolver<'_> {
     }
 
     fn solver(&mut self) {
-        let solver = &self.scene.document.solver;
-        let here = |key: &str| Path::default().key("solver").key(key);
-        let auto = |quantity: &Quantity| *quantity == Quantity::Text("auto".to_owned());
-        let (mut max_dt, mut cg_tolerance) = (None, None);
-        if !auto(&solver.max_dt) {
-            max_dt = self.quantity(&here("max_dt"), &solver.max_dt, Dimension::Time);
-        }
-        if !auto(&solver.cg_tolerance) {
-            cg_tolerance = self.quantity(&here("cg_tolerance"), &solver.cg_tolerance, Dimension::Speed);
-        }
-        let min_dt = self.quantity(&here("min_dt"), &solver.min_dt, Dimension::Time);
-        self.description.solver = SolverSettings {
-            cfl: solver.cfl,
-            max_dt,
-            // A wrong value has been recorded and ends the resolution; zero stands in for it until then.
-            min_dt: min_dt.unwrap_or(0.0),
-            strain_per_step: solver.strain_per_step,
-            cg_tolerance,
-            cg_max_iterations: solver.cg_max_iterations,
-            integrator: match solver.integrator {
-                raw::Integrator::SemiImplicit => Integrator::SemiImplicit,
-                raw::Integrator::Implicit => Integrator::Implicit,
-            },
-            body_friction: match solver.body_friction {
-                raw::BodyFriction::WholeStep => BodyFriction::WholeStep,
-                raw::BodyFriction::PositionHalf => BodyFriction::PositionHalf,
-            },
-        };
+        let settings = self.settings(&Path::default().key("solver"), SolverSettings::FIELDS);
+        self.description.solver = SolverSettings::of(&settings);
+    }
+
+    /// What the table at a path says by these rows, with their defaults.
+    pub(super) fn settings(&self, path: &Path, fields: &[Field]) -> Settings {
+        fields::settings(path.find(&self.scene.root), fields)
     }
 
     /// Requests of the tables, and those that bodies and pins imply.

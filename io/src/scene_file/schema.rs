@@ -1,10 +1,12 @@
-//! JSON schema of the scene file, for editors: the structs that read it, and the tables of effects from the registry.
+//! JSON schema of the scene file, for editors: the structs that read it, and the rows of effects and of the solver's descriptions.
 
 use drapery_core::effects::{EffectSpec, Scope};
-use drapery_core::settings::{Default, Field};
+use drapery_core::geometry::shapes::{Shape, ShapeSpec};
+use drapery_core::settings::{Default, Dimension, Field, Word};
 use serde_json::{Map, Value, json};
 
 use super::effects::with_table;
+use super::fields::{self, SHAPE, TABLES};
 use super::raw::Document;
 use crate::materials;
 
@@ -24,6 +26,14 @@ pub fn schema() -> String {
             }),
         );
         insert_effects(root, Scope::Scene);
+    }
+    for rows in &TABLES {
+        if let Some(table) = schema.pointer_mut(&format!("/$defs/{}", rows.rest)) {
+            insert_fields(table, rows.fields());
+        }
+    }
+    if let Some(body) = schema.pointer_mut("/$defs/Body/properties") {
+        body[SHAPE] = shape();
     }
     if let Some(shot) = schema.pointer_mut("/$defs/Shot/required").and_then(Value::as_array_mut) {
         shot.retain(|key| key != "name");
@@ -47,42 +57,94 @@ fn insert_effects(properties: &mut Map<String, Value>, scope: Scope) {
 }
 
 fn effect(spec: &EffectSpec) -> Value {
-    let fields: Map<String, Value> = spec.fields.iter().map(|f| (f.name.to_owned(), field(f))).collect();
-    let required: Vec<&str> =
-        spec.fields.iter().filter(|f| matches!(f.default, Default::Required)).map(|f| f.name).collect();
-    json!({
-        "description": format!("Effect: {}. Without this table it does not exist.", spec.summary),
-        "type": "object",
-        "properties": fields,
-        "required": required,
-        "additionalProperties": false,
-    })
+    let description = format!("Effect: {}. Without this table it does not exist.", spec.summary);
+    let mut table = table(spec.fields);
+    table["description"] = json!(description);
+    table
+}
+
+/// A table of which every key has a row.
+fn table(fields: &'static [Field]) -> Value {
+    let mut table = json!({ "type": "object", "required": [], "additionalProperties": false });
+    insert_fields(&mut table, fields.iter());
+    table
+}
+
+/// Adds keys that have rows to a table.
+fn insert_fields(table: &mut Value, fields: impl Iterator<Item = &'static Field>) {
+    for row in fields {
+        table["properties"][row.name] = field(row);
+        if row.default.is_required()
+            && let Some(required) = table["required"].as_array_mut()
+        {
+            required.push(json!(row.name));
+        }
+    }
+}
+
+/// An ideal shape: one word, and a table of its sizes.
+fn shape() -> Value {
+    let form = |spec: &ShapeSpec| {
+        json!({
+            "description": sentence(spec.summary), "type": "object", "properties": { spec.name: table(spec.fields) },
+            "required": [spec.name], "additionalProperties": false,
+        })
+    };
+    json!({ "description": "An ideal shape.", "oneOf": Shape::SPECS.iter().map(form).collect::<Vec<_>>() })
+}
+
+/// A help as a sentence.
+fn sentence(help: &str) -> String {
+    let mut letters = help.chars();
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    first.chain(letters).chain(['.']).collect()
 }
 
 fn field(field: &Field) -> Value {
     let units: Vec<&str> = field.dimension.units().iter().map(|u| u.0).filter(|u| !u.is_empty()).collect();
-    let unit = if units.is_empty() { String::new() } else { format!(" Units: {}.", units.join(", ")) };
-    let description = format!("{}.{unit}", field.help);
-    let (least, most) = field.range;
-    match field.default {
-        Default::Vector(default) => json!({
-            "description": description, "type": "array", "minItems": 3, "maxItems": 3, "default": default,
-            "items": { "type": "number", "minimum": least, "maximum": most },
-        }),
-        Default::Number(default) => json!({
-            "description": description, "type": ["number", "string"], "minimum": least, "maximum": most,
-            "default": default,
-        }),
-        Default::Flag(default) => json!({ "description": description, "type": "boolean", "default": default }),
-        Default::Keys => json!({
-            "description": description, "type": "array",
-            "items": { "type": "array", "minItems": 2, "maxItems": 2 },
-        }),
-        Default::File => json!({ "description": description, "type": "string" }),
-        Default::Required | Default::Absent => json!({
-            "description": description, "type": ["number", "string"], "minimum": least, "maximum": most,
-        }),
+    let unit = match field.dimension {
+        Dimension::None => String::new(),
+        _ => format!(" Units: {}.", units.join(", ")),
+    };
+    let number = json!({ "type": ["number", "string"] });
+    let mut form = match field.default {
+        Default::Vector(_) | Default::RequiredVector => {
+            json!({ "type": "array", "minItems": 3, "maxItems": 3, "items": ranged(json!({ "type": "number" }), field) })
+        }
+        Default::Flag(_) => json!({ "type": "boolean" }),
+        Default::Keys => json!({ "type": "array", "items": { "type": "array", "minItems": 2, "maxItems": 2 } }),
+        Default::File => json!({ "type": "string" }),
+        Default::Choice(_, words) => json!({ "oneOf": words.iter().map(word).collect::<Vec<_>>() }),
+        Default::Count(_) => ranged(json!({ "type": "integer", "format": "uint" }), field),
+        _ => ranged(number, field),
+    };
+    let words = match field.default {
+        Default::Choice(_, words) => words.iter().map(|word| format!(" \"{}\": {}", word.name, word.help)).collect(),
+        _ => String::new(),
+    };
+    form["description"] = json!(sentence(field.help) + &unit + &words);
+    let default = match field.default {
+        Default::Conditional(number) => Some(number.into()),
+        _ => fields::default(field),
+    };
+    if let Some(default) = default {
+        form["default"] = json!(default);
     }
+    form
+}
+
+fn word(word: &Word) -> Value {
+    json!({ "description": word.help, "type": "string", "const": word.name })
+}
+
+/// A number with its range, as far as it has ends.
+fn ranged(mut number: Value, field: &Field) -> Value {
+    for (key, end) in [("minimum", field.range.0), ("maximum", field.range.1)] {
+        if end.is_finite() {
+            number[key] = json!(end);
+        }
+    }
+    number
 }
 
 /// Lets every number and flag also be a text, because it may be `"$name"`.

@@ -1,12 +1,12 @@
 //! Seams: which vertices of which garments, and when they close.
 
 use drapery_core::Vec3;
-use drapery_core::scene::SeamDescription;
-use drapery_core::settings::Dimension;
+use drapery_core::scene::{Described, SeamDescription};
+use drapery_core::settings::Member;
 
 use super::deserialize::suggestion;
 use super::pins::{Named, existing};
-use super::raw::{Pairing, Seam, SeamSide};
+use super::raw::{PAIRING, Pairing, Seam, SeamSide};
 use super::resolve::Resolver;
 use super::tree::Path;
 
@@ -25,18 +25,10 @@ impl Resolver<'_> {
     pub(super) fn seam(&mut self, seam: &Seam, path: &Path) {
         let from = self.seam_side(&seam.from, &path.clone().key("from"));
         let to = self.seam_side(&seam.to, &path.clone().key("to"));
-        let here = path.clone().key("strength");
-        let strength = self.quantity(&here, &seam.strength, Dimension::Stiffness);
-        let gap =
-            seam.rest_gap.as_ref().map(|gap| self.quantity(&path.clone().key("rest_gap"), gap, Dimension::Length));
-        let (Some(from), Some(to), Some(stiffness)) = (from, to, strength) else { return };
-        let rest_gap = match gap {
-            Some(None) => return,
-            Some(Some(gap)) => Some(gap),
-            None => None,
-        };
+        let (Some(from), Some(to)) = (from, to) else { return };
+        let pairing = Pairing::of(&self.settings(path, &[PAIRING]), PAIRING.name);
         let both_listed = seam.from.vertices.is_some() && seam.to.vertices.is_some();
-        let in_order = seam.pairing == Pairing::Order || (seam.pairing == Pairing::Auto && both_listed);
+        let in_order = pairing == Pairing::Order || (pairing == Pairing::Auto && both_listed);
         if in_order && from.vertices.len() != to.vertices.len() {
             let (a, b) = (from.vertices.len(), to.vertices.len());
             let help = "give both sides as many vertices, or write pairing = \"nearest\"".to_owned();
@@ -46,14 +38,15 @@ impl Resolver<'_> {
         let timeline = self.description.timeline;
         let start = timeline.time(timeline.start);
         let closed = if timeline.start < timeline.origin { 0.0 } else { CLOSING };
+        let settings = self.settings(path, SeamDescription::FIELDS);
         self.description.seams.push(SeamDescription {
             garments: [from.garment, to.garment],
             pairs: if in_order { in_turn(&from, &to) } else { to_nearest(&from, &to) },
-            from: seam.start.unwrap_or(start),
-            until: seam.closed.unwrap_or(closed),
-            rest_gap,
-            stiffness,
-            damping_ratio: seam.damping_ratio,
+            from: settings.optional("start").unwrap_or(start),
+            until: settings.optional("closed").unwrap_or(closed),
+            rest_gap: settings.optional("rest_gap"),
+            stiffness: settings.number("strength"),
+            damping_ratio: settings.number("damping_ratio"),
         });
     }
 

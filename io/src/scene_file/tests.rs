@@ -1,5 +1,6 @@
 use drapery_core::Vec3;
-use drapery_core::scene::{EffectRequest, Mass, PinHold, PinTarget};
+use drapery_core::geometry::shapes::Shape;
+use drapery_core::scene::{BodyShape, EffectRequest, Mass, PinHold, PinTarget};
 use drapery_core::settings::{SettingValue, Settings};
 use tempfile::TempDir;
 
@@ -154,6 +155,71 @@ fn words_that_are_not_known_get_the_nearest_one() {
 }
 
 #[test]
+fn values_with_rows_say_at_their_place_what_they_take_and_what_they_do() {
+    let pin = |line: &str| message(&SHEET.replace("[[garment.pin]]", &format!("[[garment.pin]]\n{line}")));
+    let body = |line: &str| message(&format!("{SHEET}[[body]]\nname = \"b\"\n{line}\n"));
+    let solver = |line: &str| message(&format!("{SHEET}[solver]\n{line}\n"));
+    for (text, words) in [
+        (
+            solver("max_dt = \"2 mm\""),
+            "sheet.toml:17:10: `max_dt`: unit `mm` does not fit here; expected a number with one of",
+        ),
+        (solver("max_dt = \"never\""), "`max_dt`: `never` is not a number"),
+        (solver("cfl = true"), "sheet.toml:17:7: `cfl` has to be a number, or text with a unit: CFL number of"),
+        (solver("cg_max_iterations = 0"), "`cg_max_iterations` = 0 is outside 1 to 1e6: largest number of iterations"),
+        (solver("cg_max_iterations = 1.5"), "`cg_max_iterations` has to be a whole number"),
+        (solver("integrator = \"implizit\""), "`integrator` cannot be `implizit`; did you mean `implicit`?"),
+        (solver("integrator = \"euler\""), "it takes semi_implicit, implicit"),
+        (body("max_push_speed = 0"), "sheet.toml:18:18: `max_push_speed` = 0 m/s has to be above 0: fastest speed"),
+        (body("frction = 0.1"), "unknown key `frction` in `body.0`"),
+        (body("frction = 0.1"), "did you mean `friction`?"),
+        (pin("mode = \"sprng\""), "sheet.toml:15:8: `mode` cannot be `sprng`; did you mean `spring`?"),
+        (pin("break_force = \"60 N\""), "a hard pin has no stiffness"),
+        (pin("util = 3"), "did you mean `until`?"),
+    ] {
+        assert!(text.contains(words), "{words}\n{text}");
+    }
+}
+
+#[test]
+fn what_is_no_table_is_told_what_the_table_looks_like() {
+    let body = |line: &str| message(&format!("{SHEET}[[body]]\nname = \"b\"\n{line}\n"));
+    for (line, words) in [
+        ("shape = \"sphere\"", "write for example shape = { sphere = { radius = 0.15 } }"),
+        ("shape = \"box\"", "write for example shape = { box = { half_extents = [0.15, 0.15, 0.15] } }"),
+        ("shape = 0.3", "`body.0.shape` has to be a table of one shape and its sizes"),
+        ("shape = { capsule = 0.3 }", "write for example shape = { capsule = { radius = 0.15, half_length = 0.15 } }"),
+        ("shape = {}", "expected exactly one of half_space, sphere, capsule, cylinder, box"),
+        ("shape = { sphere = {} }", "in `body.0.shape.sphere`: `radius` is missing: radius"),
+        ("shape = { sphere = { radius = 0 } }", "sheet.toml:18:31: `radius` = 0 m is outside 1e-9 to 1e9 m"),
+        ("shape = { sphere = { radus = 1 } }", "did you mean `radius`?"),
+        (
+            "shape = { half_space = {} }\nrotation = 90",
+            "expected a table such as { axis = [0, 1, 0], degrees = 90 }, found 90",
+        ),
+        ("shape = { half_space = {} }\nspin = 3", "expected a table such as { angular_velocity = [0, 1, 0] }"),
+    ] {
+        assert!(body(line).contains(words), "{}", body(line));
+    }
+    let region = message(&SHEET.replace("corners = [\"i0j0\", \"i0jn\"]", "where = \"box\""));
+    assert!(
+        region.contains("a table such as { box = { min = [-1, 0, -1], max = [1, 2, 1] } }, found a word"),
+        "{region}"
+    );
+}
+
+#[test]
+fn any_value_with_a_row_may_carry_its_unit() {
+    let body = "[[body]]\nname = \"b\"\nshape = { sphere = { radius = \"15 cm\" } }\nmax_push_speed = \"20 cm/s\"\n";
+    let pin = "[[garment.pin]]\nfrom = \"500 ms\"\nuntil = 2\nmode = \"spring\"\nstiffness = \"2 N/cm\"";
+    let shot = resolve(&format!("{}{body}", SHEET.replace("[[garment.pin]]", pin)));
+    let (body, pin) = (&shot.scene.bodies[0], &shot.scene.pins[0]);
+    assert!(matches!(body.shape, BodyShape::Rigid(Shape::Sphere { radius: 0.15 })), "{:?}", body.shape);
+    assert_eq!((body.max_push_speed, pin.from, pin.until), (0.2, 0.5, 2.0));
+    assert_eq!(pin.hold, PinHold::Spring { stiffness: 200.0, damping_ratio: 1.0, break_force: None });
+}
+
+#[test]
 fn parameters_are_numbers_texts_and_simple_products() {
     let text = SHEET
         .replace("resolution = 4\n", "resolution = 4\nword = \"_low\"\n")
@@ -207,11 +273,8 @@ fn a_wrong_set_shows_the_argument() {
     assert!(text("solver.clf", "2").contains("did you mean `cfl`"), "{}", text("solver.clf", "2"));
     assert!(text("garment.shirt.density", "2").contains("there is no `shirt`"));
     assert!(text("resolution", "fine").contains("is a number in the scene"));
-    assert!(
-        text("solver.cfl", "fast").contains("--set:1:12: `solver.cfl`: expected a number"),
-        "{}",
-        text("solver.cfl", "fast")
-    );
+    let fast = text("solver.cfl", "fast");
+    assert!(fast.contains("--set:1:12: `cfl`: `fast` is not a number; expected a number"), "{fast}");
 }
 
 const DRESSED: &str = r#"

@@ -172,7 +172,7 @@ impl Node {
 
 impl Value {
     /// A default at the place of the table that it completes.
-    fn from_toml(value: &toml::Value, place: &Place) -> Self {
+    pub(super) fn from_toml(value: &toml::Value, place: &Place) -> Self {
         let node = |value: &toml::Value| Node {
             value: Self::from_toml(value, place),
             place: place.clone(),

@@ -12,17 +12,14 @@ use crate::scene::seam_pairs::Sewn;
 use crate::scene::vertex_maps::PaintedMap;
 use crate::scene::{
     BodyDescription, BodyFriction, BodyShape, EffectRequest, GarmentDescription, Integrator, Mass, MergedVertex,
-    PinAnchor, PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription,
-    SolverSettings, Timeline, WindGridShape,
+    PinAnchor, PinDescription, PinHold, PinTarget, Pinned, RigidMotion, SceneDescription, SeamDescription, Timeline,
+    WindGridShape,
 };
 use crate::settings::SettingValue;
 
 codec!(struct Timeline { fps_numerator, fps_denominator, origin, start });
 codec!(enum Integrator { 0 => SemiImplicit, 1 => Implicit });
 codec!(enum BodyFriction { 0 => WholeStep, 1 => PositionHalf });
-codec!(struct SolverSettings {
-    cfl, max_dt, min_dt, strain_per_step, cg_tolerance, cg_max_iterations, integrator, body_friction
-});
 codec!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 codec!(struct PolygonMesh { points, face_counts, face_indices });
 codec!(struct GarmentDescription { name, mesh, stream, start, velocity, start_velocities, mass, thickness, maps });

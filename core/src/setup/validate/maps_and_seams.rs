@@ -1,6 +1,6 @@
 //! Checks of painted maps and of seams.
 
-use super::report;
+use super::{check_values, report};
 use crate::effects::registry::maps;
 use crate::error::Problem;
 use crate::scene::{GarmentDescription, Mass, SceneDescription};
@@ -81,13 +81,9 @@ pub(crate) fn check_seams(description: &SceneDescription, problems: &mut Vec<Pro
         } else if let Some([p, _]) = seam.pairs.iter().find(|[p, q]| seam.garments[0] == seam.garments[1] && p == q) {
             refuse(format!("vertex {p} is sewn to itself"), "sew it to another one, or to none");
         }
-        let numbers = [seam.stiffness, seam.damping_ratio, seam.rest_gap.unwrap_or(0.0)];
-        if seam.pairs.is_empty() || numbers.iter().any(|n| !(*n >= 0.0 && n.is_finite())) || seam.stiffness == 0.0 {
-            let what = "it has no pairs, or its stiffness, damping or gap is not a positive number";
-            refuse(what.into(), "give it pairs, and a stiffness such as 800 N/m");
+        if seam.pairs.is_empty() {
+            refuse("it has no pairs".into(), "say which vertices it sews");
         }
-        if !(seam.from.is_finite() && seam.until.is_finite()) {
-            refuse("its times are not finite".into(), "say when it starts to close and when it is closed");
-        }
+        check_values(&format!("seam {s}"), seam, problems);
     }
 }

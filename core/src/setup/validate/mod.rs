@@ -11,7 +11,6 @@ use crate::effects;
 use crate::effects::inputs::{EffectInput, INPUTS};
 use crate::effects::spec::Scope;
 use crate::error::{Problem, Problems};
-use crate::geometry::shapes::Shape;
 use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::parallel::problems::{LISTED, agree};
@@ -20,10 +19,10 @@ use crate::scene::origin::check_origin;
 use crate::scene::seam_pairs::Sewn;
 use crate::scene::vertex_maps::PaintedMaps;
 use crate::scene::{
-    BodyDescription, BodyShape, EffectRequest, FARTHEST, GarmentDescription, Mass, PinHold, PinTarget, Scene,
-    SceneDescription, is_possible,
+    BodyDescription, BodyShape, Described, EffectRequest, FARTHEST, GarmentDescription, Mass, PinHold, PinTarget,
+    Scene, SceneDescription, is_possible,
 };
-use crate::settings::nearest;
+use crate::settings::{Field, Settings, Written, nearest};
 use crate::setup::distribute::scatter::SceneScatter;
 use crate::setup::distribute::submesh::{self, Received};
 use maps_and_seams::{check_maps, check_maps_are_used, check_seams};
@@ -193,6 +192,16 @@ fn mean_edge(parts: &Parts, meshes: &[TriangleMesh]) -> f64 {
     if count > 0 { sum / count as f64 } else { 1.0 }
 }
 
+/// Values against the rows of their table.
+fn check_values<T: Described>(place: &str, described: &T, problems: &mut Vec<Problem>) {
+    check_fields(place, T::FIELDS, &described.written(), problems);
+}
+
+fn check_fields(place: &str, fields: &[Field], written: &Written, problems: &mut Vec<Problem>) {
+    let wrong = Settings::check(fields, written).err().unwrap_or_default();
+    problems.extend(wrong.into_iter().map(|what| Problem::scene(place, what, "correct it in the scene file")));
+}
+
 fn check_solver(description: &SceneDescription, problems: &mut Vec<Problem>) {
     let timeline = &description.timeline;
     if timeline.fps_numerator == 0 || timeline.fps_denominator == 0 {
@@ -205,26 +214,7 @@ fn check_solver(description: &SceneDescription, problems: &mut Vec<Problem>) {
             "let it start at or before it",
         ));
     }
-    let solver = &description.solver;
-    let positive = [
-        ("solver.cfl", Some(solver.cfl)),
-        ("solver.max_dt", solver.max_dt),
-        ("solver.min_dt", Some(solver.min_dt)),
-        ("solver.strain_per_step", Some(solver.strain_per_step)),
-        ("solver.cg_tolerance", solver.cg_tolerance),
-    ];
-    for (name, value) in positive {
-        if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
-            problems.push(Problem::scene(name, "it has to be a positive number", "leave it out to take the default"));
-        }
-    }
-    if solver.cg_max_iterations == 0 {
-        problems.push(Problem::scene(
-            "solver.cg_max_iterations",
-            "it is zero",
-            "allow at least one iteration; 200 is usual",
-        ));
-    }
+    check_values("solver", &description.solver, problems);
     if description.garments.is_empty() {
         problems.push(Problem::scene("scene", "there is no garment to simulate", "add a [[garment]]"));
     }
@@ -350,37 +340,17 @@ fn report<T: ToString>(
 
 fn check_body(body: &BodyDescription, problems: &mut Vec<Problem>) {
     let place = format!("body \"{}\"", body.name);
-    let sizes: Vec<f64> = match &body.shape {
-        BodyShape::Rigid(Shape::HalfSpace) => Vec::new(),
-        BodyShape::Rigid(Shape::Sphere { radius }) => vec![*radius],
-        BodyShape::Rigid(Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length }) => {
-            vec![*radius, *half_length]
+    match &body.shape {
+        BodyShape::Rigid(shape) => {
+            let (spec, sizes) = shape.written();
+            check_fields(&place, spec.fields, &sizes, problems);
         }
-        BodyShape::Rigid(Shape::Box { half_extents }) => half_extents.to_vec(),
-        BodyShape::Surface { triangles, .. } => {
-            if triangles.is_empty() {
-                problems.push(Problem::data(&place, "it has no faces", "choose an object path that holds a mesh"));
-            }
-            Vec::new()
+        BodyShape::Surface { triangles, .. } if triangles.is_empty() => {
+            problems.push(Problem::data(&place, "it has no faces", "choose an object path that holds a mesh"));
         }
-    };
-    if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
-        problems.push(Problem::scene(
-            &place,
-            "its sizes have to be positive",
-            "write lengths in metres or with a unit",
-        ));
+        BodyShape::Surface { .. } => {}
     }
-    let bad = |value: f64| value.is_nan() || value < 0.0;
-    if bad(body.friction)
-        || bad(body.thickness)
-        || body.thickness.is_infinite()
-        || body.max_push_speed.is_nan()
-        || body.max_push_speed <= 0.0
-    {
-        let what = "friction and thickness must not be negative, and max_push_speed has to be positive";
-        problems.push(Problem::scene(&place, what, "correct them in the scene file"));
-    }
+    check_values(&place, body, problems);
     let ascending = body.motion.path.windows(2).all(|w| w[0].0 < w[1].0);
     let finite = body.motion.path.iter().all(|(t, x)| t.is_finite() && is_possible(x));
     if !ascending || !finite {
@@ -425,30 +395,15 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
             let what = format!("vertices {list} do not exist: the garment has {count}, numbered from 0");
             Problem::data(&place, what, "use vertex numbers of this mesh")
         });
-        if pin.from >= pin.until || pin.from.is_nan() || pin.until.is_nan() {
+        check_values(&place, pin, problems);
+        if pin.from >= pin.until {
             problems.push(Problem::scene(&place, "it lets go before it holds", "make `from` smaller than `until`"));
         }
-        match pin.hold {
-            PinHold::Spring { stiffness, damping_ratio, break_force } => {
-                let positive = |value: f64| value > 0.0 && value.is_finite();
-                if !(positive(stiffness) && damping_ratio >= 0.0 && damping_ratio.is_finite()) {
-                    problems.push(Problem::scene(
-                        &place,
-                        "its spring needs a positive stiffness",
-                        "write for example stiffness = \"200 N/m\"",
-                    ));
-                }
-                if !break_force.is_none_or(positive) {
-                    let what = "the force at which it breaks is not positive";
-                    problems.push(Problem::scene(&place, what, "leave it out to hold whatever pulls"));
-                }
-            }
-            PinHold::Hard => {
-                let axes = (0..3).filter(|axis| pin.axes[*axis]);
-                holds.extend(
-                    axes.flat_map(|axis| vertices.iter().map(move |v| (pin.garment, *v, axis, pin.from, pin.until, p))),
-                );
-            }
+        if pin.hold == PinHold::Hard {
+            let axes = (0..3).filter(|axis| pin.axes[*axis]);
+            holds.extend(
+                axes.flat_map(|axis| vertices.iter().map(move |v| (pin.garment, *v, axis, pin.from, pin.until, p))),
+            );
         }
     }
     holds.sort_unstable_by(|a, b| (a.0, a.1, a.2).cmp(&(b.0, b.1, b.2)).then(a.3.total_cmp(&b.3)));
@@ -523,6 +478,74 @@ fn check_effects(description: &SceneDescription, problems: &mut Vec<Problem>) {
         if needed != has(name) && !description.left_out.iter().any(|out| out == name) {
             let what = if needed { format!("{one} needs this effect") } else { format!("it needs {one}") };
             problems.push(Problem::scene(*name, what, "ask for both or neither"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::shapes::Shape;
+    use crate::mesh::PolygonMesh;
+    use crate::scene::{PinAnchor, PinDescription, RigidMotion, SeamDescription};
+
+    /// A triangle on a spring, sewn to itself beside a ball.
+    fn scene() -> SceneDescription {
+        let mut description = SceneDescription::new("values");
+        let mesh = PolygonMesh::from_triangles(vec![Vec3::x(), Vec3::y(), Vec3::z()], &[[0, 1, 2]]);
+        description.garments.push(GarmentDescription::new("flag", mesh, 0.2));
+        let shape = BodyShape::Rigid(Shape::Sphere { radius: 0.1 });
+        description.bodies.push(BodyDescription::new("ball", shape, RigidMotion::at(Vec3::zeros())));
+        let target = PinTarget::Path { anchor: PinAnchor::Start, vertices: vec![0], offsets: Vec::new() };
+        let hold = PinHold::Spring { stiffness: 1.0, damping_ratio: 1.0, break_force: None };
+        let (from, until) = (f64::NEG_INFINITY, f64::INFINITY);
+        description.pins.push(PinDescription { garment: 0, target, axes: [true; 3], from, until, hold });
+        description.seams.push(SeamDescription {
+            garments: [0, 0],
+            pairs: vec![[1, 2]],
+            from: 0.0,
+            until: 1.0,
+            rest_gap: None,
+            stiffness: 1.0,
+            damping_ratio: 0.0,
+        });
+        // Builds without these effects check values as well.
+        description.left_out = ["attachments", "seams", "body_collision"].map(str::to_owned).into();
+        description
+    }
+
+    #[test]
+    fn values_outside_their_rows_are_refused_with_their_place_also_without_a_scene_file() {
+        let told = |change: fn(&mut SceneDescription)| {
+            let mut description = scene();
+            change(&mut description);
+            let problems = check_description(&description);
+            problems.iter().map(|problem| format!("{}: {}", problem.place, problem.what)).collect::<Vec<_>>().join("; ")
+        };
+        assert_eq!(told(|_| {}), "");
+        for (text, words) in [
+            (told(|scene| scene.solver.cfl = f64::NAN), "solver: `cfl` = NaN is outside 1e-6 to 1e6: CFL number"),
+            (told(|scene| scene.solver.max_dt = Some(0.0)), "solver: `max_dt` = 0 s is outside 1e-9 to 1000 s"),
+            (told(|scene| scene.solver.cg_max_iterations = 0), "solver: `cg_max_iterations` = 0 is outside"),
+            (
+                told(|scene| scene.bodies[0].max_push_speed = 0.0),
+                "body \"ball\": `max_push_speed` = 0 m/s has to be above 0",
+            ),
+            (
+                told(|scene| scene.bodies[0].shape = BodyShape::Rigid(Shape::Box { half_extents: [1.0, -1.0, 1.0] })),
+                "body \"ball\": `half_extents` = -1 m is outside",
+            ),
+            (told(|scene| scene.pins[0].from = f64::NAN), "pin 0: `from` = NaN s has to be a number"),
+            (
+                told(|scene| {
+                    scene.pins[0].hold = PinHold::Spring { stiffness: 1.0, damping_ratio: -1.0, break_force: None };
+                }),
+                "garment \"flag\", pin 0: `damping_ratio` = -1 is outside 0 to 1000",
+            ),
+            (told(|scene| scene.seams[0].stiffness = 0.0), "seam 0: `strength` = 0 N/m is outside"),
+            (told(|scene| scene.seams[0].until = f64::INFINITY), "seam 0: `closed` = inf s is outside"),
+        ] {
+            assert!(text.contains(words), "{words}\n{text}");
         }
     }
 }

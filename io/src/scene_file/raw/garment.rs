@@ -1,5 +1,6 @@
 //! `[[garment]]`, generated shapes and `[[garment.pin]]`.
 
+use drapery_core::settings::{self, Dimension, Field, choice};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -395,43 +396,17 @@ pub(in crate::scene_file) struct Pin {
     /// the surface of a body from a file. "track": positions from the file in `track`.
     #[serde(default = "default_to")]
     pub(in crate::scene_file) to: String,
-    /// With `to = "body:…"`: "file" takes the attachments of the JSON file, "nearest" the nearest point of the body's
-    /// surface at the start; "auto" takes those of the file if it was made for a body of the same file name. A vertex that
-    /// is farther from it than three of its edges and ten thicknesses is warned of.
-    #[serde(default)]
-    pub(in crate::scene_file) bind: Bind,
     /// With `to = "track"`: a mesh with as many points as the garment, as "file.abc" or "file.abc@/path/of/mesh".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) track: Option<String>,
     /// Axes in which the vertices are held, as "xyz" or "xy".
     #[serde(default = "default_axes")]
     pub(in crate::scene_file) axes: String,
-    /// When it takes hold, in seconds since the first frame.
-    #[serde(default = "always")]
-    pub(in crate::scene_file) from: f64,
-    /// When it lets go, in seconds since the first frame.
-    #[serde(default = "forever")]
-    pub(in crate::scene_file) until: f64,
     /// With `to = "start"` or `to = "here"`: offsets from that place, [[seconds since the first frame, [dx, dy, dz]],
     /// …].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(transform = points_in_space)]
     pub(in crate::scene_file) path: Vec<(f64, [f64; 3])>,
-    /// "hard": the vertex is where its target is. "spring": a spring pulls it there.
-    #[serde(default)]
-    pub(in crate::scene_file) mode: PinMode,
-    /// With `mode = "spring"`: stiffness in N/m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1e-12, max = 1e10))]
-    pub(in crate::scene_file) stiffness: Option<Quantity>,
-    /// With `mode = "spring"`: damping as a fraction of critical; 1 if left out.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0, max = 1e3))]
-    pub(in crate::scene_file) damping_ratio: Option<f64>,
-    /// With `mode = "spring"`: a vertex that is pulled with more, in N or as "60 N", is let go for good.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1e-12, max = 1e12))]
-    pub(in crate::scene_file) break_force: Option<Quantity>,
 }
 
 fn default_to() -> String {
@@ -440,14 +415,6 @@ fn default_to() -> String {
 
 fn default_axes() -> String {
     "xyz".to_owned()
-}
-
-fn always() -> f64 {
-    f64::NEG_INFINITY
-}
-
-fn forever() -> f64 {
-    f64::INFINITY
 }
 
 /// A corner of a panel.
@@ -477,29 +444,27 @@ pub(in crate::scene_file) enum Region {
     },
 }
 
-/// How pinned vertices are bound to a body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub(in crate::scene_file) enum Bind {
-    /// By the pin file, if it was made for this body.
-    #[default]
-    Auto,
-    /// By the pin file.
-    File,
-    /// To the nearest point.
-    Nearest,
+choice! {
+    /// How pinned vertices are bound to a body.
+    pub(in crate::scene_file) enum Bind {
+        /// By the JSON file, if it was made for a body of the same file name; otherwise to the nearest point.
+        Auto = "auto",
+        /// By the attachments of the JSON file.
+        File = "file",
+        /// To the nearest point of the body's surface at the start.
+        Nearest = "nearest",
+    }
 }
 
-/// How a pin holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub(in crate::scene_file) enum PinMode {
-    /// Exactly.
-    #[default]
-    Hard,
-    /// By a spring.
-    Spring,
-}
+/// The row of `bind`, which becomes the target of a pin.
+pub(in crate::scene_file) const BIND: Field = Field {
+    name: "bind",
+    dimension: Dimension::None,
+    default: settings::Default::Choice("auto", Bind::WORDS),
+    range: (0.0, 0.0),
+    help: "with `to = \"body:…\"`: how it is bound; a vertex that is farther from the body than three of its edges and ten \
+           thicknesses is warned of",
+};
 
 fn default_thickness() -> Quantity {
     Quantity::Text("0.5 mm".to_owned())

@@ -1,4 +1,5 @@
-//! The scene file as it is written: what serde reads, what the JSON schema describes, and every default of the format.
+//! The scene file as it is written, but for values that have rows ([`super::fields`]): what serde reads, what the JSON schema
+//! describes, and its defaults.
 //!
 //! The doc comments here and in its parts are shown by editors that use the schema, so they speak to the artist.
 //! Positions, velocities and times are in metres, metres per second and seconds with Y up, whatever the units of the
@@ -8,15 +9,16 @@ mod garment;
 mod seam;
 mod values;
 
+use drapery_core::settings::{self, Dimension, Field, choice};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::units::{LengthUnit, UpAxis};
 
 pub(in crate::scene_file) use garment::{
-    Axis, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, Leaves, Panel, PanelShape, Pin, PinMode, Region, Tube,
+    Axis, BIND, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, Leaves, Panel, PanelShape, Pin, Region, Tube,
 };
-pub(in crate::scene_file) use seam::{Pairing, Seam, SeamSide};
+pub(in crate::scene_file) use seam::{PAIRING, Pairing, Seam, SeamSide};
 pub(in crate::scene_file) use values::{BodyPath, Origin, Quantity, Rotation};
 
 /// A scene for Drapery.
@@ -120,100 +122,40 @@ pub(in crate::scene_file) struct FileUnits {
     pub(in crate::scene_file) up: UpAxis,
 }
 
-/// Quality presets of the solver.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub(in crate::scene_file) enum SolverPreset {
-    /// For blocking: larger steps, looser solves.
-    Preview,
-    /// For shots.
-    #[default]
-    Production,
-    /// Below the proven bound of stability, tighter solves.
-    Hero,
-}
-
-/// How elastic forces enter a time step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(in crate::scene_file) enum Integrator {
-    /// Explicit, with implicit damping.
-    SemiImplicit,
-    /// Springs are implicit too.
-    Implicit,
-}
-
-/// Where in a time step friction with bodies acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(in crate::scene_file) enum BodyFriction {
-    /// On positions and on the velocities of the end.
-    WholeStep,
-    /// In the position half alone.
-    PositionHalf,
-}
-
-/// Time integration.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub(in crate::scene_file) struct Solver {
-    /// Quality preset; the other keys override it.
-    pub(in crate::scene_file) preset: SolverPreset,
-    /// CFL number of the elastic step limit; 4 is usual for cloth, below 2.83 is provably stable.
-    #[schemars(range(min = 1e-6, max = 1e4))]
-    pub(in crate::scene_file) cfl: f64,
-    /// Largest time step: seconds or "2 ms"; "auto" leaves it to cfl and strain_per_step.
-    #[schemars(range(min = 1e-9, max = 1e3))]
-    pub(in crate::scene_file) max_dt: Quantity,
-    /// A step that would have to be shorter ends the run: seconds or text with a unit.
-    #[schemars(range(min = 1e-15, max = 1.0))]
-    pub(in crate::scene_file) min_dt: Quantity,
-    /// Largest relative change of an edge's length in one step.
-    #[schemars(range(min = 1e-6, max = 1e9))]
-    pub(in crate::scene_file) strain_per_step: f64,
-    /// Residual at which the damping solve stops, in m/s; "auto" takes the smaller of 1 cm/s and a tenth of what
-    /// gravity adds in one step.
-    #[schemars(range(min = 1e-18, max = 1e6))]
-    pub(in crate::scene_file) cg_tolerance: Quantity,
-    /// Largest number of iterations of one damping solve.
-    #[schemars(range(min = 1, max = 1_000_000))]
-    pub(in crate::scene_file) cg_max_iterations: usize,
-    /// "semi_implicit" is the paper's step; "implicit" makes springs implicit, so that they do not limit the time step, of
-    /// first order only. Only to compare.
-    pub(in crate::scene_file) integrator: Integrator,
-    /// Where in a step friction with bodies acts: "whole_step" is exact; "position_half" loses the friction of resting
-    /// contact. Only to compare.
-    pub(in crate::scene_file) body_friction: BodyFriction,
-}
-
-impl Default for Solver {
-    /// The defaults of the solver itself.
-    fn default() -> Self {
-        let solver = drapery_core::scene::SolverSettings::default();
-        let automatic = |value: Option<f64>| value.map_or_else(|| Quantity::Text("auto".to_owned()), Quantity::Number);
-        Self {
-            preset: SolverPreset::default(),
-            cfl: solver.cfl,
-            max_dt: automatic(solver.max_dt),
-            min_dt: Quantity::Number(solver.min_dt),
-            strain_per_step: solver.strain_per_step,
-            cg_tolerance: automatic(solver.cg_tolerance),
-            cg_max_iterations: solver.cg_max_iterations,
-            integrator: Integrator::SemiImplicit,
-            body_friction: BodyFriction::WholeStep,
-        }
+choice! {
+    /// Quality presets of the solver.
+    pub(in crate::scene_file) enum SolverPreset {
+        /// For blocking: larger steps, looser solves.
+        Preview = "preview",
+        /// For shots.
+        Production = "production",
+        /// Below the proven bound of stability, tighter solves.
+        Hero = "hero",
     }
 }
 
+/// The row of `preset` in `[solver]`: what it stands for is written out before the solver looks.
+pub(in crate::scene_file) const PRESET: Field = Field {
+    name: "preset",
+    dimension: Dimension::None,
+    default: settings::Default::Choice("production", SolverPreset::WORDS),
+    range: (0.0, 0.0),
+    help: "quality preset; the other keys override it",
+};
+
+// Every key of it has a row (`super::fields`).
+/// Time integration.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct Solver {}
+
+// An ideal shape is read by `super::shape`.
 /// A body that garments collide with: a shape, or a mesh from a file.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Body {
     /// Name, unique among the bodies.
     pub(in crate::scene_file) name: String,
-    /// An ideal shape.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(in crate::scene_file) shape: Option<Shape>,
     /// An Alembic or OBJ file, relative to the scene file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) file: Option<String>,
@@ -237,70 +179,6 @@ pub(in crate::scene_file) struct Body {
     /// With `shape`: how it spins.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) spin: Option<Spin>,
-    /// Coulomb friction against cloth. Left out: the largest of the garments' materials, or 0.3.
-    #[serde(default = "default_friction")]
-    #[schemars(range(min = 0.0, max = 1e3))]
-    pub(in crate::scene_file) friction: f64,
-    /// Distance that cloth keeps, in metres or as "2 mm". Left out: the largest thickness of the garments' materials,
-    /// or 1 mm.
-    #[serde(default = "default_thickness")]
-    #[schemars(range(min = 0.0, max = 1e3))]
-    pub(in crate::scene_file) thickness: Quantity,
-    /// Fastest speed, in m/s, at which cloth that is too deep is pushed out; `inf` leaves it to the solver, which has it out
-    /// within a frame.
-    #[serde(default = "unlimited")]
-    #[schemars(range(min = 0.0))]
-    pub(in crate::scene_file) max_push_speed: Quantity,
-}
-
-fn default_friction() -> f64 {
-    0.3
-}
-
-fn default_thickness() -> Quantity {
-    Quantity::Text("1 mm".to_owned())
-}
-
-fn unlimited() -> Quantity {
-    Quantity::Number(f64::INFINITY)
-}
-
-/// An ideal shape.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub(in crate::scene_file) enum Shape {
-    /// Everything below the plane y = 0.
-    HalfSpace {},
-    /// A ball.
-    Sphere {
-        /// Radius in metres.
-        #[schemars(range(min = 1e-9, max = 1e9))]
-        radius: f64,
-    },
-    /// A cylinder along y with round ends.
-    Capsule {
-        /// Radius in metres.
-        #[schemars(range(min = 1e-9, max = 1e9))]
-        radius: f64,
-        /// Half the length of the axis between the round ends, in metres.
-        #[schemars(range(min = 1e-9, max = 1e9))]
-        half_length: f64,
-    },
-    /// A cylinder along y.
-    Cylinder {
-        /// Radius in metres.
-        #[schemars(range(min = 1e-9, max = 1e9))]
-        radius: f64,
-        /// Half the height in metres.
-        #[schemars(range(min = 1e-9, max = 1e9))]
-        half_length: f64,
-    },
-    /// A box.
-    Box {
-        /// Half the edge lengths along x, y and z in metres.
-        #[schemars(inner(range(min = 1e-9, max = 1e9)))]
-        half_extents: [f64; 3],
-    },
 }
 
 /// A steady rotation.

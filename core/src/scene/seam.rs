@@ -1,0 +1,37 @@
+//! Seams of a description.
+
+use crate::scene::FARTHEST;
+use crate::scene::described::described;
+
+/// Vertices of garments that are sewn together, pair by pair. The gap of a pair closes evenly from what it is at the start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeamDescription {
+    /// Garment of either side.
+    pub garments: [usize; 2],
+    /// Pairs of vertices, each by its number in the garment of its side.
+    pub pairs: Vec<[u32; 2]>,
+    /// Solver time at which the gaps start to close [s].
+    pub from: f64,
+    /// Solver time from which they are closed [s]; not after `from` closes them at once.
+    pub until: f64,
+    /// What is left of the gaps then [m]; `None` takes the larger thickness of the two garments if cloth touches cloth in this
+    /// scene, and nothing otherwise.
+    pub rest_gap: Option<f64>,
+    /// Stiffness of each pair [N/m].
+    pub stiffness: f64,
+    /// Damping as a fraction of critical damping of the pair.
+    pub damping_ratio: f64,
+}
+
+described! { SeamDescription as seam {
+    "strength", seam.stiffness => Stiffness, default Required, range (1e-12, 1e10),
+        "stiffness of each pair, for example \"800 N/m\"";
+    "damping_ratio", seam.damping_ratio => None, default Number(1.0), range (0.0, 1e3),
+        "damping as a fraction of critical";
+    "rest_gap", seam.rest_gap => Length, default Absent, range (0.0, 1e3),
+        "what is left of the gap; left out, the larger thickness of the garments if cloth touches cloth in this scene, otherwise nothing";
+    "start", seam.from => Time, default Absent, range (-FARTHEST, FARTHEST),
+        "when it starts to close, since the first frame; left out, when the simulation starts";
+    "closed", seam.until => Time, default Absent, range (-FARTHEST, FARTHEST),
+        "when it is closed, since the first frame; left out, at the end of the pre-roll, or a second after the start if there is none";
+} }

@@ -1,0 +1,226 @@
+//! Values that have rows: their checks, their defaults, and what was said. They are not known to serde: tables of effects and of
+//! the solver's descriptions say what they may be.
+
+use drapery_core::scene::{BodyDescription, Described, PinDescription, SeamDescription, SolverSettings};
+use drapery_core::settings::{Default, Field, SettingValue, Settings, Written};
+
+use super::deserialize::{dotted, suggestion};
+use super::diagnostics::SceneFileError;
+use super::raw::{BIND, PAIRING, PRESET};
+use super::tree::{Node, Origin, Path, Segment, Sources, Value};
+
+/// A table with values that have rows. Its other keys are those of a struct in [`super::raw`].
+pub(super) struct Rows {
+    /// Keys that lead to it.
+    path: &'static [&'static str],
+    /// Name of the struct.
+    pub(super) rest: &'static str,
+    /// Rows of the solver's description, and those that become other members of it.
+    parts: [&'static [Field]; 2],
+}
+
+/// Every element of a list, in a path.
+pub(super) const EACH: &str = "*";
+
+/// The key of an ideal shape, whose words have rows of their own ([`super::shape`]).
+pub(super) const SHAPE: &str = "shape";
+
+/// Path of the bodies.
+const BODIES: &[&str] = &["body", EACH];
+
+pub(super) const TABLES: [Rows; 4] = [
+    Rows { path: &["solver"], rest: "Solver", parts: [SolverSettings::FIELDS, &[PRESET]] },
+    Rows { path: BODIES, rest: "Body", parts: [BodyDescription::FIELDS, &[]] },
+    Rows { path: &["garment", EACH, "pin", EACH], rest: "Pin", parts: [PinDescription::FIELDS, &[BIND]] },
+    Rows { path: &["seam", EACH], rest: "Seam", parts: [SeamDescription::FIELDS, &[PAIRING]] },
+];
+
+impl Rows {
+    /// All rows.
+    pub(super) fn fields(&self) -> impl Iterator<Item = &'static Field> {
+        self.parts.into_iter().flatten()
+    }
+
+    /// Keys of the table that serde does not know.
+    fn keys(&self) -> impl Iterator<Item = &'static str> {
+        self.fields().map(|field| field.name).chain((self.path == BODIES).then_some(SHAPE))
+    }
+
+    fn is_at(&self, path: &Path) -> bool {
+        let is_step = |(segment, key): (&Segment, &&str)| match segment {
+            Segment::Key(word) => word == key,
+            Segment::Index(_) => *key == EACH,
+        };
+        path.0.len() == self.path.len() && path.0.iter().zip(self.path).all(is_step)
+    }
+}
+
+/// Paths of what stands at these keys.
+pub(super) fn found(root: &Node, keys: &[&str]) -> Vec<Path> {
+    let step = |path: Path, key: &str| match &path.find(root).value {
+        Value::Array(items) if key == EACH => (0..items.len()).map(|index| path.clone().index(index)).collect(),
+        Value::Table(table) if table.get(key).is_some() => vec![path.key(key)],
+        _ => Vec::new(),
+    };
+    keys.iter().fold(vec![Path::default()], |paths, key| paths.into_iter().flat_map(|path| step(path, key)).collect())
+}
+
+/// Paths of the shapes of bodies.
+pub(super) fn shapes(root: &Node) -> Vec<Path> {
+    found(root, &[BODIES, &[SHAPE]].concat())
+}
+
+/// Keys with rows of the table at a path.
+pub(super) fn names_at(path: &Path) -> Vec<&'static str> {
+    TABLES.iter().filter(|rows| rows.is_at(path)).flat_map(Rows::keys).collect()
+}
+
+/// The tree without values that have rows, shapes, and what stands at `other` paths.
+pub(super) fn without(mut root: Node, other: impl Iterator<Item = Path>) -> Node {
+    let keys = TABLES.iter().flat_map(|rows| rows.keys().map(move |key| (rows, key)));
+    let own = keys.flat_map(|(rows, key)| found(&root, &[rows.path, &[key]].concat()));
+    for mut path in own.chain(other).collect::<Vec<_>>() {
+        let (Some(Segment::Key(key)), table) = (path.0.pop(), path.find_mut(&mut root)) else { continue };
+        table.and_then(Node::as_table_mut).into_iter().for_each(|table| table.0.retain(|entry| entry.key != key));
+    }
+    root
+}
+
+/// Checks every value that has a row.
+///
+/// # Errors
+/// The first that does not fit.
+pub(super) fn check(root: &Node, sources: &Sources) -> Result<(), SceneFileError> {
+    for rows in &TABLES {
+        for path in found(root, rows.path) {
+            // What is no table is told with the other keys.
+            let node = path.find(root);
+            for part in rows.parts.into_iter().filter(|_| node.as_table().is_some()) {
+                check_values(node, part, &path, sources)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks a table of which every key has a row, and gives what it says; `help` is for something else in its place.
+///
+/// # Errors
+/// The first key that has no row, and the first value that does not fit.
+pub(super) fn check_table(
+    node: &Node,
+    fields: &[Field],
+    path: &Path,
+    sources: &Sources,
+    help: String,
+) -> Result<Settings, SceneFileError> {
+    let Some(table) = node.as_table() else {
+        return Err(sources.error(&node.place, format!("`{}` has to be a table", dotted(path)), Some(help)));
+    };
+    let names: Vec<&str> = fields.iter().map(|field| field.name).collect();
+    if let Some(entry) = table.0.iter().find(|entry| !names.contains(&entry.key.as_str())) {
+        let text = format!("unknown key `{}` in `{}`", entry.key, dotted(path));
+        return Err(sources.error(&entry.key_place, text, Some(suggestion(&entry.key, &names))));
+    }
+    check_values(node, fields, path, sources)
+}
+
+/// Checks the values of a table that have these rows.
+fn check_values(node: &Node, fields: &[Field], path: &Path, sources: &Sources) -> Result<Settings, SceneFileError> {
+    let value_of = |field: &Field| node.as_table().and_then(|table| table.get(field.name));
+    for (field, node) in fields.iter().filter_map(|field| Some((field, value_of(field)?))) {
+        let value = setting(&node.value).ok_or_else(|| field.expected());
+        value.and_then(|value| field.check(&value)).map_err(|text| sources.error(&node.place, text, None))?;
+    }
+    // What is left to go wrong is a setting that has to be there and is not.
+    let missing = |texts: Vec<String>| format!("in `{}`: {}", dotted(path), texts.join("; "));
+    Settings::check(fields, &written(node, fields)).map_err(|texts| sources.error(&node.place, missing(texts), None))
+}
+
+/// What a table of a checked scene says by these rows, with their defaults.
+pub(super) fn settings(node: &Node, fields: &[Field]) -> Settings {
+    let checked = Settings::check(fields, &written(node, fields));
+    checked.unwrap_or_else(|texts| panic!("checked when it was read: {}", texts.join("; ")))
+}
+
+/// What was written; defaults are left to the rows, which then know them as such.
+pub(super) fn written(node: &Node, fields: &[Field]) -> Written {
+    let of = |field: &Field| {
+        let node = node.as_table()?.get(field.name).filter(|node| node.origin != Origin::Default)?;
+        Some((field.name.to_owned(), setting(&node.value)?))
+    };
+    fields.iter().filter_map(of).collect()
+}
+
+/// Adds the defaults of rows to those of the structs.
+pub(super) fn add_defaults(document: &mut toml::Value) {
+    for rows in &TABLES {
+        at_each(document, rows.path, &|table| {
+            for (name, value) in rows.fields().filter_map(|field| Some((field.name, default(field)?))) {
+                table.insert(name.to_owned(), value);
+            }
+        });
+    }
+}
+
+fn at_each(value: &mut toml::Value, path: &[&str], fill: &dyn Fn(&mut toml::Table)) {
+    match (value, path.split_first()) {
+        (toml::Value::Table(table), None) => fill(table),
+        (toml::Value::Table(table), Some((key, rest))) => {
+            table.get_mut(*key).into_iter().for_each(|inner| at_each(inner, rest, fill));
+        }
+        (toml::Value::Array(items), Some((_, rest))) => items.iter_mut().for_each(|item| at_each(item, rest, fill)),
+        _ => {}
+    }
+}
+
+/// The default of a row as it is written out, if it is.
+pub(super) fn default(field: &Field) -> Option<toml::Value> {
+    match field.default {
+        Default::Conditional(_) => None,
+        Default::Count(count) => Some(count.into()),
+        default => match default.value()? {
+            SettingValue::Number(number) => Some(number.into()),
+            SettingValue::Text(text) => Some(text.into()),
+            SettingValue::Vector(vector) => Some(vector.to_vec().into()),
+            SettingValue::Flag(flag) => Some(flag.into()),
+            SettingValue::Keys(_) => None,
+        },
+    }
+}
+
+fn setting(value: &Value) -> Option<SettingValue> {
+    match value {
+        Value::Array(items) if items.iter().any(|item| matches!(item.value, Value::Array(_))) => {
+            items.iter().map(|item| key(&item.value)).collect::<Option<_>>().map(SettingValue::Keys)
+        }
+        Value::Array(items) => vector(items).map(SettingValue::Vector),
+        Value::Text(text) => Some(SettingValue::Text(text.clone())),
+        Value::Boolean(flag) => Some(SettingValue::Flag(*flag)),
+        other => number(other).map(SettingValue::Number),
+    }
+}
+
+/// Seconds and three numbers.
+fn key(value: &Value) -> Option<(f64, [f64; 3])> {
+    match value {
+        Value::Array(items) => match items.as_slice() {
+            [time, Node { value: Value::Array(items), .. }] => Some((number(&time.value)?, vector(items)?)),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+fn vector(items: &[Node]) -> Option<[f64; 3]> {
+    let numbers: Option<Vec<f64>> = items.iter().map(|item| number(&item.value)).collect();
+    numbers?.try_into().ok()
+}
+
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Integer(number) => Some(*number as f64),
+        Value::Float(number) => Some(*number),
+        _ => None,
+    }
+}
