@@ -123,17 +123,18 @@ fn section(root: &Value, path: &str, table: &Value) -> String {
         return text + "\nIt has no keys: write `{}`.\n";
     }
     text += "\n| key | value | default | |\n|---|---|---|---|\n";
-    for (key, property) in sorted_properties(table) {
+    let is_table_of_effect = |key: &str| is_effect(key) && path != "garment.maps";
+    let (effects, keys): (Vec<_>, Vec<_>) =
+        sorted_properties(table).into_iter().partition(|(key, _)| is_table_of_effect(key));
+    for (key, property) in keys {
         let name = if is_required(table, &key) { format!("**`{key}`**") } else { format!("`{key}`") };
-        let help = if is_effect(&key) && path != "garment.maps" {
-            format!("effect: [its settings](effects.md#{key})")
-        } else {
-            one_line(
-                property["description"].as_str().or(resolved(root, property)["description"].as_str()).unwrap_or(""),
-            )
-        };
+        let described = property["description"].as_str().or(resolved(root, property)["description"].as_str());
+        let (kind, default, help) = (kind(root, property), default(property), one_line(described.unwrap_or("")));
         // Writing to a String cannot fail.
-        let _ = writeln!(text, "| {name} | {} | {} | {help} |", kind(root, property), default(property));
+        let _ = writeln!(text, "| {name} | {kind} | {default} | {help} |");
+    }
+    if !effects.is_empty() {
+        text += "| name of an effect | table |  | asks for the effect, with its [settings](effects.md) |\n";
     }
     text
 }
