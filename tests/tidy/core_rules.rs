@@ -27,7 +27,7 @@ const TOLERANCES: [&str; 3] =
     ["core/src/tolerances.rs", "core/src/contact/tolerances.rs", "core/src/geometry/tolerances.rs"];
 
 /// Small numbers elsewhere: file, number, and why it is no tolerance.
-const EXCEPTIONS: [(&str, &str, &str); 6] = [
+const EXCEPTIONS: [(&str, &str, &str); 7] = [
     ("core/src/settings/dimension.rs", "1e-6", "a micronewton metre"),
     (
         "core/src/settings/dimension.rs",
@@ -37,6 +37,7 @@ const EXCEPTIONS: [(&str, &str, &str); 6] = [
     ("core/src/settings/dimension.rs", "1e-2", "a centimetre"),
     ("core/src/settings/dimension.rs", "1e-3", "a millimetre, a gram, a millisecond"),
     ("core/src/settings/dimension.rs", "9.80665e-3", "a gram-force in newtons"),
+    ("core/src/settings.rs", "1e-3", "numbers below are shown with an exponent"),
     ("core/src/simulation/collision_step.rs", "1e-2", "cap of the automatic setting solver.cg_tolerance"),
 ];
 

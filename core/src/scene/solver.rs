@@ -33,7 +33,7 @@ described! { all of SolverSettings {
         "largest time step; \"auto\" leaves it to cfl and strain_per_step";
     min_dt => Time, default Number(1e-9), range (1e-15, 1.0),
         "a step that would have to be shorter ends the run";
-    strain_per_step => None, default Number(0.1), range (1e-6, 1e9),
+    strain_per_step => None, default Number(0.1), range (1e-7, 1e9),
         "largest relative change of an edge's length in one step";
     cg_tolerance => Speed, default Auto, range (1e-18, 1e6),
         "residual at which the damping solve stops; \"auto\" takes the smaller of 1 cm/s and a tenth of what gravity adds in one step";

@@ -94,7 +94,7 @@ fn plain(expected: &str) -> String {
         "a tuple of size 2" => "a pair [seconds, [x, y, z]]".to_owned(),
         "an array of length 3" => "three numbers".to_owned(),
         "an array of length 2" => "two numbers".to_owned(),
-        "struct variant Region::Box" => format!("a table such as {REGION}"),
+        "struct variant" => format!("a table such as {REGION}"),
         other => match other.strip_prefix("struct ") {
             Some(name) => match EXAMPLES.iter().find(|(table, _)| *table == name) {
                 Some((_, example)) => format!("a table such as {example}"),

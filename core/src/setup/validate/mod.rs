@@ -516,34 +516,39 @@ mod tests {
 
     #[test]
     fn values_outside_their_rows_are_refused_with_their_place_also_without_a_scene_file() {
-        let told = |change: fn(&mut SceneDescription)| {
+        let problems_of = |change: fn(&mut SceneDescription)| {
             let mut description = scene();
             change(&mut description);
             let problems = check_description(&description);
             problems.iter().map(|problem| format!("{}: {}", problem.place, problem.what)).collect::<Vec<_>>().join("; ")
         };
-        assert_eq!(told(|_| {}), "");
+        assert_eq!(problems_of(|_| {}), "");
         for (text, words) in [
-            (told(|scene| scene.solver.cfl = f64::NAN), "solver: `cfl` = NaN is outside 1e-6 to 1e6: CFL number"),
-            (told(|scene| scene.solver.max_dt = Some(0.0)), "solver: `max_dt` = 0 s is outside 1e-9 to 1000 s"),
-            (told(|scene| scene.solver.cg_max_iterations = 0), "solver: `cg_max_iterations` = 0 is outside"),
             (
-                told(|scene| scene.bodies[0].max_push_speed = 0.0),
+                problems_of(|scene| scene.solver.cfl = f64::NAN),
+                "solver: `cfl` = NaN is outside 1e-6 to 1e6: CFL number",
+            ),
+            (problems_of(|scene| scene.solver.max_dt = Some(0.0)), "solver: `max_dt` = 0 s is outside 1e-9 to 1000 s"),
+            (problems_of(|scene| scene.solver.cg_max_iterations = 0), "solver: `cg_max_iterations` = 0 is outside"),
+            (
+                problems_of(|scene| scene.bodies[0].max_push_speed = 0.0),
                 "body \"ball\": `max_push_speed` = 0 m/s has to be above 0",
             ),
             (
-                told(|scene| scene.bodies[0].shape = BodyShape::Rigid(Shape::Box { half_extents: [1.0, -1.0, 1.0] })),
+                problems_of(|scene| {
+                    scene.bodies[0].shape = BodyShape::Rigid(Shape::Box { half_extents: [1.0, -1.0, 1.0] })
+                }),
                 "body \"ball\": `half_extents` = -1 m is outside",
             ),
-            (told(|scene| scene.pins[0].from = f64::NAN), "pin 0: `from` = NaN s has to be a number"),
+            (problems_of(|scene| scene.pins[0].from = f64::NAN), "pin 0: `from` = NaN s has to be a number"),
             (
-                told(|scene| {
+                problems_of(|scene| {
                     scene.pins[0].hold = PinHold::Spring { stiffness: 1.0, damping_ratio: -1.0, break_force: None };
                 }),
                 "garment \"flag\", pin 0: `damping_ratio` = -1 is outside 0 to 1000",
             ),
-            (told(|scene| scene.seams[0].stiffness = 0.0), "seam 0: `strength` = 0 N/m is outside"),
-            (told(|scene| scene.seams[0].until = f64::INFINITY), "seam 0: `closed` = inf s is outside"),
+            (problems_of(|scene| scene.seams[0].stiffness = 0.0), "seam 0: `strength` = 0 N/m is outside"),
+            (problems_of(|scene| scene.seams[0].until = f64::INFINITY), "seam 0: `closed` = inf s is outside"),
         ] {
             assert!(text.contains(words), "{words}\n{text}");
         }
