@@ -4,16 +4,16 @@
 
 use std::time::{Duration, SystemTime};
 
-use drapery_fuzz::{memory, scratch};
-use drapery_shot::farm::lock;
+use drapery_analysis::report;
 use drapery_analysis::report::status::Status;
+use drapery_fuzz::{memory, scratch};
+use drapery_io::site_file::SiteFile;
+use drapery_io::{duration, scene_file};
+use drapery_shot::farm::lock;
 use drapery_shot::run_record::folder::RunFolder;
 use drapery_shot::run_record::manifest::listed_files;
 use drapery_shot::run_record::reader::frame_counts;
 use drapery_shot::run_record::{MANIFEST, RECORD};
-use drapery_io::site_file::SiteFile;
-use drapery_analysis::report;
-use drapery_io::{duration, scene_file};
 use libfuzzer_sys::fuzz_target;
 
 /// A manifest for records of any content.
