@@ -43,7 +43,7 @@ pub fn open(path: &Path) -> Result<File, IoError> {
 ///
 /// # Errors
 /// As [`open`]; the path is not UTF-8.
-pub fn check_for_hdf5(path: &Path) -> Result<(), IoError> {
+pub(crate) fn check_for_hdf5(path: &Path) -> Result<(), IoError> {
     if path.to_str().is_none() {
         let what = format!("{path:?} is not UTF-8, and the HDF5 library opens only paths that are");
         return Err(IoError::data(path, "path", what, "rename the file or its folders"));

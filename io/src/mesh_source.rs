@@ -136,7 +136,7 @@ impl MeshSource {
     ///
     /// # Errors
     /// The file is damaged.
-    pub fn check_attributes_at(&self, time: f64) -> Result<(), IoError> {
+    pub(crate) fn check_attributes_at(&self, time: f64) -> Result<(), IoError> {
         self.reader.check_attributes_at(time)
     }
 

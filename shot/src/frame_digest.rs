@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 const BLOCK: usize = 1024;
 
 /// Digests of the garments of a frame, by name.
-pub type FrameDigests = BTreeMap<String, GarmentDigests>;
+pub(crate) type FrameDigests = BTreeMap<String, GarmentDigests>;
 
 /// Digests of what is stored of a garment in a frame, SHA-256, hexadecimal.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -5,10 +5,10 @@
 //! happens on rank 0; the others run a [worker loop](remote_simulation::worker_loop). The library never prints.
 
 mod check;
-pub mod checkpoints;
-pub mod error;
+mod checkpoints;
+mod error;
 pub mod farm;
-pub mod frame_digest;
+mod frame_digest;
 mod inputs;
 mod long_frames;
 mod pinned;

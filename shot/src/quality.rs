@@ -19,7 +19,7 @@ pub const LIMITS: &[(&str, &str)] = &[
 ];
 
 /// Name of the count of crossings in the positions that the caches store.
-pub const CROSSINGS_WRITTEN: &str = "crossings_written";
+pub(crate) const CROSSINGS_WRITTEN: &str = "crossings_written";
 
 /// A count that should have stayed zero.
 #[derive(Debug, Clone, PartialEq, Eq)]

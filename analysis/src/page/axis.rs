@@ -17,6 +17,11 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
+    /// From one value to another, with labels at these.
+    pub(crate) fn between([low, high]: [f64; 2], ticks: Vec<f64>) -> Self {
+        Self { low, high, logarithmic: false, ticks }
+    }
+
     /// From zero, or below, to the largest value; about `wanted` labels.
     pub(crate) fn linear(values: impl Iterator<Item = f64>, wanted: usize) -> Self {
         Self::in_steps_of(0.0, values, wanted)

@@ -11,6 +11,25 @@ use text::escape;
 /// How pages look, light and dark.
 const STYLE: &str = include_str!("style.css");
 
+/// Stages that get a colour of their own.
+const STAGES: usize = 7;
+
+/// Names of the stages that took longest in all, in the order in which they came: those that get a colour of their own.
+pub(crate) fn longest_stages<'a>(stages: impl Iterator<Item = (&'a str, f64)>) -> Vec<&'a str> {
+    let mut totals: Vec<(&str, f64)> = Vec::new();
+    for (name, seconds) in stages {
+        match totals.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, total)) => *total += seconds,
+            None => totals.push((name, seconds)),
+        }
+    }
+    let mut by_time: Vec<f64> = totals.iter().map(|(_, seconds)| *seconds).collect();
+    by_time.sort_by(|a, b| b.total_cmp(a));
+    let least = by_time.get(STAGES - 1).copied().unwrap_or(0.0);
+    let long = totals.into_iter().filter(|(_, seconds)| *seconds >= least && *seconds > 0.0);
+    long.map(|(name, _)| name).take(STAGES).collect()
+}
+
 /// A whole page. Title and footer are texts, the body is markup.
 pub(crate) fn document(title: &str, body: &str, made: &str) -> String {
     format!(
@@ -39,4 +58,16 @@ pub(crate) fn card(title: &str, note: &str, legend: &[(&str, &str)], drawing: &s
          <div class=\"plot\">{drawing}</div></figure>",
         escape(title)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_stages_are_named_in_the_order_of_execution() {
+        let names = ["a", "b", "c", "d", "e", "f", "g", "h", "i", "a"];
+        let seconds = [4.0, 0.1, 4.0, 3.0, 9.0, 2.0, 1.5, 1.0, 0.2, 1.0];
+        assert_eq!(longest_stages(names.into_iter().zip(seconds)), ["a", "c", "d", "e", "f", "g", "h"]);
+    }
 }

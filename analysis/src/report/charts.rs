@@ -7,8 +7,9 @@ use drapery_shot::run_record::reader::{EventKind, FrameRow};
 use super::chart::{Chart, Lane};
 use super::thin::{Column, columns, largest, mean, smallest};
 use crate::page::axis::Axis;
-use crate::page::card;
+use crate::page::plot::Plot;
 use crate::page::text::{self, escape};
+use crate::page::{card, longest_stages};
 
 /// Size of the chart over the whole page.
 const WIDE: (f64, f64) = (1160.0, 250.0);
@@ -24,9 +25,6 @@ const WIDE_COLUMNS: usize = 240;
 
 /// Columns of the others at most.
 const NARROW_COLUMNS: usize = 140;
-
-/// Stages that get a colour of their own, those that took longest.
-const STAGES: usize = 7;
 
 /// Contacts that are drawn: count, title.
 const CONTACTS: [(&str, &str); 4] = [
@@ -48,7 +46,8 @@ pub(super) fn charts(folder: &RunFolder, rows: &[FrameRow]) -> String {
 /// Seconds a frame by stage, with marks of what happened.
 fn time(folder: &RunFolder, rows: &[FrameRow]) -> String {
     let columns = columns(rows, WIDE_COLUMNS);
-    let stages = longest_stages(rows);
+    let all = rows.iter().flat_map(|row| &row.stages);
+    let stages = longest_stages(all.map(|stage| (stage.stage.as_str(), stage.seconds)));
     let per_stage = |row: &FrameRow, name: &str| -> f64 {
         row.stages.iter().filter(|stage| stage.stage == name).map(|stage| stage.seconds).sum()
     };
@@ -56,7 +55,7 @@ fn time(folder: &RunFolder, rows: &[FrameRow]) -> String {
         mean(rows[column.rows.clone()].iter().map(|row| Some(value(row)))).unwrap_or(0.0)
     };
     let totals: Vec<f64> = columns.iter().map(|column| over(column, &|row| row.seconds)).collect();
-    let axis = Axis::linear(totals.iter().copied(), Chart::labels_in(WIDE.1));
+    let axis = Axis::linear(totals.iter().copied(), Plot::labels_in(WIDE.1));
     let mut chart = Chart::new(WIDE, &columns, axis, text::seconds);
     let mut below = vec![0.0; columns.len()];
     let mut legend: Vec<(String, &str)> = Vec::new();
@@ -90,21 +89,6 @@ fn thinned(columns: &[Column], how: &str) -> String {
         None | Some(0 | 1) => String::new(),
         Some(most) => format!("A column is the {how} of up to {most} frames."),
     }
-}
-
-/// Names of the stages that took longest in all, in the order of execution.
-fn longest_stages(rows: &[FrameRow]) -> Vec<&str> {
-    let mut totals: Vec<(&str, f64)> = Vec::new();
-    for stage in rows.iter().flat_map(|row| &row.stages) {
-        match totals.iter_mut().find(|(name, _)| *name == stage.stage) {
-            Some((_, seconds)) => *seconds += stage.seconds,
-            None => totals.push((&stage.stage, stage.seconds)),
-        }
-    }
-    let mut by_time: Vec<f64> = totals.iter().map(|(_, seconds)| *seconds).collect();
-    by_time.sort_by(|a, b| b.total_cmp(a));
-    let least = by_time.get(STAGES - 1).copied().unwrap_or(0.0);
-    totals.into_iter().filter(|(_, seconds)| *seconds >= least).map(|(name, _)| name).take(STAGES).collect()
 }
 
 /// Rows of marks: degradations, checkpoints, and where the run stopped and went on.
@@ -171,7 +155,7 @@ impl Draw<'_> {
     ) -> Option<String> {
         let values = self.over(|v| largest(v), &value);
         values.iter().flatten().next()?;
-        let axis = axis(&mut values.iter().flatten().copied(), Chart::labels_in(size.1));
+        let axis = axis(&mut values.iter().flatten().copied(), Plot::labels_in(size.1));
         let mut chart = Chart::new(size, self.columns, axis, label);
         chart.line(class, &values);
         self.tips(&mut chart, |a, b| value(a) >= value(b), tip);
@@ -210,7 +194,7 @@ impl Draw<'_> {
         let high = self.over(|v| largest(v), |row| row.dt_max);
         let values = low.iter().chain(&high).flatten().copied();
         values.clone().next()?;
-        let axis = Axis::logarithmic_if_wide(values, Chart::labels_in(NARROW.1));
+        let axis = Axis::logarithmic_if_wide(values, Plot::labels_in(NARROW.1));
         let mut chart = Chart::new(NARROW, self.columns, axis, text::seconds);
         chart.band("b1", &low, &high);
         chart.line("l1", &low);
@@ -252,7 +236,7 @@ impl Draw<'_> {
         let total = self.over(|v| mean(v), |row| Some(row.kinetic_energy? + row.potential_energy?));
         let values = kinetic.iter().chain(&potential).chain(&total).flatten().copied();
         values.clone().next()?;
-        let axis = Axis::linear(values, Chart::labels_in(NARROW.1));
+        let axis = Axis::linear(values, Plot::labels_in(NARROW.1));
         let label = |value: f64| text::scaled(value, "J");
         let mut chart = Chart::new(NARROW, self.columns, axis, label);
         chart.line("l0", &total);
@@ -327,14 +311,6 @@ mod tests {
             over_ranks: None,
         });
         FrameRow { frame, seconds: 1.0, steps: 2, stages: stages.collect(), ..FrameRow::default() }
-    }
-
-    #[test]
-    fn the_longest_stages_are_named_in_the_order_of_execution() {
-        let names = ["a", "b", "c", "d", "e", "f", "g", "h", "i"];
-        let seconds = [5.0, 0.1, 4.0, 3.0, 9.0, 2.0, 1.5, 1.0, 0.2];
-        let stages: Vec<(&str, f64)> = names.into_iter().zip(seconds).collect();
-        assert_eq!(longest_stages(&[row(1, &stages)]), ["a", "c", "d", "e", "f", "g", "h"]);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::study::record::Study;
 const ROOM: f64 = 1.25;
 
 /// In words: which frames were studied and why no more, what was left out, and how to get it.
-pub fn words(study: &Study) -> Vec<String> {
+pub(super) fn words(study: &Study) -> Vec<String> {
     let mut words = Vec::new();
     let Some(&last) = study.compared.last() else { return words };
     let [first, end] = study.scene.frames;

@@ -15,10 +15,10 @@ const FLOOR_SHARE: f64 = 0.1;
 const FLOOR_THICKNESS: f64 = 0.25;
 
 /// Own error of the reference, by the smallest error that it can tell.
-pub const REFERENCE_SHARE: f64 = 0.1;
+pub(crate) const REFERENCE_SHARE: f64 = 0.1;
 
 /// Spread of repeated times by their mean from which the machine counts as noisy.
-pub const NOISY: f64 = 0.05;
+pub(crate) const NOISY: f64 = 0.05;
 
 /// An order below this is none: errors hardly depend on the steps.
 const LEAST_ORDER: f64 = 0.5;
@@ -216,7 +216,7 @@ fn window(study: &Study, (own_error, floor): (&[f64], &[f64]), predictable: usiz
 }
 
 /// What a run is off over the first frames.
-pub fn error_over(distances: &[Distance], window: usize) -> Option<Error> {
+pub(crate) fn error_over(distances: &[Distance], window: usize) -> Option<Error> {
     let inside = distances.get(..window).filter(|inside| !inside.is_empty())?;
     let all = |of: fn(&Distance) -> f64| -> Vec<f64> { inside.iter().map(of).collect() };
     let largest = |of: fn(&Distance) -> f64| all(of).into_iter().fold(0.0, f64::max);
@@ -279,7 +279,7 @@ pub fn degradations(sample: &Sample) -> Vec<(&'static str, u64)> {
 }
 
 /// Mean time step of a run [s].
-pub fn mean_step(study: &Study, sample: &Sample) -> f64 {
+pub(crate) fn mean_step(study: &Study, sample: &Sample) -> f64 {
     sample.cost.frames as f64 * study.scene.frame_seconds / sample.cost.steps.max(1) as f64
 }
 
@@ -363,7 +363,7 @@ impl Analysis<'_> {
     }
 
     /// Frames of the window, and whether it is shorter than the compared frames.
-    pub fn window_end(&self, study: &Study) -> Option<i64> {
+    pub(crate) fn window_end(&self, study: &Study) -> Option<i64> {
         study.compared.get(self.window.checked_sub(1)?).copied()
     }
 }

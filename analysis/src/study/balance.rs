@@ -27,7 +27,7 @@ const MOMENTUM: f64 = 1e-10;
 const ENERGY: f64 = 0.01;
 
 /// What acts on the cloth of a scene from outside, of which `simulation` is the start.
-pub fn outside(scene: &SceneDescription, simulation: &Simulation) -> Outside {
+pub(super) fn outside(scene: &SceneDescription, simulation: &Simulation) -> Outside {
     let plan = simulation.plan();
     let gravity = plan.iter().find(|effect| effect.name == gravity::SPEC.name);
     let gravity = gravity.map_or([0.0; 3], |effect| effect.settings.vector("acceleration"));
@@ -98,7 +98,7 @@ fn share(share: f64) -> String {
 }
 
 /// Momentum is what gravity makes it.
-pub fn momentum(study: &Study) -> Check {
+pub(super) fn momentum(study: &Study) -> Check {
     let Outside { mass, gravity, pushes, .. } = &study.outside;
     let impulse = Vec3::from(*gravity) * *mass;
     let off = |sample: &Sample| {
@@ -114,7 +114,7 @@ pub fn momentum(study: &Study) -> Check {
 }
 
 /// No energy appears.
-pub fn energy(study: &Study) -> Check {
+pub(super) fn energy(study: &Study) -> Check {
     let off = |sample: &Sample| {
         let largest = sample.figures.iter().map(|figures| figures.kinetic_energy).fold(0.0, f64::max);
         let mut all = sample.figures.iter().map(|figures| figures.kinetic_energy + figures.potential_energy);

@@ -26,7 +26,7 @@ const SAME_TIME: f64 = 0.1;
 const BUSY: f64 = 0.5;
 
 /// All checks, in the order of what they are about.
-pub fn checks(study: &Study, analysis: &Analysis<'_>) -> Vec<Check> {
+pub(super) fn checks(study: &Study, analysis: &Analysis<'_>) -> Vec<Check> {
     vec![
         reference(analysis),
         falling(study, analysis),

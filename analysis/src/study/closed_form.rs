@@ -18,7 +18,7 @@ pub(super) fn is_internal(effect: &str) -> bool {
 const ON_PLANE: f64 = 1e-4;
 
 /// The closed forms of a scene, of which `simulation` is the start; `size` is that of the cloth [m].
-pub fn find(scene: &SceneDescription, simulation: &Simulation, size: f64) -> Vec<ClosedForm> {
+pub(super) fn find(scene: &SceneDescription, simulation: &Simulation, size: f64) -> Vec<ClosedForm> {
     let plan = simulation.plan();
     let weight = plan.iter().find(|effect| effect.name == gravity::SPEC.name);
     let acceleration = weight.map_or(Vec3::zeros(), |effect| Vec3::from(effect.settings.vector("acceleration")));

@@ -9,7 +9,7 @@ use drapery_core::simulation::{FrameSummary, Simulation};
 use crate::study::record::Figures;
 
 /// Angles from which an edge counts as a fold [degrees].
-pub const FOLDS: [f64; 3] = [30.0, 60.0, 90.0];
+pub(super) const FOLDS: [f64; 3] = [30.0, 60.0, 90.0];
 
 /// Cells of the drape area along the size of the cloth.
 const CELLS: f64 = 256.0;
@@ -25,7 +25,7 @@ const DEPTH: f64 = 10.0;
 
 /// Positions and velocities of all garments at a frame.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct FrameState {
+pub(super) struct FrameState {
     /// Positions [m], garment after garment in their own orders.
     pub positions: Vec<Vec3>,
     /// Velocities [m/s], likewise.
@@ -34,7 +34,7 @@ pub struct FrameState {
 
 /// All garments as one surface, in the order of the solver.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Cloth {
+pub(super) struct Cloth {
     /// Rest positions [m].
     pub rest: Vec<Vec3>,
     /// Triangles of all garments.
@@ -60,7 +60,7 @@ pub struct Cloth {
 impl Cloth {
     /// The cloth of a simulation on one rank; `size` is that of the cloth at the start [m], `thickness` that of the
     /// thinnest garment [m].
-    pub fn of(simulation: &Simulation, size: f64, thickness: f64) -> Self {
+    pub(super) fn of(simulation: &Simulation, size: f64, thickness: f64) -> Self {
         let scene = simulation.scene();
         let masses = scene.masses().to_vec();
         let mut cloth = Self { masses, garments: vec![[0, 0]], cell: size / CELLS, ..Self::default() };
@@ -89,12 +89,12 @@ impl Cloth {
     }
 
     /// A surface that is only compared: rest positions [m], triangles, garments and areas of vertices [m²].
-    pub fn with(rest: Vec<Vec3>, triangles: Vec<[u32; 3]>, garments: Vec<[usize; 2]>, areas: Vec<f64>) -> Self {
+    pub(super) fn with(rest: Vec<Vec3>, triangles: Vec<[u32; 3]>, garments: Vec<[usize; 2]>, areas: Vec<f64>) -> Self {
         Self { rest, triangles, garments, areas, ..Self::default() }
     }
 
     /// Whether points of both correspond one to one.
-    pub fn is_like(&self, other: &Self) -> bool {
+    pub(super) fn is_like(&self, other: &Self) -> bool {
         self.triangles == other.triangles && self.rest == other.rest
     }
 
@@ -109,7 +109,7 @@ impl Cloth {
     }
 
     /// Boxes around the triangles.
-    pub fn boxes(&self, x: &[Vec3]) -> Vec<Aabb> {
+    pub(super) fn boxes(&self, x: &[Vec3]) -> Vec<Aabb> {
         let around = |corners: &[u32; 3]| {
             let [a, b, c] = corners.map(|v| x[v as usize]);
             Aabb::of_segment(&a, &b).union(&Aabb::of_point(&c))
@@ -118,13 +118,13 @@ impl Cloth {
     }
 
     /// Squared distance of a point from a triangle [m²].
-    pub fn distance_squared(&self, x: &[Vec3], triangle: u32, point: &Vec3) -> f64 {
+    pub(super) fn distance_squared(&self, x: &[Vec3], triangle: u32, point: &Vec3) -> f64 {
         let corners = self.triangles[triangle as usize].map(|v| x[v as usize]);
         (closest_on_triangle(point, &corners).point - point).norm_squared()
     }
 
     /// Everything that is measured of a frame: of a state of all vertices, and of what rank 0 knows of the rest.
-    pub fn measure(&self, simulation: &Simulation, state: &FrameState, summary: &FrameSummary) -> Figures {
+    pub(super) fn measure(&self, simulation: &Simulation, state: &FrameState, summary: &FrameSummary) -> Figures {
         let (x, v) = (&state.positions, &state.velocities);
         let mass: f64 = self.masses.iter().sum();
         let weighted = |of: &[Vec3]| -> Vec3 { of.iter().zip(&self.masses).map(|(of, mass)| of * *mass).sum() };
@@ -244,7 +244,7 @@ fn cover(covered: &mut [bool], sides: [usize; 2], [a, b, c]: [[f64; 2]; 3]) {
 }
 
 /// The value of sorted ones that a share of them does not exceed; zero of none.
-pub fn percentile(sorted: &[f64], share: f64) -> f64 {
+pub(super) fn percentile(sorted: &[f64], share: f64) -> f64 {
     let place = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(place.saturating_sub(1)).copied().unwrap_or(0.0)
 }

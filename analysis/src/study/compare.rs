@@ -130,7 +130,7 @@ fn extrapolate(fine: &FrameState, coarse: &FrameState, factor: f64) -> FrameStat
 }
 
 /// Base and reference of a study, and how far every run is from them.
-pub struct Comparison<'a> {
+pub(super) struct Comparison<'a> {
     folder: &'a Path,
     base: Option<Run>,
     reference: Reference,
@@ -141,7 +141,7 @@ impl<'a> Comparison<'a> {
     ///
     /// # Errors
     /// States cannot be read.
-    pub fn of(study: &mut Study, folder: &'a Path) -> Result<Self, IoError> {
+    pub(super) fn of(study: &mut Study, folder: &'a Path) -> Result<Self, IoError> {
         let mut comparison = Self { folder, base: None, reference: Reference::default() };
         comparison.all(study)?;
         Ok(comparison)
@@ -151,7 +151,7 @@ impl<'a> Comparison<'a> {
     ///
     /// # Errors
     /// States cannot be read.
-    pub fn latest(&mut self, study: &mut Study) -> Result<(), IoError> {
+    pub(super) fn latest(&mut self, study: &mut Study) -> Result<(), IoError> {
         let is_measure = |sample: &Sample| {
             let roles = [Role::Base, Role::Reference, Role::ReferenceCheck, Role::ReferenceCoarse];
             sample.is_own() && roles.contains(&sample.role)

@@ -10,7 +10,7 @@ centre_y_m,centre_z_m,momentum_x,momentum_y,momentum_z,max_strain,p99_strain,dra
 on_bodies_m2,on_cloth_m2,gap_m,depth_m,crossings";
 
 /// The whole table.
-pub fn csv(study: &Study) -> String {
+pub(super) fn csv(study: &Study) -> String {
     let mut text = format!("{HEAD}\n");
     for sample in &study.samples {
         // The names of roles are those of the record.

@@ -9,7 +9,7 @@ use crate::study::cloth::{Cloth, FrameState, percentile};
 use crate::study::record::Distance;
 
 /// Distance of two states of the same points; `areas` are those of the vertices [m²].
-pub fn between(areas: &[f64], a: &FrameState, b: &FrameState) -> Distance {
+pub(super) fn between(areas: &[f64], a: &FrameState, b: &FrameState) -> Distance {
     let mut distances: Vec<f64> = a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm()).collect();
     let (rms, velocity_rms) =
         (weighted_rms(areas, &a.positions, &b.positions), weighted_rms(areas, &a.velocities, &b.velocities));
@@ -20,7 +20,7 @@ pub fn between(areas: &[f64], a: &FrameState, b: &FrameState) -> Distance {
 
 /// Root of the area-weighted mean of the squared angles between normals of a mesh at two states [rad]; weights are the
 /// rest areas of the triangles.
-pub fn normals(cloth: &Cloth, a: &FrameState, b: &FrameState) -> f64 {
+pub(super) fn normals(cloth: &Cloth, a: &FrameState, b: &FrameState) -> f64 {
     let normal = |x: &[Vec3], [i, j, k]: [u32; 3]| {
         let [p, q, r] = [i, j, k].map(|v| x[v as usize]);
         (q - p).cross(&(r - p))
@@ -44,7 +44,7 @@ fn weighted_rms(areas: &[f64], a: &[Vec3], b: &[Vec3]) -> f64 {
 
 /// Where each vertex of a mesh lies on another mesh of the same rest shape.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MeshMap {
+pub(super) struct MeshMap {
     /// Triangle of the other mesh, and weights of its corners.
     places: Vec<(u32, [f64; 3])>,
 }
@@ -52,7 +52,7 @@ pub struct MeshMap {
 impl MeshMap {
     /// Finds the places of the vertices of `onto` on `from`, garment by garment in the rest shape; `None` if they have not
     /// the same garments.
-    pub fn new(from: &Cloth, onto: &Cloth) -> Option<Self> {
+    pub(super) fn new(from: &Cloth, onto: &Cloth) -> Option<Self> {
         if from.garments.len() != onto.garments.len() {
             return None;
         }
@@ -74,7 +74,7 @@ impl MeshMap {
     }
 
     /// The state of `from` at the vertices of `onto`.
-    pub fn carry(&self, from: &Cloth, state: &FrameState) -> FrameState {
+    pub(super) fn carry(&self, from: &Cloth, state: &FrameState) -> FrameState {
         let at = |values: &[Vec3]| -> Vec<Vec3> {
             let place = |(triangle, weights): &(u32, [f64; 3])| {
                 let corners = from.triangles[*triangle as usize].map(|v| values[v as usize]);
@@ -87,7 +87,7 @@ impl MeshMap {
 }
 
 /// Largest distance from a vertex of either surface to the other one [m].
-pub fn surfaces(a: (&Cloth, &FrameState), b: (&Cloth, &FrameState)) -> f64 {
+pub(super) fn surfaces(a: (&Cloth, &FrameState), b: (&Cloth, &FrameState)) -> f64 {
     let one_way = |(points, _): (&FrameState, ()), (cloth, state): (&Cloth, &FrameState)| {
         let x = &state.positions;
         let tree = Bvh::build(&cloth.boxes(x));

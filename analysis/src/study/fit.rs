@@ -22,7 +22,7 @@ const STUDENT: [f64; 10] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.
 const NORMAL: f64 = 1.96;
 
 /// Fits an order to time steps and errors, both above zero; `None` from fewer than two different steps.
-pub fn order(points: &[(f64, f64)]) -> Option<Order> {
+pub(super) fn order(points: &[(f64, f64)]) -> Option<Order> {
     let logs: Vec<(f64, f64)> =
         points.iter().filter(|(dt, error)| *dt > 0.0 && *error > 0.0).map(|(dt, e)| (dt.ln(), e.ln())).collect();
     let count = logs.len() as f64;
@@ -43,7 +43,7 @@ pub fn order(points: &[(f64, f64)]) -> Option<Order> {
 }
 
 /// Which of (cost, error) no other one beats in both; of equal ones the first.
-pub fn front(points: &[(f64, f64)]) -> Vec<bool> {
+pub(super) fn front(points: &[(f64, f64)]) -> Vec<bool> {
     let beats = |(i, a): (usize, &(f64, f64)), (j, b): (usize, &(f64, f64))| {
         a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1 || i < j)
     };
@@ -53,7 +53,7 @@ pub fn front(points: &[(f64, f64)]) -> Vec<bool> {
 
 /// The point of a front that lies farthest below the straight line between its ends, on logarithmic axes: where more time
 /// begins to buy less. `None` of fewer than three points, and where none lies below.
-pub fn knee(front: &[(f64, f64)]) -> Option<usize> {
+pub(super) fn knee(front: &[(f64, f64)]) -> Option<usize> {
     let logs: Vec<(f64, f64)> = front.iter().map(|(cost, error)| (cost.ln(), error.ln())).collect();
     if front.len() < 3 || logs.iter().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
         return None;
@@ -69,7 +69,7 @@ pub fn knee(front: &[(f64, f64)]) -> Option<usize> {
 }
 
 /// The middle of values; the mean of the two middle ones of an even number. `None` of none.
-pub fn median(values: &[f64]) -> Option<f64> {
+pub(super) fn median(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let (low, high) = (sorted.get(sorted.len().wrapping_sub(1) / 2)?, sorted.get(sorted.len() / 2)?);
@@ -77,13 +77,13 @@ pub fn median(values: &[f64]) -> Option<f64> {
 }
 
 /// The median of the distances from the median. `None` of none.
-pub fn median_deviation(values: &[f64]) -> Option<f64> {
+pub(super) fn median_deviation(values: &[f64]) -> Option<f64> {
     let middle = median(values)?;
     median(&values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>())
 }
 
 /// Mean and standard deviation; the latter needs two values.
-pub fn mean_and_deviation(values: &[f64]) -> (f64, Option<f64>) {
+pub(super) fn mean_and_deviation(values: &[f64]) -> (f64, Option<f64>) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count.max(1.0);
     let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();

@@ -5,28 +5,28 @@
 //! and gone on with. Everything that people read is made from the record alone ([`write_pages`]): what follows from it
 //! ([`analysis`]), the table, `study.csv` and `report.html`.
 
-pub mod allowed;
+mod allowed;
 pub mod analysis;
-pub mod balance;
-pub mod checks;
-pub mod closed_form;
-pub mod cloth;
-pub mod compare;
-pub mod csv;
-pub mod distance;
+mod balance;
+mod checks;
+mod closed_form;
+mod cloth;
+mod compare;
+mod csv;
+mod distance;
 pub mod error;
-pub mod fit;
-pub mod page;
+mod fit;
+mod page;
 pub mod preset;
 mod random;
 pub mod record;
-pub mod sample;
+mod sample;
 pub mod schedule;
 pub mod space;
-pub mod states;
+mod states;
 pub mod table;
 pub mod vary;
-pub mod verdict;
+mod verdict;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -48,7 +48,7 @@ use crate::study::space::RunRequest;
 use crate::study::vary::BaseSettings;
 
 /// File name of the table of all runs and frames.
-pub const CSV: &str = "study.csv";
+pub(crate) const CSV: &str = "study.csv";
 
 /// How a study is made.
 #[derive(Debug, Clone)]

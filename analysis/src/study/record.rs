@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub const RECORD: &str = "study.json";
 
 /// Version of the record that this program writes and reads.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 
 /// A study: what it is about, what was measured, what was left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -330,7 +330,7 @@ pub struct ClosedForm {
 
 impl Sample {
     /// Seconds a frame.
-    pub fn seconds_a_frame(&self) -> f64 {
+    pub(crate) fn seconds_a_frame(&self) -> f64 {
         self.cost.seconds / self.cost.frames.max(1) as f64
     }
 
@@ -395,7 +395,7 @@ impl Study {
     }
 
     /// The first run of a role that came to its end.
-    pub fn of_role(&self, role: Role) -> Option<&Sample> {
+    pub(crate) fn of_role(&self, role: Role) -> Option<&Sample> {
         self.samples.iter().find(|sample| sample.role == role && sample.is_own() && sample.is_whole())
     }
 

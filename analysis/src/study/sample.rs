@@ -32,14 +32,14 @@ use crate::study::states::StatesWriter;
 const DIGEST: usize = 8;
 
 /// How far the positions of shifted copies are moved at most, by the size of the cloth.
-pub const SHIFT: f64 = 1e-10;
+pub(super) const SHIFT: f64 = 1e-10;
 
 /// Frame of a run that has not started.
 const NOWHERE: i64 = i64::MIN;
 
 /// What all runs of a study have in common.
 #[derive(Debug)]
-pub struct Bench<'a> {
+pub(crate) struct Bench<'a> {
     /// Scene file.
     pub scene: &'a Path,
     /// `--set` arguments for all runs.
@@ -56,7 +56,7 @@ pub struct Bench<'a> {
 
 /// Which frames a run simulates and compares.
 #[derive(Debug)]
-pub enum Pace<'a> {
+pub(super) enum Pace<'a> {
     /// These, ascending; the last one is the end.
     Fixed(&'a [i64]),
     /// As many as there is time for, and no more than up to `last`; at most `most` of them are compared.
@@ -76,7 +76,7 @@ pub enum Pace<'a> {
 
 /// How a run ended.
 #[derive(Debug)]
-pub enum Ended {
+pub(super) enum Ended {
     /// It came to its last frame or the solver gave up; with the compared frames of a trial.
     Sample(Box<(Sample, Vec<i64>)>),
     /// Its time was up after this frame.
@@ -87,7 +87,7 @@ pub enum Ended {
 ///
 /// # Errors
 /// The scene does not take them.
-pub fn load(bench: &Bench<'_>, wish: &RunRequest) -> Result<SceneFile, StudyError> {
+pub(super) fn load(bench: &Bench<'_>, wish: &RunRequest) -> Result<SceneFile, StudyError> {
     let settings: Vec<_> = bench.settings.iter().chain(&wish.setting.settings).cloned().collect();
     scene_file::load_with(bench.scene, &settings, bench.search).map_err(|error| StudyError::Scene(vec![error]))
 }
@@ -146,7 +146,7 @@ fn on_ranks<T: Send>(
 ///
 /// # Errors
 /// The scene cannot be read or started, a file breaks. A solver that gives up is a failure in the sample.
-pub fn run(
+pub(super) fn run(
     bench: &Bench<'_>,
     wish: &RunRequest,
     pace: &Pace<'_>,

@@ -32,7 +32,7 @@ const COMPARED: (usize, usize) = (24, 6);
 const STATES_BYTES: usize = 64 << 20;
 
 /// How the reason begins why a run was left out, where that is the time.
-pub const NO_TIME: &str = "no time";
+pub(crate) const NO_TIME: &str = "no time";
 
 /// Frames that a study should have, if the runs without which it says nothing still fit.
 const WANTED: usize = 12;
@@ -57,7 +57,7 @@ pub trait Observer {
 
 /// The runs of one attempt at a study.
 #[derive(Debug)]
-pub struct Schedule<'a> {
+pub(crate) struct Schedule<'a> {
     /// What all runs have in common.
     pub bench: &'a Bench<'a>,
     /// Folder of the study.
@@ -77,7 +77,7 @@ impl Schedule<'_> {
     ///
     /// # Errors
     /// It does not come to a single frame to compare; files cannot be read or written.
-    pub fn run_base(
+    pub(crate) fn run_base(
         &self,
         wishes: &[RunRequest],
         study: &mut Study,
@@ -102,7 +102,7 @@ impl Schedule<'_> {
     ///
     /// # Errors
     /// Files cannot be read or written.
-    pub fn run_all(
+    pub(crate) fn run_all(
         &self,
         wishes: &[RunRequest],
         study: &mut Study,

@@ -10,7 +10,7 @@ use crate::study::vary::{
 };
 
 /// How much finer in time than the scene the reference is, the finest that there is time for.
-pub const FINENESS: [u32; 4] = [16, 8, 4, 2];
+pub(crate) const FINENESS: [u32; 4] = [16, 8, 4, 2];
 
 /// The same where a study has to do with few frames; the last of [`FINENESS`] is for those that hardly have time for one.
 const CORE_FINENESS: u32 = 4;
@@ -78,7 +78,7 @@ impl RunRequest {
 
 /// All runs of a study, the most useful first: when time runs out, the last are missing. The reference is at least `fineness`
 /// times as fine as the scene.
-pub fn wishes(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunRequest> {
+pub(crate) fn wishes(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunRequest> {
     let mut all = vec![RunRequest::new(Role::Base, as_is(), 1.0)];
     let copy = |number: u32| RunRequest { copy: number, ..all[0].clone() };
     let copies: Vec<RunRequest> = (1..=asked.copies).map(copy).collect();
@@ -111,7 +111,7 @@ pub fn wishes(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunReq
 
 /// Time of all runs by that of the base, as far as one can say before trying: of all but repeats, and of those without which
 /// a study says nothing, with the coarsest reference.
-pub fn whole_times(asked: &Asked, ground: &BaseSettings) -> [f64; 2] {
+pub(crate) fn whole_times(asked: &Asked, ground: &BaseSettings) -> [f64; 2] {
     let sum = |fineness: u32, counts: &dyn Fn(&RunRequest) -> bool| -> f64 {
         wishes(asked, ground, fineness).iter().filter(|wish| counts(wish)).map(|wish| wish.times).sum()
     };
@@ -153,7 +153,7 @@ fn references(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunReq
 }
 
 /// Times of a reference so many times as fine as the scene, and of the two runs that check it, by that of the base.
-pub fn reference_times(fineness: f64) -> [f64; 3] {
+pub(crate) fn reference_times(fineness: f64) -> [f64; 3] {
     [1.0, 2.0, 4.0].map(|coarser| TIGHTEST * (fineness / coarser).sqrt())
 }
 

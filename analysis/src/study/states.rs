@@ -16,7 +16,7 @@ const DAMAGED: &str = "it is damaged";
 
 /// States being written. The file has its name only once it is whole.
 #[derive(Debug)]
-pub struct StatesWriter {
+pub(super) struct StatesWriter {
     path: PathBuf,
     partial: PathBuf,
     file: BufWriter<File>,
@@ -27,7 +27,7 @@ impl StatesWriter {
     ///
     /// # Errors
     /// It cannot be created.
-    pub fn create(path: &Path, cloth: &Cloth) -> Result<Self, IoError> {
+    pub(super) fn create(path: &Path, cloth: &Cloth) -> Result<Self, IoError> {
         let partial = path.with_extension("partial");
         let file = File::create(&partial).map_err(|error| IoError::creating(&partial, error))?;
         let mut writer = Self { path: path.to_owned(), partial, file: BufWriter::new(file) };
@@ -49,7 +49,7 @@ impl StatesWriter {
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn frame(&mut self, state: &FrameState) -> Result<(), IoError> {
+    pub(super) fn frame(&mut self, state: &FrameState) -> Result<(), IoError> {
         let numbers = state.positions.iter().chain(&state.velocities).flat_map(|v| [v.x, v.y, v.z]);
         let bytes: Vec<u8> = numbers.flat_map(f64::to_le_bytes).collect();
         self.put(&bytes)
@@ -59,7 +59,7 @@ impl StatesWriter {
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn finish(self) -> Result<(), IoError> {
+    pub(super) fn finish(self) -> Result<(), IoError> {
         let Self { path, partial, file } = self;
         let written = file.into_inner().map_err(std::io::IntoInnerError::into_error).map(drop);
         written.and_then(|()| std::fs::rename(&partial, &path)).map_err(|error| IoError::writing(&path, error))
@@ -68,7 +68,7 @@ impl StatesWriter {
 
 /// Reads the mesh, and the states frame after frame.
 #[derive(Debug)]
-pub struct StatesReader {
+pub(super) struct StatesReader {
     path: PathBuf,
     file: BufReader<File>,
     cloth: Cloth,
@@ -79,7 +79,7 @@ impl StatesReader {
     ///
     /// # Errors
     /// It cannot be read, or is no such file.
-    pub fn open(path: &Path) -> Result<Self, IoError> {
+    pub(super) fn open(path: &Path) -> Result<Self, IoError> {
         let file = input_file::open(path)?;
         let length = file.metadata().map_err(|error| IoError::reading(path, error))?.len();
         let cloth = Cloth::default();
@@ -101,7 +101,7 @@ impl StatesReader {
     }
 
     /// The mesh: rest shape, triangles, garments and areas.
-    pub fn into_cloth(self) -> Cloth {
+    pub(super) fn into_cloth(self) -> Cloth {
         self.cloth
     }
 
@@ -109,7 +109,7 @@ impl StatesReader {
     ///
     /// # Errors
     /// There is none, or the disk refuses.
-    pub fn frame(&mut self) -> Result<FrameState, IoError> {
+    pub(super) fn frame(&mut self) -> Result<FrameState, IoError> {
         let vertices = self.cloth.rest.len();
         Ok(FrameState { positions: self.vectors(vertices)?, velocities: self.vectors(vertices)? })
     }

@@ -28,7 +28,7 @@ pub fn table(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> Str
 }
 
 /// Whether a row is of the reference or its check: what others are measured against.
-pub fn is_reference(row: &Row<'_>) -> bool {
+pub(crate) fn is_reference(row: &Row<'_>) -> bool {
     matches!(row.sample.role, Role::Reference | Role::ReferenceCheck | Role::ReferenceCoarse)
 }
 
@@ -47,7 +47,7 @@ fn head(study: &Study, analysis: &Analysis<'_>) -> String {
 }
 
 /// Settings of the reference and its own error.
-pub fn reference_words(study: &Study, analysis: &Analysis<'_>) -> String {
+pub(crate) fn reference_words(study: &Study, analysis: &Analysis<'_>) -> String {
     let Some(reference) = study.reference() else { return "missing: there was no time for it".to_owned() };
     let own = match analysis.own {
         Some(own) => format!("self-error {}", millimetres(own)),
@@ -63,7 +63,7 @@ pub fn reference_words(study: &Study, analysis: &Analysis<'_>) -> String {
 }
 
 /// Up to when errors are told, and why not longer.
-pub fn window_words(study: &Study, analysis: &Analysis<'_>) -> String {
+pub(crate) fn window_words(study: &Study, analysis: &Analysis<'_>) -> String {
     let Some(&last) = study.compared.last() else { return "nothing was compared".to_owned() };
     let seconds = |frame: i64| format!("{} s", text::digits(study.time(frame)));
     let horizon = match (analysis.has_horizon, analysis.floor.is_empty()) {
@@ -107,12 +107,12 @@ fn line(row: &Row<'_>, width: usize) -> String {
 }
 
 /// A ratio of times.
-pub fn times_words(times: f64) -> String {
+pub(crate) fn times_words(times: f64) -> String {
     if times < 9.95 { format!("{times:.2}") } else { format!("{times:.1}") }
 }
 
 /// An error, or why it cannot be told.
-pub fn error_words(error: Option<&Error>) -> String {
+pub(crate) fn error_words(error: Option<&Error>) -> String {
     match error {
         None => "-".to_owned(),
         Some(error) => match error.told {
@@ -221,7 +221,7 @@ fn first_line(text: &str) -> &str {
 }
 
 /// What to take, and what the whole shot takes with it.
-pub fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
+pub(crate) fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Option<f64>) -> String {
     let within =
         budget.map_or("at the knee of the front".to_owned(), |b| format!("within {} a frame", text::seconds(b)));
     let Some(row) = analysis.recommended(budget).map(|index| &analysis.rows[index]) else {

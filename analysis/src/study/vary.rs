@@ -7,7 +7,7 @@ use drapery_core::settings::{self, Field};
 use crate::study::record::{Role, Setting};
 
 /// Word for a setting without any change.
-pub const AS_IS: &str = "as the scene";
+pub(crate) const AS_IS: &str = "as the scene";
 
 /// Name under which effects are left out.
 pub(super) const WITHOUT: &str = "without";
@@ -28,7 +28,7 @@ pub(super) const THICKNESS: &str = "thickness";
 pub(super) const FRICTION: &str = "friction";
 
 /// Parameter that is taken for the fineness of the mesh.
-pub const RESOLUTION: &str = "resolution";
+pub(crate) const RESOLUTION: &str = "resolution";
 
 /// Short names of keys of the scene, beside those of `[solver]`, which are named without their table.
 const SHORT: [(&str, &str); 2] =
@@ -49,7 +49,7 @@ const CHOICE: &str = "effects.";
 
 /// What of the scene the choice of variations depends on.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct BaseSettings {
+pub(crate) struct BaseSettings {
     /// CFL number.
     pub cfl: f64,
     /// Longest step that the scene allows [s], where it says so.
@@ -76,13 +76,13 @@ pub struct BaseSettings {
 
 impl BaseSettings {
     /// Whether an effect of the scene has a setting of this name.
-    pub fn takes(&self, setting: &str) -> bool {
+    pub(super) fn takes(&self, setting: &str) -> bool {
         let has = |name: &String| find(name).is_some_and(|spec| spec.fields.iter().any(|field| field.name == setting));
         self.effects.iter().any(has)
     }
 
     /// Whether the scene has an effect.
-    pub fn has(&self, effect: &str) -> bool {
+    pub(super) fn has(&self, effect: &str) -> bool {
         self.effects.iter().any(|name| name == effect)
     }
 }

@@ -2,7 +2,7 @@
 
 /// Whether something holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub(super) enum Verdict {
     /// It holds.
     Holds,
     /// It does not, and whoever reads the figures has to know.
@@ -15,7 +15,7 @@ pub enum Verdict {
 
 /// Something that should hold of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Check {
+pub(super) struct Check {
     /// What.
     pub name: &'static str,
     /// Whether.

@@ -8,8 +8,8 @@
 //! * `file` writes and reads one file; what was damaged is refused before it is interpreted.
 //! * `every` is how often somebody wants one.
 
-pub mod every;
-pub mod file;
+mod every;
+mod file;
 
 mod bytes;
 mod seal;

@@ -5,7 +5,7 @@ mod alembic_summary;
 pub mod alembic_writer;
 mod continuing;
 pub mod hdf5;
-pub mod obj;
+mod obj;
 
 use std::path::Path;
 

@@ -18,7 +18,7 @@ use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshReader, Uvs};
 
 /// An OBJ file. It is kept in memory once its positions are asked for as a whole, as those of bodies are with every frame.
 #[derive(Debug)]
-pub struct ObjMesh {
+pub(super) struct ObjMesh {
     path: PathBuf,
     name: String,
     data: OnceLock<MeshData>,
@@ -71,7 +71,7 @@ impl ObjMesh {
     ///
     /// # Errors
     /// The file cannot be opened.
-    pub fn open(path: &Path) -> Result<Self, IoError> {
+    pub(super) fn open(path: &Path) -> Result<Self, IoError> {
         lines(path)?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Self { path: path.to_owned(), name, data: OnceLock::new() })

@@ -9,13 +9,13 @@ use std::collections::VecDeque;
 use drapery_io::checkpoint::Every;
 
 /// Largest part of the time of a run that checkpoints take.
-pub const LARGEST_SHARE: f64 = 0.05;
+pub(super) const LARGEST_SHARE: f64 = 0.05;
 
 /// What checkpoints may take beyond that [s]: short shots get every checkpoint that is asked for.
-pub const ALLOWANCE: f64 = 5.0;
+pub(super) const ALLOWANCE: f64 = 5.0;
 
 /// Shortest and longest time between two checkpoints when nothing is asked for [s].
-pub const AUTO: [f64; 2] = [60.0, 600.0];
+pub(super) const AUTO: [f64; 2] = [60.0, 600.0];
 
 /// At a frame, one is written after this part of the time that may pass: a frame is the better place to go on from, and
 /// half the steps of a long frame need not be repeated for it.
@@ -26,7 +26,7 @@ const REMEMBERED: usize = 3;
 
 /// Decides when a checkpoint is due. All times are those of one clock that never goes back [s].
 #[derive(Debug, Clone)]
-pub struct Cadence {
+pub(crate) struct Cadence {
     every: Every,
     start: f64,
     last: f64,
@@ -37,19 +37,19 @@ pub struct Cadence {
 
 impl Cadence {
     /// Starts at the time `now`, at which the state is as good as saved: it is the beginning, or was just read.
-    pub fn new(every: Every, now: f64) -> Self {
+    pub(crate) fn new(every: Every, now: f64) -> Self {
         Self { every, start: now, last: now, frames: 0, spent: 0.0, costs: VecDeque::new() }
     }
 
     /// Tells that a frame was reached.
-    pub fn frame_done(&mut self) {
+    pub(crate) fn frame_done(&mut self) {
         self.frames += 1;
     }
 
     /// Whether a checkpoint should be written at the time `now`; `at_frame` when no step was taken since a frame.
     ///
     /// Frames that are pinned, the end of a run and a stop are the caller's to know: they need no leave.
-    pub fn due(&self, now: f64, at_frame: bool) -> bool {
+    pub(crate) fn due(&self, now: f64, at_frame: bool) -> bool {
         let early = if at_frame { EARLY_AT_FRAMES } else { 1.0 };
         let wanted = match self.every {
             Every::Auto => {
@@ -63,7 +63,7 @@ impl Cadence {
     }
 
     /// Tells that a checkpoint was written, which took `seconds` and ended at the time `now`.
-    pub fn saved(&mut self, now: f64, seconds: f64) {
+    pub(crate) fn saved(&mut self, now: f64, seconds: f64) {
         self.last = now;
         self.frames = 0;
         self.spent += seconds;
@@ -74,13 +74,8 @@ impl Cadence {
     }
 
     /// What the next checkpoint is expected to take [s]; nothing is known before the first.
-    pub fn cost(&self) -> f64 {
+    pub(crate) fn cost(&self) -> f64 {
         self.costs.iter().copied().fold(0.0, f64::max)
-    }
-
-    /// What checkpoints took so far [s].
-    pub fn spent(&self) -> f64 {
-        self.spent
     }
 }
 

@@ -4,8 +4,8 @@
 //! * `store` keeps those of a run: written aside and renamed, the last few kept, the newest good one found.
 //! * `cadence` decides when to write one.
 
-pub mod cadence;
-pub mod store;
+mod cadence;
+pub(crate) mod store;
 
-pub use cadence::Cadence;
-pub use store::{Account, Entry, Loaded, Saved, Search, Store};
+pub(crate) use cadence::Cadence;
+pub(crate) use store::{Account, Loaded, Saved, Store};

@@ -19,11 +19,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// Folder of the checkpoints inside that of a run.
-pub const FOLDER: &str = "checkpoints";
+pub(crate) const FOLDER: &str = "checkpoints";
 
 /// What a run had taken when a checkpoint was written: it depends on the machine, so it stands beside the checkpoint.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Account {
+pub(crate) struct Account {
     /// Number of the attempt that wrote the checkpoint.
     pub attempt: u32,
     /// Length of `run.jsonl` at that moment [bytes].
@@ -42,7 +42,7 @@ struct StoredAccount {
 
 /// A checkpoint in the folder; in the order of [`list`].
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// Last frame that was reached.
     pub frame: i64,
     /// Collision-free steps since that frame.
@@ -53,7 +53,7 @@ pub struct Entry {
 
 /// A checkpoint that was written.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Saved {
+pub(crate) struct Saved {
     /// The file.
     pub path: PathBuf,
     /// Its length [bytes].
@@ -66,7 +66,7 @@ pub struct Saved {
 
 /// A checkpoint that was opened.
 #[derive(Debug)]
-pub struct Loaded {
+pub(crate) struct Loaded {
     /// Its content.
     pub checkpoint: CheckpointReader,
     /// What the run had taken; `None` when the file beside it is missing or belongs to another checkpoint.
@@ -77,7 +77,7 @@ pub struct Loaded {
 
 /// What a search found.
 #[derive(Debug, Default)]
-pub struct Search {
+pub(crate) struct Search {
     /// The newest that can be used.
     pub found: Option<Loaded>,
     /// Those that were newer and cannot, with the reason; they are left where they are.
@@ -86,7 +86,7 @@ pub struct Search {
 
 /// The checkpoints of a run that is being simulated.
 #[derive(Debug, Clone)]
-pub struct Store {
+pub(crate) struct Store {
     folder: PathBuf,
     keep: usize,
     pinned: BTreeSet<i64>,
@@ -101,7 +101,7 @@ impl Store {
     ///
     /// # Errors
     /// The folder cannot be created or changed.
-    pub fn open(out: &Path, keep: usize, pinned: &[i64]) -> Result<Self, IoError> {
+    pub(crate) fn open(out: &Path, keep: usize, pinned: &[i64]) -> Result<Self, IoError> {
         let folder = out.join(FOLDER);
         fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
         for path in files(&folder)? {
@@ -114,7 +114,7 @@ impl Store {
     }
 
     /// Whether the checkpoint at a frame is to be written and kept in any case.
-    pub fn is_pinned(&self, frame: i64) -> bool {
+    pub(crate) fn is_pinned(&self, frame: i64) -> bool {
         self.pinned.contains(&frame)
     }
 
@@ -126,7 +126,7 @@ impl Store {
     ///
     /// # Panics
     /// As the sink of [`CheckpointWriter`].
-    pub fn save(
+    pub(crate) fn save(
         &self,
         head: &Head,
         account: &Account,
@@ -163,7 +163,7 @@ impl Store {
     ///
     /// # Errors
     /// The folder cannot be read.
-    pub fn list(&self) -> Result<Vec<Entry>, IoError> {
+    pub(crate) fn list(&self) -> Result<Vec<Entry>, IoError> {
         entries(&self.folder)
     }
 
@@ -171,7 +171,7 @@ impl Store {
     ///
     /// # Errors
     /// The folder cannot be read.
-    pub fn newest_valid(&self, at_most: Option<i64>) -> Result<Search, IoError> {
+    pub(crate) fn newest_valid(&self, at_most: Option<i64>) -> Result<Search, IoError> {
         let mut search = Search::default();
         let early_enough = |e: &Entry| at_most.is_none_or(|frame| (e.frame, e.sub_step) <= (frame, 0));
         for entry in self.list()?.into_iter().rev().filter(early_enough) {
@@ -191,7 +191,7 @@ impl Store {
     ///
     /// # Errors
     /// The folder cannot be created, or a file cannot be moved there.
-    pub fn set_aside_after(&self, frame: i64, sub_step: u64, into: &Path) -> Result<Vec<PathBuf>, IoError> {
+    pub(crate) fn set_aside_after(&self, frame: i64, sub_step: u64, into: &Path) -> Result<Vec<PathBuf>, IoError> {
         let later = self.list()?.into_iter().filter(|e| (e.frame, e.sub_step) > (frame, sub_step));
         let mut moved = Vec::new();
         for entry in later {
@@ -215,7 +215,7 @@ impl Store {
     ///
     /// # Errors
     /// A file cannot be removed.
-    pub fn remove_all(&self) -> Result<(), IoError> {
+    pub(crate) fn remove_all(&self) -> Result<(), IoError> {
         self.list()?.iter().try_for_each(|entry| remove(&entry.path))
     }
 
@@ -246,7 +246,7 @@ fn remove(path: &Path) -> Result<(), IoError> {
 ///
 /// # Errors
 /// The folder cannot be read.
-pub fn list(out: &Path) -> Result<Vec<Entry>, IoError> {
+pub(crate) fn list(out: &Path) -> Result<Vec<Entry>, IoError> {
     let folder = out.join(FOLDER);
     if folder.is_dir() { entries(&folder) } else { Ok(Vec::new()) }
 }
@@ -255,7 +255,7 @@ pub fn list(out: &Path) -> Result<Vec<Entry>, IoError> {
 ///
 /// # Errors
 /// As [`CheckpointReader::open`]; also when the file has the name of another frame or step.
-pub fn load(entry: &Entry) -> Result<Loaded, IoError> {
+pub(crate) fn load(entry: &Entry) -> Result<Loaded, IoError> {
     let checkpoint = CheckpointReader::open(&entry.path)?;
     let head = &checkpoint.head;
     if (head.frame, head.sub_step) != (entry.frame, entry.sub_step) {

@@ -9,11 +9,11 @@ use drapery_io::error::IoError;
 use crate::farm::stale;
 
 /// Folder of the logs in the folder of a run.
-pub const LOGS: &str = "logs";
+pub(crate) const LOGS: &str = "logs";
 
 /// One start of a run in a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Attempt {
+pub(crate) struct Attempt {
     /// Its number, from 1.
     pub number: u32,
     /// Log for people.
@@ -28,7 +28,7 @@ impl Attempt {
     ///
     /// # Errors
     /// The logs' folder or the file cannot be created; there is no number left.
-    pub fn next(folder: &Path) -> Result<Self, IoError> {
+    pub(crate) fn next(folder: &Path) -> Result<Self, IoError> {
         let logs = folder.join(LOGS);
         fs::create_dir_all(&logs).map_err(|e| IoError::creating(&logs, e))?;
         // Logs may have been deleted to save room; what was set aside keeps its name.
@@ -51,7 +51,7 @@ impl Attempt {
     ///
     /// # Errors
     /// One of them cannot be opened.
-    pub fn open(&self) -> Result<[File; 2], IoError> {
+    pub(crate) fn open(&self) -> Result<[File; 2], IoError> {
         let open = |path: &Path| {
             OpenOptions::new().append(true).create(true).open(path).map_err(|e| IoError::creating(path, e))
         };

@@ -106,7 +106,7 @@ impl Fingerprint {
     }
 
     /// What the scene says about velocities in the caches.
-    pub fn stores_velocities(&self) -> Option<&str> {
+    pub(crate) fn stores_velocities(&self) -> Option<&str> {
         self.scene.get(VELOCITIES).map(String::as_str)
     }
 }

@@ -29,11 +29,11 @@ use crate::farm::process::Owner;
 pub const LOCK: &str = "lock.json";
 
 /// Time between two heartbeats.
-pub const BEAT_EVERY: Duration = Duration::from_secs(10);
+pub(crate) const BEAT_EVERY: Duration = Duration::from_secs(10);
 
 /// Age of the last heartbeat from which a run that cannot be seen from here is taken for dead: many missed heartbeats,
 /// because file servers pass changes on late and clocks of machines differ.
-pub const DEAD_AFTER: Duration = Duration::from_secs(180);
+pub(crate) const DEAD_AFTER: Duration = Duration::from_secs(180);
 
 /// Room for a heartbeat to grow in digits: the file keeps its length, so that a reader never sees half of one.
 const SPARE: usize = 8;
@@ -152,14 +152,14 @@ impl RunLock {
     }
 
     /// The holder whose lock was taken over, for the log; `None` when the folder was free.
-    pub fn former(&self) -> Option<&Holder> {
+    pub(crate) fn former(&self) -> Option<&Holder> {
         self.former.as_ref()
     }
 
     /// Whether the folder is still this run's. Once it is not, nothing more may be written into it.
     ///
     /// Costs one opening of a small file: ask after every step, and before writing.
-    pub fn still_mine(&self) -> bool {
+    pub(crate) fn still_mine(&self) -> bool {
         if !self.lost.load(Ordering::Acquire) && !is_under(&self.path, &self.file) {
             self.lost.store(true, Ordering::Release);
         }

@@ -10,7 +10,7 @@
 //!
 //! What a resumed run is compared with is computed in `digest`; it is kept in the manifest and in checkpoints.
 
-pub mod attempts;
+pub(crate) mod attempts;
 pub mod command_line;
 pub mod digest;
 pub mod lock;

@@ -38,12 +38,12 @@ impl Owner {
     }
 
     /// Whether this process can see the other one, if that still exists.
-    pub fn sees(&self, other: &Self) -> bool {
+    pub(crate) fn sees(&self, other: &Self) -> bool {
         !self.boot.is_empty() && self.boot == other.boot && self.namespace == other.namespace
     }
 
     /// Whether the process exists. Only meaningful for one that is seen.
-    pub fn is_running(&self) -> bool {
+    pub(crate) fn is_running(&self) -> bool {
         started(self.pid) == Some(self.started)
     }
 }

@@ -19,7 +19,7 @@ use crate::farm::lock::{self, Holder};
 use crate::run_record::MANIFEST;
 
 /// Folder of the request files in the folder of a run.
-pub const CONTROL: &str = "control";
+pub(crate) const CONTROL: &str = "control";
 
 /// File that asks for a checkpoint and the end.
 const STOP: &str = "stop";
@@ -126,7 +126,7 @@ pub enum Request {
 
 impl Request {
     /// A number that is the larger, the more urgent a request is; 0 for none. Ranks agree on what to do by the largest.
-    pub fn urgency(request: Option<Self>) -> f64 {
+    pub(crate) fn urgency(request: Option<Self>) -> f64 {
         let place = |reason| REASONS.iter().position(|known| *known == reason).unwrap_or(0);
         let urgency = match request {
             None => 0,
@@ -139,7 +139,7 @@ impl Request {
     }
 
     /// The request of an urgency.
-    pub fn of_urgency(urgency: f64) -> Option<Self> {
+    pub(crate) fn of_urgency(urgency: f64) -> Option<Self> {
         let reason = |place: usize| REASONS.get(place).copied();
         match urgency as usize {
             0 => None,
@@ -222,7 +222,7 @@ impl StopRequests {
     ///
     /// # Errors
     /// The folder `control` cannot be created.
-    pub fn watch_folder(&self, run_folder: &Path) -> Result<Vec<&'static str>, IoError> {
+    pub(crate) fn watch_folder(&self, run_folder: &Path) -> Result<Vec<&'static str>, IoError> {
         let folder = run_folder.join(CONTROL);
         fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
         let mut removed = Vec::new();
@@ -238,13 +238,13 @@ impl StopRequests {
     }
 
     /// A checkpoint took so long [s].
-    pub fn note_checkpoint(&self, seconds: f64) {
+    pub(crate) fn note_checkpoint(&self, seconds: f64) {
         let mut state = self.state();
         state.slowest_checkpoint = state.slowest_checkpoint.max(seconds);
     }
 
     /// A frame took so long [s].
-    pub fn note_frame(&self, seconds: f64) {
+    pub(crate) fn note_frame(&self, seconds: f64) {
         let mut state = self.state();
         if state.frames.len() == FRAMES_SEEN {
             state.frames.pop_front();

@@ -4,7 +4,7 @@
 pub mod folder;
 pub mod manifest;
 pub mod reader;
-pub mod writer;
+pub(crate) mod writer;
 
 /// File name of the manifest; a folder that has one holds a run.
 pub const MANIFEST: &str = "manifest.json";
@@ -16,4 +16,4 @@ pub const RECORD: &str = "run.jsonl";
 pub const RESOLVED: &str = "resolved.toml";
 
 /// File name of what the run depends on, by which a changed scene or input is noticed.
-pub const FINGERPRINT: &str = "fingerprint.json";
+pub(crate) const FINGERPRINT: &str = "fingerprint.json";

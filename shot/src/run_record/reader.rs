@@ -282,7 +282,7 @@ pub fn median(values: &[f64]) -> Option<f64> {
 }
 
 /// What is said of a frame in which steps went wrong, from the `recoveries` of its line; nothing where there are none.
-pub fn recovery_line(recoveries: &[Value]) -> Option<String> {
+pub(crate) fn recovery_line(recoveries: &[Value]) -> Option<String> {
     let first = recoveries.first()?;
     let word = |key: &str| first[key].as_str().unwrap_or_default();
     let vertices: Vec<u64> = first["vertices"].as_array().into_iter().flatten().filter_map(Value::as_u64).collect();

@@ -14,11 +14,11 @@ use super::RECORD;
 use crate::frame_digest::FrameDigests;
 
 /// Stage of a frame that holds all stages of the solver.
-pub const SIMULATE: &str = "simulate";
+pub(crate) const SIMULATE: &str = "simulate";
 
 /// The record being written.
 #[derive(Debug)]
-pub struct RunRecord {
+pub(crate) struct RunRecord {
     path: PathBuf,
     file: File,
 }
@@ -28,7 +28,7 @@ impl RunRecord {
     ///
     /// # Errors
     /// The file cannot be created.
-    pub fn create(folder: &Path) -> Result<Self, IoError> {
+    pub(crate) fn create(folder: &Path) -> Result<Self, IoError> {
         let path = folder.join(RECORD);
         let file = File::create(&path).map_err(|e| IoError::creating(&path, e))?;
         Ok(Self { path, file })
@@ -39,7 +39,7 @@ impl RunRecord {
     ///
     /// # Errors
     /// The file cannot be read, opened or cut.
-    pub fn resume(folder: &Path, frame: i64, length: Option<u64>) -> Result<Self, IoError> {
+    pub(crate) fn resume(folder: &Path, frame: i64, length: Option<u64>) -> Result<Self, IoError> {
         let path = folder.join(RECORD);
         let options = &mut OpenOptions::new();
         let file = options.read(true).append(true).create(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
@@ -88,7 +88,7 @@ impl RunRecord {
     ///
     /// # Errors
     /// The system does not say.
-    pub fn length(&self) -> Result<u64, IoError> {
+    pub(crate) fn length(&self) -> Result<u64, IoError> {
         Ok(self.file.metadata().map_err(|e| IoError::reading(&self.path, e))?.len())
     }
 
@@ -96,19 +96,19 @@ impl RunRecord {
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn line(&mut self, value: &Value) -> Result<(), IoError> {
+    pub(crate) fn line(&mut self, value: &Value) -> Result<(), IoError> {
         let line = format!("{value}\n");
         self.file.write_all(line.as_bytes()).map_err(|e| IoError::writing(&self.path, e))
     }
 }
 
 /// The frame at which the simulation starts: nothing is simulated, `counts` holds what its writing counted.
-pub fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
+pub(crate) fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
     json!({"record": "start", "frame": frame, "seconds": seconds, "counts": counts(spent)})
 }
 
 /// Everything that was measured in one frame; `spent` is what reading and writing took and counted.
-pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Value {
+pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Value {
     let strain = |strain: &StrainRecord| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain});
     let mut all = summary.metrics.clone();
     spent.counts().iter().for_each(|(name, amount)| all.add_count(name.clone(), *amount));
@@ -145,12 +145,12 @@ pub fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Va
 }
 
 /// Digests of what the caches hold of a frame, where they are not those that its own line has: caches that were written anew.
-pub fn digests_record(frame: i64, digests: &FrameDigests) -> Value {
+pub(crate) fn digests_record(frame: i64, digests: &FrameDigests) -> Value {
     json!({"record": "digests", "frame": frame, "digests": digests})
 }
 
 /// A rung of the ladder as JSON.
-pub fn recovery_value(recovery: &Recovery) -> Value {
+pub(crate) fn recovery_value(recovery: &Recovery) -> Value {
     let Recovery { frame, time, failure, level, garment, vertices } = recovery;
     json!({
         "frame": frame, "time": time, "trouble": failure, "rung": level, "garment": garment, "vertices": vertices,
@@ -159,7 +159,7 @@ pub fn recovery_value(recovery: &Recovery) -> Value {
 
 /// Stages with seconds and calls, in the order of their first call; over ranks the seconds are their mean, with the least and
 /// the most of a rank beside it.
-pub fn stages(metrics: &Metrics) -> Vec<Value> {
+pub(crate) fn stages(metrics: &Metrics) -> Vec<Value> {
     let stage = |s: &drapery_core::metrics::Stage| {
         let mut stage = json!({"stage": s.name, "seconds": s.seconds, "calls": s.calls});
         if let Some([min, max]) = s.spread {
@@ -171,6 +171,6 @@ pub fn stages(metrics: &Metrics) -> Vec<Value> {
 }
 
 /// Counts by name.
-pub fn counts(metrics: &Metrics) -> Value {
+pub(crate) fn counts(metrics: &Metrics) -> Value {
     metrics.counts().iter().map(|(name, amount)| (name.to_string(), Value::from(*amount))).collect()
 }

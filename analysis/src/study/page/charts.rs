@@ -1,9 +1,9 @@
 //! The charts of the page.
 
 use crate::page::axis::Axis;
-use crate::page::card;
 use crate::page::plot::{Bar, Plot, Side, bars};
 use crate::page::text::{self, millimetres};
+use crate::page::{card, longest_stages};
 use crate::study::analysis::{Analysis, Row, Told};
 use crate::study::fit::Order;
 use crate::study::record::{Role, Study};
@@ -25,9 +25,6 @@ const ROUNDING: f64 = 1e-12;
 const STAGE_NOTE: &str = "Seconds a frame of the first run of each setting. Letters are the lines of the paper's step: A looks \
     for close pairs of cloth, B.1 and B.5 solve for velocities with the forces, B.2 and B.8 are self-repulsion, B.4 and B.7 \
     contact and friction with bodies, C is self-collision.";
-
-/// Stages with a colour of their own.
-const STAGES: usize = 7;
 
 /// A line: its class, its name, its points.
 type Line = (&'static str, String, Vec<(f64, f64)>);
@@ -61,15 +58,15 @@ pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> Stri
     }
     let budget = study.budget;
     let seconds = rows.iter().map(|(_, row, _)| row.seconds).chain(budget);
-    let x = Side { axis: Axis::logarithmic(seconds, 10), title: "seconds a frame (median)", label: &text::seconds };
+    let x = Side::new(Axis::logarithmic(seconds, 10), "seconds a frame (median)", &text::seconds);
     let floor = analysis.floor.get(..analysis.window).map(|floor| floor.iter().copied().fold(0.0, f64::max));
     let errors = rows.iter().map(|(_, _, error)| *error);
     let lines = analysis.own.into_iter().filter(|own| *own > 0.0);
-    let y = Side {
-        axis: millimetre_axis(errors.chain(lines), WIDE.1),
-        title: "error, area-weighted RMS over the window",
-        label: &millimetres,
-    };
+    let y = Side::new(
+        millimetre_axis(errors.chain(lines), WIDE.1),
+        "error, area-weighted RMS over the window",
+        &millimetres,
+    );
     let mut plot = Plot::new(WIDE, x, y);
     if let Some(own) = analysis.own.filter(|own| *own > 0.0) {
         plot.at_y("dash", own, "own error of the reference");
@@ -120,16 +117,12 @@ pub(super) fn error_over_step(analysis: &Analysis<'_>) -> String {
         return String::new();
     }
     let all: Vec<(f64, f64)> = analysis.ladders.iter().flat_map(|ladder| ladder.points.clone()).collect();
-    let x = Side {
-        axis: Axis::logarithmic(all.iter().map(|point| point.0), 8),
-        title: "mean time step",
-        label: &text::seconds,
-    };
-    let y = Side {
-        axis: millimetre_axis(all.iter().map(|point| point.1), NARROW.1),
-        title: "error, area-weighted RMS over the window",
-        label: &millimetres,
-    };
+    let x = Side::new(Axis::logarithmic(all.iter().map(|point| point.0), 8), "mean time step", &text::seconds);
+    let y = Side::new(
+        millimetre_axis(all.iter().map(|point| point.1), NARROW.1),
+        "error, area-weighted RMS over the window",
+        &millimetres,
+    );
     let mut plot = Plot::new(NARROW, x, y);
     let mut legend: Vec<(String, String)> = Vec::new();
     for (index, ladder) in analysis.ladders.iter().enumerate() {
@@ -165,18 +158,8 @@ pub(super) fn error_over_step(analysis: &Analysis<'_>) -> String {
 /// Where the time of each setting goes.
 pub(super) fn stages(study: &Study, analysis: &Analysis<'_>) -> String {
     let all = study.samples.iter().filter(|sample| sample.is_own() && sample.is_whole());
-    let mut totals: Vec<(&str, f64)> = Vec::new();
-    for stage in all.flat_map(|sample| &sample.stages) {
-        match totals.iter_mut().find(|(name, _)| *name == stage.stage) {
-            Some((_, seconds)) => *seconds += stage.seconds,
-            None => totals.push((&stage.stage, stage.seconds)),
-        }
-    }
-    let mut by_time: Vec<f64> = totals.iter().map(|(_, seconds)| *seconds).collect();
-    by_time.sort_by(|a, b| b.total_cmp(a));
-    let least = by_time.get(STAGES - 1).copied().unwrap_or(0.0);
-    let named: Vec<&str> =
-        totals.iter().filter(|(_, s)| *s >= least && *s > 0.0).map(|(name, _)| *name).take(STAGES).collect();
+    let named =
+        longest_stages(all.flat_map(|sample| &sample.stages).map(|stage| (stage.stage.as_str(), stage.seconds)));
     let bar = |row: &Row<'_>| {
         let sample = row.sample;
         let frames = sample.cost.frames.max(1) as f64;
@@ -234,16 +217,12 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
     if lines.is_empty() {
         return String::new();
     }
-    let x = Side {
-        axis: Axis::linear(study.compared.iter().map(|frame| study.time(*frame)), 10),
-        title: "time since the start",
-        label: &text::seconds,
-    };
-    let y = Side {
-        axis: millimetre_axis(all.into_iter(), NARROW.1),
-        title: "area-weighted RMS distance",
-        label: &millimetres,
-    };
+    let x = Side::new(
+        Axis::linear(study.compared.iter().map(|frame| study.time(*frame)), 10),
+        "time since the start",
+        &text::seconds,
+    );
+    let y = Side::new(millimetre_axis(all.into_iter(), NARROW.1), "area-weighted RMS distance", &millimetres);
     let mut plot = Plot::new(NARROW, x, y);
     let end = time(analysis.window.saturating_sub(1));
     if analysis.window < study.compared.len() {

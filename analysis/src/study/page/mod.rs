@@ -15,10 +15,10 @@ use crate::study::table::{error_words, recommendation, reference_words, window_w
 use crate::study::verdict::Verdict;
 
 /// File name of the page.
-pub const PAGE: &str = "report.html";
+pub(super) const PAGE: &str = "report.html";
 
 /// The page; `study.json` alone goes into it.
-pub fn page(study: &Study) -> String {
+pub(super) fn page(study: &Study) -> String {
     let analysis = analyse(study);
     let mut body = header(study, &analysis);
     body += &tiles(study, &analysis);
