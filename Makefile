@@ -12,7 +12,7 @@ export DRAPERY_CONFORMANCE := $(TARGET)/release/examples/conformance
 
 .PHONY: help
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 .PHONY: setup
 setup: ## install what is missing: Debian packages and the Python environment .venv
@@ -77,6 +77,10 @@ CHECKOUT ?= .
 .PHONY: structure
 structure: ## rooms of the solver, imports between them, circles; CHECKOUT=DIR for another one
 	@cargo run --release --quiet --package drapery-tests --example structure -- $(CHECKOUT)
+
+.PHONY: build-times
+build-times: setup ## how long builds take, from nothing and after a change in each crate; CHECKOUT=DIR for another one
+	@.ci/measure-build-times $(CHECKOUT)
 
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them

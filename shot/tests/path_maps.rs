@@ -11,6 +11,8 @@ const DRESSED: &str = r#"
 drapery = 1
 [shot]
 frames = "0-10"
+[units]
+length = "m"
 [[body]]
 name = "hero"
 file = 'X:\lib\hero.obj'

@@ -214,7 +214,7 @@ fn a_folder_without_checkpoints_has_none_and_is_not_changed() {
 
 /// Runs one of the tests for children in `folder`, after the shell commands `before`.
 fn in_child(name: &str, folder: &Path, before: &str) -> std::process::Output {
-    let script = format!("{before} exec \"$0\" --exact checkpoint::store::tests::{name} --ignored --nocapture");
+    let script = format!("{before} exec \"$0\" --exact checkpoints::store::tests::{name} --ignored --nocapture");
     let mut command = Command::new("sh");
     command.arg("-c").arg(script).arg(std::env::current_exe().unwrap()).env(CHILD, folder);
     command.output().unwrap()
@@ -277,7 +277,7 @@ fn a_full_disk_is_noticed_before_writing_and_while_writing() {
         return;
     }
     let script = "mount -t tmpfs -o size=8m none \"$DRAPERY_TEST_CHILD\" && \
-                  exec \"$0\" --exact checkpoint::store::tests::child_fills_a_disk --ignored --nocapture";
+                  exec \"$0\" --exact checkpoints::store::tests::child_fills_a_disk --ignored --nocapture";
     let mut command = Command::new("unshare");
     command.args(["-r", "-m", "sh", "-c", script]).arg(std::env::current_exe().unwrap()).env(CHILD, out.path());
     assert_passed(&command.output().unwrap());
