@@ -8,9 +8,8 @@ use drapery_core::scene::EffectRequest;
 
 use crate::memory::available;
 
-use super::resolve::Resolver;
 use super::tree::{Path, Segment};
-use super::{effects, raw};
+use super::{SceneFile, effects, raw};
 
 /// Of a point without effects: its mesh while it is cut up, its place among the ranks, the state [bytes].
 const OF_POINT: f64 = 460.0;
@@ -31,47 +30,56 @@ impl Memory {
     }
 }
 
-impl Resolver<'_> {
-    /// Takes note of a garment of so many points; refuses it, as a lack of memory, where they have no room. Called before its
-    /// points are anywhere.
-    pub(super) fn has_room(&mut self, path: &Path, points: f64) -> Option<()> {
-        let of_point = self.bytes_of_point(path);
-        self.memory.needed += points * of_point / self.memory.ranks as f64;
-        let Memory { ranks, needed, available } = self.memory;
+/// Why a garment has no room.
+#[derive(Debug)]
+pub(super) struct NoRoom {
+    /// What is wrong.
+    pub(super) what: String,
+    /// What to do.
+    pub(super) advice: String,
+}
+
+impl Memory {
+    /// Takes note of a garment of so many points, each of which takes so much [bytes].
+    ///
+    /// # Errors
+    /// There is not enough for it and the garments before.
+    pub(super) fn take(&mut self, points: f64, of_point: f64) -> Result<(), NoRoom> {
+        self.needed += points * of_point / self.ranks as f64;
+        let Self { ranks, needed, available } = *self;
         let Some(available) = available.map(|bytes| bytes as f64).filter(|available| needed > *available) else {
-            return Some(());
+            return Ok(());
         };
         let (needed, available) = (gibibytes(needed), gibibytes(available));
         let rank = if ranks > 1 { format!(" on each of {ranks} ranks") } else { String::new() };
-        self.memory_error(
-            path,
-            format!("about {points:.0} points are too many here: they need about {needed}{rank}, {available} are free"),
-            "lower the resolution, do with fewer effects, or use more ranks on more machines".to_owned(),
-        );
-        None
+        Err(NoRoom {
+            what: format!(
+                "about {points:.0} points are too many here: they need about {needed}{rank}, {available} are free"
+            ),
+            advice: "lower the resolution, do with fewer effects, or use more ranks on more machines".to_owned(),
+        })
     }
+}
 
-    /// Expected of a point of the garment that a path leads into [bytes].
-    fn bytes_of_point(&self, path: &Path) -> f64 {
-        let document = &self.scene.document;
-        let raw::EffectChoice { without, only } = &document.effects;
-        let runs = |name: &str| {
-            !without.iter().any(|out| out == name) && (only.is_empty() || only.iter().any(|one| one == name))
+/// Expected of a point of the garment that a path leads into [bytes].
+pub(super) fn bytes_of_point(scene: &SceneFile, path: &Path) -> f64 {
+    let document = &scene.document;
+    let raw::EffectChoice { without, only } = &document.effects;
+    let runs =
+        |name: &str| !without.iter().any(|out| out == name) && (only.is_empty() || only.iter().any(|one| one == name));
+    let garment = path.0.iter().find_map(|segment| match segment {
+        Segment::Index(index) => Some(*index),
+        Segment::Key(_) => None,
+    });
+    let requests = effects::requests(&scene.root);
+    let is_asked = |name: &str| {
+        let of_it = |request: &EffectRequest| {
+            request.effect == name && (request.garment.is_none() || request.garment == garment)
         };
-        let garment = path.0.iter().find_map(|segment| match segment {
-            Segment::Index(index) => Some(*index),
-            Segment::Key(_) => None,
-        });
-        let requests = effects::requests(&self.scene.root);
-        let is_asked = |name: &str| {
-            let of_it = |request: &EffectRequest| {
-                request.effect == name && (request.garment.is_none() || request.garment == garment)
-            };
-            (name == body_collision::SPEC.name && !document.body.is_empty()) || requests.iter().any(of_it)
-        };
-        let taken = REGISTRY.iter().filter(|spec| runs(spec.name) && is_asked(spec.name));
-        OF_POINT + taken.map(|spec| spec.bytes_of_point).sum::<f64>()
-    }
+        (name == body_collision::SPEC.name && !document.body.is_empty()) || requests.iter().any(of_it)
+    };
+    let taken = REGISTRY.iter().filter(|spec| runs(spec.name) && is_asked(spec.name));
+    OF_POINT + taken.map(|spec| spec.bytes_of_point).sum::<f64>()
 }
 
 fn gibibytes(bytes: f64) -> String {

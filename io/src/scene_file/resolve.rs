@@ -18,7 +18,7 @@ use crate::wind_file::WindFile;
 
 use super::deserialize::dotted;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
-use super::memory::Memory;
+use super::memory::{Memory, NoRoom, bytes_of_point};
 use super::raw::{self, FileUnits, Quantity};
 use super::tree::Path;
 use super::{SceneFile, effects, fields, file_names, ranges, resolved};
@@ -146,10 +146,15 @@ impl Resolver<'_> {
         self.errors.push(SceneFileError { kind: SceneErrorKind::Data, ..error });
     }
 
-    /// Records that there is too little memory.
-    pub(super) fn memory_error(&mut self, path: &Path, message: impl Into<String>, help: String) {
-        let error = self.scene.sources.error(&path.place(&self.scene.root), message, Some(help));
+    /// Takes note of a garment of so many points; refuses it, as a lack of memory, where they have no room. Called before its
+    /// points are anywhere.
+    pub(super) fn has_room(&mut self, path: &Path, points: f64) -> Option<()> {
+        let Err(NoRoom { what, advice }) = self.memory.take(points, bytes_of_point(self.scene, path)) else {
+            return Some(());
+        };
+        let error = self.scene.sources.error(&path.place(&self.scene.root), what, Some(advice));
         self.errors.push(SceneFileError { kind: SceneErrorKind::Memory, ..error });
+        None
     }
 
     /// The value, or `None` after recording why there is none.
@@ -369,12 +374,6 @@ fn frame_range(text: &str) -> Result<(i64, i64), String> {
         return Err(format!("frames are numbered from {} to {}", FRAMES.start(), FRAMES.end()));
     }
     Ok((first, last))
-}
-
-/// A file name of the scene as it is used.
-pub(super) fn absolute(scene: &SceneFile, file: &str) -> PathBuf {
-    let path = scene.folder.join(file);
-    std::path::absolute(&path).unwrap_or(path)
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! `resolved.toml`: the scene with every value that was used, and where it came from.
 
+use std::path::PathBuf;
+
 use super::SceneFile;
-use super::resolve::absolute;
 use super::tree::{Node, Origin, Table, Value};
 
 /// Sections in the order in which a reader looks for them; tables of effects come before the bodies.
@@ -131,4 +132,10 @@ fn inline(value: &Value) -> String {
             format!("{{ {} }}", entries.join(", "))
         }
     }
+}
+
+/// A file name of the scene as it is used.
+fn absolute(scene: &SceneFile, file: &str) -> PathBuf {
+    let path = scene.folder.join(file);
+    std::path::absolute(&path).unwrap_or(path)
 }

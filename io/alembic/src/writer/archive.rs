@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::resume::ArchiveMark;
+use super::mark::ArchiveMark;
 use super::tree::{
     CompoundId, CompoundNode, Member, ObjectId, ObjectNode, PropertyId, PropertyNode, SampleKey, StoredSample,
 };

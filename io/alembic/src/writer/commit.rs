@@ -3,7 +3,7 @@
 use std::io::ErrorKind;
 
 use super::archive::{ArchiveWriter, Durability};
-use super::resume::ArchiveMark;
+use super::mark::ArchiveMark;
 use super::tree::{Member, chain};
 use crate::error::AlembicError;
 use crate::murmur::murmur3_x64_128;

@@ -5,6 +5,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::archive::{ArchiveOptions, ArchiveWriter, Durability, archive_metadata};
+use super::mark::ArchiveMark;
 use super::tree::{CompoundId, Member};
 use crate::error::{AlembicError, Fault};
 use crate::metadata::MetaData;
@@ -13,17 +14,6 @@ use crate::ogawa::{ChunkSource, Slot};
 
 /// Metadata that names the writing program: another version of it may continue an archive.
 const ABOUT_THE_WRITER: [&str; 2] = ["_ai_Application", "_ai_AlembicVersion"];
-
-/// A commit of an archive: enough to return to it, whatever was written after it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ArchiveMark {
-    /// Where the root group stands [bytes from the start of the file].
-    pub root: u64,
-    /// First byte behind the commit.
-    pub end: u64,
-    /// Digest of the tables, and through the digests in them of all samples.
-    pub digest: [u8; 16],
-}
 
 impl ArchiveWriter {
     /// The last commit of this writer; none before the first, and none in an archive opened by
