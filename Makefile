@@ -36,7 +36,7 @@ test: bare build ## Rust tests, then the outside judges (Alembic's own reader, B
 	cargo test --release --workspace --features drapery/mpi
 	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
 	$(TARGET)/release/examples/write_demo $(TARGET)/alembic_demo
-	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle --numprocesses 2 --dist loadgroup --no-loadscope-reorder
+	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: test-full
 test-full: build ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md

@@ -19,20 +19,6 @@ def report_figure(record_property):
     return lambda sentence: record_property("figure", sentence)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """Where tests are spread over processes (`--dist loadgroup`), those of a file stay together, because they share what
-    each process makes once; so do those of different files that look at one long run, which start first."""
-
-    def is_long(item):
-        return item.get_closest_marker("xdist_group") is not None
-
-    items.sort(key=is_long, reverse=True)
-    for item in items:
-        if not is_long(item):
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
-
-
 def pytest_terminal_summary(terminalreporter):
     reports = [report for reports in terminalreporter.stats.values() for report in reports]
     lines = []
@@ -40,7 +26,7 @@ def pytest_terminal_summary(terminalreporter):
     for report in reports:
         if getattr(report, "when", None) != "call":
             continue
-        name = report.nodeid.split("::")[-1].split("@")[0]
+        name = report.nodeid.split("::")[-1]
         lines += [f"FIGURE {name}: {value}" for key, value in report.user_properties if key == "figure"]
     if lines:
         terminalreporter.section("figures")

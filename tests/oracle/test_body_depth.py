@@ -70,18 +70,6 @@ def test_the_judge_measures_the_depth_in_a_box():
     np.testing.assert_allclose(depths(points, vertices, outward), [0.1, -0.2, 0.02], atol=1e-12)
 
 
-@pytest.mark.xdist_group("mannequin demo")
-def test_the_mannequins_garments_stay_outside_it_in_the_whole_demo(run_scene, mannequin, report_figure):
-    out = run_scene("sample_assets/scenes/dressed_mannequin.toml", "1001-1097", assets=mannequin)
-    assert_cloth_stays_outside(out, mannequin / "body.abc", report_figure)
-
-
-@pytest.mark.xdist_group("real character")
-def test_the_real_characters_garments_stay_outside_it(run_scene, shared_data, report_figure):
-    out = run_scene("tests/scenes/dressed_woman.toml", "0-96")
-    assert_cloth_stays_outside(out, shared_data / "woman_walk_dance" / "body.abc", report_figure)
-
-
 @pytest.mark.full
 def test_the_mannequins_fine_garments_stay_outside_it(run_scene, make_mannequin, report_figure):
     assets = make_mannequin("full")

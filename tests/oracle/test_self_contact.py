@@ -107,20 +107,6 @@ def test_cloth_never_crosses_cloth(scene, frames, parameters, run_scene, report_
     assert_no_crossing(run_scene(scene, frames, **parameters), report_figure)
 
 
-@pytest.mark.xdist_group("real character")
-def test_the_real_characters_garments_cross_neither_each_other_nor_her(run_scene, shared_data, report_figure):
-    cloth = assert_no_crossing(run_scene("tests/scenes/dressed_woman.toml", "0-96"), report_figure)
-    body = Body(shared_data / "woman_walk_dance" / "body.abc")
-    assert_cloth_does_not_cross_the_body(cloth, body, report_figure)
-
-
-@pytest.mark.xdist_group("mannequin demo")
-def test_the_mannequins_garments_cross_neither_each_other_nor_it(run_scene, mannequin, report_figure):
-    out = run_scene(f"{SAMPLES}/dressed_mannequin.toml", "1001-1097", assets=mannequin)
-    cloth = assert_no_crossing(out, report_figure)
-    assert_cloth_does_not_cross_the_body(cloth, Body(mannequin / "body.abc"), report_figure)
-
-
 @pytest.mark.full
 @pytest.mark.parametrize(
     ("scene", "frames", "parameters"),
