@@ -27,6 +27,7 @@
 //! Read the modules in this order: `scene` (what is simulated), `step` (one time step, line by line as in the paper),
 //! `simulation` (the loop around it), then what the step calls.
 
+pub mod block_matrix;
 pub mod clock;
 pub mod contact;
 pub mod effects;

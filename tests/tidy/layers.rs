@@ -9,7 +9,7 @@ use crate::tree::{report, root};
 
 /// The rooms of the solver, lowest first: each may import those before it alone. Read upwards, this is how the solver is built
 /// (`docs/architecture.md`).
-const ROOMS: [&str; 32] = [
+const ROOMS: [&str; 33] = [
     "tolerances",
     "clock",
     "error",
@@ -17,6 +17,7 @@ const ROOMS: [&str; 32] = [
     "mesh",
     "geometry",
     "parallel",
+    "block_matrix",
     "metrics",
     "scene",
     "observe",

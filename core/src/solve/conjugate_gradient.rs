@@ -24,7 +24,7 @@ pub trait System: Sync {
 
 /// Which parts are worked on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Reach {
+pub(super) enum Reach {
     All,
     /// Those that need no vertex of another rank.
     Inside,
@@ -33,7 +33,7 @@ enum Reach {
 }
 
 impl Reach {
-    fn includes(self, reaches_ghosts: bool) -> bool {
+    pub(super) fn includes(self, reaches_ghosts: bool) -> bool {
         match self {
             Self::All => true,
             Self::Inside => !reaches_ghosts,
@@ -75,7 +75,7 @@ pub struct Outcome {
 }
 
 /// How many times its first residual a solve that has not converged may end with.
-const BREAKDOWN: f64 = 10.0;
+pub(super) const BREAKDOWN: f64 = 10.0;
 
 impl ConjugateGradient {
     /// Scratch for the vertices of a rank.

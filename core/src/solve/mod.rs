@@ -1,4 +1,6 @@
-//! The implicit part of a step: backward Euler on the damping forces.
+//! Velocity solves: conjugate gradients without a matrix for half a step, with an assembled matrix for a long one.
 
 pub mod conjugate_gradient;
 pub mod implicit_velocity;
+pub mod preconditioned_cg;
+mod preconditioner;

@@ -1,0 +1,95 @@
+//! The matrix against one that is assembled element by element without any of its tricks.
+
+use nalgebra::DVector;
+
+use super::testing::Sheet;
+use super::*;
+use crate::geometry::random::SplitMix64;
+use crate::parallel::for_each_part::PerVertex;
+use crate::parallel::local_ranks::LocalRanks;
+use crate::parallel::ranks::Ranks;
+
+fn random_vectors(count: usize) -> Vec<Vec3> {
+    let mut random = SplitMix64::new(11);
+    (0..count).map(|_| random.vector()).collect()
+}
+
+/// The product of all rows, by scene numbers.
+fn product(sheet: &Sheet, ranks: &Ranks, s: &[Vec3]) -> Vec<(u32, Vec3)> {
+    let parts = sheet.parts(ranks);
+    let matrix = sheet.matrix(&parts);
+    let s = Sheet::local(&parts, s);
+    let mut q = vec![Vec3::zeros(); parts.own().len()];
+    parts.for_each(PerVertex(&mut q), &|part, q| matrix.parts()[part].multiply(&s, q.0));
+    parts.own().map(|local| parts.number(local)).zip(q).collect()
+}
+
+#[test]
+fn the_product_is_that_of_the_matrix_of_all_elements() {
+    for parts in [1, 3] {
+        let sheet = Sheet::new(9, 50.0, parts);
+        let s = random_vectors(sheet.x.len());
+        let expected = sheet.dense() * DVector::from_iterator(3 * s.len(), s.iter().flat_map(|s| [s.x, s.y, s.z]));
+        for (vertex, q) in product(&sheet, &Ranks::default(), &s) {
+            let expected = expected.fixed_rows::<3>(3 * vertex as usize);
+            // A row's blocks add up to some 500 times its mass.
+            assert!((q - expected).norm() < PRODUCT_ERROR * 500.0, "{vertex}: {q} {expected}");
+        }
+    }
+}
+
+/// Relative rounding of a product.
+const PRODUCT_ERROR: f64 = 1e-14;
+
+#[test]
+fn a_translation_feels_the_diagonal_alone_to_the_last_bit() {
+    let sheet = Sheet::new(9, 1e9, 3);
+    let translation = Vec3::new(0.7, -1.3, 0.2);
+    let moved = product(&sheet, &Ranks::default(), &vec![translation; sheet.x.len()]);
+    let free = product(&Sheet::new(9, 0.0, 3), &Ranks::default(), &vec![translation; sheet.x.len()]);
+    assert!(moved == free);
+    assert!(moved.iter().all(|(vertex, q)| (q - translation * sheet.masses[*vertex as usize]).norm() < 2.0));
+}
+
+#[test]
+fn diagonal_blocks_are_those_of_the_matrix_of_all_elements() {
+    let sheet = Sheet::new(9, 50.0, 3);
+    let (dense, parts) = (sheet.dense(), sheet.parts(&Ranks::default()));
+    let matrix = sheet.matrix(&parts);
+    for (range, rows) in parts.ranges().iter().zip(matrix.parts()) {
+        for (vertex, block) in range.clone().zip(rows.diagonal_blocks()) {
+            let expected = dense.fixed_view::<3, 3>(3 * vertex, 3 * vertex);
+            assert!((block - expected).norm() < PRODUCT_ERROR * 1e3, "{vertex}");
+        }
+    }
+}
+
+#[test]
+fn products_have_the_same_bits_on_any_number_of_ranks() {
+    let sheet = Sheet::new(12, 300.0, 7);
+    let s = random_vectors(sheet.x.len());
+    let alone = product(&sheet, &Ranks::default(), &s);
+    for ranks in [2, 3, 5] {
+        let shares = LocalRanks::run(ranks, 2, |communicator| product(&sheet, &Ranks::new(communicator), &s));
+        assert!(shares.expect("no rank ends early").concat() == alone, "{ranks} ranks");
+    }
+}
+
+#[test]
+fn what_is_added_for_pairs_of_other_parts_is_not_seen() {
+    let sheet = Sheet::new(6, 1.0, 2);
+    let parts = sheet.parts(&Ranks::default());
+    let mut matrix = sheet.matrix(&parts);
+    let s = random_vectors(sheet.x.len());
+    let mut before = vec![Vec3::zeros(); parts.ranges()[0].len()];
+    matrix.parts()[0].multiply(&s, &mut before);
+    let rows = &mut matrix.parts_mut()[0];
+    let beyond = parts.ranges()[1].start as u32;
+    rows.add_coupling(rows.slot(beyond, beyond + 1), &Matrix3::repeat(1e6));
+    let mut after = before.clone();
+    matrix.parts()[0].multiply(&s, &mut after);
+    assert!(before == after);
+    matrix.parts_mut()[0].clear();
+    matrix.parts()[0].multiply(&s, &mut after);
+    assert!(after.iter().all(|q| *q == Vec3::zeros()));
+}
