@@ -261,7 +261,7 @@ fn pieces(name: &str, cloth: &mut Cloth) {
         black_box(&q);
     });
     let system = BlockSystem { parts, masses, matrix: &matrix, constraints: cloth };
-    let mut cg = PreconditionedCg::new(parts, &matrix, &cloth.x);
+    let mut cg = PreconditionedCg::new(parts, &matrix);
     let prepare = fastest(|| cg.prepare(&system));
     let b = cloth.impulse(dt, membrane);
     let mut d = vec![Vec3::zeros(); parts.local_count()];
@@ -286,7 +286,7 @@ fn solves(name: &str, cloth: &mut Cloth) {
             cloth.assemble(&mut matrix, dt, membrane);
             let (parts, masses) = (cloth.scene.parts(), cloth.scene.masses());
             let system = BlockSystem { parts, masses, matrix: &matrix, constraints: cloth };
-            let mut cg = PreconditionedCg::new(parts, &matrix, &cloth.x);
+            let mut cg = PreconditionedCg::new(parts, &matrix);
             let start = Instant::now();
             cg.prepare(&system);
             let prepare = start.elapsed();

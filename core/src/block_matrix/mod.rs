@@ -9,21 +9,26 @@
 //!
 //! D_i holds what does not depend on neighbours: mass, drag, springs to pins. B_ij holds elements between vertices and is
 //! positive for a spring, k e eᵀ; the block of A at (i, j) is -B_ij, that at (i, i) is D_i + sum_j B_ij. A is positive
-//! semidefinite where every element is.
+//! semidefinite where every element is. D is in double precision, B in single; sums and vectors are in double.
 //!
 //! Rows belong to the parts of the vertices ([`crate::parallel`]). A pair inside a part is stored once; one across a border is
 //! stored by both parts, which compute the same block.
 
+pub(crate) mod block;
 mod pattern;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
+
 use nalgebra::Matrix3;
 
 use crate::Vec3;
-use crate::parallel::parts::Parts;
+use crate::parallel::parts::{PART_SIZE, Parts};
+use crate::parallel::simd4::Simd4;
+use block::{Coefficients, add, full_block, full_symmetric, stored_symmetric, symmetric_product};
 use pattern::Pattern;
 
 /// The rows of a rank's own vertices.
@@ -36,10 +41,10 @@ pub struct BlockMatrix {
 #[derive(Debug, Clone)]
 pub struct PartBlocks {
     pattern: Pattern,
-    /// D_i of each vertex: xx, yy, zz, yz, xz, xy.
-    diagonal: Vec<[f64; 6]>,
-    /// B of each pair, row by row, and one more that nobody reads: what is added for pairs of other parts.
-    blocks: Vec<[f64; 9]>,
+    /// D of each vertex, and a value that is read behind the last.
+    diagonal: Vec<f64>,
+    /// B of each pair, one that is read behind the last, and one that nobody reads: what is added for pairs of other parts.
+    blocks: Vec<[f32; 9]>,
 }
 
 /// The place of a pair's block in the rows of a part.
@@ -53,8 +58,8 @@ impl BlockMatrix {
         let of_part = |part: usize| {
             let pattern = Pattern::new(parts.ranges()[part].clone(), |visit| elements(part, visit));
             PartBlocks {
-                diagonal: vec![[0.0; 6]; parts.ranges()[part].len()],
-                blocks: vec![[0.0; 9]; pattern.pair_count() + 1],
+                diagonal: vec![0.0; 6 * parts.ranges()[part].len() + 1],
+                blocks: vec![[0.0; 9]; pattern.pair_count() + 2],
                 pattern,
             }
         };
@@ -80,19 +85,19 @@ impl BlockMatrix {
 impl PartBlocks {
     /// Sets all blocks to zero.
     pub fn clear(&mut self) {
-        self.diagonal.fill([0.0; 6]);
+        self.diagonal.fill(0.0);
         self.blocks.fill([0.0; 9]);
     }
 
     /// Adds a symmetric block to D of a vertex of the part, counted from its first. Units are those of A.
     pub fn add_diagonal(&mut self, vertex: usize, block: &Matrix3<f64>) {
-        let values = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)].map(|place| block[place]);
-        self.diagonal[vertex].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        let sums = &mut self.diagonal[6 * vertex..6 * vertex + 6];
+        sums.iter_mut().zip(stored_symmetric(block)).for_each(|(sum, value)| *sum += value);
     }
 
     /// Adds a multiple of the identity, as a mass is, to D of a vertex of the part, counted from its first.
     pub fn add_scalar(&mut self, vertex: usize, value: f64) {
-        self.diagonal[vertex][..3].iter_mut().for_each(|sum| *sum += value);
+        self.diagonal[6 * vertex..6 * vertex + 3].iter_mut().for_each(|sum| *sum += value);
     }
 
     /// The place of the block of a pair of local vertices, which are of one element. What is added for a pair without a vertex
@@ -114,11 +119,10 @@ impl PartBlocks {
     #[inline]
     pub fn add_coupling(&mut self, slot: Slot, block: &Matrix3<f64>) {
         let sums = self.block(slot);
-        for row in 0..3 {
-            for column in 0..3 {
-                let place = if slot.is_transposed() { 3 * column + row } else { 3 * row + column };
-                sums[place] += block[(row, column)];
-            }
+        if slot.is_transposed() {
+            add(sums, |row, column| block[(column, row)]);
+        } else {
+            add(sums, |row, column| block[(row, column)]);
         }
     }
 
@@ -126,14 +130,8 @@ impl PartBlocks {
     /// pair.
     #[inline]
     pub fn add_spring(&mut self, slot: Slot, e: &Vec3, along: f64, across: f64) {
-        let sums = self.block(slot);
-        for row in 0..3 {
-            let scaled = e[row] * (along - across);
-            for column in 0..3 {
-                sums[3 * row + column] += scaled * e[column];
-            }
-            sums[4 * row] += across;
-        }
+        let scaled = e * (along - across);
+        add(self.block(slot), |row, column| scaled[row] * e[column] + if row == column { across } else { 0.0 });
     }
 
     /// Adds `scale` g gᵀ over the vertices of an element whose gradients g have the sum zero, as those of an angle or of a length
@@ -151,19 +149,14 @@ impl PartBlocks {
             for g_b in &gradients[a + 1..] {
                 let slot = *slot.next().expect("as many slots as pairs");
                 let (rows, columns) = if slot.is_transposed() { (g_b, g_a) } else { (g_a, g_b) };
-                let sums = self.block(slot);
-                for row in 0..3 {
-                    let scaled = -scale * rows[row];
-                    for column in 0..3 {
-                        sums[3 * row + column] += scaled * columns[column];
-                    }
-                }
+                let scaled = rows * -scale;
+                add(self.block(slot), |row, column| scaled[row] * columns[column]);
             }
         }
     }
 
     #[inline]
-    fn block(&mut self, slot: Slot) -> &mut [f64; 9] {
+    fn block(&mut self, slot: Slot) -> &mut [f32; 9] {
         // Pairs of other parts share the last block, which no product reads.
         let unread = self.blocks.len() - 1;
         &mut self.blocks[slot.place().min(unread)]
@@ -171,49 +164,86 @@ impl PartBlocks {
 
     /// `q = A s` of the part's rows; `s` are those of all local vertices, `q` the part's own.
     pub fn multiply(&self, s: &[Vec3], q: &mut [Vec3]) {
-        let first = self.pattern.first();
-        for (vertex, (q, d)) in q.iter_mut().zip(&self.diagonal).enumerate() {
-            let s = s[first + vertex];
-            *q = Vec3::new(
-                d[0] * s.x + d[5] * s.y + d[4] * s.z,
-                d[5] * s.x + d[1] * s.y + d[3] * s.z,
-                d[4] * s.x + d[3] * s.y + d[2] * s.z,
-            );
+        let (mut own, mut product) = ([Simd4::ZERO; PART_SIZE], [Simd4::ZERO; PART_SIZE]);
+        let own = Simd4::copy(&s[self.pattern.range()], &mut own);
+        self.product(own, |other| Simd4::from(&s[other]), &mut product[..own.len()]);
+        q.iter_mut().zip(product).for_each(|(q, product)| *q = product.into());
+    }
+
+    /// The same with padded vectors.
+    pub(crate) fn multiply_padded(&self, s: &[Simd4], q: &mut [Simd4]) {
+        self.product(&s[self.pattern.range()], |other| s[other], q);
+    }
+
+    /// `q = A s`, `s` and `q` the part's own; `at` has s of any local vertex.
+    #[inline(always)]
+    fn product(&self, s: &[Simd4], at: impl Fn(usize) -> Simd4, q: &mut [Simd4]) {
+        let q = &mut q[..s.len()];
+        for ((q, s), block) in q.iter_mut().zip(s).zip(self.diagonal.windows(7).step_by(6)) {
+            *q = symmetric_product(block, *s);
         }
-        for (pair, b) in self.pattern.pairs().zip(&self.blocks) {
-            let u = s[first + pair.vertex] - s[pair.other];
-            q[pair.vertex] += Vec3::new(
-                b[0] * u.x + b[1] * u.y + b[2] * u.z,
-                b[3] * u.x + b[4] * u.y + b[5] * u.z,
-                b[6] * u.x + b[7] * u.y + b[8] * u.z,
-            );
-            if let Some(other) = pair.other_in_part {
-                q[other] -= Vec3::new(
-                    b[0] * u.x + b[3] * u.y + b[6] * u.z,
-                    b[1] * u.x + b[4] * u.y + b[7] * u.z,
-                    b[2] * u.x + b[5] * u.y + b[8] * u.z,
-                );
+        let (blocks, inside) = (self.blocks.as_flattened(), self.pattern.inside());
+        for (vertex, ends) in self.pattern.starts().windows(2).enumerate() {
+            let (start, end) = (ends[0] as usize, ends[1] as usize);
+            let (own, mut sum) = (s[vertex], q[vertex]);
+            let row = blocks[9 * start..9 * end + 9].windows(12).step_by(9);
+            for (other, block) in inside[start..end].iter().zip(row) {
+                let other = usize::from(*other);
+                let u = own - s[other];
+                let block = Coefficients::of(block);
+                sum += block.times(u);
+                q[other] -= block.transposed_times(u);
             }
+            q[vertex] = sum;
+        }
+        let outside = blocks[9 * inside.len()..].windows(12).step_by(9);
+        for ((vertex, other), block) in self.pattern.outside().iter().zip(outside) {
+            let vertex = *vertex as usize;
+            q[vertex] += Coefficients::of(block).times(s[vertex] - at(*other as usize));
         }
     }
 
-    /// Calls `visit` with the block of A on the diagonal of each vertex of the part: D_i + sum_j B_ij.
-    pub fn diagonal_blocks(&self) -> Vec<Matrix3<f64>> {
-        let full = |d: &[f64; 6]| Matrix3::new(d[0], d[5], d[4], d[5], d[1], d[3], d[4], d[3], d[2]);
-        let mut sums: Vec<Matrix3<f64>> = self.diagonal.iter().map(full).collect();
-        for (pair, b) in self.pattern.pairs().zip(&self.blocks) {
-            let b = Matrix3::from_row_slice(b);
-            sums[pair.vertex] += b;
-            if let Some(other) = pair.other_in_part {
-                sums[other] += b.transpose();
-            }
+    /// D of the part's vertices.
+    pub(crate) fn own_diagonal(&self) -> impl Iterator<Item = Matrix3<f64>> {
+        self.diagonal.chunks_exact(6).map(full_symmetric)
+    }
+
+    /// Pairs inside the part, by vertices counted from its first.
+    pub(crate) fn inside_pairs(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.pattern.inside_pairs()
+    }
+
+    /// B of the pairs inside the part.
+    pub(crate) fn inside_blocks(&self) -> impl Iterator<Item = Matrix3<f64>> {
+        self.blocks[..self.pattern.inside().len()].iter().map(full_block)
+    }
+
+    /// Pairs that reach out: the vertex counted from the part's first, and the other one in local numbers.
+    pub(crate) fn outside_pairs(&self) -> &[(u32, u32)] {
+        self.pattern.outside()
+    }
+
+    /// B of the pairs that reach out.
+    pub(crate) fn outside_blocks(&self) -> impl Iterator<Item = Matrix3<f64>> {
+        self.blocks[self.pattern.inside().len()..].iter().map(full_block)
+    }
+
+    /// The blocks of A on the diagonal of the part's vertices: D_i + sum_j B_ij.
+    pub(crate) fn diagonal_blocks(&self) -> Vec<Matrix3<f64>> {
+        let mut sums: Vec<Matrix3<f64>> = self.own_diagonal().collect();
+        for ((vertex, other), block) in self.inside_pairs().zip(self.inside_blocks()) {
+            sums[vertex] += block;
+            sums[other] += block.transpose();
+        }
+        for ((vertex, _), block) in self.outside_pairs().iter().zip(self.outside_blocks()) {
+            sums[*vertex as usize] += block;
         }
         sums
     }
 
     /// Whether some pair has a vertex outside of the rank's own range.
-    pub fn reaches_beyond(&self, own: &std::ops::Range<usize>) -> bool {
-        self.pattern.pairs().any(|pair| !own.contains(&pair.other))
+    pub fn reaches_beyond(&self, own: &Range<usize>) -> bool {
+        self.pattern.outside().iter().any(|(_, other)| !own.contains(&(*other as usize)))
     }
 
     fn bytes(&self) -> usize {

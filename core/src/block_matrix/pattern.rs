@@ -4,88 +4,119 @@ use std::ops::Range;
 
 use super::Slot;
 
-/// The pairs of a part: each vertex with the higher ones of the part and with all of other parts that an element joins it to,
-/// ascending. Local numbers ascend as those of the scene do, so this order, which is that of every sum, depends on the scene
+/// The pairs of a part, ascending: those inside the part, each in the row of its lower vertex, and then those with vertices of
+/// other parts. Local numbers ascend as those of the scene do, so this order, which is that of every sum, depends on the scene
 /// alone.
 #[derive(Debug, Clone)]
 pub(super) struct Pattern {
     /// The part's vertices, in local numbers.
     range: Range<usize>,
-    /// First pair of each vertex, and the number of all at the end.
+    /// First pair inside the part of each vertex, and the number of all at the end.
     starts: Vec<u32>,
-    /// The other vertex of each pair, in local numbers.
-    others: Vec<u32>,
-}
-
-/// A pair of vertices.
-pub(super) struct Pair {
-    /// The vertex whose row it is, counted from the part's first.
-    pub(super) vertex: usize,
-    /// The other one, in local numbers.
-    pub(super) other: usize,
-    /// The other one counted from the part's first, if it is of the part.
-    pub(super) other_in_part: Option<usize>,
+    /// The other vertex of each pair inside the part, counted from the part's first.
+    inside: Vec<u16>,
+    /// Pairs that reach out: the vertex counted from the part's first, and the other one in local numbers.
+    outside: Vec<(u32, u32)>,
 }
 
 impl Pattern {
     /// The pairs of the part with these vertices, of which `elements` visits the elements.
     pub(super) fn new(range: Range<usize>, elements: impl FnOnce(&mut dyn FnMut(&[u32]))) -> Self {
-        let mut pairs: Vec<(u32, u32)> = Vec::new();
+        let (mut inside, mut outside): (Vec<(u32, u32)>, Vec<(u32, u32)>) = (Vec::new(), Vec::new());
         elements(&mut |vertices| {
             for (i, a) in vertices.iter().enumerate() {
-                pairs.extend(vertices[i + 1..].iter().filter_map(|b| Self::ordered(&range, *a, *b)));
+                for b in &vertices[i + 1..] {
+                    match Self::place(&range, *a, *b) {
+                        Place::Inside(low, high) => inside.push((low, high)),
+                        Place::Outside(vertex, other) => outside.push((vertex, other)),
+                        Place::Elsewhere => {}
+                    }
+                }
             }
         });
-        pairs.sort_unstable();
-        pairs.dedup();
-        let start = |vertex: usize| pairs.partition_point(|pair| (pair.0 as usize) < range.start + vertex) as u32;
+        [&mut inside, &mut outside].into_iter().for_each(|pairs| {
+            pairs.sort_unstable();
+            pairs.dedup();
+        });
+        let start = |vertex: usize| inside.partition_point(|pair| (pair.0 as usize) < vertex) as u32;
         let starts = (0..=range.len()).map(start).collect();
-        Self { starts, others: pairs.iter().map(|pair| pair.1).collect(), range }
+        // Parts are small enough for half a word.
+        Self { range, starts, inside: inside.iter().map(|pair| pair.1 as u16).collect(), outside }
     }
 
-    /// The pair as it is stored: in the row of its vertex in the part, of the lower if both are. None if neither is.
-    fn ordered(range: &Range<usize>, a: u32, b: u32) -> Option<(u32, u32)> {
+    /// Where the block of a pair stands.
+    fn place(range: &Range<usize>, a: u32, b: u32) -> Place {
         let (low, high) = (a.min(b), a.max(b));
+        let in_part = |vertex: u32| vertex - range.start as u32;
         match [low, high].map(|vertex| range.contains(&(vertex as usize))) {
-            _ if low == high => None,
-            [true, _] => Some((low, high)),
-            [false, true] => Some((high, low)),
-            [false, false] => None,
+            _ if low == high => Place::Elsewhere,
+            [true, true] => Place::Inside(in_part(low), in_part(high)),
+            [true, false] => Place::Outside(in_part(low), high),
+            [false, true] => Place::Outside(in_part(high), low),
+            [false, false] => Place::Elsewhere,
         }
     }
 
-    /// First vertex of the part, in local numbers.
-    pub(super) fn first(&self) -> usize {
-        self.range.start
+    /// The part's vertices, in local numbers.
+    pub(super) fn range(&self) -> Range<usize> {
+        self.range.clone()
     }
 
     pub(super) fn pair_count(&self) -> usize {
-        self.others.len()
+        self.inside.len() + self.outside.len()
     }
 
-    /// All pairs, in the order of their blocks.
-    pub(super) fn pairs(&self) -> impl Iterator<Item = Pair> {
+    /// First pair inside the part of each vertex, and the number of all at the end.
+    pub(super) fn starts(&self) -> &[u32] {
+        &self.starts
+    }
+
+    /// The other vertex of each pair inside the part, counted from the part's first.
+    pub(super) fn inside(&self) -> &[u16] {
+        &self.inside
+    }
+
+    /// Pairs that reach out: the vertex counted from the part's first, and the other one in local numbers.
+    pub(super) fn outside(&self) -> &[(u32, u32)] {
+        &self.outside
+    }
+
+    /// Pairs inside the part by vertices counted from its first, in the order of their blocks.
+    pub(super) fn inside_pairs(&self) -> impl Iterator<Item = (usize, usize)> {
         let rows = self.starts.windows(2).enumerate();
         rows.flat_map(move |(vertex, ends)| {
-            self.others[ends[0] as usize..ends[1] as usize].iter().map(move |other| {
-                let other = *other as usize;
-                let other_in_part = self.range.contains(&other).then(|| other - self.range.start);
-                Pair { vertex, other, other_in_part }
-            })
+            self.inside[ends[0] as usize..ends[1] as usize].iter().map(move |other| (vertex, usize::from(*other)))
         })
     }
 
     /// The place of a pair of local vertices that an element joins.
     pub(super) fn slot(&self, a: u32, b: u32) -> Slot {
-        let Some((vertex, other)) = Self::ordered(&self.range, a, b) else { return Slot::ELSEWHERE };
-        let row = vertex as usize - self.range.start;
-        let (start, end) = (self.starts[row] as usize, self.starts[row + 1] as usize);
-        let place = self.others[start..end].binary_search(&other);
+        let (vertex, place) = match Self::place(&self.range, a, b) {
+            Place::Inside(low, high) => {
+                let (start, end) = (self.starts[low as usize] as usize, self.starts[low as usize + 1] as usize);
+                (low, self.inside[start..end].binary_search(&(high as u16)).map(|place| start + place))
+            }
+            Place::Outside(vertex, other) => {
+                let place = self.outside.binary_search(&(vertex, other));
+                (vertex, place.map(|place| self.inside.len() + place))
+            }
+            Place::Elsewhere => return Slot::ELSEWHERE,
+        };
         let place = place.unwrap_or_else(|_| panic!("the matrix was made for elements that join {a} and {b}"));
-        Slot::new(start + place, vertex == b)
+        Slot::new(place, vertex as usize + self.range.start == b as usize)
     }
 
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&*self.starts) + size_of_val(&*self.others)
+        size_of_val(&*self.starts) + size_of_val(&*self.inside) + size_of_val(&*self.outside)
     }
+}
+
+/// Where the block of a pair stands; vertices of the part are counted from its first.
+enum Place {
+    /// In the row of the lower vertex, with the higher one.
+    Inside(u32, u32),
+    /// In the row of the vertex in the part, with a local vertex.
+    Outside(u32, u32),
+    /// With other parts.
+    Elsewhere,
 }

@@ -22,17 +22,25 @@ pub(crate) struct Sheet {
     hinges: Vec<([u32; 4], [Vec3; 4], f64)>,
     /// First vertices of parts.
     starts: Vec<usize>,
+    /// Vertices that no element has.
+    lonely: [usize; 2],
 }
 
 impl Sheet {
-    /// `side` by `side` vertices of random order with springs of `stiffness` times the mass of a vertex, bending a hundredth
+    /// `side` by `side` vertices with springs of `stiffness` times the mass of a vertex, bending a hundredth
     /// of that, two vertices alone, and parts of these sizes.
     pub(crate) fn new(side: usize, stiffness: f64, parts: usize) -> Self {
         let mut random = SplitMix64::new(7);
         let count = side * side + 2;
-        let mut places: Vec<u32> = (0..count as u32).collect();
-        // Neighbours stay in each other's neighbourhood, and some are of other parts.
-        places.chunks_mut(5).for_each(|chunk| chunk.reverse());
+        // Along a curve that stays in a neighbourhood, with the two that are alone somewhere in between.
+        let mut cells: Vec<(usize, usize)> = (0..side).flat_map(|i| (0..side).map(move |k| (i, k))).collect();
+        cells.sort_by_key(|(i, k)| {
+            (0..8).map(|bit| (i >> bit & 1) << (2 * bit) | (k >> bit & 1) << (2 * bit + 1)).sum::<usize>()
+        });
+        let mut places = vec![0_u32; side * side];
+        for (place, (i, k)) in cells.iter().enumerate() {
+            places[i + side * k] = (place + usize::from(place >= side) + usize::from(place >= 3 * side)) as u32;
+        }
         let at = |i: usize, k: usize| places[i + side * k];
         let mut x = vec![Vec3::zeros(); count];
         for i in 0..side {
@@ -61,7 +69,12 @@ impl Sheet {
             }
         }
         let starts = (0..=parts).map(|part| count * part / parts).collect();
-        Self { x, masses, springs, hinges, starts }
+        Self { x, masses, springs, hinges, starts, lonely: [side, 3 * side + 1].map(|place| place.min(count - 1)) }
+    }
+
+    /// Vertices that no element has.
+    pub(crate) fn lonely(&self) -> &[usize] {
+        &self.lonely
     }
 
     /// Vertices of all elements.

@@ -32,14 +32,13 @@ fn the_product_is_that_of_the_matrix_of_all_elements() {
         let expected = sheet.dense() * DVector::from_iterator(3 * s.len(), s.iter().flat_map(|s| [s.x, s.y, s.z]));
         for (vertex, q) in product(&sheet, &Ranks::default(), &s) {
             let expected = expected.fixed_rows::<3>(3 * vertex as usize);
-            // A row's blocks add up to some 500 times its mass.
-            assert!((q - expected).norm() < PRODUCT_ERROR * 500.0, "{vertex}: {q} {expected}");
+            assert!((q - expected).norm() < BLOCK_ERROR, "{vertex}: {q} {expected}");
         }
     }
 }
 
-/// Relative rounding of a product.
-const PRODUCT_ERROR: f64 = 1e-14;
+/// Rounding of single precision, of a row whose blocks add up to 500 in a few sums each.
+const BLOCK_ERROR: f64 = 500.0 * 2.0 * f32::EPSILON as f64;
 
 #[test]
 fn a_translation_feels_the_diagonal_alone_to_the_last_bit() {
@@ -48,7 +47,12 @@ fn a_translation_feels_the_diagonal_alone_to_the_last_bit() {
     let moved = product(&sheet, &Ranks::default(), &vec![translation; sheet.x.len()]);
     let free = product(&Sheet::new(9, 0.0, 3), &Ranks::default(), &vec![translation; sheet.x.len()]);
     assert!(moved == free);
-    assert!(moved.iter().all(|(vertex, q)| (q - translation * sheet.masses[*vertex as usize]).norm() < 2.0));
+    let starts: Vec<usize> = sheet.parts(&Ranks::default()).ranges().iter().map(|range| range.start).collect();
+    let has_drag =
+        |vertex: usize| starts.iter().rfind(|start| **start <= vertex).is_some_and(|s| (vertex - s).is_multiple_of(3));
+    let masses = moved.iter().filter(|(vertex, _)| !has_drag(*vertex as usize));
+    assert!(masses.clone().count() > 50);
+    masses.for_each(|(vertex, q)| assert_eq!(*q, translation * sheet.masses[*vertex as usize]));
 }
 
 #[test]
@@ -59,7 +63,7 @@ fn diagonal_blocks_are_those_of_the_matrix_of_all_elements() {
     for (range, rows) in parts.ranges().iter().zip(matrix.parts()) {
         for (vertex, block) in range.clone().zip(rows.diagonal_blocks()) {
             let expected = dense.fixed_view::<3, 3>(3 * vertex, 3 * vertex);
-            assert!((block - expected).norm() < PRODUCT_ERROR * 1e3, "{vertex}");
+            assert!((block - expected).norm() < BLOCK_ERROR, "{vertex}");
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::Vec3;
 use crate::parallel::parts::PART_SIZE;
 
 /// Three components and a zero: what the inner loops of a part work on.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(32))]
 pub struct Simd4([f64; 4]);
 
@@ -20,9 +20,55 @@ impl Simd4 {
     /// Scalar product. Its order of addition is that of halves, which needs no lane by itself.
     #[inline(always)]
     pub fn dot(self, other: Self) -> f64 {
-        let p = [0, 1, 2, 3].map(|k| self.0[k] * other.0[k]);
-        let [even, odd] = [p[0] + p[2], p[1] + p[3]];
+        self.component_mul(other).sum()
+    }
+
+    /// Sum of the lanes, in the order of halves.
+    #[inline(always)]
+    pub fn sum(self) -> f64 {
+        let [even, odd] = [self.0[0] + self.0[2], self.0[1] + self.0[3]];
         even + odd
+    }
+
+    /// `self * factors + sum`, lane by lane, rounded once.
+    #[inline(always)]
+    pub fn mul_add(self, factors: Self, sum: Self) -> Self {
+        let ([x, y, z, w], f, s) = (self.0, factors.0, sum.0);
+        Self([x.mul_add(f[0], s[0]), y.mul_add(f[1], s[1]), z.mul_add(f[2], s[2]), w.mul_add(f[3], s[3])])
+    }
+
+    /// Lane by lane.
+    #[inline(always)]
+    pub fn component_mul(self, factors: Self) -> Self {
+        let ([x, y, z, w], f) = (self.0, factors.0);
+        Self([x * f[0], y * f[1], z * f[2], w * f[3]])
+    }
+
+    /// (y, z, x).
+    #[inline(always)]
+    pub fn turned(self) -> Self {
+        let [x, y, z, w] = self.0;
+        Self([y, z, x, w])
+    }
+
+    /// (z, x, y).
+    #[inline(always)]
+    pub fn turned_back(self) -> Self {
+        let [x, y, z, w] = self.0;
+        Self([z, x, y, w])
+    }
+
+    /// Of components and a fourth number, which is zero unless it only meets zeros.
+    #[inline(always)]
+    pub fn new(components: [f64; 4]) -> Self {
+        Self(components)
+    }
+
+    /// Of numbers in single precision; the fourth is taken as it is.
+    #[inline(always)]
+    pub fn widened(values: &[f32; 4]) -> Self {
+        let [x, y, z, w] = *values;
+        Self([f64::from(x), f64::from(y), f64::from(z), f64::from(w)])
     }
 
     /// Copies the vectors of a part to the front of `to`, and returns them.
@@ -52,7 +98,8 @@ impl Add for Simd4 {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Self([0, 1, 2, 3].map(|k| self.0[k] + other.0[k]))
+        let ([x, y, z, w], o) = (self.0, other.0);
+        Self([x + o[0], y + o[1], z + o[2], w + o[3]])
     }
 }
 
@@ -61,7 +108,8 @@ impl Sub for Simd4 {
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self([0, 1, 2, 3].map(|k| self.0[k] - other.0[k]))
+        let ([x, y, z, w], o) = (self.0, other.0);
+        Self([x - o[0], y - o[1], z - o[2], w - o[3]])
     }
 }
 
@@ -70,7 +118,8 @@ impl Mul<f64> for Simd4 {
 
     #[inline(always)]
     fn mul(self, factor: f64) -> Self {
-        Self(self.0.map(|a| a * factor))
+        let [x, y, z, w] = self.0;
+        Self([x * factor, y * factor, z * factor, w * factor])
     }
 }
 

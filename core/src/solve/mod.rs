@@ -1,6 +1,8 @@
 //! Velocity solves: conjugate gradients without a matrix for half a step, with an assembled matrix for a long one.
 
+mod block_jacobi;
 pub mod conjugate_gradient;
+mod constraints;
 pub mod implicit_velocity;
+mod multilevel;
 pub mod preconditioned_cg;
-mod preconditioner;

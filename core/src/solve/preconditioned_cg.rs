@@ -2,28 +2,30 @@
 //! (`docs/theory/linear_solver.md`).
 //!
 //! The unknowns are changes of velocity [m/s], the right-hand side is an impulse [N s], A has the unit of a mass [kg]. The
-//! residual is measured by the largest nodal r/m [m/s]. Each iteration is three passes over the parts.
+//! residual is measured by the largest nodal |r|/m [m/s]. An iteration is three passes over the parts: the direction, its
+//! product, and the step with what the preconditioner needs of the new residual; the preconditioned residual itself is never
+//! stored.
+
+use std::ops::Range;
 
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
-use crate::parallel::for_each_part::{PerBlock, PerVertex};
+use crate::parallel::for_each_part::{PerBlock, PerPart, PerVertex};
 use crate::parallel::parts::Parts;
 use crate::parallel::reduce::{SUM_BLOCK, largest};
+use crate::parallel::simd4::Simd4;
+use crate::solve::block_jacobi::BlockInverses;
 use crate::solve::conjugate_gradient::{BREAKDOWN, Outcome, Reach, Stop};
-use crate::solve::preconditioner::Preconditioner;
-
-/// Constraints of a solve: an orthogonal projection of each vertex' vector.
-pub trait Projection: Sync {
-    /// Removes the constrained directions of one part from `r`, the part's own slice.
-    fn project(&self, part: usize, r: &mut [Vec3]);
-}
+use crate::solve::constraints::Constraints;
+pub use crate::solve::constraints::Projection;
+use crate::solve::multilevel::Multilevel;
 
 /// A system to be solved.
 #[derive(Debug)]
 pub struct BlockSystem<'a, C> {
     /// The split of the vertices.
     pub parts: &'a Parts,
-    /// Masses of the local vertices [kg].
+    /// Masses of the local vertices [kg]; one without mass is held.
     pub masses: &'a [f64],
     /// A [kg].
     pub matrix: &'a BlockMatrix,
@@ -34,30 +36,40 @@ pub struct BlockSystem<'a, C> {
 /// Scratch and preconditioner of the solver; made once for the elements of a matrix.
 #[derive(Debug)]
 pub struct PreconditionedCg {
-    preconditioner: Preconditioner,
+    /// The finest level of the preconditioner, by parts.
+    inverses: Vec<BlockInverses>,
+    /// All others.
+    coarse: Multilevel,
+    constraints: Constraints,
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
-    r: Vec<Vec3>,
-    z: Vec<Vec3>,
-    s: Vec<Vec3>,
-    q: Vec<Vec3>,
+    r: Vec<Simd4>,
+    q: Vec<Simd4>,
+    /// Of the local vertices.
+    s: Vec<Simd4>,
+    d: Vec<Simd4>,
+    /// Of the own vertices [1/kg]; zero where there is no mass.
+    inverse_masses: Vec<f64>,
     dots: Vec<f64>,
     residuals: Vec<f64>,
 }
 
 impl PreconditionedCg {
-    /// Scratch for the vertices of a rank and the elements of this matrix; `rest` are the rest positions of the local vertices
-    /// [m]. All ranks call it together.
-    pub fn new(parts: &Parts, matrix: &BlockMatrix, rest: &[Vec3]) -> Self {
-        let own = vec![Vec3::zeros(); parts.own().len()];
+    /// Scratch for the vertices of a rank and the elements of this matrix. All ranks call it together.
+    pub fn new(parts: &Parts, matrix: &BlockMatrix) -> Self {
+        let own = vec![Simd4::ZERO; parts.own().len()];
+        let local = vec![Simd4::ZERO; parts.local_count()];
         let blocks = vec![0.0; parts.block_count()];
         Self {
-            preconditioner: Preconditioner::new(parts, matrix, rest),
+            inverses: parts.ranges().iter().map(|range| BlockInverses::new(range.len())).collect(),
+            coarse: Multilevel::new(parts, matrix),
+            constraints: Constraints::none(parts),
             reaches_ghosts: matrix.parts().iter().map(|rows| rows.reaches_beyond(&parts.own())).collect(),
             r: own.clone(),
-            z: own.clone(),
-            s: vec![Vec3::zeros(); parts.local_count()],
             q: own,
+            s: local.clone(),
+            d: local,
+            inverse_masses: vec![0.0; parts.own().len()],
             dots: blocks.clone(),
             residuals: blocks,
         }
@@ -65,15 +77,24 @@ impl PreconditionedCg {
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        (3 * self.r.len() + self.s.len()) * size_of::<Vec3>()
+        2 * (self.r.len() + self.s.len()) * size_of::<Simd4>()
             + 2 * size_of_val(&*self.dots)
-            + self.preconditioner.bytes()
+            + self.inverses.iter().map(BlockInverses::bytes).sum::<usize>()
+            + self.coarse.bytes()
+            + self.constraints.bytes()
     }
 
     /// Makes the preconditioner that of this system. It may be kept while matrix and constraints change: solves then take more
     /// iterations and come to the same result. All ranks call it together.
     pub fn prepare(&mut self, system: &BlockSystem<'_, impl Projection>) {
-        self.preconditioner.prepare(system);
+        let parts = system.parts;
+        self.constraints.update(parts, system.masses, system.constraints);
+        let constraints = &self.constraints;
+        parts.for_each(PerPart(&mut self.inverses), &|part, inverses| {
+            let blocks = system.matrix.parts()[part].diagonal_blocks();
+            blocks.iter().enumerate().for_each(|(vertex, block)| inverses.0[0].set(vertex, block));
+        });
+        self.coarse.prepare(parts, system.matrix, constraints);
     }
 
     /// Solves `P A P d = P b` from d = 0, `b` on the own vertices [N s]; the ghosts of `d` [m/s] are those of their owners
@@ -85,58 +106,90 @@ impl PreconditionedCg {
         d: &mut [Vec3],
         stop: Stop,
     ) -> Outcome {
-        d.fill(Vec3::zeros());
-        self.r.copy_from_slice(b);
-        let (mut rho, mut residual) = self.precondition(system);
+        self.constraints.update(system.parts, system.masses, system.constraints);
+        self.d.fill(Simd4::ZERO);
+        self.s.fill(Simd4::ZERO);
+        self.q.fill(Simd4::ZERO);
+        self.r.iter_mut().zip(b).for_each(|(r, b)| *r = Simd4::from(b));
+        let masses = &system.masses[system.parts.own()];
+        let inverse = |mass: &f64| if *mass > 0.0 { mass.recip() } else { 0.0 };
+        self.inverse_masses.iter_mut().zip(masses).for_each(|(to, mass)| *to = inverse(mass));
+        let outcome = self.iterate(system, stop);
+        d.iter_mut().zip(&self.d).for_each(|(d, found)| *d = Vec3::from(*found));
+        outcome
+    }
+
+    /// The iterations, from d = 0, r = b and no direction.
+    fn iterate(&mut self, system: &BlockSystem<'_, impl Projection>, stop: Stop) -> Outcome {
+        let (mut rho, mut residual) = self.step(system, 0.0);
         let first = residual;
-        let mut rho_before = f64::INFINITY;
+        let (mut rho_before, mut alpha) = (f64::INFINITY, 0.0);
         for iterations in 0.. {
             let finite = rho.is_finite();
             let converged = residual <= stop.tolerance && (iterations >= 1 || residual < f64::EPSILON);
             if converged || rho <= 0.0 || !finite || iterations == stop.max_iterations {
+                self.d.iter_mut().zip(&self.s).for_each(|(d, s)| *d += *s * alpha);
                 let converged = finite && (converged || residual == 0.0);
                 let worse = !converged && (residual > BREAKDOWN * first || rho < 0.0);
                 return Outcome { iterations, converged, finite, worse };
             }
-            self.direction(system, if iterations > 0 { rho / rho_before } else { 0.0 });
+            self.direction(system, alpha, rho / rho_before);
             let curvature = self.product(system);
-            rho_before = rho;
-            self.advance(system, d, rho / curvature);
-            (rho, residual) = self.precondition(system);
+            (rho_before, alpha) = (rho, rho / curvature);
+            (rho, residual) = self.step(system, alpha);
         }
         unreachable!("the loop ends at the largest number of iterations")
     }
 
-    /// `r = P r`, `z = P W r` with the preconditioner W; returns `r·z` and the largest nodal `|r|/m`.
-    fn precondition(&mut self, system: &BlockSystem<'_, impl Projection>) -> (f64, f64) {
-        let parts = system.parts;
-        let blocks = (PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
-        let vectors = (PerVertex(&mut self.r), PerVertex(&mut self.z));
-        let preconditioner = &self.preconditioner;
-        parts.for_each((vectors, blocks), &|part, ((r, z), (dots, residuals))| {
-            system.constraints.project(part, r.0);
-            preconditioner.apply(part, r.0, z.0);
-            system.constraints.project(part, z.0);
-            let masses = &system.masses[parts.ranges()[part].clone()];
-            let blocks = masses.chunks(SUM_BLOCK).zip(r.0.chunks(SUM_BLOCK)).zip(z.0.chunks(SUM_BLOCK));
-            for ((dot, residual), ((m, r), z)) in dots.0.iter_mut().zip(residuals.0).zip(blocks) {
-                *dot = plain_dot(r, z);
-                // What is no number is seen in the sum, and passed over here.
-                *residual = m.iter().zip(r).map(|(m, r)| r.norm_squared() / (m * m)).fold(0.0, f64::max);
+    /// `r = P (r - α q)`, and the correction of the coarse levels; returns `r·W r` with the preconditioner W, and the largest
+    /// nodal `|r|/m`.
+    fn step(&mut self, system: &BlockSystem<'_, impl Projection>, alpha: f64) -> (f64, f64) {
+        let (parts, constraints, inverses) = (system.parts, &self.constraints, &self.inverses);
+        let inverse_masses = &self.inverse_masses;
+        let vectors = (PerVertex(&mut self.r), PerVertex(&mut self.q));
+        let sums = (PerBlock(&mut self.dots), PerBlock(&mut self.residuals));
+        let coarse = PerPart(self.coarse.parts_mut());
+        let first = parts.own().start;
+        parts.for_each((vectors, sums, coarse), &|part, ((r, q), (dots, residuals), coarse)| {
+            r.0.iter_mut().zip(&*q.0).for_each(|(r, q)| *r -= *q * alpha);
+            constraints.project(part, r.0);
+            let Range { start, end } = parts.ranges()[part];
+            let inverse_masses = &inverse_masses[start - first..end - first];
+            let mut blocks = inverses[part].blocks();
+            let chunks = inverse_masses.chunks(SUM_BLOCK).zip(r.0.chunks(SUM_BLOCK));
+            for ((dot, residual), (masses, r)) in dots.0.iter_mut().zip(residuals.0).zip(chunks) {
+                let (mut sum, mut largest) = (Simd4::ZERO, 0.0_f64);
+                for ((inverse_mass, r), block) in masses.iter().zip(r).zip(&mut blocks) {
+                    sum += r.component_mul(BlockInverses::times(block, *r));
+                    let nodal = *r * *inverse_mass;
+                    // What is no number is seen in the sum, and passed over here.
+                    largest = largest.max(nodal.dot(nodal));
+                }
+                (*dot, *residual) = (sum.sum(), largest);
             }
+            coarse.0[0].restrict(r.0);
         });
+        let of_coarse = self.coarse.solve(parts);
         let (sum, largest) = parts.join_with_max(&self.dots, largest(&self.residuals));
-        (sum, largest.sqrt())
+        (sum + of_coarse, largest.sqrt())
     }
 
-    /// `s = z + β s`.
-    fn direction(&mut self, system: &BlockSystem<'_, impl Projection>, beta: f64) {
-        let slices = (PerVertex(&mut self.s[system.parts.own()]), PerVertex(&mut self.z));
-        system.parts.for_each(slices, &|_, (s, z)| {
-            for (s, z) in s.0.iter_mut().zip(&*z.0) {
-                // The first direction takes nothing of what an earlier solve has left, which may be no number.
-                *s = if beta == 0.0 { *z } else { z + *s * beta };
+    /// `d += α s` with the direction so far, and the new one, `s = P (W r + β s)`.
+    fn direction(&mut self, system: &BlockSystem<'_, impl Projection>, alpha: f64, beta: f64) {
+        let (parts, constraints, inverses, coarse) = (system.parts, &self.constraints, &self.inverses, &self.coarse);
+        let own = parts.own();
+        // Ghosts go the same way as with their owners: their directions are here.
+        for ghost in (0..own.start).chain(own.end..self.s.len()) {
+            self.d[ghost] += self.s[ghost] * alpha;
+        }
+        let vectors = (PerVertex(&mut self.s[own.clone()]), PerVertex(&mut self.d[own]), PerVertex(&mut self.r));
+        parts.for_each(vectors, &|part, (s, d, r)| {
+            let steps = s.0.iter_mut().zip(&mut *d.0).zip(&*r.0).zip(inverses[part].blocks());
+            for ((((s, d), r), block), x) in steps.zip(coarse.corrections(part)) {
+                *d += *s * alpha;
+                *s = BlockInverses::times(block, *r) + x + *s * beta;
             }
+            constraints.project(part, s.0);
         });
     }
 
@@ -155,43 +208,22 @@ impl PreconditionedCg {
 
     /// The product of some of the parts.
     fn product_of(&mut self, system: &BlockSystem<'_, impl Projection>, reach: Reach) {
-        let (parts, s, reaches_ghosts) = (system.parts, &self.s, &self.reaches_ghosts);
+        let (parts, s) = (system.parts, &self.s);
+        let (constraints, reaches_ghosts) = (&self.constraints, &self.reaches_ghosts);
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
             if !reach.includes(reaches_ghosts[part]) {
                 return;
             }
-            system.matrix.parts()[part].multiply(s, q.0);
-            system.constraints.project(part, q.0);
-            let own = &s[parts.ranges()[part].clone()];
-            let blocks = own.chunks(SUM_BLOCK).zip(q.0.chunks(SUM_BLOCK));
-            dots.0.iter_mut().zip(blocks).for_each(|(dot, (s, q))| *dot = plain_dot(s, q));
-        });
-    }
-
-    /// `d += α s`, `r -= α q`.
-    fn advance(&mut self, system: &BlockSystem<'_, impl Projection>, d: &mut [Vec3], alpha: f64) {
-        let (parts, s) = (system.parts, &self.s);
-        let own = parts.own();
-        let vectors = (PerVertex(&mut d[own.clone()]), PerVertex(&mut self.r), PerVertex(&mut self.q));
-        parts.for_each(vectors, &|part, (d, r, q)| {
-            let s = &s[parts.ranges()[part].clone()];
-            for ((d, r), (s, q)) in d.0.iter_mut().zip(r.0.iter_mut()).zip(s.iter().zip(&*q.0)) {
-                *d += s * alpha;
-                *r -= q * alpha;
+            system.matrix.parts()[part].multiply_padded(s, q.0);
+            constraints.project(part, q.0);
+            let chunks = s[parts.ranges()[part].clone()].chunks(SUM_BLOCK).zip(q.0.chunks(SUM_BLOCK));
+            for (dot, (s, q)) in dots.0.iter_mut().zip(chunks) {
+                let mut sum = Simd4::ZERO;
+                s.iter().zip(q).for_each(|(s, q)| sum += s.component_mul(*q));
+                *dot = sum.sum();
             }
         });
-        // Ghosts go the same way as with their owners: their directions are here.
-        for ghost in (0..own.start).chain(own.end..s.len()) {
-            d[ghost] += s[ghost] * alpha;
-        }
     }
-}
-
-/// Sum of `a·b` over a block, one running sum per axis.
-fn plain_dot(a: &[Vec3], b: &[Vec3]) -> f64 {
-    let mut sum = Vec3::zeros();
-    a.iter().zip(b).for_each(|(a, b)| sum += a.component_mul(b));
-    sum.x + sum.y + sum.z
 }
 
 #[cfg(test)]

@@ -1,0 +1,85 @@
+//! The constraints of a solve, vertex by vertex.
+
+use nalgebra::Matrix3;
+
+use crate::Vec3;
+use crate::parallel::for_each_part::PerPart;
+use crate::parallel::parts::{PART_SIZE, Parts};
+use crate::parallel::simd4::Simd4;
+
+/// Constraints of a solve: an orthogonal projection of each vertex' vector.
+pub trait Projection: Sync {
+    /// Removes the constrained directions of one part from `r`, the part's own slice.
+    fn project(&self, part: usize, r: &mut [Vec3]);
+}
+
+/// The projections of the vertices that are constrained.
+#[derive(Debug)]
+pub(super) struct Constraints {
+    parts: Vec<Vec<Constrained>>,
+}
+
+/// A constrained vertex.
+#[derive(Debug, Clone, Copy)]
+struct Constrained {
+    /// Counted from the part's first.
+    vertex: usize,
+    /// What becomes of the unit vectors.
+    columns: [Vec3; 3],
+}
+
+impl Constraints {
+    /// None of so many parts.
+    pub(super) fn none(parts: &Parts) -> Self {
+        Self { parts: vec![Vec::new(); parts.count()] }
+    }
+
+    /// Takes over what `projection` does, and holds what has no mass: nothing says how it moves.
+    pub(super) fn update(&mut self, parts: &Parts, masses: &[f64], projection: &impl Projection) {
+        parts.for_each(PerPart(&mut self.parts), &|part, list| {
+            let list = &mut list.0[0];
+            list.clear();
+            let masses = &masses[parts.ranges()[part].clone()];
+            let count = masses.len();
+            let mut columns = [[Vec3::zeros(); PART_SIZE]; 3];
+            for (axis, column) in columns.iter_mut().enumerate() {
+                column[..count].fill(Vec3::ith(axis, 1.0));
+                projection.project(part, &mut column[..count]);
+            }
+            for (vertex, mass) in masses.iter().enumerate() {
+                let columns = match *mass {
+                    0.0 => [Vec3::zeros(); 3],
+                    _ => [0, 1, 2].map(|axis| columns[axis][vertex]),
+                };
+                if columns != [Vec3::x(), Vec3::y(), Vec3::z()] {
+                    list.push(Constrained { vertex, columns });
+                }
+            }
+        });
+    }
+
+    /// The projections of the constrained ones of all local vertices. All ranks call it together.
+    pub(super) fn of_local_vertices(&self, parts: &Parts) -> Vec<Option<Matrix3<f64>>> {
+        let mut columns = vec![[Vec3::x(), Vec3::y(), Vec3::z()]; parts.local_count()];
+        for (range, list) in parts.ranges().iter().zip(&self.parts) {
+            list.iter().for_each(|constrained| columns[range.start + constrained.vertex] = constrained.columns);
+        }
+        parts.halo().update(parts.ranks(), &mut columns);
+        let is_free = |columns: &[Vec3; 3]| *columns == [Vec3::x(), Vec3::y(), Vec3::z()];
+        columns.iter().map(|columns| (!is_free(columns)).then(|| Matrix3::from_columns(columns))).collect()
+    }
+
+    /// Removes the constrained directions of one part.
+    pub(super) fn project(&self, part: usize, r: &mut [Simd4]) {
+        for Constrained { vertex, columns } in &self.parts[part] {
+            let r = &mut r[*vertex];
+            let v = Vec3::from(*r);
+            *r = Simd4::from(&(columns[0] * v.x + columns[1] * v.y + columns[2] * v.z));
+        }
+    }
+
+    /// Memory held [bytes].
+    pub(super) fn bytes(&self) -> usize {
+        self.parts.iter().map(|list| list.capacity() * size_of::<Constrained>()).sum()
+    }
+}

@@ -1,0 +1,77 @@
+//! Aggregates and coarse rows against what they stand for.
+
+use nalgebra::{DMatrix, Matrix3};
+
+use super::*;
+use crate::Vec3;
+use crate::block_matrix::testing::Sheet;
+use crate::parallel::ranks::Ranks;
+use crate::solve::constraints::Projection;
+
+/// Every third vertex slides along a plane, every fourth is held.
+struct Constrained<'a>(&'a Parts);
+
+fn p_of(vertex: usize) -> Matrix3<f64> {
+    let normal = Vec3::new(0.0, 0.6, 0.8);
+    match vertex {
+        v if v.is_multiple_of(4) => Matrix3::zeros(),
+        v if v.is_multiple_of(3) => Matrix3::identity() - normal * normal.transpose(),
+        _ => Matrix3::identity(),
+    }
+}
+
+impl Projection for Constrained<'_> {
+    fn project(&self, part: usize, r: &mut [Vec3]) {
+        self.0.ranges()[part].clone().zip(r).for_each(|(vertex, r)| *r = p_of(vertex) * *r);
+    }
+}
+
+#[test]
+fn runs_cover_everything_and_have_about_the_size_asked_for() {
+    for count in [0, 1, 5, 12, 13, 100, 1000, 2047] {
+        let ends = runs(count, 8);
+        assert_eq!((ends[0], ends[ends.len() - 1]), (0, count as u32));
+        let lengths = ends.windows(2).map(|run| run[1] - run[0]);
+        assert!(lengths.clone().all(|length| (6..=12).contains(&length) || (count < 6 && length == count as u32)));
+    }
+}
+
+#[test]
+fn coarse_levels_are_the_matrix_of_vertices_that_move_as_one_where_constraints_let_them() {
+    let sheet = Sheet::new(24, 30.0, 3);
+    let parts = sheet.parts(&Ranks::default());
+    let matrix = sheet.matrix(&parts);
+    let mut constraints = Constraints::none(&parts);
+    constraints.update(&parts, &sheet.masses, &Constrained(&parts));
+    let mut levels = Multilevel::new(&parts, &matrix);
+    levels.prepare(&parts, &matrix, &constraints);
+    assert!(levels.levels.len() > 1);
+    // Nodes of the vertices, level by level.
+    let ends: Vec<Vec<u32>> = parts.ranges().iter().map(|range| runs(range.len(), AGGREGATE)).collect();
+    let mut nodes = nodes_of_local_vertices(&parts, 0, &ends);
+    let dense = sheet.dense();
+    for level in &levels.levels {
+        let mut together = DMatrix::zeros(dense.nrows(), 3 * level.count());
+        for (vertex, node) in nodes.iter().enumerate() {
+            together.fixed_view_mut::<3, 3>(3 * vertex, 3 * *node as usize).copy_from(&p_of(vertex));
+        }
+        let expected = together.transpose() * &dense * together;
+        // Blocks in single precision.
+        assert!((level.dense() - &expected).amax() < 1e-6 * expected.amax());
+        let aggregates = runs(level.count(), COARSER_AGGREGATE);
+        nodes.iter_mut().for_each(|node| *node = aggregates.partition_point(|end| end <= node) as u32 - 1);
+    }
+}
+
+#[test]
+fn levels_of_a_part_with_one_vertex_work() {
+    for side in [1, 2] {
+        let sheet = Sheet::new(side, 1.0, 1);
+        let parts = sheet.parts(&Ranks::default());
+        let matrix = sheet.matrix(&parts);
+        let mut levels = Multilevel::new(&parts, &matrix);
+        levels.prepare(&parts, &matrix, &Constraints::none(&parts));
+        levels.parts_mut()[0].restrict(&vec![Simd4::from(&Vec3::x()); parts.own().len()]);
+        assert!(levels.solve(&parts) > 0.0);
+    }
+}
