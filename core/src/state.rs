@@ -1,7 +1,7 @@
 //! What time changes: positions and velocities of the local vertices.
 
 use crate::Vec3;
-use crate::scene::Scene;
+use crate::scene::{Integrator, Scene};
 
 /// Positions [m] and velocities [m/s] of a rank's vertices and its ghosts.
 ///
@@ -13,6 +13,8 @@ pub struct State {
     pub x: Vec<Vec3>,
     /// Velocities [m/s].
     pub v: Vec<Vec3>,
+    /// Accelerations of the last step [m/s²], with which the implicit step foresees; empty in the others.
+    pub a: Vec<Vec3>,
     /// Solver time [s].
     pub time: f64,
 }
@@ -22,6 +24,8 @@ impl State {
     pub fn at_start(scene: &Scene) -> Self {
         let timeline = scene.description().timeline;
         let [x, v] = scene.start_state();
-        Self { x, v, time: timeline.time(timeline.start) }
+        let foresees = scene.description().solver.integrator == Integrator::TrBdf2;
+        let a = if foresees { vec![Vec3::zeros(); x.len()] } else { Vec::new() };
+        Self { x, v, a, time: timeline.time(timeline.start) }
     }
 }

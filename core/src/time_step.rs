@@ -61,9 +61,13 @@ impl StepLimit {
         settings: &SolverSettings,
         frame: f64,
     ) -> Self {
-        let implicit = settings.integrator == Integrator::Implicit;
         // Without a limit of its own, implicit cloth takes no step longer than a frame.
-        let mut elastic = if implicit { frame } else { f64::INFINITY };
+        let mut elastic = match settings.integrator {
+            Integrator::SemiImplicit => f64::INFINITY,
+            Integrator::Implicit => frame,
+            // Rounding must not leave a sliver of a frame for one more step.
+            Integrator::TrBdf2 => frame / settings.steps_per_frame as f64 * (1.0 + 1e-9),
+        };
         let mut sums = Vec::new();
         for (range, forces) in parts.ranges().iter().zip(forces) {
             sums.clear();

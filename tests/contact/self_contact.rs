@@ -185,7 +185,7 @@ fn self_contact_has_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn every_variant_of_the_method_keeps_a_storm_free_of_crossings() {
     let variants =
-        ["alone", "every step", "after position", "repelled once", "repelled once after position", "implicit"];
+        ["alone", "every step", "after position", "repelled once", "repelled once after position", "implicit", "tr_bdf2"];
     for variant in variants {
         let mut description = storm(10, 20.0);
         description.effects.retain(|e| variant != "alone" || e.effect != "self_repulsion");
@@ -196,6 +196,9 @@ fn every_variant_of_the_method_keeps_a_storm_free_of_crossings() {
         }
         if variant == "implicit" {
             description.solver.integrator = Integrator::Implicit;
+        }
+        if variant == "tr_bdf2" {
+            description.solver.integrator = Integrator::TrBdf2;
         }
         let collision = description.effects.last_mut().expect("self_collision is the last");
         match variant {

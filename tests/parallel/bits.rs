@@ -410,6 +410,18 @@ fn variants_of_the_method_on_a_deforming_ball() {
 }
 
 #[test]
+fn the_implicit_step_on_a_deforming_ball() {
+    let ball = |frame| FrameInput { tracks: Vec::new(), ..ball_and_track(frame) };
+    let mut description = two_sheets_on_a_ball();
+    description.solver.integrator = Integrator::TrBdf2;
+    let shot = Shot { description, input: ball, frames: 3 };
+    let (_, summaries) = shot.run([1, 1], None, [0, shot.frames]);
+    let counted = |name: &str| summaries.iter().map(|summary| summary.metrics.counted(name)).sum::<u64>();
+    assert!(counted("repulsions") > 0 && counted("body_contacts") > 0, "the sheets meet, and the ball");
+    shot.has_the_same_bits_everywhere();
+}
+
+#[test]
 fn a_painted_sheet_that_is_blown_over_a_floor() {
     let mut description = cloth(0.003);
     description.garments[0].thickness = 0.002;

@@ -176,3 +176,12 @@ fn pieces_without_neighbours_are_simulated_with_implicit_springs_to_the_same_bit
     description.solver.integrator = Integrator::Implicit;
     Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
 }
+
+#[test]
+fn pieces_without_neighbours_are_simulated_in_implicit_steps_to_the_same_bits() {
+    for effects in [["stretch", "shear", "bending"], ["membrane", "dihedral_bending", "plastic_wrinkles"]] {
+        let mut description = everything(&effects);
+        description.solver.integrator = Integrator::TrBdf2;
+        Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
+    }
+}

@@ -9,6 +9,7 @@ mod friction;
 mod listing;
 mod maps;
 mod maps_of_laws;
+mod long_steps;
 mod membrane;
 mod orders;
 mod oscillators;

@@ -16,6 +16,7 @@ use crate::fit::assert_order;
 fn one_step_a_frame(description: &mut SceneDescription, integrator: Integrator) {
     let solver = &mut description.solver;
     (solver.cfl, solver.strain_per_step, solver.cg_tolerance) = (1e6, 1e9, Some(1e-15));
+    solver.steps_per_frame = 1;
     solver.integrator = integrator;
 }
 
@@ -45,7 +46,7 @@ fn ring(omega: f64, damping_ratio: f64, steps: u32, integrator: Integrator) -> f
 fn a_ring_of_springs_breathes_with_the_order_of_its_integrator() {
     let omega = 8.0_f64;
     let levels = [64, 128, 256, 512, 1024];
-    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0)] {
+    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0), (Integrator::TrBdf2, 2.0)] {
         let error = |steps: u32| (f64::from(steps).recip(), (ring(omega, 0.0, steps, integrator) - omega.cos()).abs());
         assert_order(&levels.map(error), order, &format!("{integrator:?}"));
     }
@@ -59,7 +60,7 @@ fn a_damped_ring_of_springs_comes_to_rest_with_the_order_of_its_integrator() {
     let damped = (omega * omega - decay * decay).sqrt();
     let exact = (-decay).exp() * (damped.cos() + decay / damped * damped.sin());
     let levels = [64, 128, 256, 512, 1024];
-    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0)] {
+    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0), (Integrator::TrBdf2, 2.0)] {
         let error = |steps: u32| (f64::from(steps).recip(), (ring(omega, zeta, steps, integrator) - exact).abs());
         assert_order(&levels.map(error), order, &format!("{integrator:?}"));
     }
@@ -110,7 +111,7 @@ fn a_taut_string_swings_with_the_order_of_its_integrator() {
     // So small that what is not linear in it stays below the error of the finest step.
     let height = |s: f64| 1e-6 * ((std::f64::consts::PI * s).sin() + 0.5 * (3.0 * std::f64::consts::PI * s).sin());
     let levels = [64, 128, 256, 512];
-    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0)] {
+    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0), (Integrator::TrBdf2, 2.0)] {
         let error = |fps: u32| {
             let mut description = taut_ribbon(12, fps, height);
             one_step_a_frame(&mut description, integrator);
@@ -166,7 +167,11 @@ fn where_a_damped_strip_comes_to_rest_depends_neither_on_the_step_nor_on_the_int
     let stretched = reference.iter().map(|p| p.y).fold(f64::INFINITY, f64::min) + 0.15;
     assert!(stretched < -4e-3, "its weight stretches it by {stretched} m");
     let others = [(240, Integrator::SemiImplicit), (120, Integrator::SemiImplicit)];
-    for (fps, integrator) in others.into_iter().chain([24, 120, 480].map(|fps| (fps, Integrator::Implicit))) {
+    for (fps, integrator) in others
+        .into_iter()
+        .chain([24, 120, 480].map(|fps| (fps, Integrator::Implicit)))
+        .chain([24, 120, 480].map(|fps| (fps, Integrator::TrBdf2)))
+    {
         let at_rest = hanging_strip(fps, integrator);
         let off = at_rest.iter().zip(&reference).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
         assert!(off < 1e-7, "{integrator:?} at {fps} steps a second: {off} m");

@@ -3,8 +3,8 @@
 use drapery_core::Vec3;
 use drapery_core::metrics::Metrics;
 use drapery_core::scene::{
-    BodyDescription, BodyShape, EffectRequest, GarmentDescription, PinAnchor, PinDescription, PinHold, PinTarget,
-    RigidMotion, Scene, SceneDescription,
+    BodyDescription, BodyShape, EffectRequest, GarmentDescription, Integrator, PinAnchor, PinDescription, PinHold,
+    PinTarget, RigidMotion, Scene, SceneDescription,
 };
 use drapery_core::simulation::{Advance, FrameInput, RestoreError, Sample, Simulation};
 use drapery_core::snapshot::{Snapshot, Values};
@@ -115,6 +115,8 @@ fn shots() -> Vec<Shot> {
     add_gravity(&mut hanging, [0.0, -9.81, 0.0]);
     add_springs(&mut hanging, 6.0, 1.0);
     add_pins(&mut hanging, vec![0, 12]);
+    let mut implicit = everything();
+    implicit.solver.integrator = Integrator::TrBdf2;
     let mut folding = hitting(true, true);
     for garment in 0..2 {
         let bending = EffectRequest::of_garment("dihedral_bending", garment).with("stiffness", 1e-5);
@@ -129,6 +131,7 @@ fn shots() -> Vec<Shot> {
         shot("both", hitting(true, true), still),
         shot("after position", after_position, still),
         shot("everything", everything(), ball_and_track),
+        shot("everything in implicit steps", implicit, ball_and_track),
     ]
 }
 

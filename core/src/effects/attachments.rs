@@ -16,7 +16,8 @@
 
 #![cfg(feature = "effect-attachments")]
 
-use crate::effects::force::{Force, PartMotion, PartView};
+use crate::block_matrix::PartBlocks;
+use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
@@ -118,6 +119,16 @@ impl Force for PartAttachments {
         for a in self.springs.iter().filter(|a| a.active) {
             f[a.vertex] -= motion.own_v[a.vertex] * a.damping;
         }
+    }
+
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+        for a in self.springs.iter().filter(|a| a.active) {
+            rows.add_scalar(a.vertex, factors.stiffness * a.stiffness + factors.damping * a.damping);
+        }
+    }
+
+    fn has_blocks(&self) -> bool {
+        true
     }
 
     fn add_stiffness(&self, sums: &mut [f64]) {

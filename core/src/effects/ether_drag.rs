@@ -14,7 +14,8 @@
 #![cfg(feature = "effect-ether_drag")]
 
 use crate::Vec3;
-use crate::effects::force::{Force, PartMotion, PartView};
+use crate::block_matrix::PartBlocks;
+use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
@@ -84,6 +85,11 @@ impl Force for EtherDrag {
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
         for ((f, drag), v) in f.iter_mut().zip(&self.drag).zip(motion.own_v) {
             *f -= *v * *drag;
+        }
+    }
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+        for (vertex, drag) in self.drag.iter().enumerate() {
+            rows.add_scalar(vertex, factors.damping * drag);
         }
     }
 }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::Vec3;
+use crate::block_matrix::PartBlocks;
 use crate::metrics::Metrics;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::{PartSimd4, Simd4};
@@ -79,7 +80,17 @@ impl<'a> PartMotion<'a> {
     }
 }
 
-/// A force on the vertices of one part. Elastic parts are explicit, damping parts implicit.
+/// What the derivatives of forces are multiplied by in the matrix of an implicit step, `M + damping · D + stiffness · K`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BlockFactors {
+    /// Of the derivative by velocity, D [s].
+    pub damping: f64,
+    /// Of the derivative by position, K [s²].
+    pub stiffness: f64,
+}
+
+/// A force on the vertices of one part. In the semi-implicit step elastic parts are explicit and damping parts implicit; in the
+/// implicit one both are, by the blocks that the force gives.
 ///
 /// An element that crosses a border is evaluated by both parts, with the same operands.
 pub trait Force: Send + Sync {
@@ -98,6 +109,22 @@ pub trait Force: Send + Sync {
 
     /// Whether `linearise` makes the force implicit, so that it sets no limit on the time step.
     fn can_be_implicit(&self) -> bool {
+        false
+    }
+
+    /// Calls `visit` with the local vertices of each element that couples its vertices in [`Force::add_blocks`].
+    fn visit_elements(&self, _visit: &mut dyn FnMut(&[u32])) {}
+
+    /// Looks up where the elements' blocks are in the rows of the part; once, before the first [`Force::add_blocks`].
+    fn find_blocks(&mut self, _rows: &PartBlocks) {}
+
+    /// Adds `damping · D + stiffness · K` to the rows of the part, for the positions of the last [`Force::update`], which came
+    /// just before with the same view: D and K are minus the derivatives of the force by velocity and by position, made
+    /// positive semidefinite.
+    fn add_blocks(&self, _view: &PartView<'_>, _factors: BlockFactors, _rows: &mut PartBlocks) {}
+
+    /// Whether [`Force::add_blocks`] has all that limits the time step, so that the implicit step need not heed this force.
+    fn has_blocks(&self) -> bool {
         false
     }
 

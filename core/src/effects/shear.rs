@@ -21,7 +21,8 @@
 #![cfg(feature = "effect-shear")]
 
 use crate::Vec3;
-use crate::effects::force::{Force, PartForce, PartMotion, PartView};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::{self, SpringElement, Stiffnesses};
@@ -99,6 +100,8 @@ struct PartShear {
     /// Vertices of other parts, ascending.
     neighbours: Vec<u32>,
     compressed_by: Option<f64>,
+    /// Where the blocks of each triangle are in the matrix of the implicit step; empty in the others.
+    slots: Vec<[Slot; 3]>,
 }
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
@@ -138,8 +141,8 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         let triangles: Vec<Triangle> = group.iter().map(|(_, number)| triangle(*number)).collect();
         let neighbours = outside(range, triangles.iter().map(|t| t.corners));
         bytes += triangles.len() * size_of::<Triangle>() + neighbours.len() * size_of::<u32>();
-        let compressed_by = settings.optional("compressed_by");
-        forces.push((group[0].0, Box::new(PartShear { start: range.start, triangles, neighbours, compressed_by })));
+        let (start, slots, compressed_by) = (range.start, Vec::new(), settings.optional("compressed_by"));
+        forces.push((group[0].0, Box::new(PartShear { start, triangles, neighbours, compressed_by, slots })));
     }
     Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
 }
@@ -211,6 +214,28 @@ impl Force for PartShear {
                 add(self.start, triangle.corners, acting.pull(stiffness * (length - rest_length)), f);
             }
         }
+    }
+
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.triangles.iter().for_each(|triangle| visit(&triangle.corners));
+    }
+
+    fn find_blocks(&mut self, rows: &PartBlocks) {
+        self.slots = self.triangles.iter().map(|triangle| rows.slots(&triangle.corners)).collect();
+    }
+
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+        for (Triangle { acting, altitudes, .. }, slots) in self.triangles.iter().zip(&self.slots) {
+            if let Some(acting) = acting {
+                let Altitude { stiffness, damping, .. } = altitudes[acting.corner];
+                let scale = factors.stiffness * stiffness + factors.damping * damping;
+                rows.add_outer(slots, scale, &acting.pull(1.0).map(Vec3::from));
+            }
+        }
+    }
+
+    fn has_blocks(&self) -> bool {
+        true
     }
 
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {

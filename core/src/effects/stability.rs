@@ -11,8 +11,12 @@ pub(crate) fn longest_stable_step(
     masses: &[f64],
     sums: &mut [f64],
 ) -> f64 {
-    let (cfl, implicit) = (settings.cfl, settings.integrator == Integrator::Implicit);
-    let explicit = forces.iter().filter(|f| !(implicit && f.can_be_implicit()));
+    let cfl = settings.cfl;
+    let explicit = forces.iter().filter(|force| match settings.integrator {
+        Integrator::SemiImplicit => true,
+        Integrator::Implicit => !force.can_be_implicit(),
+        Integrator::TrBdf2 => !force.has_blocks(),
+    });
     explicit.for_each(|f| f.add_stiffness(sums));
     let squared = sums.iter().zip(masses).map(|(k, m)| 4.0 * k / (m * cfl * cfl));
     squared.fold(f64::INFINITY, |dt: f64, s| if s > 0.0 { dt.min(1.0 / s.sqrt()) } else { dt })

@@ -30,8 +30,11 @@
 
 use std::sync::Arc;
 
+use nalgebra::Matrix3;
+
 use crate::Vec3;
-use crate::effects::force::{Force, ForceContext, PartMotion, PartView};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, ForceContext, PartMotion, PartView};
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
@@ -132,6 +135,8 @@ struct PartWind {
     /// For each triangle its unit normal, and the drag [N s/m] of a corner in all directions and more along the normal; empty
     /// if triangles feel nothing.
     drags: Vec<(Vec3, [f64; 2])>,
+    /// Where the blocks of each triangle are in the matrix of the implicit step; empty in the others.
+    slots: Vec<[Slot; 3]>,
     /// For each own vertex its unit normal times the root of its drag [(N s/m)^½]; empty if vertices feel nothing.
     normals: Vec<Vec3>,
 }
@@ -168,7 +173,7 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         effect.elements += triangles.counted();
         effect.bytes += triangles.bytes() + size_of_val(drags.as_slice()) + size_of_val(normals.as_slice());
         effect.bytes += shares.iter().map(|share| size_of_val(share.as_slice())).sum::<usize>();
-        effect.forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, shares, drags, normals })));
+        effect.forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, shares, drags, slots: Vec::new(), normals })));
     }
     Ok(effect)
 }
@@ -259,6 +264,36 @@ impl Force for PartWind {
 
     fn neighbours(&self) -> &[u32] {
         self.triangles.neighbours()
+    }
+
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        if !self.drags.is_empty() {
+            self.triangles.corners().iter().for_each(|corners| visit(corners));
+        }
+    }
+
+    fn find_blocks(&mut self, rows: &PartBlocks) {
+        if !self.drags.is_empty() {
+            self.slots = self.triangles.corners().iter().map(|corners| rows.slots(corners)).collect();
+        }
+    }
+
+    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+        for ((corners, slots), (normal, [all, along])) in self.triangles.corners().iter().zip(&self.slots).zip(&self.drags) {
+            // Each corner feels a third of what every corner's velocity makes: what it feels of its own is all, less what it
+            // does not feel of the others.
+            let drag = (Matrix3::identity() * *all + normal * normal.transpose() * *along) * factors.damping;
+            slots.iter().for_each(|slot| rows.add_coupling(*slot, &(drag / -3.0)));
+            for vertex in corners {
+                let vertex = (*vertex as usize).wrapping_sub(view.start);
+                if vertex < view.masses.len() {
+                    rows.add_diagonal(vertex, &drag);
+                }
+            }
+        }
+        for (vertex, normal) in self.normals.iter().enumerate() {
+            rows.add_diagonal(vertex, &(normal * normal.transpose() * factors.damping));
+        }
     }
 }
 

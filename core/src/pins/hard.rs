@@ -75,6 +75,24 @@ impl HardPins {
         });
     }
 
+    /// Puts the part's held components where they have to be at a fraction of the step from `x` [m]: on the straight way to where
+    /// [`HardPins::set_positions`] puts them.
+    pub fn set_stage_positions(
+        &self,
+        part: usize,
+        start: usize,
+        targets: &PinTargets,
+        recovery_speed: RecoverySpeed,
+        fraction: f64,
+        (x, x_stage): (&[Vec3], &mut [Vec3]),
+    ) {
+        self.held(part, start, targets, |vertex, axis, target| {
+            let rest = targets.rest_of_lag(target, recovery_speed, x[vertex], axis);
+            let way = targets.at_t1[target][axis] - rest - x[vertex][axis];
+            x_stage[vertex][axis] = x[vertex][axis] + fraction * way;
+        });
+    }
+
     /// How many own vertices stay behind their targets in the step from `x` [m].
     pub fn behind(&self, targets: &PinTargets, recovery_speed: RecoverySpeed, x: &[Vec3]) -> u64 {
         let is_late = |pin: &&HardPin| {

@@ -22,6 +22,8 @@ pub struct SolverSettings {
     pub cg_max_iterations: usize,
     /// How elastic forces enter both solves.
     pub integrator: Integrator,
+    /// Time steps of a frame where the integrator is [`Integrator::TrBdf2`], before anything asks for shorter ones.
+    pub steps_per_frame: usize,
     /// Where in a step friction with bodies acts.
     pub body_friction: BodyFriction,
 }
@@ -41,6 +43,8 @@ described! { all of SolverSettings {
         "largest number of iterations of one damping solve";
     integrator => None, default Choice("semi_implicit", Integrator::WORDS), range (0.0, 0.0),
         "how elastic forces enter a time step; only to compare";
+    steps_per_frame => None, default Count(8), range (1.0, 1e4),
+        "time steps of a frame with `tr_bdf2`; contact and fast strain may shorten them";
     body_friction => None, default Choice("whole_step", BodyFriction::WORDS), range (0.0, 0.0),
         "where in a time step friction with bodies acts; only to compare";
 } }
@@ -54,6 +58,10 @@ choice! {
         /// Springs are implicit like damping, so that they do not limit the time step; other forces stay explicit. Of first
         /// order only.
         Implicit = "implicit",
+        // `docs/theory/tr_bdf2.md`.
+        /// Long steps: all that resists motion is implicit, so that stiffness does not limit the time step. Of second order,
+        /// and stiff motion dies out.
+        TrBdf2 = "tr_bdf2",
     }
 }
 

@@ -7,7 +7,7 @@ use crate::Vec3;
 use crate::contact::bodies::collision;
 use crate::contact::self_contact;
 use crate::error::Problems;
-use crate::scene::Scene;
+use crate::scene::{Integrator, Scene};
 use crate::snapshot::saved_section::{ElementRows, Field, SavedSection, SectionId, TargetNumbers};
 use crate::snapshot::{Snapshot, SnapshotError, SnapshotSink, SnapshotSource};
 use crate::step::Prescribed;
@@ -61,6 +61,11 @@ impl Simulation {
             .with("calm", Field::Count(self.retry.saved()[1]))
             .with("positions", of_own(&self.cloth.state.x))
             .with("velocities", of_own(&self.cloth.state.v));
+        // Only the implicit step foresees with accelerations.
+        let state = match self.variants.integrator {
+            Integrator::SemiImplicit | Integrator::Implicit => state,
+            Integrator::TrBdf2 => state.with("accelerations", of_own(&self.cloth.state.a)),
+        };
         let pins = (self.scene.pin_targets() > 0).then(|| self.prescribed.targets.save());
         let collision = self.contacts.bodies.as_ref().and_then(|collision| collision.save());
         let contact = self.contacts.cloth.as_ref().map(|contact| contact.save());
@@ -130,6 +135,10 @@ impl Simulation {
             for (name, vectors) in [("positions", &mut state.x), ("velocities", &mut state.v)] {
                 vectors[parts.own()].copy_from_slice(section.vectors(name));
                 parts.halo().update(parts.ranks(), vectors);
+            }
+            if scene.description().solver.integrator == Integrator::TrBdf2 {
+                state.a[parts.own()].copy_from_slice(section.vectors("accelerations"));
+                parts.halo().update(parts.ranks(), &mut state.a);
             }
         }
         bodies.set_step(state.time, state.time);

@@ -18,11 +18,12 @@ use crate::contact::self_contact::{Ending, SelfContact};
 use crate::error::{ShortStep, StepError};
 use crate::observe::{Observer, Place, Quantity};
 use crate::parallel::for_each_part::PerPart;
+use crate::scene::Integrator;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
 use crate::step::{CollisionEnd, Step, StepReport, StepSettings};
 use crate::time_step::StepShares;
-use crate::tolerances::CG_GRAVITY_FRACTION;
+use crate::tolerances::{CG_GRAVITY_FRACTION, STAGE_GRAVITY_FRACTION};
 
 /// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
 const STANDARD_GRAVITY: f64 = 9.81;
@@ -128,7 +129,7 @@ impl Simulation {
     /// Shows the cloth after A or C to whoever looks.
     fn show(&mut self, line: &'static str) {
         let Self { observer: Some(observer), scene, cloth, .. } = self else { return };
-        let State { x, v, time } = &cloth.state;
+        let State { x, v, time, .. } = &cloth.state;
         let quantities = [Quantity { name: "x", values: x }, Quantity { name: "v", values: v }];
         observer.after(Place { line, time: *time, dt: 0.0 }, scene, &quantities);
     }
@@ -162,11 +163,12 @@ impl Simulation {
 
     /// Puts everything back to the last collision-free state.
     pub(super) fn rewind(&mut self) {
-        let Self { scene, contacts, cloth, prescribed, .. } = self;
+        let Self { scene, contacts, cloth, prescribed, retry, .. } = self;
         let state = &mut cloth.state;
         if let Some(contact) = &contacts.cloth {
             contact.rewind(state);
         }
+        state.a.clone_from(&retry.a_start);
         let (parts, time) = (scene.parts(), state.time);
         parts.halo().update(parts.ranks(), &mut state.x);
         parts.halo().update(parts.ranks(), &mut state.v);
@@ -194,7 +196,11 @@ impl Simulation {
             self.roll_back();
             return Err(StepError::StepTooSmall { frame: summary.frame, time, dt, min_dt, because });
         }
-        let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
+        let fraction = match self.variants.integrator {
+            Integrator::SemiImplicit | Integrator::Implicit => CG_GRAVITY_FRACTION,
+            Integrator::TrBdf2 => STAGE_GRAVITY_FRACTION,
+        };
+        let automatic = CG_TOLERANCE.min(fraction * choice.dt * STANDARD_GRAVITY);
         let tolerance = settings.cg_tolerance.unwrap_or(automatic);
         let stop = self.retry.stop(Stop { tolerance, max_iterations: settings.cg_max_iterations });
         self.observer.iter_mut().for_each(Observer::begin_step);

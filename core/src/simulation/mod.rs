@@ -16,11 +16,11 @@ use crate::observe::Observer;
 use crate::parallel::problems::agree;
 use crate::parallel::ranks::Sent;
 use crate::pins::{Mobility, PinTargets};
-use crate::scene::Scene;
+use crate::scene::{Integrator, Scene};
 use crate::snapshot::saved_section::SectionId;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::{Cloth, Contacts, Dynamics, Prescribed, Scratch, Variants};
+use crate::step::{Cloth, Contacts, Dynamics, Prescribed, Scratch, StageArrays, Variants};
 use crate::time_step::StepLimit;
 use crate::volumes::Volumes;
 use crate::wind_grid::{WindGrid, WindSample};
@@ -270,7 +270,9 @@ impl Simulation {
         let contacts = Contacts { bodies: collision, cloth: self_contact };
         let variants = Variants::of(solver.integrator, solver.body_friction, &contacts);
         let with_v_star = contacts.bodies.is_some() || variants.collides_after_position;
-        let scratch = Scratch::new(parts, with_v_star, sees_velocities);
+        let stages = (solver.integrator == Integrator::TrBdf2)
+            .then(|| StageArrays::new(parts, &mut forces));
+        let scratch = Scratch::new(parts, with_v_star, sees_velocities && stages.is_none(), stages);
         let is_mobility_read = !filters.is_empty() || (pins.is_some() && contacts.cloth.is_some());
         let mobility = if is_mobility_read { Mobility::new(scene.masses()) } else { Mobility::default() };
         let frame = scene.description().timeline.start;

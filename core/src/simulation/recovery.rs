@@ -137,6 +137,8 @@ pub(super) struct RetryState {
     dt: f64,
     /// The state at the start of the collision step, where self-contact does not keep it.
     start: Option<State>,
+    /// The accelerations there, which self-contact does not keep.
+    pub(super) a_start: Vec<Vec3>,
     /// What was done since the last frame.
     pub(super) events: Vec<Recovery>,
 }
@@ -214,10 +216,11 @@ impl Simulation {
     /// Before a collision step: keeps the state, unless self-contact does.
     pub(super) fn keep_collision_free_state(&mut self) {
         let Self { retry, cloth: Cloth { state, .. }, contacts, .. } = self;
+        retry.a_start.clone_from(&state.a);
         if contacts.cloth.as_ref().is_some_and(|contact| contact.keeps_free()) {
             return;
         }
-        let kept = retry.start.get_or_insert_with(|| State { x: Vec::new(), v: Vec::new(), time: 0.0 });
+        let kept = retry.start.get_or_insert_with(|| State { x: Vec::new(), v: Vec::new(), a: Vec::new(), time: 0.0 });
         kept.x.clone_from(&state.x);
         kept.v.clone_from(&state.v);
         kept.time = state.time;

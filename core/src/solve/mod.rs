@@ -3,6 +3,7 @@
 mod block_jacobi;
 pub mod conjugate_gradient;
 mod constraints;
+pub mod force_evaluation;
 pub mod implicit_velocity;
 mod multilevel;
 pub mod preconditioned_cg;

@@ -16,6 +16,7 @@ use crate::scene::{BodyFriction, Integrator};
 use crate::solve::conjugate_gradient::ConjugateGradient;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
+use crate::step::tr_bdf2::StageArrays;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -182,12 +183,14 @@ pub struct Scratch {
     /// Velocities that forces see in B.5 [m/s]; empty if none looks.
     pub(super) v_seen: Vec<Vec3>,
     pub(super) cg: ConjugateGradient,
+    /// What the stages of the implicit step work with, where it is the integrator.
+    pub(super) stages: Option<Box<StageArrays>>,
 }
 
 impl Scratch {
     /// Arrays for the local vertices; `with_v_star` if contact changes velocities between B.3 and B.5, `with_v_seen` if forces
-    /// look at velocities.
-    pub fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool) -> Self {
+    /// look at velocities, `stages` where the integrator is the implicit one.
+    pub fn new(parts: &Parts, with_v_star: bool, with_v_seen: bool, stages: Option<StageArrays>) -> Self {
         let vertices = vec![Vec3::zeros(); parts.local_count()];
         let only_if = |needed: bool| if needed { vertices.clone() } else { Vec::new() };
         let (v_star, v_seen) = (only_if(with_v_star), only_if(with_v_seen));
@@ -199,6 +202,7 @@ impl Scratch {
             explicit: vertices,
             v_seen,
             cg: ConjugateGradient::new(parts),
+            stages: stages.map(Box::new),
         }
     }
 
@@ -213,7 +217,9 @@ impl Scratch {
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>() + self.cg.bytes()
+        (4 * self.x_new.len() + self.v_star.len() + self.v_seen.len()) * size_of::<Vec3>()
+            + self.cg.bytes()
+            + self.stages.as_ref().map_or(0, |stages| stages.bytes())
     }
 
     /// B.3: x' = x + dt · v½, and v* = v.

@@ -16,6 +16,9 @@
 //! [`Step::LISTING`] has a line for each of B.1 to B.8; A and C are around the steps, in `crate::simulation`.
 
 mod groups;
+mod tr_bdf2;
+
+pub use tr_bdf2::StageArrays;
 
 pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch, Variants};
 
@@ -174,10 +177,35 @@ impl<'a> Step<'a> {
         ("end", Self::end),
     ];
 
+    /// The implicit step, TR-BDF2: B.1 has both of its stages, and B.5 the second one again.
+    pub const IMPLICIT_LISTING: [Line<'a>; 13] = [
+        ("B.1", Self::implicit_half_velocity),
+        ("B.2", Self::repel_half_velocity),
+        ("B.2", Self::limit_half_strain),
+        ("B.3", Self::positions),
+        ("B.4", Self::collide_with_bodies),
+        ("C", Self::collide_after_position_variant),
+        ("B.5", Self::implicit_end_velocity),
+        ("B.6", Self::take_end),
+        ("B.7", Self::rub_on_bodies),
+        ("B.8", Self::repel_final_velocity),
+        ("B.8", Self::limit_final_strain),
+        ("end", Self::keep_acceleration),
+        ("end", Self::end),
+    ];
+
+    /// The lines of a step with this integrator.
+    pub fn listing(integrator: Integrator) -> &'a [Line<'a>] {
+        match integrator {
+            Integrator::TrBdf2 => &Self::IMPLICIT_LISTING,
+            Integrator::SemiImplicit | Integrator::Implicit => &Self::LISTING,
+        }
+    }
+
     /// Makes the step: the state goes on by its length.
     pub fn advance(mut self) -> StepReport {
         self.prescribe();
-        for (at, (_, line)) in Self::LISTING.iter().enumerate() {
+        for (at, (_, line)) in Self::listing(self.settings.variants.integrator).iter().enumerate() {
             line(&mut self);
             if self.observer.is_some() {
                 self.show(at);
@@ -191,8 +219,10 @@ impl<'a> Step<'a> {
 
     /// Shows what there is after a line, the last of its label.
     fn show(&mut self, at: usize) {
-        let (line, is_variant) = (Self::LISTING[at].0, self.settings.variants.collides_after_position);
-        let continues = Self::LISTING.get(at + 1).is_some_and(|(next, _)| *next == line);
+        let (lines, is_variant) =
+            (Self::listing(self.settings.variants.integrator), self.settings.variants.collides_after_position);
+        let line = lines[at].0;
+        let continues = lines.get(at + 1).is_some_and(|(next, _)| *next == line);
         let Some((observer, scene)) = &mut self.observer else { return };
         if !continues && (line != "C" || is_variant) {
             let place = Place { line, time: self.cloth.state.time, dt: self.settings.dt };

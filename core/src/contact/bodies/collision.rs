@@ -8,6 +8,7 @@
 //! crosses itself) there is no outside: the contact is given up and the vertex is dragged along by the surfaces around it,
 //! until there is an outside again. Both are counted.
 
+mod active;
 mod marks;
 mod supports;
 
@@ -43,6 +44,8 @@ struct BodyContact {
     offset: f64,
     /// Whether the vertex was put there by the contact, and the normal velocity that the second solve keeps [m/s].
     constraint: Option<f64>,
+    /// Coefficient of friction of this vertex there.
+    friction: f64,
 }
 
 /// Bodies near one vertex.
@@ -399,11 +402,12 @@ impl Search<'_> {
                 let response = respond(&surface, &motion, step.recovery_speed);
                 *x1 = response.position;
                 touched = Some(LastContact { body, at, outside });
-                contact.add(BodyContact { body, at, offset: 0.0, constraint: Some(response.normal_velocity) });
+                let constraint = Some(response.normal_velocity);
+                contact.add(BodyContact { body, at, offset: 0.0, constraint, friction });
             }
         }
         self.counts.contacts += u64::from(touched.is_some());
-        if let Some(surroundings) = self.resolve_pinch(x, x1, contact, touched) {
+        if let Some(surroundings) = self.resolve_pinch(vertex, x, x1, contact, touched) {
             self.counts.pinched += 1;
             *contact = VertexContact::default();
             // Let go, but dragged along: springs move it freely, its weight does not carry it away.
@@ -524,6 +528,7 @@ impl Search<'_> {
     /// passed through one another the contacts are given up: the answer is the velocity of the surfaces around [m/s].
     fn resolve_pinch(
         &mut self,
+        vertex: usize,
         x: &Vec3,
         x1: &mut Vec3,
         contact: &mut VertexContact,
@@ -568,7 +573,8 @@ impl Search<'_> {
                 at.phi += deep;
             }
             if constraint.is_some() || at.phi < offset + 2.0 * (self.own_way + at.displacement.norm()) {
-                contact.add(BodyContact { body, at, offset, constraint });
+                let friction = properties.friction_on(self.painted.get(vertex));
+                contact.add(BodyContact { body, at, offset, constraint, friction });
             }
         }
         None

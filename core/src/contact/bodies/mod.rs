@@ -5,6 +5,7 @@
 //! says how fast what is too deep comes out, `constraints` what bodies bear of repulsion. Every rank has all bodies and works
 //! on its own vertices. Bodies move cloth; cloth never moves bodies.
 
+pub mod active_set;
 pub mod collision;
 pub(crate) mod constraints;
 pub mod friction;

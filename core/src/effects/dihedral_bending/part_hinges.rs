@@ -5,7 +5,8 @@ use std::ops::Range;
 use super::Yield;
 use super::elements::{Element, angle};
 use crate::Vec3;
-use crate::effects::force::{Force, PartForce, PartMotion, PartView};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
 use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::ElementRows;
@@ -100,6 +101,8 @@ struct PartHinges {
     angles: Vec<f64>,
     /// At the last update, for each hinge of the part; zero where it is left out.
     gradients: Vec<Gradient>,
+    /// Where the blocks of each hinge of the part are in the matrix of the implicit step; empty in the others.
+    slots: Vec<[Slot; 6]>,
     /// For each hinge, where folds stay; empty where they do not.
     folds: Vec<Fold>,
     /// Hinges that were left out, and that yielded, since they were last asked for.
@@ -269,6 +272,31 @@ impl Force for PartHinges {
         for hinge in 0..self.gradients.len() {
             self.pull(hinge, -self.moment(hinge, |other| self.angles[other]), f);
         }
+    }
+
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.hinges[..self.gradients.len()].iter().for_each(|hinge| visit(&hinge.vertices));
+    }
+
+    fn find_blocks(&mut self, rows: &PartBlocks) {
+        self.slots = self.hinges[..self.gradients.len()].iter().map(|hinge| rows.slots(&hinge.vertices)).collect();
+    }
+
+    fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+        for (n, (gradient, slots)) in self.gradients.iter().zip(&self.slots).enumerate() {
+            // Moments of neighbouring angles would couple vertices two edges away; the sum of their sizes on the diagonal is
+            // never less (Gershgorin), and an element keeps to its four vertices. How the gradient turns is left out: it has
+            // either sign.
+            let start = if n == 0 { 0 } else { self.rows[n - 1] };
+            let row = &self.moments[start as usize..self.rows[n] as usize];
+            let stiffness: f64 = row.iter().map(|(_, moment)| moment.abs()).sum();
+            let scale = factors.stiffness * stiffness + factors.damping * self.damping[n];
+            rows.add_outer(slots, scale, &gradient.at_vertices());
+        }
+    }
+
+    fn has_blocks(&self) -> bool {
+        true
     }
 
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {

@@ -4,7 +4,7 @@
 //! edges from corner 0 to the others, g the gradients of the corners' shape functions in the rest plane, along warp and weft.
 //! `F = R U` splits it into orthonormal axes R and a symmetric stretch U; the strain is `U − 1`.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix2, Matrix3, SymmetricEigen, Vector2};
 
 use crate::Vec3;
 use crate::parallel::simd4::Simd4;
@@ -31,6 +31,11 @@ impl Moduli {
     /// Stress [N/m] along warp, weft and of shear, by strain along warp, weft and change of the angle between them.
     pub(super) fn stress(&self, [warp, weft, shear]: [f64; 3]) -> [f64; 3] {
         [self.warp * warp + self.across * weft, self.across * warp + self.weft * weft, self.shear * shear]
+    }
+
+    /// The same as a matrix.
+    fn matrix(&self) -> Matrix3<f64> {
+        Matrix3::new(self.warp, self.across, 0.0, self.across, self.weft, 0.0, 0.0, 0.0, self.shear)
     }
 
     /// Energy by area [J/m²].
@@ -138,6 +143,56 @@ impl Frame {
         let [along, across] = self.axes;
         let columns = [along * warp + across * (shear - turn), along * (shear + turn) + across * weft];
         gradients.map(|g| columns[0] * g[0] + columns[1] * g[1])
+    }
+}
+
+/// What a strained triangle resists moves of its corners with, by area: the blocks of a stiffness matrix.
+pub(super) struct Blocks {
+    /// Strain by the displacement of each corner [1/m]: a column for each axis.
+    strains: [Matrix3<f64>; 3],
+    /// Unit normal; zero where the triangle is a line.
+    normal: Vec3,
+    /// Resistance of each pair of corners to displacements across the triangle [N/m³]: (0, 1), (0, 2), (1, 2).
+    across: [f64; 3],
+}
+
+impl Blocks {
+    /// The blocks in the frame and strain of [`Frame::of`], where the stress is `stress` [N/m].
+    pub(super) fn new(frame: &Frame, gradients: &Gradients, strain: [f64; 3], stress: [f64; 3]) -> Self {
+        let axis = |k: usize| Simd4::from(&Vec3::ith(k, 1.0));
+        let of_corner = |moved: &dyn Fn(Simd4) -> [Simd4; 2]| {
+            Matrix3::from_columns(&[0, 1, 2].map(|k| Vec3::from(frame.rates(gradients, moved(axis(k))))))
+        };
+        let [second, third] = [of_corner(&|v| [v, Simd4::ZERO]), of_corner(&|v| [Simd4::ZERO, v])];
+        let [along, other] = frame.axes.map(Vec3::from);
+        // Across itself a triangle resists by the tension in it alone: U⁻¹σ, of which pressure is left out, as it has the other
+        // sign.
+        let stretch = Matrix2::new(1.0 + strain[0], 0.5 * strain[2], 0.5 * strain[2], 1.0 + strain[1]);
+        let stress = Matrix2::new(stress[0], stress[2], stress[2], stress[1]);
+        let tension = stretch.try_inverse().map_or(Matrix2::zeros(), |inverse| {
+            let product = inverse * stress;
+            let eigen = SymmetricEigen::new((product + product.transpose()) * 0.5);
+            let positive = Matrix2::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0)));
+            eigen.eigenvectors * positive * eigen.eigenvectors.transpose()
+        });
+        let [g1, g2] = gradients.map(|g| Vector2::new(g[0], g[1]));
+        let g = [-g1 - g2, g1, g2];
+        let across = [[0, 1], [0, 2], [1, 2]].map(|[a, b]| g[a].dot(&(tension * g[b])));
+        let normal = along.cross(&other).try_normalize(0.0).unwrap_or_default();
+        Self { strains: [-second - third, second, third], normal, across }
+    }
+
+    /// Minus the blocks of the pairs (0, 1), (0, 2) and (1, 2): `elastic` times the moduli, and `tension` times what resists
+    /// across.
+    pub(super) fn couplings(&self, moduli: &Moduli, elastic: f64, tension: f64) -> [Matrix3<f64>; 3] {
+        let moduli = moduli.matrix() * -elastic;
+        let across = self.normal * self.normal.transpose() * -tension;
+        let pairs = [[0, 1], [0, 2], [1, 2]].into_iter().zip(self.across);
+        let mut blocks = [Matrix3::zeros(); 3];
+        for (block, ([a, b], factor)) in blocks.iter_mut().zip(pairs) {
+            *block = self.strains[a].transpose() * moduli * self.strains[b] + across * factor;
+        }
+        blocks
     }
 }
 

@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::force::{Force, PartForce, PartMotion, PartView};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
 use crate::effects::membrane::TriangleElement;
-use crate::effects::membrane::element::{Frame, Gradients, Moduli, largest_stiffness, rest_edges};
+use crate::effects::membrane::element::{Blocks, Frame, Gradients, Moduli, largest_stiffness, rest_edges};
 use crate::elements::corners::{add, by_part, gather, outside, share};
 use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
@@ -33,6 +34,8 @@ struct PartMembrane {
     neighbours: Vec<u32>,
     /// Largest sum of the lengths of a triangle's gradients [1/m].
     thinnest: f64,
+    /// Where the blocks of each triangle are in the matrix of the implicit step; empty in the others.
+    slots: Vec<[Slot; 3]>,
 }
 
 /// Sorts the triangles into this rank's parts.
@@ -57,8 +60,8 @@ pub(super) fn build(scene: &Scene, elements: &[TriangleElement], moduli: Moduli)
         let length = |triangle: &Triangle| triangle.gradients.map(|g| g[0].hypot(g[1])).iter().sum::<f64>();
         let thinnest = triangles.iter().map(length).fold(0.0, f64::max);
         bytes += triangles.len() * size_of::<Triangle>() + neighbours.len() * size_of::<u32>();
-        built
-            .push((group[0].0, Box::new(PartMembrane { start: range.start, moduli, triangles, neighbours, thinnest })));
+        let (start, slots) = (range.start, Vec::new());
+        built.push((group[0].0, Box::new(PartMembrane { start, moduli, triangles, neighbours, thinnest, slots })));
     }
     (built, bytes)
 }
@@ -91,6 +94,30 @@ impl Force for PartMembrane {
             let stress = self.moduli.stress(strain).map(|stress| -stress * triangle.weight);
             add(self.start, triangle.corners, balanced(frame.forces(&triangle.gradients, stress)), f);
         }
+    }
+
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.triangles.iter().for_each(|triangle| visit(&triangle.corners));
+    }
+
+    fn find_blocks(&mut self, rows: &PartBlocks) {
+        self.slots = self.triangles.iter().map(|triangle| rows.slots(&triangle.corners)).collect();
+    }
+
+    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+        for (triangle, slots) in self.triangles.iter().zip(&self.slots) {
+            let (frame, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
+            let stress = self.moduli.stress(strain);
+            let blocks = Blocks::new(&frame, &triangle.gradients, strain, stress);
+            let tension = factors.stiffness * triangle.weight;
+            let elastic = tension + factors.damping * triangle.damping;
+            let couplings = blocks.couplings(&self.moduli, elastic, tension);
+            slots.iter().zip(&couplings).for_each(|(slot, coupling)| rows.add_coupling(*slot, coupling));
+        }
+    }
+
+    fn has_blocks(&self) -> bool {
+        true
     }
 
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {

@@ -7,7 +7,8 @@
 //! positions, which are shared by all springs of a vertex (`docs/decisions/0001-state-layout.md`).
 
 use crate::Vec3;
-use crate::effects::force::{Force, PartForce, PartMotion, PartView};
+use crate::block_matrix::{PartBlocks, Slot};
+use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
 use crate::effects::springs::SpringNetwork;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
@@ -63,6 +64,8 @@ struct PartSprings {
     scaled_damping: Vec<f64>,
     /// Damping across each spring [N s/m], where elastic forces are implicit; empty where they are explicit.
     across: Vec<f64>,
+    /// Where the block of each spring is in the matrix of the implicit step; empty in the others.
+    slots: Vec<Slot>,
     /// Whether the strain of these springs is the strain of the cloth.
     measures_strain: bool,
     /// The smallest rest length that counts for rates of strain [m]: softened springs count as the shortest of the others.
@@ -383,6 +386,32 @@ impl Force for PartSprings {
             }
         }
         self.scaled_damping = scaled;
+    }
+
+    fn visit_elements(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.ends().for_each(|(i, j, ..)| visit(&[i as u32, j as u32]));
+    }
+
+    fn find_blocks(&mut self, rows: &PartBlocks) {
+        self.slots = self.ends().map(|(i, j, ..)| rows.slot(i as u32, j as u32)).collect();
+    }
+
+    fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
+        for ((i, j, s, _), slot) in self.ends().zip(&self.slots) {
+            let apart = view.x[j] - view.x[i];
+            let squared = apart.norm_squared();
+            if squared > 0.0 {
+                let (length, stiffness) = (squared.sqrt(), factors.stiffness * self.stiffness[s]);
+                // Compressed springs push sideways: that part is negative, and left out.
+                let across = stiffness * (1.0 - self.rest_length[s] / length).max(0.0);
+                let along = stiffness + factors.damping * self.damping[s];
+                rows.add_spring(*slot, &(apart / length), along, across);
+            }
+        }
+    }
+
+    fn has_blocks(&self) -> bool {
+        true
     }
 
     fn linearise(&mut self, view: &PartView<'_>, over: f64) {

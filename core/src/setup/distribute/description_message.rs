@@ -18,7 +18,7 @@ use crate::scene::{
 use crate::settings::SettingValue;
 
 codec!(struct Timeline { fps_numerator, fps_denominator, origin, start });
-codec!(enum Integrator { 0 => SemiImplicit, 1 => Implicit });
+codec!(enum Integrator { 0 => SemiImplicit, 1 => Implicit, 2 => TrBdf2 });
 codec!(enum BodyFriction { 0 => WholeStep, 1 => PositionHalf });
 codec!(enum Mass { 0 => Density(value), 1 => UniformTotal(value) });
 codec!(struct PolygonMesh { points, face_counts, face_indices });

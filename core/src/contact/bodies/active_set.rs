@@ -1,0 +1,283 @@
+//! Contacts with bodies inside the solves of the implicit step (`docs/theory/tr_bdf2.md#contact-in-the-solves`).
+//!
+//! Friction after a solve, vertex by vertex, asks how much a vertex can be stopped by its own mass. In a long step stiff cloth
+//! is one piece: what stops a vertex has to hold the cloth that pulls at it as well. So each contact is in one of three modes
+//! during a solve, and what it bears, the reaction that the solve leaves, says whether the mode was right:
+//!
+//! ```text
+//! sticks   goes with the body's material                   right while J_n >= 0, |J_t| <= mu J_n
+//! slips    goes with the body along its normal alone       right while J_n >= 0; feels mu J_n against its slip
+//! free                                                     for the rest of the stage
+//! ```
+//!
+//! Modes that were wrong are changed and the solve goes on from where it was.
+
+use std::ops::Range;
+
+use crate::Vec3;
+use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
+use crate::parallel::parts::Parts;
+use crate::tolerances::NO_DIRECTION;
+
+/// Change of the friction of all contacts, by its size, below which a solve need not go on.
+const SETTLED_FRICTION: f64 = 0.02;
+
+/// What a vertex does on the bodies that it touches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum ContactMode {
+    /// It goes with the body.
+    Sticks,
+    /// It slides; the unit direction of the friction that it feels.
+    Slips(Vec3),
+    /// It leaves.
+    Free,
+}
+
+/// A vertex on one body or between two.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ActiveContact {
+    /// Local vertex.
+    pub vertex: usize,
+    /// Unit normals of the bodies, outwards; the second may be missing.
+    pub normals: [Option<Vec3>; MAX_BODY_CONTACTS],
+    /// How far the body carries the vertex in the step [m].
+    pub carried: Vec3,
+    /// Velocity of the body there at the end of the step [m/s].
+    pub velocity: Vec3,
+    /// Coefficient of friction.
+    pub friction: f64,
+    /// What it does.
+    pub mode: ContactMode,
+    /// Friction that the present solve was given, and what the body gave the vertex before it [N s].
+    applied: Vec3,
+    earlier: Vec3,
+}
+
+/// The contacts of a rank's own vertices, ascending, as they are in the present stage.
+#[derive(Debug, Default)]
+pub struct ActiveSet {
+    contacts: Vec<ActiveContact>,
+    /// First contact of each part, and their number at the end.
+    rows: Vec<usize>,
+}
+
+impl ActiveContact {
+    /// A contact of a vertex that moves with `slip` relative to the body, in a step of `dt` [s]. One that friction under the
+    /// vertex's own weight stops within the step sticks, as far as is known yet.
+    pub(crate) fn new(vertex: usize, [carried, velocity]: [Vec3; 2], friction: f64, slip: Vec3, dt: f64) -> Self {
+        let speed = slip.norm();
+        let is_stopped = speed <= NO_DIRECTION || speed <= 0.5 * friction * STANDARD_GRAVITY * dt;
+        let mode = if is_stopped && friction > 0.0 { ContactMode::Sticks } else { ContactMode::slips(-slip) };
+        Self { vertex, normals: [None; MAX_BODY_CONTACTS], carried, velocity, friction, mode, applied: Vec3::zeros(), earlier: Vec3::zeros() }
+    }
+
+    /// Adds the normal of a body.
+    pub(crate) fn with_normal(mut self, normal: Vec3) -> Self {
+        if let Some(place) = self.normals.iter_mut().find(|n| n.is_none()) {
+            *place = Some(normal);
+        }
+        self
+    }
+
+    /// The directions in which the contact prescribes the motion, orthonormal.
+    fn directions(&self) -> ([Vec3; 3], usize) {
+        let mut found = [Vec3::zeros(); 3];
+        let count = match self.mode {
+            ContactMode::Free => 0,
+            ContactMode::Sticks => {
+                found = [Vec3::x(), Vec3::y(), Vec3::z()];
+                3
+            }
+            ContactMode::Slips(_) => {
+                let mut count = 0;
+                for normal in self.normals.iter().flatten() {
+                    let free = found[..count].iter().fold(*normal, |n, other| n - other * n.dot(other));
+                    if let Some(free) = free.try_normalize(f64::EPSILON.sqrt()) {
+                        found[count] = free;
+                        count += 1;
+                    }
+                }
+                count
+            }
+        };
+        (found, count)
+    }
+
+    /// Replaces what the contact prescribes of a vector.
+    pub(crate) fn prescribe(&self, value: &mut Vec3, prescribed: &Vec3) {
+        if self.mode == ContactMode::Sticks {
+            *value = *prescribed;
+            return;
+        }
+        let (directions, count) = self.directions();
+        for direction in &directions[..count] {
+            *value += direction * (prescribed - *value).dot(direction);
+        }
+    }
+
+    /// Velocity of the body at a fraction of a step of `dt` [s], which its mean and that of the end say [m/s].
+    pub(crate) fn velocity_at(&self, fraction: f64, dt: f64) -> Vec3 {
+        let mean = self.carried / dt;
+        mean + (self.velocity - mean) * (2.0 * fraction - 1.0)
+    }
+
+    /// What the body, moving with `body` [m/s], makes of a velocity at the start of a step: the vertex does not approach, and
+    /// what sticks does not slip.
+    pub(crate) fn start_velocity(&self, v: Vec3, body: &Vec3) -> Vec3 {
+        let mut relative = v - body;
+        match self.mode {
+            ContactMode::Free => {}
+            ContactMode::Sticks => {
+                let [first, second] = &self.normals;
+                let along = |normal: &Vec3| normal * relative.dot(normal).max(0.0);
+                relative = if second.is_some() { Vec3::zeros() } else { first.as_ref().map_or_else(Vec3::zeros, along) };
+            }
+            ContactMode::Slips(_) => {
+                for normal in self.normals.iter().flatten() {
+                    relative -= normal * relative.dot(normal).min(0.0);
+                }
+            }
+        }
+        body + relative
+    }
+
+    /// Splits a reaction into its push along the normals, negative where a body would have to pull, and the rest.
+    fn split(&self, reaction: &Vec3) -> (f64, Vec3) {
+        let mut rest = *reaction;
+        let mut push = f64::INFINITY;
+        let mut sum = 0.0;
+        for normal in self.normals.iter().flatten() {
+            let along = rest.dot(normal);
+            rest -= normal * along;
+            push = push.min(along);
+            sum += along;
+        }
+        (if push < 0.0 { push } else { sum }, rest)
+    }
+}
+
+/// Acceleration by which the first guess of a mode judges friction [m/s²]; the earth's.
+const STANDARD_GRAVITY: f64 = 9.81;
+
+impl ContactMode {
+    /// Sliding, with friction in this direction; none without one.
+    fn slips(against: Vec3) -> Self {
+        Self::Slips(against.try_normalize(NO_DIRECTION).unwrap_or_default())
+    }
+}
+
+impl ActiveSet {
+    /// Replaces the contacts: ascending by vertex, of own vertices.
+    pub(crate) fn set(&mut self, parts: &Parts, contacts: Vec<ActiveContact>) {
+        let row = |range: &Range<usize>| contacts.partition_point(|contact| contact.vertex < range.start);
+        self.rows.clear();
+        self.rows.extend(parts.ranges().iter().map(row));
+        self.rows.push(contacts.len());
+        self.contacts = contacts;
+    }
+
+    /// The contacts, ascending by vertex.
+    pub(crate) fn contacts(&self) -> &[ActiveContact] {
+        &self.contacts
+    }
+
+    /// The contacts of a part.
+    pub(crate) fn of_part(&self, part: usize) -> &[ActiveContact] {
+        self.rows.get(part).map_or(&[], |first| &self.contacts[*first..self.rows[part + 1]])
+    }
+
+    /// Memory held [bytes].
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.contacts.as_slice()) + size_of_val(self.rows.as_slice())
+    }
+
+    /// Removes what contacts prescribe from a residual or direction of a part that begins at `start`.
+    pub(crate) fn project(&self, part: usize, start: usize, r: &mut [Vec3]) {
+        for contact in self.of_part(part) {
+            contact.prescribe(&mut r[contact.vertex - start], &Vec3::zeros());
+        }
+    }
+
+    /// Changes the modes that the reactions of a solve show to be wrong, and the friction of what slides.
+    ///
+    /// `residual` is what the solve has left at each own vertex [N s], from the local number `first` on: minus the reaction. The
+    /// friction that comes or goes is added to it, and what `restart` says of a contact whose mode has changed: by how much
+    /// less the body gave its vertex before the solve. Returns whether the solve has to go on.
+    pub(crate) fn update(
+        &mut self,
+        first: usize,
+        residual: &mut [Vec3],
+        mut restart: impl FnMut(&ActiveContact) -> Vec3,
+    ) -> bool {
+        let (mut changed, mut difference, mut size) = (false, 0.0, 0.0);
+        for contact in self.contacts.iter_mut().filter(|contact| contact.mode != ContactMode::Free) {
+            let residual = &mut residual[contact.vertex - first];
+            // What slides has its friction in the residual; the body bears both.
+            let reaction = contact.earlier + contact.applied - *residual;
+            let (push, rest) = contact.split(&reaction);
+            let mode = match contact.mode {
+                _ if push < 0.0 => ContactMode::Free,
+                ContactMode::Sticks if rest.norm() > contact.friction * push => ContactMode::slips(rest),
+                mode => mode,
+            };
+            let applied = match mode {
+                ContactMode::Slips(against) => against * (contact.friction * push),
+                ContactMode::Sticks | ContactMode::Free => Vec3::zeros(),
+            };
+            if mode != contact.mode {
+                contact.mode = mode;
+                let given_back = restart(contact);
+                contact.earlier += given_back;
+                *residual += given_back;
+                changed = true;
+            }
+            difference += (applied - contact.applied).norm_squared();
+            size += applied.norm_squared();
+            *residual += applied - contact.applied;
+            contact.applied = applied;
+        }
+        changed || difference > SETTLED_FRICTION * SETTLED_FRICTION * size
+    }
+
+    /// Begins a stage with a share of the friction of the one before. `earlier` is what bodies have given vertices in it already
+    /// [N s].
+    pub(crate) fn begin_stage(&mut self, share: f64, earlier: impl Fn(usize) -> Vec3) {
+        for contact in &mut self.contacts {
+            contact.applied *= share;
+            contact.earlier = earlier(contact.vertex);
+        }
+    }
+
+    /// Adds the friction that the stage begins with to what its solve is to balance at own vertices [N s], from the local number
+    /// `first` on.
+    pub(crate) fn add_friction(&self, first: usize, residual: &mut [Vec3]) {
+        self.contacts.iter().for_each(|contact| residual[contact.vertex - first] += contact.applied);
+    }
+
+    /// Whether a vertex goes with a body.
+    pub(crate) fn holds(&self, vertex: usize) -> bool {
+        let found = self.contacts.binary_search_by_key(&vertex, |contact| contact.vertex);
+        found.is_ok_and(|at| self.contacts[at].mode != ContactMode::Free)
+    }
+
+    /// Adds contacts of vertices that do not go with a body yet.
+    pub(crate) fn add(&mut self, parts: &Parts, met: Vec<ActiveContact>) {
+        let mut all: Vec<ActiveContact> = met.into_iter().filter(|contact| !self.holds(contact.vertex)).collect();
+        if !all.is_empty() {
+            all.extend(self.contacts.iter().filter(|contact| contact.mode != ContactMode::Free));
+            all.sort_by_key(|contact| contact.vertex);
+            self.set(parts, all);
+        }
+    }
+
+    /// Puts what friction has turned round in the step to rest on its body.
+    pub(crate) fn stop_reversed(&self, value: &mut [Vec3], prescribed: impl Fn(&ActiveContact) -> Vec3) {
+        for contact in &self.contacts {
+            if let ContactMode::Slips(against) = contact.mode {
+                let (value, body) = (&mut value[contact.vertex], prescribed(contact));
+                let back = (*value - body).dot(&against);
+                *value -= against * back.max(0.0);
+            }
+        }
+    }
+}

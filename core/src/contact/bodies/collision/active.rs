@@ -1,0 +1,91 @@
+//! Which contacts take part in the solves of an implicit step.
+
+use rayon::prelude::*;
+
+use super::marks::{CHUNK, constrained};
+use super::{BodyCollision, CACHED, CollisionStep, Counts, QueryCache, Search};
+use crate::Vec3;
+use crate::contact::bodies::active_set::ActiveContact;
+use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
+
+/// How far a vertex may be from where contact begins and still rest on a body, and how far it may go from it in the step, as
+/// shares of the distance at which it is in contact.
+const RESTING_GAP: f64 = 0.02;
+const LEAVING: f64 = 0.25;
+
+impl BodyCollision {
+    /// The vertices that rest on bodies at the start of the step and do not leave them at once, ascending. `step.v_half` are the
+    /// velocities that they are expected to go with.
+    pub(crate) fn resting(&mut self, step: &CollisionStep<'_>) -> Vec<ActiveContact> {
+        let (slots, painted) = (&self.memory_slot, self.painted.as_slice());
+        let (search, surfaces, first) = (self.search, self.surfaces, self.first);
+        let of_vertex = |vertex: usize, memory: &mut [super::ClosestCache]| {
+            let (x, v_half) = (&step.x[vertex], &step.v_half[vertex]);
+            let own_way = (step.v[vertex].norm() + v_half.norm()) * step.dt;
+            let known = [QueryCache::NOTHING; CACHED];
+            let mut counts = Counts::default();
+            let mut search = Search { step, slots, painted, search, memory, counts: &mut counts, own_way, known };
+            let end = x + v_half * step.dt;
+            if search.is_far_from_all(x, &end) { None } else { search.resting(first, vertex, &end) }
+        };
+        let chunks = self.held.par_chunks(CHUNK).enumerate();
+        let of_chunk = |c: usize, held: &[bool], memory: &mut [super::ClosestCache]| -> Vec<ActiveContact> {
+            let free = held.iter().enumerate().filter(|(_, held)| !**held);
+            free.filter_map(|(i, _)| of_vertex(c * CHUNK + i, &mut memory[i * surfaces..(i + 1) * surfaces])).collect()
+        };
+        let found: Vec<Vec<ActiveContact>> = if surfaces == 0 {
+            chunks.map(|(c, held)| of_chunk(c, held, &mut [])).collect()
+        } else {
+            let memory = self.memory.par_chunks_mut(CHUNK * surfaces);
+            chunks.zip(memory).map(|((c, held), memory)| of_chunk(c, held, memory)).collect()
+        };
+        found.concat()
+    }
+
+    /// The vertices that B.4 has put outside of bodies, ascending, as contacts of the second solve; `v` are the velocities that
+    /// B.4 has left own vertices, in a step of `dt` [s].
+    pub(crate) fn met(&self, v: &[Vec3], dt: f64) -> Vec<ActiveContact> {
+        let of_vertex = |vertex: usize| {
+            let mut holds = self.contacts[vertex].holds.iter().flatten().filter(|hold| hold.constraint.is_some());
+            let first = holds.next()?;
+            let motion = [first.at.displacement, first.at.velocity];
+            let relative = v[vertex] - first.at.velocity;
+            let slip = relative - first.at.normal * relative.dot(&first.at.normal);
+            let contact = ActiveContact::new(self.first + vertex, motion, first.friction, slip, dt);
+            Some(holds.fold(contact.with_normal(first.at.normal), |contact, hold| contact.with_normal(hold.at.normal)))
+        };
+        constrained(&self.marks, 0..self.contacts.len()).filter_map(of_vertex).collect()
+    }
+}
+
+impl Search<'_> {
+    /// The bodies that a vertex rests on, if it goes to `end`.
+    fn resting(&mut self, first: usize, vertex: usize, end: &Vec3) -> Option<ActiveContact> {
+        let step = *self.step;
+        let (x, v, dt) = (&step.x[vertex], &step.v[vertex], step.dt);
+        let mut found: Option<ActiveContact> = None;
+        let mut count = 0;
+        for body in 0..step.bodies.list().len() {
+            let properties = &step.bodies.list()[body];
+            let (offset, gap) = (properties.offset, properties.offset - properties.thickness);
+            let resting = offset + gap.max(RESTING_GAP * offset);
+            if count == MAX_BODY_CONTACTS || self.distance_at_start(body, x) > resting {
+                continue;
+            }
+            let Some(at) = self.nearest(body, x, end) else { continue };
+            let relative = v - at.displacement / dt;
+            let leaves = relative.dot(&at.normal);
+            if at.phi > resting + LEAVING * offset || leaves * dt > LEAVING * offset {
+                continue;
+            }
+            let contact = found.unwrap_or_else(|| {
+                let friction = properties.friction_on(self.painted.get(vertex));
+                let slip = relative - at.normal * leaves;
+                ActiveContact::new(first + vertex, [at.displacement, at.velocity], friction, slip, dt)
+            });
+            found = Some(contact.with_normal(at.normal));
+            count += 1;
+        }
+        found
+    }
+}

@@ -1,0 +1,468 @@
+//! The lines of the implicit step that are its own: TR-BDF2, linearised at a prediction (`docs/theory/tr_bdf2.md`).
+//!
+//! ```text
+//! B.1  v₁ = v + α dt (a(x, v) + a(x₁, v₁)),   x₁ = x + α dt (v + v₁)        trapezoid to t + γ dt, γ = 2 − √2, α = γ/2
+//!      v₂ = w v₁ − u v + α dt a(x₂, v₂),      x₂ = w x₁ − u x + α dt v₂     BDF2 over the step, w = 1/(γ(2−γ)), u = w − 1
+//!      v½ = (x₂ − x)/dt
+//! B.5  v₂ once more, with the positions and contacts that B.2 to B.4 have found
+//! B.6  v' = v₂
+//! ```
+//!
+//! Each stage is one linear solve about a prediction of second order: of v₁ with the last acceleration, of v₂ with that of the
+//! first stage. Vertices that rest on bodies move with them in the solves ([`crate::contact::bodies::active_set`]).
+
+use super::Step;
+use crate::Vec3;
+use crate::block_matrix::BlockMatrix;
+use crate::contact::bodies::active_set::{ActiveContact, ActiveSet};
+use crate::contact::bodies::collision::CollisionStep;
+use crate::clock::Watch;
+use crate::effects::force::{BlockFactors, ForceContext};
+use crate::parallel::for_each_part::PerVertex;
+use crate::parallel::parts::{PART_SIZE, Parts};
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
+use crate::pins::{HardPins, PinTargets};
+use crate::solve::conjugate_gradient::{Outcome, Stop};
+use crate::solve::force_evaluation::ForceEvaluation;
+use crate::solve::implicit_velocity::PartForces;
+use crate::solve::preconditioned_cg::{BlockSystem, PreconditionedCg, Projection};
+use crate::state::State;
+use crate::step::Prescribed;
+use crate::volumes::Volumes;
+use crate::wind_grid::WindGrid;
+
+/// γ, the end of the first stage as a fraction of the step: the value for which both stages have the same matrix.
+const GAMMA: f64 = 2.0 - std::f64::consts::SQRT_2;
+/// α, what the forces of each stage weigh in it.
+const ALPHA: f64 = 0.5 * GAMMA;
+/// w and u, what the first stage and the start weigh in the second one.
+const W: f64 = 1.0 / (GAMMA * (2.0 - GAMMA));
+const U: f64 = W - 1.0;
+
+/// Solves of a stage, each with the modes that the reactions of the one before have shown to be right. What is wrong after the
+/// last is so for this step: it is put right in the next one.
+const MOST_ROUNDS: usize = 4;
+
+/// Arrays of the implicit step; made once.
+#[derive(Debug)]
+pub struct StageArrays {
+    matrix: BlockMatrix,
+    cg: PreconditionedCg,
+    active: ActiveSet,
+    /// Velocities that the step starts with, contacts that rest in the motion of their bodies [m/s].
+    v_start: Vec<Vec3>,
+    /// Positions and velocities of the stage that is worked on, and velocities of the first [m], [m/s].
+    x: Vec<Vec3>,
+    v: Vec<Vec3>,
+    v_first: Vec<Vec3>,
+    /// Forces on own vertices at the start, and at the stage [N].
+    f_start: Vec<Vec3>,
+    f: Vec<Vec3>,
+    /// What a solve is to balance, and what it has left [N s].
+    residual: Vec<Vec3>,
+    /// What a solve changes [m/s].
+    change: Vec<Vec3>,
+}
+
+impl StageArrays {
+    /// Arrays for the local vertices, and the matrix of these forces. All ranks call it together.
+    pub fn new(parts: &Parts, forces: &mut PartForces) -> Self {
+        let matrix = BlockMatrix::new(parts, &|part, visit| {
+            forces[part].iter().for_each(|force| force.visit_elements(visit));
+        });
+        for (forces, rows) in forces.iter_mut().zip(matrix.parts()) {
+            forces.iter_mut().for_each(|force| force.find_blocks(rows));
+        }
+        let cg = PreconditionedCg::new(parts, &matrix);
+        let (local, own) = (vec![Vec3::zeros(); parts.local_count()], vec![Vec3::zeros(); parts.own().len()]);
+        Self {
+            matrix,
+            cg,
+            active: ActiveSet::default(),
+            v_start: local.clone(),
+            x: local.clone(),
+            v: local.clone(),
+            v_first: local.clone(),
+            f_start: own.clone(),
+            f: own.clone(),
+            residual: own,
+            change: local,
+        }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        let vectors = 5 * self.x.len() + 3 * self.f.len();
+        vectors * size_of::<Vec3>() + self.matrix.bytes() + self.cg.bytes() + self.active.bytes()
+    }
+}
+
+/// What is prescribed in a stage.
+struct Prescription<'a> {
+    parts: &'a Parts,
+    pins: Option<&'a HardPins>,
+    targets: &'a PinTargets,
+    recovery_speed: RecoverySpeed,
+    held: &'a [u32],
+    active: &'a ActiveSet,
+}
+
+impl Prescription<'_> {
+    /// Gives the velocities that are prescribed.
+    fn set_velocities(&self, v: &mut [Vec3], of_contact: impl Fn(&ActiveContact, &mut Vec3) + Sync) {
+        self.parts.for_each(PerVertex(&mut v[self.parts.own()]), &|part, v| {
+            let start = self.parts.ranges()[part].start;
+            self.active.of_part(part).iter().for_each(|contact| of_contact(contact, &mut v.0[contact.vertex - start]));
+            if let Some(pins) = self.pins {
+                pins.set_velocities(part, start, self.targets, v.0);
+            }
+            self.stop_held(start, v.0);
+        });
+        self.parts.halo().update(self.parts.ranks(), v);
+    }
+
+    /// Gives the positions that are prescribed at a fraction of the step that began at `x`.
+    fn set_positions(&self, fraction: f64, x: &[Vec3], x_stage: &mut [Vec3]) {
+        self.parts.for_each(PerVertex(&mut x_stage[self.parts.own()]), &|part, x_stage| {
+            let range = self.parts.ranges()[part].clone();
+            for contact in self.active.of_part(part) {
+                let carried = x[contact.vertex] + contact.carried * fraction;
+                contact.prescribe(&mut x_stage.0[contact.vertex - range.start], &carried);
+            }
+            if let Some(pins) = self.pins {
+                let (start, speed) = (range.start, self.recovery_speed);
+                pins.set_stage_positions(part, start, self.targets, speed, fraction, (&x[range], x_stage.0));
+            }
+        });
+        self.parts.halo().update(self.parts.ranks(), x_stage);
+    }
+
+    /// Sets what is held to zero in vectors of the vertices from `start` on.
+    fn stop_held(&self, start: usize, vectors: &mut [Vec3]) {
+        let first = |vertex: usize| self.held.partition_point(|held| (*held as usize) < vertex);
+        for held in &self.held[first(start)..first(start + vectors.len())] {
+            vectors[*held as usize - start] = Vec3::zeros();
+        }
+    }
+}
+
+impl Projection for Prescription<'_> {
+    fn project(&self, part: usize, r: &mut [Vec3]) {
+        let start = self.parts.ranges()[part].start;
+        self.active.project(part, start, r);
+        if let Some(pins) = self.pins {
+            pins.project(part, start, self.targets, r);
+        }
+        self.stop_held(start, r);
+    }
+}
+
+/// A step as its stages see it.
+#[derive(Clone, Copy)]
+struct StageContext<'a> {
+    parts: &'a Parts,
+    masses: &'a [f64],
+    dt: f64,
+    stop: Stop,
+    recovery_speed: RecoverySpeed,
+    held: &'a [u32],
+    /// The state at the start of the step.
+    start: &'a State,
+    wind: &'a WindGrid,
+    pins: Option<&'a HardPins>,
+    targets: &'a PinTargets,
+}
+
+impl<'a> StageContext<'a> {
+    fn with(&self, active: &'a ActiveSet) -> Prescription<'a> {
+        let Self { parts, pins, targets, recovery_speed, held, .. } = *self;
+        Prescription { parts, pins, targets, recovery_speed, held, active }
+    }
+}
+
+/// What the stages of a step work with.
+struct Stages<'a> {
+    at: StageContext<'a>,
+    arrays: &'a mut StageArrays,
+    forces: &'a mut PartForces,
+    volumes: &'a mut Volumes,
+}
+
+/// Which solve it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    First,
+    Second,
+    /// The second, in B.5.
+    SecondAgain,
+}
+
+impl Stages<'_> {
+    /// The forces at the stage, and, `with_matrix`, the matrix there.
+    fn evaluate(&mut self, fraction: f64, with_matrix: bool) {
+        let (dt, alpha) = (self.at.dt, ALPHA * self.at.dt);
+        let StageArrays { matrix, x, v, f, .. } = &mut *self.arrays;
+        self.volumes.update(self.at.parts, x);
+        let (targets, wind, volumes) = (self.at.targets, self.at.wind, &*self.volumes);
+        let around = ForceContext { time: self.at.start.time + fraction * dt, targets, v, wind, volumes };
+        let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, x, v, fraction, around };
+        if with_matrix {
+            let factors = BlockFactors { damping: alpha, stiffness: alpha * alpha };
+            at.linearise(self.forces, f, factors, matrix);
+        } else {
+            at.forces(self.forces, f);
+        }
+    }
+
+    /// The start: velocities that contacts allow, and the forces.
+    fn begin(&mut self) {
+        let (at, active) = (self.at, std::mem::take(&mut self.arrays.active));
+        let StageArrays { v_start, x, v, .. } = &mut *self.arrays;
+        v_start.copy_from_slice(&self.at.start.v);
+        let dt = self.at.dt;
+        let pushed = |contact: &ActiveContact, v: &mut Vec3| *v = contact.start_velocity(*v, &contact.velocity_at(0.0, dt));
+        at.with(&active).set_velocities(v_start, pushed);
+        x.copy_from_slice(&self.at.start.x);
+        v.copy_from_slice(v_start);
+        self.evaluate(0.0, false);
+        self.arrays.f_start.copy_from_slice(&self.arrays.f);
+        self.arrays.active = active;
+    }
+
+    /// The trapezoid: x₁ and v₁.
+    fn first_stage(&mut self) -> Outcome {
+        let (dt, alpha, own) = (self.at.dt, ALPHA * self.at.dt, self.at.parts.own());
+        let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
+        let StageArrays { v_start, x, v, .. } = &mut *self.arrays;
+        for ((v, start), a) in v.iter_mut().zip(&*v_start).zip(&self.at.start.a) {
+            *v = start + a * (GAMMA * dt);
+        }
+        let prescription = at.with(&active);
+        prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity_at(GAMMA, dt)));
+        for (((x, start), v_start), v) in x.iter_mut().zip(&self.at.start.x).zip(&*v_start).zip(&*v) {
+            *x = start + (v_start + v) * alpha;
+        }
+        prescription.set_positions(GAMMA, &self.at.start.x, x);
+        self.evaluate(GAMMA, true);
+        let StageArrays { v_start, v, f, f_start, residual, .. } = &mut *self.arrays;
+        let ends = v_start[own.clone()].iter().zip(&v[own.clone()]).zip(&self.at.masses[own]);
+        for ((residual, ((start, v), m)), (f_start, f)) in residual.iter_mut().zip(ends).zip(f_start.iter().zip(&*f)) {
+            *residual = (start - v) * *m + (f_start + f) * alpha;
+        }
+        let earlier = |vertex: usize| (v_start[vertex] - self.at.start.v[vertex]) * self.at.masses[vertex];
+        active.begin_stage(0.0, earlier);
+        self.arrays.active = active;
+        let outcome = self.solve(Stage::First);
+        let StageArrays { v_start, v_first, x, v, .. } = &mut *self.arrays;
+        v_first.copy_from_slice(v);
+        // Where contacts changed their modes, the start is another one than ghosts know.
+        [v_start, x].into_iter().for_each(|ghosted| at.parts.halo().update(at.parts.ranks(), ghosted));
+        outcome
+    }
+
+    /// BDF2: x₂ and v₂.
+    fn second_stage(&mut self) -> Outcome {
+        let alpha = ALPHA * self.at.dt;
+        let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
+        let StageArrays { v_start, v_first, x, v, .. } = &mut *self.arrays;
+        for ((v, start), first) in v.iter_mut().zip(&*v_start).zip(&*v_first) {
+            *v = first + (first - start) * ((1.0 - GAMMA) / GAMMA);
+        }
+        let prescription = at.with(&active);
+        prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
+        for ((x, start), v) in x.iter_mut().zip(&self.at.start.x).zip(&*v) {
+            // w x₁ − u x, such that what does not move stays where it is to the last bit.
+            *x = start + (*x - start) * W + v * alpha;
+        }
+        prescription.set_positions(1.0, &self.at.start.x, x);
+        self.evaluate(1.0, true);
+        // Of a constant reaction this stage has half of what the first one had.
+        active.begin_stage(0.5, |_| Vec3::zeros());
+        self.arrays.active = active;
+        self.set_second_residual();
+        let outcome = self.solve(Stage::Second);
+        let StageArrays { active, x, .. } = &mut *self.arrays;
+        active.stop_reversed(x, |contact| self.at.start.x[contact.vertex] + contact.carried);
+        self.at.parts.halo().update(self.at.parts.ranks(), x);
+        outcome
+    }
+
+    /// v₂ once more, at the positions `x_new` and with the impacts of bodies at the start of the step.
+    fn second_stage_again(&mut self, x_new: &[Vec3], v_star: &[Vec3], met: Vec<ActiveContact>) -> Outcome {
+        let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
+        let StageArrays { v_start, v_first, x, v, .. } = &mut *self.arrays;
+        x.copy_from_slice(x_new);
+        // What rested on a body has its velocity from the first solve on; others are struck.
+        for vertex in if v_star.is_empty() { 0..0 } else { self.at.parts.own() } {
+            let impact = v_star[vertex] - self.at.start.v[vertex];
+            if impact != Vec3::zeros() && !active.holds(vertex) {
+                [&mut *v_start, v_first, v].into_iter().for_each(|v| v[vertex] += impact);
+            }
+        }
+        active.add(self.at.parts, met);
+        let prescription = at.with(&active);
+        prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
+        self.evaluate(1.0, false);
+        active.begin_stage(1.0, |_| Vec3::zeros());
+        self.arrays.active = active;
+        self.set_second_residual();
+        let outcome = self.solve(Stage::SecondAgain);
+        let StageArrays { active, v, .. } = &mut *self.arrays;
+        active.stop_reversed(v, |contact| contact.velocity);
+        outcome
+    }
+
+    /// What the solve of the second stage is to balance.
+    fn set_second_residual(&mut self) {
+        let (alpha, own) = (ALPHA * self.at.dt, self.at.parts.own());
+        let StageArrays { v_start, v_first, v, f, residual, .. } = &mut *self.arrays;
+        let ends = v_start[own.clone()].iter().zip(&v_first[own.clone()]).zip(&v[own.clone()]).zip(&self.at.masses[own]);
+        for ((residual, (((start, first), v), m)), f) in residual.iter_mut().zip(ends).zip(&*f) {
+            *residual = (first + (first - start) * U - v) * *m + f * alpha;
+        }
+    }
+
+    /// Solves a stage for its velocities, `v` and with them `x`, with contacts in modes that fit what they bear.
+    fn solve(&mut self, stage: Stage) -> Outcome {
+        let alpha = ALPHA * self.at.dt;
+        let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
+        let own = self.at.parts.own();
+        active.add_friction(own.start, &mut self.arrays.residual);
+        let mut total = Outcome { iterations: 0, converged: true, finite: true, worse: false };
+        for round in 1.. {
+            let prescription = at.with(&active);
+            let StageArrays { matrix, cg, residual, change, x, v, .. } = &mut *self.arrays;
+            let (parts, masses, matrix) = (self.at.parts, self.at.masses, &*matrix);
+            let system = BlockSystem { parts, masses, matrix, constraints: &prescription };
+            if stage != Stage::SecondAgain && round == 1 {
+                cg.prepare(&system);
+            }
+            let outcome = cg.solve(&system, residual, change, self.at.stop);
+            total.iterations += outcome.iterations;
+            total.converged &= outcome.converged;
+            total.finite &= outcome.finite;
+            total.worse |= outcome.worse;
+            for ((v, x), change) in v.iter_mut().zip(x.iter_mut()).zip(&*change) {
+                *v += change;
+                *x += change * alpha;
+            }
+            let bears = parts.ranks().any(!active.contacts().is_empty());
+            if !bears || !total.finite || round == MOST_ROUNDS {
+                break;
+            }
+            parts.for_each(PerVertex(residual), &|part, residual| {
+                let mut product = [Vec3::zeros(); PART_SIZE];
+                let product = &mut product[..residual.0.len()];
+                matrix.parts()[part].multiply(change, product);
+                residual.0.iter_mut().zip(product).for_each(|(residual, product)| *residual -= *product);
+            });
+            let StageArrays { residual, v_start, x, .. } = &mut *self.arrays;
+            let restart = |contact: &ActiveContact| {
+                if stage != Stage::First {
+                    return Vec3::zeros();
+                }
+                let start = contact.start_velocity(at.start.v[contact.vertex], &contact.velocity_at(0.0, at.dt));
+                let change = start - v_start[contact.vertex];
+                v_start[contact.vertex] = start;
+                x[contact.vertex] += change * alpha;
+                change * masses[contact.vertex]
+            };
+            if !parts.ranks().any(active.update(own.start, residual, restart)) {
+                break;
+            }
+        }
+        self.arrays.active = active;
+        total
+    }
+}
+
+impl Step<'_> {
+    /// B.1: both stages. v½ is the mean velocity of the step that they lead to.
+    pub(super) fn implicit_half_velocity(&mut self) {
+        let watch = Watch::start();
+        let resting = self.find_resting();
+        let (parts, dt) = (self.parts, self.settings.dt);
+        let mut stages = self.stages();
+        stages.arrays.active.set(parts, resting);
+        stages.begin();
+        let outcomes = [stages.first_stage(), stages.second_stage()];
+        let Self { cloth, metrics, report, .. } = self;
+        let (x, scratch) = (&cloth.state.x, &mut cloth.scratch);
+        let ends = scratch.stages.iter().flat_map(|arrays| &arrays.x);
+        for ((v_half, end), x) in scratch.v_half.iter_mut().zip(ends).zip(x) {
+            *v_half = (end - x) / dt;
+        }
+        outcomes.into_iter().for_each(|outcome| report.add(outcome, "B.1", parts, metrics));
+        metrics.add_time("B.1 velocity".into(), watch.seconds(), 1);
+    }
+
+    /// B.5: v₂ once more where B.2 to B.4 may have changed positions, velocities or contacts.
+    pub(super) fn implicit_end_velocity(&mut self) {
+        if self.contacts.bodies.is_none() && self.contacts.cloth.is_none() && self.dynamics.filters.is_empty() {
+            return;
+        }
+        let watch = Watch::start();
+        let (parts, own, dt) = (self.parts, self.parts.own(), self.settings.dt);
+        let met = self.contacts.bodies.as_ref().map_or_else(Vec::new, |collision| {
+            collision.met(&self.cloth.scratch.v_star[own], dt)
+        });
+        let [x_new, v_star] = [&mut self.cloth.scratch.x_new, &mut self.cloth.scratch.v_star].map(std::mem::take);
+        let outcome = self.stages().second_stage_again(&x_new, &v_star, met);
+        (self.cloth.scratch.x_new, self.cloth.scratch.v_star) = (x_new, v_star);
+        self.report.add(outcome, "B.5", parts, self.metrics);
+        self.metrics.add_time("B.5 velocity".into(), watch.seconds(), 1);
+    }
+
+    /// B.6: the state is at its end.
+    pub(super) fn take_end(&mut self) {
+        let State { x, v, .. } = &mut self.cloth.state;
+        std::mem::swap(x, &mut self.cloth.scratch.x_new);
+        if let Some(arrays) = &self.cloth.scratch.stages {
+            v.copy_from_slice(&arrays.v);
+        }
+    }
+
+    /// The acceleration at the end, with which the next step foresees: that between the stages.
+    pub(super) fn keep_acceleration(&mut self) {
+        let a = &mut self.cloth.state.a;
+        let over = 1.0 / ((1.0 - GAMMA) * self.settings.dt);
+        if let Some(arrays) = &self.cloth.scratch.stages {
+            let stages = arrays.v.iter().zip(&arrays.v_first);
+            a.iter_mut().zip(stages).for_each(|(a, (end, first))| *a = (end - first) * over);
+        }
+        self.parts.halo().update(self.parts.ranks(), a);
+    }
+
+    /// The vertices that rest on bodies, by where the last acceleration takes them.
+    fn find_resting(&mut self) -> Vec<ActiveContact> {
+        let Self { parts, cloth, prescribed, contacts, settings, .. } = self;
+        let Some(collision) = &mut contacts.bodies else { return Vec::new() };
+        let (state, v_half) = (&cloth.state, &mut cloth.scratch.v_half);
+        for ((v_half, v), a) in v_half.iter_mut().zip(&state.v).zip(&state.a) {
+            *v_half = v + a * (0.5 * settings.dt);
+        }
+        let own = parts.own();
+        let (bodies, dt, recovery_speed) = (&prescribed.bodies, settings.dt, settings.recovery_speed);
+        let (x, v, v_half) = (&state.x[own.clone()], &state.v[own.clone()], &v_half[own]);
+        collision.resting(&CollisionStep { bodies, dt, recovery_speed, x, v, v_half })
+    }
+
+    fn stages(&mut self) -> Stages<'_> {
+        let Self { parts, masses, cloth, dynamics, prescribed, settings, .. } = self;
+        let Prescribed { pins, targets, .. } = &**prescribed;
+        let arrays = cloth.scratch.stages.as_mut().expect("a scene with this integrator has its arrays");
+        let at = StageContext {
+            parts,
+            masses,
+            dt: settings.dt,
+            stop: settings.stop,
+            recovery_speed: settings.recovery_speed,
+            held: settings.held.unwrap_or_default(),
+            start: &cloth.state,
+            wind: &dynamics.wind,
+            pins: pins.as_ref(),
+            targets,
+        };
+        Stages { at, arrays, forces: &mut dynamics.forces, volumes: &mut dynamics.volumes }
+    }
+}
