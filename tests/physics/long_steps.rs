@@ -123,11 +123,19 @@ fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
 }
 
 #[test]
-fn a_square_that_falls_from_two_corners_is_near_a_converged_run_at_a_few_steps_a_frame() {
+fn a_square_that_falls_from_two_corners_converges_with_second_order_from_four_steps_a_frame_on() {
     let reference = fallen(Integrator::SemiImplicit, 1024);
-    for steps in [4, 8, 16, 32] {
+    let error = |steps: usize| {
         let found = fallen(Integrator::TrBdf2, steps);
-        let errors = [0, 1].map(|k| 1e3 * rms(&found[k], &reference[k]));
-        println!("{steps} steps a frame: {errors:?} mm");
+        [0, 1].map(|k| 1e3 * rms(&found[k], &reference[k]))
+    };
+    // In mm, after half a second three times what a prototype of the scheme has on such a cloth; later the motion is hardly
+    // to be foreseen, and two converged runs are 3 mm apart.
+    let bounds = [(4, [4.5, 30.0]), (8, [1.4, 15.0]), (16, [0.3, 10.0]), (32, [0.06, 4.0])];
+    let errors = bounds.map(|(steps, _)| error(steps));
+    for ((steps, bounds), errors) in bounds.iter().zip(&errors) {
+        assert!((0..2).all(|k| errors[k] < bounds[k]), "{steps} steps a frame: {errors:?} mm");
     }
+    let slope = (errors[0][0] / errors[3][0]).log2() / 3.0;
+    assert!(slope > 1.8, "errors of {errors:?} mm fall with the power {slope}");
 }
