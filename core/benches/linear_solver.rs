@@ -274,8 +274,10 @@ fn pieces(name: &str, cloth: &mut Cloth) {
     let count = parts.own().len() as f64;
     let [assembly, product, prepare, iteration] =
         [assembly, product, prepare, iteration].map(|seconds| seconds * 1e9 / count);
-    let bytes = matrix.bytes() as f64 / count;
-    println!("{name:<14} {count:>6} {bytes:>6.0} B {assembly:>8.1} {product:>8.1} {prepare:>8.1} {iteration:>10.1}");
+    let [bytes, of_solver] = [matrix.bytes(), cg.bytes()].map(|bytes| bytes as f64 / count);
+    println!(
+        "{name:<14} {count:>6} {bytes:>6.0} B {of_solver:>6.0} B {assembly:>8.1} {product:>8.1} {prepare:>8.1} {iteration:>10.1}"
+    );
 }
 
 fn solves(name: &str, cloth: &mut Cloth) {
@@ -312,7 +314,7 @@ fn main() {
     let mut cloths = [("sheet", sheet(71)), ("sheet", sheet(127)), ("skirt", skirt(180)), ("sheet", sheet(200))]
         .map(|(name, mesh)| (name, Cloth::new(mesh)));
     pool.install(|| {
-        println!("cloth, vertices, bytes a vertex; ns a vertex of assembly, product, preparation, iteration");
+        println!("cloth, vertices, bytes a vertex of matrix and solver; ns a vertex of assembly, product, preparation, iteration");
         cloths.iter_mut().for_each(|(name, cloth)| pieces(name, cloth));
         println!("\ncloth, vertices, stiffness, steps a frame, iterations, preparation, solve");
         cloths.iter_mut().for_each(|(name, cloth)| solves(name, cloth));

@@ -51,10 +51,13 @@ pub struct PartBlocks {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Slot(u32);
 
+/// Calls the second argument with the local vertices of each element that has a vertex in a part.
+pub type VisitElements<'a> = dyn Fn(usize, &mut dyn FnMut(&[u32])) + 'a;
+
 impl BlockMatrix {
     /// A matrix of zeros for the elements of a rank. `elements(part, visit)` gives `visit` the local vertices of each element
     /// that has a vertex in the part, in any order, as often as it likes; an element joins all of its vertices.
-    pub fn new(parts: &Parts, elements: &dyn Fn(usize, &mut dyn FnMut(&[u32]))) -> Self {
+    pub fn new(parts: &Parts, elements: &VisitElements<'_>) -> Self {
         let of_part = |part: usize| {
             let pattern = Pattern::new(parts.ranges()[part].clone(), |visit| elements(part, visit));
             PartBlocks {

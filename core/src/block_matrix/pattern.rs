@@ -22,7 +22,8 @@ pub(super) struct Pattern {
 impl Pattern {
     /// The pairs of the part with these vertices, of which `elements` visits the elements.
     pub(super) fn new(range: Range<usize>, elements: impl FnOnce(&mut dyn FnMut(&[u32]))) -> Self {
-        let (mut inside, mut outside): (Vec<(u32, u32)>, Vec<(u32, u32)>) = (Vec::new(), Vec::new());
+        let mut inside: Vec<(u32, u32)> = Vec::new();
+        let mut outside: Vec<(u32, u32)> = Vec::new();
         elements(&mut |vertices| {
             for (i, a) in vertices.iter().enumerate() {
                 for b in &vertices[i + 1..] {

@@ -28,6 +28,30 @@ struct Constrained {
     columns: [Vec3; 3],
 }
 
+/// What becomes of the unit vectors of a free vertex.
+const FREE: [Vec3; 3] = [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)];
+
+/// The projections of a rank's local vertices.
+#[derive(Debug)]
+pub(super) struct LocalProjections {
+    /// One more than the place of each vertex' projection; zero of a free one.
+    places: Vec<u32>,
+    blocks: Vec<Matrix3<f64>>,
+}
+
+impl LocalProjections {
+    fn insert(&mut self, vertex: usize, columns: &[Vec3; 3]) {
+        self.blocks.push(Matrix3::from_columns(columns));
+        self.places[vertex] = self.blocks.len() as u32;
+    }
+
+    /// The projection of a local vertex that is constrained.
+    #[inline]
+    pub(super) fn of(&self, vertex: usize) -> Option<&Matrix3<f64>> {
+        self.blocks.get((self.places[vertex] as usize).wrapping_sub(1))
+    }
+}
+
 impl Constraints {
     /// None of so many parts.
     pub(super) fn none(parts: &Parts) -> Self {
@@ -51,22 +75,31 @@ impl Constraints {
                     0.0 => [Vec3::zeros(); 3],
                     _ => [0, 1, 2].map(|axis| columns[axis][vertex]),
                 };
-                if columns != [Vec3::x(), Vec3::y(), Vec3::z()] {
+                if columns != FREE {
                     list.push(Constrained { vertex, columns });
                 }
             }
         });
     }
 
-    /// The projections of the constrained ones of all local vertices. All ranks call it together.
-    pub(super) fn of_local_vertices(&self, parts: &Parts) -> Vec<Option<Matrix3<f64>>> {
-        let mut columns = vec![[Vec3::x(), Vec3::y(), Vec3::z()]; parts.local_count()];
+    /// The projections of all local vertices, ghosts included. All ranks call it together.
+    pub(super) fn of_local_vertices(&self, parts: &Parts) -> LocalProjections {
+        let mut all = LocalProjections { places: vec![0; parts.local_count()], blocks: Vec::new() };
         for (range, list) in parts.ranges().iter().zip(&self.parts) {
-            list.iter().for_each(|constrained| columns[range.start + constrained.vertex] = constrained.columns);
+            list.iter().for_each(|constrained| all.insert(range.start + constrained.vertex, &constrained.columns));
         }
-        parts.halo().update(parts.ranks(), &mut columns);
-        let is_free = |columns: &[Vec3; 3]| *columns == [Vec3::x(), Vec3::y(), Vec3::z()];
-        columns.iter().map(|columns| (!is_free(columns)).then(|| Matrix3::from_columns(columns))).collect()
+        if !parts.halo().is_empty() {
+            let mut columns = vec![FREE; parts.local_count()];
+            for (range, list) in parts.ranges().iter().zip(&self.parts) {
+                list.iter().for_each(|constrained| columns[range.start + constrained.vertex] = constrained.columns);
+            }
+            parts.halo().update(parts.ranks(), &mut columns);
+            let own = parts.own();
+            for ghost in (0..own.start).chain(own.end..columns.len()).filter(|ghost| columns[*ghost] != FREE) {
+                all.insert(ghost, &columns[ghost]);
+            }
+        }
+        all
     }
 
     /// Removes the constrained directions of one part.

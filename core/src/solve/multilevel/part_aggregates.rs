@@ -7,6 +7,7 @@ use nalgebra::Matrix3;
 use crate::block_matrix::PartBlocks;
 use crate::block_matrix::block::stored_block;
 use crate::parallel::simd4::Simd4;
+use crate::solve::constraints::LocalProjections;
 
 /// The aggregates of a part.
 #[derive(Debug)]
@@ -95,17 +96,17 @@ impl PartAggregates {
     }
 
     /// Computes the rows for `P A P`: those of vertices that move as one where constraints let them. `rows` are those of the part
-    /// from the local vertex `start` on, `projections` of all local vertices, none for a free one.
-    pub(super) fn assemble(&mut self, rows: &PartBlocks, start: usize, projections: &[Option<Matrix3<f64>>]) {
+    /// from the local vertex `start` on, `projections` those of all local vertices.
+    pub(super) fn assemble(&mut self, rows: &PartBlocks, start: usize, projections: &LocalProjections) {
         self.diagonal.fill(Matrix3::zeros());
         self.couplings.fill(Matrix3::zeros());
         for (vertex, block) in rows.own_diagonal().enumerate() {
-            let within = projections[start + vertex].map_or(block, |p| p * block * p);
+            let within = projections.of(start + vertex).map_or(block, |p| p * block * p);
             self.diagonal[usize::from(self.of_vertices[vertex])] += within;
         }
         for (((a, b), places), block) in rows.inside_pairs().zip(&self.inside).zip(rows.inside_blocks()) {
             let [i, j] = [a, b].map(|vertex| usize::from(self.of_vertices[vertex]));
-            let (across, at_a, at_b) = projected(&block, &projections[start + a], &projections[start + b]);
+            let (across, at_a, at_b) = projected(&block, projections.of(start + a), projections.of(start + b));
             self.diagonal[i] += at_a;
             self.diagonal[j] += at_b;
             if i != j {
@@ -116,7 +117,7 @@ impl PartAggregates {
         for (((a, b), place), block) in rows.outside_pairs().iter().zip(&self.outside).zip(rows.outside_blocks()) {
             let (a, b) = (*a as usize, *b as usize);
             let i = usize::from(self.of_vertices[a]);
-            let (across, at_a, _) = projected(&block, &projections[start + a], &projections[b]);
+            let (across, at_a, _) = projected(&block, projections.of(start + a), projections.of(b));
             self.diagonal[i] += at_a;
             self.couplings[self.starts[i] as usize + usize::from(*place)] += across;
         }
@@ -152,13 +153,13 @@ impl PartAggregates {
 #[inline]
 fn projected(
     block: &Matrix3<f64>,
-    p: &Option<Matrix3<f64>>,
-    q: &Option<Matrix3<f64>>,
+    p: Option<&Matrix3<f64>>,
+    q: Option<&Matrix3<f64>>,
 ) -> (Matrix3<f64>, Matrix3<f64>, Matrix3<f64>) {
     if p.is_none() && q.is_none() {
         return (*block, Matrix3::zeros(), Matrix3::zeros());
     }
-    let [p, q] = [p, q].map(|projection| projection.unwrap_or_else(Matrix3::identity));
+    let [p, q] = [p, q].map(|projection| projection.copied().unwrap_or_else(Matrix3::identity));
     let across = p * block * q;
     (across, p * block * p - across, q * block.transpose() * q - across.transpose())
 }
