@@ -15,7 +15,7 @@ use crate::parallel::parts::Parts;
 use crate::parallel::reduce::largest;
 use crate::scene::{Integrator, SolverSettings};
 use crate::state::State;
-use crate::tolerances::LAST_TWO_STEPS;
+use crate::tolerances::{LAST_TWO_STEPS, STEP_OF_A_FRAME};
 
 /// Limits that do not change during a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,8 +65,7 @@ impl StepLimit {
         let mut elastic = match settings.integrator {
             Integrator::SemiImplicit => f64::INFINITY,
             Integrator::Implicit => frame,
-            // Rounding must not leave a sliver of a frame for one more step.
-            Integrator::TrBdf2 => frame / settings.steps_per_frame as f64 * (1.0 + 1e-9),
+            Integrator::TrBdf2 => frame / settings.steps_per_frame as f64 * (1.0 + STEP_OF_A_FRAME),
         };
         let mut sums = Vec::new();
         for (range, forces) in parts.ranges().iter().zip(forces) {

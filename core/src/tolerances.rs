@@ -80,3 +80,7 @@ pub const STRETCHED_BETWEEN_PINS: f64 = 0.3;
 pub const FAR_BOUND_EDGES: f64 = 3.0;
 /// See [`FAR_BOUND_EDGES`].
 pub const FAR_BOUND_THICKNESSES: f64 = 10.0;
+
+/// By how much a step that is a whole part of a frame may be longer, so that rounding leaves no sliver of the frame for one more
+/// step. Guarded by `a_square_that_falls_from_two_corners_converges_with_second_order_from_four_steps_a_frame_on`.
+pub const STEP_OF_A_FRAME: f64 = 1e-9;

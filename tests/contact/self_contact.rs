@@ -184,8 +184,15 @@ fn self_contact_has_the_same_bits_on_any_number_of_threads() {
 
 #[test]
 fn every_variant_of_the_method_keeps_a_storm_free_of_crossings() {
-    let variants =
-        ["alone", "every step", "after position", "repelled once", "repelled once after position", "implicit", "tr_bdf2"];
+    let variants = [
+        "alone",
+        "every step",
+        "after position",
+        "repelled once",
+        "repelled once after position",
+        "implicit",
+        "tr_bdf2",
+    ];
     for variant in variants {
         let mut description = storm(10, 20.0);
         description.effects.retain(|e| variant != "alone" || e.effect != "self_repulsion");

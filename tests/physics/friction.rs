@@ -224,7 +224,10 @@ fn a_turntable_carries_cloth_up_to_the_critical_speed() {
             let below = turntable_slip(mu, [r, 0.99 * critical], 2.0, integrator);
             let above = turntable_slip(mu, [r, 1.01 * critical], 2.0, integrator);
             assert!(below < 1e-3 * r, "{integrator:?}, mu {mu}, r {r}: slipped {below} m below the critical speed");
-            assert!(above > 0.02 * r, "{integrator:?}, mu {mu}, r {r}: slipped only {above} m above the critical speed");
+            assert!(
+                above > 0.02 * r,
+                "{integrator:?}, mu {mu}, r {r}: slipped only {above} m above the critical speed"
+            );
         }
     }
 }
@@ -262,23 +265,23 @@ fn cloth_dropped_on_a_belt_lags_as_coulomb_says() {
     for case in truths["conveyor"]["examples"].as_array().unwrap() {
         let [mu, speed, time, lag] = ["mu", "V", "t", "lag"].map(|k| case[k].as_f64().unwrap());
         for integrator in INTEGRATORS {
-        let fps = 240;
-        let mut mesh = sheet(2, 2, 0.05);
-        mesh.points.iter_mut().for_each(|p| p.y += 1e-7);
-        let mut description = scene_of(GarmentDescription::new("patch", mesh.clone(), 0.3), fps);
-        one_step_a_frame(&mut description, integrator);
-        add_gravity(&mut description, [0.0, -9.81, 0.0]);
-        add_springs(&mut description, 50.0, 1.0);
-        let path = vec![(0.0, Vec3::zeros()), (10.0, Vec3::x() * speed * 10.0)];
-        let motion = RigidMotion { path, ..RigidMotion::at(Vec3::zeros()) };
-        add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), motion, mu);
-        let mut simulation = start(description);
-        let frames = (time * f64::from(fps)).ceil() as usize + 24;
-        run(&mut simulation, frames);
-        let moved = centre(&positions(&simulation)) - centre(&mesh.points);
-        let lagged = speed * frames as f64 / f64::from(fps) - moved.x;
-        assert!((lagged / lag - 1.0).abs() < 0.01, "{integrator:?}, mu {mu}: lagged {lagged} m for {lag}");
-        assert!((centre(&velocities(&simulation)).x - speed).abs() < 1e-9, "it sticks by then");
+            let fps = 240;
+            let mut mesh = sheet(2, 2, 0.05);
+            mesh.points.iter_mut().for_each(|p| p.y += 1e-7);
+            let mut description = scene_of(GarmentDescription::new("patch", mesh.clone(), 0.3), fps);
+            one_step_a_frame(&mut description, integrator);
+            add_gravity(&mut description, [0.0, -9.81, 0.0]);
+            add_springs(&mut description, 50.0, 1.0);
+            let path = vec![(0.0, Vec3::zeros()), (10.0, Vec3::x() * speed * 10.0)];
+            let motion = RigidMotion { path, ..RigidMotion::at(Vec3::zeros()) };
+            add_body(&mut description, BodyShape::Rigid(Shape::HalfSpace), motion, mu);
+            let mut simulation = start(description);
+            let frames = (time * f64::from(fps)).ceil() as usize + 24;
+            run(&mut simulation, frames);
+            let moved = centre(&positions(&simulation)) - centre(&mesh.points);
+            let lagged = speed * frames as f64 / f64::from(fps) - moved.x;
+            assert!((lagged / lag - 1.0).abs() < 0.01, "{integrator:?}, mu {mu}: lagged {lagged} m for {lag}");
+            assert!((centre(&velocities(&simulation)).x - speed).abs() < 1e-9, "it sticks by then");
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use drapery_core::Vec3;
 use drapery_core::scene::{
-    EffectRequest, GarmentDescription, Integrator, Mass, PinAnchor, PinDescription, PinHold, PinTarget, SceneDescription,
+    EffectRequest, GarmentDescription, Integrator, Mass, PinAnchor, PinDescription, PinHold, PinTarget,
+    SceneDescription,
 };
 use drapery_tests::*;
 

@@ -173,7 +173,10 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
         effect.elements += triangles.counted();
         effect.bytes += triangles.bytes() + size_of_val(drags.as_slice()) + size_of_val(normals.as_slice());
         effect.bytes += shares.iter().map(|share| size_of_val(share.as_slice())).sum::<usize>();
-        effect.forces.push((part, Box::new(PartWind { air: Arc::clone(&air), triangles, shares, drags, slots: Vec::new(), normals })));
+        effect.forces.push((
+            part,
+            Box::new(PartWind { air: Arc::clone(&air), triangles, shares, drags, slots: Vec::new(), normals }),
+        ));
     }
     Ok(effect)
 }
@@ -279,7 +282,9 @@ impl Force for PartWind {
     }
 
     fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        for ((corners, slots), (normal, [all, along])) in self.triangles.corners().iter().zip(&self.slots).zip(&self.drags) {
+        for ((corners, slots), (normal, [all, along])) in
+            self.triangles.corners().iter().zip(&self.slots).zip(&self.drags)
+        {
             // Each corner feels a third of what every corner's velocity makes: what it feels of its own is all, less what it
             // does not feel of the others.
             let drag = (Matrix3::identity() * *all + normal * normal.transpose() * *along) * factors.damping;

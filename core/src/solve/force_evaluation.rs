@@ -34,13 +34,7 @@ impl ForceEvaluation<'_> {
     }
 
     /// The same, and the matrix `M + damping · D + stiffness · K` there.
-    pub fn linearise(
-        &self,
-        forces: &mut PartForces,
-        f: &mut [Vec3],
-        factors: BlockFactors,
-        matrix: &mut BlockMatrix,
-    ) {
+    pub fn linearise(&self, forces: &mut PartForces, f: &mut [Vec3], factors: BlockFactors, matrix: &mut BlockMatrix) {
         let slices = (PerVertex(f), PerPart(forces), PerPart(matrix.parts_mut()));
         self.parts.for_each(slices, &|part, (f, forces, rows)| {
             self.of_part(part, &mut forces.0[0], f.0, Some((factors, &mut rows.0[0])));

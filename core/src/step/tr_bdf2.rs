@@ -14,13 +14,13 @@
 use super::Step;
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
+use crate::clock::Watch;
 use crate::contact::bodies::active_set::{ActiveContact, ActiveSet};
 use crate::contact::bodies::collision::CollisionStep;
-use crate::clock::Watch;
+use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::effects::force::{BlockFactors, ForceContext};
 use crate::parallel::for_each_part::PerVertex;
 use crate::parallel::parts::{PART_SIZE, Parts};
-use crate::contact::bodies::recovery_speed::RecoverySpeed;
 use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::force_evaluation::ForceEvaluation;
@@ -220,7 +220,8 @@ impl Stages<'_> {
         let StageArrays { v_start, x, v, .. } = &mut *self.arrays;
         v_start.copy_from_slice(&self.at.start.v);
         let dt = self.at.dt;
-        let pushed = |contact: &ActiveContact, v: &mut Vec3| *v = contact.start_velocity(*v, &contact.velocity_at(0.0, dt));
+        let pushed =
+            |contact: &ActiveContact, v: &mut Vec3| *v = contact.start_velocity(*v, &contact.velocity_at(0.0, dt));
         at.with(&active).set_velocities(v_start, pushed);
         x.copy_from_slice(&self.at.start.x);
         v.copy_from_slice(v_start);
@@ -316,7 +317,8 @@ impl Stages<'_> {
     fn set_second_residual(&mut self) {
         let (alpha, own) = (ALPHA * self.at.dt, self.at.parts.own());
         let StageArrays { v_start, v_first, v, f, residual, .. } = &mut *self.arrays;
-        let ends = v_start[own.clone()].iter().zip(&v_first[own.clone()]).zip(&v[own.clone()]).zip(&self.at.masses[own]);
+        let ends =
+            v_start[own.clone()].iter().zip(&v_first[own.clone()]).zip(&v[own.clone()]).zip(&self.at.masses[own]);
         for ((residual, (((start, first), v), m)), f) in residual.iter_mut().zip(ends).zip(&*f) {
             *residual = (first + (first - start) * U - v) * *m + f * alpha;
         }
@@ -367,7 +369,7 @@ impl Stages<'_> {
                 x[contact.vertex] += change * alpha;
                 change * masses[contact.vertex]
             };
-            if !parts.ranks().any(active.update(own.start, residual, restart)) {
+            if !active.update(parts, residual, restart) {
                 break;
             }
         }
@@ -403,9 +405,11 @@ impl Step<'_> {
         }
         let watch = Watch::start();
         let (parts, own, dt) = (self.parts, self.parts.own(), self.settings.dt);
-        let met = self.contacts.bodies.as_ref().map_or_else(Vec::new, |collision| {
-            collision.met(&self.cloth.scratch.v_star[own], dt)
-        });
+        let met = self
+            .contacts
+            .bodies
+            .as_ref()
+            .map_or_else(Vec::new, |collision| collision.met(&self.cloth.scratch.v_star[own], dt));
         let [x_new, v_star] = [&mut self.cloth.scratch.x_new, &mut self.cloth.scratch.v_star].map(std::mem::take);
         let outcome = self.stages().second_stage_again(&x_new, &v_star, met);
         (self.cloth.scratch.x_new, self.cloth.scratch.v_star) = (x_new, v_star);

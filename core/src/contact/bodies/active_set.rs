@@ -68,7 +68,16 @@ impl ActiveContact {
         let speed = slip.norm();
         let is_stopped = speed <= NO_DIRECTION || speed <= 0.5 * friction * STANDARD_GRAVITY * dt;
         let mode = if is_stopped && friction > 0.0 { ContactMode::Sticks } else { ContactMode::slips(-slip) };
-        Self { vertex, normals: [None; MAX_BODY_CONTACTS], carried, velocity, friction, mode, applied: Vec3::zeros(), earlier: Vec3::zeros() }
+        Self {
+            vertex,
+            normals: [None; MAX_BODY_CONTACTS],
+            carried,
+            velocity,
+            friction,
+            mode,
+            applied: Vec3::zeros(),
+            earlier: Vec3::zeros(),
+        }
     }
 
     /// Adds the normal of a body.
@@ -130,7 +139,8 @@ impl ActiveContact {
             ContactMode::Sticks => {
                 let [first, second] = &self.normals;
                 let along = |normal: &Vec3| normal * relative.dot(normal).max(0.0);
-                relative = if second.is_some() { Vec3::zeros() } else { first.as_ref().map_or_else(Vec3::zeros, along) };
+                relative =
+                    if second.is_some() { Vec3::zeros() } else { first.as_ref().map_or_else(Vec3::zeros, along) };
             }
             ContactMode::Slips(_) => {
                 for normal in self.normals.iter().flatten() {
@@ -200,17 +210,25 @@ impl ActiveSet {
 
     /// Changes the modes that the reactions of a solve show to be wrong, and the friction of what slides.
     ///
-    /// `residual` is what the solve has left at each own vertex [N s], from the local number `first` on: minus the reaction. The
+    /// `residual` is what the solve has left at each own vertex [N s]: minus the reaction. The
     /// friction that comes or goes is added to it, and what `restart` says of a contact whose mode has changed: by how much
-    /// less the body gave its vertex before the solve. Returns whether the solve has to go on.
+    /// less the body gave its vertex before the solve. Returns whether the solve has to go on, alike on all ranks, which call it
+    /// together.
     pub(crate) fn update(
         &mut self,
-        first: usize,
+        parts: &Parts,
         residual: &mut [Vec3],
         mut restart: impl FnMut(&ActiveContact) -> Vec3,
     ) -> bool {
-        let (mut changed, mut difference, mut size) = (false, 0.0, 0.0);
+        let first = parts.own().start;
+        let mut changed = false;
+        // By part, so that their sums are the same on any number of ranks.
+        let [mut differences, mut sizes] = [0, 1].map(|_| vec![0.0; parts.count()]);
+        let mut part = 0;
         for contact in self.contacts.iter_mut().filter(|contact| contact.mode != ContactMode::Free) {
+            while parts.ranges()[part].end <= contact.vertex {
+                part += 1;
+            }
             let residual = &mut residual[contact.vertex - first];
             // What slides has its friction in the residual; the body bears both.
             let reaction = contact.earlier + contact.applied - *residual;
@@ -231,12 +249,13 @@ impl ActiveSet {
                 *residual += given_back;
                 changed = true;
             }
-            difference += (applied - contact.applied).norm_squared();
-            size += applied.norm_squared();
+            differences[part] += (applied - contact.applied).norm_squared();
+            sizes[part] += applied.norm_squared();
             *residual += applied - contact.applied;
             contact.applied = applied;
         }
-        changed || difference > SETTLED_FRICTION * SETTLED_FRICTION * size
+        let [difference, size] = parts.join_parts(&[&differences, &sizes]);
+        parts.ranks().any(changed) || difference > SETTLED_FRICTION * SETTLED_FRICTION * size
     }
 
     /// Begins a stage with a share of the friction of the one before. `earlier` is what bodies have given vertices in it already

@@ -63,9 +63,8 @@ fn products(scene: &Scene, [x, v, s]: [&[Vec3]; 3], factors: BlockFactors) -> [V
     let of_positions = [-step, step].map(|by| force(&near(x, by), v, None));
     let of_velocities = [-1.0, 1.0].map(|by| force(x, &near(v, by), None));
     let slope = |[low, high]: &[Vec<Vec3>; 2], i: usize, by: f64| (low[i] - high[i]) / (2.0 * by);
-    let differences = (0..x.len()).map(|i| {
-        slope(&of_positions, i, step) * factors.stiffness + slope(&of_velocities, i, 1.0) * factors.damping
-    });
+    let differences = (0..x.len())
+        .map(|i| slope(&of_positions, i, step) * factors.stiffness + slope(&of_velocities, i, 1.0) * factors.damping);
     let differences: Vec<Vec3> = differences.collect();
     force(x, v, Some(&mut matrix));
     let mut product = vec![Vec3::zeros(); x.len()];
@@ -89,7 +88,8 @@ fn assert_same(name: &str, [product, differences]: &[Vec<Vec3>; 2]) {
 
 fn stretched(scene: &Scene) -> Vec<Vec3> {
     let x = &scene.start_state()[0];
-    let bulge = |i: usize, x: &Vec3| x.component_mul(&Vec3::new(1.33, 1.0, 1.4)) + Vec3::y() * (0.3 * i as f64).sin() * 3e-4;
+    let bulge =
+        |i: usize, x: &Vec3| x.component_mul(&Vec3::new(1.33, 1.0, 1.4)) + Vec3::y() * (0.3 * i as f64).sin() * 3e-4;
     x.iter().enumerate().map(|(i, x)| bulge(i, x)).collect()
 }
 
