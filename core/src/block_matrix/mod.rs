@@ -30,6 +30,7 @@ use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
 use block::{Coefficients, add, full_block, full_symmetric, stored_symmetric, symmetric_product};
 use pattern::Pattern;
+pub use pattern::Slot;
 
 /// The rows of a rank's own vertices.
 #[derive(Debug, Clone, Default)]
@@ -46,10 +47,6 @@ pub struct PartBlocks {
     /// B of each pair, one that is read behind the last, and one that nobody reads: what is added for pairs of other parts.
     blocks: Vec<[f32; 9]>,
 }
-
-/// The place of a pair's block in the rows of a part.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Slot(u32);
 
 /// Calls the second argument with the local vertices of each element that has a vertex in a part.
 pub type VisitElements<'a> = dyn Fn(usize, &mut dyn FnMut(&[u32])) + 'a;
@@ -251,22 +248,5 @@ impl PartBlocks {
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.diagonal) + size_of_val(&*self.blocks) + self.pattern.bytes()
-    }
-}
-
-impl Slot {
-    /// The place of pairs that the part does not have.
-    const ELSEWHERE: Self = Self(u32::MAX);
-
-    fn new(place: usize, is_transposed: bool) -> Self {
-        Self((place as u32) << 1 | u32::from(is_transposed))
-    }
-
-    fn place(self) -> usize {
-        (self.0 >> 1) as usize
-    }
-
-    fn is_transposed(self) -> bool {
-        self.0 & 1 == 1
     }
 }

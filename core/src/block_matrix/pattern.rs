@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use super::Slot;
-
 /// The pairs of a part, ascending: those inside the part, each in the row of its lower vertex, and then those with vertices of
 /// other parts. Local numbers ascend as those of the scene do, so this order, which is that of every sum, depends on the scene
 /// alone.
@@ -120,4 +118,27 @@ enum Place {
     Outside(u32, u32),
     /// With other parts.
     Elsewhere,
+}
+
+/// The place of a pair's block in the rows of a part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slot(u32);
+
+impl Slot {
+    /// The place of pairs that the part does not have.
+    pub(super) const ELSEWHERE: Self = Self(u32::MAX);
+
+    fn new(place: usize, is_transposed: bool) -> Self {
+        Self((place as u32) << 1 | u32::from(is_transposed))
+    }
+
+    /// Its number among the blocks.
+    pub(super) fn place(self) -> usize {
+        (self.0 >> 1) as usize
+    }
+
+    /// Whether what is stored is the transposed block.
+    pub(super) fn is_transposed(self) -> bool {
+        self.0 & 1 == 1
+    }
 }

@@ -22,8 +22,8 @@ use coarsest::Coarsest;
 use level::Level;
 use part_aggregates::PartAggregates;
 
-/// Vertices of an aggregate, by a quarter less or half more. Half of it takes an eighth fewer iterations, which cost a quarter
-/// more.
+/// Vertices of an aggregate, by a quarter less or half more. Half of it takes hardly fewer iterations, and half as much time
+/// again for each.
 const AGGREGATE: usize = 8;
 
 /// Nodes of an aggregate of a coarser level, likewise.

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, Matrix3};
 use super::*;
 use crate::Vec3;
 use crate::block_matrix::testing::Sheet;
+use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
 use crate::solve::constraints::Projection;
 
@@ -63,6 +64,41 @@ fn coarse_levels_are_the_matrix_of_vertices_that_move_as_one_where_constraints_l
     }
 }
 
+/// The levels of a sheet with constraints.
+fn prepared(side: usize, stiffness: f64) -> Multilevel {
+    let sheet = Sheet::new(side, stiffness, 3);
+    let parts = sheet.parts(&Ranks::default());
+    let matrix = sheet.matrix(&parts);
+    let mut constraints = Constraints::none(&parts);
+    constraints.update(&parts, &sheet.masses, &Constrained(&parts));
+    let mut levels = Multilevel::new(&parts, &matrix);
+    levels.prepare(&parts, &matrix, &constraints);
+    levels
+}
+
+#[test]
+fn the_cycle_is_symmetric_and_positive_definite() {
+    for stiffness in [1.0, 1e5] {
+        let mut levels = prepared(32, stiffness);
+        assert!(levels.levels.len() > 1);
+        let count = 3 * levels.levels[0].count();
+        let mut of_all = DMatrix::zeros(count, count);
+        for (column, mut out) in of_all.column_iter_mut().enumerate() {
+            levels.levels[0].b.fill(Simd4::ZERO);
+            levels.levels[0].b[column / 3] = Simd4::from(&Vec3::ith(column % 3, 1.0));
+            cycle(&mut levels.levels, &mut levels.coarsest);
+            for (node, x) in levels.levels[0].x.iter().enumerate() {
+                out.fixed_rows_mut::<3>(3 * node).copy_from(&Vec3::from(*x));
+            }
+        }
+        // Blocks in single precision.
+        let asymmetry = (&of_all - of_all.transpose()).amax() / of_all.amax();
+        assert!(asymmetry < 1e-5, "{stiffness}: {asymmetry}");
+        let smallest = of_all.symmetric_eigenvalues().min();
+        assert!(smallest > 0.01 / (10.0 + stiffness), "{stiffness}: {smallest}");
+    }
+}
+
 #[test]
 fn levels_of_a_part_with_one_vertex_work() {
     for side in [1, 2] {
@@ -74,4 +110,13 @@ fn levels_of_a_part_with_one_vertex_work() {
         levels.parts_mut()[0].restrict(&vec![Simd4::from(&Vec3::x()); parts.own().len()]);
         assert!(levels.solve(&parts) > 0.0);
     }
+}
+
+#[test]
+fn levels_of_no_vertices_work() {
+    let parts = Parts::new(Ranks::default(), Partition::default(), vec![0, 0], Vec::new(), Vec::new());
+    let matrix = BlockMatrix::new(&parts, &|_, _| {});
+    let mut levels = Multilevel::new(&parts, &matrix);
+    levels.prepare(&parts, &matrix, &Constraints::none(&parts));
+    assert_eq!(levels.solve(&parts), 0.0);
 }
