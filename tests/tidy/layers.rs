@@ -112,11 +112,12 @@ const HELD: [Held; 4] = [
 ];
 
 /// Crates, each with those of the project that it may import; what is not listed may import none.
-const CRATES: [(&str, &[&str]); 10] = [
+const CRATES: [(&str, &[&str]); 11] = [
     ("core", &[]),
     ("core/mpi", &["drapery_core"]),
     ("io/alembic", &[]),
-    ("io", &["drapery_core", "drapery_alembic"]),
+    ("io/usd", &[]),
+    ("io", &["drapery_core", "drapery_alembic", "drapery_usd"]),
     ("shot", &["drapery_core", "drapery_alembic", "drapery_io"]),
     ("analysis", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
     ("cli", &["drapery_core", "drapery_io", "drapery_shot", "drapery_analysis", "drapery_mpi", "drapery_selftest"]),

@@ -1,0 +1,1 @@
+//! Stages: meshes with their transforms, time samples and skeletons.
