@@ -11,6 +11,7 @@ export DRAPERY := $(TARGET)/release/drapery
 export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
 export DRAPERY_BARE := $(TARGET)/bare
 export DRAPERY_CONFORMANCE := $(TARGET)/release/examples/conformance
+export DRAPERY_USD_POINTS := $(TARGET)/release/examples/usd_points
 
 .PHONY: help
 help: ## list the targets

@@ -177,6 +177,10 @@ pub enum IoError {
     /// An Alembic archive could not be read or written.
     #[error(transparent)]
     Alembic(#[from] AlembicError),
+    /// A stage could not be read.
+    #[cfg(feature = "usd")]
+    #[error(transparent)]
+    UsdRead(#[from] drapery_usd::read::UsdError),
     /// The HDF5 library refused.
     #[error(
         "{}: HDF5: {source}\n  \
@@ -220,6 +224,11 @@ impl IoError {
             Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
             Self::Alembic(AlembicError::Refused { .. } | AlembicError::TimeSampling { .. }) => IoErrorKind::Internal,
             Self::Alembic(_) => IoErrorKind::BadInput,
+            #[cfg(feature = "usd")]
+            Self::UsdRead(error) => match error.kind {
+                drapery_usd::read::UsdErrorKind::Missing => IoErrorKind::MissingInput,
+                drapery_usd::read::UsdErrorKind::BadInput => IoErrorKind::BadInput,
+            },
             Self::Hdf5 { .. } => IoErrorKind::CannotCreate,
         }
     }

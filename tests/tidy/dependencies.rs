@@ -9,7 +9,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 11] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &[]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["serde_json", "tempfile"]),
-    ("io/usd", &["thiserror", "openusd"], &["tempfile"]),
+    ("io/usd", &["thiserror", "openusd"], &["serde_json", "tempfile"]),
     (
         "io",
         &[

@@ -6,6 +6,8 @@ pub mod alembic_writer;
 mod continuing;
 pub mod hdf5;
 mod obj;
+#[cfg(feature = "usd")]
+mod usd_reader;
 
 use std::path::Path;
 
@@ -73,7 +75,28 @@ pub static FORMATS: &[Format] = &[
         resume: Some(|path, plan, mark| Ok(Box::new(hdf5::Hdf5Writer::resume(path, plan, mark)?))),
         summary_of: hdf5::summary,
     },
+    #[cfg(feature = "usd")]
+    usd("usd", "USD, text or binary: bodies and garments in"),
+    #[cfg(feature = "usd")]
+    usd("usda", "USD as text: bodies and garments in"),
+    #[cfg(feature = "usd")]
+    usd("usdc", "USD, binary: bodies and garments in"),
+    #[cfg(feature = "usd")]
+    usd("usdz", "USD as a package: bodies and garments in"),
 ];
+
+/// A spelling of USD, which is read alike in all of them.
+#[cfg(feature = "usd")]
+const fn usd(extension: &'static str, summary: &'static str) -> Format {
+    Format {
+        extension,
+        summary,
+        open: Some(|path, pattern| Ok(Box::new(usd_reader::UsdMesh::open(path, pattern)?))),
+        create: None,
+        resume: None,
+        summary_of: usd_reader::summary,
+    }
+}
 
 /// The format with this extension or word.
 pub fn by_extension(extension: &str) -> Option<&'static Format> {
@@ -87,15 +110,28 @@ pub fn by_extension(extension: &str) -> Option<&'static Format> {
 pub fn open_mesh(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReader>, IoError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     let Some(open) = by_extension(&extension).and_then(|format| format.open) else {
-        let readable: Vec<String> =
-            FORMATS.iter().filter(|f| f.open.is_some()).map(|f| format!(".{}", f.extension)).collect();
         return Err(IoError::Format {
             path: path.to_owned(),
             what: format!("meshes are not read from .{extension} files"),
-            advice: format!("export it as one of {}", readable.join(", ")),
+            advice: format!("export it as one of {}", endings(|format| format.open.is_some())),
         });
     };
     open(path, pattern)
+}
+
+/// Whether a panic on this thread becomes an error of a file, of which somebody tells the user: of the library that reads USD.
+pub fn answers_panics() -> bool {
+    #[cfg(feature = "usd")]
+    let answers = drapery_usd::read::answers_panics();
+    #[cfg(not(feature = "usd"))]
+    let answers = false;
+    answers
+}
+
+/// Extensions of some formats.
+fn endings(which: fn(&Format) -> bool) -> String {
+    let all: Vec<String> = FORMATS.iter().filter(|f| which(f)).map(|f| format!(".{}", f.extension)).collect();
+    all.join(", ")
 }
 
 /// Looks into a file.
@@ -109,7 +145,7 @@ pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
         return Err(IoError::Format {
             path: path.to_owned(),
             what: format!("files of the kind .{} cannot be looked into", extension.to_lowercase()),
-            advice: "give an .abc, .obj or .h5 file".into(),
+            advice: format!("give a file that ends in {}", endings(|_| true)),
         });
     };
     (format.summary_of)(path)

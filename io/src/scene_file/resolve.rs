@@ -13,7 +13,7 @@ use crate::input_motion::{InputMotion, Preroll};
 use crate::mesh_data::MeshData;
 use crate::mesh_source::MeshSource;
 use crate::shot_description::{FRAMES, OutputDescription, ShotDescription};
-use crate::units::Units;
+use crate::units::{self, InputUnits, Units};
 use crate::wind_file::WindFile;
 
 use super::deserialize::dotted;
@@ -47,6 +47,8 @@ pub(super) struct Resolver<'a> {
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
+    /// What is worth saying about files that can be read.
+    warnings: Vec<String>,
     /// What the garments so far need.
     pub(super) memory: Memory,
 }
@@ -66,6 +68,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         tracks: Vec::new(),
         wind: None,
         input_files: scene.material_files.clone(),
+        warnings: Vec::new(),
         memory: Memory::new(ranks),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
@@ -108,11 +111,15 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         preroll: resolver.preroll,
         output: output(scene),
         resolved: resolved::write(scene),
-        warnings: file_names::one_on_some_disks(&document.garment).into_iter().chain(unnamed).collect(),
+        warnings: file_names::one_on_some_disks(&document.garment)
+            .into_iter()
+            .chain(unnamed)
+            .chain(resolver.warnings)
+            .collect(),
     })
 }
 
-fn units(units: FileUnits) -> Units {
+fn written(units: FileUnits) -> Units {
     Units { length: units.length, up: units.up }
 }
 
@@ -124,7 +131,7 @@ fn output(scene: &SceneFile) -> OutputDescription {
     };
     OutputDescription {
         formats: output.format.iter().map(word).collect(),
-        units: scene.document.units.map_or(Units::SI, units),
+        units: scene.document.units.map_or(Units::SI, written),
         velocities: output.velocities,
     }
 }
@@ -177,24 +184,47 @@ impl Resolver<'_> {
         Some(value)
     }
 
-    /// Units of a file: its own, or those of the scene.
-    pub(super) fn file_units(&mut self, path: &Path, own: Option<FileUnits>) -> Option<Units> {
-        let found = own.or(self.scene.document.units).map(units);
-        if found.is_none() {
+    /// Opens a mesh file, named relative to the scene file; problems point at `path`. Its units are those that `own` says, or
+    /// itself, or the scene for all files.
+    pub(super) fn open(
+        &mut self,
+        path: &Path,
+        file: &str,
+        pattern: Option<&str>,
+        own: Option<FileUnits>,
+    ) -> Option<MeshSource> {
+        let file = self.scene.folder.join(file);
+        let (own, general) = (own.map(written), self.scene.document.units.map(written));
+        let mut warning = None;
+        let opened = MeshSource::open_stating(&file, pattern, |stated| match stated {
+            None => own.or(general).map(InputUnits::from),
+            Some(stated) => {
+                let (units, said) = units::decide(stated, own, general);
+                warning = said;
+                Some(units)
+            }
+        });
+        self.takes(file.clone());
+        let Some(source) = self.of_file(path, opened)? else {
             let help = "add [units] with length = \"m\", \"cm\", \"mm\", \"in\" or \"ft\" and up = \"Y\" or \"Z\"";
             self.error_with(path, "the units of this file are not known", help.to_owned());
+            return None;
+        };
+        source.other_files().into_iter().for_each(|file| self.takes(file));
+        for note in warning.into_iter().chain(source.notes()) {
+            let text = format!("{}: {note}", file.display());
+            if !self.warnings.contains(&text) {
+                self.warnings.push(text);
+            }
         }
-        found
+        Some(source)
     }
 
-    /// Opens a mesh file, named relative to the scene file; problems point at `path`.
-    pub(super) fn open(&mut self, path: &Path, file: &str, pattern: Option<&str>, units: Units) -> Option<MeshSource> {
-        let file = self.scene.folder.join(file);
-        let opened = MeshSource::open(&file, pattern, units);
+    /// Takes note of a file that the shot reads.
+    fn takes(&mut self, file: PathBuf) {
         if !self.input_files.contains(&file) {
             self.input_files.push(file);
         }
-        self.of_file(path, opened)
     }
 
     /// Reads a mesh at a time of its file [s], its first sample when `None`; problems point at `path`.

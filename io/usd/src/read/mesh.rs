@@ -10,7 +10,7 @@ use super::session::Reading;
 use super::skin::Skin;
 use super::transform::{Transform, transform_all};
 use super::values::{integers, vectors};
-use super::{Faces, MeshSample, Subset};
+use super::{Faces, MeshSample, Stored, Subset};
 
 /// A mesh, and where its values come from.
 pub(crate) struct Mesh {
@@ -52,7 +52,18 @@ impl Mesh {
         let point_codes = reading.times(&points)?;
         let transform = Transform::of(reading, &prim)?;
         let path = path.to_owned();
-        Ok(Self { path, prim, points, point_codes, face_counts, face_indices, faces_move, left_handed, transform, skin })
+        Ok(Self {
+            path,
+            prim,
+            points,
+            point_codes,
+            face_counts,
+            face_indices,
+            faces_move,
+            left_handed,
+            transform,
+            skin,
+        })
     }
 
     /// Codes at which something of it is stored.
@@ -115,6 +126,24 @@ impl Mesh {
         }
     }
 
+    /// What is stored at a code.
+    pub(crate) fn stored(&self, reading: &Reading, code: f64) -> Result<Stored, UsdError> {
+        let list = |value: Option<Value>| {
+            let found = value.as_ref().and_then(vectors)?;
+            Some(found.into_iter().map(|v| v.map(|x| x as f32)).collect::<Vec<_>>())
+        };
+        let points = reading.value_at(&self.points, code)?;
+        let points = list(points).ok_or_else(|| self.bad(reading, format!("it has no points at time code {code}")))?;
+        let velocities = list(reading.value_at(&self.prim.attribute("velocities").query(), code)?);
+        Ok(Stored { points, velocities, to_world: self.transform.at(reading, code)? })
+    }
+
+    /// Whole numbers of an attribute.
+    pub(crate) fn integers(&self, reading: &Reading, name: &str, code: f64) -> Result<Option<Vec<i64>>, UsdError> {
+        let value = reading.value_at(&self.prim.attribute(name).query(), code)?;
+        Ok(value.as_ref().and_then(super::values::all_integers))
+    }
+
     /// Points in the world.
     pub(crate) fn points(&self, reading: &Reading, code: f64) -> Result<Vec<[f64; 3]>, UsdError> {
         let mut points = self.local_points(reading, code)?;
@@ -134,7 +163,8 @@ impl Mesh {
         let point_count = self.sample(reading, code)?.len();
         let list = |query: &AttributeQuery| -> Result<Vec<i32>, UsdError> {
             let value = reading.value_at(query, code)?;
-            let missing = || self.bad(reading, format!("`{}` holds no list of whole numbers", query.attribute().name()));
+            let missing =
+                || self.bad(reading, format!("`{}` holds no list of whole numbers", query.attribute().name()));
             value.as_ref().and_then(integers).map(<[i32]>::to_vec).ok_or_else(missing)
         };
         let (counts, indices) = (list(&self.face_counts)?, list(&self.face_indices)?);

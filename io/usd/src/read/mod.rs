@@ -59,6 +59,8 @@ pub struct About {
     pub range: Option<[f64; 2]>,
     /// Name of the prim that stands for the stage.
     pub default_prim: Option<String>,
+    /// Texts of `customLayerData` of the file itself: name and text.
+    pub custom: Vec<(String, String)>,
     /// Meshes, in the order of their paths.
     pub meshes: Vec<Entry>,
     /// Other prims, the first thousand: path and type.
@@ -203,6 +205,17 @@ pub struct MeshSample {
     pub material: Option<String>,
 }
 
+/// What a mesh stores at a time code, before anything is made of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stored {
+    /// Points in its own space.
+    pub points: Vec<[f32; 3]>,
+    /// Velocities in its own space [units per second].
+    pub velocities: Option<Vec<[f32; 3]>>,
+    /// From its own space to the world, for row vectors, row by row.
+    pub to_world: [f64; 16],
+}
+
 /// An opened stage.
 pub struct Stage {
     path: PathBuf,
@@ -266,6 +279,24 @@ impl Stage {
     /// The library gave up earlier.
     pub fn faces_move(&self, mesh: usize) -> Result<bool, UsdError> {
         self.ask(move |session| Ok(session.meshes.borrow()[mesh].faces_move()))
+    }
+
+    /// What a chosen mesh stores at a time code; skeletons do not count.
+    ///
+    /// # Errors
+    /// The mesh contradicts itself.
+    pub fn stored(&self, mesh: usize, code: f64) -> Result<Stored, UsdError> {
+        self.ask(move |session| session.meshes.borrow()[mesh].stored(&session.reading, code))
+    }
+
+    /// Whole numbers that an attribute of a chosen mesh holds at a time code, those of vectors one after the other; `None` when it
+    /// has no such attribute.
+    ///
+    /// # Errors
+    /// The attribute cannot be read.
+    pub fn integers(&self, mesh: usize, attribute: &str, code: f64) -> Result<Option<Vec<i64>>, UsdError> {
+        let name = attribute.to_owned();
+        self.ask(move |session| session.meshes.borrow()[mesh].integers(&session.reading, &name, code))
     }
 
     /// A chosen mesh at a time code, with what is handed through.

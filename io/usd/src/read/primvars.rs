@@ -33,7 +33,9 @@ pub(crate) fn read(
         let interpolation = Interpolation::named(interpolation.as_deref().unwrap_or("constant"));
         let listed = reading.value_at(&prim.attribute(format!("primvars:{name}:indices")).query(), code)?;
         let mut indices = match listed.as_ref().and_then(integers) {
-            Some(listed) => Some(checked(reading, &attribute, listed, values.len() / element.size() / extent as usize)?),
+            Some(listed) => {
+                Some(checked(reading, &attribute, listed, values.len() / element.size() / extent as usize)?)
+            }
             None => None,
         };
         if let (Some(counts), Interpolation::FaceVarying) = (turned, interpolation) {

@@ -178,9 +178,19 @@ fn about(reading: &Reading) -> Result<About, UsdError> {
         codes_per_second: stage.time_codes_per_second(),
         frames_per_second: stage.frames_per_second(),
         range: stage.has_authored_time_code_range().then(|| [stage.start_time_code(), stage.end_time_code()]),
+        custom: custom(stage),
         default_prim: stage.default_prim().map(|name| name.as_str().to_owned()),
         ..About::default()
     })
+}
+
+/// Texts of the layer's own data.
+fn custom(stage: &Stage) -> Vec<(String, String)> {
+    let Some(Value::Dictionary(data)) = stage.custom_layer_data().ok().flatten() else { return Vec::new() };
+    let mut texts: Vec<(String, String)> =
+        data.iter().filter_map(|(name, value)| Some((name.clone(), word(value)?))).collect();
+    texts.sort_unstable();
+    texts
 }
 
 /// Looks at all prims that are active, loaded and defined, those of instances too.
@@ -266,7 +276,9 @@ fn flaws(reading: &Reading) -> Vec<(String, UsdError)> {
             | Diagnostic::UnresolvedDefaultPrim { site_path, .. }
             | Diagnostic::InvalidPrimPath { site_path, .. }
             | Diagnostic::InvalidVariantSelection { site_path, .. }
-            | Diagnostic::InvalidExpression { site_path, .. } => (site_path.as_str().to_owned(), UsdErrorKind::BadInput),
+            | Diagnostic::InvalidExpression { site_path, .. } => {
+                (site_path.as_str().to_owned(), UsdErrorKind::BadInput)
+            }
             Diagnostic::UnreadableClip { prim_path, .. } => (prim_path.as_str().to_owned(), UsdErrorKind::Missing),
             // Sublayers belong to everything.
             _ if text.contains("sublayer") => {

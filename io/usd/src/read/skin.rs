@@ -133,7 +133,9 @@ impl Joints {
         let (per_point, rigid) = layout(reading, &indices_of)?;
         if indices.len() != weights.len() || per_point == 0 || !indices.len().is_multiple_of(per_point) {
             let (indices, weights) = (indices.len(), weights.len());
-            return Err(bad(format!("it has {indices} joint indices, {weights} weights and {per_point} for each point")));
+            return Err(bad(format!(
+                "it has {indices} joint indices, {weights} weights and {per_point} for each point"
+            )));
         }
         let named = match inherited(reading, mesh, "skel:joints")? {
             Some(attribute) => reading.value(&attribute)?.as_ref().and_then(words),

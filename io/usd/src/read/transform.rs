@@ -160,7 +160,8 @@ impl Transform {
             // An operation without a value does nothing.
             let Some(value) = reading.value_at(value, code)? else { continue };
             let wrong = |what: &str| reading.bad(path, format!("at time code {code}: {what}"), "export it again");
-            let mut matrix = kind.matrix(&value).ok_or_else(|| wrong("its value has another type than its name says"))?;
+            let mut matrix =
+                kind.matrix(&value).ok_or_else(|| wrong("its value has another type than its name says"))?;
             if *inverted {
                 matrix = inverse(&matrix).ok_or_else(|| wrong("what is to be inverted has no inverse"))?;
             }

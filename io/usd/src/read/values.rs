@@ -89,6 +89,20 @@ pub(crate) fn integers(value: &Value) -> Option<&[i32]> {
     }
 }
 
+/// Whole numbers of any kind, those of vectors one after the other.
+pub(crate) fn all_integers(value: &Value) -> Option<Vec<i64>> {
+    Some(match value {
+        Value::Int(x) => vec![i64::from(*x)],
+        Value::Uint(x) => vec![i64::from(*x)],
+        Value::Int64(x) => vec![*x],
+        Value::IntVec(all) => all.iter().map(|x| i64::from(*x)).collect(),
+        Value::UintVec(all) => all.iter().map(|x| i64::from(*x)).collect(),
+        Value::Int64Vec(all) => all.clone(),
+        Value::Vec3iVec(all) => all.iter().flat_map(|v| [v.x, v.y, v.z]).map(i64::from).collect(),
+        _ => return None,
+    })
+}
+
 /// A word.
 pub(crate) fn word(value: &Value) -> Option<String> {
     match value {
