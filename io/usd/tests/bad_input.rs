@@ -244,7 +244,7 @@ fn stages_that_grow_without_end_are_refused() {
     fs::write(&path, usda(&nested(100_000))).unwrap();
     let error = first_error(&path).unwrap_err();
     assert!(error.what.contains("nested more than 256 deep"), "{error}");
-    // Each prim holds two of the one before: 2^25 prims from 25 lines.
+    // Each prim holds two of the one before: 2^25 of them from 25 lines.
     let mut doubling = "def \"p0\" {}\n".to_owned();
     for level in 1..26 {
         let below = level - 1;
@@ -252,10 +252,8 @@ fn stages_that_grow_without_end_are_refused() {
         doubling += &format!("def \"p{level}\" {{ {} {} }}\n", child("a"), child("b"));
     }
     fs::write(&path, usda(&doubling)).unwrap();
-    let start = Instant::now();
     let error = first_error(&path).unwrap_err();
-    assert!(error.what.contains("more than 1000000 prims"), "{error}");
-    println!("{:?}", start.elapsed());
+    assert!(error.what.contains("more than 100000 prims"), "{error}");
 }
 
 #[test]
@@ -283,7 +281,9 @@ fn what_is_no_stage_is_refused_at_once() {
 fn names_with_spaces_and_letters_of_any_language_and_paths_out_of_the_folder_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let [inner, outer] = ["Frau Müller 女", "außen [1]"].map(|name| folder.path().join(name));
-    [&inner, &outer].map(|folder| fs::create_dir(folder).unwrap());
+    for folder in [&inner, &outer] {
+        fs::create_dir(folder).unwrap();
+    }
     fs::write(
         outer.join("körper v2.usda"),
         usda(&triangle("körper", "")).replace("( metersPerUnit", "( defaultPrim = \"körper\"\n metersPerUnit"),

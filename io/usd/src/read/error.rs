@@ -38,14 +38,4 @@ impl UsdError {
         let (place, what, advice) = (place.into(), what.into(), advice.into());
         Self { kind: UsdErrorKind::BadInput, path: path.to_owned(), place, what, advice }
     }
-
-    /// A file that is not there.
-    pub(crate) fn missing(
-        path: &Path,
-        place: impl Into<String>,
-        what: impl Into<String>,
-        advice: impl Into<String>,
-    ) -> Self {
-        Self { kind: UsdErrorKind::Missing, ..Self::bad(path, place, what, advice) }
-    }
 }

@@ -10,7 +10,7 @@ use openusd::usd::{Attribute, Prim};
 use super::blend_shapes::BlendShapes;
 use super::error::UsdError;
 use super::matrix::{
-    IDENTITY, Matrix, Quaternion, determinant, multiply, quaternion_product, stretch_and_rotation, transform_point,
+    IDENTITY, Matrix, Quaternion, determinant, quaternion_product, stretch_and_rotation, transform_point,
 };
 use super::primvars::metadata;
 use super::session::Reading;
