@@ -35,7 +35,7 @@ def matrix(random, scales=True, mirror=False):
     return Gf.Matrix4d().SetScale(size) * Gf.Matrix4d().SetRotate(turn) * Gf.Matrix4d().SetTranslate(move)
 
 
-def animate(stage, random, joints, shapes):
+def animate(stage, random, joints, shapes, scales_move):
     animation = UsdSkel.Animation.Define(stage, "/character/animation")
     animation.CreateJointsAttr(joints)
     moves, turns, scales = (
@@ -43,11 +43,14 @@ def animate(stage, random, joints, shapes):
         animation.CreateRotationsAttr(),
         animation.CreateScalesAttr(),
     )
+    # Half precision has these exactly, at any share of two samples.
+    still = random.choice([0.5, 1.0, 2.0], size=(len(joints), 3))
     for code in CODES:
         moves.Set(Vt.Vec3fArray([Gf.Vec3f(*random.uniform(-1, 1, size=3)) for _ in joints]), code)
         quaternions = [Gf.Quatf(*q) for q in random.normal(size=(len(joints), 4))]
         turns.Set(Vt.QuatfArray([q.GetNormalized() for q in quaternions]), code)
-        scales.Set(Vt.Vec3hArray([Gf.Vec3h(*random.uniform(0.5, 1.5, size=3)) for _ in joints]), code)
+        sizes = random.uniform(0.5, 1.5, size=still.shape) if scales_move else still
+        scales.Set(Vt.Vec3hArray([Gf.Vec3h(*size) for size in sizes]), code)
     if shapes:
         animation.CreateBlendShapesAttr(shapes)
         weights = animation.CreateBlendShapeWeightsAttr()
@@ -74,7 +77,7 @@ def blend_shapes(stage, random, binding, count):
     binding.CreateBlendShapeTargetsRel().SetTargets(targets)
 
 
-def character(path, seed, method="classicLinear", rigid=False, shapes=False, sums=1.0, mirror=False, partial=False):
+def character(path, seed, method="classicLinear", rigid=False, shapes=False, sums=1.0, mirror=False, partial=False, scales_move=False):
     random = np.random.default_rng(seed)
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
@@ -93,7 +96,7 @@ def character(path, seed, method="classicLinear", rigid=False, shapes=False, sum
     skeleton.CreateBindTransformsAttr(Vt.Matrix4dArray([matrix(random) for _ in JOINTS]))
     skeleton.CreateRestTransformsAttr(Vt.Matrix4dArray([matrix(random) for _ in JOINTS]))
     moved = ["hip/leg", "hip/spine"] if partial else list(reversed(JOINTS))
-    animation = animate(stage, random, moved, ["frown", "other", "smile"] if shapes else [])
+    animation = animate(stage, random, moved, ["frown", "other", "smile"] if shapes else [], scales_move)
     UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
     mesh = UsdGeom.Mesh.Define(stage, "/character/mesh")
     UsdGeom.Xformable(mesh).AddTransformOp().Set(matrix(random))
@@ -164,6 +167,7 @@ CHARACTERS = {
     "weights that do not sum to one": {"sums": 0.8},
     "mirrored parent": {"mirror": True},
     "animation of some joints": {"partial": True, "shapes": True},
+    "scales that move": {"scales_move": True},
 }
 
 
@@ -180,8 +184,9 @@ def test_characters_stand_where_pixars_skinning_puts_them(tmp_path, kind, ending
     size = max(np.abs(p).max() for p in points)
     by_query = max(np.abs(a - b).max() for a, b in zip(points, queried(path, "/character/mesh", between))) / size
     by_bake = max(np.abs(a - b).max() for a, b in zip(points, baked(path, "/character/mesh", CODES))) / size
-    # Pixar's library computes in single precision, through a chain of three joints and their scales.
-    assert max(by_query, by_bake) < 2e-5, f"query {by_query:.1e}, bake {by_bake:.1e} of {size:.1f}"
+    # Pixar's library computes in single precision; between samples it interpolates scales in half precision.
+    allowed = 1e-3 if kind == "scales that move" else 2e-6
+    assert by_bake < 2e-6 and by_query < allowed, f"query {by_query:.1e}, bake {by_bake:.1e} of {size:.1f}"
     report_figure(f"{kind}, .{ending}: {max(by_query, by_bake):.1e} of the character's size from Pixar's skinning")
 
 

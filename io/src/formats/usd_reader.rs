@@ -25,7 +25,7 @@ const SAME_SAMPLE: f64 = 1e-3;
 const UV: &str = "st";
 
 /// Meshes of a stage, read as one.
-pub struct UsdMesh {
+pub(super) struct UsdMesh {
     path: PathBuf,
     stage: Stage,
     objects: Vec<String>,
@@ -42,7 +42,7 @@ impl UsdMesh {
     ///
     /// # Errors
     /// The file or a layer that the meshes need is missing or damaged, the pattern is malformed, or fits no mesh that is rendered.
-    pub fn open(path: &Path, pattern: Option<&str>) -> Result<Self, IoError> {
+    pub(super) fn open(path: &Path, pattern: Option<&str>) -> Result<Self, IoError> {
         input_file::open(path)?;
         let stage = Stage::open(path)?;
         let about = stage.about();

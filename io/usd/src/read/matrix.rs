@@ -202,6 +202,16 @@ mod tests {
             linear[..12].copy_from_slice(&s);
             assert_close(&multiply(&linear, &from_quaternion(q)), &multiply(&scale(stretch), &turn));
             assert_close(&linear, &scale(stretch));
+            // Whatever the axes of the stretch are, it is symmetric.
+            let skewed = multiply(&scale([1., 2., 0.5]), &multiply(&turn, &scale(stretch)));
+            let (s, q) = stretch_and_rotation(&skewed);
+            assert_close(
+                &s.concat(),
+                &[s[0][0], s[1][0], s[2][0], s[0][1], s[1][1], s[2][1], s[0][2], s[1][2], s[2][2]],
+            );
+            let mut linear = IDENTITY;
+            (0..3).for_each(|row| linear[4 * row..4 * row + 3].copy_from_slice(&s[row]));
+            assert_close(&multiply(&linear, &from_quaternion(q)), &skewed);
         }
     }
 

@@ -165,7 +165,7 @@ impl Joints {
             Some(attribute) => reading.value(&attribute)?.as_ref().and_then(matrix).unwrap_or(IDENTITY),
             None => IDENTITY,
         };
-        let method = match inherited(reading, mesh, "skel:skinningMethod")? {
+        let method = match inherited(reading, mesh, "primvars:skel:skinningMethod")? {
             Some(attribute) => reading.value(&attribute)?.as_ref().and_then(word),
             None => None,
         };
