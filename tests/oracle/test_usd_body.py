@@ -10,7 +10,7 @@ import imath
 import numpy as np
 import pytest
 from alembic3d import Abc, AbcCoreAbstract, AbcGeom
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, Vt
 
 from conftest import program
 from judges import SHARED
@@ -122,6 +122,36 @@ def test_units_that_contradict_the_file_are_told(tmp_path):
     done = run(tmp_path, WOMAN / "body_lowres.usdc", '[units]\nlength = "cm"\nup = "Z"', command="check")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "the file says metres, Y up, and is read so" in done.stdout + done.stderr
+
+
+def test_a_body_that_ends_too_early_or_changes_its_points_is_refused_by_name(tmp_path):
+    done = run(tmp_path, WOMAN / "body_lowres.usdc", "", frames="90-120", command="check")
+    assert done.returncode == 65, done.stdout + done.stderr
+    assert 'body "woman"' in done.stdout + done.stderr
+    body = tmp_path / "body.usda"
+    points = ["[(0,0,0), (1,0,0), (0,1,0)]", "[(0,0,0), (1,0,0), (0,1,0), (1,1,1)]"]
+    body.write_text(
+        '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Y"\n)\ndef Mesh "m" {\n point3f[] points.timeSamples = {'
+        f" 0: {points[0]}, 2: {points[1]} }}\n int[] faceVertexCounts = [3]\n int[] faceVertexIndices = [0, 1, 2]\n}}"
+    )
+    done = run(tmp_path, body, "", command="check")
+    assert done.returncode == 65, done.stdout + done.stderr
+    assert "body.usda, /m), frame 2: 4 points, but there were 3 at the start" in done.stdout + done.stderr
+
+
+def test_a_small_layer_that_promises_gigabytes_is_refused(tmp_path):
+    """Samples that are alike are one array on disk, and would be as many in memory."""
+    body = tmp_path / "body.usdc"
+    stage = Usd.Stage.CreateNew(str(body))
+    mesh = UsdGeom.Mesh.Define(stage, "/still")
+    points = Vt.Vec3fArray.FromNumpy(np.random.default_rng(1).normal(size=(20_000, 3)).astype(np.float32))
+    for code in range(6000):
+        mesh.GetPointsAttr().Set(points, code)
+    stage.Save()
+    assert body.stat().st_size < 1_000_000
+    done = run(tmp_path, body, UNITS, command="check")
+    assert done.returncode == 65, done.stdout + done.stderr
+    assert "timeSamples of an attribute take 1440 MB" in done.stdout + done.stderr
 
 
 def test_an_incomplete_stage_ends_the_command_with_the_exit_code_of_a_missing_file(tmp_path):

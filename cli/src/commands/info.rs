@@ -22,6 +22,7 @@ pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
         .or(find("timeCodesPerSecond"))
         .or(find("FramesPerTimeUnit"))
         .and_then(|(_, value)| value.parse().ok());
+    let fps = fps.filter(|fps: &f64| *fps > 0.0);
     summary.meshes.iter().for_each(|mesh| print_mesh(mesh, fps));
     for (path, kind) in &summary.others {
         say::line(format_args!("{path}: {kind}"));

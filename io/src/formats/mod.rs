@@ -113,7 +113,11 @@ pub fn open_mesh(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReade
         return Err(IoError::Format {
             path: path.to_owned(),
             what: format!("meshes are not read from .{extension} files"),
-            advice: format!("export it as one of {}", endings(|format| format.open.is_some())),
+            advice: match extension.to_lowercase().starts_with("usd") {
+                // Only a build without USD comes here with it.
+                true => "this program was built without USD: use one that `make build` makes, or export an .abc".into(),
+                false => format!("export it as one of {}", endings(|format| format.open.is_some())),
+            },
         });
     };
     open(path, pattern)

@@ -49,6 +49,12 @@ impl Mesh {
             ));
         }
         let skin = if skinnable { Skin::of(reading, &prim, notes)? } else { None };
+        let has_weights = || reading.ok(prim.attribute("primvars:skel:jointIndices").has_authored_value(), &prim);
+        if skin.as_ref().is_none_or(|skin| !skin.has_joints()) && has_weights()? {
+            notes.push(format!(
+                "{path} has joint weights that move nothing, in USD either: that takes a SkelRoot above it, SkelBindingAPI and a skeleton"
+            ));
+        }
         let point_codes = reading.times(&points)?;
         let transform = Transform::of(reading, &prim)?;
         let path = path.to_owned();

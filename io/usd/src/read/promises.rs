@@ -8,7 +8,7 @@ use openusd::ar::{AssetBuffer, SharedBuffer};
 use openusd::usdc::{CrateFile, MAGIC};
 
 /// Memory that one attribute of a layer may take when it is decoded, whatever the size of the layer [bytes].
-const ALWAYS: u64 = 32 << 20;
+const ALWAYS: u64 = if cfg!(fuzzing) { 32 << 20 } else { 1 << 30 };
 
 /// Beyond that, how many times the size of its layer one attribute may take.
 const TIMES_THE_LAYER: u64 = 64;
