@@ -141,20 +141,21 @@ impl Joints {
             Some(attribute) => reading.value(&attribute)?.as_ref().and_then(words),
             None => None,
         };
-        let count = named.as_ref().map_or(skeleton.joints.len(), Vec::len);
+        let place = |joint: &String| skeleton.joints.iter().position(|known| known == joint);
+        let of_mesh: Option<Vec<Option<usize>>> = named.as_ref().map(|named| named.iter().map(place).collect());
+        let count = of_mesh.as_ref().map_or(skeleton.joints.len(), Vec::len);
         let mut places = Vec::with_capacity(indices.len());
         for (number, index) in indices.iter().enumerate() {
-            let point = number / per_point;
             let index = usize::try_from(*index).ok().filter(|index| *index < count);
             let index = index.ok_or_else(|| {
+                let point = number / per_point;
                 bad(format!("point {point} follows joint {}, and there are {count} joints", indices[number]))
             })?;
-            places.push(match &named {
-                None => index,
-                Some(named) => {
-                    let place = skeleton.joints.iter().position(|joint| *joint == named[index]);
-                    place.ok_or_else(|| bad(format!("its joint {} is none of its skeleton", named[index])))?
+            places.push(match (&of_mesh, &named) {
+                (Some(of_mesh), Some(named)) => {
+                    of_mesh[index].ok_or_else(|| bad(format!("its joint {} is none of its skeleton", named[index])))?
                 }
+                _ => index,
             });
         }
         if let Some(number) = weights.iter().position(|weight| !weight.is_finite()) {
