@@ -125,6 +125,7 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
         Command::Check(args) => commands::check::check(args, &around()?),
         Command::Plan(args) => commands::plan::plan(args, &around()?),
         Command::Info(args) => commands::info::info(&args.file),
+        Command::Convert(args) => commands::convert::convert(args),
         Command::Verify(args) => commands::verify::verify(args),
         Command::Status(args) => commands::status::status(args),
         Command::Stop(args) => commands::stop::stop(args),

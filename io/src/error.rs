@@ -134,6 +134,16 @@ pub enum IoError {
         /// Who holds it now.
         taker: String,
     },
+    /// A file that is to be written is there already.
+    #[error(
+        "{}: this file exists already\n  \
+         help: choose another name, or replace it with --overwrite",
+        path.display()
+    )]
+    FileExists {
+        /// The file.
+        path: PathBuf,
+    },
     /// A cache would replace a file that the shot reads.
     #[error(
         "{}: this file is an input of the shot; writing the cache would destroy it\n  \
@@ -216,7 +226,7 @@ impl IoError {
         match self {
             Self::Missing { .. } | Self::Read { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
-            Self::OutputNotUtf8 { .. } => IoErrorKind::CannotCreate,
+            Self::OutputNotUtf8 { .. } | Self::FileExists { .. } => IoErrorKind::CannotCreate,
             Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
             Self::Write { .. } | Self::NoRoom { .. } => IoErrorKind::Io,
             Self::NotAFile { .. } | Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,

@@ -72,6 +72,8 @@ pub struct MeshData {
     /// How the mesh is subdivided where it is rendered, in USD's words (`none`, `catmullClark`, …); `None` where the format does
     /// not say.
     pub subdivision: Option<String>,
+    /// The triangles that faces with more corners were cut into, where that is known; by the solver's rule otherwise.
+    pub triangles: Option<Vec<[u32; 3]>>,
 }
 
 impl MeshData {

@@ -45,7 +45,7 @@ const ROOMS: [&str; 32] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 22] = [
+const IO_ROOMS: [&str; 23] = [
     "error",
     "input_file",
     "atomic_file",
@@ -61,6 +61,7 @@ const IO_ROOMS: [&str; 22] = [
     "dump_file",
     "mesh_source",
     "cache_frames",
+    "convert",
     "checkpoint",
     "materials",
     "wind_file",

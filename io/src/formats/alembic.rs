@@ -284,6 +284,7 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
         uvs,
         face_sets: mesh.face_sets()?.into_iter().map(face_set).collect(),
         params,
+        subdivision: (mesh.object().schema() == Schema::SubD).then(|| "catmullClark".to_owned()),
         ..MeshData::default()
     })
 }

@@ -8,14 +8,19 @@ pub mod hdf5;
 mod obj;
 #[cfg(feature = "usd")]
 mod usd_reader;
+#[cfg(feature = "usd")]
+pub(crate) mod usd_writer;
 
-use std::path::Path;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 
 use crate::cache::{CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::file_summary::FileSummary;
 use crate::input_file;
 use crate::mesh_data::MeshReader;
+use crate::units::Units;
 
 /// Opens a mesh, or the objects of it whose path fits the pattern.
 pub type OpenMesh = fn(&Path, Option<&str>) -> Result<Box<dyn MeshReader>, IoError>;
@@ -33,6 +38,29 @@ pub type ResumeCache = fn(&Path, &CachePlan<'_>, &CacheMark) -> Result<Box<dyn C
 /// Looks into a file.
 pub type Summarise = fn(&Path) -> Result<FileSummary, IoError>;
 
+/// The caches of a shot in one format.
+#[derive(Debug)]
+pub struct ShotFiles<'a> {
+    /// Name of the shot.
+    pub name: &'a str,
+    /// Units and up axis of the caches.
+    pub units: Units,
+    /// Frames per second.
+    pub fps: f64,
+    /// First and last frame that are complete in all of them.
+    pub frames: [i64; 2],
+    /// Garments and the names of their files, in the same folder.
+    pub caches: Vec<(&'a str, String)>,
+}
+
+/// One file that ties the caches of a shot together.
+pub struct ShotFormat {
+    /// Its extension, behind the name of the shot.
+    pub extension: &'static str,
+    /// Writes it, or replaces it as a whole.
+    pub write: fn(&Path, &ShotFiles<'_>) -> Result<(), IoError>,
+}
+
 /// A file format.
 pub struct Format {
     /// File name extension, which is also its word in the scene file.
@@ -47,6 +75,10 @@ pub struct Format {
     pub resume: Option<ResumeCache>,
     /// What a file of it holds.
     pub summary_of: Summarise,
+    /// The folder beside a cache that holds a part of it, if there is one.
+    pub folder_of: Option<fn(&Path) -> PathBuf>,
+    /// The file over all caches of a shot, if there is one.
+    pub shot: Option<ShotFormat>,
 }
 
 /// All formats.
@@ -58,6 +90,8 @@ pub static FORMATS: &[Format] = &[
         create: Some(|path, plan| Ok(Box::new(alembic_writer::AlembicWriter::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(alembic_writer::AlembicWriter::resume(path, plan, mark)?))),
         summary_of: alembic_summary::summary,
+        folder_of: None,
+        shot: None,
     },
     Format {
         extension: "obj",
@@ -66,6 +100,8 @@ pub static FORMATS: &[Format] = &[
         create: None,
         resume: None,
         summary_of: obj::summary,
+        folder_of: None,
+        shot: None,
     },
     Format {
         extension: "h5",
@@ -74,9 +110,17 @@ pub static FORMATS: &[Format] = &[
         create: Some(|path, plan| Ok(Box::new(hdf5::Hdf5Writer::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(hdf5::Hdf5Writer::resume(path, plan, mark)?))),
         summary_of: hdf5::summary,
+        folder_of: None,
+        shot: None,
     },
     #[cfg(feature = "usd")]
-    usd("usd", "USD, text or binary: bodies and garments in"),
+    Format {
+        create: Some(|path, plan| Ok(Box::new(usd_writer::UsdWriter::create(path, plan)))),
+        resume: Some(|path, plan, mark| Ok(Box::new(usd_writer::UsdWriter::resume(path, plan, mark)?))),
+        folder_of: Some(usd_writer::clips_of),
+        shot: Some(ShotFormat { extension: "usda", write: usd_writer::write_shot }),
+        ..usd("usd", "USD, text or binary: bodies and garments in; caches out, a layer over value clips")
+    },
     #[cfg(feature = "usd")]
     usd("usda", "USD as text: bodies and garments in"),
     #[cfg(feature = "usd")]
@@ -95,12 +139,36 @@ const fn usd(extension: &'static str, summary: &'static str) -> Format {
         create: None,
         resume: None,
         summary_of: usd_reader::summary,
+        folder_of: None,
+        shot: None,
     }
 }
 
 /// The format with this extension or word.
 pub fn by_extension(extension: &str) -> Option<&'static Format> {
     FORMATS.iter().find(|format| format.extension.eq_ignore_ascii_case(extension))
+}
+
+/// The folder that holds a part of a cache, if its format has one.
+pub fn folder_of(cache: &Path) -> Option<PathBuf> {
+    let extension = cache.extension().unwrap_or_default().to_string_lossy();
+    by_extension(&extension)?.folder_of.map(|folder_of| folder_of(cache))
+}
+
+/// Removes a folder with all that is in it, if it exists; of a link, the link.
+///
+/// # Errors
+/// The disk refuses.
+pub fn remove_folder(path: &Path) -> Result<(), IoError> {
+    let removed = match fs::symlink_metadata(path) {
+        Ok(about) if about.is_dir() => fs::remove_dir_all(path),
+        Ok(_) => fs::remove_file(path),
+        Err(e) => Err(e),
+    };
+    match removed {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(IoError::creating(path, e)),
+        _ => Ok(()),
+    }
 }
 
 /// Opens a mesh by the extension of its file.

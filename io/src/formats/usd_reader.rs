@@ -246,6 +246,7 @@ fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
         },
         material,
         subdivision: Some(subdivision),
+        triangles: None,
     }
 }
 
@@ -391,6 +392,7 @@ fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSum
         uvs: data.uvs.map(|uvs| (uvs.name, uvs.values.len())),
         face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),
         attributes: data.params.into_iter().map(|param| param.name).collect(),
+        velocities: stage.stored(0, first).is_ok_and(|stored| stored.velocities.is_some()),
         ..MeshSummary::default()
     })
 }

@@ -8,6 +8,7 @@ use drapery_core::scene::{Described, EffectRequest, PinTarget, SceneDescription,
 use drapery_core::settings::{Dimension, Field, SettingValue, Settings};
 
 use crate::error::IoError;
+use crate::formats::by_extension;
 use crate::garment_mesh::GarmentMesh;
 use crate::input_motion::{InputMotion, Preroll};
 use crate::mesh_data::MeshData;
@@ -89,6 +90,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         resolver.seam(seam, &Path::default().key("seam").index(index));
     }
     resolver.effects();
+    resolver.formats();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
     }
@@ -128,6 +130,7 @@ fn output(scene: &SceneFile) -> OutputDescription {
     let word = |format: &raw::Format| match format {
         raw::Format::Abc => "abc".to_owned(),
         raw::Format::H5 => "h5".to_owned(),
+        raw::Format::Usd => "usd".to_owned(),
     };
     OutputDescription {
         formats: output.format.iter().map(word).collect(),
@@ -283,6 +286,18 @@ impl Resolver<'_> {
     /// What the table at a path says by these rows, with their defaults.
     pub(super) fn settings(&self, path: &Path, fields: &[Field]) -> Settings {
         fields::settings(path.find(&self.scene.root), fields)
+    }
+
+    /// Formats that are not in this build of the program.
+    fn formats(&mut self) {
+        let words = output(self.scene).formats;
+        for (index, word) in words.iter().enumerate().filter(|(_, word)| by_extension(word).is_none()) {
+            self.error_with(
+                &Path::default().key("output").key("format").index(index),
+                format!("this program was built without the format \"{word}\""),
+                format!("build it with `make build`, or with --features {word} --ignore-rust-version"),
+            );
+        }
     }
 
     /// Requests of the tables, and those that bodies and pins imply.

@@ -3,5 +3,6 @@
 //! Nothing of `openusd` shows in what this crate offers: its interface is young and changes with every release
 //! (`docs/decisions/0018-usd.md`).
 
+pub mod cache;
 pub mod read;
 pub mod write;

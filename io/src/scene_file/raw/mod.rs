@@ -198,7 +198,7 @@ pub(in crate::scene_file) struct Spin {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(in crate::scene_file) struct Output {
-    /// Formats: "abc" (Alembic), "h5" (HDF5).
+    /// Formats: "abc" (Alembic), "h5" (HDF5), "usd" (USD).
     pub(in crate::scene_file) format: Vec<Format>,
     /// Whether velocities are stored, for motion blur.
     pub(in crate::scene_file) velocities: bool,
@@ -218,4 +218,6 @@ pub(in crate::scene_file) enum Format {
     Abc,
     /// HDF5.
     H5,
+    /// USD.
+    Usd,
 }

@@ -17,7 +17,7 @@ mod guard;
 mod matrix;
 mod mesh;
 mod primvars;
-mod promises;
+pub(crate) mod promises;
 mod session;
 mod skeleton;
 mod skin;
