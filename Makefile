@@ -5,10 +5,13 @@ SHELL := /bin/bash
 
 QUALITY ?= light
 TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
+# What the commands are built with. USD stands on a crate that asks for Rust 1.96 and is content with 1.95 (docs/decisions/0018-usd.md).
+FEATURES := --features drapery/mpi,drapery/usd --ignore-rust-version
 export DRAPERY := $(TARGET)/release/drapery
 export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
 export DRAPERY_BARE := $(TARGET)/bare
 export DRAPERY_CONFORMANCE := $(TARGET)/release/examples/conformance
+export DRAPERY_USD_POINTS := $(TARGET)/release/examples/usd_points
 
 .PHONY: help
 help: ## list the targets
@@ -20,7 +23,7 @@ setup: ## install what is missing: Debian packages and the Python environment .v
 
 .PHONY: build
 build: setup ## release build of the commands, their debug tables beside them in *.debug
-	cargo build --release --workspace --features drapery/mpi
+	cargo build --release --workspace $(FEATURES)
 	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
 
 .PHONY: demo
@@ -33,7 +36,7 @@ bare: setup ## what the proof that absent effects are free compares with: builds
 
 .PHONY: test
 test: bare build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
-	cargo test --release --workspace --features drapery/mpi
+	cargo test --release --workspace $(FEATURES)
 	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
 	$(TARGET)/release/examples/write_demo $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle --numprocesses 2 --dist loadfile --no-loadscope-reorder
@@ -85,6 +88,6 @@ build-times: setup ## how long builds take, from nothing and after a change in e
 .PHONY: lint
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check
-	cargo clippy --release --workspace --all-targets --features drapery/mpi -- -D warnings
+	cargo clippy --release --workspace --all-targets $(FEATURES) -- -D warnings
 	@cp Cargo.lock core/benches/Cargo.lock
 	cargo clippy --release --manifest-path core/benches/Cargo.toml --target-dir $(TARGET) --all-targets -- -D warnings

@@ -1,14 +1,16 @@
 //! Would other applications load these caches, and does cloth pass through cloth? The rules of the hand-off, checked on
-//! every frame of Alembic files, ours or foreign: finite positions, constant topology, uniform times, velocities per
+//! every frame of Alembic files, ours or foreign, and of USD caches of ours: finite positions, constant topology, uniform times, velocities per
 //! second that agree with the motion, true bounds; and no crossing, of a mesh with itself or with another.
 
 mod crossings;
 mod recorded;
+mod stage;
 
 use std::path::Path;
 
 use drapery_alembic::{Archive, PolyMesh, Samples, SamplingKind, TopologyVariance};
 use drapery_core::Vec3;
+use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
 use drapery_io::formats;
 use drapery_io::input_file;
@@ -37,6 +39,8 @@ struct Cache {
     /// What its messages begin with; empty when there is one file only.
     prefix: String,
     meshes: Vec<PolyMesh>,
+    /// A cache in USD, which holds no archive's meshes.
+    stage: Option<CacheFrames>,
     fps: Option<f64>,
 }
 
@@ -74,6 +78,9 @@ fn prefix_of(path: &Path, all: &[&Path]) -> String {
 /// Opens a file and checks the rules that concern it alone.
 fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<Cache, IoError> {
     input_file::open(path)?;
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("usd")) {
+        return stage::verify_file(path, prefix, found);
+    }
     let archive = Archive::open(path)?;
     let meshes = PolyMesh::all(&archive)?;
     if meshes.is_empty() {
@@ -86,7 +93,7 @@ fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<
     if fps.is_none() {
         found.warnings.push(format!("{prefix}the archive does not say its frame rate; the application has to be told"));
     }
-    let cache = Cache { prefix, meshes, fps };
+    let cache = Cache { prefix, meshes, stage: None, fps };
     for mesh in &cache.meshes {
         verify_mesh(mesh, &cache.name_of(mesh), fps, found);
     }
@@ -240,25 +247,33 @@ impl MeshCheck<'_> {
                 Err(error) => return self.fail(error),
             }
         }
-        let motion = &self.motion;
-        if motion.compared == 0 || motion.seen_by_seen == 0.0 {
-            return;
-        }
-        let ratio = motion.stored_by_seen / motion.seen_by_seen;
-        self.found.facts.push(format!("{}: velocities are {ratio:.3} times the motion between frames", self.path));
-        if !VELOCITY_RATIO.contains(&ratio) {
-            self.fail(format_args!(
-                "velocities are {ratio:.4} times the motion; they have to be per second, in file units"
-            ));
-        }
+        self.motion.judge(self.path, self.found);
     }
 }
 
 impl Motion {
+    /// Says what the velocities of a mesh are to its motion.
+    fn judge(&self, path: &str, found: &mut Verification) {
+        if self.compared == 0 || self.seen_by_seen == 0.0 {
+            return;
+        }
+        let ratio = self.stored_by_seen / self.seen_by_seen;
+        found.facts.push(format!("{path}: velocities are {ratio:.3} times the motion between frames"));
+        if !VELOCITY_RATIO.contains(&ratio) {
+            let what = format!("velocities are {ratio:.4} times the motion; they have to be per second, in file units");
+            found.failures.push(format!("{path}: {what}"));
+        }
+    }
+
     /// Adds sample `index`, whose neighbours are given. A sample without fitting velocities is reported elsewhere.
     fn add(&mut self, mesh: &PolyMesh, index: usize, before: &[[f32; 3]], after: &[[f32; 3]]) {
         let span = mesh.time(index + 1) - mesh.time(index - 1);
         let Ok(Some(velocities)) = mesh.velocities(index) else { return };
+        self.compare(&velocities, [before, after], span);
+    }
+
+    /// Adds velocities and the positions before and after them, which lie so far apart in time [s].
+    fn compare(&mut self, velocities: &[[f32; 3]], [before, after]: [&[[f32; 3]]; 2], span: f64) {
         for ((v, p), q) in velocities.iter().zip(before).zip(after) {
             let vector = |x: &[f32; 3]| Vec3::from(x.map(f64::from));
             let seen = (vector(q) - vector(p)) / span;

@@ -12,6 +12,7 @@ use drapery_core::effects::{self, LISTED};
 use drapery_core::observe::Tracepoint;
 use drapery_io::checkpoint::Every;
 use drapery_io::duration::parse_duration;
+use drapery_io::units::{LengthUnit, UpAxis};
 use drapery_shot::run::Resume;
 
 use crate::exit_code;
@@ -21,6 +22,7 @@ static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
     let built = LISTED.iter().filter(|(name, _)| effects::find(name).is_some());
     let mut features: Vec<&str> = built.filter_map(|(_, feature)| *feature).collect();
     features.extend(cfg!(feature = "mpi").then_some("mpi"));
+    features.extend(cfg!(feature = "usd").then_some("usd"));
     format!("{}\nfeatures: {}", env!("CARGO_PKG_VERSION"), features.join(" "))
 });
 
@@ -62,6 +64,8 @@ pub(crate) enum Command {
     Plan(PlanArgs),
     /// Show what a mesh or cache file holds
     Info(FileArgs),
+    /// Write a cache in another format, with other frames, or in another unit or axis
+    Convert(ConvertArgs),
     /// Check that caches can be loaded by other applications and that cloth does not pass through cloth
     Verify(VerifyArgs),
     /// Show how far a run is: frames, rate, time left, last checkpoint; reads only
@@ -213,13 +217,43 @@ pub(crate) struct FileArgs {
     pub(crate) file: PathBuf,
 }
 
+/// Arguments of `convert`.
+///
+/// The cache goes through frame by frame; faces, texture coordinates, face sets and other attributes go with it. Numbers are
+/// copied where unit and axis stay.
+#[derive(Debug, Args)]
+pub(crate) struct ConvertArgs {
+    /// A cache (.abc, .h5 or .usd)
+    pub(crate) from: PathBuf,
+    /// The new cache; its extension says the format
+    pub(crate) to: PathBuf,
+    /// Path of the mesh, where the cache holds several
+    #[arg(long, value_name = "PATH")]
+    pub(crate) object: Option<String>,
+    /// Frames to take, for example 1001-1100 [default: all]
+    #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
+    pub(crate) frames: Option<FrameRange>,
+    /// Unit of the new cache: m, cm, mm, in or ft [default: that of the old one]
+    #[arg(long, value_name = "UNIT", value_parser = parse_length)]
+    pub(crate) length: Option<LengthUnit>,
+    /// Up axis of the new cache: Y or Z [default: that of the old one]
+    #[arg(long, value_name = "AXIS", value_parser = parse_up)]
+    pub(crate) up: Option<UpAxis>,
+    /// Frame rate, for example 24 or 24000/1001, where the cache does not tell it
+    #[arg(long, value_name = "RATE", value_parser = parse_rate)]
+    pub(crate) fps: Option<(u32, u32)>,
+    /// Replace a file that is there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
 /// Arguments of `verify`.
 ///
 /// Crossings are decided without rounding, on the positions as they are stored: edges that pass through a triangle of the
 /// same mesh or of another, or touch one with which they share no point. Give the garments of a shot together.
 #[derive(Debug, Args)]
 pub(crate) struct VerifyArgs {
-    /// Alembic caches that belong together; with --record also HDF5 caches
+    /// Alembic or USD caches that belong together; with --record also HDF5 caches
     #[arg(required_unless_present = "record", value_name = "CACHE")]
     pub(crate) files: Vec<PathBuf>,
     /// Also compare every frame with the record of the run in this folder, or, without caches, nothing but that for all of its
@@ -253,7 +287,7 @@ pub(crate) struct StopArgs {
 /// Arguments of `diff`.
 #[derive(Debug, Args)]
 pub(crate) struct DiffArgs {
-    /// A cache (.abc or .h5), a checkpoint, or the folder of a run
+    /// A cache (.abc, .h5 or .usd), a checkpoint, or the folder of a run
     pub(crate) a: PathBuf,
     /// What it is compared with; caches may be of different formats and units
     pub(crate) b: PathBuf,
@@ -428,6 +462,32 @@ fn parse_frames(text: &str) -> Result<FrameRange, String> {
         return Err(format!("the last frame, {last}, comes before the first, {first}"));
     }
     Ok(FrameRange { first, last })
+}
+
+/// Reads the word of a unit.
+fn parse_length(text: &str) -> Result<LengthUnit, String> {
+    let found = LengthUnit::ALL.into_iter().find(|unit| unit.word() == text);
+    found.ok_or_else(|| {
+        let words: Vec<&str> = LengthUnit::ALL.iter().map(|unit| unit.word()).collect();
+        format!("`{text}` is no unit: there are {}", words.join(", "))
+    })
+}
+
+/// Reads an axis.
+fn parse_up(text: &str) -> Result<UpAxis, String> {
+    match text {
+        "Y" | "y" => Ok(UpAxis::Y),
+        "Z" | "z" => Ok(UpAxis::Z),
+        _ => Err(format!("`{text}` is no up axis: there are Y and Z")),
+    }
+}
+
+/// Reads a frame rate, a number or a fraction.
+fn parse_rate(text: &str) -> Result<(u32, u32), String> {
+    let (numerator, denominator) = text.split_once('/').unwrap_or((text, "1"));
+    let number = |word: &str| word.parse::<u32>().ok().filter(|number| *number > 0);
+    let wrong = || format!("`{text}` is no frame rate: write 24, or a fraction such as 24000/1001");
+    number(numerator).zip(number(denominator)).ok_or_else(wrong)
 }
 
 /// Reads `10s/frame`.

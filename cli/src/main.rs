@@ -52,6 +52,7 @@ fn main() -> std::process::ExitCode {
             return failure.code.into();
         }
     };
+    pass_answers();
     let cli = match parsed {
         Ok(cli) => cli,
         Err(message) => {
@@ -78,6 +79,16 @@ fn main() -> std::process::ExitCode {
         signals::end_by_term();
     }
     ended.code.into()
+}
+
+/// Lets panics pass that are the answer of a reader to a damaged file: the error that comes of them is told.
+fn pass_answers() {
+    let tells = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !drapery_io::formats::answers_panics() {
+            tells(panic);
+        }
+    }));
 }
 
 /// Prints what is wrong with the command line; help and version come here too, and go to standard output.
@@ -114,6 +125,7 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
         Command::Check(args) => commands::check::check(args, &around()?),
         Command::Plan(args) => commands::plan::plan(args, &around()?),
         Command::Info(args) => commands::info::info(&args.file),
+        Command::Convert(args) => commands::convert::convert(args),
         Command::Verify(args) => commands::verify::verify(args),
         Command::Status(args) => commands::status::status(args),
         Command::Stop(args) => commands::stop::stop(args),

@@ -1,20 +1,25 @@
-//! Reading caches back, frame by frame: what comparisons and pages need of an Alembic or HDF5 file, in metres with Y up
+//! Reading caches back, frame by frame: what comparisons and pages need of an Alembic, HDF5 or USD file, in metres with Y up
 //! whatever the file's own unit and axis are.
 //!
 //! Nothing is kept in memory but the frame that is asked for, and a file that is still being written may be read: only
 //! frames that are complete are listed.
+
+#[cfg(feature = "usd")]
+pub(crate) mod usd;
 
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{Archive, Bounds, IDENTITY, PolyMesh, Samples};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
+use globset::escape;
 
 use crate::error::IoError;
 use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
 use crate::formats::hdf5::stored;
+use crate::formats::open_mesh;
 use crate::input_file;
-use crate::mesh_data::Connectivity;
+use crate::mesh_data::{Connectivity, MeshData, Uvs};
 use crate::units::{LengthUnit, Units, UpAxis};
 
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
@@ -74,10 +79,13 @@ enum Stored {
     Alembic(Archive, Vec<PolyMesh>, Option<Samples>),
     /// The file, and what its positions are counted from.
     Hdf5(hdf5::File, [f64; 3]),
+    /// The layer, and what of it does not move.
+    #[cfg(feature = "usd")]
+    Usd(Box<drapery_usd::cache::Cache>),
 }
 
 impl CacheFrames {
-    /// Opens an `.abc` or `.h5` cache.
+    /// Opens an `.abc`, `.h5` or `.usd` cache.
     ///
     /// # Errors
     /// The file is missing, damaged, of another format, or holds no mesh.
@@ -98,10 +106,12 @@ impl CacheFrames {
                 input_file::check_for_hdf5(path)?;
                 Self::open_hdf5(path).map_err(|source| not_a_cache(path, &source))
             }
+            #[cfg(feature = "usd")]
+            "usd" => Self::open_usd(path),
             _ => Err(IoError::Format {
                 path: path.to_owned(),
                 what: format!("files of the kind .{extension} are no caches"),
-                advice: "give an .abc or .h5 file".into(),
+                advice: "give an .abc, .h5 or .usd file".into(),
             }),
         }
     }
@@ -111,9 +121,24 @@ impl CacheFrames {
         &self.path
     }
 
+    /// Unit and axes of the file.
+    pub fn units(&self) -> Units {
+        self.units
+    }
+
     /// Its meshes, in the order of their paths.
     pub fn meshes(&self) -> &[CacheMesh] {
         &self.meshes
+    }
+
+    /// Frames a second, if the file tells.
+    pub fn fps(&self) -> Option<f64> {
+        match &self.stored {
+            Stored::Alembic(archive, ..) => archive.frames_per_second_hint(),
+            Stored::Hdf5(file, _) => file.attr("fps").and_then(|fps| fps.read_scalar()).ok(),
+            #[cfg(feature = "usd")]
+            Stored::Usd(cache) => Some(cache.fps),
+        }
     }
 
     /// Positions of a sample of a mesh [m], Y up.
@@ -129,6 +154,11 @@ impl CacheFrames {
             Stored::Hdf5(file, origin) => {
                 let world = |p: [f32; 3]| Vec3::from(p.map(f64::from)) + Vec3::from(*origin);
                 Ok(self.rows(file, "positions", sample)?.into_iter().map(|p| self.units.to_si(world(p))).collect())
+            }
+            #[cfg(feature = "usd")]
+            Stored::Usd(cache) => {
+                let world = |p: [f32; 3]| Vec3::from(p.map(f64::from)) + Vec3::from(cache.still.origin);
+                Ok(usd::frame(cache, sample)?.points.into_iter().map(|p| self.units.to_si(world(p))).collect())
             }
         }
     }
@@ -149,6 +179,8 @@ impl CacheFrames {
                 (origin, meshes[mesh].positions(sample)?)
             }
             Stored::Hdf5(file, origin) => (*origin, self.rows(file, "positions", sample)?),
+            #[cfg(feature = "usd")]
+            Stored::Usd(cache) => (cache.still.origin, usd::frame(cache, sample)?.points),
         };
         Ok(Some(StoredPositions { units: self.units, origin, points }))
     }
@@ -170,6 +202,8 @@ impl CacheFrames {
                 let positions = self.rows(file, "positions", sample)?;
                 Ok(StoredFrame { positions, velocities, crossings, has_bounds_of_points: true })
             }
+            #[cfg(feature = "usd")]
+            Stored::Usd(cache) => usd::stored_frame(cache, sample),
         }
     }
 
@@ -182,6 +216,8 @@ impl CacheFrames {
         match &self.stored {
             Stored::Alembic(archive, ..) => Ok(archive.check_constants()?),
             Stored::Hdf5(..) => Ok(()),
+            #[cfg(feature = "usd")]
+            Stored::Usd(cache) => usd::check_constants(cache),
         }
     }
 
@@ -201,6 +237,51 @@ impl CacheFrames {
                 Ok(Some(rates.into_iter().map(|v| self.units.to_si(Vec3::from(v.map(f64::from)))).collect()))
             }
             Stored::Hdf5(..) => Ok(None),
+            #[cfg(feature = "usd")]
+            Stored::Usd(cache) => {
+                let rates = usd::frame(cache, sample)?.velocities;
+                let si = |v: [f32; 3]| self.units.to_si(Vec3::from(v.map(f64::from)));
+                Ok(rates.map(|rates| rates.into_iter().map(si).collect()))
+            }
+        }
+    }
+
+    /// Faces, texture coordinates and what else of a mesh is the same in all frames; without points.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub fn attributes(&self, mesh: usize) -> Result<MeshData, IoError> {
+        let described = &self.meshes[mesh];
+        let faces = described.faces.clone();
+        let polygons =
+            PolygonMesh { points: Vec::new(), face_counts: faces.face_counts, face_indices: faces.face_indices };
+        let plain = MeshData { object_path: described.name.clone(), ..MeshData::new(polygons) };
+        match &self.stored {
+            Stored::Alembic(_, meshes, _) => {
+                let reader = open_mesh(&self.path, Some(&escape(&described.name)))?;
+                reader.mesh_at(meshes[mesh].times().first().copied().unwrap_or(0.0))
+            }
+            Stored::Hdf5(file, _) if file.link_exists("uv_values") => {
+                let read = || -> hdf5::Result<Uvs> {
+                    let values = stored::dataset::<2>(file, "uv_values")?.0.read_raw::<f32>()?;
+                    let indices = stored::values(file, "uv_indices")?;
+                    Ok(Uvs { name: String::new(), values: values.as_chunks().0.to_vec(), indices })
+                };
+                let uvs = read().map_err(|source| not_a_cache(&self.path, &source))?;
+                let fits = uvs.indices.len() == plain.mesh.face_indices.len()
+                    && uvs.indices.iter().all(|index| (*index as usize) < uvs.values.len());
+                if !fits {
+                    let what = "the texture coordinates do not fit the faces";
+                    return Err(IoError::data(&self.path, "uv_indices", what, "it is damaged; copy it again"));
+                }
+                Ok(MeshData { uvs: Some(uvs), ..plain })
+            }
+            Stored::Hdf5(..) => Ok(plain),
+            #[cfg(feature = "usd")]
+            Stored::Usd(cache) => {
+                let reader = open_mesh(&self.path, Some(&escape(&described.name)))?;
+                reader.mesh_at(cache.frames[0] as f64 / cache.fps)
+            }
         }
     }
 
@@ -217,6 +298,12 @@ impl CacheFrames {
         let meshes = stored.iter().map(|mesh| alembic_mesh(mesh, fps)).collect::<Result<_, _>>()?;
         let bounds = archive.bounds()?;
         Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(archive, stored, bounds) })
+    }
+
+    #[cfg(feature = "usd")]
+    fn open_usd(path: &Path) -> Result<Self, IoError> {
+        let (cache, units, mesh) = usd::open(path)?;
+        Ok(Self { path: path.to_owned(), units, meshes: vec![mesh], stored: Stored::Usd(Box::new(cache)) })
     }
 
     fn open_hdf5(path: &Path) -> hdf5::Result<Self> {
@@ -324,18 +411,23 @@ pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
     let faces = mesh.faces(0).ok()?;
     let mut corners = faces.face_indices;
     reverse(&faces.face_counts, &mut corners);
+    Some(cut(&faces.face_counts, &corners, points))
+}
+
+/// Faces cut into triangles by the solver's rule.
+fn cut(face_counts: &[u32], corners: &[u32], points: &[Vec3]) -> Vec<[u32; 3]> {
     let mut polygons = PolygonMesh { points: points.to_vec(), ..PolygonMesh::default() };
     let mut start = 0;
-    for count in faces.face_counts {
-        let face = &corners[start..start + count as usize];
-        start += count as usize;
+    for count in face_counts {
+        let face = &corners[start..start + *count as usize];
+        start += *count as usize;
         // Points and lines among the faces cross nothing.
         if face.len() > 2 {
-            polygons.face_counts.push(count);
+            polygons.face_counts.push(*count);
             polygons.face_indices.extend(face);
         }
     }
-    Some(polygons.triangulate().0)
+    polygons.triangulate().0
 }
 
 /// Frame numbers of samples, or sample numbers where times are not those of whole frames.

@@ -134,6 +134,16 @@ pub enum IoError {
         /// Who holds it now.
         taker: String,
     },
+    /// A file that is to be written is there already.
+    #[error(
+        "{}: this file exists already\n  \
+         help: choose another name, or replace it with --overwrite",
+        path.display()
+    )]
+    FileExists {
+        /// The file.
+        path: PathBuf,
+    },
     /// A cache would replace a file that the shot reads.
     #[error(
         "{}: this file is an input of the shot; writing the cache would destroy it\n  \
@@ -177,6 +187,10 @@ pub enum IoError {
     /// An Alembic archive could not be read or written.
     #[error(transparent)]
     Alembic(#[from] AlembicError),
+    /// A stage could not be read.
+    #[cfg(feature = "usd")]
+    #[error(transparent)]
+    UsdRead(#[from] drapery_usd::read::UsdError),
     /// The HDF5 library refused.
     #[error(
         "{}: HDF5: {source}\n  \
@@ -212,7 +226,7 @@ impl IoError {
         match self {
             Self::Missing { .. } | Self::Read { .. } | Self::NoRun { .. } => IoErrorKind::MissingInput,
             Self::Create { .. } | Self::OutputExists { .. } | Self::OutputIsInput { .. } => IoErrorKind::CannotCreate,
-            Self::OutputNotUtf8 { .. } => IoErrorKind::CannotCreate,
+            Self::OutputNotUtf8 { .. } | Self::FileExists { .. } => IoErrorKind::CannotCreate,
             Self::Locked { .. } | Self::LockLost { .. } => IoErrorKind::CannotCreate,
             Self::Write { .. } | Self::NoRoom { .. } => IoErrorKind::Io,
             Self::NotAFile { .. } | Self::Data { .. } | Self::Format { .. } => IoErrorKind::BadInput,
@@ -220,6 +234,11 @@ impl IoError {
             Self::Alembic(AlembicError::Io { .. }) => IoErrorKind::Io,
             Self::Alembic(AlembicError::Refused { .. } | AlembicError::TimeSampling { .. }) => IoErrorKind::Internal,
             Self::Alembic(_) => IoErrorKind::BadInput,
+            #[cfg(feature = "usd")]
+            Self::UsdRead(error) => match error.kind {
+                drapery_usd::read::UsdErrorKind::Missing => IoErrorKind::MissingInput,
+                drapery_usd::read::UsdErrorKind::BadInput => IoErrorKind::BadInput,
+            },
             Self::Hdf5 { .. } => IoErrorKind::CannotCreate,
         }
     }

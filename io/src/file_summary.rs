@@ -41,6 +41,8 @@ pub struct MeshSummary {
     pub attributes: Vec<String>,
     /// Whether velocities are stored.
     pub velocities: bool,
+    /// Why it cannot be read, if so; the rest is then empty.
+    pub problem: Option<String>,
 }
 
 /// Faces with three, four, and more corners.

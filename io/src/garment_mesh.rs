@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use drapery_core::Vec3;
-use drapery_core::mesh::{MeshStream, PolygonMesh};
+use drapery_core::mesh::MeshStream;
 use drapery_core::setup::simulated_triangles;
 use sha2::{Digest, Sha256};
 
@@ -167,8 +167,9 @@ impl Seen {
 }
 
 /// The triangles that are simulated, where they are not just the faces.
-pub(crate) fn told(mesh: &PolygonMesh) -> Option<Vec<[u32; 3]>> {
-    let triangles = simulated_triangles(mesh);
+pub(crate) fn told(data: &MeshData) -> Option<Vec<[u32; 3]>> {
+    let mesh = &data.mesh;
+    let triangles = data.triangles.clone().unwrap_or_else(|| simulated_triangles(mesh));
     let are_faces = mesh.face_counts.len() == triangles.len() && mesh.face_counts.iter().all(|count| *count == 3);
     (!are_faces).then_some(triangles)
 }

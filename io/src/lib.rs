@@ -7,6 +7,7 @@ pub mod atomic_file;
 pub mod cache;
 pub mod cache_frames;
 pub mod checkpoint;
+pub mod convert;
 pub mod dump_file;
 pub mod duration;
 pub mod error;

@@ -4,11 +4,14 @@
 //! counter-clockwise seen from outside everywhere in the program; formats that store them the other way round are
 //! reversed on reading and again on writing.
 
+use std::path::PathBuf;
+
 pub use drapery_alembic::{DataType, PodType, Scope};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 
 use crate::error::IoError;
+use crate::units::StatedUnits;
 
 /// Texture coordinates: a list of values, and for every face corner which value it has.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -28,6 +31,8 @@ pub struct FaceSet {
     pub name: String,
     /// Face numbers, ascending.
     pub faces: Vec<u32>,
+    /// Path of the material that they are bound to, in a format that has such paths.
+    pub material: Option<String>,
 }
 
 /// An attribute of a mesh that is handed through from the source file to the output, value by value.
@@ -62,6 +67,13 @@ pub struct MeshData {
     pub face_sets: Vec<FaceSet>,
     /// Other attributes, passed through as they are.
     pub params: Vec<MeshParam>,
+    /// Path of the material that the mesh is bound to, in a format that has such paths.
+    pub material: Option<String>,
+    /// How the mesh is subdivided where it is rendered, in USD's words (`none`, `catmullClark`, …); `None` where the format does
+    /// not say.
+    pub subdivision: Option<String>,
+    /// The triangles that faces with more corners were cut into, where that is known; by the solver's rule otherwise.
+    pub triangles: Option<Vec<[u32; 3]>>,
 }
 
 impl MeshData {
@@ -124,4 +136,19 @@ pub trait MeshReader: Send {
     /// # Errors
     /// The file cannot be read or contradicts itself.
     fn connectivity_at(&self, time: f64) -> Result<Option<Connectivity>, IoError>;
+
+    /// What the file says about its units; `None` for formats that have no place for it.
+    fn stated_units(&self) -> Option<StatedUnits> {
+        None
+    }
+
+    /// Other files that were read with it.
+    fn other_files(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
+    /// What somebody may want to know of the chosen objects, a sentence each.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
 }

@@ -7,7 +7,7 @@ use drapery_core::Vec3;
 use crate::error::IoError;
 use crate::formats;
 use crate::mesh_data::{Connectivity, MeshData, MeshReader};
-use crate::units::Units;
+use crate::units::{InputUnits, StatedUnits};
 
 /// Times closer than this share of a sample step are the same: programs round frame / fps differently.
 const SAME_SAMPLE: f64 = 1e-3;
@@ -15,7 +15,7 @@ const SAME_SAMPLE: f64 = 1e-3;
 /// An opened mesh file, or the objects chosen in it, converted to metres with Y up.
 pub struct MeshSource {
     path: PathBuf,
-    units: Units,
+    units: InputUnits,
     reader: Box<dyn MeshReader>,
 }
 
@@ -31,8 +31,32 @@ impl MeshSource {
     ///
     /// # Errors
     /// The file is missing, damaged or of an unknown format, or the pattern fits no mesh.
-    pub fn open(path: &Path, pattern: Option<&str>, units: Units) -> Result<Self, IoError> {
-        Ok(Self { path: path.to_owned(), units, reader: formats::open_mesh(path, pattern)? })
+    pub fn open(path: &Path, pattern: Option<&str>, units: impl Into<InputUnits>) -> Result<Self, IoError> {
+        Ok(Self { path: path.to_owned(), units: units.into(), reader: formats::open_mesh(path, pattern)? })
+    }
+
+    /// [`MeshSource::open`] for a file that may state its units itself; `choose` is given what it states, `None` for formats
+    /// without units, and gives the units to read it in.
+    ///
+    /// # Errors
+    /// As [`MeshSource::open`]. `None` if `choose` gives none.
+    pub fn open_stating(
+        path: &Path,
+        pattern: Option<&str>,
+        choose: impl FnOnce(Option<StatedUnits>) -> Option<InputUnits>,
+    ) -> Result<Option<Self>, IoError> {
+        let reader = formats::open_mesh(path, pattern)?;
+        Ok(choose(reader.stated_units()).map(|units| Self { path: path.to_owned(), units, reader }))
+    }
+
+    /// Other files that belong to it: layers of a stage.
+    pub fn other_files(&self) -> Vec<PathBuf> {
+        self.reader.other_files()
+    }
+
+    /// What somebody may want to know of it, object by object.
+    pub fn notes(&self) -> Vec<String> {
+        self.reader.notes()
     }
 
     /// The file.
@@ -41,7 +65,7 @@ impl MeshSource {
     }
 
     /// Units and up axis of the file.
-    pub fn units(&self) -> Units {
+    pub fn units(&self) -> InputUnits {
         self.units
     }
 
@@ -158,7 +182,7 @@ impl MeshSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::{LengthUnit, UpAxis};
+    use crate::units::{LengthUnit, Units, UpAxis};
 
     #[test]
     fn an_obj_in_centimetres_with_z_up_arrives_in_metres_with_y_up() {

@@ -91,11 +91,7 @@ impl Units {
 
     /// A position or a displacement of the file as one in metres, Y up. Also turns a velocity per second.
     pub fn to_si(self, vector: Vec3) -> Vec3 {
-        let turned = match self.up {
-            UpAxis::Y => vector,
-            UpAxis::Z => Vec3::new(vector.x, vector.z, -vector.y),
-        };
-        turned * self.length.metres()
+        turned_up(vector, self.up) * self.length.metres()
     }
 
     /// A position, displacement or velocity in metres, Y up, as one of the file: the inverse of [`Units::to_si`].
@@ -125,6 +121,116 @@ impl Units {
     }
 }
 
+/// Unit of length and up axis of an input file, whose unit may be any length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InputUnits {
+    /// Length of one unit [m].
+    pub metres: f64,
+    /// Axis that points up.
+    pub up: UpAxis,
+}
+
+impl From<Units> for InputUnits {
+    fn from(units: Units) -> Self {
+        Self { metres: units.length.metres(), up: units.up }
+    }
+}
+
+impl InputUnits {
+    /// A position or a displacement of the file as one in metres, Y up.
+    pub fn to_si(self, vector: Vec3) -> Vec3 {
+        turned_up(vector, self.up) * self.metres
+    }
+
+    /// The word for its unit of length, if there is one.
+    fn named(self) -> Option<LengthUnit> {
+        LengthUnit::ALL.into_iter().find(|unit| same_length(unit.metres(), self.metres))
+    }
+
+    /// Its unit of length in a sentence.
+    fn plural(self) -> String {
+        self.named().map_or_else(|| format!("units of {} m", self.metres), |unit| unit.plural().to_owned())
+    }
+}
+
+impl fmt::Display for InputUnits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {:?} up", self.plural(), self.up)
+    }
+}
+
+/// What a file says about its own units.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StatedUnits {
+    /// Length of one unit [m], if it says so.
+    pub metres: Option<f64>,
+    /// Axis that points up, if it says so.
+    pub up: Option<UpAxis>,
+}
+
+/// Whether two lengths are one, up to the rounding of programs that count in single precision.
+fn same_length(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-6 * b
+}
+
+/// Units of a file of a format that states them, [`UNSTATED`] where it does not, and a warning if somebody else has said otherwise.
+///
+/// `own` is what the scene says about this very file: it knows better than the file. `general` is what it says about all files:
+/// a file that speaks for itself knows better.
+pub fn decide(stated: StatedUnits, own: Option<Units>, general: Option<Units>) -> (InputUnits, Option<String>) {
+    let of_file = |rest: InputUnits| {
+        let metres = stated.metres.unwrap_or(rest.metres);
+        // 0.01 in single precision is meant as 0.01.
+        let metres =
+            LengthUnit::ALL.into_iter().map(LengthUnit::metres).find(|m| same_length(*m, metres)).unwrap_or(metres);
+        InputUnits { metres, up: stated.up.unwrap_or(rest.up) }
+    };
+    let differs = |said: Units| {
+        let said = InputUnits::from(said);
+        of_file(said) != said
+    };
+    match (own, general) {
+        (Some(own), _) if differs(own) => {
+            let file = of_file(own.into());
+            (own.into(), Some(format!("the file says {file}; it is read in {own}, as its `units` in the scene say")))
+        }
+        (Some(own), _) => (own.into(), None),
+        (None, Some(general)) => {
+            let file = of_file(general.into());
+            let warning = differs(general).then(|| {
+                format!("the file says {file}, and is read so, although [units] says {general}; if the file is wrong, write its `units`")
+            });
+            (file, warning)
+        }
+        (None, None) => {
+            let file = of_file(UNSTATED);
+            let missing = match (stated.metres, stated.up) {
+                (None, None) => "neither its unit of length nor its up axis",
+                (None, Some(_)) => "not its unit of length",
+                (Some(_), None) => "not its up axis",
+                (Some(_), Some(_)) => return (file, None),
+            };
+            (
+                file,
+                Some(format!(
+                    "the file says {missing}; it is read in {file}, USD's default; write `units` if that is wrong"
+                )),
+            )
+        }
+    }
+}
+
+/// What holds where a file of a format that states units does not state them: USD's default.
+pub const UNSTATED: InputUnits = InputUnits { metres: 0.01, up: UpAxis::Y };
+
+/// A vector of a file with Y up.
+fn turned_up(vector: Vec3, up: UpAxis) -> Vec3 {
+    match up {
+        UpAxis::Y => vector,
+        UpAxis::Z => Vec3::new(vector.x, vector.z, -vector.y),
+    }
+}
+
 impl fmt::Display for Units {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, {:?} up", self.length.plural(), self.up)
@@ -141,18 +247,18 @@ const PERSON: f64 = 1.7;
 ///
 /// `bounds` are the smallest and largest coordinates in metres after conversion from `units`. `None` when the largest
 /// extent is between 0.2 m and 20 m. The unit proposed is the one that brings the body nearest to a person's height.
-pub fn guess_problem(bounds: [Vec3; 2], units: Units) -> Option<String> {
+pub fn guess_problem(bounds: [Vec3; 2], units: InputUnits) -> Option<String> {
     let extent = (bounds[1] - bounds[0]).max();
     if PLAUSIBLE_BODY.contains(&extent) || !extent.is_finite() || extent <= 0.0 {
         return None;
     }
     let height = bounds[1].y - bounds[0].y;
-    let stored = extent / units.length.metres();
+    let stored = extent / units.metres;
     let miss = |unit: &LengthUnit| (stored * unit.metres() / PERSON).ln().abs();
     let likely = LengthUnit::ALL.into_iter().min_by(|a, b| miss(a).total_cmp(&miss(b))).unwrap_or_default();
     let size = if height > 0.0 && (height - extent).abs() < 1e-9 * extent { "high" } else { "across" };
-    let read_as = units.length.plural();
-    if PLAUSIBLE_BODY.contains(&(stored * likely.metres())) && likely != units.length {
+    let read_as = units.plural();
+    if PLAUSIBLE_BODY.contains(&(stored * likely.metres())) && Some(likely) != units.named() {
         return Some(format!(
             "it is {extent:.3} m {size} when read as {read_as}: looks like {}; set units.length = \"{}\"",
             likely.plural(),
@@ -182,13 +288,33 @@ mod tests {
 
     #[test]
     fn a_body_of_172_units_is_recognised_as_centimetres() {
-        let text = guess_problem(body(172.0), Units::SI).expect("172 m is not a person");
+        let text = guess_problem(body(172.0), Units::SI.into()).expect("172 m is not a person");
         assert_eq!(text, "it is 172.000 m high when read as metres: looks like centimetres; set units.length = \"cm\"");
         let centimetres = Units { length: LengthUnit::Centimetre, up: UpAxis::Y };
-        let text = guess_problem(body(0.0172), centimetres).expect("17 mm is not a person");
+        let text = guess_problem(body(0.0172), centimetres.into()).expect("17 mm is not a person");
         assert!(text.contains("units.length = \"m\""), "{text}");
-        assert_eq!(guess_problem(body(1.72), Units::SI), None);
-        assert_eq!(guess_problem(body(19.0), Units::SI), None);
-        assert!(guess_problem(body(1.0e7), Units::SI).is_some_and(|text| text.contains("check units.length")));
+        assert_eq!(guess_problem(body(1.72), Units::SI.into()), None);
+        assert_eq!(guess_problem(body(19.0), Units::SI.into()), None);
+        assert!(guess_problem(body(1.0e7), Units::SI.into()).is_some_and(|text| text.contains("check units.length")));
+    }
+
+    #[test]
+    fn a_file_that_states_its_units_is_believed_unless_the_scene_speaks_of_that_very_file() {
+        let centimetres = Units { length: LengthUnit::Centimetre, up: UpAxis::Z };
+        let stated = StatedUnits { metres: Some(0.009_999_999_776), up: Some(UpAxis::Z) };
+        assert_eq!(decide(stated, None, None), (centimetres.into(), None));
+        assert_eq!(decide(stated, None, Some(centimetres)), (centimetres.into(), None));
+        let (units, warning) = decide(stated, None, Some(Units::SI));
+        assert_eq!(units, centimetres.into());
+        assert!(warning.unwrap().contains("the file says centimetres, Z up, and is read so"));
+        let (units, warning) = decide(stated, Some(Units::SI), Some(centimetres));
+        assert_eq!(units, Units::SI.into());
+        assert!(warning.unwrap().contains("it is read in metres, Y up"));
+        // What it leaves open is said by the scene, or else by USD.
+        let half = StatedUnits { metres: Some(10.0), up: None };
+        assert_eq!(decide(half, None, Some(centimetres)).0, InputUnits { metres: 10.0, up: UpAxis::Z });
+        let (units, warning) = decide(StatedUnits::default(), None, None);
+        assert_eq!(units, UNSTATED);
+        assert!(warning.unwrap().contains("neither"));
     }
 }

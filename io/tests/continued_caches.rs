@@ -9,8 +9,9 @@ use drapery_alembic::{Archive, PodType, PolyMesh};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 use drapery_io::cache::{CacheFrame, CacheMark, CachePlan, CacheWriter};
+use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
-use drapery_io::formats::by_extension;
+use drapery_io::formats::{by_extension, folder_of, remove_folder};
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_data::{DataType, MeshData, MeshParam, Scope};
 use drapery_io::mesh_source::MeshSource;
@@ -18,7 +19,7 @@ use drapery_io::units::{LengthUnit, Units, UpAxis};
 
 const FIRST: i64 = 1001;
 const LAST: i64 = 1006;
-const FORMATS: [&str; 2] = ["abc", "h5"];
+const FORMATS: &[&str] = if cfg!(feature = "usd") { &["abc", "h5", "usd"] } else { &["abc", "h5"] };
 
 /// A quad, a pentagon and a triangle with UVs and face sets.
 const SOURCE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nv 3 0.5 0\nv 1.5 1.5 0\n\
@@ -75,7 +76,7 @@ impl Garment {
 
     fn create_as(&self, extension: &str, plan: &CachePlan<'_>) -> Box<dyn CacheWriter> {
         let path = self.path(extension);
-        let _ = fs::remove_file(&path); // of an earlier case
+        self.remove(extension); // of an earlier case
         (by_extension(extension).unwrap().create.unwrap())(&path, plan).unwrap()
     }
 
@@ -117,8 +118,27 @@ impl Garment {
         self.bytes(extension)
     }
 
+    /// Bytes of the file, and of what is in the folder that belongs to it, with their names.
     fn bytes(&self, extension: &str) -> Option<Vec<u8>> {
-        fs::read(self.path(extension)).ok()
+        let mut bytes = fs::read(self.path(extension)).ok()?;
+        let mut waiting: Vec<PathBuf> = folder_of(&self.path(extension)).into_iter().collect();
+        while let Some(path) = waiting.pop() {
+            bytes.extend(path.strip_prefix(self.folder.path()).unwrap().to_string_lossy().bytes());
+            if path.is_dir() {
+                let mut inside: Vec<PathBuf> =
+                    fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()).collect();
+                inside.sort();
+                waiting.extend(inside);
+            } else if path.exists() {
+                bytes.extend(fs::read(path).unwrap());
+            }
+        }
+        Some(bytes)
+    }
+
+    fn remove(&self, extension: &str) {
+        let _ = fs::remove_file(self.path(extension));
+        folder_of(&self.path(extension)).iter().for_each(|folder| remove_folder(folder).unwrap());
     }
 
     /// What a reader sees now: the frames.
@@ -138,6 +158,11 @@ fn frames_seen(path: &Path) -> i64 {
         assert_eq!(mesh.positions(last).unwrap().len(), 8);
         return mesh.sample_count() as i64;
     }
+    if path.extension().is_some_and(|extension| extension == "usd") {
+        let cache = CacheFrames::open(path).unwrap();
+        assert_eq!(cache.positions(0, 0).unwrap().len(), 8);
+        return cache.meshes()[0].frames.len() as i64;
+    }
     let file = hdf5::File::open(path).unwrap();
     assert_eq!(file.dataset("positions").unwrap().shape()[1..], [8, 3]);
     let marks = file.dataset("committed").unwrap().read_raw::<u8>().unwrap();
@@ -149,6 +174,11 @@ fn frames_seen(path: &Path) -> i64 {
 /// Leaves behind what a run killed in the middle of a write might: bytes of frames that are not complete.
 fn tear(path: &Path, complete: i64) {
     if !path.exists() {
+        return;
+    }
+    if let Some(folder) = folder_of(path) {
+        let clips = fs::read_dir(folder).unwrap().next().unwrap().unwrap().path();
+        fs::write(clips.join("1006.usdc.part"), b"half a clip").unwrap();
         return;
     }
     let mut places = Vec::new();
@@ -203,8 +233,9 @@ fn a_continued_cache_has_the_bytes_of_one_without_a_break() {
                 assert!(garment.bytes(extension) == whole, "{extension}: {kept} kept, {later} of take {take} behind");
             }
         }
-        assert_eq!(fs::read_dir(garment.folder.path()).unwrap().count(), 1, "no other file is left");
-        fs::remove_file(garment.path(extension)).unwrap();
+        let files = 1 + usize::from(folder_of(&garment.path(extension)).is_some());
+        assert_eq!(fs::read_dir(garment.folder.path()).unwrap().count(), files, "no other file is left");
+        garment.remove(extension);
     }
 }
 
@@ -331,14 +362,16 @@ fn expect_refusal(garment: &Garment, extension: &str, plan: &CachePlan<'_>, mark
     }
     assert!(garment.bytes(extension) == before, "{extension}, {expected}: the file was changed");
     let files = fs::read_dir(garment.folder.path()).unwrap().count();
-    assert_eq!(files, usize::from(before.is_some()), "{extension}, {expected}: another file appeared");
+    let own =
+        usize::from(before.is_some()) + usize::from(folder_of(&garment.path(extension)).is_some_and(|it| it.exists()));
+    assert_eq!(files, own, "{extension}, {expected}: another file appeared");
 }
 
 #[test]
 fn a_cache_that_is_missing_damaged_or_another_one_is_refused_and_left_alone() {
     let garment = Garment::new();
     let plan = garment.plan();
-    for extension in FORMATS {
+    for extension in ["abc", "h5"] {
         let path = garment.path(extension);
         let refused = |mark: &CacheMark, expected: &str| expect_refusal(&garment, extension, &plan, mark, expected);
         let mark = killed(&garment, extension, 3, 2, 0);
@@ -371,6 +404,43 @@ fn a_cache_that_is_missing_damaged_or_another_one_is_refused_and_left_alone() {
         fs::remove_file(&path).unwrap();
         refused(&mark, "missing");
     }
+}
+
+#[cfg(feature = "usd")]
+#[test]
+fn a_usd_cache_whose_files_are_missing_or_changed_is_refused_and_left_alone() {
+    let garment = Garment::new();
+    let plan = garment.plan();
+    let mark = killed(&garment, "usd", 3, 2, 0);
+    let refused = |mark: &CacheMark, expected: &str| expect_refusal(&garment, "usd", &plan, mark, expected);
+    let clips = folder_of(&garment.path("usd")).unwrap();
+    let clips = fs::read_dir(clips).unwrap().next().unwrap().unwrap().path();
+    let cases = [
+        ("1002.usdc", None, "the clip of frame 1002 is missing"),
+        ("1003.usdc", None, "the clip of this frame is missing"),
+        ("1003.usdc", Some(40), "not the one that was written"),
+        ("topology.usdc", Some(60), "no longer the one that was written"),
+        ("topology.usdc", None, "begun with other settings"),
+    ];
+    for (name, flipped, expected) in cases {
+        let path = clips.join(name);
+        let good = fs::read(&path).unwrap();
+        match flipped {
+            None => fs::remove_file(&path).unwrap(),
+            Some(place) => {
+                let mut bad = good.clone();
+                bad[place] ^= 1;
+                fs::write(&path, bad).unwrap();
+            }
+        }
+        refused(&mark, expected);
+        fs::write(&path, good).unwrap();
+    }
+    refused(&CacheMark { digest: "7".repeat(32), ..mark.clone() }, "not the one that was written");
+    refused(&CacheMark { last_frame: Some(1000), ..mark.clone() }, "begins at 1001");
+    refused(&CacheMark { file: "coat.usd".into(), ..mark.clone() }, "coat.usd");
+    fs::remove_file(garment.path("usd")).unwrap();
+    refused(&mark, "missing");
 }
 
 #[test]
@@ -411,13 +481,13 @@ fn a_cache_of_another_plan_is_refused_and_left_alone() {
     for extension in FORMATS {
         let mark = killed(&garment, extension, 3, 1, 0);
         plans.iter().for_each(|plan| expect_refusal(&garment, extension, plan, &mark, ""));
-        if extension == "abc" {
+        if *extension != "h5" {
             // HDF5 caches hold neither of them.
             expect_refusal(&garment, extension, &CachePlan { mesh: &no_params, ..plan.clone() }, &mark, "");
             expect_refusal(&garment, extension, &CachePlan { mesh: &no_sets, ..plan.clone() }, &mark, "");
         }
         assert!(garment.try_resume(extension, &plan, &mark).is_ok());
-        fs::remove_file(garment.path(extension)).unwrap();
+        garment.remove(extension);
     }
 }
 
@@ -430,7 +500,7 @@ fn a_program_that_has_a_cache_open_keeps_its_frames_while_the_run_goes_on_from_a
         let mark = writer.mark();
         garment.write_all(&mut *writer, 1004..=1006);
         drop(writer);
-        let before = garment.bytes(extension).unwrap();
+        let before = fs::read(garment.path(extension)).unwrap();
         let mut held = File::open(garment.path(extension)).unwrap();
         let mut writer = garment.resume(extension, &mark);
         (1004..=1005).for_each(|frame| garment.write(&mut *writer, frame, 1));

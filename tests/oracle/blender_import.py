@@ -1,4 +1,4 @@
-"""Blender as a judge: imports an Alembic file as an artist would, and writes what it shows at the given frames.
+"""Blender as a judge: imports an Alembic or USD file as an artist would, and writes what it shows at the given frames.
 
     python blender_import.py cache.abc answer.npz fps frame [frame ...]
 
@@ -23,7 +23,10 @@ def main():
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps = int(fps)
-    bpy.ops.wm.alembic_import(filepath=path, as_background_job=False, set_frame_range=True)
+    if path.endswith(".abc"):
+        bpy.ops.wm.alembic_import(filepath=path, as_background_job=False, set_frame_range=True)
+    else:
+        bpy.ops.wm.usd_import(filepath=path, set_frame_range=True)
     (thing,) = [thing for thing in bpy.data.objects if thing.type == "MESH"]
 
     positions, velocities = [], []

@@ -5,15 +5,17 @@ use drapery_core::effects::LISTED;
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
-const ALLOWED: [(&str, &[&str], &[&str]); 10] = [
+const ALLOWED: [(&str, &[&str], &[&str]); 11] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &[]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["serde_json", "tempfile"]),
+    ("io/usd", &["thiserror", "openusd"], &["serde_json", "tempfile"]),
     (
         "io",
         &[
             "drapery-core",
             "drapery-alembic",
+            "drapery-usd",
             "nalgebra",
             "thiserror",
             "serde",

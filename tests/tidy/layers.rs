@@ -46,7 +46,7 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 22] = [
+const IO_ROOMS: [&str; 23] = [
     "error",
     "input_file",
     "atomic_file",
@@ -62,6 +62,7 @@ const IO_ROOMS: [&str; 22] = [
     "dump_file",
     "mesh_source",
     "cache_frames",
+    "convert",
     "checkpoint",
     "materials",
     "wind_file",
@@ -113,11 +114,12 @@ const HELD: [Held; 4] = [
 ];
 
 /// Crates, each with those of the project that it may import; what is not listed may import none.
-const CRATES: [(&str, &[&str]); 10] = [
+const CRATES: [(&str, &[&str]); 11] = [
     ("core", &[]),
     ("core/mpi", &["drapery_core"]),
     ("io/alembic", &[]),
-    ("io", &["drapery_core", "drapery_alembic"]),
+    ("io/usd", &[]),
+    ("io", &["drapery_core", "drapery_alembic", "drapery_usd"]),
     ("shot", &["drapery_core", "drapery_alembic", "drapery_io"]),
     ("analysis", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
     ("cli", &["drapery_core", "drapery_io", "drapery_shot", "drapery_analysis", "drapery_mpi", "drapery_selftest"]),

@@ -7,10 +7,12 @@ mod caches;
 mod checkpoints;
 mod folders;
 
+use std::collections::BTreeSet;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use drapery_io::error::IoError;
+use drapery_io::formats;
 use drapery_io::input_file;
 use serde::Serialize;
 
@@ -142,7 +144,7 @@ pub fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<Comparison, IoError
 }
 
 fn compare_files(a: &Path, b: &Path, tolerance: f64) -> Result<PartComparison, IoError> {
-    if same_bytes(a, b)? {
+    if same_bytes(a, b)? && same_folders(a, b)? {
         return Ok(PartComparison::new(a, b, Verdict::ByteEqual));
     }
     match (checkpoints::is_checkpoint(a), checkpoints::is_checkpoint(b)) {
@@ -168,6 +170,37 @@ impl PartComparison {
             datasets: Vec::new(),
         }
     }
+}
+
+/// Whether the folders that belong to two caches, if there are any, hold the same files with the same bytes.
+fn same_folders(a: &Path, b: &Path) -> Result<bool, IoError> {
+    let files = |cache: &Path| -> Result<Option<BTreeSet<PathBuf>>, IoError> {
+        let Some(folder) = formats::folder_of(cache).filter(|folder| folder.is_dir()) else { return Ok(None) };
+        let (mut found, mut waiting) = (BTreeSet::new(), vec![PathBuf::new()]);
+        while let Some(inner) = waiting.pop() {
+            let here = folder.join(&inner);
+            for entry in std::fs::read_dir(&here).map_err(|e| IoError::reading(&here, e))? {
+                let path = inner.join(entry.map_err(|e| IoError::reading(&here, e))?.file_name());
+                if folder.join(&path).is_dir() {
+                    waiting.push(path);
+                } else {
+                    found.insert(path);
+                }
+            }
+        }
+        Ok(Some(found))
+    };
+    let (files_a, files_b) = (files(a)?, files(b)?);
+    if files_a != files_b {
+        return Ok(false);
+    }
+    let in_folder = |cache: &Path, file: &Path| formats::folder_of(cache).unwrap_or_default().join(file);
+    for file in files_a.iter().flatten() {
+        if !same_bytes(&in_folder(a, file), &in_folder(b, file))? {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Whether two files have the same bytes.

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use drapery_alembic::{IDENTITY, Matrix, PolyMesh, TopologyVariance, transform_point};
 use drapery_core::Vec3;
 use drapery_core::geometry::crossings::{Crossing, CrossingSearch, find, find_between};
-use drapery_io::cache_frames::triangles_of;
+use drapery_io::cache_frames::{CacheFrames, triangles_of};
 use drapery_io::error::IoError;
 use drapery_io::formats::alembic::sample_times;
 use drapery_io::mesh_data::MeshReader;
@@ -25,6 +25,7 @@ pub(super) fn check(caches: &[Cache], body: Option<&dyn MeshReader>, found: &mut
     let mut sheets = Vec::new();
     for cache in caches {
         sheets.extend(cache.meshes.iter().filter_map(|mesh| Sheet::open(cache, mesh)));
+        sheets.extend(cache.stage.iter().filter_map(|stage| Sheet::of_stage(cache, stage)));
     }
     let mut body = body.map(Body::open).transpose()?;
     let fps = caches.iter().find_map(|cache| cache.fps);
@@ -43,10 +44,67 @@ pub(super) fn check(caches: &[Cache], body: Option<&dyn MeshReader>, found: &mut
 /// A mesh whose samples are looked at.
 struct Sheet<'a> {
     name: String,
-    mesh: &'a PolyMesh,
+    mesh: Mesh<'a>,
     search: CrossingSearch,
     /// Times at which it or a parent is stored [s]; empty when nothing moves.
     times: Vec<f64>,
+}
+
+/// Where samples come from.
+#[derive(Clone, Copy)]
+enum Mesh<'a> {
+    Archive(&'a PolyMesh),
+    /// A cache in USD, with the time of a frame [s].
+    Stage(&'a CacheFrames, f64),
+}
+
+impl Mesh<'_> {
+    /// Stored positions, none if they cannot be read or are not numbers.
+    fn stored(self, sample: usize) -> Option<Vec<Vec3>> {
+        let points = match self {
+            Self::Archive(mesh) => mesh.positions(sample).ok()?,
+            Self::Stage(cache, _) => cache.stored_positions(0, sample).ok()??.points,
+        };
+        let is_finite = points.iter().flatten().all(|x| x.is_finite());
+        is_finite.then(|| points.into_iter().map(|p| Vec3::from(p.map(f64::from))).collect())
+    }
+
+    /// The sample at a time [s], if there is one.
+    fn sample_at(self, time: f64) -> Option<usize> {
+        match self {
+            Self::Archive(mesh) => {
+                // What does not move is there at any time.
+                let is_still = mesh.topology_variance() == TopologyVariance::Constant;
+                let sample = mesh.time_sampling().near_index(time, mesh.sample_count());
+                (is_still || (mesh.time(sample) - time).abs() < SAME_TIME).then_some(sample)
+            }
+            Self::Stage(cache, duration) => {
+                let frames = &cache.meshes()[0].frames;
+                frames.iter().position(|frame| (*frame as f64 * duration - time).abs() < SAME_TIME)
+            }
+        }
+    }
+
+    /// From what is stored to the world.
+    fn world_matrix_at(self, time: f64) -> Result<Matrix, IoError> {
+        match self {
+            Self::Archive(mesh) => Ok(mesh.world_matrix_at(time)?),
+            Self::Stage(cache, _) => {
+                let mut matrix = IDENTITY;
+                let origin = cache.stored_positions(0, 0)?.map(|stored| stored.origin);
+                matrix[12..15].copy_from_slice(&origin.unwrap_or_default());
+                Ok(matrix)
+            }
+        }
+    }
+
+    /// Time of the first sample [s].
+    fn start(self) -> f64 {
+        match self {
+            Self::Archive(mesh) => mesh.time(0),
+            Self::Stage(cache, duration) => cache.meshes()[0].frames[0] as f64 * duration,
+        }
+    }
 }
 
 impl<'a> Sheet<'a> {
@@ -55,21 +113,28 @@ impl<'a> Sheet<'a> {
         if mesh.topology_variance() == TopologyVariance::Heterogeneous {
             return None;
         }
-        let points = stored(mesh, 0)?;
+        let points = Mesh::Archive(mesh).stored(0)?;
         let triangles = triangles_of(mesh, &points)?;
         let times = sample_times(std::slice::from_ref(mesh)).ok()?;
-        Some(Self { name: cache.name_of(mesh), mesh, search: CrossingSearch::new(triangles, points), times })
+        let search = CrossingSearch::new(triangles, points);
+        Some(Self { name: cache.name_of(mesh), mesh: Mesh::Archive(mesh), search, times })
+    }
+
+    /// The mesh of a cache in USD; `None` if its first frame cannot be read, which breaks other rules.
+    fn of_stage(cache: &Cache, stage: &'a CacheFrames) -> Option<Self> {
+        let described = &stage.meshes()[0];
+        let duration = 1.0 / cache.fps?;
+        let mesh = Mesh::Stage(stage, duration);
+        let search = CrossingSearch::new(described.triangles.clone(), mesh.stored(0)?);
+        let times = described.frames.iter().map(|frame| *frame as f64 * duration).collect();
+        Some(Self { name: format!("{}{}", cache.prefix, described.name), mesh, search, times })
     }
 
     /// Takes the positions stored at a time; whether there are any.
     fn place(&mut self, time: f64) -> bool {
-        let mesh = self.mesh;
-        // What does not move is there at any time.
-        let is_still = mesh.topology_variance() == TopologyVariance::Constant;
-        let sample = mesh.time_sampling().near_index(time, mesh.sample_count());
-        let is_stored = is_still || (mesh.time(sample) - time).abs() < SAME_TIME;
         let count = self.search.surface().positions.len();
-        match stored(mesh, sample).filter(|points| is_stored && points.len() == count) {
+        let stored = self.mesh.sample_at(time).and_then(|sample| self.mesh.stored(sample));
+        match stored.filter(|points| points.len() == count) {
             Some(points) => {
                 self.search.place(points);
                 true
@@ -83,13 +148,6 @@ impl<'a> Sheet<'a> {
         let local = self.search.surface().positions.to_vec();
         self.search.place(local.into_iter().map(|p| Vec3::from(transform_point(p.into(), matrix))));
     }
-}
-
-/// Stored positions, none if they cannot be read or are not numbers.
-fn stored(mesh: &PolyMesh, sample: usize) -> Option<Vec<Vec3>> {
-    let points = mesh.positions(sample).ok()?;
-    let is_finite = points.iter().flatten().all(|x| x.is_finite());
-    is_finite.then(|| points.into_iter().map(|p| Vec3::from(p.map(f64::from))).collect())
 }
 
 /// A body, in the world and at any time.
@@ -198,7 +256,7 @@ fn all_times(sheets: &[Sheet<'_>]) -> Vec<f64> {
     times.sort_by(f64::total_cmp);
     times.dedup_by(|b, a| *b - *a < SAME_TIME);
     if times.is_empty() {
-        times.extend(sheets.iter().map(|sheet| sheet.mesh.time(0)).min_by(f64::total_cmp));
+        times.extend(sheets.iter().map(|sheet| sheet.mesh.start()).min_by(f64::total_cmp));
     }
     times
 }

@@ -17,7 +17,12 @@ pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
         say::line(format_args!("  {name}: {value}"));
     }
     let find = |key: &str| summary.properties.iter().find(|(name, _)| name.eq_ignore_ascii_case(key));
-    let fps = find("DCC_FPS").or(find("fps")).or(find("FramesPerTimeUnit")).and_then(|(_, value)| value.parse().ok());
+    let fps = find("DCC_FPS")
+        .or(find("fps"))
+        .or(find("timeCodesPerSecond"))
+        .or(find("FramesPerTimeUnit"))
+        .and_then(|(_, value)| value.parse().ok());
+    let fps = fps.filter(|fps: &f64| *fps > 0.0);
     summary.meshes.iter().for_each(|mesh| print_mesh(mesh, fps));
     for (path, kind) in &summary.others {
         say::line(format_args!("{path}: {kind}"));
@@ -28,6 +33,10 @@ pub(crate) fn info(path: &Path) -> Result<ExitCode, Failure> {
 fn print_mesh(mesh: &MeshSummary, fps: Option<f64>) {
     let [triangles, quads, others] = mesh.faces;
     say::line(format_args!("{}: mesh", mesh.path));
+    if let Some(problem) = &mesh.problem {
+        say::line(format_args!("  cannot be read: {problem}"));
+        return;
+    }
     say::line(format_args!("  points: {}", mesh.points));
     say::line(format_args!("  faces: {triangles} triangles, {quads} quads, {others} with more corners"));
     say::line(format_args!("  topology: {}", mesh.topology));

@@ -12,7 +12,7 @@ use drapery_alembic::{
 };
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
-use globset::GlobBuilder;
+use globset::{GlobBuilder, GlobMatcher};
 
 use super::alembic_writer::reverse;
 use crate::error::IoError;
@@ -49,10 +49,7 @@ impl AlembicMesh {
         let mut meshes = PolyMesh::all(&archive)?;
         meshes.sort_by(|a, b| a.object().path().cmp(b.object().path()));
         if let Some(pattern) = pattern {
-            let fits = GlobBuilder::new(pattern).literal_separator(false).build().map_err(|e| {
-                IoError::data(path, format!("path = \"{pattern}\""), e.to_string(), "write it like /hero/geo/*")
-            })?;
-            let fits = fits.compile_matcher();
+            let fits = fitting(path, pattern)?;
             let paths: Vec<String> = meshes.iter().map(|mesh| mesh.object().path().to_owned()).collect();
             meshes.retain(|mesh| fits.is_match(mesh.object().path()));
             if meshes.is_empty() && !paths.is_empty() {
@@ -211,6 +208,14 @@ impl MeshReader for AlembicMesh {
     }
 }
 
+/// What finds the objects whose path fits a pattern.
+pub(super) fn fitting(path: &Path, pattern: &str) -> Result<GlobMatcher, IoError> {
+    let fits = GlobBuilder::new(pattern).literal_separator(false).build().map_err(|error| {
+        IoError::data(path, format!("path = \"{pattern}\""), error.to_string(), "write it like /hero/geo/*")
+    })?;
+    Ok(fits.compile_matcher())
+}
+
 /// Says what an archive holds instead of meshes.
 fn without_meshes(archive: &Archive) -> String {
     let others: Vec<String> = archive
@@ -266,6 +271,7 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     let face_set = |set: drapery_alembic::FaceSet| FaceSet {
         name: set.name,
         faces: set.faces.into_iter().filter_map(|face| u32::try_from(face).ok()).collect(),
+        material: None,
     };
     let point_count = mesh.vertex_count(sample)?;
     Ok(MeshData {
@@ -278,6 +284,8 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
         uvs,
         face_sets: mesh.face_sets()?.into_iter().map(face_set).collect(),
         params,
+        subdivision: (mesh.object().schema() == Schema::SubD).then(|| "catmullClark".to_owned()),
+        ..MeshData::default()
     })
 }
 
@@ -345,7 +353,7 @@ fn determinant(m: &Matrix) -> f64 {
 }
 
 /// Two meshes as one; attributes other than UVs and face sets belong to single objects and are dropped.
-fn merge(mut a: MeshData, b: MeshData) -> MeshData {
+pub(super) fn merge(mut a: MeshData, b: MeshData) -> MeshData {
     let (points, faces) = (a.mesh.points.len() as u32, a.mesh.face_counts.len() as u32);
     a.mesh.points.extend(b.mesh.points);
     a.mesh.face_counts.extend(b.mesh.face_counts);
@@ -360,9 +368,11 @@ fn merge(mut a: MeshData, b: MeshData) -> MeshData {
         let moved = set.faces.iter().map(|face| face + faces);
         match a.face_sets.iter_mut().find(|known| known.name == set.name) {
             Some(known) => known.faces.extend(moved),
-            None => a.face_sets.push(FaceSet { faces: moved.collect(), name: set.name }),
+            None => a.face_sets.push(FaceSet { faces: moved.collect(), ..set }),
         }
     }
     a.params.clear();
+    a.material = a.material.filter(|material| b.material.as_ref() == Some(material));
+    a.subdivision = a.subdivision.filter(|scheme| b.subdivision.as_ref() == Some(scheme));
     a
 }

@@ -363,8 +363,8 @@ impl CacheWriter for AlembicWriter {
 impl Still {
     /// Takes it from a mesh; every list becomes what the archive holds in its own place.
     fn of(mut data: MeshData) -> Self {
+        let triangles = told(&data);
         let mesh = &mut data.mesh;
-        let triangles = told(mesh);
         reverse(&mesh.face_counts, &mut mesh.face_indices);
         if let Some(uvs) = &mut data.uvs {
             reverse(&mesh.face_counts, &mut uvs.indices);

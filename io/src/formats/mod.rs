@@ -6,14 +6,21 @@ pub mod alembic_writer;
 mod continuing;
 pub mod hdf5;
 mod obj;
+#[cfg(feature = "usd")]
+mod usd_reader;
+#[cfg(feature = "usd")]
+pub(crate) mod usd_writer;
 
-use std::path::Path;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 
 use crate::cache::{CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::file_summary::FileSummary;
 use crate::input_file;
 use crate::mesh_data::MeshReader;
+use crate::units::Units;
 
 /// Opens a mesh, or the objects of it whose path fits the pattern.
 pub type OpenMesh = fn(&Path, Option<&str>) -> Result<Box<dyn MeshReader>, IoError>;
@@ -31,6 +38,29 @@ pub type ResumeCache = fn(&Path, &CachePlan<'_>, &CacheMark) -> Result<Box<dyn C
 /// Looks into a file.
 pub type Summarise = fn(&Path) -> Result<FileSummary, IoError>;
 
+/// The caches of a shot in one format.
+#[derive(Debug)]
+pub struct ShotFiles<'a> {
+    /// Name of the shot.
+    pub name: &'a str,
+    /// Units and up axis of the caches.
+    pub units: Units,
+    /// Frames per second.
+    pub fps: f64,
+    /// First and last frame that are complete in all of them.
+    pub frames: [i64; 2],
+    /// Garments and the names of their files, in the same folder.
+    pub caches: Vec<(&'a str, String)>,
+}
+
+/// One file that ties the caches of a shot together.
+pub struct ShotFormat {
+    /// Its extension, behind the name of the shot.
+    pub extension: &'static str,
+    /// Writes it, or replaces it as a whole.
+    pub write: fn(&Path, &ShotFiles<'_>) -> Result<(), IoError>,
+}
+
 /// A file format.
 pub struct Format {
     /// File name extension, which is also its word in the scene file.
@@ -45,6 +75,10 @@ pub struct Format {
     pub resume: Option<ResumeCache>,
     /// What a file of it holds.
     pub summary_of: Summarise,
+    /// The folder beside a cache that holds a part of it, if there is one.
+    pub folder_of: Option<fn(&Path) -> PathBuf>,
+    /// The file over all caches of a shot, if there is one.
+    pub shot: Option<ShotFormat>,
 }
 
 /// All formats.
@@ -56,6 +90,8 @@ pub static FORMATS: &[Format] = &[
         create: Some(|path, plan| Ok(Box::new(alembic_writer::AlembicWriter::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(alembic_writer::AlembicWriter::resume(path, plan, mark)?))),
         summary_of: alembic_summary::summary,
+        folder_of: None,
+        shot: None,
     },
     Format {
         extension: "obj",
@@ -64,6 +100,8 @@ pub static FORMATS: &[Format] = &[
         create: None,
         resume: None,
         summary_of: obj::summary,
+        folder_of: None,
+        shot: None,
     },
     Format {
         extension: "h5",
@@ -72,12 +110,65 @@ pub static FORMATS: &[Format] = &[
         create: Some(|path, plan| Ok(Box::new(hdf5::Hdf5Writer::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(hdf5::Hdf5Writer::resume(path, plan, mark)?))),
         summary_of: hdf5::summary,
+        folder_of: None,
+        shot: None,
     },
+    #[cfg(feature = "usd")]
+    Format {
+        create: Some(|path, plan| Ok(Box::new(usd_writer::UsdWriter::create(path, plan)))),
+        resume: Some(|path, plan, mark| Ok(Box::new(usd_writer::UsdWriter::resume(path, plan, mark)?))),
+        folder_of: Some(usd_writer::clips_of),
+        shot: Some(ShotFormat { extension: "usda", write: usd_writer::write_shot }),
+        ..usd("usd", "USD, text or binary: bodies and garments in; caches out, a layer over value clips")
+    },
+    #[cfg(feature = "usd")]
+    usd("usda", "USD as text: bodies and garments in"),
+    #[cfg(feature = "usd")]
+    usd("usdc", "USD, binary: bodies and garments in"),
+    #[cfg(feature = "usd")]
+    usd("usdz", "USD as a package: bodies and garments in"),
 ];
+
+/// A spelling of USD, which is read alike in all of them.
+#[cfg(feature = "usd")]
+const fn usd(extension: &'static str, summary: &'static str) -> Format {
+    Format {
+        extension,
+        summary,
+        open: Some(|path, pattern| Ok(Box::new(usd_reader::UsdMesh::open(path, pattern)?))),
+        create: None,
+        resume: None,
+        summary_of: usd_reader::summary,
+        folder_of: None,
+        shot: None,
+    }
+}
 
 /// The format with this extension or word.
 pub fn by_extension(extension: &str) -> Option<&'static Format> {
     FORMATS.iter().find(|format| format.extension.eq_ignore_ascii_case(extension))
+}
+
+/// The folder that holds a part of a cache, if its format has one.
+pub fn folder_of(cache: &Path) -> Option<PathBuf> {
+    let extension = cache.extension().unwrap_or_default().to_string_lossy();
+    by_extension(&extension)?.folder_of.map(|folder_of| folder_of(cache))
+}
+
+/// Removes a folder with all that is in it, if it exists; of a link, the link.
+///
+/// # Errors
+/// The disk refuses.
+pub fn remove_folder(path: &Path) -> Result<(), IoError> {
+    let removed = match fs::symlink_metadata(path) {
+        Ok(about) if about.is_dir() => fs::remove_dir_all(path),
+        Ok(_) => fs::remove_file(path),
+        Err(e) => Err(e),
+    };
+    match removed {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(IoError::creating(path, e)),
+        _ => Ok(()),
+    }
 }
 
 /// Opens a mesh by the extension of its file.
@@ -87,15 +178,32 @@ pub fn by_extension(extension: &str) -> Option<&'static Format> {
 pub fn open_mesh(path: &Path, pattern: Option<&str>) -> Result<Box<dyn MeshReader>, IoError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     let Some(open) = by_extension(&extension).and_then(|format| format.open) else {
-        let readable: Vec<String> =
-            FORMATS.iter().filter(|f| f.open.is_some()).map(|f| format!(".{}", f.extension)).collect();
         return Err(IoError::Format {
             path: path.to_owned(),
             what: format!("meshes are not read from .{extension} files"),
-            advice: format!("export it as one of {}", readable.join(", ")),
+            advice: match extension.to_lowercase().starts_with("usd") {
+                // Only a build without USD comes here with it.
+                true => "this program was built without USD: use one that `make build` makes, or export an .abc".into(),
+                false => format!("export it as one of {}", endings(|format| format.open.is_some())),
+            },
         });
     };
     open(path, pattern)
+}
+
+/// Whether a panic on this thread becomes an error of a file, of which somebody tells the user: of the library that reads USD.
+pub fn answers_panics() -> bool {
+    #[cfg(feature = "usd")]
+    let answers = drapery_usd::read::answers_panics();
+    #[cfg(not(feature = "usd"))]
+    let answers = false;
+    answers
+}
+
+/// Extensions of some formats.
+fn endings(which: fn(&Format) -> bool) -> String {
+    let all: Vec<String> = FORMATS.iter().filter(|f| which(f)).map(|f| format!(".{}", f.extension)).collect();
+    all.join(", ")
 }
 
 /// Looks into a file.
@@ -109,7 +217,7 @@ pub fn inspect(path: &Path) -> Result<FileSummary, IoError> {
         return Err(IoError::Format {
             path: path.to_owned(),
             what: format!("files of the kind .{} cannot be looked into", extension.to_lowercase()),
-            advice: "give an .abc, .obj or .h5 file".into(),
+            advice: format!("give a file that ends in {}", endings(|_| true)),
         });
     };
     (format.summary_of)(path)

@@ -50,7 +50,7 @@ impl SetOfFaces {
     fn begin(&mut self, name: &str) {
         let known = self.sets.iter().position(|set| set.name == name);
         self.current = Some(known.unwrap_or_else(|| {
-            self.sets.push(FaceSet { name: name.to_owned(), faces: Vec::new() });
+            self.sets.push(FaceSet { name: name.to_owned(), faces: Vec::new(), material: None });
             self.sets.len() - 1
         }));
     }
@@ -309,11 +309,10 @@ impl Parsed {
         // One group around everything says nothing.
         let groups = if groups.len() > 1 { groups } else { Vec::new() };
         MeshData {
-            object_path: String::new(),
             mesh: PolygonMesh { points: self.points, face_counts: self.face_counts, face_indices: self.face_indices },
             uvs,
             face_sets: if materials.is_empty() { groups } else { materials },
-            params: Vec::new(),
+            ..MeshData::default()
         }
     }
 
@@ -387,8 +386,8 @@ mod tests {
     #[test]
     fn materials_become_face_sets() {
         let sets = parsed(HOUSE).unwrap().face_sets;
-        assert_eq!(sets[0], FaceSet { name: "wall".into(), faces: vec![0, 2] });
-        assert_eq!(sets[1], FaceSet { name: "roof".into(), faces: vec![1] });
+        assert_eq!(sets[0], FaceSet { name: "wall".into(), faces: vec![0, 2], material: None });
+        assert_eq!(sets[1], FaceSet { name: "roof".into(), faces: vec![1], material: None });
     }
 
     #[test]

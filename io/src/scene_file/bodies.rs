@@ -120,8 +120,7 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let units = self.file_units(&here, body.units)?;
-        let source = self.open(&here, file, pattern, units)?;
+        let source = self.open(&here, file, pattern, body.units)?;
         let first = self.mesh(&here, &source, Some(self.first_file_time()))?.mesh;
         let (triangles, _) = first.triangulate();
         let point_count = first.points.len();
@@ -129,7 +128,7 @@ impl Resolver<'_> {
             Some(rest) => {
                 let here = path.clone().key("rest");
                 let (file, time) = self.file_at(&here, rest)?;
-                let rest = self.open(&here, &file, pattern, units)?;
+                let rest = self.open(&here, &file, pattern, body.units)?;
                 let points = self.mesh(&here, &rest, time)?.mesh.points;
                 self.same_count(&here, "the rest pose", points.len(), "the body", point_count)?;
                 Some(points)

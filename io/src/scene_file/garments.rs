@@ -14,7 +14,7 @@ use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, GarmentReader};
 use crate::mesh_data::{MeshData, Uvs};
 use crate::mesh_source::MeshSource;
-use crate::units::Units;
+use crate::units::InputUnits;
 
 use super::raw::{Garment, Leaves};
 use super::resolve::{ReadGarment, Resolver};
@@ -48,7 +48,7 @@ impl GarmentReader for Generated {
 struct FromFile {
     file: PathBuf,
     objects: Option<String>,
-    units: Units,
+    units: InputUnits,
     time: f64,
 }
 
@@ -158,13 +158,13 @@ impl Resolver<'_> {
         }
         if let Some(rest) = &garment.rest {
             let here = path.clone().key("rest");
-            let units = self.file_units(&here, garment.units)?;
             let (file, time) = self.file_at(&here, rest)?;
-            let source = self.open(&here, &file, garment.path.as_deref(), units)?;
+            let source = self.open(&here, &file, garment.path.as_deref(), garment.units)?;
             let time = time.unwrap_or_else(|| source.first_time());
             // The path of the first object is that of what several are merged to.
             let object = source.object_path();
-            let reader = FromFile { file: source.path().to_owned(), objects: garment.path.clone(), units, time };
+            let (file, objects, units) = (source.path().to_owned(), garment.path.clone(), source.units());
+            let reader = FromFile { file, objects, units, time };
             let mesh = GarmentMesh::new(source.path(), object, reader);
             let mesh = self.of_file(&here, mesh)?;
             self.has_room(&here, mesh.point_count() as f64)?;

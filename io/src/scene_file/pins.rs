@@ -218,8 +218,7 @@ impl Resolver<'_> {
             Some((file, pattern)) => (file, Some(format!("/{pattern}"))),
             None => (track.as_str(), None),
         };
-        let units = self.file_units(&here, garment.units)?;
-        let source = self.open(&here, file, pattern.as_deref(), units)?;
+        let source = self.open(&here, file, pattern.as_deref(), garment.units)?;
         let points = self.mesh(&here, &source, None)?.mesh.points.len();
         self.same_count(&here, "this mesh", points, "the garment", garment.points)?;
         let label = format!("pin track {track}");
@@ -267,7 +266,7 @@ impl Resolver<'_> {
             }
             return Some(PinTarget::BodyNearest { body, vertices });
         };
-        let metres_per_unit = input.source.units().length.metres();
+        let metres_per_unit = input.source.units().metres;
         let points = match self.description.bodies.get(body).map(|b| &b.shape) {
             Some(BodyShape::Surface { point_count, .. }) => *point_count,
             _ => return None,

@@ -8,12 +8,13 @@ use drapery_core::scene::{Described, EffectRequest, PinTarget, SceneDescription,
 use drapery_core::settings::{Dimension, Field, SettingValue, Settings};
 
 use crate::error::IoError;
+use crate::formats::by_extension;
 use crate::garment_mesh::GarmentMesh;
 use crate::input_motion::{InputMotion, Preroll};
 use crate::mesh_data::MeshData;
 use crate::mesh_source::MeshSource;
 use crate::shot_description::{FRAMES, OutputDescription, ShotDescription};
-use crate::units::Units;
+use crate::units::{self, InputUnits, Units};
 use crate::wind_file::WindFile;
 
 use super::deserialize::dotted;
@@ -47,6 +48,8 @@ pub(super) struct Resolver<'a> {
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
+    /// What is worth saying about files that can be read.
+    warnings: Vec<String>,
     /// What the garments so far need.
     pub(super) memory: Memory,
 }
@@ -66,6 +69,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         tracks: Vec::new(),
         wind: None,
         input_files: scene.material_files.clone(),
+        warnings: Vec::new(),
         memory: Memory::new(ranks),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
@@ -86,6 +90,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         resolver.seam(seam, &Path::default().key("seam").index(index));
     }
     resolver.effects();
+    resolver.formats();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
     }
@@ -108,11 +113,15 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         preroll: resolver.preroll,
         output: output(scene),
         resolved: resolved::write(scene),
-        warnings: file_names::one_on_some_disks(&document.garment).into_iter().chain(unnamed).collect(),
+        warnings: file_names::one_on_some_disks(&document.garment)
+            .into_iter()
+            .chain(unnamed)
+            .chain(resolver.warnings)
+            .collect(),
     })
 }
 
-fn units(units: FileUnits) -> Units {
+fn written(units: FileUnits) -> Units {
     Units { length: units.length, up: units.up }
 }
 
@@ -121,10 +130,11 @@ fn output(scene: &SceneFile) -> OutputDescription {
     let word = |format: &raw::Format| match format {
         raw::Format::Abc => "abc".to_owned(),
         raw::Format::H5 => "h5".to_owned(),
+        raw::Format::Usd => "usd".to_owned(),
     };
     OutputDescription {
         formats: output.format.iter().map(word).collect(),
-        units: scene.document.units.map_or(Units::SI, units),
+        units: scene.document.units.map_or(Units::SI, written),
         velocities: output.velocities,
     }
 }
@@ -177,24 +187,47 @@ impl Resolver<'_> {
         Some(value)
     }
 
-    /// Units of a file: its own, or those of the scene.
-    pub(super) fn file_units(&mut self, path: &Path, own: Option<FileUnits>) -> Option<Units> {
-        let found = own.or(self.scene.document.units).map(units);
-        if found.is_none() {
+    /// Opens a mesh file, named relative to the scene file; problems point at `path`. Its units are those that `own` says, or
+    /// itself, or the scene for all files.
+    pub(super) fn open(
+        &mut self,
+        path: &Path,
+        file: &str,
+        pattern: Option<&str>,
+        own: Option<FileUnits>,
+    ) -> Option<MeshSource> {
+        let file = self.scene.folder.join(file);
+        let (own, general) = (own.map(written), self.scene.document.units.map(written));
+        let mut warning = None;
+        let opened = MeshSource::open_stating(&file, pattern, |stated| match stated {
+            None => own.or(general).map(InputUnits::from),
+            Some(stated) => {
+                let (units, said) = units::decide(stated, own, general);
+                warning = said;
+                Some(units)
+            }
+        });
+        self.takes(file.clone());
+        let Some(source) = self.of_file(path, opened)? else {
             let help = "add [units] with length = \"m\", \"cm\", \"mm\", \"in\" or \"ft\" and up = \"Y\" or \"Z\"";
             self.error_with(path, "the units of this file are not known", help.to_owned());
+            return None;
+        };
+        source.other_files().into_iter().for_each(|file| self.takes(file));
+        for note in warning.into_iter().chain(source.notes()) {
+            let text = format!("{}: {note}", file.display());
+            if !self.warnings.contains(&text) {
+                self.warnings.push(text);
+            }
         }
-        found
+        Some(source)
     }
 
-    /// Opens a mesh file, named relative to the scene file; problems point at `path`.
-    pub(super) fn open(&mut self, path: &Path, file: &str, pattern: Option<&str>, units: Units) -> Option<MeshSource> {
-        let file = self.scene.folder.join(file);
-        let opened = MeshSource::open(&file, pattern, units);
+    /// Takes note of a file that the shot reads.
+    fn takes(&mut self, file: PathBuf) {
         if !self.input_files.contains(&file) {
             self.input_files.push(file);
         }
-        self.of_file(path, opened)
     }
 
     /// Reads a mesh at a time of its file [s], its first sample when `None`; problems point at `path`.
@@ -253,6 +286,18 @@ impl Resolver<'_> {
     /// What the table at a path says by these rows, with their defaults.
     pub(super) fn settings(&self, path: &Path, fields: &[Field]) -> Settings {
         fields::settings(path.find(&self.scene.root), fields)
+    }
+
+    /// Formats that are not in this build of the program.
+    fn formats(&mut self) {
+        let words = output(self.scene).formats;
+        for (index, word) in words.iter().enumerate().filter(|(_, word)| by_extension(word).is_none()) {
+            self.error_with(
+                &Path::default().key("output").key("format").index(index),
+                format!("this program was built without the format \"{word}\""),
+                format!("build it with `make build`, or with --features {word} --ignore-rust-version"),
+            );
+        }
     }
 
     /// Requests of the tables, and those that bodies and pins imply.

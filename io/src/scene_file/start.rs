@@ -39,9 +39,8 @@ impl Resolver<'_> {
 
     fn start_pose(&mut self, garment: &Garment, start: &str, path: &Path, count: usize) -> Option<Vec<Vec3>> {
         let here = path.clone().key("start");
-        let units = self.file_units(&here, garment.units)?;
         let (file, time) = self.file_at(&here, start)?;
-        let source = self.open(&here, &file, garment.path.as_deref(), units)?;
+        let source = self.open(&here, &file, garment.path.as_deref(), garment.units)?;
         let points = self.mesh(&here, &source, time)?.mesh.points;
         self.same_count(&here, "the start pose", points.len(), "the rest shape", count)?;
         Some(points)

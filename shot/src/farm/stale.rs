@@ -11,6 +11,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use drapery_io::error::IoError;
+use drapery_io::formats;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -102,13 +103,33 @@ pub(crate) fn set_aside(files: &[PathBuf], into: &Path) -> Result<(), IoError> {
         let to = part.join(file.file_name().unwrap_or_default());
         fs::copy(file, &to).map_err(|e| IoError::writing(&to, e))
     };
-    let copied = files.iter().try_for_each(|file| copy(file).map(drop));
+    let folder = |file: &PathBuf| match formats::folder_of(file).filter(|folder| folder.is_dir()) {
+        Some(folder) => copy_folder(&folder, &part.join(folder.file_name().unwrap_or_default())),
+        None => Ok(()),
+    };
+    let copied = files.iter().try_for_each(|file| copy(file).and_then(|_| folder(file)));
     let copied = copied.and_then(|()| fs::rename(&part, into).map_err(|e| IoError::writing(into, e)));
     if copied.is_err() {
         // It would take the room that is missing.
         let _ = fs::remove_dir_all(&part);
     }
     copied
+}
+
+/// Copies a folder with what is in it, links as what they lead to.
+fn copy_folder(from: &Path, to: &Path) -> Result<(), IoError> {
+    fs::create_dir(to).map_err(|e| IoError::creating(to, e))?;
+    let failed = |e| IoError::writing(from, e);
+    for entry in fs::read_dir(from).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let copy = to.join(path.file_name().unwrap_or_default());
+        if path.is_dir() {
+            copy_folder(&path, &copy)?;
+        } else {
+            fs::copy(&path, &copy).map_err(|e| IoError::writing(&copy, e))?;
+        }
+    }
+    Ok(())
 }
 
 /// The name of a folder while it is made or removed.

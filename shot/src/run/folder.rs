@@ -1,10 +1,13 @@
 //! What an earlier run has left in a folder, and how it makes room for another.
 
+use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use drapery_io::atomic_file;
 use drapery_io::error::IoError;
+use drapery_io::formats;
 use drapery_io::input_file;
 use serde_json::Value;
 
@@ -17,7 +20,7 @@ use crate::farm::process::Owner;
 use crate::farm::stale;
 use crate::run::observer::Observer;
 use crate::run::options::RunOptions;
-use crate::run_record::manifest::{AttemptRecord, listed_files};
+use crate::run_record::manifest::{AttemptRecord, listed_files, listed_layers};
 use crate::run_record::{FINGERPRINT, MANIFEST, RECORD, RESOLVED};
 
 /// An earlier run in a folder.
@@ -125,13 +128,25 @@ pub(super) fn write_fingerprint(folder: &Path, fingerprint: &Fingerprint) -> Res
     atomic_file::replace(&folder.join(FINGERPRINT), text.as_bytes())
 }
 
-/// Files of a run in `folder` beside its checkpoints and logs: those that are there of what every run writes, of the caches
+/// Removes a file of a run, and the folder that holds a part of it; nothing where they are not there.
+pub(super) fn remove(path: &Path) -> Result<(), IoError> {
+    if let Some(folder) = formats::folder_of(path) {
+        formats::remove_folder(&folder)?;
+    }
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(IoError::creating(path, e)),
+        _ => Ok(()),
+    }
+}
+
+/// Files of a run in `folder` beside its checkpoints and logs: those that are there of what every run writes, of the outputs
 /// `planned`, and of what the manifest lists.
 pub(super) fn files_of_run(folder: &Path, planned: &[PathBuf]) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = [MANIFEST, RECORD, RESOLVED, FINGERPRINT].map(|name| folder.join(name)).into();
     files.extend(planned.iter().cloned());
     // Caches of the earlier run that this one does not write again would belong to nothing.
     files.extend(listed_files(folder));
+    files.extend(listed_layers(folder));
     files.retain(|path| path.exists());
     files.sort();
     files.dedup();

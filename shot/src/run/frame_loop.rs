@@ -27,7 +27,7 @@ use crate::run::dump::{self, Dump};
 use crate::run::folder::{Earlier, Held, files_of_run};
 use crate::run::observer::{FrameReport, Observer, Outcome, RunReport};
 use crate::run::options::{Resume, RunOptions};
-use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, refuse_inputs};
+use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, planned_outputs, refuse_inputs};
 use crate::run::totals::{Partial, Totals};
 use crate::run::{bundle, resume};
 use crate::run_record::RECORD;
@@ -70,7 +70,7 @@ impl Shot {
         }
         dump::refuse_unreachable(&options.dump, [self.about.timeline.start + 1, self.about.last_frame])?;
         // An earlier run's caches give way to those of this one.
-        let (planned, listed) = (planned_files(&self, &options.out), listed_files(&options.out));
+        let (planned, listed) = (planned_outputs(&self, &options.out), listed_files(&options.out));
         refuse_inputs(&self, &[planned.as_slice(), &listed].concat())?;
         if !options.overwrite {
             files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;

@@ -12,7 +12,7 @@ use drapery_io::atomic_file;
 use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use drapery_io::checkpoint::Head;
 use drapery_io::error::IoError;
-use drapery_io::formats::{self, CreateCache, ResumeCache};
+use drapery_io::formats::{self, CreateCache, ResumeCache, ShotFiles};
 use drapery_io::units::Units;
 use serde_json::{Value, json};
 
@@ -23,7 +23,7 @@ use crate::farm::stop::Reason;
 use crate::frame_digest::{FrameDigests, GarmentDigests};
 use crate::quality::CROSSINGS_WRITTEN;
 use crate::remote_simulation::RemoteSimulation;
-use crate::run::folder::{files_of_run, write_fingerprint};
+use crate::run::folder::{files_of_run, remove, write_fingerprint};
 use crate::run::options::RunOptions;
 use crate::run::rewritten::NewForm;
 use crate::run::totals::Totals;
@@ -43,6 +43,18 @@ pub(super) struct Output {
     velocities: bool,
     /// Whether crossings of what is written are counted: in scenes that promise cloth without them.
     crossings: bool,
+    /// Files over all caches of a format.
+    layers: Vec<ShotLayer>,
+    /// Frames per second.
+    fps: f64,
+}
+
+/// A file over all caches of a format.
+struct ShotLayer {
+    path: PathBuf,
+    write: fn(&Path, &ShotFiles<'_>) -> Result<(), IoError>,
+    /// Names of the caches, garment by garment.
+    files: Vec<String>,
 }
 
 /// A cache to be: garment, file, and how it is made.
@@ -86,14 +98,14 @@ impl Output {
         manifest.write(&folder)?;
         let its_manifest = folder.join(MANIFEST);
         for path in old.iter().filter(|path| **path != its_manifest) {
-            fs::remove_file(path).map_err(|e| IoError::creating(path, e))?;
+            remove(path)?;
         }
         describe(shot, start.fingerprint, &folder)?;
         let mut record = RunRecord::create(&folder)?;
         record.line(&shot.header(start.options.threads))?;
         let create = |cache: &Planned, plan: CachePlan<'_>| (cache.create)(&cache.path, &plan);
         let writers = of_garments(shot, &planned, create)?;
-        Ok(Self::new(shot, folder, manifest, record, writers))
+        Ok(Self::new(shot, &planned, manifest, record, (folder, writers)))
     }
 
     /// Goes on in the folder of a run that stopped: cuts caches and record back to a checkpoint.
@@ -144,19 +156,23 @@ impl Output {
         manifest.last_complete_frame = from.head.delivered;
         manifest.checkpoint = Some(from.checkpoint);
         manifest.write(&folder)?;
-        Ok(Self::new(shot, folder, manifest, record, writers))
+        let output = Self::new(shot, &planned, manifest, record, (folder, writers));
+        output.write_layers(from.head.delivered)?;
+        Ok(output)
     }
 
     fn new(
         shot: &Shot,
-        folder: PathBuf,
+        planned: &[Planned],
         manifest: Manifest,
         record: RunRecord,
-        writers: Vec<Vec<Box<dyn CacheWriter>>>,
+        (folder, writers): (PathBuf, Vec<Vec<Box<dyn CacheWriter>>>),
     ) -> Self {
         let about = &shot.about;
         let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
-        Self { folder, manifest, record, writers, units, velocities, crossings }
+        let layers = layers(shot, planned, &folder);
+        let fps = f64::from(about.timeline.fps_numerator) / f64::from(about.timeline.fps_denominator);
+        Self { folder, manifest, record, writers, units, velocities, crossings, layers, fps }
     }
 
     /// The cache files.
@@ -178,6 +194,7 @@ impl Output {
             spent.count(CROSSINGS_WRITTEN, u64::from(count));
         }
         let digests = spent.stage("write caches", |_| self.write_caches(frame, remote_simulation, crossings))?;
+        self.write_layers(Some(frame))?;
         self.manifest.last_complete_frame = Some(frame);
         Ok(digests)
     }
@@ -242,6 +259,26 @@ impl Output {
             digests.insert(name, GarmentDigests::of(positions, velocities));
         }
         Ok(digests)
+    }
+
+    /// Writes the files over all caches, with the frames up to `last`; removes them when there is no frame.
+    fn write_layers(&self, last: Option<i64>) -> Result<(), IoError> {
+        for layer in &self.layers {
+            let Some(last) = last else {
+                remove(&layer.path)?;
+                continue;
+            };
+            let names = self.manifest.garments.iter().map(|garment| garment.name.as_str());
+            let files = ShotFiles {
+                name: &self.manifest.shot,
+                units: self.units,
+                fps: self.fps,
+                frames: [self.manifest.first_frame, last],
+                caches: names.zip(layer.files.iter().cloned()).collect(),
+            };
+            (layer.write)(&layer.path, &files)?;
+        }
+        Ok(())
     }
 
     /// Appends a line to the record.
@@ -310,6 +347,26 @@ fn of_garments(
         caches.map(|cache| open(cache, cache_plan(shot, garment))).collect()
     };
     (0..shot.garments.len()).map(of_garment).collect()
+}
+
+/// The files over all caches of a format.
+fn layers(shot: &Shot, planned: &[Planned], folder: &Path) -> Vec<ShotLayer> {
+    let formats = shot.about.output.formats.iter().filter_map(|word| formats::by_extension(word));
+    let layer = |format: &'static formats::Format| {
+        let over = format.shot.as_ref()?;
+        let is_of = |cache: &&Planned| cache.path.extension().is_some_and(|extension| extension == format.extension);
+        let files = planned.iter().filter(is_of).map(|cache| file_name(&cache.path)).collect();
+        let path = folder.join(format!("{}.{}", shot.about.name, over.extension));
+        Some(ShotLayer { path, write: over.write, files })
+    };
+    formats.filter_map(layer).collect()
+}
+
+/// All files that a shot writes for other programs into a folder: caches, and files over them.
+pub(super) fn planned_outputs(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
+    let planned = planned(shot, folder);
+    let over = layers(shot, &planned, folder).into_iter().map(|layer| layer.path);
+    paths(&planned).into_iter().chain(over).collect()
 }
 
 /// The caches that a shot writes into a folder.
@@ -392,6 +449,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         up_axis: format!("{:?}", about.output.units.up),
         origin: shot.origin().into(),
         garments: garments.collect(),
+        layers: layers(shot, planned, &options.out).iter().map(|layer| file_name(&layer.path)).collect(),
         threads: options.threads,
         command: Some(options.command.clone()),
         checkpoint: None,

@@ -16,7 +16,7 @@ use crate::remote_simulation::RemoteSimulation;
 use crate::run::folder::{Earlier, files_of_run};
 use crate::run::kept_frames;
 use crate::run::options::{Resume, RunOptions};
-use crate::run::output::planned_files;
+use crate::run::output::{planned_files, planned_outputs};
 use crate::run_record::MANIFEST;
 use crate::run_record::reader::Record;
 use crate::shot::Shot;
@@ -66,7 +66,7 @@ pub(super) fn refuse_others(shot: &Shot, options: &RunOptions, earlier: Option<&
     if options.overwrite || goes_on {
         return Ok(());
     }
-    if let Some(path) = files_of_run(&options.out, &planned_files(shot, &options.out)).into_iter().next() {
+    if let Some(path) = files_of_run(&options.out, &planned_outputs(shot, &options.out)).into_iter().next() {
         return Err(IoError::OutputExists { path }.into());
     }
     match options.resume {
@@ -164,7 +164,7 @@ pub(super) fn set_aside_after(
     let delivered = found.and_then(|found| found.checkpoint.head.delivered);
     let has_more = earlier.last_complete_frame() > delivered;
     if has_more {
-        stale::set_aside(&files_of_run(folder, &planned_files(shot, folder)), &stale)?;
+        stale::set_aside(&files_of_run(folder, &planned_outputs(shot, folder)), &stale)?;
         earlier.take_back(folder, delivered)?;
     }
     let (frame, sub_step) = match found {

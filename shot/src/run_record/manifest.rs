@@ -45,6 +45,9 @@ pub struct Manifest {
     pub origin: [f64; 3],
     /// Caches.
     pub garments: Vec<ManifestGarment>,
+    /// Files over all caches of a format, relative to the folder.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<String>,
     /// Number of threads of each rank.
     pub threads: usize,
     /// The command line that continues the run.
@@ -134,6 +137,18 @@ pub fn listed_files(folder: &Path) -> Vec<PathBuf> {
         format.is_some_and(|format| format.create.is_some())
     };
     names.filter_map(|name| named_in(folder, name)).filter(is_cache).collect()
+}
+
+/// Files over all caches that the manifest of a folder lists, and nothing else that it may name.
+pub(crate) fn listed_layers(folder: &Path) -> Vec<PathBuf> {
+    let text = input_file::bytes(&folder.join(MANIFEST)).unwrap_or_default();
+    let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
+    let names = manifest["layers"].as_array().into_iter().flatten().filter_map(Value::as_str);
+    let is_layer = |path: &PathBuf| {
+        let over = formats::FORMATS.iter().filter_map(|format| format.shot.as_ref());
+        over.map(|over| over.extension).any(|extension| path.extension().is_some_and(|of_path| of_path == extension))
+    };
+    names.filter_map(|name| named_in(folder, name)).filter(is_layer).collect()
 }
 
 /// The file of this name in a folder; `None` for what leads out of it: a manifest that was tampered with must not reach files

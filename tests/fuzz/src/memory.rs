@@ -9,6 +9,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Most memory that reading one input may take [bytes]; inputs are shorter than a thousandth of it.
 pub const LIMIT: usize = 128 << 20;
 
+/// What a refusal is known by.
+pub const REFUSAL: &str = "MB are in use";
+
 /// Memory that is in use [bytes].
 static USED: AtomicUsize = AtomicUsize::new(0);
 
@@ -24,7 +27,7 @@ impl Counting {
             // The message itself needs memory.
             ALLOWED.store(usize::MAX, Ordering::Relaxed);
             // The hook of the panic ends the process before anything unwinds, and shows where the memory was asked for.
-            panic!("{} MB are in use, the last of them for a block of {size} bytes", used >> 20);
+            panic!("{} {REFUSAL}, the last of them for a block of {size} bytes", used >> 20);
         }
     }
 }

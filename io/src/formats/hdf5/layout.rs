@@ -71,7 +71,7 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
     if let Some(origin) = plan.file_origin() {
         file.new_attr::<f64>().shape([origin.len()]).create(ORIGIN)?.write_raw(&origin)?;
     }
-    for fixed in fixed_datasets(plan, data, &told(&data.mesh)) {
+    for fixed in fixed_datasets(plan, data, &told(data)) {
         match fixed.values {
             Values::F32(values) => fixed.create(&file, values)?,
             Values::F64(ref values) => fixed.create(&file, values)?,
@@ -113,7 +113,7 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
     if file.link_exists("uv_values") && data.uvs.is_none() {
         return Ok(Err("the cache was begun with other settings: it has UVs".into()));
     }
-    for fixed in fixed_datasets(&stored, data, &told(&data.mesh)) {
+    for fixed in fixed_datasets(&stored, data, &told(data)) {
         if !fixed.is_in(&file)? {
             return Ok(Err(format!("the cache was begun with other settings: `{}` is another", fixed.name)));
         }

@@ -17,7 +17,7 @@ use crate::scene_file::shapes::MAX_RESOLUTION;
 pub(in crate::scene_file) struct Garment {
     /// Name, unique among the garments; it names the output files: letters, digits, "_", "-" and ".", up to 235 bytes.
     pub(in crate::scene_file) name: String,
-    /// Rest shape from an Alembic or OBJ file, as "file.abc" or "file.abc@frame".
+    /// Rest shape from an Alembic, USD or OBJ file, as "file.abc" or "file.abc@frame".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) rest: Option<String>,
     /// Pattern of the path of its mesh in the file, as in "/char/skirt/*".
@@ -26,7 +26,7 @@ pub(in crate::scene_file) struct Garment {
     /// Pose in which it starts, from a file with the same points, as "file.abc@frame"; the rest shape if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) start: Option<String>,
-    /// Units of its files, if they differ from `[units]`.
+    /// Units of its files, if they differ from `[units]`, or from what they say themselves and is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
     /// A rectangular panel.

@@ -29,7 +29,7 @@ pub(in crate::scene_file) struct Document {
     pub(in crate::scene_file) drapery: u32,
     /// Name, frame rate and frames.
     pub(in crate::scene_file) shot: Shot,
-    /// Units of the input files, and of the output. Needed as soon as a file is read.
+    /// Units of the input files, and of the output. Needed as soon as a file is read that does not say them itself: USD does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
     /// Time integration. Leave it out unless a shot needs it.
@@ -156,7 +156,7 @@ pub(in crate::scene_file) struct Solver {}
 pub(in crate::scene_file) struct Body {
     /// Name, unique among the bodies.
     pub(in crate::scene_file) name: String,
-    /// An Alembic or OBJ file, relative to the scene file.
+    /// An Alembic, USD or OBJ file, relative to the scene file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) file: Option<String>,
     /// With `file`: pattern of the paths of its meshes, as in "/hero/geo/*"; several meshes are merged into one body.
@@ -166,7 +166,7 @@ pub(in crate::scene_file) struct Body {
     /// With `file`: the pose in which the cloth settles, as "file.abc@frame"; needed to blend in the pre-roll.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) rest: Option<String>,
-    /// With `file`: units of this file, if they differ from `[units]`.
+    /// With `file`: units of this file, if they differ from `[units]`, or from what it says itself and is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
     /// With `shape`: where it stands.
@@ -198,7 +198,7 @@ pub(in crate::scene_file) struct Spin {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(in crate::scene_file) struct Output {
-    /// Formats: "abc" (Alembic), "h5" (HDF5).
+    /// Formats: "abc" (Alembic), "h5" (HDF5), "usd" (USD).
     pub(in crate::scene_file) format: Vec<Format>,
     /// Whether velocities are stored, for motion blur.
     pub(in crate::scene_file) velocities: bool,
@@ -218,4 +218,6 @@ pub(in crate::scene_file) enum Format {
     Abc,
     /// HDF5.
     H5,
+    /// USD.
+    Usd,
 }

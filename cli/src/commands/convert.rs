@@ -1,0 +1,26 @@
+//! `drapery convert`: a cache of one format as one of another.
+
+use drapery_io::convert::{Conversion, Converted, convert as convert_cache};
+
+use crate::args::ConvertArgs;
+use crate::exit_code::ExitCode;
+use crate::failure::Failure;
+use crate::say;
+
+/// Writes a cache anew and says what is in it.
+pub(crate) fn convert(args: &ConvertArgs) -> Result<ExitCode, Failure> {
+    let conversion = Conversion {
+        from: args.from.clone(),
+        to: args.to.clone(),
+        object: args.object.clone(),
+        frames: args.frames.map(|frames| [frames.first, frames.last]),
+        length: args.length,
+        up: args.up,
+        fps: args.fps,
+        overwrite: args.overwrite,
+    };
+    let mut frames = 0_u64;
+    let Converted { frames: [first, last], points, units } = convert_cache(&conversion, &mut |_| frames += 1)?;
+    say::line(format_args!("{}: {frames} frames, {first}-{last}, of {points} points in {units}", args.to.display()));
+    Ok(ExitCode::Done)
+}

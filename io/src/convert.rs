@@ -1,0 +1,283 @@
+//! A cache of one format as one of another, frame by frame: other frames, another unit or axis, the same cloth.
+//!
+//! Faces, texture coordinates, face sets and other attributes go with it, as far as the two formats know them. Numbers are
+//! copied where unit, axis and origin stay; else they are rounded once more. Only one frame is in memory.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use drapery_core::Vec3;
+use drapery_core::scene::Timeline;
+
+use crate::cache::{CacheFrame, CachePlan, CacheWriter};
+use crate::cache_frames::CacheFrames;
+use crate::error::IoError;
+use crate::formats::{self, CreateCache, ResumeCache, folder_of, remove_folder};
+use crate::garment_mesh::GarmentMesh;
+use crate::mesh_data::MeshData;
+use crate::units::{LengthUnit, Units, UpAxis};
+
+/// Frame rates with a numerator that is a multiple of this over [`NTSC`] are those of television.
+const THOUSAND: f64 = 1000.0;
+
+/// The denominator of the frame rates of television.
+const NTSC: u32 = 1001;
+
+/// A frame rate this close to a fraction is that fraction.
+const SAME_RATE: f64 = 1e-6;
+
+/// What is to become of a cache.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Conversion {
+    /// The cache.
+    pub from: PathBuf,
+    /// The new one, whose extension says its format.
+    pub to: PathBuf,
+    /// Path of the mesh, where the cache holds several.
+    pub object: Option<String>,
+    /// First and last frame; all of the cache when left out.
+    pub frames: Option<[i64; 2]>,
+    /// Unit of the new cache; that of the old one when left out.
+    pub length: Option<LengthUnit>,
+    /// Up axis of the new cache; that of the old one when left out.
+    pub up: Option<UpAxis>,
+    /// Frame rate as a fraction, where the cache does not tell it.
+    pub fps: Option<(u32, u32)>,
+    /// Whether a file that is there is replaced.
+    pub overwrite: bool,
+}
+
+/// What a conversion has written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Converted {
+    /// First and last frame.
+    pub frames: [i64; 2],
+    /// Number of points.
+    pub points: usize,
+    /// Unit and axis of the new cache.
+    pub units: Units,
+}
+
+/// Writes the new cache; `wrote` hears of every frame. Until all frames are there, the new file has another name.
+///
+/// # Errors
+/// The cache cannot be read, lacks a frame that is asked for, holds several meshes of which none is chosen, or does not tell
+/// its frame rate; the new file is there already, is the old one, or cannot be written.
+pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Converted, IoError> {
+    let open = target(conversion)?;
+    let source = CacheFrames::open(&conversion.from)?;
+    let mesh = chosen(&source, conversion.object.as_deref())?;
+    let samples = samples(&source, mesh, conversion.frames)?;
+    let frames = &source.meshes()[mesh].frames;
+    let (first, last) = (frames[samples.start], frames[samples.end - 1]);
+    let stored = source.stored_positions(mesh, samples.start)?;
+    let units = Units {
+        length: conversion.length.unwrap_or(source.units().length),
+        up: conversion.up.unwrap_or(source.units().up),
+    };
+    let sample = source.stored_frame(mesh, samples.start)?;
+    let (fps_numerator, fps_denominator) = rate(&source, conversion.fps)?;
+    let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
+    let data = described(&source, mesh, samples.start)?;
+    let plan = CachePlan {
+        garment: &garment,
+        mesh: &GarmentMesh::kept(data),
+        units,
+        // Whole metres stay what they are; others are rounded as the positions are.
+        origin: stored.map_or(Vec3::zeros(), |stored| stored.units.to_si(Vec3::from(stored.origin))),
+        timeline: Timeline { fps_numerator, fps_denominator, origin: first, start: first },
+        first_frame: first,
+        last_frame: last,
+        velocities: sample.velocities.is_some(),
+        crossings: sample.crossings.is_some(),
+    };
+    drop(sample);
+    let work = Work { source: &source, mesh, plan, open };
+    work.write(&conversion.to, samples, wrote)?;
+    Ok(Converted { frames: [first, last], points: source.meshes()[mesh].points, units })
+}
+
+/// How the new file is made.
+fn target(conversion: &Conversion) -> Result<(CreateCache, ResumeCache), IoError> {
+    let to = &conversion.to;
+    let extension = to.extension().unwrap_or_default().to_string_lossy();
+    let written = formats::FORMATS.iter().filter(|format| format.create.is_some());
+    let format = formats::by_extension(&extension).and_then(|format| format.create.zip(format.resume));
+    let Some(open) = format else {
+        let all: Vec<String> = written.map(|format| format!(".{}", format.extension)).collect();
+        return Err(IoError::Format {
+            path: to.clone(),
+            what: format!("caches are not written as .{extension} files"),
+            advice: format!("give a file that ends with {}", all.join(", ")),
+        });
+    };
+    if fs::canonicalize(to).is_ok_and(|to| fs::canonicalize(&conversion.from).is_ok_and(|from| from == to)) {
+        return Err(IoError::Format {
+            path: to.clone(),
+            what: "this is the cache that is converted".to_owned(),
+            advice: "give the new one another name".to_owned(),
+        });
+    }
+    let taken = [Some(to.clone()), folder_of(to)].into_iter().flatten().find(|path| path.symlink_metadata().is_ok());
+    if let Some(path) = taken.filter(|_| !conversion.overwrite) {
+        return Err(IoError::FileExists { path });
+    }
+    Ok(open)
+}
+
+/// The mesh of this path, or the only one.
+fn chosen(source: &CacheFrames, object: Option<&str>) -> Result<usize, IoError> {
+    let meshes = source.meshes();
+    let found = meshes.iter().position(|mesh| object.is_none_or(|object| mesh.name == object));
+    if let Some(index) = found.filter(|_| object.is_some() || meshes.len() == 1) {
+        return Ok(index);
+    }
+    let names = meshes.iter().map(|mesh| mesh.name.as_str()).collect::<Vec<_>>().join(", ");
+    let what = match object {
+        Some(object) => format!("it holds no mesh {object}"),
+        None => format!("it holds {} meshes, and a cache of this program holds one", meshes.len()),
+    };
+    Err(IoError::data(source.path(), "objects", what, format!("choose one with --object: {names}")))
+}
+
+/// The samples of the frames that are asked for.
+fn samples(source: &CacheFrames, mesh: usize, asked: Option<[i64; 2]>) -> Result<std::ops::Range<usize>, IoError> {
+    let frames = &source.meshes()[mesh].frames;
+    let held = match (frames.first(), frames.last()) {
+        (Some(first), Some(last)) => format!("it holds {first}-{last}"),
+        _ => return Err(IoError::data(source.path(), "frames", "it holds no frame", "give a cache with frames")),
+    };
+    let missing = |frame: i64| {
+        let what = format!("frame {frame} is missing");
+        IoError::data(source.path(), "frames", what, format!("{held}; choose with --frames A-B"))
+    };
+    let place = |frame: i64| frames.binary_search(&frame).map_err(|_| missing(frame));
+    let range = match asked {
+        None => 0..frames.len(),
+        Some([first, last]) => place(first)?..place(last)? + 1,
+    };
+    match frames[range.clone()].windows(2).find(|pair| pair[1] != pair[0] + 1) {
+        Some(pair) => Err(missing(pair[0] + 1)),
+        None => Ok(range),
+    }
+}
+
+/// The frame rate as a fraction.
+fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), IoError> {
+    let refused = |what: String| {
+        IoError::data(source.path(), "frame rate", what, "say it with --fps, for example --fps 24 or --fps 24000/1001")
+    };
+    if let Some(said) = said {
+        return Ok(said);
+    }
+    let fps = source.fps().ok_or_else(|| refused("the file does not tell it".to_owned()))?;
+    let fraction = |denominator: u32, numerator: f64| {
+        let is_near = (numerator / f64::from(denominator) - fps).abs() < SAME_RATE * fps;
+        (is_near && (1.0..=f64::from(u32::MAX)).contains(&numerator)).then_some((numerator as u32, denominator))
+    };
+    let television = (fps * f64::from(NTSC) / THOUSAND).round() * THOUSAND;
+    let found = fraction(1, fps.round()).or_else(|| fraction(NTSC, television));
+    found
+        .or_else(|| fraction(THOUSAND as u32, (fps * THOUSAND).round()))
+        .ok_or_else(|| refused(format!("{fps} is no fraction that films use")))
+}
+
+/// The mesh with everything that is handed through; points are those of a sample [m].
+fn described(source: &CacheFrames, mesh: usize, sample: usize) -> Result<MeshData, IoError> {
+    let cache = &source.meshes()[mesh];
+    let mut data = source.attributes(mesh)?;
+    data.mesh.points = source.positions(mesh, sample)?;
+    // As they were simulated: from the shape at rest, which is not in the cache. Where a parent mirrors the mesh, its faces are
+    // turned round and they are not.
+    data.triangles = (data.mesh.face_indices == cache.faces.face_indices).then(|| cache.triangles.clone());
+    Ok(data)
+}
+
+/// A conversion whose inputs are known.
+struct Work<'a> {
+    source: &'a CacheFrames,
+    mesh: usize,
+    plan: CachePlan<'a>,
+    open: (CreateCache, ResumeCache),
+}
+
+impl Work<'_> {
+    /// Writes all frames under another name, and gives the file its own when they are there.
+    fn write(&self, to: &Path, samples: std::ops::Range<usize>, wrote: &mut dyn FnMut(i64)) -> Result<(), IoError> {
+        let (create, resume) = self.open;
+        let aside = aside(to);
+        let mut writer = create(&aside, &self.plan)?;
+        let written = self.frames(writer.as_mut(), samples, wrote).and_then(|()| writer.finish());
+        let mut mark = writer.mark();
+        drop(writer);
+        let placed = written.and_then(|()| fs::rename(&aside, to).map_err(|e| IoError::writing(to, e)));
+        if let Err(error) = placed {
+            // Half a cache would only confuse; if it cannot be removed either, the first error says why.
+            let _ = fs::remove_file(&aside);
+            if let Some(folder) = folder_of(to).filter(|_| !to.exists()) {
+                let _ = remove_folder(&folder);
+            }
+            return Err(error);
+        }
+        mark.file = to.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        // Clears away what is left of a cache that was replaced.
+        resume(to, &self.plan, &mark)?.finish()
+    }
+
+    fn frames(
+        &self,
+        writer: &mut dyn CacheWriter,
+        samples: std::ops::Range<usize>,
+        wrote: &mut dyn FnMut(i64),
+    ) -> Result<(), IoError> {
+        let plan = &self.plan;
+        for sample in samples {
+            let frame = self.source.meshes()[self.mesh].frames[sample];
+            let stored = self.source.stored_frame(self.mesh, sample)?;
+            let positions = self.positions(sample)?;
+            let velocities = match (self.source.velocities(self.mesh, sample)?, plan.velocities) {
+                (Some(_), true) if self.is_copied(sample)? => stored.velocities.unwrap_or_default(),
+                (Some(velocities), true) => plan.units.stored_all(&velocities),
+                (None, true) => return Err(self.lacks(frame, "velocities")),
+                (_, false) => Vec::new(),
+            };
+            let crossings = match (stored.crossings, plan.crossings) {
+                (None, true) => return Err(self.lacks(frame, "a number of crossings")),
+                (crossings, true) => crossings,
+                (_, false) => None,
+            };
+            writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings })?;
+            wrote(frame);
+        }
+        Ok(())
+    }
+
+    /// Whether numbers stay what they are.
+    fn is_copied(&self, sample: usize) -> Result<bool, IoError> {
+        let origin = self.plan.file_origin().unwrap_or_default();
+        let stored = self.source.stored_positions(self.mesh, sample)?;
+        Ok(stored.is_some_and(|stored| (stored.units, stored.origin) == (self.plan.units, origin)))
+    }
+
+    /// Positions of a frame as the new file stores them.
+    fn positions(&self, sample: usize) -> Result<Vec<[f32; 3]>, IoError> {
+        if self.is_copied(sample)? {
+            let stored = self.source.stored_positions(self.mesh, sample)?;
+            return Ok(stored.map(|stored| stored.points).unwrap_or_default());
+        }
+        let world = self.source.positions(self.mesh, sample)?;
+        Ok(world.iter().map(|x| self.plan.units.stored_from(self.plan.origin, *x)).collect())
+    }
+
+    fn lacks(&self, frame: i64, what: &str) -> IoError {
+        let what = format!("frame {frame} has no {what}, and the first has");
+        IoError::data(self.source.path(), "frames", what, "choose the frames that have them with --frames A-B")
+    }
+}
+
+/// Where the new cache is written until it is whole; it keeps its extension.
+fn aside(path: &Path) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{stem}.converted.{extension}"))
+}

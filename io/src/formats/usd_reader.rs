@@ -1,0 +1,398 @@
+//! USD meshes: those of a stage that are rendered, in the world at the time asked for. Objects are chosen by a pattern over the
+//! paths of their prims; several are merged in the order of their paths.
+//!
+//! Unlike Alembic, a stage says what it is at any time: between samples its own interpolation holds (rotations and joints turn,
+//! and do not cut corners). Times in seconds are time codes divided by `timeCodesPerSecond`.
+
+use std::path::{Path, PathBuf};
+
+use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
+use drapery_usd::read::{Chosen, Element, Entry, Interpolation, Meaning, MeshSample, Primvar, Stage, UsdError};
+
+use super::alembic::{fitting, merge};
+use super::alembic_writer::reverse;
+use crate::error::IoError;
+use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
+use crate::input_file;
+use crate::mesh_data::{Connectivity, DataType, FaceSet, MeshData, MeshParam, MeshReader, PodType, Scope, Uvs};
+use crate::units::{StatedUnits, UpAxis};
+
+/// A code this close to a stored one, in sample steps, is that sample: 1001/24 s times 24 is not 1001.
+const SAME_SAMPLE: f64 = 1e-3;
+
+/// Name of the UV set that is taken before others.
+const UV: &str = "st";
+
+/// Meshes of a stage, read as one.
+pub(super) struct UsdMesh {
+    path: PathBuf,
+    stage: Stage,
+    objects: Vec<String>,
+    stated: StatedUnits,
+    codes_per_second: f64,
+    chosen: Chosen,
+    times: Vec<f64>,
+    notes: Vec<String>,
+}
+
+impl UsdMesh {
+    /// Opens the meshes whose path fits `pattern` (`*` stands for any letters, also over several levels); all that are rendered
+    /// without a pattern.
+    ///
+    /// # Errors
+    /// The file or a layer that the meshes need is missing or damaged, the pattern is malformed, or fits no mesh that is rendered.
+    pub(super) fn open(path: &Path, pattern: Option<&str>) -> Result<Self, IoError> {
+        input_file::open(path)?;
+        let stage = Stage::open(path)?;
+        let about = stage.about();
+        let places = choose(path, pattern, &stage)?;
+        let objects: Vec<String> = places.iter().map(|place| about.meshes[*place].path.clone()).collect();
+        let needs = |prim: &str| {
+            let below = |object: &String| {
+                object.strip_prefix(prim).is_some_and(|rest| rest.starts_with('/') || rest.is_empty())
+            };
+            prim.is_empty() || prim == "/" || pattern.is_none() || objects.iter().any(below)
+        };
+        let mut notes = Vec::new();
+        for (prim, flaw) in &about.flaws {
+            if needs(prim) {
+                return Err(flaw.clone().into());
+            }
+            notes.push(format!("{}: {}", flaw.place, flaw.what));
+        }
+        let up = match about.up_axis.as_deref() {
+            None => None,
+            Some("Y") => Some(UpAxis::Y),
+            Some("Z") => Some(UpAxis::Z),
+            Some(other) => {
+                let what = format!("upAxis is {other:?}, and has to be \"Y\" or \"Z\"");
+                return Err(IoError::data(path, "stage", what, "set it in the program that wrote the file"));
+            }
+        };
+        let stated = StatedUnits { metres: about.metres_per_unit, up };
+        let codes_per_second = about.codes_per_second;
+        let chosen = stage.choose(&places)?;
+        if !chosen.codes.is_empty() && !(codes_per_second.is_finite() && codes_per_second > 0.0) {
+            let what = format!("timeCodesPerSecond is {codes_per_second}, so its samples have no times");
+            return Err(IoError::data(path, "stage", what, "write how many time codes make a second, for example 24"));
+        }
+        let times = chosen.codes.iter().map(|code| code / codes_per_second).collect();
+        notes.extend(chosen.notes.iter().cloned());
+        Ok(Self { path: path.to_owned(), objects, stated, codes_per_second, chosen, times, notes, stage })
+    }
+
+    /// The time code of a time [s]; that of a sample if it is meant.
+    fn code(&self, time: f64) -> f64 {
+        let codes = &self.chosen.codes;
+        let (Some(first), Some(last)) = (codes.first(), codes.last()) else { return 0.0 };
+        let code = time * self.codes_per_second;
+        let step = (last - first) / (codes.len() - 1).max(1) as f64;
+        let after = codes.partition_point(|sample| *sample < code);
+        let around = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|place| codes.get(place));
+        around.copied().find(|sample| (sample - code).abs() <= SAME_SAMPLE * step).unwrap_or(code)
+    }
+
+    fn read(&self, mesh: usize, code: f64) -> Result<MeshData, IoError> {
+        let sample = self.stage.mesh(mesh, code)?;
+        Ok(mesh_data(self.objects[mesh].clone(), sample))
+    }
+
+    fn points(&self, mesh: usize, code: f64) -> Result<Vec<Vec3>, IoError> {
+        Ok(self.stage.points(mesh, code)?.into_iter().map(Vec3::from).collect())
+    }
+}
+
+impl MeshReader for UsdMesh {
+    fn objects(&self) -> Vec<String> {
+        self.objects.clone()
+    }
+
+    fn sample_times(&self) -> &[f64] {
+        &self.times
+    }
+
+    fn mesh_at(&self, time: f64) -> Result<MeshData, IoError> {
+        let code = self.code(time);
+        let mut merged = self.read(0, code)?;
+        for mesh in 1..self.objects.len() {
+            merged = merge(merged, self.read(mesh, code)?);
+        }
+        Ok(merged)
+    }
+
+    fn positions_at(&self, time: f64, positions: &mut Vec<Vec3>) -> Result<(), IoError> {
+        positions.clear();
+        self.points_at(time, &mut |points| positions.extend_from_slice(points))
+    }
+
+    fn points_at(&self, time: f64, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
+        for mesh in 0..self.objects.len() {
+            take(&self.points(mesh, self.code(time))?);
+        }
+        Ok(())
+    }
+
+    fn faces_at(&self, time: f64, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
+        let code = self.code(time);
+        let mut first = 0;
+        for mesh in 0..self.objects.len() {
+            let mut faces = self.stage.faces(mesh, code)?;
+            faces.indices.iter_mut().for_each(|point| *point += first);
+            take(&faces.counts, &faces.indices);
+            if mesh + 1 < self.objects.len() {
+                first += self.points(mesh, code)?.len() as u32;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_attributes_at(&self, time: f64) -> Result<(), IoError> {
+        (0..self.objects.len()).try_for_each(|mesh| self.read(mesh, self.code(time)).map(drop))
+    }
+
+    fn connectivity_at(&self, time: f64) -> Result<Option<Connectivity>, IoError> {
+        let mut all = Connectivity::default();
+        let mut moving = false;
+        for mesh in 0..self.objects.len() {
+            moving |= self.stage.faces_move(mesh)?;
+        }
+        if !moving {
+            return Ok(None);
+        }
+        for mesh in 0..self.objects.len() {
+            let faces = self.stage.faces(mesh, self.code(time))?;
+            all.face_counts.extend(faces.counts);
+            all.face_indices.extend(faces.indices);
+        }
+        Ok(Some(all))
+    }
+
+    fn stated_units(&self) -> Option<StatedUnits> {
+        Some(self.stated)
+    }
+
+    fn other_files(&self) -> Vec<PathBuf> {
+        // The file itself is known under the name that the scene gives it.
+        let own = self.path.canonicalize().ok();
+        self.chosen.layers.iter().filter(|layer| Some(*layer) != own.as_ref()).cloned().collect()
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+}
+
+/// Places of the meshes that fit a pattern and are rendered.
+fn choose(path: &Path, pattern: Option<&str>, stage: &Stage) -> Result<Vec<usize>, IoError> {
+    let about = stage.about();
+    let fits = pattern.map(|pattern| fitting(path, pattern)).transpose()?;
+    let fitting = |entry: &Entry| fits.as_ref().is_none_or(|fits| fits.is_match(&entry.path));
+    let all = || about.meshes.iter().enumerate().filter(|(_, entry)| fitting(entry));
+    let places: Vec<usize> = all().filter(|(_, entry)| entry.skipped.is_none()).map(|(place, _)| place).collect();
+    if !places.is_empty() {
+        return Ok(places);
+    }
+    // Whatever is missing may be the reason.
+    if let Some((_, flaw)) = about.flaws.first() {
+        return Err(flaw.clone().into());
+    }
+    let rendered: Vec<&str> =
+        about.meshes.iter().filter(|entry| entry.skipped.is_none()).map(|entry| entry.path.as_str()).collect();
+    let advice = match rendered.is_empty() {
+        true => "export the meshes themselves".to_owned(),
+        false => format!("its meshes are {}", rendered.join(", ")),
+    };
+    let what = match (all().next(), pattern) {
+        (Some((_, Entry { path, skipped: Some(why), .. })), _) => format!("the mesh {path} is not rendered: {why}"),
+        (_, Some(pattern)) if !about.meshes.is_empty() => format!("no mesh has a path like {pattern}"),
+        _ => without_meshes(&about.others),
+    };
+    Err(IoError::data(path, "objects", what, advice))
+}
+
+/// Says what a stage holds instead of meshes.
+fn without_meshes(others: &[(String, String)]) -> String {
+    let some: Vec<String> = others.iter().take(5).map(|(path, kind)| format!("{path} ({kind})")).collect();
+    if some.is_empty() { "it holds no mesh".into() } else { format!("it holds no mesh, but {}", some.join(", ")) }
+}
+
+fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
+    let MeshSample { points, faces, subsets, mut primvars, subdivision, material } = sample;
+    let counts = faces.counts;
+    let found = primvars.iter().position(|primvar| primvar.name == UV && is_uv(primvar));
+    let found = found.or_else(|| {
+        let means = |primvar: &Primvar| primvar.meaning == Meaning::TextureCoordinate && is_uv(primvar);
+        primvars.iter().position(means)
+    });
+    let uvs = found.and_then(|place| {
+        let uvs = uvs(&primvars[place], &faces.indices)?;
+        primvars.remove(place);
+        Some(uvs)
+    });
+    let params = primvars.into_iter().map(|primvar| param(primvar, &counts)).collect();
+    MeshData {
+        object_path,
+        uvs,
+        params,
+        face_sets: subsets
+            .into_iter()
+            .map(|subset| FaceSet { name: subset.name, faces: subset.faces, material: subset.material })
+            .collect(),
+        mesh: PolygonMesh {
+            points: points.into_iter().map(Vec3::from).collect(),
+            face_counts: counts,
+            face_indices: faces.indices,
+        },
+        material,
+        subdivision: Some(subdivision),
+        triangles: None,
+    }
+}
+
+fn is_uv(primvar: &Primvar) -> bool {
+    primvar.element == Element::F32 && primvar.extent == 2
+}
+
+/// UVs as one index a face corner; none when they do not fit the mesh.
+fn uvs(primvar: &Primvar, face_indices: &[u32]) -> Option<Uvs> {
+    let values: Vec<[f32; 2]> = primvar
+        .values
+        .chunks_exact(8)
+        .map(|v| [[v[0], v[1], v[2], v[3]], [v[4], v[5], v[6], v[7]]].map(f32::from_le_bytes))
+        .collect();
+    let own = || (0..values.len() as u32).collect();
+    let indices: Vec<u32> = primvar.indices.clone().unwrap_or_else(own);
+    let corners: Vec<u32> = match primvar.interpolation {
+        Interpolation::FaceVarying => indices,
+        Interpolation::Vertex | Interpolation::Varying => {
+            face_indices.iter().map(|point| indices.get(*point as usize).copied()).collect::<Option<_>>()?
+        }
+        Interpolation::Constant | Interpolation::Uniform => return None,
+    };
+    let fits = corners.len() == face_indices.len() && corners.iter().all(|index| (*index as usize) < values.len());
+    fits.then(|| Uvs { name: primvar.name.clone(), values, indices: corners })
+}
+
+/// An attribute as Alembic has it, which counts corners clockwise.
+fn param(mut primvar: Primvar, face_counts: &[u32]) -> MeshParam {
+    let pod = match primvar.element {
+        Element::Bool => PodType::Bool,
+        Element::U8 => PodType::U8,
+        Element::I32 => PodType::I32,
+        Element::U32 => PodType::U32,
+        Element::I64 => PodType::I64,
+        Element::U64 => PodType::U64,
+        Element::F16 => PodType::F16,
+        Element::F32 => PodType::F32,
+        Element::F64 => PodType::F64,
+    };
+    let data_type = DataType { pod, extent: primvar.extent };
+    let corners: usize = face_counts.iter().map(|count| *count as usize).sum();
+    if primvar.interpolation == Interpolation::FaceVarying {
+        let size = data_type.element_size();
+        match &mut primvar.indices {
+            Some(indices) if indices.len() == corners => reverse(face_counts, indices),
+            None if primvar.values.len() == size * corners => {
+                let mut order: Vec<u32> = (0..corners as u32).collect();
+                reverse(face_counts, &mut order);
+                let values = order.iter().flat_map(|corner| &primvar.values[*corner as usize * size..][..size]);
+                primvar.values = values.copied().collect();
+            }
+            _ => {}
+        }
+    }
+    let interpretation = match primvar.meaning {
+        Meaning::Colour => "rgb",
+        Meaning::Point => "point",
+        Meaning::Normal => "normal",
+        Meaning::Vector => "vector",
+        Meaning::Numbers | Meaning::TextureCoordinate => "",
+    };
+    MeshParam {
+        scope: match primvar.interpolation {
+            Interpolation::Constant => Scope::Constant,
+            Interpolation::Uniform => Scope::Uniform,
+            Interpolation::Varying => Scope::Varying,
+            Interpolation::Vertex => Scope::Vertex,
+            Interpolation::FaceVarying => Scope::FaceVarying,
+        },
+        data_type,
+        interpretation: interpretation.to_owned(),
+        source_name: None,
+        name: primvar.name,
+        values: primvar.values,
+        indices: primvar.indices,
+    }
+}
+
+/// What a stage holds.
+///
+/// # Errors
+/// The file cannot be opened, or a mesh of it contradicts itself.
+pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
+    let stage = Stage::open(path)?;
+    let about = stage.about();
+    let mut properties = Vec::new();
+    let mut tell = |name: &str, value: String| properties.push((name.to_owned(), value));
+    let or_default =
+        |said: Option<String>, default: &str| said.unwrap_or_else(|| format!("not said; USD's default is {default}"));
+    tell("metersPerUnit", or_default(about.metres_per_unit.map(|metres| metres.to_string()), "0.01"));
+    tell("upAxis", or_default(about.up_axis.clone(), "Y"));
+    tell("timeCodesPerSecond", about.codes_per_second.to_string());
+    tell("framesPerSecond", about.frames_per_second.to_string());
+    let range = about.range.map(|[first, last]| format!("{first} to {last}"));
+    tell("time codes", range.unwrap_or_else(|| "not said".to_owned()));
+    tell("defaultPrim", about.default_prim.clone().unwrap_or_else(|| "not said".to_owned()));
+    tell("layers", about.layers.len().to_string());
+    for (_, flaw) in &about.flaws {
+        tell("broken", format!("{}: {}", flaw.place, flaw.what));
+    }
+    let mut meshes = Vec::new();
+    for (place, entry) in about.meshes.iter().enumerate() {
+        meshes.push(match stage.choose(&[place]) {
+            Ok(chosen) => mesh_summary(&stage, entry, &chosen)?,
+            // It is told what is wrong with this one, and the others are told as they are.
+            Err(error) => unreadable(entry.path.clone(), error),
+        });
+    }
+    Ok(FileSummary { format: "USD", properties, meshes, others: about.others.clone() })
+}
+
+fn unreadable(path: String, error: UsdError) -> MeshSummary {
+    MeshSummary { path, topology: "unknown", problem: Some(error.what), ..MeshSummary::default() }
+}
+
+fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSummary, IoError> {
+    let path = match &entry.skipped {
+        Some(why) => format!("{} (not read: {why})", entry.path),
+        None => entry.path.clone(),
+    };
+    let codes = &chosen.codes;
+    let first = codes.first().copied().unwrap_or(0.0);
+    let sample = match stage.mesh(0, first) {
+        Ok(sample) => sample,
+        Err(error) => return Ok(unreadable(path, error)),
+    };
+    let per_second = stage.about().codes_per_second;
+    let seconds = |code: f64| if per_second > 0.0 { code / per_second } else { 0.0 };
+    let data = mesh_data(entry.path.clone(), sample);
+    Ok(MeshSummary {
+        path,
+        points: data.mesh.points.len(),
+        faces: face_kinds(&data.mesh.face_counts),
+        topology: match (stage.faces_move(0)?, codes.is_empty()) {
+            (true, _) => "changing",
+            (false, false) => "constant faces, moving points",
+            (false, true) => "constant",
+        },
+        samples: codes.len().max(1),
+        times: [seconds(first), seconds(codes.last().copied().unwrap_or(0.0))],
+        bounds: bounds(&data.mesh.points),
+        uvs: data.uvs.map(|uvs| (uvs.name, uvs.values.len())),
+        face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),
+        attributes: data.params.into_iter().map(|param| param.name).collect(),
+        velocities: stage.stored(0, first).is_ok_and(|stored| stored.velocities.is_some()),
+        ..MeshSummary::default()
+    })
+}

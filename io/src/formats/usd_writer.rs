@@ -1,0 +1,362 @@
+//! USD caches: a text layer a garment over binary value clips, one a frame (`docs/reference/usd_cache.md`).
+//!
+//! `OUT/<garment>.usd` is small and is replaced as a whole after every frame, when the clip that it names next is there: a
+//! reader finds all frames up to one, whenever it looks and wherever the process was killed. What does not move stands in a
+//! layer of its own, written with the first frame. It and the clips are in `OUT/<garment>.clips/<digest>/`, where the digest
+//! is that of what does not move: caches of another form (other units, without velocities) never share clips, and a cache
+//! that is written anew takes the old one's place by the one renaming of its text.
+//!
+//! A cache is continued by taking the frames after its mark out of the text, and then out of the folder.
+
+mod attributes;
+
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use drapery_alembic::murmur3_x64_128;
+use drapery_core::mesh::MeshStream;
+use drapery_usd::cache::{Cache, CacheError};
+use drapery_usd::write::{
+    CacheLayer, GarmentReference, MeshPath, Moving, ShotLayer, StillMesh, Units as LayerUnits, WriteError, cache_layer,
+    clip, clip_manifest, shot_layer, topology,
+};
+
+use super::continuing::{cannot_continue, hexadecimal, marked_frames, sync_name, too_short};
+use super::{ShotFiles, remove_folder};
+use crate::atomic_file::unfinished;
+use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
+use crate::error::IoError;
+use crate::garment_mesh::{GarmentMesh, told};
+use crate::units::{Units, UpAxis};
+
+/// Digits of the digest that a folder of clips is named by.
+const DIGITS: usize = 16;
+
+/// A USD cache being written. The text layer appears with the first frame.
+#[derive(Debug)]
+pub(crate) struct UsdWriter {
+    path: PathBuf,
+    /// Folder of clips of all forms, beside the layer.
+    clips: PathBuf,
+    mesh: GarmentMesh,
+    mesh_path: MeshPath,
+    units: LayerUnits,
+    origin: Option<[f64; 3]>,
+    documentation: String,
+    properties: Vec<(&'static str, String)>,
+    first_frame: i64,
+    velocities: bool,
+    crossings: bool,
+    stage: Stage,
+    mark: CacheMark,
+    /// What is written but may not be on the disk.
+    unsynced: Vec<PathBuf>,
+}
+
+/// How far the cache is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Stage {
+    /// No frame yet, so no file.
+    Empty,
+    /// One frame at least; the folder of clips of this form.
+    Open(PathBuf),
+    /// Given up after an error.
+    Closed,
+}
+
+/// Folder of the clips of a cache, which the cache is nothing without.
+pub(super) fn clips_of(cache: &Path) -> PathBuf {
+    cache.with_extension("clips")
+}
+
+/// What layers say of their numbers.
+fn layer_units(units: Units, fps: f64) -> LayerUnits {
+    LayerUnits { metres_per_unit: units.length.metres(), z_up: units.up == UpAxis::Z, time_codes_per_second: fps }
+}
+
+impl UsdWriter {
+    /// Prepares a cache at `path`; the first frame creates it and replaces what is there.
+    pub(crate) fn create(path: &Path, plan: &CachePlan<'_>) -> Self {
+        let (numerator, denominator) = (plan.timeline.fps_numerator, plan.timeline.fps_denominator);
+        let properties = vec![
+            ("application", APPLICATION.to_owned()),
+            ("fps", format!("{numerator}/{denominator}")),
+            ("garment", plan.garment.to_owned()),
+            ("length_unit", plan.units.length.word().to_owned()),
+        ];
+        Self {
+            path: path.to_owned(),
+            // By the garment and not by the file, which may get its final name only when it is whole.
+            clips: clips_of(&path.with_file_name(format!("{}.usd", plan.garment))),
+            mesh: plan.mesh.clone(),
+            mesh_path: MeshPath::of(&plan.object_path()),
+            units: layer_units(plan.units, plan.fps()),
+            origin: plan.file_origin(),
+            documentation: format!("Garment {}", plan.garment),
+            properties,
+            first_frame: plan.first_frame,
+            velocities: plan.velocities,
+            crossings: plan.crossings,
+            stage: Stage::Empty,
+            mark: CacheMark::none(path),
+            unsynced: Vec::new(),
+        }
+    }
+
+    /// Goes on with the cache at `path` after its mark. Readers find a valid stage all the time, with the frames up to the
+    /// mark.
+    ///
+    /// # Errors
+    /// The cache is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
+    pub(crate) fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
+        let mut writer = Self::create(path, plan);
+        if marked_frames(path, plan, mark)? == 0 {
+            // What a run without a break has at this point: nothing before the first frame.
+            super::continuing::remove(path)?;
+            remove_folder(&writer.clips)?;
+            return Ok(writer);
+        }
+        let failed = |e| IoError::writing(path, e);
+        let last = mark.last_frame.unwrap_or(plan.first_frame);
+        let refused = |what: &str| cannot_continue(path, format!("frame {last}"), what);
+        let layer = match fs::read_to_string(path) {
+            Err(e) if e.kind() == ErrorKind::NotFound => return Err(refused("the cache is missing")),
+            layer => layer.map_err(failed)?,
+        };
+        if let Some(held) = last_frame_in(&layer).filter(|held| *held > plan.last_frame) {
+            return Err(too_short(path, plan, held));
+        }
+        let still = writer.topology()?;
+        let folder = writer.folder_of(&still);
+        match fs::read(folder.join(CacheLayer::TOPOLOGY)) {
+            Ok(there) if there == still => {}
+            Ok(_) => return Err(refused("its topology is no longer the one that was written")),
+            Err(e) if e.kind() == ErrorKind::NotFound && writer.clips.is_dir() => {
+                return Err(refused("the cache was begun with other settings: another mesh, origin, unit or content"));
+            }
+            Err(e) if e.kind() == ErrorKind::NotFound => return Err(refused("the folder of its clips is missing")),
+            Err(e) => return Err(failed(e)),
+        }
+        drop(still);
+        let clip = |frame| folder.join(CacheLayer::clip(frame));
+        if let Some(frame) = (plan.first_frame..last).find(|frame| !clip(*frame).is_file()) {
+            return Err(refused(&format!("the clip of frame {frame} is missing")));
+        }
+        match fs::read(clip(last)) {
+            Ok(bytes) if hexadecimal(murmur3_x64_128(&bytes)) == mark.digest => {}
+            Ok(_) => return Err(refused("the clip of this frame is not the one that was written")),
+            Err(e) if e.kind() == ErrorKind::NotFound => return Err(refused("the clip of this frame is missing")),
+            Err(e) => return Err(failed(e)),
+        }
+        // The layer of what does not move does not tell how many points there are.
+        let held = Cache::open(path).and_then(|cache| match cache.frames.binary_search(&last) {
+            Ok(place) => Ok(cache.frame(place)?.points.len()),
+            Err(_) => Ok(0),
+        });
+        if held.map_err(|e| refused(&e.to_string()))? != plan.mesh.point_count() {
+            return Err(refused("the cache was begun with other settings: another number of points"));
+        }
+        writer.write_layer(&folder, last)?;
+        writer.remove_later(&folder, last)?;
+        writer.mark = mark.clone();
+        writer.stage = Stage::Open(folder);
+        Ok(writer)
+    }
+
+    /// The layer of what does not move.
+    fn topology(&self) -> Result<Vec<u8>, IoError> {
+        let mut data = self.mesh.read()?;
+        let triangles = told(&data);
+        let primvars = std::mem::take(&mut data.params);
+        let primvars = primvars.into_iter().map(|param| attributes::primvar(param, &data.mesh.face_counts)).collect();
+        let faces = data.mesh.face_counts.len();
+        let signed = |list: Vec<u32>| list.into_iter().map(|number| number as i32).collect::<Vec<_>>();
+        let still = StillMesh {
+            path: &self.mesh_path,
+            origin: self.origin,
+            subdivision: attributes::subdivision(data.subdivision.as_deref()),
+            uvs: data.uvs.map(|uvs| (uvs.values, signed(uvs.indices))),
+            primvars,
+            subsets: data.face_sets.into_iter().map(|set| attributes::subset(set, faces)).collect(),
+            material: data.material,
+            triangles: triangles.map(|all| all.into_iter().map(|corners| corners.map(|v| v as i32)).collect()),
+            face_counts: signed(data.mesh.face_counts),
+            face_indices: signed(data.mesh.face_indices),
+            velocities: self.velocities,
+            crossings: self.crossings,
+        };
+        topology(self.units, still).map_err(|e| self.refused(&e))
+    }
+
+    /// The folder of clips that go with a layer of what does not move.
+    fn folder_of(&self, topology: &[u8]) -> PathBuf {
+        let digest = hexadecimal(murmur3_x64_128(topology));
+        self.clips.join(&digest[..DIGITS])
+    }
+
+    /// Makes the folder with what does not move.
+    fn write_first(&mut self) -> Result<PathBuf, IoError> {
+        let still = self.topology()?;
+        let folder = self.folder_of(&still);
+        fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
+        self.write_file(&folder.join(CacheLayer::TOPOLOGY), &still)?;
+        let manifest = clip_manifest(self.units, &self.mesh_path, self.velocities, self.crossings);
+        self.write_file(&folder.join(CacheLayer::MANIFEST), manifest.as_bytes())?;
+        Ok(folder)
+    }
+
+    /// Writes the clip of a frame, then the layer that names it.
+    fn write_frame(&mut self, folder: &Path, frame: &CacheFrame<'_>) -> Result<(), IoError> {
+        let moving = Moving {
+            frame: frame.frame,
+            points: frame.positions,
+            velocities: self.velocities.then_some(frame.velocities),
+            crossings: self.crossings.then(|| frame.crossings.unwrap_or(0)),
+        };
+        let bytes = clip(self.units, &self.mesh_path, &moving).map_err(|e| self.refused(&e))?;
+        self.write_file(&folder.join(CacheLayer::clip(frame.frame)), &bytes)?;
+        self.write_layer(folder, frame.frame)?;
+        self.mark = CacheMark {
+            last_frame: Some(frame.frame),
+            bytes: bytes.len() as u64,
+            digest: hexadecimal(murmur3_x64_128(&bytes)),
+            ..CacheMark::none(&self.path)
+        };
+        Ok(())
+    }
+
+    /// Writes the layer with the frames up to `last`.
+    fn write_layer(&mut self, folder: &Path, last: i64) -> Result<(), IoError> {
+        let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let text = cache_layer(&CacheLayer {
+            units: self.units,
+            path: &self.mesh_path,
+            documentation: &self.documentation,
+            properties: &self.properties,
+            folder: &format!("{}/{}", name(&self.clips), name(folder)),
+            frames: [self.first_frame, last],
+        });
+        self.write_file(&self.path.clone(), text.as_bytes())
+    }
+
+    /// Removes what is no longer named: later frames, what a killed run left unfinished, caches of other forms.
+    fn remove_later(&self, folder: &Path, last: i64) -> Result<(), IoError> {
+        let failed = |e| IoError::writing(folder, e);
+        for entry in fs::read_dir(folder).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if name.ends_with(".part") || CacheLayer::frame_of(&name).is_some_and(|frame| frame > last) {
+                super::continuing::remove(&path)?;
+            }
+        }
+        for entry in fs::read_dir(&self.clips).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            if path != folder {
+                remove_folder(&path)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes a file beside its name and renames it.
+    fn write_file(&mut self, path: &Path, bytes: &[u8]) -> Result<(), IoError> {
+        let part = unfinished(path);
+        let mut file = File::create(&part).map_err(|e| IoError::creating(&part, e))?;
+        let written = file.write_all(bytes).and_then(|()| fs::rename(&part, path));
+        if written.is_err() {
+            // It would take the room that is missing.
+            let _ = fs::remove_file(&part);
+        }
+        written.map_err(|e| IoError::writing(path, e))?;
+        if !self.unsynced.iter().any(|known| known == path) {
+            self.unsynced.push(path.to_owned());
+        }
+        Ok(())
+    }
+
+    fn refused(&self, error: &WriteError) -> IoError {
+        let advice = "give the object a name or path that USD accepts, or leave \"usd\" out of output.format";
+        IoError::data(&self.path, error.place.clone(), error.what.clone(), advice)
+    }
+}
+
+impl CacheWriter for UsdWriter {
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError> {
+        let expected = self.mark.last_frame.map_or(self.first_frame, |last| last + 1);
+        assert_eq!(frame.frame, expected, "frames come in order");
+        assert_eq!(frame.positions.len(), self.mesh.point_count(), "a garment keeps its number of points");
+        // Closed until the frame is complete: after an error nothing may follow.
+        let folder = match std::mem::replace(&mut self.stage, Stage::Closed) {
+            Stage::Empty => self.write_first()?,
+            Stage::Open(folder) => folder,
+            Stage::Closed => panic!("no frame is written after an error"),
+        };
+        self.write_frame(&folder, frame)?;
+        self.stage = Stage::Open(folder);
+        Ok(())
+    }
+
+    fn mark(&self) -> CacheMark {
+        self.mark.clone()
+    }
+
+    fn sync(&mut self) -> Result<(), IoError> {
+        for path in std::mem::take(&mut self.unsynced) {
+            File::open(&path).and_then(|file| file.sync_all()).map_err(|e| IoError::writing(&path, e))?;
+        }
+        if let Stage::Open(folder) = &self.stage {
+            // The names in the folder, then its own and that of the layer.
+            sync_name(&folder.join(CacheLayer::TOPOLOGY));
+            sync_name(folder);
+            sync_name(&self.clips);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), IoError> {
+        self.sync()
+    }
+}
+
+/// The last frame that a layer of ours names.
+fn last_frame_in(layer: &str) -> Option<i64> {
+    layer.lines().find_map(|line| line.trim().strip_prefix("endTimeCode = ")?.parse().ok())
+}
+
+/// Writes the layer of a shot, with a reference to each cache.
+///
+/// # Errors
+/// The disk refuses.
+pub(super) fn write_shot(path: &Path, shot: &ShotFiles<'_>) -> Result<(), IoError> {
+    let garments: Vec<GarmentReference> = shot
+        .caches
+        .iter()
+        .map(|(garment, file)| GarmentReference { name: (*garment).to_owned(), file: file.clone() })
+        .collect();
+    let text = shot_layer(&ShotLayer {
+        units: layer_units(shot.units, shot.fps),
+        shot: shot.name,
+        garments: &garments,
+        frames: shot.frames,
+    });
+    crate::atomic_file::replace(path, text.as_bytes())
+}
+
+/// The error of a cache that cannot be read, with what helps.
+pub(crate) fn cache_error(path: &Path, error: CacheError) -> IoError {
+    let damaged = "it is damaged: copy it again from where it was written, or run the shot again";
+    let other = "give the .usd file of a garment that `drapery run` wrote, with the folder .clips beside it";
+    match error {
+        CacheError::Io { path, source } if source.kind() == ErrorKind::NotFound => IoError::Missing { path },
+        CacheError::Io { path, source } => IoError::Read { path, source },
+        CacheError::Damaged { path: file, what } => IoError::data(path, file.display().to_string(), what, damaged),
+        CacheError::NotOurs { what, .. } => {
+            IoError::data(path, "stage", format!("it is no cache of this program: {what}"), other)
+        }
+    }
+}

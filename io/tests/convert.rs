@@ -1,0 +1,161 @@
+//! Caches converted from one format to another: the same cloth, bit for bit where unit and axis stay.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use drapery_core::Vec3;
+use drapery_core::scene::Timeline;
+use drapery_io::cache::{CacheFrame, CachePlan};
+use drapery_io::cache_frames::CacheFrames;
+use drapery_io::convert::{Conversion, Converted, convert};
+use drapery_io::formats::{by_extension, folder_of};
+use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::mesh_data::MeshData;
+use drapery_io::mesh_source::MeshSource;
+use drapery_io::units::{LengthUnit, Units, UpAxis};
+
+const FORMATS: &[&str] = if cfg!(feature = "usd") { &["abc", "h5", "usd"] } else { &["abc", "h5"] };
+
+/// A quad that is cut along its longer diagonal in the first frame, a pentagon and a triangle, with UVs and face sets.
+const SOURCE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nv 3 0.5 0\nv 1.5 1.5 0\n\
+    vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+    usemtl front\nf 1/1 2/2 3/3 4/4\nf 2/1 5/2 6/3 8/1 3/4\nusemtl trim\nf 5/1 7/2 6/3\n";
+
+fn source(folder: &Path) -> MeshData {
+    let path = folder.join("source.obj");
+    fs::write(&path, SOURCE).unwrap();
+    let mut data = MeshSource::open(&path, None, Units::SI).unwrap().mesh_at(0.0).unwrap();
+    fs::remove_file(path).unwrap();
+    data.object_path = "/garments/skirt/skirtShape".into();
+    data
+}
+
+/// A cache of the frames 1001 to 1004, in centimetres with Z up, whose points are counted from far away.
+fn write(folder: &Path, extension: &str, origin: Vec3) -> PathBuf {
+    let data = source(folder);
+    let plan = CachePlan {
+        garment: "skirt",
+        mesh: &GarmentMesh::kept(data.clone()),
+        units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
+        origin,
+        timeline: Timeline { fps_numerator: 24000, fps_denominator: 1001, ..Timeline::default() },
+        first_frame: 1001,
+        last_frame: 1004,
+        velocities: true,
+        crossings: true,
+    };
+    let path = folder.join(format!("skirt.{extension}"));
+    let mut writer = (by_extension(extension).unwrap().create.unwrap())(&path, &plan).unwrap();
+    for frame in 1001..=1004 {
+        let by = (frame - 1000) as f64;
+        let mut positions: Vec<Vec3> = data.mesh.points.iter().map(|p| p + origin + Vec3::z() * by / 7.0).collect();
+        // The other diagonal of the quad would be the shorter one.
+        positions[0] -= Vec3::new(0.3, 0.3, 0.0);
+        let positions: Vec<[f32; 3]> = positions.iter().map(|p| plan.units.stored_from(origin, *p)).collect();
+        let velocities = plan.units.stored_all(&vec![Vec3::new(0.1, 0.2, by); positions.len()]);
+        let crossings = Some(frame as u32);
+        writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings }).unwrap();
+    }
+    writer.finish().unwrap();
+    path
+}
+
+fn converted(from: &Path, to: &Path) -> Converted {
+    let conversion = Conversion { from: from.to_owned(), to: to.to_owned(), ..Conversion::default() };
+    convert(&conversion, &mut |_| {}).unwrap()
+}
+
+#[test]
+fn every_format_becomes_every_other_with_the_same_bits() {
+    for origin in [Vec3::zeros(), Vec3::new(1e5, -300.0, 20.0)] {
+        for from in FORMATS {
+            for to in FORMATS {
+                let folder = tempfile::tempdir().unwrap();
+                let a = write(folder.path(), from, origin);
+                let b = folder.path().join(format!("other.{to}"));
+                assert_eq!(converted(&a, &b).frames, [1001, 1004]);
+                let (a, b) = (CacheFrames::open(&a).unwrap(), CacheFrames::open(&b).unwrap());
+                assert_eq!(a.meshes(), b.meshes(), "{from} to {to}");
+                assert_eq!((a.units(), a.fps()), (b.units(), b.fps()), "{from} to {to}");
+                for sample in 0..4 {
+                    assert_eq!(
+                        a.stored_frame(0, sample).unwrap(),
+                        b.stored_frame(0, sample).unwrap(),
+                        "{from} to {to}"
+                    );
+                    assert_eq!(a.positions(0, sample).unwrap(), b.positions(0, sample).unwrap(), "{from} to {to}");
+                }
+                let (a, b) = (a.attributes(0).unwrap(), b.attributes(0).unwrap());
+                let uvs = |data: &MeshData| data.uvs.clone().map(|uvs| (uvs.values, uvs.indices));
+                assert!(uvs(&a).is_some() && uvs(&a) == uvs(&b), "{from} to {to}");
+                if *from != "h5" && *to != "h5" {
+                    assert_eq!((a.face_sets.len(), a.face_sets), (2, b.face_sets), "{from} to {to}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn unit_axis_and_frames_are_those_that_are_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let from = write(folder.path(), "abc", Vec3::zeros());
+    for extension in FORMATS {
+        let to = folder.path().join(format!("metres.{extension}"));
+        let conversion = Conversion {
+            from: from.clone(),
+            to: to.clone(),
+            frames: Some([1002, 1003]),
+            length: Some(LengthUnit::Metre),
+            up: Some(UpAxis::Y),
+            ..Conversion::default()
+        };
+        let mut heard = Vec::new();
+        assert_eq!(convert(&conversion, &mut |frame| heard.push(frame)).unwrap().units, Units::SI);
+        assert_eq!(heard, [1002, 1003]);
+        let (old, new) = (CacheFrames::open(&from).unwrap(), CacheFrames::open(&to).unwrap());
+        assert_eq!(new.meshes()[0].frames, [1002, 1003]);
+        let stored = new.stored_positions(0, 0).unwrap().unwrap().points;
+        for (p, expected) in stored.iter().zip(old.positions(0, 1).unwrap()) {
+            // Rounded once as centimetres and once as metres, below 4 m.
+            assert!((Vec3::from(p.map(f64::from)) - expected).norm() < 1e-6, "{extension}");
+        }
+        let rates = new.velocities(0, 1).unwrap().unwrap();
+        assert!((rates[3] - Vec3::new(0.1, 0.2, 3.0)).norm() < 1e-6, "{extension}: {}", rates[3]);
+    }
+}
+
+#[test]
+fn what_is_there_is_replaced_only_when_asked_and_a_conversion_that_fails_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let from = write(folder.path(), "h5", Vec3::zeros());
+    for extension in FORMATS {
+        let to = folder.path().join(format!("other.{extension}"));
+        let conversion = Conversion { from: from.clone(), to: to.clone(), ..Conversion::default() };
+        convert(&conversion, &mut |_| {}).unwrap();
+        let before = fs::read(&to).unwrap();
+        let error = convert(&conversion, &mut |_| {}).unwrap_err().to_string();
+        assert!(error.contains("exists already") && error.contains("--overwrite"), "{error}");
+        assert!(fs::read(&to).unwrap() == before);
+        let metres = Conversion { length: Some(LengthUnit::Metre), overwrite: true, ..conversion.clone() };
+        convert(&metres, &mut |_| {}).unwrap();
+        assert_eq!(CacheFrames::open(&to).unwrap().units().length, LengthUnit::Metre);
+        if let Some(clips) = folder_of(&to) {
+            assert_eq!(fs::read_dir(clips).unwrap().count(), 1, "clips of the old form are left");
+        }
+        let asked = Conversion {
+            frames: Some([1003, 1009]),
+            to: folder.path().join(format!("none.{extension}")),
+            ..conversion
+        };
+        let error = convert(&asked, &mut |_| {}).unwrap_err().to_string();
+        assert!(error.contains("frame 1009 is missing") && error.contains("1001-1004"), "{error}");
+        let names = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let strange: Vec<String> = names.filter(|name| name.starts_with(['.', 'n'])).collect();
+        assert!(strange.is_empty(), "{strange:?}");
+    }
+    let onto = Conversion { from: from.clone(), to: from.clone(), overwrite: true, ..Conversion::default() };
+    assert!(convert(&onto, &mut |_| {}).unwrap_err().to_string().contains("is the cache that is converted"));
+    let to_obj = Conversion { from, to: folder.path().join("a.obj"), ..Conversion::default() };
+    assert!(convert(&to_obj, &mut |_| {}).unwrap_err().to_string().contains(".abc, .h5"));
+}

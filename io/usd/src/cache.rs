@@ -1,0 +1,312 @@
+//! Caches as [`crate::write`] lays them out, read back frame by frame.
+//!
+//! Layers are read one at a time and nothing is composed: values come as they are stored, and only one clip is in memory. A
+//! cache that is being written may be read; its layer names complete frames only. Other stages are read by [`crate::read`].
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use openusd::ar::{AssetBuffer, SharedBuffer};
+use openusd::sdf::{self, AbstractData, Value};
+use openusd::{usda, usdc};
+
+use crate::read::promises;
+use crate::write::CacheLayer;
+
+/// Largest layer of text that is taken for one of ours [bytes]: far more than a million frames need.
+const LARGEST_LAYER: u64 = 1 << 30;
+
+/// Why a cache, or a frame of it, could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum CacheError {
+    /// A file of the cache cannot be opened or read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Reason given by the system.
+        source: std::io::Error,
+    },
+    /// A file of the cache is not what it was.
+    #[error("{}: {what}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// A stage that another program made.
+    #[error("{}: it is no cache of this program: {what}", path.display())]
+    NotOurs {
+        /// The file.
+        path: PathBuf,
+        /// What is missing.
+        what: &'static str,
+    },
+}
+
+/// A cache.
+#[derive(Debug)]
+pub struct Cache {
+    path: PathBuf,
+    folder: PathBuf,
+    mesh: sdf::Path,
+    /// What the layer says: how it was made.
+    pub properties: Vec<(String, String)>,
+    /// Length of one unit [m].
+    pub metres_per_unit: f64,
+    /// Whether Z is up.
+    pub z_up: bool,
+    /// Frames a second.
+    pub fps: f64,
+    /// Complete frames, ascending.
+    pub frames: Vec<i64>,
+    clips: Vec<PathBuf>,
+    /// Everything that does not move.
+    pub still: Still,
+}
+
+/// What does not move.
+#[derive(Debug, Default)]
+pub struct Still {
+    /// What positions are counted from.
+    pub origin: [f64; 3],
+    /// Number of corners of each face.
+    pub face_counts: Vec<u32>,
+    /// Point of each corner, counter-clockwise.
+    pub face_indices: Vec<u32>,
+    /// The triangles that were simulated, if they are not just the faces.
+    pub triangles: Option<Vec<[i32; 3]>>,
+}
+
+/// A frame.
+#[derive(Debug, Default, Clone, PartialEq)]
+pub struct Frame {
+    /// Positions, counted from the origin of the cache.
+    pub points: Vec<[f32; 3]>,
+    /// Velocities per second.
+    pub velocities: Option<Vec<[f32; 3]>>,
+    /// Smallest and largest coordinates, as they are stored.
+    pub extent: Vec<[f32; 3]>,
+    /// Crossings of the shot.
+    pub crossings: Option<u32>,
+}
+
+impl Cache {
+    /// Opens the layer of a garment's cache, and what of it does not move.
+    ///
+    /// # Errors
+    /// It is missing, damaged, or the layer of another program.
+    pub fn open(path: &Path) -> Result<Self, CacheError> {
+        let layer = read_text_layer(path)?;
+        let not_ours = |what| CacheError::NotOurs { path: path.to_owned(), what };
+        let root = sdf::Path::abs_root();
+        let field =
+            |at: &sdf::Path, name: &str| layer.try_field(at, name).ok().flatten().map(|value| value.into_owned());
+        let ours = match field(&root, "customLayerData") {
+            Some(Value::Dictionary(mut custom)) => custom.remove("drapery"),
+            _ => None,
+        };
+        let Some(Value::Dictionary(ours)) = ours else { return Err(not_ours("its customLayerData does not say so")) };
+        let topology = match field(&root, "subLayers") {
+            Some(Value::StringVec(layers)) => layers.into_iter().next(),
+            Some(Value::AssetPathVec(layers)) => layers.into_iter().next().map(|asset| asset.authored_path),
+            _ => None,
+        };
+        let topology = topology.ok_or_else(|| not_ours("it has no topology"))?;
+        let base = path.parent().unwrap_or(Path::new("."));
+        let folder = base.join(&topology).parent().unwrap_or(base).to_owned();
+        let Some(Value::Token(prim)) = field(&root, "defaultPrim") else {
+            return Err(not_ours("no prim is its default"));
+        };
+        let clips = sdf::Path::new(&format!("/{prim}")).ok().and_then(|prim| match field(&prim, "clips") {
+            Some(Value::Dictionary(mut sets)) => sets.remove("default"),
+            _ => None,
+        });
+        let Some(Value::Dictionary(clips)) = clips else { return Err(not_ours("it has no clips")) };
+        let (frames, clips) = frames_of(path, base, &clips)?;
+        let (mesh, still) = read_topology(&base.join(&topology))?;
+        let number = |name: &str, otherwise: f64| match field(&root, name) {
+            Some(Value::Double(number)) => number,
+            _ => otherwise,
+        };
+        let mut properties: Vec<(String, String)> = ours
+            .into_iter()
+            .filter_map(|(name, value)| if let Value::String(text) = value { Some((name, text)) } else { None })
+            .collect();
+        properties.sort();
+        Ok(Self {
+            path: path.to_owned(),
+            folder,
+            mesh,
+            properties,
+            metres_per_unit: number("metersPerUnit", 0.01),
+            z_up: matches!(field(&root, "upAxis"), Some(Value::Token(up)) if up == "Z"),
+            fps: number("timeCodesPerSecond", 24.0),
+            frames,
+            clips,
+            still,
+        })
+    }
+
+    /// Path of the mesh.
+    pub fn mesh_path(&self) -> &str {
+        self.mesh.as_str()
+    }
+
+    /// The layer.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The bytes of what does not move, and the name of its folder, which is the start of their digest.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn topology(&self) -> Result<(Vec<u8>, String), CacheError> {
+        let path = self.folder.join(CacheLayer::TOPOLOGY);
+        let bytes = fs::read(&path).map_err(|source| CacheError::Io { path, source })?;
+        Ok((bytes, self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()))
+    }
+
+    /// Reads a frame by its place in [`Cache::frames`].
+    ///
+    /// # Errors
+    /// Its clip is missing or damaged.
+    pub fn frame(&self, index: usize) -> Result<Frame, CacheError> {
+        let path = &self.clips[index];
+        let damaged = |what: String| CacheError::Damaged { path: path.clone(), what };
+        let layer = read_binary_layer(path)?;
+        let time = self.frames[index] as f64;
+        let sample = |name: &str| -> Result<Option<Value>, CacheError> {
+            let attribute = self.mesh.append_property(name).map_err(|e| damaged(e.to_string()))?;
+            match layer.try_field(&attribute, "timeSamples").map_err(|e| damaged(with_sources(&e)))? {
+                None => Ok(None),
+                Some(samples) => match samples.into_owned() {
+                    Value::TimeSamples(mut samples) if samples.len() == 1 && samples[0].0 == time => {
+                        Ok(samples.pop().map(|(_, value)| value))
+                    }
+                    _ => Err(damaged(format!("{name} has no sample at frame {time}, or others"))),
+                },
+            }
+        };
+        let vectors = |name: &str| -> Result<Option<Vec<[f32; 3]>>, CacheError> {
+            match sample(name)? {
+                None => Ok(None),
+                Some(Value::Vec3fVec(all)) => Ok(Some(all.into_iter().map(<[f32; 3]>::from).collect())),
+                Some(_) => Err(damaged(format!("{name} are no vectors"))),
+            }
+        };
+        let points = vectors("points")?.ok_or_else(|| damaged("it holds no points".to_owned()))?;
+        let velocities = vectors("velocities")?;
+        if velocities.as_ref().is_some_and(|all| all.len() != points.len()) {
+            return Err(damaged("there are not as many velocities as points".to_owned()));
+        }
+        let crossings = match sample("drapery:crossings")? {
+            Some(Value::Uint(count)) => Some(count),
+            _ => None,
+        };
+        Ok(Frame { points, velocities, extent: vectors("extent")?.unwrap_or_default(), crossings })
+    }
+}
+
+/// Frames and their clips, from the description of the clips.
+fn frames_of(path: &Path, base: &Path, clips: &HashMap<String, Value>) -> Result<(Vec<i64>, Vec<PathBuf>), CacheError> {
+    let damaged = |what: &str| CacheError::Damaged { path: path.to_owned(), what: what.to_owned() };
+    let Some(Value::AssetPathVec(assets)) = clips.get("assetPaths") else {
+        return Err(damaged("its clips have no assetPaths"));
+    };
+    let Some(Value::Vec2dVec(active)) = clips.get("active") else { return Err(damaged("its clips have no times")) };
+    let frames: Vec<i64> = active.iter().map(|time| time.x as i64).collect();
+    let in_order = active.iter().enumerate().all(|(index, time)| time.x.fract() == 0.0 && time.y == index as f64);
+    if frames.is_empty() || frames.len() != assets.len() || !in_order || frames.windows(2).any(|w| w[1] <= w[0]) {
+        return Err(damaged("its clips and their times do not belong together"));
+    }
+    Ok((frames, assets.iter().map(|asset| base.join(&asset.authored_path)).collect()))
+}
+
+/// What does not move, and the path of the mesh.
+fn read_topology(path: &Path) -> Result<(sdf::Path, Still), CacheError> {
+    let damaged = |what: String| CacheError::Damaged { path: path.to_owned(), what };
+    let layer = read_binary_layer(path)?;
+    let paths = layer.spec_paths();
+    let kind = |prim: &sdf::Path| match layer.try_field(prim, "typeName") {
+        Ok(Some(value)) => match value.into_owned() {
+            Value::Token(kind) => kind.to_string(),
+            _ => String::new(),
+        },
+        _ => String::new(),
+    };
+    let mesh = paths.iter().find(|path| path.is_prim_path() && kind(path) == "Mesh").cloned();
+    let mesh = mesh.ok_or_else(|| damaged("it holds no mesh".to_owned()))?;
+    let default = |prim: &sdf::Path, name: &str| -> Result<Option<Value>, CacheError> {
+        let attribute = prim.append_property(name).map_err(|e| damaged(e.to_string()))?;
+        let value = layer.try_field(&attribute, "default").map_err(|e| damaged(with_sources(&e)))?;
+        Ok(value.map(|value| value.into_owned()))
+    };
+    let whole = |name: &str| -> Result<Vec<u32>, CacheError> {
+        let numbers = match default(&mesh, name)? {
+            Some(Value::IntVec(numbers)) => numbers,
+            _ => return Err(damaged(format!("it has no {name}"))),
+        };
+        numbers
+            .into_iter()
+            .map(|number| u32::try_from(number).map_err(|_| damaged(format!("{name} holds {number}"))))
+            .collect()
+    };
+    let (face_counts, face_indices) = (whole("faceVertexCounts")?, whole("faceVertexIndices")?);
+    if face_counts.iter().map(|count| u64::from(*count)).sum::<u64>() != face_indices.len() as u64 {
+        return Err(damaged("its faces have not as many corners as they say".to_owned()));
+    }
+    let mut still = Still { face_counts, face_indices, ..Still::default() };
+    for prim in mesh.ancestors_below_root() {
+        if let Some(Value::Vec3d(by)) = default(&prim, "xformOp:translate")? {
+            let by = <[f64; 3]>::from(by);
+            still.origin = std::array::from_fn(|axis| still.origin[axis] + by[axis]);
+        }
+    }
+    if let Some(Value::Vec3iVec(triangles)) = default(&mesh, "drapery:triangles")? {
+        still.triangles = Some(triangles.into_iter().map(Into::into).collect());
+    }
+    Ok((mesh, still))
+}
+
+fn read_text_layer(path: &Path) -> Result<sdf::Data, CacheError> {
+    let failed = |source| CacheError::Io { path: path.to_owned(), source };
+    let not_ours = |what| CacheError::NotOurs { path: path.to_owned(), what };
+    if fs::metadata(path).map_err(failed)?.len() > LARGEST_LAYER {
+        return Err(not_ours("it is too large for one"));
+    }
+    let bytes = fs::read(path).map_err(failed)?;
+    let text = String::from_utf8(bytes).map_err(|_| not_ours("it is no text"))?;
+    if !text.starts_with("#usda") {
+        return Err(not_ours("it is no text layer"));
+    }
+    let damaged = |what: String| CacheError::Damaged { path: path.to_owned(), what };
+    if let Some(what) = promises::problem(&SharedBuffer::new(text.clone().into_bytes())) {
+        return Err(damaged(what));
+    }
+    usda::parse(&text).map_err(|e| damaged(with_sources(&e)))
+}
+
+fn read_binary_layer(path: &Path) -> Result<usdc::CrateData, CacheError> {
+    let bytes = fs::read(path).map_err(|source| CacheError::Io { path: path.to_owned(), source })?;
+    let damaged = |what: String| CacheError::Damaged { path: path.to_owned(), what };
+    let shared = SharedBuffer::new(bytes);
+    if let Some(what) = promises::problem(&shared) {
+        return Err(damaged(what));
+    }
+    usdc::CrateData::open(AssetBuffer::Shared(shared), true).map_err(|e| damaged(with_sources(&e)))
+}
+
+/// An error with all that it comes from.
+fn with_sources(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(error) = source {
+        text = format!("{text}: {error}");
+        source = error.source();
+    }
+    text
+}

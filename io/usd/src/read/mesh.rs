@@ -1,0 +1,270 @@
+//! A mesh of a stage: its points in the world, its faces, and what is handed through.
+
+use openusd::sdf::Value;
+use openusd::usd::{AttributeQuery, Prim};
+
+use super::error::UsdError;
+use super::matrix::determinant;
+use super::primvars;
+use super::session::Reading;
+use super::skin::Skin;
+use super::transform::{Transform, transform_all};
+use super::values::{integers, vectors};
+use super::{Faces, MeshSample, Stored, Subset};
+
+/// A mesh, and where its values come from.
+pub(crate) struct Mesh {
+    path: String,
+    prim: Prim,
+    points: AttributeQuery,
+    /// Codes of the samples of the points; none when they do not move by themselves.
+    point_codes: Vec<f64>,
+    face_counts: AttributeQuery,
+    face_indices: AttributeQuery,
+    /// Whether it has samples of faces.
+    faces_move: bool,
+    left_handed: bool,
+    transform: Transform,
+    skin: Option<Skin>,
+}
+
+impl Mesh {
+    /// Makes a mesh ready. Notes are what somebody may want to know.
+    pub(crate) fn open(
+        reading: &Reading,
+        path: &str,
+        skinnable: bool,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, UsdError> {
+        let prim = reading.stage.prim(path).map_err(|error| reading.bad(path, error.to_string(), "export it again"))?;
+        let [points, face_counts, face_indices] =
+            ["points", "faceVertexCounts", "faceVertexIndices"].map(|name| prim.attribute(name).query());
+        let moving = |query: &AttributeQuery| Ok::<_, UsdError>(!reading.times(query)?.is_empty());
+        let faces_move = moving(&face_counts)? || moving(&face_indices)?;
+        let left_handed = reading.word(&prim, "orientation")?.is_some_and(|word| word == "leftHanded");
+        let scheme = reading.word(&prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned());
+        if scheme != "none" {
+            notes.push(format!(
+                "{path} is rendered as a subdivision surface ({scheme}); cloth meets its cage, which is what the points are"
+            ));
+        }
+        let skin = if skinnable { Skin::of(reading, &prim, notes)? } else { None };
+        let has_weights = || reading.ok(prim.attribute("primvars:skel:jointIndices").has_authored_value(), &prim);
+        if skin.as_ref().is_none_or(|skin| !skin.has_joints()) && has_weights()? {
+            notes.push(format!(
+                "{path} has joint weights that move nothing, in USD either: that takes a SkelRoot above it, SkelBindingAPI and a skeleton"
+            ));
+        }
+        let point_codes = reading.times(&points)?;
+        let transform = Transform::of(reading, &prim)?;
+        let path = path.to_owned();
+        Ok(Self {
+            path,
+            prim,
+            points,
+            point_codes,
+            face_counts,
+            face_indices,
+            faces_move,
+            left_handed,
+            transform,
+            skin,
+        })
+    }
+
+    /// Codes at which something of it is stored.
+    pub(crate) fn times(&self, reading: &Reading) -> Result<Vec<f64>, UsdError> {
+        let mut times = self.point_codes.clone();
+        for faces in [&self.face_counts, &self.face_indices] {
+            times.extend(reading.times(faces)?);
+        }
+        match self.skin.as_ref() {
+            Some(skin) => {
+                times.extend(skin.times(reading)?);
+                if !skin.has_joints() {
+                    times.extend(self.transform.times(reading)?);
+                }
+            }
+            None => times.extend(self.transform.times(reading)?),
+        }
+        Ok(times)
+    }
+
+    /// Whether faces may be others from time to time.
+    pub(crate) fn faces_move(&self) -> bool {
+        self.faces_move
+    }
+
+    fn bad(&self, reading: &Reading, what: String) -> UsdError {
+        reading.bad(self.path.as_str(), what, "export the mesh again")
+    }
+
+    /// Points as stored, in the mesh's own space; linear between samples.
+    fn local_points(&self, reading: &Reading, code: f64) -> Result<Vec<[f64; 3]>, UsdError> {
+        let after = self.point_codes.partition_point(|sample| *sample < code);
+        let next = self.point_codes.get(after).copied();
+        let before = after.checked_sub(1).and_then(|index| self.point_codes.get(index)).copied();
+        let (Some(from), Some(to)) = (before, next.filter(|next| *next != code)) else {
+            return self.sample(reading, code);
+        };
+        let mut points = self.sample(reading, from)?;
+        let others = self.sample(reading, to)?;
+        if points.len() != others.len() {
+            let what = format!(
+                "it has {} points at time code {from} and {} at {to}, so there is nothing in between",
+                points.len(),
+                others.len()
+            );
+            return Err(self.bad(reading, what));
+        }
+        let share = (code - from) / (to - from);
+        for (point, other) in points.iter_mut().zip(&others) {
+            *point = std::array::from_fn(|axis| point[axis] + (other[axis] - point[axis]) * share);
+        }
+        Ok(points)
+    }
+
+    fn sample(&self, reading: &Reading, code: f64) -> Result<Vec<[f64; 3]>, UsdError> {
+        match reading.value_at(&self.points, code)? {
+            None => Err(self.bad(reading, format!("it has no points at time code {code}"))),
+            Some(value) => vectors(&value)
+                .ok_or_else(|| self.bad(reading, "its points are no list of points (point3f[])".to_owned())),
+        }
+    }
+
+    /// What is stored at a code.
+    pub(crate) fn stored(&self, reading: &Reading, code: f64) -> Result<Stored, UsdError> {
+        let list = |value: Option<Value>| {
+            let found = value.as_ref().and_then(vectors)?;
+            Some(found.into_iter().map(|v| v.map(|x| x as f32)).collect::<Vec<_>>())
+        };
+        let points = reading.value_at(&self.points, code)?;
+        let points = list(points).ok_or_else(|| self.bad(reading, format!("it has no points at time code {code}")))?;
+        let velocities = list(reading.value_at(&self.prim.attribute("velocities").query(), code)?);
+        Ok(Stored { points, velocities, to_world: self.transform.at(reading, code)? })
+    }
+
+    /// Whole numbers of an attribute.
+    pub(crate) fn integers(&self, reading: &Reading, name: &str, code: f64) -> Result<Option<Vec<i64>>, UsdError> {
+        let value = reading.value_at(&self.prim.attribute(name).query(), code)?;
+        Ok(value.as_ref().and_then(super::values::all_integers))
+    }
+
+    /// Points in the world.
+    pub(crate) fn points(&self, reading: &Reading, code: f64) -> Result<Vec<[f64; 3]>, UsdError> {
+        let mut points = self.local_points(reading, code)?;
+        if let Some(skin) = &self.skin {
+            skin.shape(reading, code, &mut points)?;
+            if skin.has_joints() {
+                skin.bend(reading, code, &mut points)?;
+                return Ok(points);
+            }
+        }
+        transform_all(&mut points, &self.transform.at(reading, code)?);
+        Ok(points)
+    }
+
+    /// Faces, counter-clockwise in the world as seen from outside, and whether they run the other way in the file.
+    pub(crate) fn faces(&self, reading: &Reading, code: f64) -> Result<(Faces, bool), UsdError> {
+        let point_count = self.sample(reading, code)?.len();
+        let list = |query: &AttributeQuery| -> Result<Vec<i32>, UsdError> {
+            let value = reading.value_at(query, code)?;
+            let missing =
+                || self.bad(reading, format!("`{}` holds no list of whole numbers", query.attribute().name()));
+            value.as_ref().and_then(integers).map(<[i32]>::to_vec).ok_or_else(missing)
+        };
+        let (counts, indices) = (list(&self.face_counts)?, list(&self.face_indices)?);
+        if let Some((face, count)) = counts.iter().enumerate().find(|(_, count)| **count < 3) {
+            return Err(self.bad(reading, format!("face {face} has {count} corners; it takes at least 3")));
+        }
+        let corners: u64 = counts.iter().map(|count| count.unsigned_abs() as u64).sum();
+        if corners != indices.len() as u64 {
+            let what = format!("its faces have {corners} corners, and faceVertexIndices has {} values", indices.len());
+            return Err(self.bad(reading, what));
+        }
+        let outside = |index: &i32| usize::try_from(*index).map_or(true, |index| index >= point_count);
+        if let Some((corner, index)) = indices.iter().enumerate().find(|(_, index)| outside(index)) {
+            let what = format!("corner {corner} is point {index}, and the mesh has {point_count} points");
+            return Err(self.bad(reading, what));
+        }
+        let mut faces = Faces {
+            counts: counts.into_iter().map(i32::unsigned_abs).collect(),
+            indices: indices.into_iter().map(i32::unsigned_abs).collect(),
+        };
+        let mirrored = match self.skin.as_ref().filter(|skin| skin.has_joints()) {
+            Some(skin) => skin.is_mirrored(reading, code)?,
+            None => determinant(&self.transform.at(reading, code)?) < 0.0,
+        };
+        let turned = mirrored != self.left_handed;
+        if turned {
+            reverse(&faces.counts, &mut faces.indices);
+        }
+        Ok((faces, turned))
+    }
+
+    /// The mesh with what is handed through.
+    pub(crate) fn read(&self, reading: &Reading, code: f64) -> Result<MeshSample, UsdError> {
+        let (faces, turned) = self.faces(reading, code)?;
+        let points = self.points(reading, code)?;
+        let turned = turned.then_some(faces.counts.as_slice());
+        let primvars = primvars::read(reading, &self.prim, code, turned)?;
+        Ok(MeshSample {
+            subsets: self.subsets(reading, code, faces.counts.len())?,
+            faces,
+            points,
+            primvars,
+            subdivision: reading.word(&self.prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned()),
+            material: material(reading, &self.prim, true)?,
+        })
+    }
+
+    fn subsets(&self, reading: &Reading, code: f64, faces: usize) -> Result<Vec<Subset>, UsdError> {
+        let mut subsets = Vec::new();
+        for prim in reading.ok(self.prim.children(), &self.prim)? {
+            let of_faces = || Ok::<_, UsdError>(reading.word(&prim, "elementType")?.is_none_or(|word| word == "face"));
+            if reading.kind(&prim)? != "GeomSubset" || !of_faces()? {
+                continue;
+            }
+            let Some(value) = reading.value_at(&prim.attribute("indices").query(), code)? else { continue };
+            let wrong = |what: String| reading.bad(prim.path().as_str(), what, "export the mesh again");
+            let listed = integers(&value).ok_or_else(|| wrong("its indices are no list of faces".to_owned()))?;
+            let outside = |face: &&i32| usize::try_from(**face).map_or(true, |face| face >= faces);
+            if let Some(face) = listed.iter().find(outside) {
+                return Err(wrong(format!("it holds face {face}, and the mesh has {faces} faces")));
+            }
+            let mut list: Vec<u32> = listed.iter().map(|face| face.unsigned_abs()).collect();
+            list.sort_unstable();
+            list.dedup();
+            let name = prim.path().name().unwrap_or_default().to_owned();
+            subsets.push(Subset { name, faces: list, material: material(reading, &prim, false)? });
+        }
+        Ok(subsets)
+    }
+}
+
+/// The material that a prim is bound to, or one of its ancestors.
+fn material(reading: &Reading, prim: &Prim, inherited: bool) -> Result<Option<String>, UsdError> {
+    let mut next = Some(prim.clone());
+    while let Some(prim) = next.filter(|prim| prim.path().as_str() != "/") {
+        if let Some(bound) = reading.targets(&prim, "material:binding")?.first() {
+            return Ok(Some(bound.as_str().to_owned()));
+        }
+        next = if inherited { prim.parent() } else { None };
+    }
+    Ok(None)
+}
+
+/// Puts the corners of every face in the opposite order.
+pub(crate) fn reverse<T>(face_counts: &[u32], corners: &mut [T]) {
+    let mut rest = corners;
+    for count in face_counts {
+        let (face, after) = rest.split_at_mut(*count as usize);
+        face.reverse();
+        rest = after;
+    }
+}
+
+/// A value that is a list, by its length.
+pub(crate) fn length(value: &Value) -> Option<usize> {
+    value.array_len()
+}

@@ -1,0 +1,322 @@
+//! Stages: meshes with their transforms, time samples and skeletons.
+//!
+//! A stage is what `openusd` composes of its layers: sublayers, references, payloads, variants as they are selected, value clips,
+//! instances. Everything above that is done here: which meshes are rendered ([`Entry::skipped`]), transforms, points in the world at
+//! any time code, characters moved by a skeleton (`UsdSkel`).
+//!
+//! Limits. A layer is held in memory as a whole, and so are all samples of an attribute that is read, unless they are value clips.
+//! Point instancers are not read. Attributes with texts are not handed through.
+//!
+//! Damage. Layers come through `Guard`, which refuses what is no regular file and what promises far more than it holds.
+//! `openusd` runs on a thread of its own; where it panics, that is an error of the file like any other, and
+//! [`answers_panics`] tells the program's panic hook to be silent.
+
+mod blend_shapes;
+mod error;
+mod guard;
+mod matrix;
+mod mesh;
+mod primvars;
+pub(crate) mod promises;
+mod session;
+mod skeleton;
+mod skin;
+mod transform;
+mod values;
+mod worker;
+
+use std::path::{Path, PathBuf};
+
+pub use error::{UsdError, UsdErrorKind};
+pub use worker::answers_panics;
+
+use session::{Failure, Session};
+use worker::{Panicked, Worker};
+
+/// A mesh of a stage.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    /// Path of its prim.
+    pub path: String,
+    /// Why it is not part of what is rendered: its purpose, its visibility, or that it is only a prototype.
+    pub skipped: Option<String>,
+    /// Whether it is under a `SkelRoot`, so that a skeleton may move it.
+    pub(crate) skinnable: bool,
+}
+
+/// What a stage says about itself.
+#[derive(Debug, Clone, Default)]
+pub struct About {
+    /// Length of a unit [m], where a layer says so; USD's default is 0.01.
+    pub metres_per_unit: Option<f64>,
+    /// Axis that points up, where a layer says so; USD's default is Y.
+    pub up_axis: Option<String>,
+    /// Time codes per second.
+    pub codes_per_second: f64,
+    /// Frames per second.
+    pub frames_per_second: f64,
+    /// First and last time code, where a layer says so.
+    pub range: Option<[f64; 2]>,
+    /// Name of the prim that stands for the stage.
+    pub default_prim: Option<String>,
+    /// Texts of `customLayerData` of the file itself: name and text.
+    pub custom: Vec<(String, String)>,
+    /// Meshes, in the order of their paths.
+    pub meshes: Vec<Entry>,
+    /// Other prims, the first thousand: path and type.
+    pub others: Vec<(String, String)>,
+    /// What is wrong with the composition: path of the prim (empty for the whole stage), and the error.
+    pub flaws: Vec<(String, UsdError)>,
+    /// Files that it is made of, as far as they are open.
+    pub layers: Vec<PathBuf>,
+}
+
+/// What is known of meshes that were chosen.
+#[derive(Debug, Clone, Default)]
+pub struct Chosen {
+    /// Time codes at which something of them is stored, ascending; none when nothing moves.
+    pub codes: Vec<f64>,
+    /// What somebody may want to know.
+    pub notes: Vec<String>,
+    /// Files that the stage is made of.
+    pub layers: Vec<PathBuf>,
+}
+
+/// Faces of a mesh, counter-clockwise in the world as seen from outside.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Faces {
+    /// Number of corners of each.
+    pub counts: Vec<u32>,
+    /// Point of each corner, face by face.
+    pub indices: Vec<u32>,
+}
+
+/// A set of faces (`GeomSubset`).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Subset {
+    /// Name of its prim.
+    pub name: String,
+    /// Faces, ascending.
+    pub faces: Vec<u32>,
+    /// Path of the material that it is bound to.
+    pub material: Option<String>,
+}
+
+/// What one value of a primvar belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Interpolation {
+    /// The whole mesh.
+    Constant,
+    /// A face.
+    Uniform,
+    /// A point.
+    Varying,
+    /// A point.
+    Vertex,
+    /// A corner of a face.
+    FaceVarying,
+}
+
+impl Interpolation {
+    /// The interpolation with this word; anything else is constant, as in USD.
+    fn named(word: &str) -> Self {
+        match word {
+            "uniform" => Self::Uniform,
+            "varying" => Self::Varying,
+            "vertex" => Self::Vertex,
+            "faceVarying" => Self::FaceVarying,
+            _ => Self::Constant,
+        }
+    }
+}
+
+/// Type of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)] // the names say all
+pub enum Element {
+    Bool,
+    U8,
+    I32,
+    U32,
+    I64,
+    U64,
+    F16,
+    F32,
+    F64,
+}
+
+impl Element {
+    /// Bytes of one.
+    fn size(self) -> usize {
+        match self {
+            Self::Bool | Self::U8 => 1,
+            Self::F16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+}
+
+/// What the numbers of a primvar mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)] // the names say all
+pub enum Meaning {
+    Numbers,
+    Colour,
+    Point,
+    Normal,
+    Vector,
+    TextureCoordinate,
+}
+
+/// An attribute of a mesh that is handed through.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Primvar {
+    /// Its name, without `primvars:`.
+    pub name: String,
+    /// What one value belongs to; corners are in the order of [`Faces`].
+    pub interpolation: Interpolation,
+    /// Type of its numbers.
+    pub element: Element,
+    /// Numbers that make a value.
+    pub extent: u8,
+    /// What they mean.
+    pub meaning: Meaning,
+    /// The values as bytes, little end first.
+    pub values: Vec<u8>,
+    /// Value used at each place, when values are shared.
+    pub indices: Option<Vec<u32>>,
+}
+
+/// A mesh at a time code.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshSample {
+    /// Points in the world, in units and axes of the stage.
+    pub points: Vec<[f64; 3]>,
+    /// Its faces.
+    pub faces: Faces,
+    /// Sets of its faces.
+    pub subsets: Vec<Subset>,
+    /// Attributes with numbers.
+    pub primvars: Vec<Primvar>,
+    /// USD's word for how it is rendered: `none`, `catmullClark`, `loop`, `bilinear`.
+    pub subdivision: String,
+    /// Path of the material that it is bound to.
+    pub material: Option<String>,
+}
+
+/// What a mesh stores at a time code, before anything is made of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stored {
+    /// Points in its own space.
+    pub points: Vec<[f32; 3]>,
+    /// Velocities in its own space [units per second].
+    pub velocities: Option<Vec<[f32; 3]>>,
+    /// From its own space to the world, for row vectors, row by row.
+    pub to_world: [f64; 16],
+}
+
+/// An opened stage.
+pub struct Stage {
+    path: PathBuf,
+    about: About,
+    worker: Worker<Session>,
+}
+
+impl Stage {
+    /// Opens a `.usd`, `.usda`, `.usdc` or `.usdz` file with everything that it refers to.
+    ///
+    /// # Errors
+    /// The file is missing or damaged, or it or a layer that it needs promises more than it holds. What is missing below single
+    /// prims is told in [`About::flaws`].
+    pub fn open(path: &Path) -> Result<Self, UsdError> {
+        let (tell, told) = std::sync::mpsc::channel();
+        let file = path.to_owned();
+        let make = move || {
+            let (session, about) = Session::open(&file).map_err(Failure)?;
+            // Whoever opens it waits for this.
+            drop(tell.send(about));
+            Ok(session)
+        };
+        let worker = Worker::start(make).map_err(|Failure(error)| at(path, error))?;
+        let about = told.try_recv().unwrap_or_default();
+        Ok(Self { path: path.to_owned(), about, worker })
+    }
+
+    /// What it says about itself.
+    pub fn about(&self) -> &About {
+        &self.about
+    }
+
+    /// Chooses meshes, by their places in [`About::meshes`]; they are then known by their places in this list.
+    ///
+    /// # Errors
+    /// One of them contradicts itself, or its skeleton does.
+    pub fn choose(&self, meshes: &[usize]) -> Result<Chosen, UsdError> {
+        let entries: Vec<Entry> = meshes.iter().filter_map(|mesh| self.about.meshes.get(*mesh)).cloned().collect();
+        self.ask(move |session| session.choose(&entries))
+    }
+
+    /// Points of a chosen mesh in the world, as USD has them at a time code; outside the samples those of the nearest one.
+    ///
+    /// # Errors
+    /// The mesh contradicts itself.
+    pub fn points(&self, mesh: usize, code: f64) -> Result<Vec<[f64; 3]>, UsdError> {
+        self.ask(move |session| session.meshes.borrow()[mesh].points(&session.reading, code))
+    }
+
+    /// Faces of a chosen mesh at a time code.
+    ///
+    /// # Errors
+    /// The mesh contradicts itself.
+    pub fn faces(&self, mesh: usize, code: f64) -> Result<Faces, UsdError> {
+        self.ask(move |session| Ok(session.meshes.borrow()[mesh].faces(&session.reading, code)?.0))
+    }
+
+    /// Whether a chosen mesh has samples of its faces, so that they may change.
+    ///
+    /// # Errors
+    /// The library gave up earlier.
+    pub fn faces_move(&self, mesh: usize) -> Result<bool, UsdError> {
+        self.ask(move |session| Ok(session.meshes.borrow()[mesh].faces_move()))
+    }
+
+    /// What a chosen mesh stores at a time code; skeletons do not count.
+    ///
+    /// # Errors
+    /// The mesh contradicts itself.
+    pub fn stored(&self, mesh: usize, code: f64) -> Result<Stored, UsdError> {
+        self.ask(move |session| session.meshes.borrow()[mesh].stored(&session.reading, code))
+    }
+
+    /// Whole numbers that an attribute of a chosen mesh holds at a time code, those of vectors one after the other; `None` when it
+    /// has no such attribute.
+    ///
+    /// # Errors
+    /// The attribute cannot be read.
+    pub fn integers(&self, mesh: usize, attribute: &str, code: f64) -> Result<Option<Vec<i64>>, UsdError> {
+        let name = attribute.to_owned();
+        self.ask(move |session| session.meshes.borrow()[mesh].integers(&session.reading, &name, code))
+    }
+
+    /// A chosen mesh at a time code, with what is handed through.
+    ///
+    /// # Errors
+    /// The mesh contradicts itself.
+    pub fn mesh(&self, mesh: usize, code: f64) -> Result<MeshSample, UsdError> {
+        self.ask(move |session| session.meshes.borrow()[mesh].read(&session.reading, code))
+    }
+
+    fn ask<T: Send + 'static>(
+        &self,
+        question: impl FnOnce(&Session) -> Result<T, UsdError> + Send + 'static,
+    ) -> Result<T, UsdError> {
+        let answer = self.worker.ask(question);
+        answer.map_err(|panicked: Panicked| at(&self.path, Failure::from(panicked).0))?
+    }
+}
+
+/// The error with the file that it belongs to.
+fn at(path: &Path, error: UsdError) -> UsdError {
+    UsdError { path: path.to_owned(), ..error }
+}

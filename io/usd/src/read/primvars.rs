@@ -1,0 +1,130 @@
+//! Primvars: attributes of a mesh that are handed through, and its texture coordinates.
+
+use openusd::sdf::{Role, Value};
+use openusd::usd::{Attribute, Prim};
+
+use super::error::UsdError;
+use super::mesh::{length, reverse};
+use super::session::Reading;
+use super::values::{integers, number, word};
+use super::{Element, Interpolation, Meaning, Primvar};
+
+/// Those that say how a skeleton moves the mesh.
+const OF_SKELETONS: &str = "skel:";
+
+/// All primvars of a mesh that hold numbers. `turned` holds the face counts when its corners run the other way than in the file.
+pub(crate) fn read(
+    reading: &Reading,
+    prim: &Prim,
+    code: f64,
+    turned: Option<&[u32]>,
+) -> Result<Vec<Primvar>, UsdError> {
+    let mut primvars = Vec::new();
+    for attribute in reading.ok(prim.authored_attributes_in_namespace("primvars"), prim)? {
+        let name = attribute.name().trim_start_matches("primvars:").to_owned();
+        if name.starts_with(OF_SKELETONS) || name.ends_with(":indices") {
+            continue;
+        }
+        let Some(value) = reading.value_at(&attribute.query(), code)? else { continue };
+        let Some((element, extent, mut values)) = bytes(&value) else { continue };
+        let size = metadata(reading, &attribute, "elementSize")?.as_ref().and_then(number).unwrap_or(1.0);
+        let Ok(extent) = u8::try_from(extent as u64 * (size as u64).max(1)) else { continue };
+        let interpolation = metadata(reading, &attribute, "interpolation")?.as_ref().and_then(word);
+        let interpolation = Interpolation::named(interpolation.as_deref().unwrap_or("constant"));
+        let listed = reading.value_at(&prim.attribute(format!("primvars:{name}:indices")).query(), code)?;
+        let mut indices = match listed.as_ref().and_then(integers) {
+            Some(listed) => {
+                Some(checked(reading, &attribute, listed, values.len() / element.size() / extent as usize)?)
+            }
+            None => None,
+        };
+        if let (Some(counts), Interpolation::FaceVarying) = (turned, interpolation) {
+            let corners: usize = counts.iter().map(|count| *count as usize).sum();
+            let wide = element.size() * usize::from(extent);
+            match &mut indices {
+                Some(indices) if indices.len() == corners => reverse(counts, indices),
+                None if values.len() == wide * corners => {
+                    let mut all: Vec<&[u8]> = values.chunks_exact(wide).collect();
+                    reverse(counts, &mut all);
+                    values = all.concat();
+                }
+                // Better left out than on the wrong corners.
+                _ => continue,
+            }
+        }
+        let meaning = meaning(reading, &attribute)?;
+        primvars.push(Primvar { name, interpolation, element, extent, meaning, values, indices });
+    }
+    Ok(primvars)
+}
+
+/// Indices into values, each of which exists.
+fn checked(reading: &Reading, attribute: &Attribute, listed: &[i32], count: usize) -> Result<Vec<u32>, UsdError> {
+    let outside = |index: &&i32| usize::try_from(**index).map_or(true, |index| index >= count);
+    if let Some(index) = listed.iter().find(outside) {
+        let what = format!("it refers to value {index}, and has {count} values");
+        return Err(reading.bad(attribute.path().as_str(), what, "export the mesh again"));
+    }
+    Ok(listed.iter().map(|index| index.unsigned_abs()).collect())
+}
+
+/// A field of an attribute.
+pub(crate) fn metadata(reading: &Reading, attribute: &Attribute, key: &str) -> Result<Option<Value>, UsdError> {
+    reading.ok(attribute.get_metadata::<Value>(key), &attribute.prim())
+}
+
+fn meaning(reading: &Reading, attribute: &Attribute) -> Result<Meaning, UsdError> {
+    Ok(match reading.ok(attribute.role(), &attribute.prim())? {
+        Some(Role::Color) => Meaning::Colour,
+        Some(Role::Point) => Meaning::Point,
+        Some(Role::Normal) => Meaning::Normal,
+        Some(Role::Vector) => Meaning::Vector,
+        Some(Role::TextureCoordinate) => Meaning::TextureCoordinate,
+        _ => Meaning::Numbers,
+    })
+}
+
+/// Numbers as bytes, little end first: the type of one, how many make a value. `None` for what is no number.
+fn bytes(value: &Value) -> Option<(Element, usize, Vec<u8>)> {
+    fn all<T: Copy, const N: usize, const B: usize>(
+        values: &[T],
+        parts: impl Fn(T) -> [[u8; B]; N],
+        element: Element,
+    ) -> Option<(Element, usize, Vec<u8>)> {
+        Some((element, N, values.iter().flat_map(|value| parts(*value)).flatten().collect()))
+    }
+    use Element::{Bool, F16, F32, F64, I32, I64, U8, U32, U64};
+    match value {
+        Value::Bool(v) => all(&[*v], |v| [[u8::from(v)]], Bool),
+        Value::BoolVec(v) => all(v, |v| [[u8::from(v)]], Bool),
+        Value::Uchar(v) => all(&[*v], |v| [[v]], U8),
+        Value::UcharVec(v) => all(v, |v| [[v]], U8),
+        Value::Int(v) => all(&[*v], |v| [v.to_le_bytes()], I32),
+        Value::IntVec(v) => all(v, |v| [v.to_le_bytes()], I32),
+        Value::Uint(v) => all(&[*v], |v| [v.to_le_bytes()], U32),
+        Value::UintVec(v) => all(v, |v| [v.to_le_bytes()], U32),
+        Value::Int64(v) => all(&[*v], |v| [v.to_le_bytes()], I64),
+        Value::Int64Vec(v) => all(v, |v| [v.to_le_bytes()], I64),
+        Value::Uint64(v) => all(&[*v], |v| [v.to_le_bytes()], U64),
+        Value::Uint64Vec(v) => all(v, |v| [v.to_le_bytes()], U64),
+        Value::Half(v) => all(&[*v], |v| [v.to_le_bytes()], F16),
+        Value::HalfVec(v) => all(v, |v| [v.to_le_bytes()], F16),
+        Value::Float(v) => all(&[*v], |v| [v.to_le_bytes()], F32),
+        Value::FloatVec(v) => all(v, |v| [v.to_le_bytes()], F32),
+        Value::Double(v) => all(&[*v], |v| [v.to_le_bytes()], F64),
+        Value::DoubleVec(v) => all(v, |v| [v.to_le_bytes()], F64),
+        Value::Vec2fVec(v) => all(v, |v| [v.x, v.y].map(f32::to_le_bytes), F32),
+        Value::Vec2dVec(v) => all(v, |v| [v.x, v.y].map(f64::to_le_bytes), F64),
+        Value::Vec2hVec(v) => all(v, |v| [v.x, v.y].map(|x| x.to_le_bytes()), F16),
+        Value::Vec2iVec(v) => all(v, |v| [v.x, v.y].map(i32::to_le_bytes), I32),
+        Value::Vec3f(v) => all(&[*v], |v| [v.x, v.y, v.z].map(f32::to_le_bytes), F32),
+        Value::Vec3fVec(v) => all(v, |v| [v.x, v.y, v.z].map(f32::to_le_bytes), F32),
+        Value::Vec3dVec(v) => all(v, |v| [v.x, v.y, v.z].map(f64::to_le_bytes), F64),
+        Value::Vec3hVec(v) => all(v, |v| [v.x, v.y, v.z].map(|x| x.to_le_bytes()), F16),
+        Value::Vec3iVec(v) => all(v, |v| [v.x, v.y, v.z].map(i32::to_le_bytes), I32),
+        Value::Vec4fVec(v) => all(v, |v| [v.x, v.y, v.z, v.w].map(f32::to_le_bytes), F32),
+        Value::Vec4dVec(v) => all(v, |v| [v.x, v.y, v.z, v.w].map(f64::to_le_bytes), F64),
+        _ => None,
+    }
+    .filter(|_| length(value) != Some(0))
+}

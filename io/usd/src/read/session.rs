@@ -1,0 +1,313 @@
+//! A stage on its thread: opened, walked through once, and asked for the meshes that were chosen.
+
+use std::cell::RefCell;
+use std::error::Error as _;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use openusd::sdf::Value;
+use openusd::usd::{Attribute, AttributeQuery, Prim, PrimPredicate, Stage, TimeCode};
+
+use super::error::{UsdError, UsdErrorKind};
+use super::guard::{Guard, Log, seen};
+use super::mesh::Mesh;
+use super::values::{number, word};
+use super::worker::Panicked;
+use super::{About, Chosen, Entry};
+
+/// Most prims of a stage: references that double at every level reach any number from a few lines, and the library takes about
+/// 4 kB and 30 µs for each.
+const MOST_PRIMS: usize = if cfg!(fuzzing) { 2_000 } else { 100_000 };
+
+/// Prims of which `info` tells the type.
+const MOST_OTHERS: usize = 1000;
+
+/// A stage and what everything that is read from it needs: values, and errors that name the file.
+pub(crate) struct Reading {
+    path: PathBuf,
+    pub(crate) stage: Stage,
+    log: Arc<Mutex<Log>>,
+}
+
+impl Reading {
+    /// Content that cannot be used.
+    pub(crate) fn bad(&self, place: impl Into<String>, what: impl Into<String>, advice: impl Into<String>) -> UsdError {
+        UsdError::bad(&self.path, place, what, advice)
+    }
+
+    /// What the library answered about a prim.
+    pub(crate) fn ok<T>(&self, answer: openusd::Result<T>, prim: &Prim) -> Result<T, UsdError> {
+        answer.map_err(|error| told(&self.path, prim.path().as_str(), &error, &self.log))
+    }
+
+    /// A value that does not move: the default, or else the first sample.
+    pub(crate) fn value(&self, attribute: &Attribute) -> Result<Option<Value>, UsdError> {
+        let prim = attribute.prim();
+        if let Some(value) = self.ok(attribute.get::<Value>(), &prim)? {
+            return Ok(Some(value));
+        }
+        let first = self.ok(attribute.time_sample_times(), &prim)?.first().copied();
+        first.map_or(Ok(None), |code| self.ok(attribute.get_at(TimeCode::new(code)), &prim))
+    }
+
+    /// The value at a time code.
+    pub(crate) fn value_at(&self, query: &AttributeQuery, code: f64) -> Result<Option<Value>, UsdError> {
+        self.ok(query.get_at(TimeCode::new(code)), &query.attribute().prim())
+    }
+
+    /// Codes of its samples; none when there is but one, as it then does not move.
+    pub(crate) fn times(&self, query: &AttributeQuery) -> Result<Vec<f64>, UsdError> {
+        let times = self.ok(query.time_sample_times(), &query.attribute().prim())?;
+        if let Some(code) = times.iter().find(|code| !code.is_finite()) {
+            let what = format!("a sample has the time code {code}");
+            return Err(self.bad(query.attribute().path().as_str(), what, "export it again"));
+        }
+        Ok(if times.len() > 1 { times } else { Vec::new() })
+    }
+
+    /// Paths that a relationship points to.
+    pub(crate) fn targets(&self, prim: &Prim, name: &str) -> Result<Vec<openusd::sdf::Path>, UsdError> {
+        self.ok(prim.relationship(name).targets(), prim)
+    }
+
+    /// The type of a prim; empty when it has none.
+    pub(crate) fn kind(&self, prim: &Prim) -> Result<String, UsdError> {
+        Ok(self.ok(prim.type_name(), prim)?.map(|kind| kind.as_str().to_owned()).unwrap_or_default())
+    }
+
+    /// The word that an attribute holds.
+    pub(crate) fn word(&self, prim: &Prim, name: &str) -> Result<Option<String>, UsdError> {
+        Ok(self.value(&prim.attribute(name))?.as_ref().and_then(word))
+    }
+}
+
+/// The library's error with all its causes; what the guard refused is the better reason.
+fn told(path: &Path, place: &str, error: &openusd::Error, log: &Mutex<Log>) -> UsdError {
+    let log = seen(log);
+    if let Some((layer, what)) = log.refused.first() {
+        return refused(path, layer, what);
+    }
+    let mut what = error.to_string();
+    let mut cause = error.source();
+    while let Some(next) = cause {
+        let text = next.to_string();
+        if !what.contains(&text) {
+            what = format!("{what}: {text}");
+        }
+        cause = next.source();
+    }
+    UsdError::bad(path, place, what, "the file is damaged, or of another kind; export it again")
+}
+
+fn refused(path: &Path, layer: &str, what: &str) -> UsdError {
+    let advice = "the file is damaged, or was made to do harm; if it is neither, write its samples as value clips";
+    UsdError::bad(path, format!("layer {layer}"), what, advice)
+}
+
+/// What is asked on the thread of a stage.
+pub(crate) struct Session {
+    pub(crate) reading: Reading,
+    pub(crate) meshes: RefCell<Vec<Mesh>>,
+}
+
+/// What a prim hands down to its children.
+#[derive(Clone, Default)]
+struct Inherited {
+    invisible: bool,
+    purpose: Option<String>,
+    skel_root: bool,
+    instancer: bool,
+}
+
+/// A prim that is a mesh, and whether a skeleton may move it.
+#[derive(Clone)]
+struct Found {
+    entry: Entry,
+    skel_root: bool,
+}
+
+impl Session {
+    /// Opens a stage and looks at all its prims.
+    pub(crate) fn open(path: &Path) -> Result<(Self, About), UsdError> {
+        let (guard, log) = Guard::new();
+        let name = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let Some(name) = name.to_str() else {
+            let what = format!("{path:?} is not UTF-8, and USD names its layers in UTF-8");
+            return Err(UsdError::bad(path, "path", what, "rename the file or its folders"));
+        };
+        let opened = Stage::builder().resolver(guard).open(name);
+        let stage = opened.map_err(|error| told(path, "stage", &error, &log))?;
+        let reading = Reading { path: path.to_owned(), stage, log };
+        let mut about = about(&reading)?;
+        let mut found = Vec::new();
+        walk(&reading, &mut found, &mut about.others)?;
+        found.sort_by(|a, b| a.entry.path.cmp(&b.entry.path));
+        about.meshes = found.into_iter().map(|found| Entry { skinnable: found.skel_root, ..found.entry }).collect();
+        about.flaws = flaws(&reading);
+        about.layers = seen(&reading.log).files.clone();
+        Ok((Self { reading, meshes: RefCell::default() }, about))
+    }
+
+    /// Makes the chosen meshes ready.
+    pub(crate) fn choose(&self, entries: &[Entry]) -> Result<Chosen, UsdError> {
+        let mut chosen = Chosen::default();
+        let mut meshes = Vec::new();
+        for entry in entries {
+            let mesh = Mesh::open(&self.reading, &entry.path, entry.skinnable, &mut chosen.notes)?;
+            chosen.codes.extend(mesh.times(&self.reading)?);
+            meshes.push(mesh);
+        }
+        chosen.codes.sort_by(f64::total_cmp);
+        chosen.codes.dedup();
+        chosen.layers = seen(&self.reading.log).files.clone();
+        *self.meshes.borrow_mut() = meshes;
+        Ok(chosen)
+    }
+}
+
+/// What a stage says about itself.
+fn about(reading: &Reading) -> Result<About, UsdError> {
+    let stage = &reading.stage;
+    let metadata = |field: &str| stage.stage_metadata(field).ok().flatten();
+    let metres_per_unit = metadata("metersPerUnit").as_ref().and_then(number);
+    if let Some(metres) = metres_per_unit.filter(|metres| !(metres.is_finite() && *metres > 0.0)) {
+        return Err(reading.bad("stage", format!("metersPerUnit is {metres}"), "it is the length of a unit in metres"));
+    }
+    Ok(About {
+        metres_per_unit,
+        up_axis: metadata("upAxis").as_ref().and_then(word),
+        codes_per_second: stage.time_codes_per_second(),
+        frames_per_second: stage.frames_per_second(),
+        range: stage.has_authored_time_code_range().then(|| [stage.start_time_code(), stage.end_time_code()]),
+        custom: custom(stage),
+        default_prim: stage.default_prim().map(|name| name.as_str().to_owned()),
+        ..About::default()
+    })
+}
+
+/// Texts of the layer's own data.
+fn custom(stage: &Stage) -> Vec<(String, String)> {
+    let Some(Value::Dictionary(data)) = stage.custom_layer_data().ok().flatten() else { return Vec::new() };
+    let mut texts: Vec<(String, String)> =
+        data.iter().filter_map(|(name, value)| Some((name.clone(), word(value)?))).collect();
+    texts.sort_unstable();
+    texts
+}
+
+/// Looks at all prims that are active, loaded and defined, those of instances too.
+fn walk(reading: &Reading, meshes: &mut Vec<Found>, others: &mut Vec<(String, String)>) -> Result<(), UsdError> {
+    let stage = &reading.stage;
+    let root = stage.prim("/").map_err(|error| reading.bad("/", error.to_string(), "export the file again"))?;
+    let mut stack = vec![(root, Inherited::default())];
+    let mut count = 0;
+    while let Some((prim, above)) = stack.pop() {
+        let path = prim.path().as_str().to_owned();
+        let mut inherited = above;
+        if path != "/" {
+            if !reading.ok(stage.prim_matches(prim.path(), PrimPredicate::DEFAULT_PROXIES), &prim)? {
+                continue;
+            }
+            count += 1;
+            if count > MOST_PRIMS {
+                let advice = "open a smaller part of the scene, or export the body alone";
+                return Err(reading.bad(path, format!("the stage has more than {MOST_PRIMS} prims"), advice));
+            }
+            let kind = reading.kind(&prim)?;
+            inherit(reading, &prim, &kind, &mut inherited)?;
+            if kind == "Mesh" {
+                let skipped = skipped(&inherited);
+                let entry = Entry { path, skipped, skinnable: false };
+                meshes.push(Found { entry, skel_root: inherited.skel_root });
+            } else if others.len() < MOST_OTHERS && kind != "GeomSubset" {
+                others.push((path, if kind.is_empty() { "untyped".to_owned() } else { kind }));
+            }
+        }
+        let children = reading.ok(prim.children(), &prim)?;
+        stack.extend(children.into_iter().rev().map(|child| (child, inherited.clone())));
+    }
+    Ok(())
+}
+
+fn inherit(reading: &Reading, prim: &Prim, kind: &str, inherited: &mut Inherited) -> Result<(), UsdError> {
+    inherited.skel_root |= kind == "SkelRoot";
+    inherited.instancer |= kind == "PointInstancer";
+    if let Some(purpose) = reading.word(prim, "purpose")? {
+        inherited.purpose = Some(purpose);
+    }
+    let visibility = prim.attribute("visibility");
+    let invisible = |value: Option<Value>| value.as_ref().and_then(word).is_some_and(|word| word == "invisible");
+    let codes = reading.ok(visibility.time_sample_times(), prim)?;
+    // What is seen at some time is there.
+    inherited.invisible |= if codes.is_empty() {
+        invisible(reading.value(&visibility)?)
+    } else {
+        let mut all = true;
+        for code in codes {
+            all &= invisible(reading.ok(visibility.get_at(TimeCode::new(code)), prim)?);
+        }
+        all
+    };
+    Ok(())
+}
+
+/// Why a mesh is not part of what is rendered.
+fn skipped(inherited: &Inherited) -> Option<String> {
+    match inherited.purpose.as_deref() {
+        Some(purpose @ ("proxy" | "guide")) => return Some(format!("its purpose is {purpose}")),
+        _ if inherited.invisible => return Some("it is invisible".to_owned()),
+        _ => {}
+    }
+    inherited.instancer.then(|| "it is a prototype of a PointInstancer, which is not read".to_owned())
+}
+
+/// What went wrong while the stage was composed: the prim, what, and whether a file is missing.
+fn flaws(reading: &Reading) -> Vec<(String, UsdError)> {
+    use openusd::pcp::CompositionDiagnostic as Diagnostic;
+    let path = &reading.path;
+    let refusals = seen(&reading.log).refused.clone();
+    let mut flaws: Vec<(String, UsdError)> =
+        refusals.iter().map(|(layer, what)| (String::new(), refused(path, layer, what))).collect();
+    for diagnostic in reading.stage.composition_errors() {
+        let text = diagnostic.to_string();
+        let (place, kind) = match &diagnostic {
+            Diagnostic::ArcCycle(_) => (text.rsplit(' ').next().unwrap_or_default().to_owned(), UsdErrorKind::BadInput),
+            Diagnostic::UnresolvedLayer { site_path, .. } => (site_path.as_str().to_owned(), UsdErrorKind::Missing),
+            Diagnostic::MalformedLayer { site_path, .. }
+            | Diagnostic::UnresolvedPrimPath { site_path, .. }
+            | Diagnostic::UnresolvedDefaultPrim { site_path, .. }
+            | Diagnostic::InvalidPrimPath { site_path, .. }
+            | Diagnostic::InvalidVariantSelection { site_path, .. }
+            | Diagnostic::InvalidExpression { site_path, .. } => {
+                (site_path.as_str().to_owned(), UsdErrorKind::BadInput)
+            }
+            Diagnostic::UnreadableClip { prim_path, .. } => (prim_path.as_str().to_owned(), UsdErrorKind::Missing),
+            // Sublayers belong to everything.
+            _ if text.contains("sublayer") => {
+                let missing = text.contains("unresolved");
+                (String::new(), if missing { UsdErrorKind::Missing } else { UsdErrorKind::BadInput })
+            }
+            // Targets of materials and the like, which are no geometry.
+            _ => continue,
+        };
+        let named = if place.is_empty() { "stage".to_owned() } else { place.clone() };
+        let advice = match kind {
+            UsdErrorKind::Missing => "put the file where the layer looks for it, or export the stage as one file",
+            UsdErrorKind::BadInput => "mend what the layer refers to, or export the stage as one file",
+        };
+        let error = UsdError::bad(path, named, text, advice);
+        flaws.push((place, UsdError { kind, ..error }));
+    }
+    flaws
+}
+
+/// What went wrong inside the library, and in which file.
+#[derive(Debug)]
+pub(crate) struct Failure(pub(crate) UsdError);
+
+impl From<Panicked> for Failure {
+    fn from(panicked: Panicked) -> Self {
+        let what = format!("the library that reads USD gave up: {}", panicked.0);
+        let advice = "the file is damaged, or holds what the library does not know; export it again";
+        Self(UsdError::bad(Path::new(""), "stage", what, advice))
+    }
+}

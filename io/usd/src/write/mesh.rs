@@ -1,0 +1,198 @@
+//! The layers of a mesh: what stays, and what moves.
+
+use openusd::gf;
+use openusd::sdf::Value;
+
+use super::Units;
+use super::binary::{BinaryLayer, Declared, Prim, WriteError, token};
+use super::names::{Distinct, MeshPath};
+use super::primvars::{self, Interpolation, Primvar, Values};
+use super::subsets::{self, FaceSubset};
+
+/// Attributes that move, with their types; [`super::clip_manifest`] declares the same.
+pub(super) const POINTS: (&str, &str) = ("points", "point3f[]");
+pub(super) const VELOCITIES: (&str, &str) = ("velocities", "vector3f[]");
+pub(super) const EXTENT: (&str, &str) = ("extent", "float3[]");
+
+/// How many edges of cloth pass through triangles of cloth, in all garments of the shot.
+pub(super) const CROSSINGS: (&str, &str) = ("drapery:crossings", "uint");
+
+/// The triangles that were simulated, three points each; only in meshes with other faces.
+const TRIANGLES: (&str, &str) = ("drapery:triangles", "int3[]");
+
+/// How a renderer takes the faces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Subdivision {
+    /// As they are.
+    #[default]
+    None,
+    /// As the cage of a Catmull-Clark surface.
+    CatmullClark,
+    /// As the cage of a Loop surface.
+    Loop,
+    /// Cut finer without being smoothed.
+    Bilinear,
+}
+
+impl Subdivision {
+    fn word(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::CatmullClark => "catmullClark",
+            Self::Loop => "loop",
+            Self::Bilinear => "bilinear",
+        }
+    }
+}
+
+/// Everything of a mesh that does not move. Faces are counter-clockwise seen from outside.
+#[derive(Debug)]
+pub struct StillMesh<'a> {
+    /// Where it is.
+    pub path: &'a MeshPath,
+    /// What its points are counted from, if not from the origin of the world: a translation of the prim above it, or of
+    /// itself where there is none.
+    pub origin: Option<[f64; 3]>,
+    /// Number of corners of each face.
+    pub face_counts: Vec<i32>,
+    /// Point of each corner.
+    pub face_indices: Vec<i32>,
+    /// How renderers take the faces.
+    pub subdivision: Subdivision,
+    /// Texture coordinates, and the one of each face corner.
+    pub uvs: Option<(Vec<[f32; 2]>, Vec<i32>)>,
+    /// Other attributes.
+    pub primvars: Vec<Primvar>,
+    /// Face sets.
+    pub subsets: Vec<FaceSubset>,
+    /// Path of the material of the whole mesh, if one is bound.
+    pub material: Option<String>,
+    /// The triangles that were simulated, where they are not just the faces.
+    pub triangles: Option<Vec<[i32; 3]>>,
+    /// Whether frames have velocities.
+    pub velocities: bool,
+    /// Whether frames have a number of crossings.
+    pub crossings: bool,
+}
+
+/// What of a mesh moves, at one frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Moving<'a> {
+    /// Frame, which is the time code.
+    pub frame: i64,
+    /// Positions.
+    pub points: &'a [[f32; 3]],
+    /// Velocities per second.
+    pub velocities: Option<&'a [[f32; 3]]>,
+    /// Crossings of the shot.
+    pub crossings: Option<u32>,
+}
+
+/// The layer with everything of a mesh that does not move: prims, faces, attributes, face sets. What moves is declared in it
+/// without a value.
+///
+/// # Errors
+/// A name or a material's path is none that USD accepts.
+pub fn topology(units: Units, still: StillMesh<'_>) -> Result<Vec<u8>, WriteError> {
+    let mut layer = BinaryLayer::new(units, still.path.root());
+    let prims = still.path.prims();
+    let moved = prims.len().saturating_sub(2);
+    let mut parent = layer.root();
+    for (level, name) in prims.iter().enumerate() {
+        let is_mesh = level + 1 == prims.len();
+        let prim = layer.prim(&parent, name, Some(if is_mesh { "Mesh" } else { "Xform" }))?;
+        if level == 0 {
+            layer.field(&prim, "kind", token("component"));
+        }
+        if let Some(origin) = still.origin.filter(|_| level == moved) {
+            let double = |value| Some(Value::Vec3d(value));
+            layer.attribute(&prim, ("xformOp:translate", "double3"), Declared::default(), double(origin.into()))?;
+            let order = primvars::tokens(&["xformOp:translate"]);
+            layer.attribute(&prim, ("xformOpOrder", "token[]"), uniform(), Some(order))?;
+        }
+        parent = prim;
+    }
+    add_mesh(&mut layer, &parent, still)?;
+    layer.bytes()
+}
+
+fn uniform() -> Declared<'static> {
+    Declared { uniform: true, ..Declared::default() }
+}
+
+fn custom() -> Declared<'static> {
+    Declared { custom: true, ..Declared::default() }
+}
+
+fn add_mesh(layer: &mut BinaryLayer, mesh: &Prim, still: StillMesh<'_>) -> Result<(), WriteError> {
+    let plain = Declared::default();
+    layer.attribute(mesh, ("faceVertexCounts", "int[]"), plain, Some(Value::IntVec(still.face_counts)))?;
+    layer.attribute(mesh, ("faceVertexIndices", "int[]"), plain, Some(Value::IntVec(still.face_indices)))?;
+    layer.attribute(mesh, ("orientation", "token"), uniform(), Some(token("rightHanded")))?;
+    layer.attribute(mesh, ("subdivisionScheme", "token"), uniform(), Some(token(still.subdivision.word())))?;
+    layer.attribute(mesh, POINTS, plain, None)?;
+    if still.velocities {
+        layer.attribute(mesh, VELOCITIES, plain, None)?;
+    }
+    layer.attribute(mesh, EXTENT, plain, None)?;
+    if still.crossings {
+        layer.attribute(mesh, CROSSINGS, custom(), None)?;
+    }
+    if let Some(triangles) = still.triangles {
+        let triangles = triangles.into_iter().map(Into::into).collect();
+        layer.attribute(mesh, TRIANGLES, custom(), Some(Value::Vec3iVec(triangles)))?;
+    }
+    let uvs = still.uvs.map(|(values, indices)| Primvar {
+        name: "st".to_owned(),
+        interpolation: Interpolation::FaceVarying,
+        values: Values::Float(values.into_flattened()),
+        extent: 2,
+        role: "texCoord",
+        indices: Some(indices),
+    });
+    let mut names = Distinct::default();
+    for primvar in uvs.into_iter().chain(still.primvars) {
+        let identifier = names.identifier(&primvar.name);
+        primvars::add(layer, mesh, &identifier, primvar)?;
+    }
+    if let Some(material) = &still.material {
+        subsets::bind(layer, mesh, material)?;
+    }
+    subsets::add(layer, mesh, &still.subsets)
+}
+
+/// The layer with one frame of what moves: a time sample of each attribute at the time code of the frame.
+///
+/// # Errors
+/// Never with a path of [`MeshPath::of`].
+pub fn clip(units: Units, path: &MeshPath, frame: &Moving<'_>) -> Result<Vec<u8>, WriteError> {
+    let mut layer = BinaryLayer::new(units, path.root());
+    let mut mesh = layer.root();
+    for name in path.prims() {
+        mesh = layer.prim(&mesh, name, None)?;
+    }
+    let time = frame.frame as f64;
+    let vectors = |all: &[[f32; 3]]| Value::Vec3fVec(all.iter().map(|v| gf::Vec3f::from(*v)).collect());
+    let plain = Declared::default();
+    layer.sample(&mesh, POINTS, plain, (time, vectors(frame.points)))?;
+    if let Some(velocities) = frame.velocities {
+        layer.sample(&mesh, VELOCITIES, plain, (time, vectors(velocities)))?;
+    }
+    layer.sample(&mesh, EXTENT, plain, (time, vectors(&extent(frame.points))))?;
+    if let Some(crossings) = frame.crossings {
+        layer.sample(&mesh, CROSSINGS, custom(), (time, Value::Uint(crossings)))?;
+    }
+    layer.bytes()
+}
+
+/// Smallest and largest coordinates; of no points, as USD writes it, the largest number before the smallest.
+pub(super) fn extent(points: &[[f32; 3]]) -> [[f32; 3]; 2] {
+    let mut extent = [[f32::MAX; 3], [-f32::MAX; 3]];
+    for point in points {
+        for axis in 0..3 {
+            extent[0][axis] = extent[0][axis].min(point[axis]);
+            extent[1][axis] = extent[1][axis].max(point[axis]);
+        }
+    }
+    extent
+}

@@ -1,0 +1,109 @@
+//! Names: what of a scene's or another format's names USD accepts.
+
+use std::collections::BTreeSet;
+
+/// A name as an identifier of USD: ASCII letters, digits and `_`, no digit first; any other character becomes `_`.
+///
+/// USD allows letters of other alphabets since 2024; programs with an older library refuse the whole layer for one.
+pub fn identifier(name: &str) -> String {
+    let mut valid: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if valid.chars().next().is_none_or(|c| c.is_ascii_digit()) {
+        valid.insert(0, '_');
+    }
+    valid
+}
+
+/// Identifiers that differ from each other: the second of a kind gets a number.
+#[derive(Debug, Default)]
+pub(super) struct Distinct {
+    taken: BTreeSet<String>,
+}
+
+impl Distinct {
+    /// The identifier of a name.
+    pub(super) fn identifier(&mut self, name: &str) -> String {
+        let plain = identifier(name);
+        let mut unique = plain.clone();
+        let mut number = 1;
+        while !self.taken.insert(unique.clone()) {
+            number += 1;
+            unique = format!("{plain}_{number}");
+        }
+        unique
+    }
+}
+
+/// Where a mesh is in its layer: the prims from the root down to it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MeshPath {
+    /// Identifiers, the mesh last; one at least.
+    prims: Vec<String>,
+}
+
+impl MeshPath {
+    /// The path of an object of another format, `/hero/geo/skirtShape`, with every name made an identifier; `/mesh` where
+    /// there is no name.
+    pub fn of(object_path: &str) -> Self {
+        let mut prims: Vec<String> = object_path.split('/').filter(|name| !name.is_empty()).map(identifier).collect();
+        if prims.is_empty() {
+            prims.push("mesh".to_owned());
+        }
+        Self { prims }
+    }
+
+    /// The prims from the root down to the mesh.
+    pub(super) fn prims(&self) -> &[String] {
+        &self.prims
+    }
+
+    /// Name of the root prim.
+    pub fn root(&self) -> &str {
+        &self.prims[0]
+    }
+
+    /// Path of a prim: the first `levels` names.
+    pub(super) fn upto(&self, levels: usize) -> String {
+        format!("/{}", self.prims[..levels].join("/"))
+    }
+
+    /// Path of the mesh.
+    pub fn mesh(&self) -> String {
+        self.upto(self.prims.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_identifiers() {
+        let cases = [
+            ("skirt", "skirt"),
+            ("hero:skirt-2", "hero_skirt_2"),
+            ("2nd", "_2nd"),
+            ("Röckchen", "R_ckchen"),
+            ("", "_"),
+            ("a b", "a_b"),
+        ];
+        for (name, expected) in cases {
+            assert_eq!(identifier(name), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn names_that_become_the_same_stay_different() {
+        let mut distinct = Distinct::default();
+        assert_eq!(["a b", "a_b", "a-b"].map(|name| distinct.identifier(name)), ["a_b", "a_b_2", "a_b_3"]);
+    }
+
+    #[test]
+    fn object_paths_keep_their_levels() {
+        let path = MeshPath::of("/hero/geo/skirt:Shape");
+        assert_eq!(
+            (path.root(), path.mesh().as_str(), path.upto(2).as_str()),
+            ("hero", "/hero/geo/skirt_Shape", "/hero/geo")
+        );
+        assert_eq!(MeshPath::of("").mesh(), "/mesh");
+    }
+}

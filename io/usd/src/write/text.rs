@@ -1,0 +1,227 @@
+//! The text layers: what an artist opens.
+
+use std::fmt::Write;
+
+use super::Units;
+use super::mesh::{CROSSINGS, EXTENT, POINTS, VELOCITIES};
+use super::names::{Distinct, MeshPath};
+
+/// The layer of a garment's cache.
+#[derive(Debug)]
+pub struct CacheLayer<'a> {
+    /// What its numbers mean.
+    pub units: Units,
+    /// Where the mesh is.
+    pub path: &'a MeshPath,
+    /// One line about it.
+    pub documentation: &'a str,
+    /// How it was made: name and text.
+    pub properties: &'a [(&'a str, String)],
+    /// Folder of topology, manifest and clips, relative to the layer.
+    pub folder: &'a str,
+    /// First and last frame that are there.
+    pub frames: [i64; 2],
+}
+
+/// The layer of a shot.
+#[derive(Debug)]
+pub struct ShotLayer<'a> {
+    /// What the numbers of its layers mean.
+    pub units: Units,
+    /// Name of the shot.
+    pub shot: &'a str,
+    /// Its garments.
+    pub garments: &'a [GarmentReference],
+    /// First and last frame that are there.
+    pub frames: [i64; 2],
+}
+
+/// A garment of a shot.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GarmentReference {
+    /// Its name.
+    pub name: String,
+    /// Its cache, relative to the shot's layer.
+    pub file: String,
+}
+
+/// Name of a frame's clip in the folder of a cache.
+fn clip_name(frame: i64) -> String {
+    format!("{frame:04}.usdc")
+}
+
+impl CacheLayer<'_> {
+    /// Names in the folder of a cache: topology, manifest, and the clip of a frame.
+    pub const TOPOLOGY: &'static str = "topology.usdc";
+    /// The list of what clips hold.
+    pub const MANIFEST: &'static str = "manifest.usda";
+
+    /// The clip of a frame.
+    pub fn clip(frame: i64) -> String {
+        clip_name(frame)
+    }
+
+    /// The frame of a clip; `None` for other files.
+    pub fn frame_of(name: &str) -> Option<i64> {
+        let frame = name.strip_suffix(".usdc")?.parse().ok()?;
+        (clip_name(frame) == name).then_some(frame)
+    }
+}
+
+/// The layer of a garment's cache: its topology, and a clip for each frame.
+pub fn cache_layer(cache: &CacheLayer<'_>) -> String {
+    let [first, last] = cache.frames;
+    let asset = |name: &str| asset(&format!("./{}/{name}", cache.folder));
+    let mut text = String::from("#usda 1.0\n(\n    customLayerData = {\n        dictionary drapery = {\n");
+    for (name, value) in cache.properties {
+        let _ = writeln!(text, "            string {name} = {}", quoted(value));
+    }
+    text.push_str("        }\n    }\n");
+    write_header(&mut text, cache.units, cache.path.root(), (cache.documentation, Some(cache.frames)));
+    let _ = write!(text, "    subLayers = [\n        {}\n    ]\n)\n\n", asset(CacheLayer::TOPOLOGY));
+    let list = |one: &dyn Fn(i64) -> String| (first..=last).map(one).collect::<Vec<_>>().join(", ");
+    let active = list(&|frame| format!("({frame}, {})", frame - first));
+    let times = list(&|frame| format!("({frame}, {frame})"));
+    let clips = list(&|frame| asset(&clip_name(frame)));
+    let _ = write!(
+        text,
+        "over \"{root}\" (\n    clips = {{\n        dictionary default = {{\n            double2[] active = [{active}]\n            \
+         asset[] assetPaths = [{clips}]\n            asset manifestAssetPath = {manifest}\n            \
+         string primPath = \"/{root}\"\n            double2[] times = [{times}]\n        }}\n    }}\n)\n{{\n}}\n",
+        root = cache.path.root(),
+        manifest = asset(CacheLayer::MANIFEST),
+    );
+    text
+}
+
+/// What the clips of a cache hold, without values.
+pub fn clip_manifest(units: Units, path: &MeshPath, velocities: bool, crossings: bool) -> String {
+    let mut text = String::from("#usda 1.0\n(\n");
+    write_header(&mut text, units, path.root(), ("What the clips of this cache hold.", None));
+    text.push_str(")\n\n");
+    let indent = |level: usize| "    ".repeat(level);
+    for (level, prim) in path.prims().iter().enumerate() {
+        let _ = write!(text, "{0}over \"{prim}\"\n{0}{{\n", indent(level));
+    }
+    let velocities = velocities.then_some((VELOCITIES, ""));
+    let crossings = crossings.then_some((CROSSINGS, "custom "));
+    let levels = path.prims().len();
+    for ((name, kind), custom) in [Some((POINTS, "")), velocities, Some((EXTENT, "")), crossings].into_iter().flatten()
+    {
+        let _ = writeln!(text, "{}{custom}{kind} {name}", indent(levels));
+    }
+    for level in (0..levels).rev() {
+        let _ = writeln!(text, "{}}}", indent(level));
+    }
+    text
+}
+
+/// The layer of a shot: a group with a reference to each garment.
+pub fn shot_layer(shot: &ShotLayer<'_>) -> String {
+    let root = super::identifier(shot.shot);
+    let mut text = String::from("#usda 1.0\n(\n");
+    let documentation = format!("Shot {}", shot.shot);
+    write_header(&mut text, shot.units, &root, (&documentation, Some(shot.frames)));
+    let name = |name: &str, identifier: &str| {
+        if name == identifier { String::new() } else { format!("displayName = {}\n", quoted(name)) }
+    };
+    let display = name(shot.shot, &root);
+    let display = if display.is_empty() { display } else { format!("    {display}") };
+    let _ = write!(text, ")\n\ndef Xform \"{root}\" (\n{display}    kind = \"assembly\"\n)\n{{\n");
+    let mut names = Distinct::default();
+    for (index, garment) in shot.garments.iter().enumerate() {
+        let identifier = names.identifier(&garment.name);
+        let display = name(&garment.name, &identifier);
+        let display = if display.is_empty() { display } else { format!("        {display}") };
+        let file = asset(&format!("./{}", garment.file));
+        let space = if index == 0 { "" } else { "\n" };
+        let _ = write!(
+            text,
+            "{space}    def \"{identifier}\" (\n{display}        kind = \"component\"\n        prepend references = {file}\n    )\n    {{\n    }}\n",
+        );
+    }
+    text.push_str("}\n");
+    text
+}
+
+/// The fields that every layer has, with its times where it has frames.
+fn write_header(text: &mut String, units: Units, root: &str, (documentation, frames): (&str, Option<[i64; 2]>)) {
+    let _ = writeln!(text, "    defaultPrim = \"{root}\"\n    doc = {}", quoted(documentation));
+    if let Some([_, last]) = frames {
+        let _ = writeln!(text, "    endTimeCode = {last}");
+    }
+    let rate = units.time_codes_per_second;
+    let _ = writeln!(text, "    framesPerSecond = {rate}\n    metersPerUnit = {}", units.metres_per_unit);
+    if let Some([first, _]) = frames {
+        let _ = writeln!(text, "    startTimeCode = {first}");
+    }
+    let _ = writeln!(text, "    timeCodesPerSecond = {rate}\n    upAxis = \"{}\"", units.up_axis());
+}
+
+/// A text between quotes.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' => quoted.push_str("\\\""),
+            '\\' => quoted.push_str("\\\\"),
+            '\n' => quoted.push_str("\\n"),
+            '\r' => quoted.push_str("\\r"),
+            '\t' => quoted.push_str("\\t"),
+            c if c.is_ascii_control() => {
+                let _ = write!(quoted, "\\x{:02x}", c as u32);
+            }
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
+/// The path of a file as an asset. Three marks where the path holds one.
+fn asset(path: &str) -> String {
+    if path.contains('@') { format!("@@@{}@@@", path.replace("@@@", "\\@@@")) } else { format!("@{path}@") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn units() -> Units {
+        Units { metres_per_unit: 0.01, z_up: false, time_codes_per_second: 24000.0 / 1001.0 }
+    }
+
+    #[test]
+    fn clips_are_known_by_their_names() {
+        for frame in [1001, 0, -12, 123_456] {
+            assert_eq!(CacheLayer::frame_of(&CacheLayer::clip(frame)), Some(frame));
+        }
+        for other in ["topology.usdc", "1001.usdc.part", "+1001.usdc", "01001.usdc", "1001.usda"] {
+            assert_eq!(CacheLayer::frame_of(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn texts_and_paths_are_quoted() {
+        assert_eq!(quoted("a \"b\"\\\n\u{1}ö"), "\"a \\\"b\\\"\\\\\\n\\x01ö\"");
+        assert_eq!([asset("./a b.usd"), asset("./a@b.usd")], ["@./a b.usd@", "@@@./a@b.usd@@@"]);
+    }
+
+    #[test]
+    fn a_shot_references_its_garments_under_names_that_differ() {
+        let garments = ["a b", "a-b"].map(|name| GarmentReference { name: name.into(), file: format!("{name}.usd") });
+        let text = shot_layer(&ShotLayer { units: units(), shot: "sq 10", garments: &garments, frames: [1001, 1010] });
+        for line in [
+            "defaultPrim = \"sq_10\"",
+            "displayName = \"sq 10\"",
+            "def \"a_b\" (",
+            "def \"a_b_2\" (",
+            "references = @./a-b.usd@",
+            "timeCodesPerSecond = 23.976023976023978",
+            "metersPerUnit = 0.01",
+            "endTimeCode = 1010",
+        ] {
+            assert!(text.contains(line), "{line} in {text}");
+        }
+    }
+}

@@ -1,0 +1,168 @@
+"""A shot with a body from USD gives the caches that it gives with the same body from Alembic.
+
+The Alembic body is written here with Alembic's own library from what Pixar's library reads of the stage.
+"""
+
+import subprocess
+
+import h5py
+import imath
+import numpy as np
+import pytest
+from alembic3d import Abc, AbcCoreAbstract, AbcGeom
+from pxr import Usd, UsdGeom, Vt
+
+from conftest import program
+from judges import SHARED
+
+WOMAN = SHARED / "woman_walk_dance"
+
+SCENE = """
+drapery = 1
+[shot]
+name = "skirt"
+fps = "24"
+frames = "{frames}"
+{units}
+[gravity]
+[self_repulsion]
+[self_collision]
+[[body]]
+name = "woman"
+file = "{body}"
+friction = 0.3
+thickness = "0.8 mm"
+max_push_speed = 1.0
+[[garment]]
+name = "skirt"
+rest = "{data}/skirt_lowres.obj"
+units = {{ length = "m", up = "Y" }}
+material = "wool_suiting"
+[[garment.pin]]
+file = "{data}/skirt_lowres_pins.json"
+to = "body:woman"
+bind = "nearest"
+[output]
+format = ["h5"]
+"""
+
+UNITS = '[units]\nlength = "m"\nup = "Y"'
+
+
+def write_alembic(path, stage, prim):
+    """The mesh in the world, one sample a time code; Alembic's faces run clockwise."""
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath(prim))
+    counts = mesh.GetFaceVertexCountsAttr().Get()
+    indices, first = [], 0
+    for count in counts:
+        indices += reversed(mesh.GetFaceVertexIndicesAttr().Get()[first : first + count])
+        first += count
+    archive = Abc.OArchive(str(path))
+    schema = AbcGeom.OPolyMesh(archive.getTop(), "body").getSchema()
+    codes = mesh.GetPointsAttr().GetTimeSamples()
+    rate = stage.GetTimeCodesPerSecond()
+    schema.setTimeSampling(archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / rate, codes[0] / rate)))
+    integers = lambda values: fill(imath.IntArray(len(values)), [int(value) for value in values])
+    corners, faces = integers(indices), integers(counts)
+    for code in codes:
+        world = np.array(mesh.ComputeLocalToWorldTransform(code))
+        points = np.array(mesh.GetPointsAttr().Get(code), dtype=float) @ world[:3, :3] + world[3, :3]
+        positions = fill(imath.V3fArray(len(points)), [imath.V3f(*map(float, point)) for point in points])
+        schema.set(AbcGeom.OPolyMeshSchemaSample(positions, corners, faces))
+
+
+def fill(array, values):
+    for place, value in enumerate(values):
+        array[place] = value
+    return array
+
+
+def run(folder, body, units, frames="0-3", command="run"):
+    scene = folder / "scene.toml"
+    scene.write_text(SCENE.format(body=body, data=WOMAN, units=units, frames=frames))
+    out = ["--out", str(folder / "out")] if command == "run" else []
+    line = [program("DRAPERY", "drapery"), command, str(scene), *out]
+    return subprocess.run(line, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+
+
+def positions(folder):
+    with h5py.File(next((folder / "out").rglob("*.h5"))) as cache:
+        found = []
+        cache.visititems(lambda name, item: found.append(item[()]) if name.endswith("positions") else None)
+        return np.concatenate([array.reshape(-1, 3) for array in found])
+
+
+@pytest.fixture(scope="module")
+def alembic_body(tmp_path_factory):
+    path = tmp_path_factory.mktemp("body") / "body.abc"
+    stage = Usd.Stage.Open(str(WOMAN / "body_lowres.usdc"))
+    prim = next(prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh))
+    write_alembic(path, stage, prim.GetPath())
+    return path
+
+
+def test_a_body_from_usd_gives_the_caches_of_the_same_body_from_alembic(tmp_path, alembic_body, report_figure):
+    found = {}
+    for kind, body, units in [("usd", WOMAN / "body_lowres.usdc", ""), ("abc", alembic_body, UNITS)]:
+        folder = tmp_path / kind
+        folder.mkdir()
+        checked = run(folder, body, units, command="check")
+        assert checked.returncode == 0, checked.stdout + checked.stderr
+        done = run(folder, body, units)
+        assert done.returncode == 0, done.stdout + done.stderr
+        found[kind] = positions(folder)
+    assert found["usd"].shape == found["abc"].shape and found["usd"].size > 0
+    apart = np.abs(found["usd"] - found["abc"]).max()
+    # Positions of the Alembic body are rounded to single precision once more: 1e-7 m, which contact answers.
+    assert apart < 1e-5
+    report_figure(f"a skirt on a body from USD and from Alembic: at most {apart:.1e} m apart after three frames")
+
+
+def test_units_that_contradict_the_file_are_told(tmp_path):
+    done = run(tmp_path, WOMAN / "body_lowres.usdc", '[units]\nlength = "cm"\nup = "Z"', command="check")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "the file says metres, Y up, and is read so" in done.stdout + done.stderr
+
+
+def test_a_body_that_ends_too_early_or_changes_its_points_is_refused_by_name(tmp_path):
+    done = run(tmp_path, WOMAN / "body_lowres.usdc", "", frames="90-120", command="check")
+    assert done.returncode == 65, done.stdout + done.stderr
+    assert 'body "woman"' in done.stdout + done.stderr
+    body = tmp_path / "body.usda"
+    points = ["[(0,0,0), (1,0,0), (0,1,0)]", "[(0,0,0), (1,0,0), (0,1,0), (1,1,1)]"]
+    body.write_text(
+        '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Y"\n)\ndef Mesh "m" {\n point3f[] points.timeSamples = {'
+        f" 0: {points[0]}, 2: {points[1]} }}\n int[] faceVertexCounts = [3]\n int[] faceVertexIndices = [0, 1, 2]\n}}"
+    )
+    done = run(tmp_path, body, "", command="check")
+    assert done.returncode == 65, done.stdout + done.stderr
+    assert "body.usda, /m), frame 2: 4 points, but there were 3 at the start" in done.stdout + done.stderr
+
+
+def test_a_small_layer_that_promises_gigabytes_is_refused(tmp_path):
+    """Samples that are alike are one array on disk, and would be as many in memory."""
+    body = tmp_path / "body.usdc"
+    stage = Usd.Stage.CreateNew(str(body))
+    mesh = UsdGeom.Mesh.Define(stage, "/still")
+    points = Vt.Vec3fArray.FromNumpy(np.random.default_rng(1).normal(size=(20_000, 3)).astype(np.float32))
+    for code in range(6000):
+        mesh.GetPointsAttr().Set(points, code)
+    stage.Save()
+    assert body.stat().st_size < 1_000_000
+    done = run(tmp_path, body, UNITS, command="check")
+    assert done.returncode == 65, done.stdout + done.stderr
+    assert "timeSamples of an attribute take 1440 MB" in done.stdout + done.stderr
+
+
+def test_an_incomplete_stage_ends_the_command_with_the_exit_code_of_a_missing_file(tmp_path):
+    body = tmp_path / "body.usda"
+    for text, code, told in [
+        ('#usda 1.0\ndef "hero" ( references = @./nowhere.usda@ ) {}', 66, "nowhere.usda"),
+        ('#usda 1.0\ndef Mesh "hero" { int[] faceVertexCounts = [3] }', 65, "/hero"),
+        ("not USD", 65, "body.usda"),
+    ]:
+        body.write_text(text)
+        done = run(tmp_path, body, "", command="check")
+        assert done.returncode == code, done.stdout + done.stderr
+        assert told in done.stdout + done.stderr
+        assert "panicked" not in done.stderr
