@@ -139,7 +139,7 @@ fn references_variants_instances_and_clips_are_composed_and_time_codes_are_secon
         stage(folder.path(), name, head, &format!("over \"body\" {{\n {}\n }}", moving(from, to)));
     }
     stage(folder.path(), "manifest.usda", head, "over \"body\" {\n point3f[] points\n }");
-    stage(folder.path(), "topology.usda", head, &format!("def Mesh \"body\" {{\n {faces}\n }}"));
+    stage(folder.path(), "topology.usda", head, &format!("def Mesh \"body\" {{\n point3f[] points\n {faces}\n }}"));
     let clips = "clips = {\n dictionary default = {\n asset[] assetPaths = [@./clip.1.usda@, @./clip.2.usda@]\n asset manifestAssetPath = \
                  @./manifest.usda@\n string primPath = \"/body\"\n double2[] active = [(10, 0), (12, 1)]\n double2[] times = [(10, 10), \
                  (12, 12), (20, 20)]\n }\n }";

@@ -16,6 +16,9 @@ pub(crate) struct BlendShapes {
     shapes: Vec<Shape>,
 }
 
+/// A weight, and the offsets of a shape at it.
+type Stage = (f64, Vec<[f64; 3]>);
+
 /// One of them.
 struct Shape {
     path: String,
@@ -24,7 +27,7 @@ struct Shape {
     /// Points that it moves; all of them in their order when `None`.
     points: Option<Vec<usize>>,
     /// Offsets at ascending weights: none at 0, its own at 1, those in between.
-    stages: Vec<(f64, Vec<[f64; 3]>)>,
+    stages: Vec<Stage>,
 }
 
 impl BlendShapes {
@@ -96,7 +99,7 @@ impl Shape {
     }
 
     /// The stages around a weight and their shares, which sum to one; beyond the last the nearest two go on.
-    fn around(&self, weight: f64) -> [(&(f64, Vec<[f64; 3]>), f64); 2] {
+    fn around(&self, weight: f64) -> [(&Stage, f64); 2] {
         let after = self.stages.partition_point(|(at, _)| *at <= weight).clamp(1, self.stages.len() - 1);
         let (below, above) = (&self.stages[after - 1], &self.stages[after]);
         let share = (weight - below.0) / (above.0 - below.0);
