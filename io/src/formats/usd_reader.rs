@@ -73,7 +73,8 @@ impl UsdMesh {
         let stated = StatedUnits { metres: about.metres_per_unit, up };
         let codes_per_second = about.codes_per_second;
         let chosen = stage.choose(&places)?;
-        if !chosen.codes.is_empty() && !(codes_per_second.is_finite() && codes_per_second > 0.0) {
+        let countable = codes_per_second.is_finite() && codes_per_second > 0.0;
+        if !countable && !chosen.codes.is_empty() {
             let what = format!("timeCodesPerSecond is {codes_per_second}, so its samples have no times");
             return Err(IoError::data(path, "stage", what, "write how many time codes make a second, for example 24"));
         }
