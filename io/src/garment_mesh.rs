@@ -184,6 +184,8 @@ fn digest(data: &MeshData) -> [u8; 32] {
 
 #[cfg(test)]
 mod tests {
+    use drapery_core::mesh::PolygonMesh;
+
     use super::*;
 
     /// Gives another mesh as a whole than in pieces.
