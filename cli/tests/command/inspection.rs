@@ -140,7 +140,7 @@ fn things_that_cannot_be_compared_are_refused_with_advice() {
     for (arguments, code, words) in [
         (["diff", "a", "a/sheet.abc"], 65, "two files or two run folders"),
         (["diff", "a/sheet.abc", "missing.abc"], 66, "no such file"),
-        (["diff", "a/sheet.abc", "scene.toml"], 65, ".abc or .h5"),
+        (["diff", "a/sheet.abc", "scene.toml"], 65, ".abc, .h5"),
     ] {
         let outcome = drapery(folder.path(), &arguments);
         assert_eq!(outcome.code, Some(code), "{}", outcome.stderr);
