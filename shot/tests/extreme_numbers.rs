@@ -41,6 +41,7 @@ min_dt = 1e-9
 strain_per_step = 0.1
 cg_tolerance = 1e-3
 cg_max_iterations = 200
+steps_per_frame = 8
 [self_repulsion]
 friction = 0.3
 thickness_clamp = 0.9
