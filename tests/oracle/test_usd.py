@@ -302,5 +302,8 @@ def test_a_program_without_usd_says_so_before_it_simulates(tmp_path):
     if not bare.is_file():
         pytest.skip("no bare program; `make test` makes one")
     scene(tmp_path, formats='["usd"]')
+    # It has no effects either: of these the scene asks for none.
+    kept = [line for line in (tmp_path / "scene.toml").read_text().splitlines() if not line.startswith("material")]
+    (tmp_path / "scene.toml").write_text("\n".join(kept) + "\n")
     said = subprocess.run([bare, "check", tmp_path / "scene.toml"], capture_output=True, text=True)
     assert said.returncode == 78 and 'without the format "usd"' in said.stderr and "make build" in said.stderr, said
