@@ -12,7 +12,6 @@ use drapery_core::Vec3;
 use drapery_core::block_matrix::{BlockMatrix, Slot};
 use drapery_core::mesh::{PolygonMesh, TriangleMesh};
 use drapery_core::parallel::for_each_part::{PerPart, PerVertex};
-use drapery_core::parallel::parts::Parts;
 use drapery_core::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
 use drapery_core::solve::conjugate_gradient::{Outcome, Stop};
 use drapery_core::solve::preconditioned_cg::{BlockSystem, PreconditionedCg, Projection};
