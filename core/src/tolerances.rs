@@ -84,3 +84,6 @@ pub const FAR_BOUND_THICKNESSES: f64 = 10.0;
 /// By how much a step that is a whole part of a frame may be longer, so that rounding leaves no sliver of the frame for one more
 /// step. Guarded by `a_square_that_falls_from_two_corners_converges_with_second_order_from_four_steps_a_frame_on`.
 pub const STEP_OF_A_FRAME: f64 = 1e-9;
+
+/// The earth's acceleration [m/s²], with which automatic tolerances and first guesses compare; scenes have their own.
+pub const STANDARD_GRAVITY: f64 = 9.81;

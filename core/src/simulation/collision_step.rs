@@ -23,10 +23,7 @@ use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
 use crate::step::{CollisionEnd, Step, StepReport, StepSettings};
 use crate::time_step::StepShares;
-use crate::tolerances::{CG_GRAVITY_FRACTION, STAGE_GRAVITY_FRACTION};
-
-/// Acceleration that the automatic tolerance of the damping solves compares with [m/s²]; the earth's.
-const STANDARD_GRAVITY: f64 = 9.81;
+use crate::tolerances::{CG_GRAVITY_FRACTION, STAGE_GRAVITY_FRACTION, STANDARD_GRAVITY};
 
 /// Largest tolerance of the damping solves when it is chosen automatically [m/s]; the authors' value.
 const CG_TOLERANCE: f64 = 1e-2;

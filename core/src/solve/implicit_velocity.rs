@@ -82,22 +82,22 @@ impl System for DampingSystem<'_> {
         if let Some(pins) = self.problem.pins {
             pins.project(part, start, self.problem.around.targets, r);
         }
-        self.problem.stop_held(start, r);
+        stop_held(self.problem.held, start, r);
+    }
+}
+
+/// Sets the held vertices, ascending, to zero in vectors of the vertices from `start` on.
+pub(crate) fn stop_held(held: &[u32], start: usize, vectors: &mut [Vec3]) {
+    if held.is_empty() {
+        return;
+    }
+    let first = |vertex: usize| held.partition_point(|held| (*held as usize) < vertex);
+    for held in &held[first(start)..first(start + vectors.len())] {
+        vectors[*held as usize - start] = Vec3::zeros();
     }
 }
 
 impl VelocityProblem<'_> {
-    /// Sets what is held to zero in vectors of the vertices from `start` on.
-    fn stop_held(&self, start: usize, vectors: &mut [Vec3]) {
-        if self.held.is_empty() {
-            return;
-        }
-        let place = |vertex: usize| self.held.partition_point(|held| (*held as usize) < vertex);
-        for held in &self.held[place(start)..place(start + vectors.len())] {
-            vectors[*held as usize - start] = Vec3::zeros();
-        }
-    }
-
     /// Solves from `v`; the solution goes to `out`, `b = v + h M⁻¹ F` to `explicit`. Forces remember the directions at `x`.
     pub fn solve(
         &self,
@@ -130,8 +130,8 @@ impl VelocityProblem<'_> {
             if let Some(pins) = self.pins {
                 pins.set_velocities(part, range.start, self.around.targets, out.0);
             }
-            self.stop_held(range.start, explicit.0);
-            self.stop_held(range.start, out.0);
+            stop_held(self.held, range.start, explicit.0);
+            stop_held(self.held, range.start, out.0);
         });
         self.parts.halo().update(self.parts.ranks(), out);
         cg.solve(self.parts, self.masses, &DampingSystem { problem: self, forces }, out, self.stop)

@@ -24,7 +24,7 @@ use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::force_evaluation::ForceEvaluation;
-use crate::solve::implicit_velocity::PartForces;
+use crate::solve::implicit_velocity::{PartForces, stop_held};
 use crate::solve::preconditioned_cg::{BlockSystem, PreconditionedCg, Projection};
 use crate::state::State;
 use crate::step::Prescribed;
@@ -116,7 +116,7 @@ impl Prescription<'_> {
             if let Some(pins) = self.pins {
                 pins.set_velocities(part, start, self.targets, v.0);
             }
-            self.stop_held(start, v.0);
+            stop_held(self.held, start, v.0);
         });
         self.parts.halo().update(self.parts.ranks(), v);
     }
@@ -136,14 +136,6 @@ impl Prescription<'_> {
         });
         self.parts.halo().update(self.parts.ranks(), x_stage);
     }
-
-    /// Sets what is held to zero in vectors of the vertices from `start` on.
-    fn stop_held(&self, start: usize, vectors: &mut [Vec3]) {
-        let first = |vertex: usize| self.held.partition_point(|held| (*held as usize) < vertex);
-        for held in &self.held[first(start)..first(start + vectors.len())] {
-            vectors[*held as usize - start] = Vec3::zeros();
-        }
-    }
 }
 
 impl Projection for Prescription<'_> {
@@ -153,7 +145,7 @@ impl Projection for Prescription<'_> {
         if let Some(pins) = self.pins {
             pins.project(part, start, self.targets, r);
         }
-        self.stop_held(start, r);
+        stop_held(self.held, start, r);
     }
 }
 

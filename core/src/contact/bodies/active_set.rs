@@ -17,7 +17,7 @@ use std::ops::Range;
 use crate::Vec3;
 use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
 use crate::parallel::parts::Parts;
-use crate::tolerances::NO_DIRECTION;
+use crate::tolerances::{NO_DIRECTION, STANDARD_GRAVITY};
 
 /// Change of the friction of all contacts, by its size, below which a solve need not go on.
 const SETTLED_FRICTION: f64 = 0.02;
@@ -165,9 +165,6 @@ impl ActiveContact {
         (if push < 0.0 { push } else { sum }, rest)
     }
 }
-
-/// Acceleration by which the first guess of a mode judges friction [m/s²]; the earth's.
-const STANDARD_GRAVITY: f64 = 9.81;
 
 impl ContactMode {
     /// Sliding, with friction in this direction; none without one.
