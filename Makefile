@@ -31,7 +31,7 @@ demo: build ## simulate a dressed character and render six frames of it; QUALITY
 	@.ci/demo $(QUALITY)
 
 .PHONY: bare
-bare: setup ## what the proof that absent effects are free compares with: builds without the optional effects
+bare: setup ## what the proof that absent effects are free compares: a small scene built with the optional effects and without
 	@.ci/build-bare "$(TARGET)"
 
 .PHONY: test
@@ -43,6 +43,7 @@ test: bare build ## Rust tests, then the outside judges (Alembic's own reader, B
 
 .PHONY: test-full
 test-full: build ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
+	@.ci/build-bare "$(TARGET)" command
 	@.ci/test-full "$(ONLY)"
 
 .PHONY: compare
@@ -89,5 +90,6 @@ build-times: setup ## how long builds take, from nothing and after a change in e
 lint: setup ## formatting and lints, as CI checks them
 	cargo fmt --all --check
 	cargo clippy --release --workspace --all-targets $(FEATURES) -- -D warnings
+	cargo clippy --release --package drapery --no-default-features -- -D warnings
 	@cp Cargo.lock core/benches/Cargo.lock
 	cargo clippy --release --manifest-path core/benches/Cargo.toml --target-dir $(TARGET) --all-targets -- -D warnings

@@ -1,6 +1,6 @@
 """What a scene does not ask for costs nothing: builds without the optional effects, and callgrind as the judge.
 
-`DRAPERY_BARE` names the folder of `.ci/build-bare`; `make test` sets it.
+`DRAPERY_BARE` names the folder of `.ci/build-bare`; `make test` and `make test-full` set it.
 """
 
 import os
@@ -76,9 +76,8 @@ def cache(*arguments):
     return path.read_bytes()
 
 
-def test_absent_excluded_and_compiled_out_give_the_same_bytes(tmp_path):
-    drapery, without = program("DRAPERY", "drapery"), bare("drapery")
-    assert cache(without, tmp_path, "compiled_out", SCENE) == cache(drapery, tmp_path, "plain", SCENE)
+def test_absent_and_excluded_effects_give_the_same_bytes(tmp_path):
+    drapery = program("DRAPERY", "drapery")
     for effect in optional_effects():
         assert effect in ASKING, f"the reference page has no example of {effect}"
         base = SCENE.replace(STRETCH, "") if effect == "membrane" else SCENE
@@ -86,11 +85,19 @@ def test_absent_excluded_and_compiled_out_give_the_same_bytes(tmp_path):
         text = base + ASKING[effect]
         assert cache(drapery, tmp_path, f"{effect}_on", text) != absent, f"{effect} does nothing"
         assert cache(drapery, tmp_path, f"{effect}_out", text, "--without", TOGETHER.get(effect, effect)) == absent, effect
-        refused, _ = run(without, tmp_path, f"{effect}_lacking", text)
+
+
+@pytest.mark.full
+def test_effects_that_are_compiled_out_give_the_bytes_of_absent_ones_or_are_refused_by_name(tmp_path):
+    drapery, without = program("DRAPERY", "drapery"), bare("drapery")
+    assert cache(without, tmp_path, "compiled_out", SCENE) == cache(drapery, tmp_path, "plain", SCENE)
+    for effect in optional_effects():
+        refused, _ = run(without, tmp_path, f"{effect}_lacking", SCENE + ASKING[effect])
         assert refused.returncode not in (0, 70), refused.stderr
         assert "--features drapery-core/effect-" in refused.stderr and "built without" in refused.stderr, refused.stderr
 
 
+@pytest.mark.full
 def test_the_bare_build_has_no_effect_that_can_be_left_out():
     long = subprocess.run([bare("drapery"), "--version"], capture_output=True, text=True, check=True)
     assert "effect-" not in long.stdout, long.stdout

@@ -15,7 +15,7 @@ from judges import hdf5, official
 SCENE = "sample_assets/scenes/hanging_sheet.toml"
 FIRST = 1001
 FRAMES = f"{FIRST}-1048"
-RESOLUTION = 40
+RESOLUTION = 28
 KILLS = 6
 
 

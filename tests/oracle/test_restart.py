@@ -306,7 +306,8 @@ def brief(shots, faults, reader, tmp_path_factory):
 
 def test_no_fault_of_the_disk_leaves_a_torn_file_or_another_result(brief, faults, reader, tmp_path, report_figure):
     # The first four faults are for all calls, the others for those that can be done by halves.
-    chosen = one_of_each_kind(brief.calls, random.Random(66))
+    # Half of the kinds, by turns of the fault; `make test-full` breaks every call.
+    chosen = one_of_each_kind(brief.calls, random.Random(66))[::2]
     broken = [(FAULTS[i % (6 if call in WRITES else 4)], place) for i, (call, place) in enumerate(chosen)]
     report_figure(sweep(brief, faults, reader, tmp_path, broken))
 

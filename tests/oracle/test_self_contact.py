@@ -97,7 +97,7 @@ def test_the_judge_finds_a_crossing_planted_in_a_cache(run_scene):
     [
         ("tests/scenes/two_sheets.toml", "0-48", {}),
         ("tests/scenes/storm.toml", "0-60", {}),
-        ("tests/scenes/folded_stack.toml", "0-90", {"resolution": 5}),
+        ("tests/scenes/folded_stack.toml", "0-60", {"resolution": 5}),
         (f"{SAMPLES}/leaves.toml", "0-110", {"rows": 1, "resolution": 4}),
         (f"{SAMPLES}/twister.toml", "0-120", {"resolution": 20}),
         (f"{SAMPLES}/spinning_ball.toml", "0-120", {}),

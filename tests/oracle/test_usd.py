@@ -297,10 +297,11 @@ def test_a_converted_cache_is_the_cache_for_other_programs_too(shot, tmp_path):
     assert list(shown["face_set_names"]) == ["front_panel", "trim"], "as USD spells names"
 
 
+@pytest.mark.full
 def test_a_program_without_usd_says_so_before_it_simulates(tmp_path):
     bare = Path(os.environ.get("DRAPERY_BARE", "")) / "drapery"
     if not bare.is_file():
-        pytest.skip("no bare program; `make test` makes one")
+        pytest.skip("no bare program; `make test-full` makes one")
     scene(tmp_path, formats='["usd"]')
     # It has no effects either: of these the scene asks for none.
     kept = [line for line in (tmp_path / "scene.toml").read_text().splitlines() if not line.startswith("material")]

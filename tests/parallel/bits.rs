@@ -20,7 +20,7 @@ use drapery_core::wind_grid::WindSample;
 use drapery_tests::*;
 
 /// Ranks, and threads of each.
-const COUNTS: [[usize; 2]; 6] = [[1, 1], [2, 1], [3, 2], [4, 1], [7, 1], [8, 1]];
+const COUNTS: [[usize; 2]; 3] = [[1, 1], [3, 2], [8, 1]];
 
 /// A scene and the frames of its bodies and tracks.
 pub(crate) struct Shot {
@@ -82,10 +82,8 @@ impl Shot {
         }
         let middle = self.frames / 2;
         let (half, _) = self.run([4, 1], None, [0, middle]);
-        for count in [[1, 3], [3, 1]] {
-            let (snapshot, _) = self.run(count, Some(&half), [middle, self.frames]);
-            assert_alike(&snapshot, &whole, &format!("four ranks, then {count:?}"));
-        }
+        let (snapshot, _) = self.run([2, 1], Some(&half), [middle, self.frames]);
+        assert_alike(&snapshot, &whole, "four ranks, then two");
     }
 }
 

@@ -2,13 +2,11 @@
 //!
 //! A panic of the library that composes stages is an answer (`io/usd/src/read/worker.rs`), so only those elsewhere are findings,
 //! and every demand for too much memory.
-#![no_main]
 
 use std::sync::Once;
 
-use drapery_fuzz::{memory, scratch};
+use crate::{memory, scratch};
 use drapery_io::formats;
-use libfuzzer_sys::fuzz_target;
 
 /// Panics that are answered do not end the process.
 fn let_answers_pass() {
@@ -23,7 +21,8 @@ fn let_answers_pass() {
     });
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Reads one input.
+pub fn run(data: &[u8]) {
     let_answers_pass();
     let name = if data.starts_with(b"PK") { "stage.usdz" } else { "stage.usd" };
     let path = scratch::file(name, data);
@@ -38,10 +37,11 @@ fuzz_target!(|data: &[u8]| {
                 let _ = data.mesh.triangulate();
                 let mut corners = Vec::new();
                 mesh.positions_at(time, &mut positions).expect("points of a mesh that was read");
-                mesh.faces_at(time, &mut |_, piece| corners.extend_from_slice(piece)).expect("faces of a mesh that was read");
+                mesh.faces_at(time, &mut |_, piece| corners.extend_from_slice(piece))
+                    .expect("faces of a mesh that was read");
                 assert_eq!((positions.len(), corners), (data.mesh.points.len(), data.mesh.face_indices.clone()));
             }
         }
         let _ = (mesh.stated_units(), mesh.other_files(), mesh.notes());
     });
-});
+}

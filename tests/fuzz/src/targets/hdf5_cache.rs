@@ -1,19 +1,17 @@
 //! HDF5 caches of any layout: what `info` and `diff` look at, and going on with one. The bytes are edits of a good cache.
-#![no_main]
 
+use crate::edits::Bytes;
+use crate::layout::{Kind, Layout, Value};
+use crate::{memory, scratch};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::Timeline;
-use drapery_fuzz::edits::Bytes;
-use drapery_fuzz::layout::{Kind, Layout, Value};
-use drapery_fuzz::{memory, scratch};
 use drapery_io::cache::{CacheMark, CachePlan, CacheWriter};
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::formats::hdf5::Hdf5Writer;
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_data::MeshData;
 use drapery_io::units::Units;
-use libfuzzer_sys::fuzz_target;
 
 /// What the positions of a far cache are counted from.
 const FAR: [u32; 3] = [100_000, 0, 3];
@@ -56,7 +54,8 @@ fn cache(is_far: bool) -> Layout {
     layout
 }
 
-fuzz_target!(|data: &[u8]| {
+/// Reads one input.
+pub fn run(data: &[u8]) {
     let path = scratch::folder().join("cache.h5");
     let is_far = data.last().is_some_and(|byte| byte % 2 == 1);
     let mut layout = cache(is_far);
@@ -96,4 +95,4 @@ fuzz_target!(|data: &[u8]| {
             let _ = writer.finish();
         }
     });
-});
+}

@@ -1,14 +1,12 @@
 //! Alembic archives: the container, meshes as bodies and garments, what `info`, `verify` and `diff` look at, and going on
 //! with a cache.
-#![no_main]
 
 use std::path::Path;
 
+use crate::{memory, scratch};
 use drapery_alembic::{Archive, ArchiveWriter, Compound, Durability, Object, PolyMesh, PropertyKind, world_matrix_at};
-use drapery_fuzz::{memory, scratch};
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::formats;
-use libfuzzer_sys::fuzz_target;
 
 /// Samples of each kind that are read; a file may say that it holds millions.
 const SAMPLES: usize = 4;
@@ -16,7 +14,8 @@ const SAMPLES: usize = 4;
 /// Files with more samples are not looked through as a whole.
 const MANY: usize = 1000;
 
-fuzz_target!(|data: &[u8]| {
+/// Reads one input.
+pub fn run(data: &[u8]) {
     let path = scratch::file("mesh.abc", data);
     memory::bounded(|| {
         let Ok(archive) = Archive::from_bytes(data.to_vec(), "memory") else { return };
@@ -33,7 +32,7 @@ fuzz_target!(|data: &[u8]| {
             let _ = archive.commit(Durability::Flushed);
         }
     });
-});
+}
 
 fn read_object(object: &Object) {
     let _ = object.visibility_at(0.1);

@@ -1,13 +1,11 @@
 //! Scene files, with the meshes and pins that they may name, up to a shot that is ready to run. Generated garments are
 //! kept small by `cfg(fuzzing)`: that a fine mesh takes memory is no finding.
-#![no_main]
 
 use std::sync::Once;
 
-use drapery_fuzz::{memory, scratch};
+use crate::{memory, scratch};
 use drapery_io::scene_file;
 use drapery_shot::Shot;
-use libfuzzer_sys::fuzz_target;
 
 /// A pin file for the house.
 const PINS: &str = "{\"body\":\"m.obj\",\"pins\":[{\"vertex\":1,\"body_vertices\":[0,1,2],\"weights\":[0.2,0.3,0.5],\
@@ -15,12 +13,13 @@ const PINS: &str = "{\"body\":\"m.obj\",\"pins\":[{\"vertex\":1,\"body_vertices\
 
 /// Files that inputs may name; they are small and good.
 const FILES: [(&str, &[u8]); 3] = [
-    ("m.obj", include_bytes!("../corpus/obj/house.obj")),
-    ("m.abc", include_bytes!("../corpus/alembic/small.abc")),
+    ("m.obj", include_bytes!("../../corpus/obj/house.obj")),
+    ("m.abc", include_bytes!("../../corpus/alembic/small.abc")),
     ("p.json", PINS.as_bytes()),
 ];
 
-fuzz_target!(|data: &[u8]| {
+/// Reads one input.
+pub fn run(data: &[u8]) {
     static WRITTEN: Once = Once::new();
     WRITTEN.call_once(|| FILES.iter().for_each(|(name, content)| drop(scratch::file(name, content))));
     let Ok(text) = std::str::from_utf8(data) else { return };
@@ -38,4 +37,4 @@ fuzz_target!(|data: &[u8]| {
             Err(errors) => errors.iter().for_each(|error| drop(error.to_string())),
         }
     });
-});
+}

@@ -1,9 +1,11 @@
 //! Checkpoints: the seal, files of any layout under a good seal, and states of any content given to a small simulation.
 //! The first byte says which; the rest is the file, or edits of a good one.
-#![no_main]
 
 use std::sync::OnceLock;
 
+use crate::edits::Bytes;
+use crate::layout::{Kind, Layout, Value};
+use crate::{memory, scratch};
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
@@ -13,24 +15,21 @@ use drapery_core::scene::{
 };
 use drapery_core::simulation::{FrameInput, Simulation};
 use drapery_core::snapshot::{Snapshot, SnapshotSource, Values};
-use drapery_fuzz::edits::Bytes;
-use drapery_fuzz::layout::{Kind, Layout, Value};
-use drapery_fuzz::{memory, scratch};
 use drapery_io::checkpoint::{Checkpoint, CheckpointReader, FORMAT_VERSION, Head};
-use libfuzzer_sys::fuzz_target;
 use sha2::{Digest, Sha256};
 
 /// Length of the seal.
 const SEAL: usize = 512;
 
-fuzz_target!(|data: &[u8]| {
+/// Reads one input.
+pub fn run(data: &[u8]) {
     let Some((kind, data)) = data.split_first() else { return };
     match kind % 3 {
         0 => unsealed(data),
         1 => sealed(data),
         _ => state(data),
     }
-});
+}
 
 /// A file that nobody sealed never gets as far as the library.
 fn unsealed(data: &[u8]) {

@@ -1,12 +1,11 @@
 //! The small files of a run and of a site: manifest, record, lock, site file, material file, durations. The
 //! first byte says which one the rest is.
-#![no_main]
 
 use std::time::{Duration, SystemTime};
 
+use crate::{memory, scratch};
 use drapery_analysis::report;
 use drapery_analysis::report::status::Status;
-use drapery_fuzz::{memory, scratch};
 use drapery_io::site_file::SiteFile;
 use drapery_io::{duration, scene_file};
 use drapery_shot::farm::lock;
@@ -14,12 +13,12 @@ use drapery_shot::run_record::folder::RunFolder;
 use drapery_shot::run_record::manifest::listed_files;
 use drapery_shot::run_record::reader::frame_counts;
 use drapery_shot::run_record::{MANIFEST, RECORD};
-use libfuzzer_sys::fuzz_target;
 
 /// A manifest for records of any content.
 const PLAIN: &str = "{\"shot\":\"s\",\"state\":\"running\",\"first_frame\":1,\"last_frame\":4,\"fps\":\"24/1\"}";
 
-fuzz_target!(|data: &[u8]| {
+/// Reads one input.
+pub fn run(data: &[u8]) {
     let Some((kind, text)) = data.split_first() else { return };
     memory::bounded(|| match kind % 6 {
         0 => page(text, b""),
@@ -37,7 +36,7 @@ fuzz_target!(|data: &[u8]| {
             let _ = text.parse::<drapery_io::checkpoint::Every>();
         }
     });
-});
+}
 
 /// What `drapery report` and `drapery status` make of a manifest and a record.
 fn page(manifest: &[u8], record: &[u8]) {

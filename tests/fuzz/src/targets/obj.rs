@@ -1,14 +1,13 @@
 //! Wavefront OBJ, and what is made of any mesh: its checks and its triangles.
-#![no_main]
 
+use crate::{memory, scratch};
 use drapery_core::Vec3;
 use drapery_core::scene::{EffectRequest, GarmentDescription, Mass, Scene, SceneDescription};
-use drapery_fuzz::{memory, scratch};
 use drapery_io::formats;
 use drapery_io::mesh_data::MeshData;
-use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|data: &[u8]| {
+/// Reads one input.
+pub fn run(data: &[u8]) {
     let path = scratch::file("mesh.obj", data);
     memory::bounded(|| {
         let _ = drapery_io::formats::inspect(&path);
@@ -37,4 +36,4 @@ fuzz_target!(|data: &[u8]| {
         scene.garments.push(garment);
         let _ = Scene::validate(scene);
     });
-});
+}
