@@ -10,6 +10,7 @@ FEATURES := --features drapery/mpi,drapery/usd --ignore-rust-version
 export DRAPERY := $(TARGET)/release/drapery
 export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
 export DRAPERY_BARE := $(TARGET)/bare
+export DRAPERY_MICRO_SCENE := $(TARGET)/release/examples/micro_scene
 export DRAPERY_CONFORMANCE := $(TARGET)/release/examples/conformance
 export DRAPERY_USD_POINTS := $(TARGET)/release/examples/usd_points
 
@@ -30,21 +31,20 @@ build: setup ## release build of the commands, their debug tables beside them in
 demo: build ## simulate a dressed character and render six frames of it; QUALITY=full for the fine garments
 	@.ci/demo $(QUALITY)
 
-.PHONY: bare
-bare: setup ## what the proof that absent effects are free compares: a small scene built with the optional effects and without
-	@.ci/build-bare "$(TARGET)"
-
 .PHONY: test
-test: bare build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
+test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
 	cargo test --release --workspace $(FEATURES)
 	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
 	$(TARGET)/release/examples/write_demo $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: test-full
-test-full: build ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
-	@.ci/build-bare "$(TARGET)" command
+test-full: build bare ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
 	@.ci/test-full "$(ONLY)"
+
+.PHONY: bare
+bare: setup ## builds with and without the optional effects, which the proof that absent ones are free compares
+	@.ci/build-bare "$(TARGET)"
 
 .PHONY: compare
 compare: build ## that results have the bytes of an earlier commit, on threads, ranks and after a stop: BASE=COMMIT

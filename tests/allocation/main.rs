@@ -99,7 +99,7 @@ fn the_allocations_of_a_frame_do_not_depend_on_its_number_of_steps() {
     for make in [cloth as fn(f64) -> SceneDescription, draped] {
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of threads");
-            let [(few, once), (many, more)] = [5e-4, 1e-4].map(|max_dt| pool.install(|| fourth_frame(make(max_dt))));
+            let [(few, once), (many, more)] = [4e-4, 8e-5].map(|max_dt| pool.install(|| fourth_frame(make(max_dt))));
             println!("{threads} threads: {once} allocations in {few} steps, {more} in {many}");
             assert!(many > 4 * few, "{few} and {many} steps");
             // A frame allocates its summary and takes its samples; a step nothing.

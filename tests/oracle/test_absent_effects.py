@@ -1,6 +1,7 @@
 """What a scene does not ask for costs nothing: builds without the optional effects, and callgrind as the judge.
 
-`DRAPERY_BARE` names the folder of `.ci/build-bare`; `make test` and `make test-full` set it.
+`DRAPERY_MICRO_SCENE` names an example of the ordinary build; `make test` sets it. What is compared with builds without the optional
+effects is part of `make test-full`; `DRAPERY_BARE` names the folder of `.ci/build-bare`.
 """
 
 import os
@@ -103,9 +104,9 @@ def test_the_bare_build_has_no_effect_that_can_be_left_out():
     assert "effect-" not in long.stdout, long.stdout
 
 
-def callgrind(name, folder):
-    record = folder / f"{name}.out"
-    command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={record}", bare(f"micro_scene_{name}")]
+def callgrind(micro_scene, folder):
+    record = folder / f"{Path(micro_scene).name}.out"
+    command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={record}", micro_scene]
     done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
     assert done.returncode == 0, done.stderr
     instructions = int(re.search(r"Collected : (\d+)", done.stderr).group(1))
@@ -120,16 +121,23 @@ def allocations(record):
     return sum(int(count) for number, count in calls if names[number].split("'")[0] in allocators)
 
 
+def test_no_function_of_an_absent_effect_is_called(tmp_path):
+    micro_scene = program("DRAPERY_MICRO_SCENE", "examples/micro_scene")
+    _, said, functions = callgrind(micro_scene, tmp_path)
+    assert "100 steps" in said
+    # The probe sees functions of an effect that runs.
+    assert "drapery_core::effects::gravity" in functions
+    for effect in optional_effects():
+        assert f"drapery_core::effects::{effect}" not in functions, effect
+
+
+@pytest.mark.full
 def test_a_build_with_all_effects_runs_the_instructions_of_one_without(tmp_path, report_figure):
-    everything, said, functions = callgrind("all", tmp_path)
-    nothing, said_by_bare, bare_functions = callgrind("none", tmp_path)
+    everything, said, functions = callgrind(bare("micro_scene_all"), tmp_path)
+    nothing, said_by_bare, bare_functions = callgrind(bare("micro_scene_none"), tmp_path)
     apart = abs(everything - nothing) / nothing
     report_figure(f"{everything} instructions with all effects in the build, {nothing} without: {100 * apart:.4f} % apart")
     assert "100 steps" in said and said == said_by_bare
     assert apart < LIMIT
     # The same build takes one more or fewer from run to run, as its threads happen to wake; one a step would be a hundred.
     assert abs(allocations(functions) - allocations(bare_functions)) <= 2 < allocations(functions)
-    # The probe sees functions of an effect that runs.
-    assert "drapery_core::effects::gravity" in functions
-    for effect in optional_effects():
-        assert f"drapery_core::effects::{effect}" not in functions, effect
