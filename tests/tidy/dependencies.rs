@@ -5,7 +5,7 @@ use drapery_core::effects::LISTED;
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
-const ALLOWED: [(&str, &[&str], &[&str]); 11] = [
+const ALLOWED: [(&str, &[&str], &[&str]); 12] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &[]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["serde_json", "tempfile"]),
@@ -105,6 +105,11 @@ const ALLOWED: [(&str, &[&str], &[&str]); 11] = [
             "serde_json",
             "tempfile",
         ],
+        &[],
+    ),
+    (
+        "tests/fuzz",
+        &["drapery-alembic", "drapery-core", "drapery-io", "drapery-shot", "drapery-analysis", "hdf5", "sha2"],
         &[],
     ),
 ];
