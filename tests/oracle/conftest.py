@@ -105,8 +105,8 @@ def mannequin(make_mannequin):
 
 @pytest.fixture(scope="session")
 def dressed(run_scene, mannequin):
-    """Output folder of the first quarter of a second of the dressed mannequin."""
-    return run_scene("sample_assets/scenes/dressed_mannequin.toml", "1001-1007", assets=mannequin)
+    """Output folder of the first half second of the dressed mannequin."""
+    return run_scene("sample_assets/scenes/dressed_mannequin.toml", "1001-1013", assets=mannequin)
 
 
 @pytest.fixture(scope="session")
