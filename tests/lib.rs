@@ -69,10 +69,5 @@ pub fn swelling_ball(t: f64) -> (Vec<[u32; 3]>, Vec<Vec3>) {
 /// The swelling ball at a frame of 1/24 s, as the only body.
 pub fn ball_input(frame: i64) -> FrameInput {
     let time = frame as f64 / 24.0;
-    FrameInput {
-        frame,
-        bodies: vec![vec![Sample { time, positions: swelling_ball(time).1 }]],
-        tracks: Vec::new(),
-        wind: Vec::new(),
-    }
+    FrameInput { frame, bodies: vec![vec![Sample { time, positions: swelling_ball(time).1 }]], ..FrameInput::default() }
 }

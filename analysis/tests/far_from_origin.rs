@@ -188,6 +188,7 @@ fn alone() -> GarmentMesh {
 
 fn plan(mesh: &GarmentMesh, origin: Vec3) -> CachePlan<'_> {
     CachePlan {
+        sub_frames: &[],
         garment: "flag",
         mesh,
         units: UNITS,
@@ -202,7 +203,7 @@ fn plan(mesh: &GarmentMesh, origin: Vec3) -> CachePlan<'_> {
 
 fn write_frame(writer: &mut dyn CacheWriter, frame: i64) {
     let positions = [[0.1, 0.0, -0.0], [1.0, frame as f32, 0.0], [0.0, 0.3, 2.0]];
-    writer.write(&CacheFrame { frame, positions: &positions, velocities: &[], crossings: None }).unwrap();
+    writer.write(&CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &[], crossings: None }).unwrap();
 }
 
 #[test]

@@ -33,6 +33,8 @@ pub struct CachePlan<'a> {
     pub velocities: bool,
     /// Whether frames come with their number of crossings.
     pub crossings: bool,
+    /// Where there are samples between a frame and the next, as fractions of a frame, ascending, between 0 and 1.
+    pub sub_frames: &'a [f64],
 }
 
 impl CachePlan<'_> {
@@ -64,23 +66,32 @@ impl CachePlan<'_> {
     pub fn frame_count(&self) -> usize {
         usize::try_from(self.last_frame - self.first_frame + 1).unwrap_or(0)
     }
+
+    /// Number of samples from the first frame up to one that lies so many samples behind a frame.
+    pub fn samples_until(&self, frame: i64, sub_frame: usize) -> usize {
+        let before = usize::try_from(frame - self.first_frame).unwrap_or(0);
+        before * (self.sub_frames.len() + 1) + sub_frame + 1
+    }
 }
 
 /// The program and version that caches name as their origin.
 pub const APPLICATION: &str = concat!("Drapery ", env!("CARGO_PKG_VERSION"));
 
-/// One frame of a garment, as it is stored: in the units and axes of the file ([`Units::stored`]), positions counted from the
+/// One sample of a garment, as it is stored: in the units and axes of the file ([`Units::stored`]), positions counted from the
 /// cache's origin ([`Units::stored_from`]).
 #[derive(Debug, Clone, Copy)]
 pub struct CacheFrame<'a> {
-    /// Frame number.
+    /// Frame number; of a sample between two frames, that of the first.
     pub frame: i64,
+    /// 0 for the frame itself, else which of [`CachePlan::sub_frames`] behind it, counted from 1. HDF5 holds whole frames and
+    /// passes over the others.
+    pub sub_frame: usize,
     /// Positions.
     pub positions: &'a [[f32; 3]],
     /// Velocities per second; empty when none are stored.
     pub velocities: &'a [[f32; 3]],
     /// How many edges of cloth pass through triangles of cloth in the positions as they are stored, in all garments of
-    /// the shot; given with every frame or never, as planned.
+    /// the shot; given with every sample or never, as planned.
     pub crossings: Option<u32>,
 }
 
@@ -97,6 +108,9 @@ pub struct CacheMark {
     pub file: String,
     /// Its last complete frame; none when there was none yet.
     pub last_frame: Option<i64>,
+    /// How many samples there were behind it, before the next frame.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub sub_frame: usize,
     /// Size of the file [bytes]; without what was being written when the mark was taken.
     pub bytes: u64,
     /// Where the tables of the last frame's commit begin [bytes from the start]; Alembic only.
@@ -113,9 +127,22 @@ impl CacheMark {
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Self { file, ..Self::default() }
     }
+
+    /// What comes next, as frame and sub-frame ([`CacheFrame`]).
+    pub(crate) fn next(&self, first_frame: i64, sub_frames: usize) -> (i64, usize) {
+        match self.last_frame {
+            None => (first_frame, 0),
+            Some(last) if self.sub_frame < sub_frames => (last, self.sub_frame + 1),
+            Some(last) => (last + 1, 0),
+        }
+    }
 }
 
-/// A cache being written. Frames come in ascending order without gaps, and none after an error or after
+fn is_zero(number: &usize) -> bool {
+    *number == 0
+}
+
+/// A cache being written. Samples come in ascending order without gaps, and none after an error or after
 /// [`CacheWriter::finish`].
 ///
 /// After every [`CacheWriter::write`] the file is valid under its final name, also when the process is killed.
@@ -123,7 +150,7 @@ pub trait CacheWriter: Send {
     /// The file.
     fn path(&self) -> &Path;
 
-    /// Appends a frame and makes it visible to readers.
+    /// Appends a sample and makes it visible to readers.
     ///
     /// # Errors
     /// The disk refuses; the frames before stay intact.

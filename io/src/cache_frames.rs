@@ -9,7 +9,7 @@ pub(crate) mod usd;
 
 use std::path::{Path, PathBuf};
 
-use drapery_alembic::{Archive, Bounds, IDENTITY, PolyMesh, Samples};
+use drapery_alembic::{Archive, Bounds, IDENTITY, PolyMesh, Samples, SamplingKind};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::escape;
@@ -45,7 +45,8 @@ pub struct CacheMesh {
     pub faces: Connectivity,
     /// The triangles that were simulated, or the faces cut into triangles.
     pub triangles: Vec<[u32; 3]>,
-    /// Frame number of every complete sample, ascending; sample numbers where the file does not tell its frame rate.
+    /// Frame number of every complete sample, ascending; sample numbers where the file does not tell its frame rate. Of files
+    /// with several samples a frame, whole frames only.
     pub frames: Vec<i64>,
 }
 
@@ -75,8 +76,8 @@ pub struct StoredFrame {
 
 #[derive(Debug)]
 enum Stored {
-    /// The archive, its meshes, and the bounds of everything.
-    Alembic(Archive, Vec<PolyMesh>, Option<Samples>),
+    /// The archive, its meshes each with the sample of every frame, and the bounds of everything.
+    Alembic(Archive, Vec<(PolyMesh, Vec<usize>)>, Option<Samples>),
     /// The file, and what its positions are counted from.
     Hdf5(hdf5::File, [f64; 3]),
     /// The layer, and what of it does not move.
@@ -148,7 +149,8 @@ impl CacheFrames {
     pub fn positions(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
         match &self.stored {
             Stored::Alembic(_, meshes, _) => {
-                let points = meshes[mesh].world_positions(sample)?;
+                let (mesh, samples) = &meshes[mesh];
+                let points = mesh.world_positions(samples[sample])?;
                 Ok(points.into_iter().map(|p| self.units.to_si(Vec3::from(p))).collect())
             }
             Stored::Hdf5(file, origin) => {
@@ -170,13 +172,14 @@ impl CacheFrames {
     pub fn stored_positions(&self, mesh: usize, sample: usize) -> Result<Option<StoredPositions>, IoError> {
         let (origin, points) = match &self.stored {
             Stored::Alembic(_, meshes, _) => {
-                let mut matrix = meshes[mesh].world_matrix_at(meshes[mesh].time(sample))?;
+                let (mesh, samples) = &meshes[mesh];
+                let mut matrix = mesh.world_matrix_at(mesh.time(samples[sample]))?;
                 let origin = [matrix[12], matrix[13], matrix[14]];
                 matrix[12..15].fill(0.0);
                 if matrix != IDENTITY {
                     return Ok(None);
                 }
-                (origin, meshes[mesh].positions(sample)?)
+                (origin, mesh.positions(samples[sample])?)
             }
             Stored::Hdf5(file, origin) => (*origin, self.rows(file, "positions", sample)?),
             #[cfg(feature = "usd")]
@@ -192,8 +195,10 @@ impl CacheFrames {
     pub fn stored_frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError> {
         match &self.stored {
             Stored::Alembic(_, meshes, bounds) => {
+                let (mesh, samples) = &meshes[mesh];
+                let sample = samples[sample];
                 let of_file = bounds.as_ref().map(|bounds| bounds.elements::<f64, 6>(sample)).transpose()?;
-                stored_in_alembic(&meshes[mesh], sample, of_file.and_then(|all| all.first().copied()))
+                stored_in_alembic(mesh, sample, of_file.and_then(|all| all.first().copied()))
             }
             Stored::Hdf5(file, _) => {
                 let has = |name: &str| file.link_exists(name);
@@ -228,7 +233,8 @@ impl CacheFrames {
     pub fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<Vec3>>, IoError> {
         match &self.stored {
             Stored::Alembic(_, meshes, _) => {
-                let rates = meshes[mesh].velocities(sample)?;
+                let (mesh, samples) = &meshes[mesh];
+                let rates = mesh.velocities(samples[sample])?;
                 let si = |v: [f32; 3]| self.units.to_si(Vec3::from(v.map(f64::from)));
                 Ok(rates.map(|rates| rates.into_iter().map(si).collect()))
             }
@@ -259,7 +265,7 @@ impl CacheFrames {
         match &self.stored {
             Stored::Alembic(_, meshes, _) => {
                 let reader = open_mesh(&self.path, Some(&escape(&described.name)))?;
-                reader.mesh_at(meshes[mesh].times().first().copied().unwrap_or(0.0))
+                reader.mesh_at(meshes[mesh].0.times().first().copied().unwrap_or(0.0))
             }
             Stored::Hdf5(file, _) if file.link_exists("uv_values") => {
                 let read = || -> hdf5::Result<Uvs> {
@@ -295,7 +301,9 @@ impl CacheFrames {
             return Err(IoError::data(path, "objects", "it holds no mesh", "give a cache of a garment"));
         }
         let fps = archive.frames_per_second_hint();
-        let meshes = stored.iter().map(|mesh| alembic_mesh(mesh, fps)).collect::<Result<_, _>>()?;
+        let described = stored.iter().map(|mesh| alembic_mesh(mesh, fps)).collect::<Result<Vec<_>, IoError>>()?;
+        let (meshes, samples): (Vec<_>, Vec<_>) = described.into_iter().unzip();
+        let stored = stored.into_iter().zip(samples).collect();
         let bounds = archive.bounds()?;
         Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(archive, stored, bounds) })
     }
@@ -379,14 +387,19 @@ fn units(length: &str, up: &str) -> Units {
     Units { length, up: if up == "Z" { UpAxis::Z } else { UpAxis::Y } }
 }
 
-fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<CacheMesh, IoError> {
+/// A mesh, and which sample belongs to each of its frames.
+fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<(CacheMesh, Vec<usize>), IoError> {
     let times = mesh.times();
+    let (frames, samples) = match (mesh.time_sampling().kind(), fps) {
+        (SamplingKind::Cyclic, Some(fps)) => whole_frames(&times, fps),
+        _ => (frame_numbers(&times, fps), (0..times.len()).collect()),
+    };
     let mut described = CacheMesh {
         name: mesh.object().path().to_owned(),
         points: 0,
         faces: Connectivity::default(),
         triangles: Vec::new(),
-        frames: frame_numbers(&times, fps),
+        frames,
     };
     if !times.is_empty() {
         let mut faces = mesh.faces(0)?;
@@ -396,7 +409,7 @@ fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<CacheMesh, IoError>
         described.triangles = triangles_of(mesh, &first).unwrap_or_default();
         described.faces = Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices };
     }
-    Ok(described)
+    Ok((described, samples))
 }
 
 /// The triangles that were simulated, if the file tells them, or the faces cut by the solver's rule.
@@ -432,12 +445,21 @@ fn cut(face_counts: &[u32], corners: &[u32], points: &[Vec3]) -> Vec<[u32; 3]> {
 
 /// Frame numbers of samples, or sample numbers where times are not those of whole frames.
 fn frame_numbers(times: &[f64], fps: Option<f64>) -> Vec<i64> {
-    let whole = |time: &f64| {
-        let frame = time * fps?;
-        ((frame - frame.round()).abs() < WHOLE_FRAME).then_some(frame.round() as i64)
-    };
-    let numbers: Option<Vec<i64>> = times.iter().map(whole).collect();
+    let numbers: Option<Vec<i64>> = times.iter().map(|time| whole_frame(*time, fps?)).collect();
     numbers.unwrap_or_else(|| (0..times.len() as i64).collect())
+}
+
+/// The samples that are whole frames, and their numbers; all samples by their numbers where none is.
+fn whole_frames(times: &[f64], fps: f64) -> (Vec<i64>, Vec<usize>) {
+    let whole = times.iter().enumerate().filter_map(|(sample, time)| Some((whole_frame(*time, fps)?, sample)));
+    let (frames, samples): (Vec<i64>, Vec<usize>) = whole.unzip();
+    if frames.is_empty() { ((0..times.len() as i64).collect(), (0..times.len()).collect()) } else { (frames, samples) }
+}
+
+/// The frame that a time [s] is, if it is one.
+fn whole_frame(time: f64, fps: f64) -> Option<i64> {
+    let frame = time * fps;
+    ((frame - frame.round()).abs() < WHOLE_FRAME).then_some(frame.round() as i64)
 }
 
 #[cfg(test)]
@@ -450,5 +472,8 @@ mod tests {
         assert_eq!(frame_numbers(&times, Some(24.0)), [1001, 1002]);
         assert_eq!(frame_numbers(&times, None), [0, 1]);
         assert_eq!(frame_numbers(&[0.0, 0.25 / 24.0], Some(24.0)), [0, 1]);
+        let shutter = [10.0, 10.25, 10.75, 11.0, 11.25].map(|frame: f64| frame / 24.0);
+        assert_eq!(whole_frames(&shutter, 24.0), (vec![10, 11], vec![0, 3]));
+        assert_eq!(whole_frames(&shutter[1..3], 24.0), (vec![0, 1], vec![0, 1]));
     }
 }

@@ -80,6 +80,7 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
     let data = described(&source, mesh, samples.start)?;
     let plan = CachePlan {
+        sub_frames: &[],
         garment: &garment,
         mesh: &GarmentMesh::kept(data),
         units,
@@ -246,7 +247,13 @@ impl Work<'_> {
                 (crossings, true) => crossings,
                 (_, false) => None,
             };
-            writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings })?;
+            writer.write(&CacheFrame {
+                frame,
+                sub_frame: 0,
+                positions: &positions,
+                velocities: &velocities,
+                crossings,
+            })?;
             wrote(frame);
         }
         Ok(())

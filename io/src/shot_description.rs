@@ -45,7 +45,7 @@ pub struct ShotDescription {
 }
 
 /// What a run writes.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct OutputDescription {
     /// Words of [`crate::formats::FORMATS`].
     pub formats: Vec<String>,
@@ -53,4 +53,8 @@ pub struct OutputDescription {
     pub units: Units,
     /// Whether velocities are stored.
     pub velocities: bool,
+    /// Where there are samples between a frame and the next, as fractions of a frame, ascending.
+    pub sub_frames: Vec<f64>,
+    /// Whether the frames of the pre-roll are written too.
+    pub preroll: bool,
 }

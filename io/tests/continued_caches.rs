@@ -54,6 +54,7 @@ impl Garment {
 
     fn plan(&self) -> CachePlan<'_> {
         CachePlan {
+            sub_frames: &[],
             garment: "skirt",
             mesh: &self.mesh,
             units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
@@ -103,7 +104,9 @@ impl Garment {
         let crossings = Some(if frame == 1002 { 5 } else { take as u32 });
         let units = self.plan().units;
         let [positions, velocities] = [positions, velocities].map(|vectors| units.stored_all(&vectors));
-        writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings }).unwrap();
+        writer
+            .write(&CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &velocities, crossings })
+            .unwrap();
     }
 
     fn write_all(&self, writer: &mut dyn CacheWriter, frames: impl Iterator<Item = i64>) {

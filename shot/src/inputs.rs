@@ -20,6 +20,8 @@ pub(super) struct Inputs {
     pub(super) bodies: Vec<Option<InputMotion>>,
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
+    /// Where there are samples between a frame and the next, as fractions of a frame, from this frame on.
+    pub(super) sub_frames: (Vec<f64>, i64),
 }
 
 impl Inputs {
@@ -30,7 +32,15 @@ impl Inputs {
             self.bodies.iter().map(|body| body.as_ref().map_or(Ok(Vec::new()), samples)).collect::<Result<_, _>>()?;
         let tracks = self.tracks.iter().map(samples).collect::<Result<_, _>>()?;
         let wind = self.wind.as_ref().map_or(Ok(Vec::new()), |wind| wind.samples(self.timeline, frame))?;
-        Ok(FrameInput { frame, bodies, tracks, wind })
+        Ok(FrameInput { frame, bodies, tracks, wind, output_times: self.output_times(frame) })
+    }
+
+    /// Times of the samples between the frame before this one and this one [s].
+    fn output_times(&self, frame: i64) -> Vec<f64> {
+        let (fractions, from) = &self.sub_frames;
+        let (before, duration) = (self.timeline.time(frame - 1), self.timeline.frame_duration());
+        let fractions = if frame > *from { fractions.as_slice() } else { &[] };
+        fractions.iter().map(|fraction| before + fraction * duration).collect()
     }
 
     /// Problems of all frames of all inputs.

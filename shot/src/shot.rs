@@ -39,6 +39,8 @@ pub(crate) struct About {
     pub(crate) scene_path: PathBuf,
     pub(crate) input_files: Vec<PathBuf>,
     pub(crate) timeline: Timeline,
+    /// First and last frame that are delivered.
+    pub(crate) first_frame: i64,
     pub(crate) last_frame: i64,
     /// Names of the garments.
     pub(crate) garments: Vec<String>,
@@ -73,13 +75,16 @@ impl Shot {
         let mut warnings = description.warnings;
         let last_frame = last_frame(description.frames, frames, &mut warnings)?;
         let timeline = scene.timeline;
-        let inputs = Inputs { timeline, preroll, bodies, tracks, wind };
+        let first_frame = if output.preroll { timeline.start } else { timeline.origin };
+        let sub_frames = (output.sub_frames.clone(), first_frame);
+        let inputs = Inputs { timeline, preroll, bodies, tracks, wind, sub_frames };
         let mut problems = inputs.check(&scene, last_frame, &mut warnings);
         let about = About {
             name: description.name,
             scene_path: description.scene_path,
             input_files: description.input_files,
             timeline,
+            first_frame,
             last_frame,
             garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
             keeps_free: scene.effects.iter().any(|request| request.effect == self_collision::SPEC.name),
@@ -135,7 +140,7 @@ impl Shot {
 
     /// First and last frame that are delivered.
     pub fn frames(&self) -> [i64; 2] {
-        [self.about.timeline.origin, self.about.last_frame]
+        [self.about.first_frame, self.about.last_frame]
     }
 
     /// Frame rate, first frame and start of the simulation.

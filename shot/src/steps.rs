@@ -39,7 +39,7 @@ impl SteppedShot {
     /// As [`crate::Shot::prepare`], for the start frame.
     pub fn start(ranks: &Ranks, description: ShotDescription, body_frames: u32) -> Result<Self, ShotError> {
         let ShotDescription { scene, bodies, tracks, wind, preroll, frames, .. } = description;
-        let inputs = Inputs { timeline: scene.timeline, preroll, bodies, tracks, wind };
+        let inputs = Inputs { timeline: scene.timeline, preroll, bodies, tracks, wind, sub_frames: Default::default() };
         let scene = RemoteSimulation::distribute(ranks, scene).map_err(ShotError::Problems)?;
         let mut problems = Vec::new();
         let remote_simulation = inputs.start(ranks, scene, &mut problems)?;

@@ -35,10 +35,10 @@ fn run_with_mesh(
         vec![vec![Sample { time, positions: (body.points)(time) }]]
     };
     let scene = Scene::validate(description).unwrap_or_else(|p| panic!("{p}"));
-    let start = FrameInput { frame: 0, bodies: sample(0), tracks: Vec::new(), wind: Vec::new() };
+    let start = FrameInput { frame: 0, bodies: sample(0), tracks: Vec::new(), ..FrameInput::default() };
     let mut simulation = Simulation::new(scene, &start).unwrap_or_else(|p| panic!("{p}"));
     for frame in 1..=frames {
-        let input = FrameInput { frame, bodies: sample(frame), tracks: Vec::new(), wind: Vec::new() };
+        let input = FrameInput { frame, bodies: sample(frame), tracks: Vec::new(), ..FrameInput::default() };
         let summary = simulation.advance(&input).unwrap_or_else(|e| panic!("{e}"));
         see(&simulation, &summary);
     }

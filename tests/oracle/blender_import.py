@@ -6,6 +6,7 @@
 z up; corners are in Blender's order (each face turned the other way round than in the file).
 """
 
+import math
 import sys
 
 import bpy
@@ -31,7 +32,7 @@ def main():
 
     positions, velocities = [], []
     for frame in frames:
-        scene.frame_set(int(frame))
+        scene.frame_set(math.floor(float(frame)), subframe=float(frame) % 1.0)
         mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         # Both are of single precision; what follows from them is not, so that nothing is lost far from the origin.
         matrix = np.array(thing.matrix_world, float)

@@ -26,7 +26,7 @@ from judges import ROOT
 DRAPERY = os.environ.get("DRAPERY", str(ROOT / "target" / "release" / "drapery"))
 
 # Exit codes.
-DONE, BAD_INPUT, MISSING_INPUT, CANNOT_CREATE, IO, STOPPED = 0, 65, 66, 73, 74, 75
+DONE, BAD_INPUT, MISSING_INPUT, CANNOT_CREATE, IO, STOPPED, BAD_SCENE = 0, 65, 66, 73, 74, 75, 78
 
 # Bytes at the beginning of a checkpoint that hold length and hash of the rest.
 SEAL = 512

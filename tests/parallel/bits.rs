@@ -251,7 +251,7 @@ fn ball_and_track(frame: i64) -> FrameInput {
     let at = |x: f64| Vec3::new(x, 0.26 + 0.1 * time, 0.5);
     let track = vec![Sample { time, positions: vec![at(-0.5), at(0.5), at(0.0)] }];
     let ball = vec![Sample { time, positions: swelling_ball(time).1 }];
-    FrameInput { frame, bodies: vec![ball], tracks: vec![track], wind: Vec::new() }
+    FrameInput { frame, bodies: vec![ball], tracks: vec![track], ..FrameInput::default() }
 }
 
 #[test]

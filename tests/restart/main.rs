@@ -47,7 +47,7 @@ fn ball_and_track(frame: i64) -> FrameInput {
     let sway = |t: f64| Vec3::new(0.3 * t * t, 0.25, 2.0 * (9.0 * t).sin() / 24.0);
     let corners = [Vec3::new(-0.2, 0.0, -0.2), Vec3::new(-0.2, 0.0, 0.2)];
     let track = times().map(|time| Sample { time, positions: corners.map(|c| c + sway(time)).to_vec() }).collect();
-    FrameInput { frame, bodies: vec![ball], tracks: vec![track], wind: Vec::new() }
+    FrameInput { frame, bodies: vec![ball], tracks: vec![track], ..FrameInput::default() }
 }
 
 fn add_contact(description: &mut SceneDescription, repulsion: bool, collision: bool) {

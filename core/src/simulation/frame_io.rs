@@ -12,7 +12,7 @@ use crate::wind_grid::WindSample;
 
 codec!(struct Sample { time, positions });
 codec!(struct WindSample { time, velocities });
-codec!(struct FrameInput { frame, bodies, tracks, wind });
+codec!(struct FrameInput { frame, bodies, tracks, wind, output_times });
 
 impl Scene {
     /// The input of a frame for each rank, of what rank 0 has read: all bodies, and of the tracks what own pins follow. All

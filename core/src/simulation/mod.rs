@@ -57,6 +57,9 @@ pub struct FrameInput {
     pub tracks: Vec<Vec<Sample>>,
     /// The same for the grid of the wind; empty without one.
     pub wind: Vec<WindSample>,
+    /// Times between the last frame and this one at which the state is wanted too [s], ascending: a step ends at each, and
+    /// [`Simulation::advance_or_pause`] pauses there.
+    pub output_times: Vec<f64>,
 }
 
 impl FrameInput {
@@ -378,13 +381,22 @@ impl Simulation {
     /// # Errors
     /// Samples that do not cover the frame; a number that is no longer finite; a step below the scene's shortest.
     pub fn advance(&mut self, input: &FrameInput) -> Result<FrameSummary, StepError> {
-        match self.advance_or_pause(input, &mut |_| false)? {
-            Advance::Done(summary) | Advance::Paused(summary) => Ok(summary),
+        let mut earlier: Option<FrameSummary> = None;
+        loop {
+            let advance = self.advance_or_pause(input, &mut |_| false)?;
+            let so_far = |summary: FrameSummary| match &earlier {
+                Some(earlier) => summary.after(earlier),
+                None => summary,
+            };
+            match advance {
+                Advance::Done(summary) => return Ok(so_far(summary)),
+                Advance::Paused(summary) => earlier = Some(so_far(summary)),
+            }
         }
     }
 
     /// Goes on to the frame of `input`; asks at every state free of collisions on the way, given its time [s], whether to pause
-    /// there. After a pause the same input goes on, and comes to the same bits as without one.
+    /// there, and pauses at its output times. After a pause the same input goes on, and comes to the same bits as without one.
     ///
     /// # Errors
     /// As [`Simulation::advance`].
@@ -410,6 +422,7 @@ impl Simulation {
         let mut stops: Vec<f64> = input.bodies.iter().chain(&input.tracks).flatten().map(|s| s.time).collect();
         stops.extend(input.wind.iter().map(|sample| sample.time));
         stops.extend(self.prescribed.targets.window_times());
+        stops.extend(&input.output_times);
         stops.retain(|t| *t > from && *t < to);
         stops.push(to);
         stops.sort_unstable_by(f64::total_cmp);
@@ -427,7 +440,8 @@ impl Simulation {
             // New samples leave the bodies at their times; self-contact starts from where they are now.
             self.prescribed.bodies.set_step(self.cloth.state.time, self.cloth.state.time);
             let mut pause = |time| time < to && pause(time);
-            if self.run_until(stop, &mut summary, &mut pause)? {
+            let is_output = stop < to && input.output_times.contains(&stop);
+            if self.run_until(stop, &mut summary, &mut pause)? || is_output {
                 self.take_counts();
                 summary.metrics = self.metrics.take().over_ranks(self.ranks());
                 summary.recoveries = std::mem::take(&mut self.retry.events);

@@ -2,7 +2,8 @@
 //!
 //! One file a garment with one mesh at the object path of the source, under one transform a level. All of these are the
 //! identity, points being in world space in the file's unit, but for the mesh's own where positions are counted from an origin
-//! ([`CachePlan::origin`]): it moves them there. Uniform sampling: the first sample is the first delivered frame, at frame / fps.
+//! ([`CachePlan::origin`]): it moves them there. Uniform sampling: the first sample is the first delivered frame, at frame / fps;
+//! cyclic, a cycle a frame, where there are samples between frames.
 //! Faces, UVs, face sets and other attributes are written once; positions, velocities per second and bounds with every
 //! frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
 //! and with every frame [`CROSSINGS`] if the shot counts them. The file is committed after every frame, so it is a valid
@@ -50,6 +51,8 @@ pub struct AlembicWriter {
     origin: Option<[f64; 3]>,
     sampling: TimeSampling,
     first_frame: i64,
+    /// Number of samples between a frame and the next.
+    sub_frames: usize,
     velocities: bool,
     crossings: bool,
     /// Read with the first frame.
@@ -126,8 +129,9 @@ impl AlembicWriter {
             properties,
             units: plan.units,
             origin: plan.file_origin(),
-            sampling: TimeSampling::uniform(plan.timeline.file_time(plan.first_frame), plan.timeline.frame_duration())?,
+            sampling: sampling(plan)?,
             first_frame: plan.first_frame,
+            sub_frames: plan.sub_frames.len(),
             velocities: plan.velocities,
             crossings: plan.crossings,
             mesh: plan.mesh.clone(),
@@ -144,15 +148,15 @@ impl AlembicWriter {
     /// The file is missing, damaged, not the one of the mark, or was made with another plan; it then stays as it is.
     pub fn resume(path: &Path, plan: &CachePlan<'_>, mark: &CacheMark) -> Result<Self, IoError> {
         let mut writer = Self::create(path, plan)?;
-        let kept = marked_frames(path, plan, mark)?;
-        if kept == 0 {
+        if marked_frames(path, plan, mark)? == 0 {
             // What a run without a break has at this point: no file before the first frame.
             ArchiveWriter::remove(path)?;
             return Ok(writer);
         }
-        if let Some(held) = writer.frames_held().filter(|held| *held > plan.frame_count()) {
-            return Err(too_short(path, plan, plan.first_frame + held as i64 - 1));
+        if let Some(held) = writer.last_frame_held().filter(|held| *held > plan.last_frame) {
+            return Err(too_short(path, plan, held));
         }
+        let kept = plan.samples_until(mark.last_frame.unwrap_or(plan.first_frame), mark.sub_frame);
         let at = archive_mark(mark).ok_or_else(|| cannot_continue(path, "mark", "the mark is incomplete"))?;
         let still = Still::of(plan.mesh.read()?);
         let resumed =
@@ -164,10 +168,11 @@ impl AlembicWriter {
         Ok(writer)
     }
 
-    /// Number of frames that readers see in the file, if they can read it.
-    fn frames_held(&self) -> Option<usize> {
+    /// The last frame that readers see in the file, if they can read it.
+    fn last_frame_held(&self) -> Option<i64> {
         let archive = Archive::open(&self.path).ok()?;
-        Some(PolyMesh::open(&archive, &self.object_path).ok()?.sample_count())
+        let samples = PolyMesh::open(&archive, &self.object_path).ok()?.sample_count();
+        Some(self.first_frame + (samples.checked_sub(1)? / (self.sub_frames + 1)) as i64)
     }
 
     /// Declares the objects; a new mesh has no sample yet.
@@ -185,27 +190,28 @@ impl AlembicWriter {
         Ok(Declared { mesh, sampling, origin: self.origin, crossings: None })
     }
 
-    /// Declares everything that a file of this plan with so many frames has.
+    /// Declares everything that a file of this plan with so many samples has.
     fn declare_again(
         &self,
         archive: &mut ArchiveWriter,
         still: &Still,
-        frames: usize,
+        samples: usize,
     ) -> Result<Declared, AlembicError> {
         let mut declared = self.declare_mesh(archive)?;
         // Only what the sample has counts, not where its points are.
         let points = vec![[0.0; 3]; self.mesh.point_count()];
-        let frame = CacheFrame { frame: self.first_frame, positions: &points, velocities: &points, crossings: None };
+        let (positions, velocities) = (&points[..], &points[..]);
+        let frame = CacheFrame { frame: self.first_frame, sub_frame: 0, positions, velocities, crossings: None };
         declared.mesh.check_continued(archive, &still.with(self.sample(&frame)))?;
         archive.add_archive_bounds(declared.sampling)?;
         self.write_attributes(archive, &mut declared, still, None)?;
         let held = declared.mesh.sample_count(archive);
         let counted = declared.crossings.map_or(held, |property| archive.sample_count(property));
-        if held != frames || counted != frames {
+        if held != samples || counted != samples {
             return Err(AlembicError::Refused {
                 path: self.path.clone(),
                 place: self.object_path.clone(),
-                reason: format!("{held} frames are stored and {counted} counts of crossings, {frames} are expected"),
+                reason: format!("{held} samples are stored and {counted} counts of crossings, {samples} are expected"),
             });
         }
         Ok(declared)
@@ -321,8 +327,8 @@ impl CacheWriter for AlembicWriter {
     }
 
     fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError> {
-        let expected = self.mark.last_frame.map_or(self.first_frame, |last| last + 1);
-        assert_eq!(frame.frame, expected, "frames come in order, as the samples of the archive do");
+        let expected = self.mark.next(self.first_frame, self.sub_frames);
+        assert_eq!((frame.frame, frame.sub_frame), expected, "frames come in order, as the samples of the archive do");
         // Closed until the frame is complete: after an error nothing may follow.
         let open = match std::mem::replace(&mut self.stage, Stage::Closed) {
             Stage::Empty => Box::new(self.write_first(frame)?),
@@ -333,7 +339,7 @@ impl CacheWriter for AlembicWriter {
             Stage::Closed => panic!("no frame is written after an error or after the end"),
         };
         if let Some(mark) = open.archive.mark() {
-            self.mark = cache_mark(&self.path, frame.frame, &mark);
+            self.mark = cache_mark(&self.path, frame, &mark);
         }
         self.stage = Stage::Open(open);
         Ok(())
@@ -388,9 +394,20 @@ impl Still {
     }
 }
 
-fn cache_mark(path: &Path, frame: i64, mark: &ArchiveMark) -> CacheMark {
+/// One sample a frame, or a cycle of them.
+fn sampling(plan: &CachePlan<'_>) -> Result<TimeSampling, AlembicError> {
+    let (first, duration) = (plan.timeline.file_time(plan.first_frame), plan.timeline.frame_duration());
+    if plan.sub_frames.is_empty() {
+        return TimeSampling::uniform(first, duration);
+    }
+    let times = [0.0].iter().chain(plan.sub_frames).map(|fraction| first + fraction * duration);
+    TimeSampling::cyclic(duration, times.collect())
+}
+
+fn cache_mark(path: &Path, frame: &CacheFrame<'_>, mark: &ArchiveMark) -> CacheMark {
     CacheMark {
-        last_frame: Some(frame),
+        last_frame: Some(frame.frame),
+        sub_frame: frame.sub_frame,
         bytes: mark.end,
         root: Some(mark.root),
         digest: hexadecimal(mark.digest),

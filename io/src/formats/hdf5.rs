@@ -241,6 +241,9 @@ impl CacheWriter for Hdf5Writer {
     }
 
     fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError> {
+        if frame.sub_frame > 0 {
+            return Ok(());
+        }
         let expected = self.mark.last_frame.map_or(self.first_frame, |last| last + 1);
         assert_eq!(frame.frame, expected, "frames come in order");
         let index = usize::try_from(frame.frame - self.first_frame).unwrap_or(usize::MAX);
@@ -337,6 +340,7 @@ mod tests {
 
     fn plan(mesh: &GarmentMesh) -> CachePlan<'_> {
         CachePlan {
+            sub_frames: &[],
             garment: "flag",
             mesh,
             units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
@@ -358,7 +362,9 @@ mod tests {
             let velocities = [Vec3::zeros(), Vec3::zeros(), Vec3::new(0.0, 24.0, 0.0)];
             let crossings = Some((frame - 1000) as u32);
             let [positions, velocities] = [positions, velocities].map(|vectors| plan(&mesh).units.stored_all(&vectors));
-            writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, crossings }).unwrap();
+            writer
+                .write(&CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &velocities, crossings })
+                .unwrap();
         }
         // Dropped without `finish`, as a killed process would leave it.
         path

@@ -46,6 +46,7 @@ pub(crate) struct UsdWriter {
     documentation: String,
     properties: Vec<(&'static str, String)>,
     first_frame: i64,
+    sub_frames: Vec<f64>,
     velocities: bool,
     crossings: bool,
     stage: Stage,
@@ -96,6 +97,7 @@ impl UsdWriter {
             documentation: format!("Garment {}", plan.garment),
             properties,
             first_frame: plan.first_frame,
+            sub_frames: plan.sub_frames.to_vec(),
             velocities: plan.velocities,
             crossings: plan.crossings,
             stage: Stage::Empty,
@@ -139,11 +141,15 @@ impl UsdWriter {
             Err(e) => return Err(failed(e)),
         }
         drop(still);
-        let clip = |frame| folder.join(CacheLayer::clip(frame));
-        if let Some(frame) = (plan.first_frame..last).find(|frame| !clip(*frame).is_file()) {
+        let clip = |frame, sub_frame| folder.join(CacheLayer::clip(frame, sub_frame));
+        let is_missing = |frame: &i64| (0..=plan.sub_frames.len()).any(|sub_frame| !clip(*frame, sub_frame).is_file());
+        if let Some(frame) = (plan.first_frame..last).find(is_missing) {
             return Err(refused(&format!("the clip of frame {frame} is missing")));
         }
-        match fs::read(clip(last)) {
+        if (0..mark.sub_frame).any(|sub_frame| !clip(last, sub_frame).is_file()) {
+            return Err(refused("the clip of this frame is missing"));
+        }
+        match fs::read(clip(last, mark.sub_frame)) {
             Ok(bytes) if hexadecimal(murmur3_x64_128(&bytes)) == mark.digest => {}
             Ok(_) => return Err(refused("the clip of this frame is not the one that was written")),
             Err(e) if e.kind() == ErrorKind::NotFound => return Err(refused("the clip of this frame is missing")),
@@ -157,8 +163,8 @@ impl UsdWriter {
         if held.map_err(|e| refused(&e.to_string()))? != plan.mesh.point_count() {
             return Err(refused("the cache was begun with other settings: another number of points"));
         }
-        writer.write_layer(&folder, last)?;
-        writer.remove_later(&folder, last)?;
+        writer.write_layer(&folder, (last, mark.sub_frame))?;
+        writer.remove_later(&folder, (last, mark.sub_frame))?;
         writer.mark = mark.clone();
         writer.stage = Stage::Open(folder);
         Ok(writer)
@@ -208,17 +214,20 @@ impl UsdWriter {
 
     /// Writes the clip of a frame, then the layer that names it.
     fn write_frame(&mut self, folder: &Path, frame: &CacheFrame<'_>) -> Result<(), IoError> {
+        let behind = frame.sub_frame.checked_sub(1).map_or(0.0, |number| self.sub_frames[number]);
         let moving = Moving {
-            frame: frame.frame,
+            time_code: frame.frame as f64 + behind,
             points: frame.positions,
             velocities: self.velocities.then_some(frame.velocities),
             crossings: self.crossings.then(|| frame.crossings.unwrap_or(0)),
         };
         let bytes = clip(self.units, &self.mesh_path, &moving).map_err(|e| self.refused(&e))?;
-        self.write_file(&folder.join(CacheLayer::clip(frame.frame)), &bytes)?;
-        self.write_layer(folder, frame.frame)?;
+        let sample = (frame.frame, frame.sub_frame);
+        self.write_file(&folder.join(CacheLayer::clip(sample.0, sample.1)), &bytes)?;
+        self.write_layer(folder, sample)?;
         self.mark = CacheMark {
             last_frame: Some(frame.frame),
+            sub_frame: frame.sub_frame,
             bytes: bytes.len() as u64,
             digest: hexadecimal(murmur3_x64_128(&bytes)),
             ..CacheMark::none(&self.path)
@@ -226,8 +235,8 @@ impl UsdWriter {
         Ok(())
     }
 
-    /// Writes the layer with the frames up to `last`.
-    fn write_layer(&mut self, folder: &Path, last: i64) -> Result<(), IoError> {
+    /// Writes the layer with the samples up to this frame and number behind it.
+    fn write_layer(&mut self, folder: &Path, (last, last_sub_frame): (i64, usize)) -> Result<(), IoError> {
         let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let text = cache_layer(&CacheLayer {
             units: self.units,
@@ -236,17 +245,19 @@ impl UsdWriter {
             properties: &self.properties,
             folder: &format!("{}/{}", name(&self.clips), name(folder)),
             frames: [self.first_frame, last],
+            sub_frames: &self.sub_frames,
+            last_sub_frame,
         });
         self.write_file(&self.path.clone(), text.as_bytes())
     }
 
-    /// Removes what is no longer named: later frames, what a killed run left unfinished, caches of other forms.
-    fn remove_later(&self, folder: &Path, last: i64) -> Result<(), IoError> {
+    /// Removes what is no longer named: later samples, what a killed run left unfinished, caches of other forms.
+    fn remove_later(&self, folder: &Path, last: (i64, usize)) -> Result<(), IoError> {
         let failed = |e| IoError::writing(folder, e);
         for entry in fs::read_dir(folder).map_err(failed)? {
             let path = entry.map_err(failed)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name.ends_with(".part") || CacheLayer::frame_of(&name).is_some_and(|frame| frame > last) {
+            if name.ends_with(".part") || CacheLayer::frame_of(&name).is_some_and(|sample| sample > last) {
                 super::continuing::remove(&path)?;
             }
         }
@@ -287,8 +298,8 @@ impl CacheWriter for UsdWriter {
     }
 
     fn write(&mut self, frame: &CacheFrame<'_>) -> Result<(), IoError> {
-        let expected = self.mark.last_frame.map_or(self.first_frame, |last| last + 1);
-        assert_eq!(frame.frame, expected, "frames come in order");
+        let expected = self.mark.next(self.first_frame, self.sub_frames.len());
+        assert_eq!((frame.frame, frame.sub_frame), expected, "frames come in order");
         assert_eq!(frame.positions.len(), self.mesh.point_count(), "a garment keeps its number of points");
         // Closed until the frame is complete: after an error nothing may follow.
         let folder = match std::mem::replace(&mut self.stage, Stage::Closed) {

@@ -91,6 +91,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     }
     resolver.effects();
     resolver.formats();
+    resolver.shutter();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
     }
@@ -136,6 +137,8 @@ fn output(scene: &SceneFile) -> OutputDescription {
         formats: output.format.iter().map(word).collect(),
         units: scene.document.units.map_or(Units::SI, written),
         velocities: output.velocities,
+        sub_frames: output.sub_frames(),
+        preroll: output.preroll,
     }
 }
 
@@ -286,6 +289,20 @@ impl Resolver<'_> {
     /// What the table at a path says by these rows, with their defaults.
     pub(super) fn settings(&self, path: &Path, fields: &[Field]) -> Settings {
         fields::settings(path.find(&self.scene.root), fields)
+    }
+
+    /// A shutter that does not open before it closes, or that nothing samples.
+    fn shutter(&mut self) {
+        let raw::Output { samples, shutter: [open, close], .. } = self.scene.document.output;
+        let here = Path::default().key("output").key("shutter");
+        if !(open < close && close - open <= 1.0) {
+            let what =
+                format!("a shutter that opens at {open} and closes at {close} is not open, or longer than a frame");
+            self.error_with(&here, what, "write when it opens and closes, as in [-0.25, 0.25]".to_owned());
+        } else if samples == 1 && [open, close] != raw::Output::default().shutter {
+            let help = "write samples = 3 beside it, or leave it out".to_owned();
+            self.error_with(&here, "nothing samples the shutter", help);
+        }
     }
 
     /// Formats that are not in this build of the program.

@@ -60,7 +60,7 @@ pub struct Cache {
     pub z_up: bool,
     /// Frames a second.
     pub fps: f64,
-    /// Complete frames, ascending.
+    /// Complete frames, ascending; samples between them are not among them.
     pub frames: Vec<i64>,
     clips: Vec<PathBuf>,
     /// Everything that does not move.
@@ -218,12 +218,15 @@ fn frames_of(path: &Path, base: &Path, clips: &HashMap<String, Value>) -> Result
         return Err(damaged("its clips have no assetPaths"));
     };
     let Some(Value::Vec2dVec(active)) = clips.get("active") else { return Err(damaged("its clips have no times")) };
-    let frames: Vec<i64> = active.iter().map(|time| time.x as i64).collect();
-    let in_order = active.iter().enumerate().all(|(index, time)| time.x.fract() == 0.0 && time.y == index as f64);
-    if frames.is_empty() || frames.len() != assets.len() || !in_order || frames.windows(2).any(|w| w[1] <= w[0]) {
+    let in_order = active.iter().enumerate().all(|(index, time)| time.x.is_finite() && time.y == index as f64)
+        && active.windows(2).all(|pair| pair[0].x < pair[1].x);
+    let samples = active.iter().zip(assets).filter(|(time, _)| time.x.fract() == 0.0);
+    let (frames, clips): (Vec<i64>, Vec<PathBuf>) =
+        samples.map(|(time, asset)| (time.x as i64, base.join(&asset.authored_path))).unzip();
+    if frames.is_empty() || active.len() != assets.len() || !in_order {
         return Err(damaged("its clips and their times do not belong together"));
     }
-    Ok((frames, assets.iter().map(|asset| base.join(&asset.authored_path)).collect()))
+    Ok((frames, clips))
 }
 
 /// What does not move, and the path of the mesh.

@@ -52,8 +52,8 @@ fn write(folder: &Path) -> (PathBuf, PathBuf) {
     fs::write(clips.join(CacheLayer::MANIFEST), clip_manifest(UNITS, &path, true, true)).unwrap();
     for frame in [-1, 0] {
         let points = points(frame);
-        let moving = Moving { frame, points: &points, velocities: Some(&points), crossings: Some(3) };
-        fs::write(clips.join(CacheLayer::clip(frame)), clip(UNITS, &path, &moving).unwrap()).unwrap();
+        let moving = Moving { time_code: frame as f64, points: &points, velocities: Some(&points), crossings: Some(3) };
+        fs::write(clips.join(CacheLayer::clip(frame, 0)), clip(UNITS, &path, &moving).unwrap()).unwrap();
     }
     let layer = CacheLayer {
         units: UNITS,
@@ -62,6 +62,8 @@ fn write(folder: &Path) -> (PathBuf, PathBuf) {
         properties: &[("garment", "skirt".to_owned())],
         folder: "skirt.clips/0",
         frames: [-1, 0],
+        sub_frames: &[],
+        last_sub_frame: 0,
     };
     let file = folder.join("skirt.usd");
     fs::write(&file, cache_layer(&layer)).unwrap();
@@ -94,7 +96,7 @@ fn what_is_written_is_read_back() {
 fn equal_meshes_make_equal_bytes() {
     let [a, b] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let ((_, a), (_, b)) = (write(a.path()), write(b.path()));
-    for name in [CacheLayer::TOPOLOGY.to_owned(), CacheLayer::clip(0)] {
+    for name in [CacheLayer::TOPOLOGY.to_owned(), CacheLayer::clip(0, 0)] {
         assert!(fs::read(a.join(&name)).unwrap() == fs::read(b.join(&name)).unwrap(), "{name}");
     }
 }
@@ -134,7 +136,7 @@ fn caches_with_bytes_lost_or_changed_are_read_or_refused() {
     let (layer, clips) = write(folder.path());
     let mut random = Random(7);
     let mut refused = 0;
-    for file in [layer.clone(), clips.join(CacheLayer::TOPOLOGY), clips.join(CacheLayer::clip(0))] {
+    for file in [layer.clone(), clips.join(CacheLayer::TOPOLOGY), clips.join(CacheLayer::clip(0, 0))] {
         let good = fs::read(&file).unwrap();
         for round in 0..3000 {
             let mut bad = good.clone();

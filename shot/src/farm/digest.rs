@@ -31,6 +31,10 @@ const INPUT: &str = "input:";
 /// Keys of the scene that no frame which is already there depends on; a name that ends in a dot stands for a table.
 const FREE_KEYS: [&str; 3] = ["shot.name", LAST_FRAME, "output."];
 
+/// Keys among them that frames depend on all the same: at which times there are samples, at each of which a step ends, and which
+/// frame is the first.
+const SAMPLED: [&str; 3] = ["output.samples", "output.shutter", "output.preroll"];
+
 /// The range of the shot is compared by its ends.
 const FRAMES: &str = "shot.frames";
 const FIRST_FRAME: &str = "shot.first_frame";
@@ -167,7 +171,8 @@ fn compare_scenes(old: &Fingerprint, new: &Fingerprint, changes: &mut Changes) {
 
 /// Whether frames that are already there do not depend on a key.
 fn is_free(key: &str) -> bool {
-    FREE_KEYS.iter().any(|free| if free.ends_with('.') { key.starts_with(free) } else { key == *free })
+    !SAMPLED.contains(&key)
+        && FREE_KEYS.iter().any(|free| if free.ends_with('.') { key.starts_with(free) } else { key == *free })
 }
 
 /// Content of the file that a value names, and what the value says besides (`@101`, the frame in the file).

@@ -161,7 +161,13 @@ impl Shot {
         // Steps count from the last good state: nobody knows those before it.
         let dump = Dump::start(&mut self, tracepoints, folder, 0)?;
         let input = self.remote_simulation.share(self.inputs.at(frame + 1)?);
-        let advanced = self.remote_simulation.advance(&input, &mut || None);
+        let advanced = loop {
+            match self.remote_simulation.advance(&input, &mut || None) {
+                // At a sample of the caches.
+                Ok((Advance::Paused(_), _)) => {}
+                advanced => break advanced,
+            }
+        };
         dump.iter().for_each(|dump| note(dump.in_words()));
         dump.as_ref().map_or(Ok(()), Dump::check)?;
         let (Advance::Done(summary) | Advance::Paused(summary), _) = advanced?;

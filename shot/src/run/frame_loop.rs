@@ -126,7 +126,7 @@ impl Shot {
     }
 
     fn delivered_frames(&self) -> u64 {
-        self.about.last_frame.abs_diff(self.about.timeline.origin) + 1
+        self.about.last_frame.abs_diff(self.about.first_frame) + 1
     }
 
     /// Head of the record: what will run.
@@ -143,7 +143,7 @@ impl Shot {
             "scene": self.about.scene_path.to_string_lossy(),
             "fps": [timeline.fps_numerator, timeline.fps_denominator],
             "start_frame": timeline.start,
-            "first_frame": timeline.origin,
+            "first_frame": self.about.first_frame,
             "last_frame": self.about.last_frame,
             "threads": threads,
             "ranks": self.remote_simulation.ranks().count(),
@@ -282,6 +282,11 @@ impl<'a> Run<'a> {
             }
             *before = Some(summary);
             let done = *sub_step;
+            let time = self.shot.simulation().state().time;
+            if let Some(number) = input.output_times.iter().position(|output| *output == time) {
+                let (spent, remote_simulation) = (&mut self.totals.partial.spent, &mut self.shot.remote_simulation);
+                self.output.write_sample((frame - 1, number + 1), remote_simulation, spent)?;
+            }
             watch.check(self.shot.simulation(), done)?;
             if watch.tells() {
                 let timeline = self.shot.about.timeline;
@@ -289,13 +294,14 @@ impl<'a> Run<'a> {
                 observer.underway(frame, done, since / timeline.frame_duration());
             }
             match request {
-                Some(Request::Report) => {}
+                // Without a request: at a sample.
+                Some(Request::Report) | None => {}
                 Some(Request::StopAtOnce(reason)) => return Ok(Some(reason)),
                 Some(Request::Stop(reason)) => {
                     self.checkpoint()?;
                     return Ok(Some(reason));
                 }
-                Some(Request::Checkpoint) | None => self.checkpoint()?,
+                Some(Request::Checkpoint) => self.checkpoint()?,
             }
         }
     }
@@ -310,7 +316,7 @@ impl<'a> Run<'a> {
         self.lock.check()?;
         let mut spent = std::mem::take(&mut self.totals.partial).spent;
         let Shot { about, remote_simulation, .. } = &mut self.shot;
-        let is_preroll = frame < about.timeline.origin;
+        let is_preroll = frame < about.first_frame;
         let digests = match is_preroll {
             true => FrameDigests::new(),
             false => self.output.write_frame(frame, remote_simulation, &mut spent)?,
@@ -396,7 +402,7 @@ impl<'a> Run<'a> {
             frame,
             sub_step: self.totals.partial.sub_step,
             time: simulation.state().time,
-            delivered: (frame >= timeline.origin).then_some(frame),
+            delivered: (frame >= self.shot.about.first_frame).then_some(frame),
             fps: [timeline.fps_numerator, timeline.fps_denominator],
             digests: self.fingerprint.digests.clone(),
             caches,
@@ -426,7 +432,7 @@ impl<'a> Run<'a> {
     /// Brings everything to the disk and gives the folder back.
     fn end(mut self, outcome: Outcome) -> Result<RunReport, ShotError> {
         let frame = self.shot.simulation().frame();
-        let frames = u64::try_from(frame - self.shot.about.timeline.origin + 1).unwrap_or(0);
+        let frames = u64::try_from(frame - self.shot.about.first_frame + 1).unwrap_or(0);
         match self.lock.check().and_then(|()| match outcome {
             Outcome::Stopped(reason) => self.output.stop(reason, frame),
             Outcome::Done | Outcome::NothingToDo => self.output.finish(&self.totals, frames),

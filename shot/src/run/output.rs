@@ -187,16 +187,27 @@ impl Output {
         remote_simulation: &mut RemoteSimulation,
         spent: &mut Metrics,
     ) -> Result<FrameDigests, IoError> {
+        let digests = self.write_sample((frame, 0), remote_simulation, spent)?;
+        self.write_layers(Some(frame))?;
+        self.manifest.last_complete_frame = Some(frame);
+        Ok(digests)
+    }
+
+    /// Writes the state of the simulation as a sample of every cache that has such: frame, and which one behind it, 0 for the frame
+    /// itself.
+    pub(super) fn write_sample(
+        &mut self,
+        sample: (i64, usize),
+        remote_simulation: &mut RemoteSimulation,
+        spent: &mut Metrics,
+    ) -> Result<FrameDigests, IoError> {
         let units = self.units;
         let crossings =
             self.crossings.then(|| spent.stage("check caches", |_| remote_simulation.crossings_of_stored(units)));
         if let Some(count) = crossings {
             spent.count(CROSSINGS_WRITTEN, u64::from(count));
         }
-        let digests = spent.stage("write caches", |_| self.write_caches(frame, remote_simulation, crossings))?;
-        self.write_layers(Some(frame))?;
-        self.manifest.last_complete_frame = Some(frame);
-        Ok(digests)
+        spent.stage("write caches", |_| self.write_caches(sample, remote_simulation, crossings))
     }
 
     /// Notes in the manifest that this attempt has finished a frame, pre-roll included, which took so long [s].
@@ -238,7 +249,7 @@ impl Output {
     /// One garment after the other: no more than one is in memory as a whole.
     fn write_caches(
         &mut self,
-        frame: i64,
+        (frame, sub_frame): (i64, usize),
         remote_simulation: &RemoteSimulation,
         crossings: Option<u32>,
     ) -> Result<FrameDigests, IoError> {
@@ -253,7 +264,7 @@ impl Output {
             };
             let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
             for writer in writers {
-                writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
+                writer.write(&CacheFrame { frame, sub_frame, positions, velocities, crossings })?;
             }
             let name = self.manifest.garments[garment].name.clone();
             digests.insert(name, GarmentDigests::of(positions, velocities));
@@ -420,10 +431,11 @@ fn cache_plan(shot: &Shot, garment: usize) -> CachePlan<'_> {
         units: about.output.units,
         origin: shot.origin(),
         timeline: about.timeline,
-        first_frame: about.timeline.origin,
+        first_frame: about.first_frame,
         last_frame: about.last_frame,
         velocities: about.output.velocities,
         crossings: about.keeps_free,
+        sub_frames: &about.output.sub_frames,
     }
 }
 
@@ -441,7 +453,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         scene: about.scene_path.display().to_string(),
         state: "running".into(),
         error: None,
-        first_frame: about.timeline.origin,
+        first_frame: about.first_frame,
         last_frame: about.last_frame,
         last_complete_frame: None,
         fps: format!("{}/{}", about.timeline.fps_numerator, about.timeline.fps_denominator),

@@ -96,7 +96,7 @@ pub(super) fn decide(
     };
     let mut search = store.newest_valid(Some(at_most))?;
     if let Some(found) = &search.found {
-        let head = (&found.checkpoint.head, shot.about.timeline.origin);
+        let head = (&found.checkpoint.head, shot.about.first_frame);
         if let Some(fault) = kept_frames::earliest_fault(&options.out, head, record, note) {
             if let Resume::Frame(frame) = options.resume {
                 return Err(ShotError::FrameChanged { fault, asked: frame });

@@ -60,6 +60,9 @@ impl NewForm<'_> {
             let advice = "leave [output] as it was, or start anew with --overwrite";
             IoError::data(source, "the frames so far", what, advice)
         };
+        if !self.plan.sub_frames.is_empty() {
+            return Err(lacks("samples between frames are not taken over into caches of another form".to_owned()));
+        }
         let frames = CacheFrames::open(source)?;
         let folder = source.parent().unwrap_or(Path::new("."));
         let crossings = if self.plan.crossings { crossings_of(folder) } else { BTreeMap::new() };
@@ -75,7 +78,7 @@ impl NewForm<'_> {
             let crossings = self.plan.crossings.then(|| crossings.get(&frame).copied().unwrap_or(0));
             let velocities = self.plan.units.stored_all(&velocities);
             let (positions, velocities) = (&positions[..], &velocities[..]);
-            writer.write(&CacheFrame { frame, positions, velocities, crossings })?;
+            writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities, crossings })?;
             let stored = if self.plan.velocities { velocities } else { &[] };
             take(frame, GarmentDigests::of(positions, stored));
         }

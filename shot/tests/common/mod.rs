@@ -23,7 +23,7 @@ pub(crate) fn described(scene: SceneDescription, frames: [i64; 2], formats: &[&s
         wind: None,
         frames,
         preroll: Preroll::default(),
-        output: OutputDescription { formats, units, velocities: true },
+        output: OutputDescription { formats, units, velocities: true, sub_frames: Vec::new(), preroll: false },
         resolved: String::new(),
         warnings: Vec::new(),
     }

@@ -32,12 +32,7 @@ pub(super) fn add_mesh_body<'a>(
     let timeline = description.timeline;
     Box::new(move |frame| {
         let time = timeline.time(frame);
-        FrameInput {
-            frame,
-            bodies: vec![vec![Sample { time, positions: place(time) }]],
-            tracks: Vec::new(),
-            wind: Vec::new(),
-        }
+        FrameInput { frame, bodies: vec![vec![Sample { time, positions: place(time) }]], ..FrameInput::default() }
     })
 }
 

@@ -202,13 +202,58 @@ pub(in crate::scene_file) struct Output {
     pub(in crate::scene_file) format: Vec<Format>,
     /// Whether velocities are stored, for motion blur.
     pub(in crate::scene_file) velocities: bool,
+    /// Samples of a frame in Alembic and USD, at equal distances over the shutter; 1 by default, the frame alone. A step of the
+    /// solver ends at each of them. Frames are among the samples whether the shutter meets them or not; before the first frame
+    /// and after the last there are none.
+    #[schemars(range(min = 1, max = 33))]
+    #[serde(skip_serializing_if = "is_one")]
+    pub(in crate::scene_file) samples: u32,
+    /// When the shutter opens and closes, in frames from the frame; at most one frame long. By default [-0.25, 0.25].
+    #[schemars(inner(range(min = -1, max = 1)))]
+    #[serde(skip_serializing_if = "is_usual_shutter")]
+    pub(in crate::scene_file) shutter: [f64; 2],
+    /// Whether the frames of the pre-roll are written too; not by default.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub(in crate::scene_file) preroll: bool,
+}
+
+/// Half a frame around the frame.
+const SHUTTER: [f64; 2] = [-0.25, 0.25];
+
+fn is_one(samples: &u32) -> bool {
+    *samples == 1
+}
+
+fn is_usual_shutter(shutter: &[f64; 2]) -> bool {
+    *shutter == SHUTTER
 }
 
 impl Default for Output {
     fn default() -> Self {
-        Self { format: vec![Format::Abc, Format::H5], velocities: true }
+        Self { format: vec![Format::Abc, Format::H5], velocities: true, samples: 1, shutter: SHUTTER, preroll: false }
     }
 }
+
+impl Output {
+    /// Where there are samples between a frame and the next, as fractions of a frame, ascending.
+    pub(in crate::scene_file) fn sub_frames(&self) -> Vec<f64> {
+        let [open, close] = self.shutter;
+        let intervals = self.samples.saturating_sub(1);
+        let at = |sample: u32| open + (close - open) * f64::from(sample) / f64::from(intervals.max(1));
+        let behind = |time: f64| time - time.floor();
+        let mut fractions: Vec<f64> = match intervals {
+            0 => Vec::new(),
+            _ => (0..=intervals).map(|sample| behind(at(sample))).collect(),
+        };
+        fractions.retain(|fraction| (SAME_TIME..=1.0 - SAME_TIME).contains(fraction));
+        fractions.sort_by(f64::total_cmp);
+        fractions.dedup_by(|later, earlier| *later - *earlier < SAME_TIME);
+        fractions
+    }
+}
+
+/// Samples that lie closer are one [frames].
+const SAME_TIME: f64 = 1e-6;
 
 /// A format of caches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -220,4 +265,20 @@ pub(in crate::scene_file) enum Format {
     H5,
     /// USD.
     Usd,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_between_frames_are_those_of_the_shutter_without_the_frames_themselves() {
+        let behind = |samples, shutter| Output { samples, shutter, ..Output::default() }.sub_frames();
+        assert_eq!(behind(1, SHUTTER), [] as [f64; 0]);
+        assert_eq!(behind(2, SHUTTER), [0.25, 0.75]);
+        assert_eq!(behind(3, SHUTTER), [0.25, 0.75]);
+        assert_eq!(behind(5, [-0.5, 0.5]), [0.25, 0.5, 0.75]);
+        assert_eq!(behind(3, [0.0, 1.0]), [0.5]);
+        assert_eq!(behind(2, [0.0, 0.5]), [0.5]);
+    }
 }

@@ -78,8 +78,8 @@ pub struct StillMesh<'a> {
 /// What of a mesh moves, at one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Moving<'a> {
-    /// Frame, which is the time code.
-    pub frame: i64,
+    /// Time code, which is the frame.
+    pub time_code: f64,
     /// Positions.
     pub points: &'a [[f32; 3]],
     /// Velocities per second.
@@ -171,7 +171,7 @@ pub fn clip(units: Units, path: &MeshPath, frame: &Moving<'_>) -> Result<Vec<u8>
     for name in path.prims() {
         mesh = layer.prim(&mesh, name, None)?;
     }
-    let time = frame.frame as f64;
+    let time = frame.time_code;
     let vectors = |all: &[[f32; 3]]| Value::Vec3fVec(all.iter().map(|v| gf::Vec3f::from(*v)).collect());
     let plain = Declared::default();
     layer.sample(&mesh, POINTS, plain, (time, vectors(frame.points)))?;

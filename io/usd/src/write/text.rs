@@ -21,6 +21,10 @@ pub struct CacheLayer<'a> {
     pub folder: &'a str,
     /// First and last frame that are there.
     pub frames: [i64; 2],
+    /// Where there are samples between a frame and the next, as fractions of a frame.
+    pub sub_frames: &'a [f64],
+    /// How many of them are there behind the last frame.
+    pub last_sub_frame: usize,
 }
 
 /// The layer of a shot.
@@ -45,9 +49,9 @@ pub struct GarmentReference {
     pub file: String,
 }
 
-/// Name of a frame's clip in the folder of a cache.
-fn clip_name(frame: i64) -> String {
-    format!("{frame:04}.usdc")
+/// Name of the clip of a frame in the folder of a cache, or of a sample behind it.
+fn clip_name(frame: i64, sub_frame: usize) -> String {
+    if sub_frame == 0 { format!("{frame:04}.usdc") } else { format!("{frame:04}_{sub_frame}.usdc") }
 }
 
 impl CacheLayer<'_> {
@@ -56,21 +60,33 @@ impl CacheLayer<'_> {
     /// The list of what clips hold.
     pub const MANIFEST: &'static str = "manifest.usda";
 
-    /// The clip of a frame.
-    pub fn clip(frame: i64) -> String {
-        clip_name(frame)
+    /// The clip of a frame, or of a sample behind it, counted from 1.
+    pub fn clip(frame: i64, sub_frame: usize) -> String {
+        clip_name(frame, sub_frame)
     }
 
-    /// The frame of a clip; `None` for other files.
-    pub fn frame_of(name: &str) -> Option<i64> {
-        let frame = name.strip_suffix(".usdc")?.parse().ok()?;
-        (clip_name(frame) == name).then_some(frame)
+    /// The frame and sample of a clip; `None` for other files.
+    pub fn frame_of(name: &str) -> Option<(i64, usize)> {
+        let stem = name.strip_suffix(".usdc")?;
+        let (frame, sub_frame) = stem.split_once('_').unwrap_or((stem, "0"));
+        let sample = (frame.parse().ok()?, sub_frame.parse().ok()?);
+        (clip_name(sample.0, sample.1) == name).then_some(sample)
+    }
+
+    /// All samples that are there, in their order: frame, number behind it, time code.
+    fn samples(&self) -> impl Iterator<Item = (i64, usize, f64)> {
+        let [first, last] = self.frames;
+        let of_frame = move |frame: i64| {
+            let behind = if frame == last { self.last_sub_frame } else { self.sub_frames.len() };
+            let fractions = [0.0].into_iter().chain(self.sub_frames.iter().copied()).take(behind + 1);
+            fractions.enumerate().map(move |(number, fraction)| (frame, number, frame as f64 + fraction))
+        };
+        (first..=last).flat_map(of_frame)
     }
 }
 
 /// The layer of a garment's cache: its topology, and a clip for each frame.
 pub fn cache_layer(cache: &CacheLayer<'_>) -> String {
-    let [first, last] = cache.frames;
     let asset = |name: &str| asset(&format!("./{}/{name}", cache.folder));
     let mut text = String::from("#usda 1.0\n(\n    customLayerData = {\n        dictionary drapery = {\n");
     for (name, value) in cache.properties {
@@ -79,10 +95,10 @@ pub fn cache_layer(cache: &CacheLayer<'_>) -> String {
     text.push_str("        }\n    }\n");
     write_header(&mut text, cache.units, cache.path.root(), (cache.documentation, Some(cache.frames)));
     let _ = write!(text, "    subLayers = [\n        {}\n    ]\n)\n\n", asset(CacheLayer::TOPOLOGY));
-    let list = |one: &dyn Fn(i64) -> String| (first..=last).map(one).collect::<Vec<_>>().join(", ");
-    let active = list(&|frame| format!("({frame}, {})", frame - first));
-    let times = list(&|frame| format!("({frame}, {frame})"));
-    let clips = list(&|frame| asset(&clip_name(frame)));
+    let listed = |all: Vec<String>| all.join(", ");
+    let active = listed(cache.samples().enumerate().map(|(index, (.., time))| format!("({time}, {index})")).collect());
+    let times = listed(cache.samples().map(|(.., time)| format!("({time}, {time})")).collect());
+    let clips = listed(cache.samples().map(|(frame, number, _)| asset(&clip_name(frame, number))).collect());
     let _ = write!(
         text,
         "over \"{root}\" (\n    clips = {{\n        dictionary default = {{\n            double2[] active = [{active}]\n            \
@@ -193,10 +209,10 @@ mod tests {
 
     #[test]
     fn clips_are_known_by_their_names() {
-        for frame in [1001, 0, -12, 123_456] {
-            assert_eq!(CacheLayer::frame_of(&CacheLayer::clip(frame)), Some(frame));
+        for sample in [(1001, 0), (0, 0), (-12, 1), (123_456, 12)] {
+            assert_eq!(CacheLayer::frame_of(&CacheLayer::clip(sample.0, sample.1)), Some(sample));
         }
-        for other in ["topology.usdc", "1001.usdc.part", "+1001.usdc", "01001.usdc", "1001.usda"] {
+        for other in ["topology.usdc", "1001.usdc.part", "+1001.usdc", "01001.usdc", "1001_0.usdc", "1001.usda"] {
             assert_eq!(CacheLayer::frame_of(other), None, "{other}");
         }
     }

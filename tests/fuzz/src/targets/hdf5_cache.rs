@@ -78,6 +78,7 @@ pub fn run(data: &[u8]) {
         let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y()];
         let mesh = GarmentMesh::kept(MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]])));
         let plan = CachePlan {
+            sub_frames: &[],
             garment: "flag",
             mesh: &mesh,
             units: Units::SI,
