@@ -1,5 +1,7 @@
 //! What can be asked of all effects, and what a scene asks for of them.
 
+use std::collections::BTreeMap;
+
 use crate::effects::force::PartForce;
 use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need};
@@ -43,6 +45,8 @@ pub struct PlannedEffect {
     pub because: String,
     /// Checked settings.
     pub settings: Settings,
+    /// Source of settings in words, where the scene knows more than that it says them.
+    pub sources: BTreeMap<String, String>,
     /// Structures that it needs.
     pub needs: &'static [Need],
     /// What it costs per element.
@@ -106,11 +110,13 @@ pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems
                 let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
                 let (needs, cost, elements) = (spec.needs, spec.cost, effect.elements);
                 let (name, longest_step) = (spec.name, longest_step(scene, &effect.forces));
+                let sources = request.sources.clone();
                 let planned = PlannedEffect {
                     name,
                     garment,
                     because,
                     settings,
+                    sources,
                     needs,
                     cost,
                     elements,

@@ -91,6 +91,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     }
     resolver.effects();
     resolver.formats();
+    let check = resolver.check_description();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
     }
@@ -112,6 +113,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         frames: [first, last],
         preroll: resolver.preroll,
         output: output(scene),
+        check,
         resolved: resolved::write(scene),
         warnings: file_names::one_on_some_disks(&document.garment)
             .into_iter()

@@ -437,7 +437,7 @@ fn the_resolved_file_says_where_every_value_came_from() {
         ("resolution = 4", "# scene, parameter resolution"),
         ("center = [0, 1.5, 0]", "# scene, parameter height"),
         ("cfl = 2.8", "# preset hero"),
-        ("max_dt = \"auto\"", "# preset hero"),
+        ("max_dt = \"auto\"", "# default"),
         ("density = 0.15", "# material cotton_shirting"),
         ("stiffness = 261.0", "# material cotton_shirting"),
         ("acceleration = [0.0, -9.81, 0.0]", "# default"),

@@ -29,7 +29,7 @@ const SCENE: &str = "scene";
 const INPUT: &str = "input:";
 
 /// Keys of the scene that no frame which is already there depends on; a name that ends in a dot stands for a table.
-const FREE_KEYS: [&str; 3] = ["shot.name", LAST_FRAME, "output."];
+const FREE_KEYS: [&str; 4] = ["shot.name", LAST_FRAME, "output.", "check."];
 
 /// The range of the shot is compared by its ends.
 const FRAMES: &str = "shot.frames";

@@ -63,7 +63,7 @@ fn effect_text(effect: &PlannedEffect, share: f64) -> String {
     let (elements, kind, memory) = (effect.elements, effect.cost.elements, mebibytes(effect.bytes));
     text += &format!("    {elements} {kind}, {memory}, {share:.1} % of a frame\n");
     for (name, value, origin) in effect.settings.iter() {
-        text += &format!("    {name} = {} ({})\n", value_text(value), origin_word(origin));
+        text += &format!("    {name} = {} ({})\n", value_text(value), source(effect, name, origin));
     }
     for note in &effect.notes {
         text += &format!("    note: {note}\n");
@@ -91,9 +91,10 @@ fn value_text(value: &SettingValue) -> String {
     }
 }
 
-fn origin_word(origin: Origin) -> &'static str {
+/// Who says a setting, in the words of `resolved.toml`.
+fn source<'a>(effect: &'a PlannedEffect, name: &str, origin: Origin) -> &'a str {
     match origin {
-        Origin::Scene => "scene",
+        Origin::Scene => effect.sources.get(name).map_or("scene", String::as_str),
         Origin::Default => "default",
     }
 }
@@ -126,7 +127,8 @@ fn word(need: Need) -> &'static str {
 /// The same for programs.
 pub(super) fn as_json(simulation: &Simulation, costs: &Costs) -> Value {
     let effect = |(effect, seconds): (&PlannedEffect, &f64)| {
-        let settings: serde_json::Map<String, Value> = effect.settings.iter().map(setting).collect();
+        let with_source = |(name, value, origin)| (name.to_owned(), setting(value, source(effect, name, origin)));
+        let settings: serde_json::Map<String, Value> = effect.settings.iter().map(with_source).collect();
         json!({
             "effect": effect.name,
             "garment": effect.garment,
@@ -155,7 +157,7 @@ pub(super) fn as_json(simulation: &Simulation, costs: &Costs) -> Value {
     })
 }
 
-fn setting((name, value, origin): (&str, &SettingValue, Origin)) -> (String, Value) {
+fn setting(value: &SettingValue, source: &str) -> Value {
     let value = match value {
         SettingValue::Number(number) => json!(number),
         SettingValue::Text(text) => json!(text),
@@ -163,5 +165,5 @@ fn setting((name, value, origin): (&str, &SettingValue, Origin)) -> (String, Val
         SettingValue::Flag(flag) => json!(flag),
         SettingValue::Keys(keys) => json!(keys),
     };
-    (name.to_owned(), json!({"value": value, "from": origin_word(origin)}))
+    json!({"value": value, "from": source})
 }
