@@ -34,7 +34,7 @@ fn with(tables: &str) -> String {
     format!("{SHEET}{tables}")
 }
 
-/// A box between two corners that stands still in frames 1 to 4, at so many frames per second; `says` whether the file says so.
+/// A box between two corners that hardly moves in frames 1 to 4, at so many frames per second; `says` whether the file says so.
 fn hero(folder: &Path, [low, high]: [[f32; 3]; 2], fps: f64, says: bool) {
     let options = ArchiveOptions { frames_per_second: says.then_some(fps), ..ArchiveOptions::default() };
     let mut archive = ArchiveWriter::create(&folder.join("hero.abc"), &options).expect("a file");
@@ -45,10 +45,11 @@ fn hero(folder: &Path, [low, high]: [[f32; 3]; 2], fps: f64, says: bool) {
     let mut mesh = PolyMeshWriter::declare(&mut archive, xform.object(), "heroShape", sampling).expect("a mesh");
     let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { high[axis] } else { low[axis] });
     let points: Vec<[f32; 3]> = (0..8).map(corner).collect();
-    // Counter-clockwise seen from inside: Alembic's way round.
-    let face_indices = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]].concat();
+    // Clockwise seen from outside: Alembic's way round.
+    let face_indices = [[2, 6, 4, 0], [5, 7, 3, 1], [4, 5, 1, 0], [3, 7, 6, 2], [1, 3, 2, 0], [6, 7, 5, 4]].concat();
     let topology = Topology { face_counts: &[4; 6], face_indices: &face_indices };
-    for _ in 1..=(4.0 * fps / 24.0) as i64 {
+    for sample in 0..(4.0 * fps / 24.0) as usize {
+        let points = points.iter().map(|[x, y, z]| [x + 1e-3 * sample as f32, *y, *z]).collect::<Vec<_>>();
         let sample = PolyMeshSample { topology: Some(topology), ..PolyMeshSample::of(&points) };
         mesh.write(&mut archive, &sample).expect("a sample");
     }

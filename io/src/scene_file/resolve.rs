@@ -123,7 +123,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     })
 }
 
-fn written(units: FileUnits) -> Units {
+pub(super) fn written(units: FileUnits) -> Units {
     Units { length: units.length, up: units.up }
 }
 

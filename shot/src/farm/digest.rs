@@ -29,7 +29,10 @@ const SCENE: &str = "scene";
 const INPUT: &str = "input:";
 
 /// Keys of the scene that no frame which is already there depends on; a name that ends in a dot stands for a table.
-const FREE_KEYS: [&str; 4] = ["shot.name", LAST_FRAME, "output.", "check."];
+const FREE_KEYS: [&str; 3] = ["shot.name", LAST_FRAME, "output."];
+
+/// Table of the scene that is about warnings alone: not even told when it changes.
+const WARNINGS: &str = "check.";
 
 /// The range of the shot is compared by its ends.
 const FRAMES: &str = "shot.frames";
@@ -88,6 +91,7 @@ impl Fingerprint {
         let mut scene = BTreeMap::new();
         flatten(&mut scene, "", &toml::Value::Table(table));
         split_frames(&mut scene);
+        scene.retain(|key, _| !key.starts_with(WARNINGS));
         let mut digests = Digests::new();
         for input in inputs.iter().filter(|input| input.as_path() != scene_path) {
             digests.insert(input_name(input), content_digest(input)?);

@@ -72,7 +72,8 @@ impl Suspect {
         }
         let unit = self.unit.word();
         let message = format!(
-            "{what} {length} m: numbers of a scene are in metres, and [units] length = \"{unit}\" is about files"
+            "{what} {} m: numbers of a scene are in metres, and [units] length = \"{unit}\" is about files",
+            rounded(length)
         );
         Some(Finding { object: object.to_owned(), message, line: line(rounded(meant)) })
     }
