@@ -43,7 +43,7 @@ fn hero(folder: &Path, [low, high]: [[f32; 3]; 2], fps: f64, says: bool) {
     let root = archive.root();
     let xform = XformWriter::still(&mut archive, root, "hero", None).expect("a transform");
     let mut mesh = PolyMeshWriter::declare(&mut archive, xform.object(), "heroShape", sampling).expect("a mesh");
-    let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { high[axis] } else { low[axis] });
+    let corner = |i: usize| [0, 1, 2].map(|axis| if (i >> axis) & 1 == 1 { high[axis] } else { low[axis] });
     let points: Vec<[f32; 3]> = (0..8).map(corner).collect();
     // Clockwise seen from outside: Alembic's way round.
     let face_indices = [[2, 6, 4, 0], [5, 7, 3, 1], [4, 5, 1, 0], [3, 7, 6, 2], [1, 3, 2, 0], [6, 7, 5, 4]].concat();

@@ -1,4 +1,4 @@
-//! The effects of a plan: why each is there, what it holds, what it needs, and its share of a frame.
+//! The effects of a plan: why each is there, what it holds, what it needs, and its share of a frame once that was measured.
 
 use drapery_core::effects::cost::FrameCost;
 use drapery_core::effects::{Need, PlannedEffect, find};
@@ -142,7 +142,9 @@ pub(super) fn as_json(simulation: &Simulation, costs: Option<&Costs>) -> Value {
         costs.map(|costs| costs.share(seconds(&costs.frame, place)))
     };
     let effect = |(place, effect): (usize, &PlannedEffect)| {
-        let with_source = |(name, value, origin)| (name.to_owned(), setting(value, source(effect, name, origin)));
+        let with_source = |(name, value, origin): (&str, &SettingValue, Origin)| {
+            (name.to_owned(), setting(value, source(effect, name, origin)))
+        };
         let settings: serde_json::Map<String, Value> = effect.settings.iter().map(with_source).collect();
         json!({
             "effect": effect.name,
