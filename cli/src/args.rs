@@ -192,6 +192,9 @@ pub(crate) struct RunArgs {
 pub(crate) struct CheckArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
+    /// Print JSON: frames, and the warnings with their rules
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Arguments of `plan`.

@@ -6,6 +6,8 @@ use drapery_analysis::study::preset;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::scene_file;
 use drapery_shot::Shot;
+use drapery_shot::rules::Warning;
+use serde_json::{Value, json};
 
 use crate::args::{FrameRange, SceneArgs};
 use crate::config::{Environment, Resolved};
@@ -23,6 +25,12 @@ pub(crate) fn prepare(args: &SceneArgs, around: &Environment, ranks: &Ranks) -> 
         tracing::warn!("{warning}");
     }
     Ok((shot, threads))
+}
+
+/// Warnings of a shot, for programs.
+pub(crate) fn warnings_json(shot: &Shot) -> Value {
+    let one = |Warning { rule, object, message, line }: &Warning| json!({"rule": rule, "object": object, "message": message, "line": line});
+    shot.warnings().iter().map(one).collect()
 }
 
 /// The shot alone, where threads run already.

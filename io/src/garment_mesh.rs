@@ -98,6 +98,11 @@ impl GarmentMesh {
         &self.object_path
     }
 
+    /// Whether it comes from a file and was not generated.
+    pub fn is_from_file(&self) -> bool {
+        !self.path.as_os_str().is_empty()
+    }
+
     /// Reads the mesh.
     ///
     /// # Errors

@@ -142,6 +142,11 @@ pub trait MeshReader: Send {
         None
     }
 
+    /// Frames per second that the file says it was made for.
+    fn frame_rate(&self) -> Option<f64> {
+        None
+    }
+
     /// Other files that were read with it.
     fn other_files(&self) -> Vec<PathBuf> {
         Vec::new()

@@ -12,6 +12,15 @@ use crate::units::{InputUnits, StatedUnits};
 /// Times closer than this share of a sample step are the same: programs round frame / fps differently.
 const SAME_SAMPLE: f64 = 1e-3;
 
+/// Frames per second of a file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FrameRate {
+    /// The file says so.
+    Stated(f64),
+    /// It says nothing, and has samples at these even steps.
+    Sampled(f64),
+}
+
 /// An opened mesh file, or the objects chosen in it, converted to metres with Y up.
 pub struct MeshSource {
     path: PathBuf,
@@ -87,6 +96,18 @@ impl MeshSource {
     /// Time of the first sample [s]; 0 when the mesh never moves.
     pub fn first_time(&self) -> f64 {
         self.sample_times().first().copied().unwrap_or(0.0)
+    }
+
+    /// Frames per second of the file; `None` when nothing tells, or the mesh never moves.
+    pub fn frame_rate(&self) -> Option<FrameRate> {
+        let times = self.sample_times();
+        let ([first, .., last], stated) = (times, self.reader.frame_rate()) else { return None };
+        if let Some(rate) = stated {
+            return Some(FrameRate::Stated(rate));
+        }
+        let step = (last - first) / (times.len() - 1) as f64;
+        let is_even = times.windows(2).all(|pair| (pair[1] - pair[0] - step).abs() <= SAME_SAMPLE * step);
+        is_even.then_some(FrameRate::Sampled(1.0 / step))
     }
 
     /// Times of the samples strictly between two times [s]; samples that lie on one of them are left out.

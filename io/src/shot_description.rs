@@ -42,6 +42,28 @@ pub struct ShotDescription {
     pub resolved: String,
     /// What is suspicious but was accepted.
     pub warnings: Vec<String>,
+    /// What the rules of a scene look at besides.
+    pub check: CheckDescription,
+}
+
+/// What a scene file says for the rules of [`crate::rules`], and nothing else looks at.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CheckDescription {
+    /// Names of rules that the scene silences.
+    pub silenced: Vec<String>,
+    /// For each garment its material; `None` where the scene names none. Shorter lists mean none.
+    pub fabrics: Vec<Option<Fabric>>,
+    /// For each body whether the scene itself says its friction. Shorter lists mean no.
+    pub has_own_friction: Vec<bool>,
+}
+
+/// The material of a garment, as far as bodies feel it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fabric {
+    /// Name of the material.
+    pub name: String,
+    /// Its friction.
+    pub friction: f64,
 }
 
 /// What a run writes.

@@ -15,6 +15,7 @@ mod pinned;
 pub mod quality;
 pub mod recorded_frames;
 pub mod remote_simulation;
+pub mod rules;
 pub mod run;
 pub mod run_record;
 mod shot;

@@ -22,6 +22,7 @@ use crate::farm::digest::{Fingerprint, Versions};
 use crate::inputs::Inputs;
 use crate::long_frames;
 use crate::remote_simulation::RemoteSimulation;
+use crate::rules::{self, Facts, Warning};
 
 /// A shot that was checked and can run.
 pub struct Shot {
@@ -29,7 +30,7 @@ pub struct Shot {
     pub(crate) inputs: Inputs,
     pub(crate) garments: Vec<GarmentMesh>,
     pub(crate) about: About,
-    pub(crate) warnings: Vec<String>,
+    pub(crate) warnings: Vec<Warning>,
 }
 
 /// What a shot is called, where it ends and what it writes.
@@ -79,6 +80,9 @@ impl Shot {
         let sub_frames = (output.sub_frames.clone(), first_frame);
         let inputs = Inputs { timeline, preroll, bodies, tracks, wind, sub_frames };
         let mut problems = inputs.check(&scene, last_frame, &mut warnings);
+        let check = description.check;
+        let facts = Facts { scene: &scene, inputs: &inputs, garments: &garments, output: &output, check: &check };
+        let mut of_rules = rules::of_scene(&facts);
         let about = About {
             name: description.name,
             scene_path: description.scene_path,
@@ -110,11 +114,13 @@ impl Shot {
             return Err(ShotError::Problems(Problems(problems)));
         };
         warnings.extend_from_slice(remote_simulation.simulation().warnings());
+        of_rules.extend(rules::of_simulation(remote_simulation.simulation(), &check.silenced));
+        let warnings = warnings.into_iter().map(Warning::from).chain(of_rules).collect();
         Ok(Self { remote_simulation, inputs, garments, about, warnings })
     }
 
     /// What is suspicious but was accepted.
-    pub fn warnings(&self) -> &[String] {
+    pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
 

@@ -64,7 +64,9 @@ fn every_sample_scene_is_accepted_by_the_solver_at_any_resolution() {
             assert_eq!(format!("{:?}", shot.scene.bodies), format!("{:?}", again.scene.bodies));
             assert_eq!(format!("{:?}", shot.scene.garments), format!("{:?}", again.scene.garments));
             let points = shot.scene.garments[0].point_count();
-            Shot::prepare(shot, None).unwrap_or_else(|p| panic!("{}: {p}", path.display()));
+            let shot = Shot::prepare(shot, None).unwrap_or_else(|p| panic!("{}: {p}", path.display()));
+            let mut of_rules = shot.warnings().iter().filter(|warning| warning.rule.is_some());
+            assert_eq!(of_rules.next(), None, "{}: mend or silence it", path.display());
             points
         });
         assert!(counts[1] > 2 * counts[0], "{}: {counts:?}", path.display());

@@ -77,6 +77,11 @@ def read(archive, mesh):
     velocities = schema.getVelocitiesProperty()
     answer["velocities"] = np.stack(samples(velocities)) if velocities else np.empty((0, 0, 3), np.float32)
 
+    about = archive.getTop().getMetaData()
+    for name in ("Application", "DCC_FPS", "Description", "DateWritten"):
+        answer[name] = about.get(f"_ai_{name}")
+    answer["has_normals"] = schema.getNormalsParam().valid()
+
     top = archive.getTop().getProperties()
     names = [top.getPropertyHeader(index).getName() for index in range(top.getNumProperties())]
     if ".childBnds" in names:

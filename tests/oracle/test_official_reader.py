@@ -33,6 +33,16 @@ def test_times_are_frame_over_fps_and_nothing_is_stored_before_the_first_frame(c
         np.testing.assert_allclose(cache["times"], cache["frame_numbers"] / FPS, rtol=1e-14)
 
 
+def test_the_archive_names_its_writer_and_its_rate_and_has_neither_a_date_nor_normals(caches):
+    for archive, _ in caches:
+        assert str(archive["Application"]).startswith("Drapery ")
+        assert float(str(archive["DCC_FPS"])) == FPS
+        assert str(archive["Description"]).startswith("garment ")
+        # Equal runs have equal bytes; importers shade a mesh without normals smoothly.
+        assert str(archive["DateWritten"]) == ""
+        assert not archive["has_normals"]
+
+
 def test_topology_is_homogeneous_and_positions_are_those_of_the_hdf5_cache(caches):
     for archive, cache in caches:
         assert archive["homogeneous"]

@@ -46,7 +46,7 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 23] = [
+const IO_ROOMS: [&str; 24] = [
     "error",
     "input_file",
     "atomic_file",
@@ -67,13 +67,14 @@ const IO_ROOMS: [&str; 23] = [
     "materials",
     "wind_file",
     "input_motion",
+    "rules",
     "shot_description",
     "scene_file",
     "site_file",
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 15] = [
+const SHOT_ROOMS: [&str; 16] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -84,6 +85,7 @@ const SHOT_ROOMS: [&str; 15] = [
     "remote_simulation",
     "check",
     "inputs",
+    "rules",
     "long_frames",
     "shot",
     "pinned",

@@ -12,4 +12,5 @@ mod pages;
 mod scene_page;
 mod size;
 mod tree;
+mod warnings_page;
 mod words;

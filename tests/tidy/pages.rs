@@ -24,6 +24,17 @@ fn the_page_of_effects_is_fresh() {
 }
 
 #[test]
+fn the_page_of_warnings_is_fresh_and_explains_every_rule() {
+    let page = crate::warnings_page::page();
+    for rule in drapery_io::rules::RULES {
+        assert!(page.contains(&format!("\n## `{}`\n", rule.name)), "{} is not explained", rule.name);
+        let says = |text: &str| text.trim_end_matches('.').len() > 10;
+        assert!(says(rule.finds) && says(rule.exactly) && !rule.line.is_empty(), "{}", rule.name);
+    }
+    check("docs/reference/warnings.md", &page);
+}
+
+#[test]
 fn the_page_of_the_scene_file_is_fresh() {
     check("docs/reference/scene.md", &crate::scene_page::page());
 }

@@ -136,7 +136,7 @@ fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(S
     let (mut scene, ground) = facts(options, &description)?;
     let ground = BaseSettings { resolution: file.number(vary::RESOLUTION), ..ground };
     let shot = Shot::prepare(description, options.asked.frames)?;
-    shot.warnings().iter().for_each(|warning| observer.note(warning));
+    shot.warnings().iter().for_each(|warning| observer.note(&warning.to_string()));
     scene.effects = shot.simulation().plan().iter().map(|effect| effect.name.to_owned()).collect();
     scene.effects.dedup();
     scene.triangles = shot.simulation().scene().meshes().iter().map(|mesh| mesh.triangles().len() as u64).sum();

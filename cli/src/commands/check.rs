@@ -1,6 +1,7 @@
 //! `drapery check`: every problem at once, nothing simulated.
 
 use drapery_core::parallel::ranks::Ranks;
+use serde_json::{Value, json};
 
 use crate::args::CheckArgs;
 use crate::config::Environment;
@@ -12,10 +13,20 @@ use crate::say;
 /// Checks the scene and every frame of its inputs.
 pub(crate) fn check(args: &CheckArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let (shot, _) = plan::prepare(&args.scene, around, &Ranks::default())?;
-    if let Some(warning) = shot.check_pins()? {
+    let of_pins = shot.check_pins()?;
+    if let Some(warning) = &of_pins {
         tracing::warn!("{warning}");
     }
     let [first, last] = shot.frames();
-    say::line(format_args!("{}: frames {first}-{last} can be simulated", shot.name()));
+    if args.json {
+        let mut warnings = plan::warnings_json(&shot);
+        if let (Value::Array(warnings), Some(message)) = (&mut warnings, of_pins) {
+            warnings.push(json!({"rule": null, "object": "", "message": message, "line": ""}));
+        }
+        let all = json!({"shot": shot.name(), "frames": [first, last], "warnings": warnings});
+        say::line(format_args!("{all:#}"));
+    } else {
+        say::line(format_args!("{}: frames {first}-{last} can be simulated", shot.name()));
+    }
     Ok(ExitCode::Done)
 }

@@ -25,28 +25,26 @@ pub(crate) fn plan(args: &PlanArgs, around: &Environment) -> Result<ExitCode, Fa
     let said = sources::all(args, around, &settings, (&shot, &threads));
     let costs = costs(args, around, &shot)?;
     if args.json {
-        say::line(format_args!("{:#}", as_json(&shot, &threads, &said, &costs)));
+        say::line(format_args!("{:#}", as_json(&shot, &threads, &said, costs.as_ref())));
     } else {
-        say::line(as_text(&shot, &threads, &said, &costs));
+        say::line(as_text(&shot, &threads, &said, costs.as_ref()));
     }
     Ok(ExitCode::Done)
 }
 
-/// What a frame costs: expected, or measured in a copy of the shot.
-fn costs(args: &PlanArgs, around: &Environment, shot: &Shot) -> Result<Costs, Failure> {
-    let Some(frames) = args.measure else {
-        return Ok(Costs { frame: shot.simulation().expected_cost(), measured: None });
-    };
+/// What a frame costs, measured in a copy of the shot; `None` where nobody asks for it.
+fn costs(args: &PlanArgs, around: &Environment, shot: &Shot) -> Result<Option<Costs>, Failure> {
+    let Some(frames) = args.measure else { return Ok(None) };
     let trial = plan::shot(&args.scene, around, &Ranks::default())?;
     let most = u32::try_from(shot.frame_count().saturating_sub(1)).unwrap_or(u32::MAX);
     if frames > most {
         let text = format!("--measure {frames}: only {most} frames follow the start of this shot");
         return Err(Failure::new(ExitCode::Usage, text));
     }
-    Ok(Costs { frame: trial.trial(frames)?, measured: Some(frames) })
+    Ok(Some(Costs { frame: trial.trial(frames)?, frames }))
 }
 
-fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: &Costs) -> String {
+fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: Option<&Costs>) -> String {
     let timeline = shot.timeline();
     let [first, last] = shot.frames();
     let (numerator, denominator) = (timeline.fps_numerator, timeline.fps_denominator);
@@ -110,7 +108,7 @@ fn output_text(shot: &Shot) -> String {
     text
 }
 
-fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: &Costs) -> Value {
+fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: Option<&Costs>) -> Value {
     let said: serde_json::Map<String, Value> =
         said.iter().map(|s| (s.what.to_owned(), json!({"value": s.value, "from": s.source}))).collect();
     let timeline = shot.timeline();
@@ -138,6 +136,7 @@ fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: &
         "bytes": {"state": state, "effects": of_effects},
         "formats": shot.output().formats,
         "origin": <[f64; 3]>::from(shot.origin()),
+        "warnings": crate::plan::warnings_json(shot),
         "resolved": shot.resolved(),
     });
     if let (Value::Object(plan), Value::Object(rest)) = (&mut plan, rest) {

@@ -84,36 +84,95 @@ fn a_contradiction_is_an_error_that_names_what_contradicts() {
 }
 
 #[test]
-fn the_plan_says_of_every_effect_why_it_is_there_what_it_holds_and_its_share_of_a_frame() {
+fn the_plan_says_of_every_effect_why_it_is_there_what_it_holds_and_what_it_takes_once_measured() {
     let folder = folder_with(&with_contact());
     let text = drapery(folder.path(), &["plan", "scene.toml", "--without", "self_collision"]).stdout;
     for part in [
         "stretch of sheet: the scene has a table [garment.0.stretch]",
         " springs, ",
-        " % of a frame",
         "body_collision: the scene has 1 body",
         "friction: on, because body ball has friction 0.4",
         "friction: on, because cloth on cloth has friction 0.4",
         "without self_collision: the scene asks for it",
         "list of close pairs: for self_repulsion",
-        "expected by the costs",
+        "a frame: ",
+        " time steps or more, because of the stiffness of `stretch` of garment \"sheet\"; --measure simulates",
     ] {
         assert!(text.contains(part), "no `{part}` in\n{text}");
     }
-    for flags in [&["plan", "scene.toml", "--json"][..], &["plan", "scene.toml", "--json", "--measure=2"]] {
-        let outcome = drapery(folder.path(), flags);
-        let plan: Value = serde_json::from_str(&outcome.stdout).unwrap_or_else(|e| panic!("{e}\n{}", outcome.stderr));
-        let effects = plan["effects"].as_array().unwrap();
-        let shares: Vec<f64> = effects.iter().map(|effect| effect["share"].as_f64().unwrap()).collect();
-        let all = shares.iter().sum::<f64>() + plan["frame"]["method_share"].as_f64().unwrap();
-        assert!((all - 1.0).abs() < 1e-9 && shares.iter().all(|share| (0.0..1.0).contains(share)), "{plan:#}");
-        assert_eq!(plan["frame"]["from"].as_str().unwrap().starts_with("measured in 2"), flags.len() == 4, "{plan:#}");
-        let names: Vec<&str> = effects.iter().map(|effect| effect["effect"].as_str().unwrap()).collect();
-        assert_eq!(names, ["gravity", "stretch", "body_collision", "self_repulsion", "self_collision"]);
-        assert_eq!(effects[1]["elements"]["kind"], "springs");
-        assert!(!folder.path().join("out").exists(), "plan writes nothing");
-    }
+    let unmeasured = drapery(folder.path(), &["plan", "scene.toml", "--json"]).stdout;
+    let unmeasured: Value = serde_json::from_str(&unmeasured).unwrap();
+    let claims = [&unmeasured["frame"]["seconds"], &unmeasured["effects"][0]["share"]];
+    assert!(claims.iter().all(|claim| claim.is_null()) && !text.contains('%'), "nothing is claimed: {unmeasured:#}");
+    let outcome = drapery(folder.path(), &["plan", "scene.toml", "--json", "--measure=2"]);
+    let plan: Value = serde_json::from_str(&outcome.stdout).unwrap_or_else(|e| panic!("{e}\n{}", outcome.stderr));
+    let effects = plan["effects"].as_array().unwrap();
+    let shares: Vec<f64> = effects.iter().map(|effect| effect["share"].as_f64().unwrap()).collect();
+    let all = shares.iter().sum::<f64>() + plan["frame"]["method_share"].as_f64().unwrap();
+    assert!((all - 1.0).abs() < 1e-9 && shares.iter().all(|share| (0.0..1.0).contains(share)), "{plan:#}");
+    assert!(plan["frame"]["from"].as_str().unwrap().starts_with("measured in 2"), "{plan:#}");
+    let names: Vec<&str> = effects.iter().map(|effect| effect["effect"].as_str().unwrap()).collect();
+    assert_eq!(names, ["gravity", "stretch", "body_collision", "self_repulsion", "self_collision"]);
+    assert_eq!(effects[1]["elements"]["kind"], "springs");
+    assert!(!folder.path().join("out").exists(), "plan writes nothing");
     assert_eq!(drapery(folder.path(), &["plan", "scene.toml", "--measure=9"]).code, Some(2));
+}
+
+#[test]
+fn the_plan_names_the_source_of_every_setting() {
+    let scene = SHEET
+        .replace("density = \"0.15 kg/m²\"", "material = \"cotton_shirting\"")
+        .replace("stiffness = \"100 N/m\"", "damping_ratio = 3")
+        .replace("[gravity]\n", "[gravity]\n[solver]\npreset = \"hero\"\n");
+    let folder = folder_with(&scene);
+    let arguments = ["plan", "scene.toml", "--set", "gravity.acceleration=[0, -1.62, 0]"];
+    let text = drapery(folder.path(), &arguments).stdout;
+    for line in [
+        "    stiffness = 261 (material cotton_shirting)",
+        "    damping_ratio = 3 (scene)",
+        "    acceleration = [0.0, -1.62, 0.0] (--set)",
+    ] {
+        assert!(text.lines().any(|printed| printed == line), "no `{line}` in\n{text}");
+    }
+    let resolved = |key: &str| text.lines().find(|line| line.starts_with(key)).unwrap_or_default().to_owned();
+    assert!(resolved("cfl = 2.8").ends_with("# preset hero") && resolved("min_dt = ").ends_with("# default"), "{text}");
+    let json = drapery(folder.path(), &[&arguments[..], &["--json"]].concat()).stdout;
+    let plan: Value = serde_json::from_str(&json).unwrap();
+    let settings = &plan["effects"][1]["settings"];
+    let sources = ["stiffness", "damping_ratio"].map(|key| settings[key]["from"].as_str());
+    assert_eq!(sources, [Some("material cotton_shirting"), Some("scene")], "{settings:#}");
+}
+
+#[test]
+fn warnings_of_rules_are_told_by_name_counted_and_silenced() {
+    let folder = folder_with(&SHEET.replace("[gravity]\n", ""));
+    for command in ["check", "plan"] {
+        let outcome = drapery(folder.path(), &[command, "scene.toml"]);
+        assert!(
+            outcome.stderr.contains("WARN no_gravity: ") && outcome.stderr.contains("write [gravity]"),
+            "{}",
+            outcome.stderr
+        );
+        let json = drapery(folder.path(), &[command, "scene.toml", "--json"]).stdout;
+        let warnings = &serde_json::from_str::<Value>(&json).unwrap()["warnings"];
+        let said = ["rule", "line"].map(|key| warnings[0][key].as_str());
+        assert_eq!(said, [Some("no_gravity"), Some("[gravity]")], "{json}");
+    }
+    let run = drapery(folder.path(), &["run", "scene.toml", "--out", "out", "--strict"]);
+    assert_eq!((run.code, run.stdout.contains("1 warning")), (Some(0), true), "{}{}", run.stdout, run.stderr);
+    let silent =
+        drapery(folder.path(), &["run", "scene.toml", "--out", "out", "--set", "check.silence=[\"no_gravity\"]"]);
+    assert_eq!(
+        (silent.code, silent.stderr.as_str()),
+        (Some(0), ""),
+        "the same shot, without a word: {}",
+        silent.stdout
+    );
+    let unknown = drapery(folder.path(), &["check", "scene.toml", "--set", "check.silence=[\"no_gravty\"]"]);
+    assert_eq!(unknown.code, Some(78), "{}", unknown.stderr);
+    for words in ["there is no rule `no_gravty`", "did you mean `no_gravity`?"] {
+        assert!(unknown.stderr.contains(words), "{}", unknown.stderr);
+    }
 }
 
 #[test]

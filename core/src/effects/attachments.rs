@@ -18,7 +18,6 @@
 
 use crate::block_matrix::PartBlocks;
 use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -38,7 +37,7 @@ mode = "spring"
 stiffness = "20 N/m""#,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
-    cost: Cost { elements: "springs", step: 20.0, iteration: 3.0 },
+    elements: "springs",
     section: Some(pins::SECTION),
     counts: &["attachments_broken"],
     maps: &[

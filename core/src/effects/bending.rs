@@ -11,7 +11,6 @@
 
 #![cfg(feature = "effect-bending")]
 
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::{self, FIELDS, SpringElement};
 use crate::error::Problem;
@@ -27,7 +26,7 @@ pub static SPEC: EffectSpec = EffectSpec {
 stiffness = "5 N/m""#,
     fields: FIELDS,
     needs: &[Need::State],
-    cost: Cost { elements: "springs", step: 6.0, iteration: 0.8 },
+    elements: "springs",
     maps: &[MapSpec::of("bending"), MapSpec::of("bending_damping")],
     bytes_of_point: 130.0,
     is_internal: true,

@@ -4,7 +4,6 @@
 //! `crate::contact::bodies`.
 
 use crate::contact::bodies::collision::{BodyCollision, SECTION};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::Settings;
@@ -19,7 +18,7 @@ name = "ball"
 shape = { sphere = { radius = "20 cm" } }"#,
     fields: &[],
     needs: &[Need::State, Need::Bodies],
-    cost: Cost { elements: "vertices", step: 50.0, iteration: 0.0 },
+    elements: "vertices",
     section: Some(SECTION),
     counts: &[
         "body_contacts",

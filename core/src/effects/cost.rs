@@ -1,18 +1,9 @@
-//! What effects cost: expected from their elements before anything has run, or measured in a frame that did.
-//!
-//! Expected: every effect has a [`Cost`] per element, in a time step and in an iteration of the solves, measured on the
-//! machine of docs/effects.md with one thread. Shares of a frame hardly depend on the machine, seconds do.
+//! What effects cost, measured in a frame that ran. Nothing is said of what was not: the iterations of the solves and the contacts
+//! of a frame follow from its motion, and decide its time.
 
 use crate::effects::REGISTRY;
 use crate::effects::registry::PlannedEffect;
-use crate::effects::spec::Cost;
 use crate::metrics::Metrics;
-
-/// The method itself, per vertex: positions, velocities, sums and vectors of both solves, the choice of the step.
-pub const METHOD: Cost = Cost { elements: "vertices", step: 40.0, iteration: 4.0 };
-
-/// Iterations of both solves of a time step, as hanging and worn cloth needs them: where nobody has counted them yet.
-pub const ITERATIONS: f64 = 10.0;
 
 /// Effects that a stage of a step may belong to, those that have it as their own first; none if it is one of the method itself.
 /// The proximity list serves both halves of self-contact; its time goes to the first that is there.
@@ -45,13 +36,6 @@ impl FrameCost {
         self.effects.iter_mut().for_each(|seconds| *seconds /= frames);
         (self.steps, self.iterations, self.method) =
             (self.steps / frames, self.iterations / frames, self.method / frames);
-    }
-
-    /// Expected of a frame of so many steps of so many vertices.
-    pub fn expected(plan: &[PlannedEffect], vertices: usize, steps: f64) -> Self {
-        let iterations = steps * ITERATIONS;
-        let effects = plan.iter().map(|effect| effect.cost.seconds(effect.elements, steps, iterations)).collect();
-        Self { steps, iterations, effects, method: METHOD.seconds(vertices, steps, iterations) }
     }
 
     /// Measured in a frame of so many steps and iterations: `forces` are the seconds that each effect's forces took in it, the

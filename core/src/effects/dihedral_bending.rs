@@ -26,7 +26,6 @@ mod part_hinges;
 mod tests;
 
 use crate::effects::registry::find;
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -42,7 +41,7 @@ pub static SPEC: EffectSpec = EffectSpec {
 stiffness = 1e-5",
     fields: FIELDS,
     needs: &[Need::State, Need::SecondRing],
-    cost: Cost { elements: "hinges", step: 80.0, iteration: 10.0 },
+    elements: "hinges",
     counts: &["hinges_left_out"],
     maps: &[MapSpec::of("dihedral_bending"), MapSpec::of("dihedral_bending_damping")],
     bytes_of_point: 1130.0,

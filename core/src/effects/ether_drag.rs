@@ -16,7 +16,6 @@
 use crate::Vec3;
 use crate::block_matrix::PartBlocks;
 use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -46,7 +45,7 @@ rate = 1.0",
         },
     ],
     needs: &[Need::State],
-    cost: Cost { elements: "vertices", step: 4.0, iteration: 1.0 },
+    elements: "vertices",
     maps: &[MapSpec::of("ether_drag")],
     build,
     ..EffectSpec::BARE

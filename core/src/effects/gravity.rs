@@ -7,7 +7,6 @@
 
 use crate::Vec3;
 use crate::effects::force::{Force, PartView};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -28,7 +27,7 @@ acceleration = [0, -9.81, 0]",
         help: "acceleration in solver axes (y up); the earth's is [0, -9.81, 0] m/s²",
     }],
     needs: &[Need::State],
-    cost: Cost { elements: "vertices", step: 1.0, iteration: 0.0 },
+    elements: "vertices",
     is_internal: true,
     is_essential: true,
     build,

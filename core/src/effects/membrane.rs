@@ -33,7 +33,6 @@ mod part_membrane;
 use std::ops::Range;
 
 use crate::Vec3;
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::smallest_but;
 use crate::error::Problem;
@@ -110,7 +109,7 @@ warp = "50 N/m""#,
         },
     ],
     needs: &[Need::State],
-    cost: Cost { elements: "triangles", step: 60.0, iteration: 12.0 },
+    elements: "triangles",
     maps: &[MapSpec::share("membrane"), MapSpec::of("grain_angle"), MapSpec::of("membrane_damping")],
     bytes_of_point: 380.0,
     is_internal: true,

@@ -34,7 +34,7 @@ pub use crate::snapshot::saved_section::{ElementRows, SectionId};
 pub use force::{FilterStep, Force, ForceContext, PartForce, PartMotion, PartView, Purpose, VelocityFilter};
 pub use inputs::INPUTS;
 pub use registry::{PlannedEffect, build_all, find, lacking, maps};
-pub use spec::{BuildContext, Cost, Effect, EffectSpec, MapSpec, Need, Scope};
+pub use spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 
 // The method itself is in every build: gravity and springs along edges, prescribed vertices, and contact. All others are
 // features, named after them, which the modules repeat as their own condition.

@@ -8,7 +8,6 @@
 //! to = "start"          # or "body:hero"
 //! ```
 
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::pins::{BEHIND, HardPins, SECTION, STRETCHED};
@@ -24,7 +23,7 @@ pub static SPEC: EffectSpec = EffectSpec {
 corners = ["i0j0"]"#,
     fields: &[],
     needs: &[Need::State, Need::PinTargets],
-    cost: Cost { elements: "vertices", step: 40.0, iteration: 2.0 },
+    elements: "vertices",
     section: Some(SECTION),
     counts: &[BEHIND, STRETCHED],
     shared_stages: &["bodies and pins"],

@@ -20,7 +20,6 @@
 
 #![cfg(feature = "effect-plastic_wrinkles")]
 
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -41,7 +40,7 @@ yield_radius = 1.0",
     fields: FIELDS,
     needs: &[Need::State],
     requires: &["dihedral_bending"],
-    cost: Cost { elements: "hinges", step: 100.0, iteration: 0.0 },
+    elements: "hinges",
     section: Some(SECTION),
     counts: &["hinges_yielded"],
     maps: &[MapSpec::of("yield_radius"), MapSpec::of("hardening"), MapSpec::of("largest_angle")],

@@ -24,7 +24,6 @@
 
 use crate::Vec3;
 use crate::effects::force::{Force, ForceContext, PartView};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
@@ -45,7 +44,7 @@ overpressure = 1.0
 open = true",
     fields: FIELDS,
     needs: &[Need::State],
-    cost: Cost { elements: "triangles", step: 7.0, iteration: 0.0 },
+    elements: "triangles",
     // Gas and overpressure have an energy of their own.
     does_work: Some(|_| false),
     looks_at_sides: |_| Some("`pressure`"),

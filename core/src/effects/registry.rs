@@ -1,7 +1,8 @@
 //! What can be asked of all effects, and what a scene asks for of them.
 
+use std::collections::BTreeMap;
+
 use crate::effects::force::PartForce;
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need};
 use crate::effects::stability::longest_stable_step;
 use crate::effects::{LISTED, REGISTRY};
@@ -43,11 +44,13 @@ pub struct PlannedEffect {
     pub because: String,
     /// Checked settings.
     pub settings: Settings,
+    /// Source of settings in words, where the scene knows more than that it says them.
+    pub sources: BTreeMap<String, String>,
     /// Structures that it needs.
     pub needs: &'static [Need],
-    /// What it costs per element.
-    pub cost: Cost,
-    /// Number of elements of the kind that its cost names.
+    /// What it works on, as in "springs".
+    pub kind: &'static str,
+    /// Number of elements of that kind.
     pub elements: usize,
     /// Memory held [bytes].
     pub bytes: usize,
@@ -104,15 +107,17 @@ pub fn build_all(scene: &Scene) -> Result<Vec<(PlannedEffect, Effect)>, Problems
         match (spec.build)(&settings, &BuildContext { scene, garment: request.garment }) {
             Ok(effect) => {
                 let (because, bytes, notes) = (request.because.clone(), effect.bytes, effect.notes.clone());
-                let (needs, cost, elements) = (spec.needs, spec.cost, effect.elements);
+                let (needs, kind, elements) = (spec.needs, spec.elements, effect.elements);
                 let (name, longest_step) = (spec.name, longest_step(scene, &effect.forces));
+                let sources = request.sources.clone();
                 let planned = PlannedEffect {
                     name,
                     garment,
                     because,
                     settings,
+                    sources,
                     needs,
-                    cost,
+                    kind,
                     elements,
                     bytes,
                     notes,

@@ -25,7 +25,6 @@
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
@@ -43,7 +42,7 @@ from = { garment = "sheet", corners = ["inj0"] }
 to = { garment = "sheet", corners = ["injn"] }"#,
     fields: &[],
     needs: &[Need::State],
-    cost: Cost { elements: "stitches", step: 25.0, iteration: 5.0 },
+    elements: "stitches",
     is_internal: true,
     is_essential: true,
     does_work: Some(|_| true),

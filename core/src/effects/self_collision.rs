@@ -10,7 +10,6 @@
 //! ```
 
 use crate::contact::self_contact::{CollisionSettings, SECTION};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -38,7 +37,7 @@ pub static SPEC: EffectSpec = EffectSpec {
         },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
-    cost: Cost { elements: "triangles", step: 40.0, iteration: 0.0 },
+    elements: "triangles",
     section: Some(SECTION),
     counts: &[
         "collision_steps",

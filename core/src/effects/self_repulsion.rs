@@ -13,7 +13,6 @@
 
 use crate::contact::repulsion::Laws;
 use crate::contact::self_contact::SECTION;
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope, own_triangles};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -77,7 +76,7 @@ friction = 0.5",
         },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],
-    cost: Cost { elements: "triangles", step: 60.0, iteration: 0.0 },
+    elements: "triangles",
     section: Some(SECTION),
     counts: &[
         "repulsions",

@@ -23,7 +23,6 @@
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::{self, SpringElement, Stiffnesses};
 use crate::elements::corners::{add, by_part, gather, outside, share};
@@ -53,7 +52,7 @@ stiffness = "5 N/m""#,
         },
     ],
     needs: &[Need::State],
-    cost: Cost { elements: "triangles", step: 40.0, iteration: 6.5 },
+    elements: "triangles",
     maps: &[MapSpec::of("shear"), MapSpec::of("shear_damping")],
     bytes_of_point: 520.0,
     is_internal: true,

@@ -43,24 +43,6 @@ pub enum Need {
 /// Nanoseconds in a second.
 pub(crate) const NANOSECONDS: f64 = 1e9;
 
-/// What an effect costs for each of its elements.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cost {
-    /// What it works on, as in "springs"; it may be many elements or few.
-    pub elements: &'static str,
-    /// In each time step, besides the solves [ns per element].
-    pub step: f64,
-    /// In each iteration of a solve [ns per element].
-    pub iteration: f64,
-}
-
-impl Cost {
-    /// Seconds of a frame with so many elements, time steps, and iterations of all their solves.
-    pub fn seconds(&self, elements: usize, steps: f64, iterations: f64) -> f64 {
-        elements as f64 * (steps * self.step + iterations * self.iteration) / NANOSECONDS
-    }
-}
-
 /// What the registry knows of an effect.
 #[derive(Debug)]
 pub struct EffectSpec {
@@ -78,8 +60,8 @@ pub struct EffectSpec {
     pub needs: &'static [Need],
     /// Effects without which it has no meaning, on the same garment or in the whole scene.
     pub requires: &'static [&'static str],
-    /// What it costs.
-    pub cost: Cost,
+    /// What it works on, as in "springs"; it may be many elements or few.
+    pub elements: &'static str,
     /// Painted maps that it looks at.
     pub maps: &'static [MapSpec],
     /// Stages of a step that are its own work.
@@ -118,7 +100,7 @@ impl EffectSpec {
         fields: &[],
         needs: &[Need::State],
         requires: &[],
-        cost: Cost { elements: "vertices", step: 0.0, iteration: 0.0 },
+        elements: "vertices",
         maps: &[],
         stages: &[],
         shared_stages: &[],
@@ -186,7 +168,7 @@ pub struct Effect {
     pub sees_velocities: bool,
     /// The section with what forces remember of elements that have yielded.
     pub yields: Option<SectionId>,
-    /// Number of elements that the rank owns, of the kind that its cost names.
+    /// Number of elements that the rank owns, of the kind that the registry names.
     pub elements: usize,
     /// Memory held [bytes].
     pub bytes: usize,

@@ -25,7 +25,6 @@ mod part_edges;
 
 use crate::Vec3;
 use crate::effects::force::{FilterStep, Purpose, VelocityFilter};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::metrics::Metrics;
@@ -68,7 +67,7 @@ limit = 0.01",
         },
     ],
     needs: &[Need::State],
-    cost: Cost { elements: "edges", step: 300.0, iteration: 0.0 },
+    elements: "edges",
     counts: &["strain_limit_sweeps", "strain_over_limit"],
     maps: &[MapSpec::of("strain_limit"), MapSpec { varies: Some(has_compression), ..MapSpec::of("compression") }],
     stages: &["B.2 strain limit", "B.8 strain limit"],

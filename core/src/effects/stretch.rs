@@ -9,7 +9,6 @@
 //! The paper's scenes write `spring_stiffness = 4.142136` [N] instead: the force of one spring per unit strain, which makes
 //! a finer mesh of the same cloth stiffer. Limits: in-plane stiffness is isotropic and shear follows from the mesh.
 
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::{self, FIELDS};
 use crate::error::Problem;
@@ -24,7 +23,7 @@ pub static SPEC: EffectSpec = EffectSpec {
 stiffness = "300 N/m""#,
     fields: FIELDS,
     needs: &[Need::State],
-    cost: Cost { elements: "springs", step: 6.0, iteration: 0.8 },
+    elements: "springs",
     maps: &[MapSpec::of("stretch"), MapSpec::of("stretch_damping")],
     bytes_of_point: 190.0,
     is_internal: true,

@@ -35,7 +35,6 @@ use nalgebra::Matrix3;
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, ForceContext, PartMotion, PartView};
-use crate::effects::spec::Cost;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
@@ -54,7 +53,7 @@ density = 1.2
 velocity = [0, 2, 0]",
     fields: FIELDS,
     needs: &[Need::State],
-    cost: Cost { elements: "triangles", step: 25.0, iteration: 5.0 },
+    elements: "triangles",
     maps: &[MapSpec::share("wind")],
     looks_at_sides: |request| request.settings.contains_key("normal").then_some("`normal` of the wind"),
     bytes_of_point: 100.0,

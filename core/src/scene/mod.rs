@@ -153,6 +153,8 @@ pub struct EffectRequest {
     pub garment: Option<usize>,
     /// Settings by name, as written; what is left out takes the default of the effect.
     pub settings: BTreeMap<String, SettingValue>,
+    /// Source of each of these settings in words, where it is known (`material denim_11oz`), for `drapery plan`.
+    pub sources: BTreeMap<String, String>,
     /// Why it is there, for `drapery plan`.
     pub because: String,
 }
@@ -164,6 +166,7 @@ impl EffectRequest {
             effect: effect.into(),
             garment: None,
             settings: BTreeMap::new(),
+            sources: BTreeMap::new(),
             because: "the scene asks for it".into(),
         }
     }

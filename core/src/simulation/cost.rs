@@ -37,12 +37,6 @@ impl PlannedSteps {
 }
 
 impl Simulation {
-    /// What a frame is expected to cost, if every step is as long as the elastic forces and the scene allow.
-    pub fn expected_cost(&self) -> FrameCost {
-        let vertices = self.scene.parts().partition().vertex_count();
-        FrameCost::expected(&self.plan, vertices, self.planned_steps().steps)
-    }
-
     /// Time steps of a frame, if every step is as long as the elastic forces and the scene allow, and what asks for them.
     pub fn planned_steps(&self) -> PlannedSteps {
         let description = self.scene.description();

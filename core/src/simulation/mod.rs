@@ -32,6 +32,7 @@ mod cost;
 pub mod frame_io;
 mod frame_summary;
 mod load_balance;
+mod lowered_thickness;
 #[cfg(test)]
 mod planted_errors;
 mod recovery;
@@ -41,6 +42,8 @@ pub use crate::contact::bodies::Sample;
 pub use checkpoint::RestoreError;
 pub use cost::PlannedSteps;
 use load_balance::Balance;
+pub use lowered_thickness::LoweredThickness;
+use lowered_thickness::lowered_thickness;
 pub use recovery::Recovery;
 use recovery::RetryState;
 use start::{first_tracks, start_outside};
@@ -188,6 +191,8 @@ pub struct Simulation {
     retry: RetryState,
     /// What is suspicious of how pins hold the cloth at the start; on rank 0.
     warnings: Vec<String>,
+    /// Garments that keep less than their thickness.
+    lowered: Vec<LoweredThickness>,
     /// Who looks at the cloth after lines of the listings.
     observer: Option<Observer>,
 }
@@ -270,6 +275,7 @@ impl Simulation {
             (effect.elements, effect.bytes) = (elements as usize, bytes as usize);
             effect.longest_step = -parts.ranks().max(-effect.longest_step);
         }
+        let lowered = repulsion.map_or_else(Vec::new, |(_, clamp)| lowered_thickness(&scene, clamp, &mut plan));
         let contacts = Contacts { bodies: collision, cloth: self_contact };
         let variants = Variants::of(solver.integrator, solver.body_friction, &contacts);
         let with_v_star = contacts.bodies.is_some() || variants.collides_after_position;
@@ -295,8 +301,14 @@ impl Simulation {
             balance: Balance::default(),
             retry: RetryState::default(),
             warnings: Vec::new(),
+            lowered,
             observer: None,
         })
+    }
+
+    /// Garments of which short edges lower the thickness that repulsions keep; none without these.
+    pub fn lowered_thickness(&self) -> &[LoweredThickness] {
+        &self.lowered
     }
 
     /// Hard pins start where their targets are.

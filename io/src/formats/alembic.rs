@@ -34,6 +34,7 @@ pub struct AlembicMesh {
     path: PathBuf,
     meshes: Vec<PolyMesh>,
     times: Vec<f64>,
+    frame_rate: Option<f64>,
 }
 
 impl AlembicMesh {
@@ -61,7 +62,7 @@ impl AlembicMesh {
             return Err(IoError::data(path, "objects", without_meshes(&archive), "export the meshes themselves"));
         }
         let times = sample_times(&meshes)?;
-        Ok(Self { path: path.to_owned(), meshes, times })
+        Ok(Self { path: path.to_owned(), meshes, times, frame_rate: archive.frames_per_second_hint() })
     }
 
     /// World positions of some points of one mesh at a time at which something is stored.
@@ -123,6 +124,10 @@ impl MeshReader for AlembicMesh {
 
     fn sample_times(&self) -> &[f64] {
         &self.times
+    }
+
+    fn frame_rate(&self) -> Option<f64> {
+        self.frame_rate
     }
 
     fn mesh_at(&self, time: f64) -> Result<MeshData, IoError> {

@@ -67,6 +67,8 @@ pub struct Format {
     pub extension: &'static str,
     /// One line about it.
     pub summary: &'static str,
+    /// Whether Blender, Houdini, Maya or other applications load caches in it.
+    pub opens_in_applications: bool,
     /// How meshes are read from it, if they are.
     pub open: Option<OpenMesh>,
     /// How caches are written to it, if they are.
@@ -86,6 +88,7 @@ pub static FORMATS: &[Format] = &[
     Format {
         extension: "abc",
         summary: "Alembic (Ogawa): bodies and garments in, caches out",
+        opens_in_applications: true,
         open: Some(|path, pattern| Ok(Box::new(alembic::AlembicMesh::open(path, pattern)?))),
         create: Some(|path, plan| Ok(Box::new(alembic_writer::AlembicWriter::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(alembic_writer::AlembicWriter::resume(path, plan, mark)?))),
@@ -96,6 +99,7 @@ pub static FORMATS: &[Format] = &[
     Format {
         extension: "obj",
         summary: "Wavefront OBJ: garments and still bodies in",
+        opens_in_applications: true,
         open: Some(open_obj),
         create: None,
         resume: None,
@@ -106,6 +110,7 @@ pub static FORMATS: &[Format] = &[
     Format {
         extension: "h5",
         summary: "HDF5: caches out, for analysis",
+        opens_in_applications: false,
         open: None,
         create: Some(|path, plan| Ok(Box::new(hdf5::Hdf5Writer::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(hdf5::Hdf5Writer::resume(path, plan, mark)?))),
@@ -135,6 +140,7 @@ const fn usd(extension: &'static str, summary: &'static str) -> Format {
     Format {
         extension,
         summary,
+        opens_in_applications: true,
         open: Some(|path, pattern| Ok(Box::new(usd_reader::UsdMesh::open(path, pattern)?))),
         create: None,
         resume: None,

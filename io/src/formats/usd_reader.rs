@@ -113,6 +113,10 @@ impl MeshReader for UsdMesh {
         &self.times
     }
 
+    fn frame_rate(&self) -> Option<f64> {
+        Some(self.codes_per_second)
+    }
+
     fn mesh_at(&self, time: f64) -> Result<MeshData, IoError> {
         let code = self.code(time);
         let mut merged = self.read(0, code)?;

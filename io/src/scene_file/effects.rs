@@ -83,7 +83,8 @@ pub(super) fn requests(root: &Node) -> Vec<EffectRequest> {
             _ => format!("the scene has a table [{}]", dotted(&path)),
         };
         let settings = fields::written(node, spec.fields);
-        EffectRequest { effect: spec.name.to_owned(), garment, settings, because }
+        let sources = fields::sources(node, spec.fields);
+        EffectRequest { effect: spec.name.to_owned(), garment, settings, sources, because }
     };
     tables(root).into_iter().map(request).collect()
 }

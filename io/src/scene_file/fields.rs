@@ -1,12 +1,15 @@
 //! Values that have rows: their checks, their defaults, and what was said. They are not known to serde: tables of effects and of
 //! the solver's descriptions say what they may be.
 
+use std::collections::BTreeMap;
+
 use drapery_core::scene::{BodyDescription, Described, PinDescription, SeamDescription, SolverSettings};
 use drapery_core::settings::{Default, Field, SettingValue, Settings, Written};
 
 use super::deserialize::{dotted, suggestion};
 use super::diagnostics::SceneFileError;
 use super::raw::{BIND, PAIRING, PRESET};
+use super::resolved::origin;
 use super::tree::{Node, Origin, Path, Segment, Sources, Value};
 
 /// A table with values that have rows. Its other keys are those of a struct in [`super::raw`].
@@ -148,6 +151,15 @@ pub(super) fn written(node: &Node, fields: &[Field]) -> Written {
     let of = |field: &Field| {
         let node = node.as_table()?.get(field.name).filter(|node| node.origin != Origin::Default)?;
         Some((field.name.to_owned(), setting(&node.value)?))
+    };
+    fields.iter().filter_map(of).collect()
+}
+
+/// Where each value that was written comes from, in the words of `resolved.toml`.
+pub(super) fn sources(node: &Node, fields: &[Field]) -> BTreeMap<String, String> {
+    let of = |field: &Field| {
+        let node = node.as_table()?.get(field.name).filter(|node| node.origin != Origin::Default)?;
+        Some((field.name.to_owned(), origin(node).to_string()))
     };
     fields.iter().filter_map(of).collect()
 }

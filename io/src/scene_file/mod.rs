@@ -20,6 +20,7 @@
 //! Positions, velocities and times in the scene file are SI with Y up; `[units]` are those of the mesh files.
 
 mod bodies;
+mod check;
 mod deserialize;
 mod diagnostics;
 mod effects;
@@ -50,7 +51,7 @@ use std::path::{Path as FilePath, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::input_file;
-use crate::shot_description::ShotDescription;
+use crate::shot_description::{Fabric, ShotDescription};
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
 pub use material_files::{material_files, read_material};
@@ -70,6 +71,8 @@ pub struct SceneFile {
     root: Node,
     sources: Sources,
     parameters: Table,
+    /// For each garment its material, if it has one.
+    fabrics: Vec<Option<Fabric>>,
     material_files: Vec<PathBuf>,
     folder: PathBuf,
     path: PathBuf,
@@ -126,7 +129,7 @@ fn parse_with(
     parameters::substitute(&mut root, &parameters, &sources)?;
     let stem = FilePath::new(name).file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
     presets::fill_shot_name(&mut root, &stem);
-    let material_files = presets::fill(&mut root, &mut sources, &search.materials)?;
+    let (fabrics, material_files) = presets::fill(&mut root, &mut sources, &search.materials)?;
     search.maps.apply_to_files(&mut root);
     effects::check_and_fill(&mut root, &sources)?;
     let of_effects = effects::tables(&root).into_iter().map(|(_, path)| path);
@@ -146,7 +149,7 @@ fn parse_with(
     fields::add_defaults(&mut defaults);
     root.fill_from(&defaults);
     let (folder, path) = (folder.to_owned(), PathBuf::new());
-    Ok(SceneFile { document, root, sources, parameters, material_files, folder, path })
+    Ok(SceneFile { document, root, sources, parameters, fabrics, material_files, folder, path })
 }
 
 /// Keys that may stand at a path beside those that serde knows.

@@ -10,10 +10,11 @@ use serde::Deserialize;
 use crate::error::IoError;
 use crate::input_file;
 use crate::input_motion::InputMotion;
+use crate::units::Units;
 
 use super::deserialize::suggestion;
 use super::raw::{BIND, Bind, Corner, Pin, Region};
-use super::resolve::{ReadGarment, Resolver};
+use super::resolve::{ReadGarment, Resolver, written};
 use super::tree::Path;
 
 /// A JSON file of pins.
@@ -164,7 +165,12 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let chosen = vertices(pin, garment, file.as_ref());
+        let mut chosen = vertices(pin, garment, file.as_ref());
+        if let (Some(_), Err(message)) = (pin.region, &mut chosen)
+            && self.scene.document.units.is_some_and(|units| written(units) != Units::SI)
+        {
+            message.push_str("; its box is in metres with Y up, whatever [units] says of files");
+        }
         let vertices = self.check(path, chosen)?;
         let target = if let Some(body) = pin.to.strip_prefix("body:") {
             self.body_target(path, body, vertices, file.as_ref())?

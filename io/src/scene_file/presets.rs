@@ -1,20 +1,18 @@
 //! What presets put into a scene before its own defaults: the solver's quality, and materials.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use drapery_core::scene::{Described, SolverSettings};
-
 use crate::materials::{self, Material, MaterialEffect, MaterialSetting, TakesPart};
+use crate::shot_description::Fabric;
 
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
+use super::material_files;
 use super::tree::{Node, Origin, Place, Sources, Table, Value};
-use super::{fields, material_files};
 
 /// Fills in what the presets and the materials in `folders` say, wherever the scene does not say it itself. Returns the
-/// material files that were read, each once.
+/// material of each garment, and the material files that were read, each once.
 ///
 /// # Errors
 /// A material that does not exist, or a file of one that cannot be used.
@@ -22,11 +20,12 @@ pub(super) fn fill(
     root: &mut Node,
     sources: &mut Sources,
     folders: &[PathBuf],
-) -> Result<Vec<PathBuf>, SceneFileError> {
+) -> Result<(Vec<Option<Fabric>>, Vec<PathBuf>), SceneFileError> {
     fill_solver(root);
     let (used, files) = fill_materials(root, sources, folders)?;
     fill_bodies(root, &used);
-    Ok(files)
+    let fabric = |material: &Material| Fabric { name: material.name.to_string(), friction: material.friction };
+    Ok((used.iter().map(|material| material.as_deref().map(fabric)).collect(), files))
 }
 
 fn fill_solver(root: &mut Node) {
@@ -62,16 +61,10 @@ fn fill_solver(root: &mut Node) {
     for (key, value) in values {
         table.fill(key, value, &place, origin.clone());
     }
-    // By name, as defaults are.
-    let defaults: BTreeMap<&str, toml::Value> =
-        SolverSettings::FIELDS.iter().filter_map(|field| Some((field.name, fields::default(field)?))).collect();
-    for (key, value) in defaults {
-        table.fill(key, Value::from_toml(&value, &place), &place, origin.clone());
-    }
 }
 
-/// Materials that garments use, and the files that they were read from.
-type Used = (Vec<Cow<'static, Material>>, Vec<PathBuf>);
+/// The material of each garment, if it names one, and the files that they were read from.
+type Used = (Vec<Option<Cow<'static, Material>>>, Vec<PathBuf>);
 
 /// Fills the garments and returns the materials they use.
 fn fill_materials(root: &mut Node, sources: &mut Sources, folders: &[PathBuf]) -> Result<Used, SceneFileError> {
@@ -81,26 +74,38 @@ fn fill_materials(root: &mut Node, sources: &mut Sources, folders: &[PathBuf]) -
         return Ok((used, files));
     };
     for garment in garments {
-        let place = garment.place.clone();
-        let Some(table) = garment.as_table_mut() else { continue };
-        let Some(Node { value: Value::Text(name), place: name_place, .. }) = table.get("material") else { continue };
-        let material = match (materials::find(name), material_files::find(name, folders)) {
-            (Some(preset), _) => Cow::Borrowed(preset),
-            (None, Some(file)) => {
-                let material = material_files::read(&file, sources, Some(name_place))?;
-                if !files.contains(&file) {
-                    files.push(file);
-                }
-                // The scene with its values written out has to run where the file is not found.
-                table.0.retain(|entry| entry.key != "material");
-                Cow::Owned(material)
-            }
-            (None, None) => return Err(unknown_material(name, name_place, sources, folders)),
-        };
-        fill_garment(table, &material, &place);
-        used.push(material);
+        used.push(fill_from_material(garment, sources, folders, &mut files)?);
     }
     Ok((used, files))
+}
+
+/// Fills a garment from its material and returns that; adds the file that it was read from.
+fn fill_from_material(
+    garment: &mut Node,
+    sources: &mut Sources,
+    folders: &[PathBuf],
+    files: &mut Vec<PathBuf>,
+) -> Result<Option<Cow<'static, Material>>, SceneFileError> {
+    let place = garment.place.clone();
+    let Some(table) = garment.as_table_mut() else { return Ok(None) };
+    let Some(Node { value: Value::Text(name), place: name_place, .. }) = table.get("material") else {
+        return Ok(None);
+    };
+    let material = match (materials::find(name), material_files::find(name, folders)) {
+        (Some(preset), _) => Cow::Borrowed(preset),
+        (None, Some(file)) => {
+            let material = material_files::read(&file, sources, Some(name_place))?;
+            if !files.contains(&file) {
+                files.push(file);
+            }
+            // The scene with its values written out has to run where the file is not found.
+            table.0.retain(|entry| entry.key != "material");
+            Cow::Owned(material)
+        }
+        (None, None) => return Err(unknown_material(name, name_place, sources, folders)),
+    };
+    fill_garment(table, &material, &place);
+    Ok(Some(material))
 }
 
 fn unknown_material(name: &str, place: &Place, sources: &Sources, folders: &[PathBuf]) -> SceneFileError {
@@ -143,11 +148,11 @@ fn fill_effect(garment: &mut Table, effect: &str, settings: &[MaterialSetting], 
 }
 
 /// Friction and thickness of bodies that do not say them: the largest of the materials that touch them.
-fn fill_bodies(root: &mut Node, used: &[Cow<'static, Material>]) {
+fn fill_bodies(root: &mut Node, used: &[Option<Cow<'static, Material>>]) {
     let Some(Node { value: Value::Array(bodies), .. }) = root.as_table_mut().and_then(|t| t.get_mut("body")) else {
         return;
     };
-    let largest = |of: fn(&Material) -> f64| used.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
+    let largest = |of: fn(&Material) -> f64| used.iter().flatten().max_by(|a, b| of(a).total_cmp(&of(b)));
     for body in bodies {
         let place = body.place.clone();
         let Some(table) = body.as_table_mut() else { continue };

@@ -92,6 +92,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     resolver.effects();
     resolver.formats();
     resolver.shutter();
+    let check = resolver.check_description();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
     }
@@ -113,6 +114,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         frames: [first, last],
         preroll: resolver.preroll,
         output: output(scene),
+        check,
         resolved: resolved::write(scene),
         warnings: file_names::one_on_some_disks(&document.garment)
             .into_iter()
@@ -122,7 +124,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     })
 }
 
-fn written(units: FileUnits) -> Units {
+pub(super) fn written(units: FileUnits) -> Units {
     Units { length: units.length, up: units.up }
 }
 

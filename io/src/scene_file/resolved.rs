@@ -6,7 +6,8 @@ use super::SceneFile;
 use super::tree::{Node, Origin, Table, Value};
 
 /// Sections in the order in which a reader looks for them; tables of effects come before the bodies.
-const ORDER: [&str; 9] = ["drapery", "shot", "units", "solver", "effects", "body", "garment", "seam", "output"];
+const ORDER: [&str; 10] =
+    ["drapery", "shot", "units", "solver", "effects", "body", "garment", "seam", "output", "check"];
 
 /// Place of the tables of effects in that order.
 const TABLES: usize = 5;
@@ -94,7 +95,7 @@ fn is_section(value: &Value) -> bool {
 }
 
 /// Origin of a value; that of a list is the strongest of its elements.
-fn origin(node: &Node) -> Origin {
+pub(super) fn origin(node: &Node) -> Origin {
     fn visit<'a>(node: &'a Node, strongest: &mut &'a Origin) {
         let strength = |origin: &Origin| match origin {
             Origin::Set(_) => 2,

@@ -388,7 +388,10 @@ fn pins_that_hold_nothing_real_are_refused() {
     assert!(pin("vertices = [0]\nto = \"body:hreo\"").contains("there is no body \"hreo\""));
     assert!(pin("vertices = [0]\nmode = \"spring\"").contains("needs its `stiffness`"));
     assert!(pin("vertices = [0]\naxes = \"xw\"").contains("not a set of the axes"));
-    assert!(pin("where = { box = { min = [9, 9, 9], max = [10, 10, 10] } }").contains("holds no vertex"));
+    let nowhere = "where = { box = { min = [9, 9, 9], max = [10, 10, 10] } }";
+    assert!(pin(nowhere).contains("holds no vertex") && !pin(nowhere).contains("in metres"));
+    let in_centimetres = pin(&format!("{nowhere}\n[units]\nlength = \"cm\""));
+    assert!(in_centimetres.contains("holds no vertex; its box is in metres with Y up"), "{in_centimetres}");
     assert!(pin("file = \"none.json\"").contains("there is no such file"));
 }
 
@@ -437,7 +440,7 @@ fn the_resolved_file_says_where_every_value_came_from() {
         ("resolution = 4", "# scene, parameter resolution"),
         ("center = [0, 1.5, 0]", "# scene, parameter height"),
         ("cfl = 2.8", "# preset hero"),
-        ("max_dt = \"auto\"", "# preset hero"),
+        ("max_dt = \"auto\"", "# default"),
         ("density = 0.15", "# material cotton_shirting"),
         ("stiffness = 261.0", "# material cotton_shirting"),
         ("acceleration = [0.0, -9.81, 0.0]", "# default"),

@@ -35,6 +35,9 @@ const FREE_KEYS: [&str; 3] = ["shot.name", LAST_FRAME, "output."];
 /// frame is the first.
 const SAMPLED: [&str; 3] = ["output.samples", "output.shutter", "output.preroll"];
 
+/// Table of the scene that is about warnings alone: not even told when it changes.
+const WARNINGS: &str = "check.";
+
 /// The range of the shot is compared by its ends.
 const FRAMES: &str = "shot.frames";
 const FIRST_FRAME: &str = "shot.first_frame";
@@ -92,6 +95,7 @@ impl Fingerprint {
         let mut scene = BTreeMap::new();
         flatten(&mut scene, "", &toml::Value::Table(table));
         split_frames(&mut scene);
+        scene.retain(|key, _| !key.starts_with(WARNINGS));
         let mut digests = Digests::new();
         for input in inputs.iter().filter(|input| input.as_path() != scene_path) {
             digests.insert(input_name(input), content_digest(input)?);

@@ -6,7 +6,7 @@ use drapery_core::scene::SceneDescription;
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::input_motion::Preroll;
 use drapery_io::mesh_data::MeshData;
-use drapery_io::shot_description::{OutputDescription, ShotDescription};
+use drapery_io::shot_description::{CheckDescription, OutputDescription, ShotDescription};
 use drapery_io::units::Units;
 
 /// The shot of a scene without input files, whose caches hold velocities.
@@ -26,5 +26,6 @@ pub(crate) fn described(scene: SceneDescription, frames: [i64; 2], formats: &[&s
         output: OutputDescription { formats, units, velocities: true, sub_frames: Vec::new(), preroll: false },
         resolved: String::new(),
         warnings: Vec::new(),
+        check: CheckDescription::default(),
     }
 }

@@ -1,55 +1,54 @@
-//! The effects of a plan: why each is there, what it holds, what it needs, and its share of a frame.
+//! The effects of a plan: why each is there, what it holds, what it needs, and its share of a frame once that was measured.
 
-use drapery_core::effects::cost::{FrameCost, METHOD};
+use drapery_core::effects::cost::FrameCost;
 use drapery_core::effects::{Need, PlannedEffect, find};
 use drapery_core::scene::SceneDescription;
 use drapery_core::settings::{Origin, SettingValue};
-use drapery_core::simulation::Simulation;
+use drapery_core::simulation::{PlannedSteps, Simulation};
 use serde_json::{Value, json};
 
 use super::mebibytes;
 
-/// What a frame costs, and how that is known.
+/// What a frame costs, as frames have shown that were simulated for it.
 pub(super) struct Costs {
     pub(super) frame: FrameCost,
-    /// Number of frames that were simulated for it; none if it is expected.
-    pub(super) measured: Option<u32>,
+    /// Their number.
+    pub(super) frames: u32,
 }
 
 impl Costs {
-    /// Share of a frame [%].
+    /// Share of a frame, from 0 to 1.
     fn share(&self, seconds: f64) -> f64 {
-        100.0 * seconds / self.frame.total().max(f64::MIN_POSITIVE)
+        seconds / self.frame.total().max(f64::MIN_POSITIVE)
     }
 
     fn how(&self) -> String {
-        match self.measured {
-            Some(1) => "measured in one frame".to_owned(),
-            Some(frames) => format!("measured in {frames} frames"),
-            None => {
-                "expected by the costs of docs/effects.md, on one thread; --measure simulates frames instead".to_owned()
-            }
+        match self.frames {
+            1 => "measured in one frame".to_owned(),
+            frames => format!("measured in {frames} frames"),
         }
     }
 }
 
 /// All effects, in the order of execution.
-pub(super) fn text(simulation: &Simulation, costs: &Costs) -> String {
+pub(super) fn text(simulation: &Simulation, costs: Option<&Costs>) -> String {
     let mut text = String::from("\neffects, in the order of execution\n");
-    for (effect, seconds) in simulation.plan().iter().zip(&costs.frame.effects) {
-        text += &effect_text(effect, costs.share(*seconds));
+    let share = |seconds: fn(&FrameCost, usize) -> f64, place: usize| {
+        costs.map_or(String::new(), |costs| {
+            format!(", {:.1} % of a frame", 100.0 * costs.share(seconds(&costs.frame, place)))
+        })
+    };
+    for (place, effect) in simulation.plan().iter().enumerate() {
+        text += &effect_text(effect, &share(|frame, place| frame.effects[place], place));
         text += &friction(effect, simulation.scene().description());
     }
     let vertices = simulation.scene().parts().partition().vertex_count();
-    let share = costs.share(costs.frame.method);
-    text += &format!("  the method itself\n    {vertices} {}, {share:.1} % of a frame\n", METHOD.elements);
+    text += &format!("  the method itself\n    {vertices} vertices{}\n", share(|frame, _| frame.method, 0));
     for name in &simulation.scene().description().left_out {
         text += &format!("  without {name}: the scene asks for it, and was told to do without\n");
     }
     text += "  an effect that is not here allocates nothing and runs nothing\n";
-    let FrameCost { steps, iterations, .. } = costs.frame;
-    let (seconds, how) = (costs.frame.total(), costs.how());
-    text += &format!("a frame: {seconds:.3} s, {steps:.0} steps, {iterations:.0} iterations ({how})\n");
+    text += &frame_text(simulation, costs);
     text += "\nshared structures\n";
     for (need, users) in structures(simulation) {
         text += &format!("  {}: for {}\n", word(need), users.join(", "));
@@ -57,13 +56,26 @@ pub(super) fn text(simulation: &Simulation, costs: &Costs) -> String {
     text
 }
 
-fn effect_text(effect: &PlannedEffect, share: f64) -> String {
+/// What a frame takes: what is known beforehand, or measured.
+fn frame_text(simulation: &Simulation, costs: Option<&Costs>) -> String {
+    let Some(costs) = costs else {
+        let PlannedSteps { steps, because, .. } = simulation.planned_steps();
+        return format!(
+            "a frame: {steps:.0} time steps or more, because of {because}; --measure simulates frames to see what takes how long\n"
+        );
+    };
+    let FrameCost { steps, iterations, .. } = costs.frame;
+    let (seconds, how) = (costs.frame.total(), costs.how());
+    format!("a frame: {seconds:.3} s, {steps:.0} steps, {iterations:.0} iterations ({how})\n")
+}
+
+fn effect_text(effect: &PlannedEffect, share: &str) -> String {
     let on = effect.garment.as_ref().map_or(String::new(), |garment| format!(" of {garment}"));
     let mut text = format!("  {}{on}: {}\n", effect.name, effect.because);
-    let (elements, kind, memory) = (effect.elements, effect.cost.elements, mebibytes(effect.bytes));
-    text += &format!("    {elements} {kind}, {memory}, {share:.1} % of a frame\n");
+    let (elements, kind, memory) = (effect.elements, effect.kind, mebibytes(effect.bytes));
+    text += &format!("    {elements} {kind}, {memory}{share}\n");
     for (name, value, origin) in effect.settings.iter() {
-        text += &format!("    {name} = {} ({})\n", value_text(value), origin_word(origin));
+        text += &format!("    {name} = {} ({})\n", value_text(value), source(effect, name, origin));
     }
     for note in &effect.notes {
         text += &format!("    note: {note}\n");
@@ -91,9 +103,10 @@ fn value_text(value: &SettingValue) -> String {
     }
 }
 
-fn origin_word(origin: Origin) -> &'static str {
+/// Who says a setting, in the words of `resolved.toml`.
+fn source<'a>(effect: &'a PlannedEffect, name: &str, origin: Origin) -> &'a str {
     match origin {
-        Origin::Scene => "scene",
+        Origin::Scene => effect.sources.get(name).map_or("scene", String::as_str),
         Origin::Default => "default",
     }
 }
@@ -123,39 +136,46 @@ fn word(need: Need) -> &'static str {
     }
 }
 
-/// The same for programs.
-pub(super) fn as_json(simulation: &Simulation, costs: &Costs) -> Value {
-    let effect = |(effect, seconds): (&PlannedEffect, &f64)| {
-        let settings: serde_json::Map<String, Value> = effect.settings.iter().map(setting).collect();
+/// The same for programs; what nobody measured is null.
+pub(super) fn as_json(simulation: &Simulation, costs: Option<&Costs>) -> Value {
+    let share = |seconds: fn(&FrameCost, usize) -> f64, place: usize| {
+        costs.map(|costs| costs.share(seconds(&costs.frame, place)))
+    };
+    let effect = |(place, effect): (usize, &PlannedEffect)| {
+        let with_source = |(name, value, origin): (&str, &SettingValue, Origin)| {
+            (name.to_owned(), setting(value, source(effect, name, origin)))
+        };
+        let settings: serde_json::Map<String, Value> = effect.settings.iter().map(with_source).collect();
         json!({
             "effect": effect.name,
             "garment": effect.garment,
             "because": effect.because,
             "settings": settings,
-            "elements": {"kind": effect.cost.elements, "number": effect.elements},
+            "elements": {"kind": effect.kind, "number": effect.elements},
             "bytes": effect.bytes,
-            "share": costs.share(*seconds) / 100.0,
+            "share": share(|frame, place| frame.effects[place], place),
             "needs": effect.needs.iter().map(|need| word(*need)).collect::<Vec<_>>(),
             "notes": effect.notes,
         })
     };
     let structures: serde_json::Map<String, Value> =
         structures(simulation).into_iter().map(|(need, users)| (word(need).to_owned(), json!(users))).collect();
+    let planned = simulation.planned_steps();
     json!({
-        "effects": simulation.plan().iter().zip(&costs.frame.effects).map(effect).collect::<Vec<_>>(),
+        "effects": simulation.plan().iter().enumerate().map(effect).collect::<Vec<_>>(),
         "left_out": simulation.scene().description().left_out,
         "structures": structures,
         "frame": {
-            "seconds": costs.frame.total(),
-            "steps": costs.frame.steps,
-            "iterations": costs.frame.iterations,
-            "method_share": costs.share(costs.frame.method) / 100.0,
-            "from": costs.how(),
+            "seconds": costs.map(|costs| costs.frame.total()),
+            "steps": costs.map_or(planned.steps, |costs| costs.frame.steps),
+            "iterations": costs.map(|costs| costs.frame.iterations),
+            "method_share": share(|frame, _| frame.method, 0),
+            "from": costs.map_or_else(|| format!("at least, because of {}", planned.because), Costs::how),
         },
     })
 }
 
-fn setting((name, value, origin): (&str, &SettingValue, Origin)) -> (String, Value) {
+fn setting(value: &SettingValue, source: &str) -> Value {
     let value = match value {
         SettingValue::Number(number) => json!(number),
         SettingValue::Text(text) => json!(text),
@@ -163,5 +183,5 @@ fn setting((name, value, origin): (&str, &SettingValue, Origin)) -> (String, Val
         SettingValue::Flag(flag) => json!(flag),
         SettingValue::Keys(keys) => json!(keys),
     };
-    (name.to_owned(), json!({"value": value, "from": origin_word(origin)}))
+    json!({"value": value, "from": source})
 }

@@ -45,7 +45,7 @@ codec!(enum PinTarget {
 });
 codec!(struct PinDescription { garment, target, axes, from, until, hold });
 codec!(enum SettingValue { 0 => Number(value), 1 => Text(value), 2 => Vector(value), 3 => Flag(value), 4 => Keys(keys) });
-codec!(struct EffectRequest { effect, garment, settings, because });
+codec!(struct EffectRequest { effect, garment, settings, sources, because });
 codec!(struct SeamDescription { garments, pairs, from, until, rest_gap, stiffness, damping_ratio });
 codec!(struct WindGridShape { origin, spacing, counts });
 codec!(struct SceneDescription { name, timeline, origin, solver, garments, bodies, pins, seams, wind, effects, left_out });

@@ -50,6 +50,24 @@ pub(in crate::scene_file) struct Document {
     /// What is written.
     #[serde(default)]
     pub(in crate::scene_file) output: Output,
+    /// Warnings before a run.
+    #[serde(default, skip_serializing_if = "Check::says_nothing")]
+    pub(in crate::scene_file) check: Check,
+}
+
+/// Warnings before a run.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(in crate::scene_file) struct Check {
+    /// Rules (docs/reference/warnings.md) that this scene breaks on purpose, as in ["no_gravity"]: they give no warnings.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) silence: Vec<String>,
+}
+
+impl Check {
+    fn says_nothing(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// Which of the effects that the scene asks for run; one of the two lists at most.

@@ -56,6 +56,8 @@ fn comments_order_and_spelling_of_numbers_are_no_changes() {
     assert_eq!(changes("stiffness = 40", "stiffness = 40.0  # as before"), Changes::default());
     assert_eq!(changes("[0, -9.8, 0.0]", "[ 0.0, -9.8, 0 ]"), Changes::default());
     assert_eq!(changes("velocities = true\n", "velocities = true\n\n"), Changes::default());
+    // Nor is what a scene wants to be warned of.
+    assert_eq!(changes("[gravity]", "[check]\nsilence = [\"frame_rate\"]\n[gravity]"), Changes::default());
     let swapped = "name = \"skirt\"\nfile = \"FOLDER/skirt.obj@3\"";
     assert_eq!(changes(swapped, "file = \"FOLDER/skirt.obj@3\"\nname = \"skirt\""), Changes::default());
 }

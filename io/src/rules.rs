@@ -1,0 +1,84 @@
+//! Rules of a scene that is right the first time: what is looked for before anything is simulated. What they find is a warning by
+//! the name of the rule, which a scene can silence: `[check] silence = ["no_gravity"]`.
+//!
+//! This is the table; `drapery-shot` looks. `docs/reference/warnings.md` is made of it.
+
+/// A rule.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rule {
+    /// Its word in the scene file.
+    pub name: &'static str,
+    /// What it finds.
+    pub finds: &'static str,
+    /// What it takes for granted, and what it leaves alone.
+    pub exactly: &'static str,
+    /// The line of a scene that mends it, as an example.
+    pub line: &'static str,
+}
+
+/// All rules, in the order of their warnings.
+pub static RULES: [Rule; 8] = [
+    Rule {
+        name: "no_gravity",
+        finds: "nothing pulls the cloth down",
+        exactly: "Silent where the scene has `[gravity]`, of any acceleration, or leaves it out by `[effects]` or `--without`.",
+        line: "[gravity]",
+    },
+    Rule {
+        name: "no_self_collision",
+        finds: "two garments, or one that can fold, that may pass through themselves and each other",
+        exactly: "A garment can fold if it has 100 points or more: fewer are a patch of less than ten by ten. Silent where the scene \
+                  leaves `self_collision` out by `[effects]` or `--without`.",
+        line: "[self_collision]",
+    },
+    Rule {
+        name: "up_axis",
+        finds: "a body that stands along the axis that is not `up`, or gravity that does not pull down",
+        exactly: "A body contradicts `up` in its first pose if all three hold: along the other axis it is at least twice as high; \
+                  there its feet are on the ground, within a tenth of that height of zero; and along `up` it reaches below zero and \
+                  above by a fifth of its extent each, as the depth of a standing figure does. A figure that lies, sits or crouches \
+                  on the ground does not reach below it. Gravity, and everything else in a scene, counts with Y up in metres, \
+                  whatever `[units]` says of files: it contradicts that if it pulls by less than half downwards.",
+        line: "up = \"Z\"",
+    },
+    Rule {
+        name: "frame_rate",
+        finds: "`shot.fps` other than the rate of the archive that a body or a pin follows",
+        exactly: "The rate of a file is what it states (`DCC_FPS` of an Alembic archive, `timeCodesPerSecond` of a stage), or else that \
+                  of its samples, if they are evenly spaced and neither several to a frame nor several frames apart.",
+        line: "fps = \"25\"",
+    },
+    Rule {
+        name: "thickness_lowered",
+        finds: "garments whose thickness is lowered where edges are short",
+        exactly: "Layers keep at most `self_repulsion.thickness_clamp` times the shortest edge around a vertex. Silent where the scene \
+                  writes `thickness_clamp`, and where fewer than one vertex in a hundred is concerned; `plan` notes it always.",
+        line: "thickness = \"0.8 mm\"",
+    },
+    Rule {
+        name: "body_friction",
+        finds: "a body whose `friction` overrides that of the garments' materials",
+        exactly: "Friction is one number a body. Silent where it is the one that the material has, or comes from the materials.",
+        line: "friction = 0.4",
+    },
+    Rule {
+        name: "shape_units",
+        finds: "sizes, places and paths of shapes and pins that look as if they were in the units of the files",
+        exactly: "Numbers of the scene are metres with Y up whatever `[units]` says, which is about files. Looked for where `[units]` says \
+                  something else: lengths more than five times as large as what the files hold (a person, if there are none) which \
+                  are not as large in the unit of the files; ground that stands upright under `up = \"Z\"`. Gravity is compared with \
+                  the earth's in each unit of length.",
+        line: "shape = { sphere = { radius = \"25 cm\" } }",
+    },
+    Rule {
+        name: "unopened_format",
+        finds: "caches in formats alone that no application opens",
+        exactly: "HDF5 is for analysis. Silent where another format is written beside it.",
+        line: "format = [\"abc\"]",
+    },
+];
+
+/// The rule of this name.
+pub fn find(name: &str) -> Option<&'static Rule> {
+    RULES.iter().find(|rule| rule.name == name)
+}

@@ -1,0 +1,166 @@
+//! What is looked for in a scene before it is simulated, rule by rule, and the warnings that come of it. The table of the rules
+//! is [`drapery_io::rules`]; each has its file here.
+
+mod body_friction;
+mod frame_rate;
+mod no_gravity;
+mod no_self_collision;
+mod shape_units;
+mod thickness_lowered;
+mod unopened_format;
+mod up_axis;
+
+use std::fmt;
+
+use drapery_core::Vec3;
+use drapery_core::scene::{EffectRequest, SceneDescription};
+use drapery_core::simulation::Simulation;
+use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::input_motion::InputMotion;
+use drapery_io::rules::RULES;
+use drapery_io::shot_description::{CheckDescription, OutputDescription};
+
+use crate::inputs::Inputs;
+
+/// Something suspicious that was accepted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Warning {
+    /// The rule that it comes from, which a scene can silence; `None` for what no rule has.
+    pub rule: Option<&'static str>,
+    /// What it is about, as in `body "hero"`; empty where the message says it.
+    pub object: String,
+    /// What is found.
+    pub message: String,
+    /// The line to write in the scene; empty where the message says what to do.
+    pub line: String,
+}
+
+impl From<String> for Warning {
+    fn from(message: String) -> Self {
+        Self { rule: None, object: String::new(), message, line: String::new() }
+    }
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { rule, object, message, line } = self;
+        if let Some(rule) = rule {
+            write!(f, "{rule}: ")?;
+        }
+        if !object.is_empty() {
+            write!(f, "{object}: ")?;
+        }
+        f.write_str(message)?;
+        match line.is_empty() {
+            true => Ok(()),
+            false => write!(f, "\n  help: write {line}"),
+        }
+    }
+}
+
+/// What a rule has found.
+#[derive(Debug, PartialEq, Eq)]
+struct Finding {
+    object: String,
+    message: String,
+    line: String,
+}
+
+/// What is known of a shot before its scene is handed out.
+pub(crate) struct Facts<'a> {
+    pub(crate) scene: &'a SceneDescription,
+    pub(crate) inputs: &'a Inputs,
+    pub(crate) garments: &'a [GarmentMesh],
+    pub(crate) output: &'a OutputDescription,
+    pub(crate) check: &'a CheckDescription,
+}
+
+/// How a rule looks.
+enum Look {
+    /// At what is known before the scene is handed out.
+    Facts(fn(&Facts<'_>) -> Vec<Finding>),
+    /// At the simulation at its start.
+    Simulation(fn(&Simulation) -> Vec<Finding>),
+}
+
+/// How each rule looks, by its name.
+const LOOKS: [(&str, Look); RULES.len()] = [
+    ("no_gravity", Look::Facts(no_gravity::find)),
+    ("no_self_collision", Look::Facts(no_self_collision::find)),
+    ("up_axis", Look::Facts(up_axis::find)),
+    ("frame_rate", Look::Facts(frame_rate::find)),
+    ("thickness_lowered", Look::Simulation(thickness_lowered::find)),
+    ("body_friction", Look::Facts(body_friction::find)),
+    ("shape_units", Look::Facts(shape_units::find)),
+    ("unopened_format", Look::Facts(unopened_format::find)),
+];
+
+/// Warnings of the rules that look at the scene, but for those that it silences.
+pub(crate) fn of_scene(facts: &Facts<'_>) -> Vec<Warning> {
+    of(&facts.check.silenced, |look| match look {
+        Look::Facts(find) => find(facts),
+        Look::Simulation(_) => Vec::new(),
+    })
+}
+
+/// Warnings of the rules that look at the simulation at its start, but for these.
+pub(crate) fn of_simulation(simulation: &Simulation, silenced: &[String]) -> Vec<Warning> {
+    of(silenced, |look| match look {
+        Look::Facts(_) => Vec::new(),
+        Look::Simulation(find) => find(simulation),
+    })
+}
+
+fn of(silenced: &[String], find: impl Fn(&Look) -> Vec<Finding>) -> Vec<Warning> {
+    let heard = LOOKS.iter().filter(|(name, _)| !silenced.iter().any(|silenced| silenced == name));
+    let warnings = |(name, look): &(&'static str, Look)| -> Vec<Warning> {
+        let named = |Finding { object, message, line }| Warning { rule: Some(name), object, message, line };
+        find(look).into_iter().map(named).collect()
+    };
+    heard.flat_map(warnings).collect()
+}
+
+impl Facts<'_> {
+    /// What the scene asks of an effect.
+    fn request(&self, effect: &str) -> Option<&EffectRequest> {
+        self.scene.effects.iter().find(|request| request.effect == effect)
+    }
+
+    /// Whether the scene has an effect, or was told to do without.
+    fn has_decided_on(&self, effect: &str) -> bool {
+        self.request(effect).is_some() || self.scene.left_out.iter().any(|left_out| left_out == effect)
+    }
+
+    /// What moves by files.
+    fn motions(&self) -> impl Iterator<Item = &InputMotion> {
+        self.inputs.bodies.iter().flatten().chain(&self.inputs.tracks)
+    }
+
+    /// Bodies from files, each with the bounds of its first pose [m]; without those that cannot be read, which is told elsewhere.
+    fn first_poses(&self) -> impl Iterator<Item = (&InputMotion, [Vec3; 2])> {
+        let time = self.inputs.timeline.file_time(self.inputs.timeline.origin);
+        self.inputs.bodies.iter().flatten().filter_map(move |motion| {
+            let mut positions = Vec::new();
+            motion.source.positions_at(time, &mut positions).ok()?;
+            Some((motion, bounds(&positions)?))
+        })
+    }
+}
+
+/// Smallest and largest coordinates, if there are any and all are finite.
+fn bounds(positions: &[Vec3]) -> Option<[Vec3; 2]> {
+    let first = *positions.first()?;
+    let bounds = positions.iter().fold([first; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
+    bounds.iter().flat_map(Vec3::iter).all(|c| c.is_finite()).then_some(bounds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_rule_of_the_table_looks_in_its_order() {
+        let names: Vec<&str> = LOOKS.iter().map(|(name, _)| *name).collect();
+        assert_eq!(names, RULES.iter().map(|rule| rule.name).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,17 @@
+//! Caches that no application opens.
+
+use drapery_io::formats::by_extension;
+
+use super::{Facts, Finding};
+
+pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
+    let formats = &facts.output.formats;
+    let opens = |word: &String| by_extension(word).is_some_and(|format| format.opens_in_applications);
+    if formats.is_empty() || formats.iter().any(opens) {
+        return Vec::new();
+    }
+    let words: Vec<String> = formats.iter().map(|word| format!("\"{word}\"")).collect();
+    let message = format!("caches are written as {} alone, which no application opens", words.join(", "));
+    let all = [&["\"abc\"".to_owned()], words.as_slice()].concat().join(", ");
+    vec![Finding { object: "output".to_owned(), message, line: format!("format = [{all}]") }]
+}

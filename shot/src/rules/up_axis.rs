@@ -1,0 +1,64 @@
+//! An up axis that the pose of a body contradicts, and gravity that does not pull along it.
+
+use drapery_core::Vec3;
+use drapery_core::effects::gravity;
+use drapery_core::settings::SettingValue;
+use drapery_io::input_motion::InputMotion;
+use drapery_io::units::UpAxis;
+
+use super::{Facts, Finding};
+
+/// How many times as high as along `up` a body has to be along the other axis.
+const HIGHER: f64 = 2.0;
+
+/// How far from zero feet may be, as a share of that height.
+const FEET: f64 = 0.1;
+
+/// How far a body has to reach below zero and above along `up`, as a share of its extent there: what lies on the ground does not.
+const STRADDLES: f64 = 0.2;
+
+/// How much of gravity has to pull downwards: half of it is 60 degrees.
+const DOWNWARDS: f64 = 0.5;
+
+pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
+    let bodies = facts.first_poses().filter_map(|(motion, bounds)| of_body(motion, bounds));
+    bodies.chain(of_gravity(facts)).collect()
+}
+
+fn of_body(motion: &InputMotion, [low, high]: [Vec3; 2]) -> Option<Finding> {
+    let units = motion.source.units();
+    // The axis of the file that is not up, whichever way it was turned.
+    let (other, [bottom, top]) = match units.up {
+        UpAxis::Y => (UpAxis::Z, [low.z, high.z]),
+        UpAxis::Z => (UpAxis::Y, [-high.z, -low.z]),
+    };
+    let (height, depth) = (top - bottom, high.y - low.y);
+    let stands = height >= HIGHER * depth && bottom.abs() <= FEET * height;
+    if !stands || low.y > -STRADDLES * depth || high.y < STRADDLES * depth {
+        return None;
+    }
+    let up = units.up;
+    let message = format!(
+        "{}: with {up:?} up it lies on its back: it is {height:.2} m high along {other:?}, where its feet are on the ground, and \
+         {depth:.2} m along {up:?}",
+        motion.source.path().display()
+    );
+    let table = if motion.own_units { "`units` of this body" } else { "[units]" };
+    Some(Finding { object: motion.label.clone(), message, line: format!("up = \"{other:?}\" in {table}") })
+}
+
+fn of_gravity(facts: &Facts<'_>) -> Option<Finding> {
+    let Some(SettingValue::Vector(pull)) = facts.request(gravity::SPEC.name)?.settings.get("acceleration") else {
+        return None;
+    };
+    let pull = Vec3::from(*pull);
+    if pull == Vec3::zeros() || -pull.y >= DOWNWARDS * pull.norm() {
+        return None;
+    }
+    let [x, y, z] = <[f64; 3]>::from(pull);
+    let message = format!(
+        "acceleration [{x}, {y}, {z}] does not pull down: the numbers of a scene count with Y up, whatever `up` says of files"
+    );
+    let line = format!("acceleration = [0, -{}, 0]", (pull.norm() * 1e3).round() / 1e3);
+    Some(Finding { object: "gravity".to_owned(), message, line })
+}

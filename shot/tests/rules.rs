@@ -1,0 +1,271 @@
+//! The rules of a scene that is right the first time: each finds what it is for and nothing else, and is silent when told.
+
+use std::path::Path;
+
+use drapery_alembic::{
+    ArchiveOptions, ArchiveWriter, Durability, PolyMeshSample, PolyMeshWriter, TimeSampling, Topology, XformWriter,
+};
+use drapery_io::rules::RULES;
+use drapery_io::scene_file;
+use drapery_shot::Shot;
+use drapery_shot::rules::Warning;
+
+/// A sheet that no rule has anything to say about.
+const SHEET: &str = r#"drapery = 1
+[shot]
+frames = "2-3"
+[gravity]
+[self_repulsion]
+[self_collision]
+[[garment]]
+name = "sheet"
+panel = { resolution = 12, center = [5, 1, 0] }
+material = "cotton_shirting"
+"#;
+
+/// A body from a file.
+const HERO: &str = "[units]\nlength = \"m\"\nup = \"Y\"\n[[body]]\nname = \"hero\"\nfile = \"hero.abc\"\n";
+
+/// A ball below the sheet.
+const BALL: &str = "[[body]]\nname = \"ball\"\nshape = { sphere = { radius = 0.25 } }\n";
+
+/// The scene with more tables.
+fn with(tables: &str) -> String {
+    format!("{SHEET}{tables}")
+}
+
+/// A box between two corners that hardly moves in frames 1 to 4, at so many frames per second; `says` whether the file says so.
+fn hero(folder: &Path, [low, high]: [[f32; 3]; 2], fps: f64, says: bool) {
+    let options = ArchiveOptions { frames_per_second: says.then_some(fps), ..ArchiveOptions::default() };
+    let mut archive = ArchiveWriter::create(&folder.join("hero.abc"), &options).expect("a file");
+    let sampling = TimeSampling::frames(1.0, fps).expect("a rate");
+    let sampling = archive.add_time_sampling(sampling).expect("a sampling");
+    let root = archive.root();
+    let xform = XformWriter::still(&mut archive, root, "hero", None).expect("a transform");
+    let mut mesh = PolyMeshWriter::declare(&mut archive, xform.object(), "heroShape", sampling).expect("a mesh");
+    let corner = |i: usize| [0, 1, 2].map(|axis| if (i >> axis) & 1 == 1 { high[axis] } else { low[axis] });
+    let points: Vec<[f32; 3]> = (0..8).map(corner).collect();
+    // Clockwise seen from outside: Alembic's way round.
+    let face_indices = [[2, 6, 4, 0], [5, 7, 3, 1], [4, 5, 1, 0], [3, 7, 6, 2], [1, 3, 2, 0], [6, 7, 5, 4]].concat();
+    let topology = Topology { face_counts: &[4; 6], face_indices: &face_indices };
+    for sample in 0..(4.0 * fps / 24.0) as usize {
+        let points = points.iter().map(|[x, y, z]| [x + 1e-3 * sample as f32, *y, *z]).collect::<Vec<_>>();
+        let sample = PolyMeshSample { topology: Some(topology), ..PolyMeshSample::of(&points) };
+        mesh.write(&mut archive, &sample).expect("a sample");
+    }
+    archive.finish(Durability::Flushed).expect("a file");
+}
+
+/// A standing figure in a file with Y up: 1.7 m high, 0.3 m deep.
+const STANDING: [[f32; 3]; 2] = [[-0.8, 0.0, -0.15], [0.8, 1.7, 0.15]];
+
+/// The warnings of rules about a scene beside `hero.abc`.
+fn warnings(folder: &Path, scene: &str) -> Vec<Warning> {
+    let parsed = scene_file::parse(scene, "scene.toml", folder, &[]).unwrap_or_else(|error| panic!("{error}\n{scene}"));
+    let shot = parsed.resolve().unwrap_or_else(|errors| panic!("{errors:?}\n{scene}"));
+    let shot = Shot::prepare(shot, None).unwrap_or_else(|error| panic!("{error}\n{scene}"));
+    shot.warnings().iter().filter(|warning| warning.rule.is_some()).cloned().collect()
+}
+
+/// Each of the first scenes breaks the rule and no other, with these words in its warning; silenced, it says nothing. None of the
+/// second ones breaks any.
+fn rule(name: &str, file: impl Fn(&Path), breaks: &[(&str, &[&str])], keeps: &[&str]) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    file(folder.path());
+    for (scene, words) in breaks {
+        let found = warnings(folder.path(), scene);
+        let text: String = found.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+        assert!(!found.is_empty() && found.iter().all(|warning| warning.rule == Some(name)), "{name}: {text}\n{scene}");
+        for word in *words {
+            assert!(text.contains(word), "{name}: no `{word}` in\n{text}\n{scene}");
+        }
+        let silenced = warnings(folder.path(), &format!("{scene}[check]\nsilence = [\"{name}\"]\n"));
+        assert_eq!(silenced, [], "{scene}");
+    }
+    for scene in keeps {
+        assert_eq!(warnings(folder.path(), scene), [], "{name}\n{scene}");
+    }
+    assert!(RULES.iter().any(|rule| rule.name == name) && !breaks.is_empty() && !keeps.is_empty());
+}
+
+fn without_file(_: &Path) {}
+
+#[test]
+fn a_scene_without_gravity_is_told_unless_it_decided_so() {
+    rule(
+        "no_gravity",
+        without_file,
+        &[(&SHEET.replace("[gravity]\n", ""), &["no_gravity: the scene has no gravity", "help: write [gravity]"])],
+        &[
+            SHEET,
+            &SHEET.replace("[gravity]\n", "[gravity]\nacceleration = [0, 0, 0]\n"),
+            &with("[effects]\nwithout = [\"gravity\"]\n"),
+        ],
+    );
+}
+
+#[test]
+fn cloth_that_may_pass_through_itself_is_told_unless_it_cannot_fold() {
+    let alone = SHEET.replace("[self_repulsion]\n[self_collision]\n", "");
+    let small = alone.replace("resolution = 12", "resolution = 4");
+    let second = small.replace("center = [5, 1, 0]", "center = [8, 1, 0]").replace("\"sheet\"", "\"scarf\"");
+    let two = format!("{small}{}", &second[second.find("[[garment]]").expect("a garment")..]);
+    rule(
+        "no_self_collision",
+        without_file,
+        &[
+            (&alone, &["garment \"sheet\": it can fold", "write [self_repulsion] and [self_collision]"]),
+            (&SHEET.replace("[self_collision]\n", ""), &["help: write [self_collision]"]),
+            (&two, &["garments \"sheet\", \"scarf\": nothing keeps them"]),
+        ],
+        &[SHEET, &small, &with("[effects]\nwithout = [\"self_collision\"]\n")],
+    );
+}
+
+#[test]
+fn an_up_axis_that_a_standing_body_or_gravity_contradicts_is_told_and_a_lying_body_is_not() {
+    let z_up = with(HERO).replace("up = \"Y\"", "up = \"Z\"");
+    let own =
+        with(&HERO.replace("[units]\nlength = \"m\"\nup = \"Y\"\n", "")) + "units = { length = \"m\", up = \"Z\" }\n";
+    let pull =
+        |acceleration: &str| SHEET.replace("[gravity]\n", &format!("[gravity]\nacceleration = {acceleration}\n"));
+    let standing = |folder: &Path| hero(folder, STANDING, 24.0, true);
+    rule(
+        "up_axis",
+        standing,
+        &[
+            (
+                &z_up,
+                &[
+                    "body \"hero\": ",
+                    "with Z up it lies on its back: it is 1.70 m high along Y",
+                    "write up = \"Y\" in [units]",
+                ],
+            ),
+            (&own, &["write up = \"Y\" in `units` of this body"]),
+            (&pull("[0, 0, -9.81]"), &["does not pull down", "write acceleration = [0, -9.81, 0]"]),
+            (&pull("[0, 9.81, 0]"), &["does not pull down"]),
+        ],
+        &[&with(HERO), &pull("[6, -7, 0]")],
+    );
+    // The same figure in a file with Z up.
+    let upright = |folder: &Path| hero(folder, [[-0.8, -0.15, 0.0], [0.8, 0.15, 1.7]], 24.0, true);
+    rule("up_axis", upright, &[(&with(HERO), &["with Y up it lies on its back", "up = \"Z\" in [units]"])], &[&z_up]);
+    let lying = [[-0.8, 0.0, 0.0], [0.8, 0.3, 1.7]];
+    let crouching = [[-0.4, 0.0, -0.5], [0.4, 0.7, 0.5]];
+    let lying_afar = [[-0.8, -0.15, 2.0], [0.8, 0.15, 3.7]];
+    for pose in [lying, crouching, lying_afar] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        hero(folder.path(), pose, 24.0, true);
+        assert_eq!(warnings(folder.path(), &with(HERO)), [], "{pose:?}");
+    }
+}
+
+#[test]
+fn a_frame_rate_other_than_that_of_the_file_is_told() {
+    let at = |fps: &str| with(HERO).replace("frames = ", &format!("fps = \"{fps}\"\nframes = "));
+    let (pal, ntsc) = (at("25"), at("23.976"));
+    let words = ["body \"hero\": ", "24 frames per second, and the shot has 25:", "write fps = \"24\" in [shot]"];
+    let states = |folder: &Path| hero(folder, STANDING, 24.0, true);
+    rule("frame_rate", states, &[(&pal, &words), (&ntsc, &["the file says 24", "24000/1001"])], &[&with(HERO)]);
+    let is_silent_about_it = |folder: &Path| hero(folder, STANDING, 24.0, false);
+    rule("frame_rate", is_silent_about_it, &[(&pal, &["the samples of the file are at 24"])], &[&with(HERO)]);
+    // Four samples to a frame, none of which the file calls frames.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    hero(folder.path(), STANDING, 96.0, false);
+    assert_eq!(warnings(folder.path(), &with(HERO).replace("2-3", "1-3")), []);
+}
+
+#[test]
+fn a_thickness_that_short_edges_lower_is_told_with_what_is_left() {
+    // Edges of 1/12 m hold at most 0.4 of that: 33.333 mm.
+    let thick = with("thickness = \"60 mm\"\n");
+    rule(
+        "thickness_lowered",
+        without_file,
+        &[(
+            &thick,
+            &[
+                "garment \"sheet\": of a thickness of 60.000 mm, ",
+                " 33.333 mm at the least",
+                "write thickness = \"33.333 mm\"",
+            ],
+        )],
+        &[
+            SHEET,
+            &thick.replace("60 mm", "33.3 mm"),
+            &thick.replace("[self_repulsion]\n", "[self_repulsion]\nthickness_clamp = 0.4\n"),
+        ],
+    );
+}
+
+#[test]
+fn friction_of_a_body_in_the_place_of_the_fabrics_is_told() {
+    let own = |friction: &str| with(&format!("{BALL}friction = {friction}\n"));
+    let plain = own("0.8").replace("material = \"cotton_shirting\"", "density = 0.15\nstretch = { stiffness = 100 }");
+    rule(
+        "body_friction",
+        without_file,
+        &[(
+            &own("0.8"),
+            &[
+                "body \"ball\": its friction 0.8 overrides that of the fabrics, 0.35 of cotton_shirting",
+                "friction = 0.35",
+            ],
+        )],
+        &[&with(BALL), &own("0.35"), &plain],
+    );
+}
+
+#[test]
+fn numbers_of_shapes_and_pins_in_the_units_of_the_files_are_told() {
+    let units = |tables: &str| with(&format!("{tables}[units]\nlength = \"cm\"\n"));
+    let ball = |radius: &str| BALL.replace("0.25", radius) + "position = [0, -30, 0]\n";
+    let near = |radius: &str| BALL.replace("0.25", radius);
+    let pin = "[[garment.pin]]\ncorners = [\"i0j0\"]\npath = [[0.0, [0, 0, 0]], [10.0, [0, 50, 0]]]\n";
+    let floor =
+        "[[body]]\nname = \"floor\"\nshape = { box = { half_extents = [20, 0.1, 20] } }\nposition = [0, -1, 0]\n";
+    let wall = "[[body]]\nname = \"ground\"\nshape = { half_space = {} }\nposition = [0, 0, -5]\n\
+                rotation = { axis = [1, 0, 0], degrees = 90 }\n";
+    let z_up = |tables: &str| units(tables) + "up = \"Z\"\n";
+    let pull =
+        |acceleration: &str| SHEET.replace("[gravity]\n", &format!("[gravity]\nacceleration = {acceleration}\n"));
+    rule(
+        "shape_units",
+        without_file,
+        &[
+            (&units(&ball("25")), &["body \"ball\": its radius is 25 m", "write radius = \"25 cm\", which is 0.25 m"]),
+            (&units(&ball("0.25")), &["body \"ball\": its position goes out to 30 m", "write position = [0, -0.3, 0]"]),
+            (&units(pin), &["garment \"sheet\", pin 0: its path goes 50 m", "up to 0.5"]),
+            (
+                &units("").replace("center = [5, 1, 0]", "side = 100, center = [5, 1, 0]"),
+                &["garment \"sheet\": it is 170 m"],
+            ),
+            (&z_up(wall), &["body \"ground\": it is a wall", "without a rotation"]),
+            (&pull("[0, -981, 0]"), &["gravity: 981 m/s² look like cm/s²", "acceleration = [0, -9.81, 0]"]),
+        ],
+        &[
+            &units(&near("0.25")),
+            &units(&near("\"25 cm\"")),
+            &units(&pin.replace("50", "0.5")),
+            &units(floor),
+            &with(&ball("25")),
+            &units(wall),
+            &z_up(&wall.replace("degrees = 90", "degrees = 20")),
+            &pull("[0, -1.62, 0]"),
+        ],
+    );
+}
+
+#[test]
+fn caches_that_no_application_opens_are_told() {
+    rule(
+        "unopened_format",
+        without_file,
+        &[(
+            &with("[output]\nformat = [\"h5\"]\n"),
+            &["\"h5\" alone, which no application opens", "format = [\"abc\", \"h5\"]"],
+        )],
+        &[SHEET, &with("[output]\nformat = [\"abc\", \"h5\"]\n")],
+    );
+}
