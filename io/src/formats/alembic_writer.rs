@@ -3,8 +3,8 @@
 //! One file a garment with one mesh at the object path of the source, under one transform a level. All of these are the
 //! identity, points being in world space in the file's unit, but for the mesh's own where positions are counted from an origin
 //! ([`CachePlan::origin`]): it moves them there. Uniform sampling: the first sample is the first delivered frame, at frame / fps.
-//! Faces, UVs, face sets and other attributes are written once; positions, velocities per second and bounds with every
-//! frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
+//! Faces, UVs, face sets and other attributes are written once; positions, velocities per second, normals of render meshes and
+//! bounds with every frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
 //! and with every frame [`CROSSINGS`] if the shot counts them. The file is committed after every frame, so it is a valid
 //! archive whenever a reader looks.
 //!
@@ -51,6 +51,7 @@ pub struct AlembicWriter {
     sampling: TimeSampling,
     first_frame: i64,
     velocities: bool,
+    normals: bool,
     crossings: bool,
     /// Read with the first frame.
     mesh: GarmentMesh,
@@ -129,6 +130,7 @@ impl AlembicWriter {
             sampling: TimeSampling::uniform(plan.timeline.file_time(plan.first_frame), plan.timeline.frame_duration())?,
             first_frame: plan.first_frame,
             velocities: plan.velocities,
+            normals: plan.normals,
             crossings: plan.crossings,
             mesh: plan.mesh.clone(),
             stage: Stage::Empty,
@@ -195,7 +197,13 @@ impl AlembicWriter {
         let mut declared = self.declare_mesh(archive)?;
         // Only what the sample has counts, not where its points are.
         let points = vec![[0.0; 3]; self.mesh.point_count()];
-        let frame = CacheFrame { frame: self.first_frame, positions: &points, velocities: &points, crossings: None };
+        let frame = CacheFrame {
+            frame: self.first_frame,
+            positions: &points,
+            velocities: &points,
+            normals: &points,
+            crossings: None,
+        };
         declared.mesh.check_continued(archive, &still.with(self.sample(&frame)))?;
         archive.add_archive_bounds(declared.sampling)?;
         self.write_attributes(archive, &mut declared, still, None)?;
@@ -279,10 +287,12 @@ impl AlembicWriter {
         Ok(())
     }
 
-    /// Positions, velocities and bounds of a frame.
+    /// Positions, velocities, normals and bounds of a frame.
     fn sample<'a>(&self, frame: &CacheFrame<'a>) -> PolyMeshSample<'a> {
+        let normals = Indexed { values: frame.normals, indices: None, scope: Scope::Vertex, source_name: None };
         PolyMeshSample {
             velocities: self.velocities.then_some(frame.velocities),
+            normals: self.normals.then_some(normals),
             bounds: Some(bounds_of(frame.positions)),
             ..PolyMeshSample::of(frame.positions)
         }

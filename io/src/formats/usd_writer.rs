@@ -18,7 +18,7 @@ use drapery_alembic::murmur3_x64_128;
 use drapery_core::mesh::MeshStream;
 use drapery_usd::cache::{Cache, CacheError};
 use drapery_usd::write::{
-    CacheLayer, GarmentReference, MeshPath, Moving, ShotLayer, StillMesh, Units as LayerUnits, WriteError, cache_layer,
+    CacheLayer, GarmentReference, Members, MeshPath, Moving, ShotLayer, StillMesh, Units as LayerUnits, WriteError, cache_layer,
     clip, clip_manifest, shot_layer, topology,
 };
 
@@ -47,6 +47,7 @@ pub(crate) struct UsdWriter {
     properties: Vec<(&'static str, String)>,
     first_frame: i64,
     velocities: bool,
+    normals: bool,
     crossings: bool,
     stage: Stage,
     mark: CacheMark,
@@ -97,6 +98,7 @@ impl UsdWriter {
             properties,
             first_frame: plan.first_frame,
             velocities: plan.velocities,
+            normals: plan.normals,
             crossings: plan.crossings,
             stage: Stage::Empty,
             mark: CacheMark::none(path),
@@ -184,6 +186,7 @@ impl UsdWriter {
             face_counts: signed(data.mesh.face_counts),
             face_indices: signed(data.mesh.face_indices),
             velocities: self.velocities,
+            normals: self.normals,
             crossings: self.crossings,
         };
         topology(self.units, still).map_err(|e| self.refused(&e))
@@ -201,7 +204,8 @@ impl UsdWriter {
         let folder = self.folder_of(&still);
         fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
         self.write_file(&folder.join(CacheLayer::TOPOLOGY), &still)?;
-        let manifest = clip_manifest(self.units, &self.mesh_path, self.velocities, self.crossings);
+        let members = Members { velocities: self.velocities, normals: self.normals, crossings: self.crossings };
+        let manifest = clip_manifest(self.units, &self.mesh_path, members);
         self.write_file(&folder.join(CacheLayer::MANIFEST), manifest.as_bytes())?;
         Ok(folder)
     }
@@ -212,6 +216,7 @@ impl UsdWriter {
             frame: frame.frame,
             points: frame.positions,
             velocities: self.velocities.then_some(frame.velocities),
+            normals: self.normals.then_some(frame.normals),
             crossings: self.crossings.then(|| frame.crossings.unwrap_or(0)),
         };
         let bytes = clip(self.units, &self.mesh_path, &moving).map_err(|e| self.refused(&e))?;

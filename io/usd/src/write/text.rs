@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::Units;
-use super::mesh::{CROSSINGS, EXTENT, POINTS, VELOCITIES};
+use super::mesh::{CROSSINGS, EXTENT, Members, NORMALS, POINTS, VELOCITIES};
 use super::names::{Distinct, MeshPath};
 
 /// The layer of a garment's cache.
@@ -95,7 +95,7 @@ pub fn cache_layer(cache: &CacheLayer<'_>) -> String {
 }
 
 /// What the clips of a cache hold, without values.
-pub fn clip_manifest(units: Units, path: &MeshPath, velocities: bool, crossings: bool) -> String {
+pub fn clip_manifest(units: Units, path: &MeshPath, members: Members) -> String {
     let mut text = String::from("#usda 1.0\n(\n");
     write_header(&mut text, units, path.root(), ("What the clips of this cache hold.", None));
     text.push_str(")\n\n");
@@ -103,11 +103,12 @@ pub fn clip_manifest(units: Units, path: &MeshPath, velocities: bool, crossings:
     for (level, prim) in path.prims().iter().enumerate() {
         let _ = write!(text, "{0}over \"{prim}\"\n{0}{{\n", indent(level));
     }
-    let velocities = velocities.then_some((VELOCITIES, ""));
-    let crossings = crossings.then_some((CROSSINGS, "custom "));
+    let velocities = members.velocities.then_some((VELOCITIES, ""));
+    let normals = members.normals.then_some((NORMALS, ""));
+    let crossings = members.crossings.then_some((CROSSINGS, "custom "));
+    let held = [Some((POINTS, "")), velocities, normals, Some((EXTENT, "")), crossings];
     let levels = path.prims().len();
-    for ((name, kind), custom) in [Some((POINTS, "")), velocities, Some((EXTENT, "")), crossings].into_iter().flatten()
-    {
+    for ((name, kind), custom) in held.into_iter().flatten() {
         let _ = writeln!(text, "{}{custom}{kind} {name}", indent(levels));
     }
     for level in (0..levels).rev() {
