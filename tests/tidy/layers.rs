@@ -46,7 +46,7 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 23] = [
+const IO_ROOMS: [&str; 24] = [
     "error",
     "input_file",
     "atomic_file",
@@ -55,6 +55,7 @@ const IO_ROOMS: [&str; 23] = [
     "duration",
     "sha256",
     "mesh_data",
+    "normals",
     "garment_mesh",
     "cache",
     "file_summary",
@@ -73,7 +74,7 @@ const IO_ROOMS: [&str; 23] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 15] = [
+const SHOT_ROOMS: [&str; 16] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -82,6 +83,7 @@ const SHOT_ROOMS: [&str; 15] = [
     "farm",
     "error",
     "remote_simulation",
+    "render_mesh",
     "check",
     "inputs",
     "long_frames",

@@ -35,6 +35,7 @@ mod presets;
 mod random;
 mod ranges;
 mod raw;
+mod render_mesh;
 mod resolve;
 mod resolved;
 mod schema;

@@ -309,11 +309,11 @@ impl<'a> Run<'a> {
     ) -> Result<(), ShotError> {
         self.lock.check()?;
         let mut spent = std::mem::take(&mut self.totals.partial).spent;
-        let Shot { about, remote_simulation, .. } = &mut self.shot;
+        let Shot { about, remote_simulation, render_meshes, .. } = &mut self.shot;
         let is_preroll = frame < about.timeline.origin;
         let digests = match is_preroll {
             true => FrameDigests::new(),
-            false => self.output.write_frame(frame, remote_simulation, &mut spent)?,
+            false => self.output.write_frame(frame, (remote_simulation, render_meshes), &mut spent)?,
         };
         let taken = spent.stages().iter().fold(0.0, |sum, stage| sum + stage.seconds);
         let totals = &mut self.totals;
