@@ -380,9 +380,8 @@ fn stored_in_alembic(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) ->
 /// Normals, where the archive has one of single precision for each point as the caches of this program do.
 fn normals_at_points(mesh: &PolyMesh, sample: usize, points: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
     let kind = DataType::new(PodType::F32, 3);
-    let is_ours = |normals: &GeomParam| {
-        normals.scope() == Scope::Vertex && !normals.is_indexed() && normals.data_type() == kind
-    };
+    let is_ours =
+        |normals: &GeomParam| normals.scope() == Scope::Vertex && !normals.is_indexed() && normals.data_type() == kind;
     let Some(normals) = mesh.normals().filter(is_ours).filter(|normals| sample < normals.sample_count()) else {
         return Ok(None);
     };

@@ -55,7 +55,9 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
         let velocities = vec![Vec3::new(0.0, 0.0, 0.5); positions.len()];
         let crossings = Some(if frame == 1002 { 5 } else { 0 });
         let [positions, velocities] = [positions, velocities].map(|vectors| plan.units.stored_all(&vectors));
-        writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, normals: &[], crossings }).unwrap();
+        writer
+            .write(&CacheFrame { frame, positions: &positions, velocities: &velocities, normals: &[], crossings })
+            .unwrap();
         // Valid after every frame.
         let mesh = PolyMesh::open(&Archive::open(&path).unwrap(), "/garments/skirt/skirtShape").unwrap();
         assert_eq!(mesh.sample_count() as i64, frame - 1000);

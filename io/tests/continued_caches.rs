@@ -104,7 +104,9 @@ impl Garment {
         let crossings = Some(if frame == 1002 { 5 } else { take as u32 });
         let units = self.plan().units;
         let [positions, velocities] = [positions, velocities].map(|vectors| units.stored_all(&vectors));
-        writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, normals: &[], crossings }).unwrap();
+        writer
+            .write(&CacheFrame { frame, positions: &positions, velocities: &velocities, normals: &[], crossings })
+            .unwrap();
     }
 
     fn write_all(&self, writer: &mut dyn CacheWriter, frames: impl Iterator<Item = i64>) {

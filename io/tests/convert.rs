@@ -55,7 +55,9 @@ fn write(folder: &Path, extension: &str, origin: Vec3) -> PathBuf {
         let positions: Vec<[f32; 3]> = positions.iter().map(|p| plan.units.stored_from(origin, *p)).collect();
         let velocities = plan.units.stored_all(&vec![Vec3::new(0.1, 0.2, by); positions.len()]);
         let crossings = Some(frame as u32);
-        writer.write(&CacheFrame { frame, positions: &positions, velocities: &velocities, normals: &[], crossings }).unwrap();
+        writer
+            .write(&CacheFrame { frame, positions: &positions, velocities: &velocities, normals: &[], crossings })
+            .unwrap();
     }
     writer.finish().unwrap();
     path

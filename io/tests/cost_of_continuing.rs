@@ -59,7 +59,8 @@ fn continuing_a_thousand_frames_of_a_hundred_thousand_points_takes_seconds() {
             let positions: Vec<Vec3> = mesh.mesh.points.iter().map(|p| p + Vec3::z() * frame as f64).collect();
             let [positions, velocities] = [&positions, &mesh.mesh.points].map(|vectors| plan.units.stored_all(vectors));
             let now = Instant::now();
-            let frame = CacheFrame { frame, positions: &positions, velocities: &velocities, normals: &[], crossings: Some(0) };
+            let frame =
+                CacheFrame { frame, positions: &positions, velocities: &velocities, normals: &[], crossings: Some(0) };
             writer.write(&frame).unwrap();
             last = now.elapsed().as_secs_f64();
             marks.push(writer.mark());

@@ -95,7 +95,12 @@ impl Parts {
     }
 
     /// Two layers joined along both hems; `heights` \[m\] of the inner and the outer one over the cloth at the share `s`.
-    fn shell(&mut self, cells: [usize; 2], (name, hems): (&'static str, &'static str), at: impl Fn(f64, f64, usize) -> Vec3) {
+    fn shell(
+        &mut self,
+        cells: [usize; 2],
+        (name, hems): (&'static str, &'static str),
+        at: impl Fn(f64, f64, usize) -> Vec3,
+    ) {
         let [inner, outer] = [0, 1].map(|layer| self.layer(cells, |u, s| at(u, s, layer)));
         self.set(name);
         self.layer_faces(outer, cells, true);
@@ -106,7 +111,11 @@ impl Parts {
             for column in 0..around {
                 let next = (column + 1) % around;
                 let [a, b] = [column, next].map(|column| row * around + column);
-                let corners = if is_neck { [inner + a, inner + b, outer + b, outer + a] } else { [outer + a, outer + b, inner + b, inner + a] };
+                let corners = if is_neck {
+                    [inner + a, inner + b, outer + b, outer + a]
+                } else {
+                    [outer + a, outer + b, inner + b, inner + a]
+                };
                 let v = row as f64 / down as f64;
                 let [left, right] = [column, column + 1].map(|column| column as f64 / around as f64);
                 self.face(corners.to_vec(), vec![[left, v], [right, v], [right, v], [left, v]]);
@@ -134,7 +143,10 @@ impl Parts {
         self.face(lower.iter().rev().copied().collect(), (0..BUTTON_CORNERS).map(uv).collect());
         for corner in 0..BUTTON_CORNERS {
             let next = (corner + 1) % BUTTON_CORNERS;
-            self.face(vec![lower[corner], lower[next], upper[next], upper[corner]], [corner, next, next, corner].map(uv).to_vec());
+            self.face(
+                vec![lower[corner], lower[next], upper[next], upper[corner]],
+                [corner, next, next, corner].map(uv).to_vec(),
+            );
         }
     }
 

@@ -89,7 +89,8 @@ fn suspicious(described: &RenderMeshDescription, mesh: &PolygonMesh, binding: &S
     let limit = described.max_distance;
     let distances = judged_distances(described, binding);
     let far = distances.iter().filter(|distance| **distance > limit).count();
-    if let Some((worst, distance)) = distances.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).filter(|_| far > 0) {
+    if let Some((worst, distance)) = distances.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).filter(|_| far > 0)
+    {
         found.push(format!(
             "{far} of {} points are farther than {} from the cloth at rest, which they follow loosely; the farthest is point \
              {worst}, {} away: model the mesh at the rest shape, see whether its units are right, or raise max_distance",

@@ -131,6 +131,8 @@ fn write_abc(mesh: &dyn MeshStream, path: &Path) {
     };
     let create = formats::by_extension("abc").and_then(|format| format.create).expect("Alembic is written");
     let mut writer = create(path, &plan).expect("a cache");
-    writer.write(&CacheFrame { frame: 1, positions: &positions, velocities: &[], normals: &[], crossings: None }).expect("a frame");
+    writer
+        .write(&CacheFrame { frame: 1, positions: &positions, velocities: &[], normals: &[], crossings: None })
+        .expect("a frame");
     writer.finish().expect("a file");
 }

@@ -18,12 +18,12 @@ use drapery_alembic::murmur3_x64_128;
 use drapery_core::mesh::MeshStream;
 use drapery_usd::cache::{Cache, CacheError};
 use drapery_usd::write::{
-    CacheLayer, GarmentReference, Members, MeshPath, Moving, ShotLayer, StillMesh, Units as LayerUnits, WriteError, cache_layer,
-    clip, clip_manifest, shot_layer, topology,
+    CacheLayer, GarmentReference, Members, MeshPath, Moving, ShotLayer, StillMesh, Units as LayerUnits, WriteError,
+    cache_layer, clip, clip_manifest, shot_layer, topology,
 };
 
 use super::continuing::{cannot_continue, hexadecimal, marked_frames, sync_name, too_short};
-use super::{ShotFiles, remove_folder};
+use super::{Part, ShotFiles, remove_folder};
 use crate::atomic_file::unfinished;
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
@@ -341,7 +341,15 @@ pub(super) fn write_shot(path: &Path, shot: &ShotFiles<'_>) -> Result<(), IoErro
     let garments: Vec<GarmentReference> = shot
         .caches
         .iter()
-        .map(|(garment, file)| GarmentReference { name: (*garment).to_owned(), file: file.clone() })
+        .map(|cache| GarmentReference {
+            name: cache.name.to_owned(),
+            file: cache.file.clone(),
+            purpose: match cache.part {
+                Part::Alone => None,
+                Part::Followed => Some("proxy"),
+                Part::RenderMesh => Some("render"),
+            },
+        })
         .collect();
     let text = shot_layer(&ShotLayer {
         units: layer_units(shot.units, shot.fps),

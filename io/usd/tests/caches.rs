@@ -50,10 +50,15 @@ fn write(folder: &Path) -> (PathBuf, PathBuf) {
     let clips = folder.join("skirt.clips/0");
     fs::create_dir_all(&clips).unwrap();
     fs::write(clips.join(CacheLayer::TOPOLOGY), topology(UNITS, still(&path)).unwrap()).unwrap();
-    fs::write(clips.join(CacheLayer::MANIFEST), clip_manifest(UNITS, &path, Members { velocities: true, normals: true, crossings: true })).unwrap();
+    fs::write(
+        clips.join(CacheLayer::MANIFEST),
+        clip_manifest(UNITS, &path, Members { velocities: true, normals: true, crossings: true }),
+    )
+    .unwrap();
     for frame in [-1, 0] {
         let points = points(frame);
-        let moving = Moving { frame, points: &points, velocities: Some(&points), normals: Some(&points), crossings: Some(3) };
+        let moving =
+            Moving { frame, points: &points, velocities: Some(&points), normals: Some(&points), crossings: Some(3) };
         fs::write(clips.join(CacheLayer::clip(frame)), clip(UNITS, &path, &moving).unwrap()).unwrap();
     }
     let layer = CacheLayer {

@@ -12,7 +12,7 @@ use drapery_io::atomic_file;
 use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use drapery_io::checkpoint::Head;
 use drapery_io::error::IoError;
-use drapery_io::formats::{self, CreateCache, ResumeCache, ShotFiles};
+use drapery_io::formats::{self, CreateCache, Part, ResumeCache, ShotCache, ShotFiles};
 use drapery_io::units::Units;
 use serde_json::{Value, json};
 
@@ -302,13 +302,20 @@ impl Output {
                 remove(&layer.path)?;
                 continue;
             };
-            let names = self.manifest.garments.iter().map(|garment| garment.name.as_str());
+            let all = &self.manifest.garments;
+            let part = |one: &ManifestGarment| match one.render_mesh_of {
+                Some(_) => Part::RenderMesh,
+                None if all.iter().any(|other| other.render_mesh_of.as_ref() == Some(&one.name)) => Part::Followed,
+                None => Part::Alone,
+            };
+            let caches = all.iter().zip(layer.files.iter().cloned());
+            let caches = caches.map(|(one, file)| ShotCache { name: &one.name, file, part: part(one) });
             let files = ShotFiles {
                 name: &self.manifest.shot,
                 units: self.units,
                 fps: self.fps,
                 frames: [self.manifest.first_frame, last],
-                caches: names.zip(layer.files.iter().cloned()).collect(),
+                caches: caches.collect(),
             };
             (layer.write)(&layer.path, &files)?;
         }

@@ -38,7 +38,8 @@ impl SurfaceBinding {
         if a.triangle == b.triangle || self.frames.neighbours(a.triangle).any(|t| t == b.triangle) {
             return false;
         }
-        let [from, to] = [a, b].map(|end| blended(&self.rest, self.frames.triangles[end.triangle as usize], end.weights));
+        let [from, to] =
+            [a, b].map(|end| blended(&self.rest, self.frames.triangles[end.triangle as usize], end.weights));
         let length = (points[edge[0] as usize] - points[edge[1] as usize]).norm();
         let same_side = self.frames.rest_normal(a.triangle).dot(&self.frames.rest_normal(b.triangle)) > 0.0;
         if same_side && (from - to).norm() <= APART * length {

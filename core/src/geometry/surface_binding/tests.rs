@@ -9,9 +9,8 @@ fn sheet([nx, nz]: [u32; 2], cell: f64) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let point = |i: u32, j: u32| Vec3::new(f64::from(i), 0.0, f64::from(j)) * cell;
     let points = (0..=nx).flat_map(|i| (0..=nz).map(move |j| point(i, j))).collect();
     let cells = (0..nx).flat_map(|i| (0..nz).map(move |j| (i, j)));
-    let halves = |(i, j): (u32, u32)| {
-        [[id(i, j), id(i, j + 1), id(i + 1, j)], [id(i + 1, j), id(i, j + 1), id(i + 1, j + 1)]]
-    };
+    let halves =
+        |(i, j): (u32, u32)| [[id(i, j), id(i, j + 1), id(i + 1, j)], [id(i + 1, j), id(i, j + 1), id(i + 1, j + 1)]];
     (points, cells.flat_map(halves).collect())
 }
 
@@ -127,10 +126,8 @@ fn velocities_are_the_rate_of_the_positions() {
     let rigid = [(0..30).collect::<Vec<u32>>()];
     let binding = SurfaceBinding::new(rest.clone(), triangles, &points, &rigid).unwrap();
     let mut random = SplitMix64::new(5);
-    let x: Vec<Vec3> = rest
-        .iter()
-        .map(|p| turn() * (p + Vec3::y() * 0.05 * (20.0 * p.x).sin() + random.vector() * 0.01))
-        .collect();
+    let x: Vec<Vec3> =
+        rest.iter().map(|p| turn() * (p + Vec3::y() * 0.05 * (20.0 * p.x).sin() + random.vector() * 0.01)).collect();
     let v: Vec<Vec3> = x.iter().map(|_| random.vector()).collect();
     let after = |time: f64| binding.positions(&x.iter().zip(&v).map(|(x, v)| x + v * time).collect::<Vec<_>>());
     let time = 1e-6;
@@ -170,10 +167,15 @@ fn points_that_are_bound_to_two_layers_are_found() {
         *p = if cells > 15.0 { Vec3::new((31.0 - cells) * cell, cell, p.z) } else { *p };
     }
     let at = |x: f64, y: f64| Vec3::new(x, y, 0.012);
-    let points = [at(0.02, 0.004), at(0.0203, 0.006), at(0.0203, 0.004), at(0.12, 0.004), at(0.15, 0.002), at(0.15, 0.008)];
+    let points =
+        [at(0.02, 0.004), at(0.0203, 0.006), at(0.0203, 0.004), at(0.12, 0.004), at(0.15, 0.002), at(0.15, 0.008)];
     let binding = SurfaceBinding::new(rest, triangles, &points, &[]).unwrap();
     let edges = [[0, 1], [0, 2], [0, 3], [4, 5]];
-    assert_eq!(binding.torn(&points, edges.into_iter()), [[0, 1]], "only one leads from layer to layer far from the hem");
+    assert_eq!(
+        binding.torn(&points, edges.into_iter()),
+        [[0, 1]],
+        "only one leads from layer to layer far from the hem"
+    );
 }
 
 #[test]

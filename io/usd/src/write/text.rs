@@ -43,6 +43,8 @@ pub struct GarmentReference {
     pub name: String,
     /// Its cache, relative to the shot's layer.
     pub file: String,
+    /// What it is for, if it is not for everything: `render` or `proxy`.
+    pub purpose: Option<&'static str>,
 }
 
 /// Name of a frame's clip in the folder of a cache.
@@ -136,9 +138,11 @@ pub fn shot_layer(shot: &ShotLayer<'_>) -> String {
         let display = if display.is_empty() { display } else { format!("        {display}") };
         let file = asset(&format!("./{}", garment.file));
         let space = if index == 0 { "" } else { "\n" };
+        let purpose = garment.purpose.map(|purpose| format!("        uniform token purpose = \"{purpose}\"\n"));
+        let purpose = purpose.unwrap_or_default();
         let _ = write!(
             text,
-            "{space}    def \"{identifier}\" (\n{display}        kind = \"component\"\n        prepend references = {file}\n    )\n    {{\n    }}\n",
+            "{space}    def \"{identifier}\" (\n{display}        kind = \"component\"\n        prepend references = {file}\n    )\n    {{\n{purpose}    }}\n",
         );
     }
     text.push_str("}\n");
@@ -210,7 +214,8 @@ mod tests {
 
     #[test]
     fn a_shot_references_its_garments_under_names_that_differ() {
-        let garments = ["a b", "a-b"].map(|name| GarmentReference { name: name.into(), file: format!("{name}.usd") });
+        let of = |name: &str, purpose| GarmentReference { name: name.into(), file: format!("{name}.usd"), purpose };
+        let garments = [of("a b", None), of("a-b", Some("render"))];
         let text = shot_layer(&ShotLayer { units: units(), shot: "sq 10", garments: &garments, frames: [1001, 1010] });
         for line in [
             "defaultPrim = \"sq_10\"",
@@ -218,6 +223,7 @@ mod tests {
             "def \"a_b\" (",
             "def \"a_b_2\" (",
             "references = @./a-b.usd@",
+            "uniform token purpose = \"render\"",
             "timeCodesPerSecond = 23.976023976023978",
             "metersPerUnit = 0.01",
             "endTimeCode = 1010",
