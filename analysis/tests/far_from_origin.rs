@@ -197,13 +197,23 @@ fn plan(mesh: &GarmentMesh, origin: Vec3) -> CachePlan<'_> {
         first_frame: 1,
         last_frame: 3,
         velocities: false,
+        normals: false,
         crossings: false,
     }
 }
 
 fn write_frame(writer: &mut dyn CacheWriter, frame: i64) {
     let positions = [[0.1, 0.0, -0.0], [1.0, frame as f32, 0.0], [0.0, 0.3, 2.0]];
-    writer.write(&CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &[], crossings: None }).unwrap();
+    writer
+        .write(&CacheFrame {
+            frame,
+            sub_frame: 0,
+            positions: &positions,
+            velocities: &[],
+            normals: &[],
+            crossings: None,
+        })
+        .unwrap();
 }
 
 #[test]

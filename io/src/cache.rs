@@ -31,6 +31,8 @@ pub struct CachePlan<'a> {
     pub last_frame: i64,
     /// Whether velocities are stored.
     pub velocities: bool,
+    /// Whether frames come with normals, one for each point.
+    pub normals: bool,
     /// Whether frames come with their number of crossings.
     pub crossings: bool,
     /// Where there are samples between a frame and the next, as fractions of a frame, ascending, between 0 and 1.
@@ -90,6 +92,8 @@ pub struct CacheFrame<'a> {
     pub positions: &'a [[f32; 3]],
     /// Velocities per second; empty when none are stored.
     pub velocities: &'a [[f32; 3]],
+    /// Normals at the points ([`crate::normals`]); empty when none are stored.
+    pub normals: &'a [[f32; 3]],
     /// How many edges of cloth pass through triangles of cloth in the positions as they are stored, in all garments of
     /// the shot; given with every sample or never, as planned.
     pub crossings: Option<u32>,

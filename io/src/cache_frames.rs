@@ -9,7 +9,9 @@ pub(crate) mod usd;
 
 use std::path::{Path, PathBuf};
 
-use drapery_alembic::{Archive, Bounds, IDENTITY, PolyMesh, Samples, SamplingKind};
+use drapery_alembic::{
+    Archive, Bounds, DataType, GeomParam, IDENTITY, PodType, PolyMesh, Samples, SamplingKind, Scope,
+};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::escape;
@@ -68,6 +70,8 @@ pub struct StoredFrame {
     pub positions: Vec<[f32; 3]>,
     /// Velocities, if there are any.
     pub velocities: Option<Vec<[f32; 3]>>,
+    /// Normals at the points, if there are any.
+    pub normals: Option<Vec<[f32; 3]>>,
     /// Number of crossings, if the cache counts them.
     pub crossings: Option<u32>,
     /// Whether the bounds that are stored, if any, are those of the positions to the last bit.
@@ -203,9 +207,10 @@ impl CacheFrames {
             Stored::Hdf5(file, _) => {
                 let has = |name: &str| file.link_exists(name);
                 let velocities = has("velocities").then(|| self.rows(file, "velocities", sample)).transpose()?;
+                let normals = has("normals").then(|| self.rows(file, "normals", sample)).transpose()?;
                 let crossings = has(CROSSINGS).then(|| self.number(file, CROSSINGS, sample)).transpose()?;
                 let positions = self.rows(file, "positions", sample)?;
-                Ok(StoredFrame { positions, velocities, crossings, has_bounds_of_points: true })
+                Ok(StoredFrame { positions, velocities, normals, crossings, has_bounds_of_points: true })
             }
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => usd::stored_frame(cache, sample),
@@ -376,9 +381,21 @@ fn stored_in_alembic(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) ->
     Ok(StoredFrame {
         has_bounds_of_points: same(mesh.bounds(sample)?, bounds) && same(of_file, in_world),
         velocities: mesh.velocities(sample)?,
+        normals: normals_at_points(mesh, sample, positions.len())?,
         crossings: crossings.and_then(|values| values.first().copied()),
         positions,
     })
+}
+
+/// Normals, where the archive has one of single precision for each point as the caches of this program do.
+fn normals_at_points(mesh: &PolyMesh, sample: usize, points: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
+    let kind = DataType::new(PodType::F32, 3);
+    let is_ours =
+        |normals: &GeomParam| normals.scope() == Scope::Vertex && !normals.is_indexed() && normals.data_type() == kind;
+    let Some(normals) = mesh.normals().filter(is_ours).filter(|normals| sample < normals.sample_count()) else {
+        return Ok(None);
+    };
+    Ok(Some(normals.samples().elements::<f32, 3>(sample)?).filter(|all| all.len() == points))
 }
 
 /// Units by their words; metres with Y up where a file does not say.

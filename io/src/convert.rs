@@ -15,6 +15,7 @@ use crate::error::IoError;
 use crate::formats::{self, CreateCache, ResumeCache, folder_of, remove_folder};
 use crate::garment_mesh::GarmentMesh;
 use crate::mesh_data::MeshData;
+use crate::normals;
 use crate::units::{LengthUnit, Units, UpAxis};
 
 /// Frame rates with a numerator that is a multiple of this over [`NTSC`] are those of television.
@@ -90,6 +91,7 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
         first_frame: first,
         last_frame: last,
         velocities: sample.velocities.is_some(),
+        normals: sample.normals.is_some(),
         crossings: sample.crossings.is_some(),
     };
     drop(sample);
@@ -247,16 +249,18 @@ impl Work<'_> {
                 (crossings, true) => crossings,
                 (_, false) => None,
             };
-            writer.write(&CacheFrame {
-                frame,
-                sub_frame: 0,
-                positions: &positions,
-                velocities: &velocities,
-                crossings,
-            })?;
+            let normals = if plan.normals { self.normals(&positions) } else { Vec::new() };
+            let (positions, velocities, normals) = (&positions[..], &velocities[..], &normals[..]);
+            writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities, normals, crossings })?;
             wrote(frame);
         }
         Ok(())
+    }
+
+    /// Normals that belong to positions as the new file stores them.
+    fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let faces = &self.source.meshes()[self.mesh].faces;
+        normals::at_points(&faces.face_counts, &faces.face_indices, positions)
     }
 
     /// Whether numbers stay what they are.

@@ -171,10 +171,14 @@ impl Seen {
     }
 }
 
+/// The triangles that are simulated.
+pub fn triangles_of(data: &MeshData) -> Vec<[u32; 3]> {
+    data.triangles.clone().unwrap_or_else(|| simulated_triangles(&data.mesh))
+}
+
 /// The triangles that are simulated, where they are not just the faces.
 pub(crate) fn told(data: &MeshData) -> Option<Vec<[u32; 3]>> {
-    let mesh = &data.mesh;
-    let triangles = data.triangles.clone().unwrap_or_else(|| simulated_triangles(mesh));
+    let (mesh, triangles) = (&data.mesh, triangles_of(data));
     let are_faces = mesh.face_counts.len() == triangles.len() && mesh.face_counts.iter().all(|count| *count == 3);
     (!are_faces).then_some(triangles)
 }

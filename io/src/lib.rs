@@ -20,6 +20,7 @@ pub mod materials;
 pub mod memory;
 pub mod mesh_data;
 pub mod mesh_source;
+pub mod normals;
 pub mod rules;
 pub mod scene_file;
 pub mod sha256;

@@ -13,6 +13,26 @@ use crate::wind_file::WindFile;
 /// Frame numbers that there can be: far more than any shot has, and far from where sums of them would overflow.
 pub const FRAMES: RangeInclusive<i64> = -1_000_000_000..=1_000_000_000;
 
+/// What the name of a garment's render mesh has behind that of the garment.
+pub const RENDER: &str = "_render";
+
+/// A mesh that is rendered in the place of a garment.
+#[derive(Debug)]
+pub struct RenderMeshDescription {
+    /// The garment that it follows.
+    pub garment: usize,
+    /// Its name, by which its caches are called.
+    pub name: String,
+    /// The file that it comes from.
+    pub file: PathBuf,
+    /// The mesh at the rest shape of the garment, with everything to hand through.
+    pub mesh: GarmentMesh,
+    /// Distance from the cloth at rest above which points are warned of [m].
+    pub max_distance: f64,
+    /// Points of the parts that do not bend, part by part; no point is in two of them.
+    pub rigid: Vec<Vec<u32>>,
+}
+
 /// A scene with its files opened: everything that a run needs.
 #[derive(Debug)]
 pub struct ShotDescription {
@@ -32,6 +52,8 @@ pub struct ShotDescription {
     pub wind: Option<WindFile>,
     /// For each garment of the scene its mesh as it comes from its file, with everything to hand through.
     pub garments: Vec<GarmentMesh>,
+    /// Meshes that are rendered in the place of garments.
+    pub render_meshes: Vec<RenderMeshDescription>,
     /// First and last frame of the shot.
     pub frames: [i64; 2],
     /// Frames before the first one.

@@ -45,6 +45,7 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
         first_frame: 1001,
         last_frame: 1010,
         velocities: true,
+        normals: false,
         crossings: true,
     };
     let path = folder.join(name);
@@ -56,7 +57,14 @@ fn write(folder: &Path, name: &str, frames: i64, finish: bool) -> PathBuf {
         let crossings = Some(if frame == 1002 { 5 } else { 0 });
         let [positions, velocities] = [positions, velocities].map(|vectors| plan.units.stored_all(&vectors));
         writer
-            .write(&CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &velocities, crossings })
+            .write(&CacheFrame {
+                frame,
+                sub_frame: 0,
+                positions: &positions,
+                velocities: &velocities,
+                normals: &[],
+                crossings,
+            })
             .unwrap();
         // Valid after every frame.
         let mesh = PolyMesh::open(&Archive::open(&path).unwrap(), "/garments/skirt/skirtShape").unwrap();

@@ -63,6 +63,7 @@ impl Garment {
             first_frame: FIRST,
             last_frame: LAST,
             velocities: true,
+            normals: false,
             crossings: true,
         }
     }
@@ -105,7 +106,14 @@ impl Garment {
         let units = self.plan().units;
         let [positions, velocities] = [positions, velocities].map(|vectors| units.stored_all(&vectors));
         writer
-            .write(&CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &velocities, crossings })
+            .write(&CacheFrame {
+                frame,
+                sub_frame: 0,
+                positions: &positions,
+                velocities: &velocities,
+                normals: &[],
+                crossings,
+            })
             .unwrap();
     }
 

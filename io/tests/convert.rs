@@ -43,6 +43,7 @@ fn write(folder: &Path, extension: &str, origin: Vec3) -> PathBuf {
         first_frame: 1001,
         last_frame: 1004,
         velocities: true,
+        normals: false,
         crossings: true,
     };
     let path = folder.join(format!("skirt.{extension}"));
@@ -56,7 +57,14 @@ fn write(folder: &Path, extension: &str, origin: Vec3) -> PathBuf {
         let velocities = plan.units.stored_all(&vec![Vec3::new(0.1, 0.2, by); positions.len()]);
         let crossings = Some(frame as u32);
         writer
-            .write(&CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &velocities, crossings })
+            .write(&CacheFrame {
+                frame,
+                sub_frame: 0,
+                positions: &positions,
+                velocities: &velocities,
+                normals: &[],
+                crossings,
+            })
             .unwrap();
     }
     writer.finish().unwrap();

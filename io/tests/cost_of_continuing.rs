@@ -45,6 +45,7 @@ fn continuing_a_thousand_frames_of_a_hundred_thousand_points_takes_seconds() {
         first_frame: 1,
         last_frame: FRAMES,
         velocities: true,
+        normals: false,
         crossings: true,
     };
     for extension in ["abc", "h5"] {
@@ -59,8 +60,14 @@ fn continuing_a_thousand_frames_of_a_hundred_thousand_points_takes_seconds() {
             let positions: Vec<Vec3> = mesh.mesh.points.iter().map(|p| p + Vec3::z() * frame as f64).collect();
             let [positions, velocities] = [&positions, &mesh.mesh.points].map(|vectors| plan.units.stored_all(vectors));
             let now = Instant::now();
-            let frame =
-                CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &velocities, crossings: Some(0) };
+            let frame = CacheFrame {
+                frame,
+                sub_frame: 0,
+                positions: &positions,
+                velocities: &velocities,
+                normals: &[],
+                crossings: Some(0),
+            };
             writer.write(&frame).unwrap();
             last = now.elapsed().as_secs_f64();
             marks.push(writer.mark());

@@ -7,6 +7,7 @@ use drapery_alembic::{
     TimeSampling, Topology, XformWriter, write_face_set,
 };
 
+use crate::coat::{coat, coat_render};
 use crate::garments::{Garment, Skirt, skirt, trousers, tshirt};
 use crate::mannequin::Mannequin;
 use crate::motion::Root;
@@ -136,6 +137,49 @@ impl Wardrobe {
     }
 }
 
+/// A folder that files are written into; each gets its name once it is complete.
+struct Folder<'a> {
+    path: &'a Path,
+    written: Vec<Written>,
+}
+
+impl<'a> Folder<'a> {
+    /// The folder, which is created.
+    fn create(path: &'a Path) -> Result<Self, ExportError> {
+        std::fs::create_dir_all(path).map_err(|source| ExportError::File { path: path.to_owned(), source })?;
+        Ok(Self { path, written: Vec::new() })
+    }
+
+    /// Adds a file.
+    fn add(
+        &mut self,
+        name: String,
+        content: String,
+        write: &dyn Fn(&Path) -> Result<(), ExportError>,
+    ) -> Result<(), ExportError> {
+        let path = self.path.join(&name);
+        let partial = self.path.join(name + ".partial");
+        write(&partial)?;
+        std::fs::rename(&partial, &path).map_err(|source| ExportError::File { path: path.clone(), source })?;
+        self.written.push(Written { path, content });
+        Ok(())
+    }
+}
+
+/// Writes the coat into `folder`, which is created: `coat.abc`, the cloth that is simulated, and `coat_render.abc`, what is rendered
+/// in its place. A file gets its name once it is complete.
+///
+/// # Errors
+/// The first file that cannot be written.
+pub fn write_coat(folder: &Path) -> Result<Vec<Written>, ExportError> {
+    let mut files = Folder::create(folder)?;
+    for garment in [coat(), coat_render()] {
+        let write = |path: &Path| write_garment(&garment, &Order::default(), path);
+        files.add(format!("{}.abc", garment.name), mesh_summary(&garment.mesh), &write)?;
+    }
+    Ok(files.written)
+}
+
 /// Makes the assets and writes them into `folder`, which is created: `body.abc`, and for each garment `.abc`, `.obj`
 /// and, if it has a waist ring, `_pins.json`. The same order gives the same bytes. A file gets its name once it is
 /// complete.
@@ -144,30 +188,21 @@ impl Wardrobe {
 /// An order out of range, or the first file that cannot be written.
 pub fn write_mannequin(order: &Order, folder: &Path) -> Result<Vec<Written>, ExportError> {
     let Wardrobe { mannequin, garments } = Wardrobe::make(order)?;
-    std::fs::create_dir_all(folder).map_err(|source| ExportError::File { path: folder.to_owned(), source })?;
-    let mut written = Vec::new();
-    let mut add = |name: String, content: String, write: &dyn Fn(&Path) -> Result<(), ExportError>| {
-        let path = folder.join(&name);
-        let partial = folder.join(name + ".partial");
-        write(&partial)?;
-        std::fs::rename(&partial, &path).map_err(|source| ExportError::File { path: path.clone(), source })?;
-        written.push(Written { path, content });
-        Ok::<(), ExportError>(())
-    };
+    let mut files = Folder::create(folder)?;
     let [first, last] = order.frames;
     let content = format!("{}, frames {first}-{last}", mesh_summary(&mannequin.rest));
-    add("body.abc".into(), content, &|path| write_body(&mannequin, order, path))?;
+    files.add("body.abc".into(), content, &|path| write_body(&mannequin, order, path))?;
     for garment in &garments {
         let name = garment.name;
-        add(format!("{name}.abc"), mesh_summary(&garment.mesh), &|path| write_garment(garment, order, path))?;
-        add(format!("{name}.obj"), "the same".into(), &|path| write_text(path, &obj_text(garment)))?;
+        files.add(format!("{name}.abc"), mesh_summary(&garment.mesh), &|path| write_garment(garment, order, path))?;
+        files.add(format!("{name}.obj"), "the same".into(), &|path| write_text(path, &obj_text(garment)))?;
         if !garment.waist_ring.is_empty() {
             let pins = pin_ring(&garment.mesh, &garment.waist_ring, &mannequin.rest);
             let content = format!("{} pins of the waist ring", pins.len());
-            add(format!("{name}_pins.json"), content, &|path| write_text(path, &pins_json(name, &pins)))?;
+            files.add(format!("{name}_pins.json"), content, &|path| write_text(path, &pins_json(name, &pins)))?;
         }
     }
-    Ok(written)
+    Ok(files.written)
 }
 
 fn mesh_summary(mesh: &SurfaceMesh) -> String {

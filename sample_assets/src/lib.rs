@@ -1,5 +1,5 @@
 //! Generators of Drapery's sample bodies, motions and garments: a mannequin that walks and dances, and clothes that are
-//! cut from offset surfaces of its rest pose. Everything is made by program, in metres, y up, and the same arguments
+//! cut from offset surfaces of its rest pose; a coat as cloth and as what is rendered of it. Everything is made by program, in metres, y up, and the same arguments
 //! give the same bytes.
 //!
 //! ```
@@ -32,6 +32,8 @@ pub mod remesh;
 pub mod garments;
 
 pub mod pins;
+
+pub mod coat;
 
 pub mod obj;
 

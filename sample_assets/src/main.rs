@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 
-use drapery_assets::export::{Fineness, Order, write_mannequin};
+use drapery_assets::export::{Fineness, Order, write_coat, write_mannequin};
 
 /// Makes the bodies, motions and garments of Drapery's samples.
 #[derive(Debug, Parser)]
@@ -22,6 +22,14 @@ enum Command {
     /// Writes body.abc, and for each garment .abc, .obj and, where it holds to the waist, _pins.json. Metres, y up,
     /// rest pose at the first frame. The same arguments give the same bytes.
     Mannequin(MannequinArguments),
+    /// A coat as two meshes: the cloth that is simulated, and what is rendered in its place
+    ///
+    /// Writes coat.abc, a tube, and coat_render.abc, a shell of two layers with hems, a collar and buttons. Metres, y up.
+    Coat {
+        /// Folder for the files; created if it is missing
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
 }
 
 #[derive(Debug, Parser)]
@@ -69,19 +77,27 @@ fn frame_rate(text: &str) -> Result<f64, String> {
     }
 }
 
+impl MannequinArguments {
+    fn order(&self) -> Order {
+        Order {
+            resolution: self.resolution,
+            seed: self.seed,
+            frames: self.frames.0,
+            frames_per_second: self.fps,
+            garments: match self.garments {
+                GarmentEdges::Light => Fineness::Light,
+                GarmentEdges::Full => Fineness::Full,
+            },
+        }
+    }
+}
+
 fn main() -> ExitCode {
-    let Command::Mannequin(arguments) = Arguments::parse().command;
-    let order = Order {
-        resolution: arguments.resolution,
-        seed: arguments.seed,
-        frames: arguments.frames.0,
-        frames_per_second: arguments.fps,
-        garments: match arguments.garments {
-            GarmentEdges::Light => Fineness::Light,
-            GarmentEdges::Full => Fineness::Full,
-        },
+    let written = match Arguments::parse().command {
+        Command::Mannequin(arguments) => write_mannequin(&arguments.order(), &arguments.out),
+        Command::Coat { out } => write_coat(&out),
     };
-    match write_mannequin(&order, &arguments.out) {
+    match written {
         Ok(files) => {
             for file in files {
                 println!("{}: {}", file.path.display(), file.content);

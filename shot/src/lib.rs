@@ -15,6 +15,7 @@ mod pinned;
 pub mod quality;
 pub mod recorded_frames;
 pub mod remote_simulation;
+mod render_mesh;
 pub mod rules;
 pub mod run;
 pub mod run_record;

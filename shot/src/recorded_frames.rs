@@ -1,12 +1,13 @@
 //! Whether caches still hold what a run has written: every frame is compared with the digests in the run's record.
 //!
 //! Frames are decoded by the readers of their format, so it does not matter whether a cache was continued in place, in a copy,
-//! or was copied elsewhere. Positions, velocities, the number of crossings and bounds are compared to the last bit.
+//! or was copied elsewhere. Positions, velocities, normals, the number of crossings and bounds are compared to the last bit.
 
 use std::path::{Path, PathBuf};
 
 use drapery_io::cache_frames::{CacheFrames, StoredFrame};
 use drapery_io::error::IoError;
+use drapery_io::normals;
 
 use crate::frame_digest::GarmentDigests;
 use crate::quality::CROSSINGS_WRITTEN;
@@ -82,7 +83,9 @@ fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Optio
     let Ok(stored) = cache.stored_frame(0, sample) else {
         return Some("it cannot be read".to_owned());
     };
-    let StoredFrame { positions, velocities, crossings, has_bounds_of_points } = stored;
+    let StoredFrame { positions, velocities, normals, crossings, has_bounds_of_points } = stored;
+    let faces = &cache.meshes()[0].faces;
+    let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, &positions);
     let found = GarmentDigests::of(&positions, &velocities.unwrap_or_default());
     let counted = row.counts.get(CROSSINGS_WRITTEN).copied();
     let differs = |what: &str| Some(format!("the {what} not those that were written"));
@@ -90,6 +93,7 @@ fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Optio
         () if found.positions != digests.positions => differs("positions are"),
         // A run may have gone on without velocities; they are then in none of the frames.
         () if found.velocities.is_some() && found.velocities != digests.velocities => differs("velocities are"),
+        () if normals.is_some_and(|normals| normals != of_points()) => differs("normals are"),
         () if crossings.is_some_and(|stored| counted.is_some_and(|counted| u64::from(stored) != counted)) => {
             Some("the number of crossings is not the one that was written".to_owned())
         }

@@ -40,6 +40,8 @@ enum Command {
     Agree,
     /// Give a field of a garment.
     Stored { garment: usize, velocities: bool, units: Units },
+    /// Give a field of a garment as the solver has it.
+    Field { garment: usize, velocities: bool },
     /// Look for crossings of what caches store.
     Crossings { units: Units },
     /// Give positions and velocities.
@@ -156,6 +158,13 @@ impl RemoteSimulation {
         stored(&self.simulation, garment, field, units).expect("rank 0 gets what is stored")
     }
 
+    /// A field of a garment in its own order, as the solver has it [m, m/s].
+    pub(super) fn field(&self, garment: usize, field: VertexField) -> Vec<Vec3> {
+        let velocities = field == VertexField::Velocities;
+        announce(&self.ranks, Command::Field { garment, velocities });
+        field_of(&self.simulation, garment, field)
+    }
+
     /// Number of pairs of an edge and a triangle of cloth that meet in what caches in `units` store: rounded to single
     /// precision in the file's unit, cloth that is free of crossings in the solver's doubles might touch.
     pub(super) fn crossings_of_stored(&mut self, units: Units) -> u32 {
@@ -268,8 +277,10 @@ impl Worker {
             }
             Command::Agree => drop(agree(ranks, poll())),
             Command::Stored { garment, velocities, units } => {
-                let field = if velocities { VertexField::Velocities } else { VertexField::Positions };
-                stored(self.started(), garment, field, units);
+                stored(self.started(), garment, vertex_field(velocities), units);
+            }
+            Command::Field { garment, velocities } => {
+                field_of(self.started(), garment, vertex_field(velocities));
             }
             Command::Crossings { units } => drop(crossings_of_stored(self.started(), units)),
             Command::State => drop(state(ranks, self.started())),
@@ -331,6 +342,20 @@ fn stored(simulation: &Simulation, garment: usize, field: VertexField, units: Un
         VertexField::Positions => simulation.stored(garment, field, &|x| units.stored_from(origin, *x)),
         VertexField::Velocities => simulation.stored(garment, field, &|v| units.stored(*v)),
     }
+}
+
+fn vertex_field(velocities: bool) -> VertexField {
+    if velocities { VertexField::Velocities } else { VertexField::Positions }
+}
+
+/// A field of a garment in its own order; on rank 0.
+fn field_of(simulation: &Simulation, garment: usize, field: VertexField) -> Vec<Vec3> {
+    let mut values = Vec::new();
+    match field {
+        VertexField::Positions => simulation.garment_positions(garment, &mut values),
+        VertexField::Velocities => simulation.garment_velocities(garment, &mut values),
+    }
+    values
 }
 
 /// Crossings of cloth with cloth where caches in `units` have its vertices, counted from their origin as they are stored:

@@ -15,13 +15,14 @@ use drapery_io::cache::APPLICATION;
 use drapery_io::checkpoint::FORMAT_VERSION;
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::GarmentMesh;
-use drapery_io::shot_description::{OutputDescription, ShotDescription};
+use drapery_io::shot_description::{OutputDescription, RenderMeshDescription, ShotDescription};
 
 use crate::error::ShotError;
 use crate::farm::digest::{Fingerprint, Versions};
 use crate::inputs::Inputs;
 use crate::long_frames;
 use crate::remote_simulation::RemoteSimulation;
+use crate::render_mesh::RenderMesh;
 use crate::rules::{self, Facts, Warning};
 
 /// A shot that was checked and can run.
@@ -29,6 +30,7 @@ pub struct Shot {
     pub(crate) remote_simulation: RemoteSimulation,
     pub(crate) inputs: Inputs,
     pub(crate) garments: Vec<GarmentMesh>,
+    pub(crate) render_meshes: Vec<RenderMesh>,
     pub(crate) about: About,
     pub(crate) warnings: Vec<Warning>,
 }
@@ -72,7 +74,7 @@ impl Shot {
         description: ShotDescription,
         frames: Option<[i64; 2]>,
     ) -> Result<Self, ShotError> {
-        let ShotDescription { scene, bodies, tracks, wind, garments, preroll, output, .. } = description;
+        let ShotDescription { scene, bodies, tracks, wind, garments, render_meshes, preroll, output, .. } = description;
         let mut warnings = description.warnings;
         let last_frame = last_frame(description.frames, frames, &mut warnings)?;
         let timeline = scene.timeline;
@@ -115,8 +117,13 @@ impl Shot {
         };
         warnings.extend_from_slice(remote_simulation.simulation().warnings());
         of_rules.extend(rules::of_simulation(remote_simulation.simulation(), &check.silenced));
+        let bind = |mesh: RenderMeshDescription| {
+            let garment = (&garments[mesh.garment], about.garments[mesh.garment].as_str());
+            RenderMesh::bind(mesh, garment, &mut warnings)
+        };
+        let render_meshes = render_meshes.into_iter().map(bind).collect::<Result<_, _>>()?;
         let warnings = warnings.into_iter().map(Warning::from).chain(of_rules).collect();
-        Ok(Self { remote_simulation, inputs, garments, about, warnings })
+        Ok(Self { remote_simulation, inputs, garments, render_meshes, about, warnings })
     }
 
     /// What is suspicious but was accepted.

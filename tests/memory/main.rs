@@ -127,12 +127,20 @@ fn write_abc(mesh: &dyn MeshStream, path: &Path) {
         last_frame: 1,
         velocities: false,
         sub_frames: &[],
+        normals: false,
         crossings: false,
     };
     let create = formats::by_extension("abc").and_then(|format| format.create).expect("Alembic is written");
     let mut writer = create(path, &plan).expect("a cache");
     writer
-        .write(&CacheFrame { frame: 1, sub_frame: 0, positions: &positions, velocities: &[], crossings: None })
+        .write(&CacheFrame {
+            frame: 1,
+            sub_frame: 0,
+            positions: &positions,
+            velocities: &[],
+            normals: &[],
+            crossings: None,
+        })
         .expect("a frame");
     writer.finish().expect("a file");
 }

@@ -58,7 +58,7 @@ pub(super) fn sheet(folder: &RunFolder) -> String {
     }
     let pictures = within_budget(draw(folder, &garments, &chosen));
     let cells: String = pictures.iter().map(|(frame, picture)| cell(*frame, picture)).collect();
-    let keys = folder.manifest.garments.iter().zip(GARMENTS.iter().cycle()).map(|(garment, [r, g, b])| {
+    let keys = simulated(folder).zip(GARMENTS.iter().cycle()).map(|(garment, [r, g, b])| {
         format!("<li><i style=\"background:rgb({r},{g},{b})\"></i>{}</li>", escape(&garment.name))
     });
     let keys: String = keys.collect();
@@ -68,9 +68,14 @@ pub(super) fn sheet(folder: &RunFolder) -> String {
     )
 }
 
+/// The garments, without render meshes, which would hide them.
+fn simulated(folder: &RunFolder) -> impl Iterator<Item = &ManifestGarment> {
+    folder.manifest.garments.iter().filter(|garment| garment.render_mesh_of.is_none())
+}
+
 /// The first cache of each garment that can be read.
 fn garments(folder: &RunFolder) -> Vec<Garment> {
-    let listed = folder.manifest.garments.iter().zip(GARMENTS.iter().cycle());
+    let listed = simulated(folder).zip(GARMENTS.iter().cycle());
     let open = |(garment, colour): (&ManifestGarment, &[f64; 3])| {
         let paths = garment.files.iter().filter_map(|name| folder.cache(name));
         let cache = paths.filter_map(|path| CacheFrames::open(&path).ok()).next()?;

@@ -3,7 +3,8 @@
 //! Read in this order: [`distance`] (points, segments, triangles), [`aabb`] and [`bvh`] (boxes over primitives), [`path`] (a point
 //! crossing a moving triangle), [`moving_surface`] (an animated triangle body between two samples), [`self_crossing`]
 //! (where such a body passes through itself), [`crossings`] (where edges meet triangles, decided exactly), [`shapes`]
-//! (half-space, sphere, capsule, cylinder, box). Lengths are in metres, times in seconds. Queries take `&self`, allocate nothing and may run on any number of threads.
+//! (half-space, sphere, capsule, cylinder, box), [`surface_binding`] (points that follow a surface). Lengths are in metres, times in
+//! seconds. Queries take `&self`, allocate nothing and may run on any number of threads.
 
 pub mod aabb;
 pub mod attachment;
@@ -15,6 +16,7 @@ pub mod path;
 pub mod random;
 pub mod self_crossing;
 pub mod shapes;
+pub mod surface_binding;
 pub mod tolerances;
 
 #[cfg(test)]

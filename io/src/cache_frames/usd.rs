@@ -43,13 +43,13 @@ pub(super) fn frame(cache: &Cache, sample: usize) -> Result<Frame, IoError> {
 
 /// All that is stored of a frame.
 pub(super) fn stored_frame(cache: &Cache, sample: usize) -> Result<StoredFrame, IoError> {
-    let Frame { points, velocities, extent, crossings } = frame(cache, sample)?;
+    let Frame { points, velocities, normals, extent, crossings } = frame(cache, sample)?;
     let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     for (point, axis) in points.iter().flat_map(|point| [0, 1, 2].map(|axis| (point, axis))) {
         bounds[0][axis] = bounds[0][axis].min(point[axis]);
         bounds[1][axis] = bounds[1][axis].max(point[axis]);
     }
-    Ok(StoredFrame { has_bounds_of_points: extent == bounds, positions: points, velocities, crossings })
+    Ok(StoredFrame { has_bounds_of_points: extent == bounds, positions: points, velocities, normals, crossings })
 }
 
 /// Whether what does not move is what was written: its folder is called by its digest.

@@ -4,8 +4,8 @@
 //! identity, points being in world space in the file's unit, but for the mesh's own where positions are counted from an origin
 //! ([`CachePlan::origin`]): it moves them there. Uniform sampling: the first sample is the first delivered frame, at frame / fps;
 //! cyclic, a cycle a frame, where there are samples between frames.
-//! Faces, UVs, face sets and other attributes are written once; positions, velocities per second and bounds with every
-//! frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
+//! Faces, UVs, face sets and other attributes are written once; positions, velocities per second, normals of render meshes and
+//! bounds with every frame. Among the user properties of the mesh stand how the file was made, [`TRIANGLES`] if there are larger faces,
 //! and with every frame [`CROSSINGS`] if the shot counts them. The file is committed after every frame, so it is a valid
 //! archive whenever a reader looks.
 //!
@@ -54,6 +54,7 @@ pub struct AlembicWriter {
     /// Number of samples between a frame and the next.
     sub_frames: usize,
     velocities: bool,
+    normals: bool,
     crossings: bool,
     /// Read with the first frame.
     mesh: GarmentMesh,
@@ -133,6 +134,7 @@ impl AlembicWriter {
             first_frame: plan.first_frame,
             sub_frames: plan.sub_frames.len(),
             velocities: plan.velocities,
+            normals: plan.normals,
             crossings: plan.crossings,
             mesh: plan.mesh.clone(),
             stage: Stage::Empty,
@@ -200,8 +202,14 @@ impl AlembicWriter {
         let mut declared = self.declare_mesh(archive)?;
         // Only what the sample has counts, not where its points are.
         let points = vec![[0.0; 3]; self.mesh.point_count()];
-        let (positions, velocities) = (&points[..], &points[..]);
-        let frame = CacheFrame { frame: self.first_frame, sub_frame: 0, positions, velocities, crossings: None };
+        let frame = CacheFrame {
+            frame: self.first_frame,
+            sub_frame: 0,
+            positions: &points,
+            velocities: &points,
+            normals: &points,
+            crossings: None,
+        };
         declared.mesh.check_continued(archive, &still.with(self.sample(&frame)))?;
         archive.add_archive_bounds(declared.sampling)?;
         self.write_attributes(archive, &mut declared, still, None)?;
@@ -285,10 +293,12 @@ impl AlembicWriter {
         Ok(())
     }
 
-    /// Positions, velocities and bounds of a frame.
+    /// Positions, velocities, normals and bounds of a frame.
     fn sample<'a>(&self, frame: &CacheFrame<'a>) -> PolyMeshSample<'a> {
+        let normals = Indexed { values: frame.normals, indices: None, scope: Scope::Vertex, source_name: None };
         PolyMeshSample {
             velocities: self.velocities.then_some(frame.velocities),
+            normals: self.normals.then_some(normals),
             bounds: Some(bounds_of(frame.positions)),
             ..PolyMeshSample::of(frame.positions)
         }

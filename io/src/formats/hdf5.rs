@@ -15,6 +15,7 @@
 //! |---|---|---|---|
 //! | `positions` | (frames, points, 3) | f32 | in the file's unit and up axis, counted from the attribute `origin` if there is one |
 //! | `velocities` | (frames, points, 3) | f32 | per second, only if asked for |
+//! | `normals` | (frames, points, 3) | f32 | only of render meshes |
 //! | `times` | (frames) | f64 | frame / fps [s] |
 //! | `frame_numbers` | (frames) | i64 | |
 //! | `committed` | (frames) | u8 | 1 when the frame is complete |
@@ -58,7 +59,7 @@ struct Stored {
     file: File,
     offsets: Offsets,
     frames: usize,
-    /// Bytes of the positions, or the velocities, of a frame.
+    /// Bytes of the positions, the velocities or the normals of a frame.
     vectors: usize,
 }
 
@@ -127,9 +128,10 @@ impl Hdf5Writer {
 
     /// The frame's bytes one dataset after another, as [`Stored::read_frame`] finds them.
     fn pack(&self, frame: &CacheFrame<'_>) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(2 * self.stored.vectors + size_of::<u32>());
+        let mut bytes = Vec::with_capacity(3 * self.stored.vectors + size_of::<u32>());
         let velocities = self.stored.offsets.velocities.map(|_| frame.velocities);
-        for vectors in [Some(frame.positions), velocities].into_iter().flatten() {
+        let normals = self.stored.offsets.normals.map(|_| frame.normals);
+        for vectors in [Some(frame.positions), velocities, normals].into_iter().flatten() {
             let start = bytes.len();
             vectors.as_flattened().iter().for_each(|x| bytes.extend_from_slice(&x.to_ne_bytes()));
             assert_eq!(bytes.len() - start, self.stored.vectors, "a garment keeps its number of points");
@@ -166,6 +168,7 @@ impl Stored {
         let all = [
             Some((offsets.positions, vectors)),
             offsets.velocities.map(|offset| (offset, vectors)),
+            offsets.normals.map(|offset| (offset, vectors)),
             offsets.crossings.map(|offset| (offset, size_of::<u32>())),
         ];
         all.into_iter().flatten().map(place)
@@ -349,6 +352,7 @@ mod tests {
             first_frame: 1001,
             last_frame: 1004,
             velocities: true,
+            normals: false,
             crossings: true,
         }
     }
@@ -362,9 +366,15 @@ mod tests {
             let velocities = [Vec3::zeros(), Vec3::zeros(), Vec3::new(0.0, 24.0, 0.0)];
             let crossings = Some((frame - 1000) as u32);
             let [positions, velocities] = [positions, velocities].map(|vectors| plan(&mesh).units.stored_all(&vectors));
-            writer
-                .write(&CacheFrame { frame, sub_frame: 0, positions: &positions, velocities: &velocities, crossings })
-                .unwrap();
+            let frame = CacheFrame {
+                frame,
+                sub_frame: 0,
+                positions: &positions,
+                velocities: &velocities,
+                normals: &[],
+                crossings,
+            };
+            writer.write(&frame).unwrap();
         }
         // Dropped without `finish`, as a killed process would leave it.
         path

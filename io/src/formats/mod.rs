@@ -49,8 +49,30 @@ pub struct ShotFiles<'a> {
     pub fps: f64,
     /// First and last frame that are complete in all of them.
     pub frames: [i64; 2],
-    /// Garments and the names of their files, in the same folder.
-    pub caches: Vec<(&'a str, String)>,
+    /// Their caches.
+    pub caches: Vec<ShotCache<'a>>,
+}
+
+/// A cache of a shot.
+#[derive(Debug)]
+pub struct ShotCache<'a> {
+    /// Name of the garment or render mesh.
+    pub name: &'a str,
+    /// Name of the file, in the same folder.
+    pub file: String,
+    /// Whether it is to be seen where a render mesh and the garment that it follows are there.
+    pub part: Part,
+}
+
+/// What is rendered of a garment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// The garment itself.
+    Alone,
+    /// The garment, in the place of which a render mesh is rendered.
+    Followed,
+    /// The render mesh of a garment.
+    RenderMesh,
 }
 
 /// One file that ties the caches of a shot together.

@@ -18,12 +18,12 @@ use drapery_alembic::murmur3_x64_128;
 use drapery_core::mesh::MeshStream;
 use drapery_usd::cache::{Cache, CacheError};
 use drapery_usd::write::{
-    CacheLayer, GarmentReference, MeshPath, Moving, ShotLayer, StillMesh, Units as LayerUnits, WriteError, cache_layer,
-    clip, clip_manifest, shot_layer, topology,
+    CacheLayer, GarmentReference, Members, MeshPath, Moving, ShotLayer, StillMesh, Units as LayerUnits, WriteError,
+    cache_layer, clip, clip_manifest, shot_layer, topology,
 };
 
 use super::continuing::{cannot_continue, hexadecimal, marked_frames, sync_name, too_short};
-use super::{ShotFiles, remove_folder};
+use super::{Part, ShotFiles, remove_folder};
 use crate::atomic_file::unfinished;
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
@@ -48,6 +48,7 @@ pub(crate) struct UsdWriter {
     first_frame: i64,
     sub_frames: Vec<f64>,
     velocities: bool,
+    normals: bool,
     crossings: bool,
     stage: Stage,
     mark: CacheMark,
@@ -99,6 +100,7 @@ impl UsdWriter {
             first_frame: plan.first_frame,
             sub_frames: plan.sub_frames.to_vec(),
             velocities: plan.velocities,
+            normals: plan.normals,
             crossings: plan.crossings,
             stage: Stage::Empty,
             mark: CacheMark::none(path),
@@ -190,6 +192,7 @@ impl UsdWriter {
             face_counts: signed(data.mesh.face_counts),
             face_indices: signed(data.mesh.face_indices),
             velocities: self.velocities,
+            normals: self.normals,
             crossings: self.crossings,
         };
         topology(self.units, still).map_err(|e| self.refused(&e))
@@ -207,7 +210,8 @@ impl UsdWriter {
         let folder = self.folder_of(&still);
         fs::create_dir_all(&folder).map_err(|e| IoError::creating(&folder, e))?;
         self.write_file(&folder.join(CacheLayer::TOPOLOGY), &still)?;
-        let manifest = clip_manifest(self.units, &self.mesh_path, self.velocities, self.crossings);
+        let members = Members { velocities: self.velocities, normals: self.normals, crossings: self.crossings };
+        let manifest = clip_manifest(self.units, &self.mesh_path, members);
         self.write_file(&folder.join(CacheLayer::MANIFEST), manifest.as_bytes())?;
         Ok(folder)
     }
@@ -219,6 +223,7 @@ impl UsdWriter {
             time_code: frame.frame as f64 + behind,
             points: frame.positions,
             velocities: self.velocities.then_some(frame.velocities),
+            normals: self.normals.then_some(frame.normals),
             crossings: self.crossings.then(|| frame.crossings.unwrap_or(0)),
         };
         let bytes = clip(self.units, &self.mesh_path, &moving).map_err(|e| self.refused(&e))?;
@@ -347,7 +352,15 @@ pub(super) fn write_shot(path: &Path, shot: &ShotFiles<'_>) -> Result<(), IoErro
     let garments: Vec<GarmentReference> = shot
         .caches
         .iter()
-        .map(|(garment, file)| GarmentReference { name: (*garment).to_owned(), file: file.clone() })
+        .map(|cache| GarmentReference {
+            name: cache.name.to_owned(),
+            file: cache.file.clone(),
+            purpose: match cache.part {
+                Part::Alone => None,
+                Part::Followed => Some("proxy"),
+                Part::RenderMesh => Some("render"),
+            },
+        })
         .collect();
     let text = shot_layer(&ShotLayer {
         units: layer_units(shot.units, shot.fps),

@@ -45,11 +45,11 @@ impl GarmentReader for Generated {
 }
 
 /// A mesh of a file at a time [s].
-struct FromFile {
-    file: PathBuf,
-    objects: Option<String>,
-    units: InputUnits,
-    time: f64,
+pub(super) struct FromFile {
+    pub(super) file: PathBuf,
+    pub(super) objects: Option<String>,
+    pub(super) units: InputUnits,
+    pub(super) time: f64,
 }
 
 impl FromFile {
@@ -98,6 +98,10 @@ impl Resolver<'_> {
         let here = path.clone().key("thickness");
         let thickness = self.quantity(&here, &garment.thickness, Dimension::Length);
         let (Some(mass), Some(start_velocities), Some(thickness)) = (mass, velocities, thickness) else { return };
+        if let Some(written) = &garment.render_mesh {
+            let Some(render_mesh) = self.render_mesh(garment, written, path) else { return };
+            self.render_meshes.push(render_mesh);
+        }
         let velocity = Vec3::from(garment.velocity);
         let stream: Option<Arc<dyn MeshStream>> = Some(Arc::new(mesh.clone()));
         self.garments.push(mesh);

@@ -36,6 +36,7 @@ mod presets;
 mod random;
 mod ranges;
 mod raw;
+mod render_mesh;
 mod resolve;
 mod resolved;
 mod schema;

@@ -13,7 +13,7 @@ use crate::garment_mesh::GarmentMesh;
 use crate::input_motion::{InputMotion, Preroll};
 use crate::mesh_data::MeshData;
 use crate::mesh_source::MeshSource;
-use crate::shot_description::{FRAMES, OutputDescription, ShotDescription};
+use crate::shot_description::{FRAMES, OutputDescription, RenderMeshDescription, ShotDescription};
 use crate::units::{self, InputUnits, Units};
 use crate::wind_file::WindFile;
 
@@ -41,6 +41,7 @@ pub(super) struct Resolver<'a> {
     preroll: Preroll,
     pub(super) description: SceneDescription,
     pub(super) garments: Vec<GarmentMesh>,
+    pub(super) render_meshes: Vec<RenderMeshDescription>,
     /// Points of each garment along both directions of its panel, if it is one.
     pub(super) grids: Vec<Option<[u32; 2]>>,
     /// For each body its file; `None` for ideal shapes and for bodies that could not be read.
@@ -64,6 +65,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         preroll: Preroll { settle: document.shot.preroll.settle, blend: document.shot.preroll.blend },
         description: SceneDescription::new(&document.shot.name),
         garments: Vec::new(),
+        render_meshes: Vec::new(),
         grids: Vec::new(),
         bodies: Vec::new(),
         tracks: Vec::new(),
@@ -111,6 +113,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         tracks: resolver.tracks,
         wind: resolver.wind,
         garments: resolver.garments,
+        render_meshes: resolver.render_meshes,
         frames: [first, last],
         preroll: resolver.preroll,
         output: output(scene),
@@ -164,7 +167,12 @@ impl Resolver<'_> {
     /// Takes note of a garment of so many points; refuses it, as a lack of memory, where they have no room. Called before its
     /// points are anywhere.
     pub(super) fn has_room(&mut self, path: &Path, points: f64) -> Option<()> {
-        let Err(NoRoom { what, advice }) = self.memory.take(points, bytes_of_point(self.scene, path)) else {
+        self.has_room_for(path, points, bytes_of_point(self.scene, path))
+    }
+
+    /// The same for points that take so much each [bytes].
+    pub(super) fn has_room_for(&mut self, path: &Path, points: f64, of_point: f64) -> Option<()> {
+        let Err(NoRoom { what, advice }) = self.memory.take(points, of_point) else {
             return Some(());
         };
         let error = self.scene.sources.error(&path.place(&self.scene.root), what, Some(advice));

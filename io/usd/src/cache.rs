@@ -87,6 +87,8 @@ pub struct Frame {
     pub points: Vec<[f32; 3]>,
     /// Velocities per second.
     pub velocities: Option<Vec<[f32; 3]>>,
+    /// Normals at the points.
+    pub normals: Option<Vec<[f32; 3]>>,
     /// Smallest and largest coordinates, as they are stored.
     pub extent: Vec<[f32; 3]>,
     /// Crossings of the shot.
@@ -203,11 +205,15 @@ impl Cache {
         if velocities.as_ref().is_some_and(|all| all.len() != points.len()) {
             return Err(damaged("there are not as many velocities as points".to_owned()));
         }
+        let normals = vectors("normals")?;
+        if normals.as_ref().is_some_and(|all| all.len() != points.len()) {
+            return Err(damaged("there are not as many normals as points".to_owned()));
+        }
         let crossings = match sample("drapery:crossings")? {
             Some(Value::Uint(count)) => Some(count),
             _ => None,
         };
-        Ok(Frame { points, velocities, extent: vectors("extent")?.unwrap_or_default(), crossings })
+        Ok(Frame { points, velocities, normals, extent: vectors("extent")?.unwrap_or_default(), crossings })
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use drapery_usd::cache::{Cache, CacheError};
 use drapery_usd::write::{
-    CacheLayer, FaceSubset, Interpolation, MeshPath, Moving, Primvar, StillMesh, Subdivision, Units, Values,
+    CacheLayer, FaceSubset, Interpolation, Members, MeshPath, Moving, Primvar, StillMesh, Subdivision, Units, Values,
     cache_layer, clip, clip_manifest, topology,
 };
 
@@ -39,6 +39,7 @@ fn still(path: &MeshPath) -> StillMesh<'_> {
         material: Some("/mtl/lining".to_owned()),
         triangles: Some(vec![[0, 1, 2], [0, 2, 3], [1, 4, 2]]),
         velocities: true,
+        normals: true,
         crossings: true,
     }
 }
@@ -49,10 +50,16 @@ fn write(folder: &Path) -> (PathBuf, PathBuf) {
     let clips = folder.join("skirt.clips/0");
     fs::create_dir_all(&clips).unwrap();
     fs::write(clips.join(CacheLayer::TOPOLOGY), topology(UNITS, still(&path)).unwrap()).unwrap();
-    fs::write(clips.join(CacheLayer::MANIFEST), clip_manifest(UNITS, &path, true, true)).unwrap();
+    fs::write(
+        clips.join(CacheLayer::MANIFEST),
+        clip_manifest(UNITS, &path, Members { velocities: true, normals: true, crossings: true }),
+    )
+    .unwrap();
     for frame in [-1, 0] {
         let points = points(frame);
-        let moving = Moving { time_code: frame as f64, points: &points, velocities: Some(&points), crossings: Some(3) };
+        let time_code = frame as f64;
+        let (velocities, normals) = (Some(&points[..]), Some(&points[..]));
+        let moving = Moving { time_code, points: &points, velocities, normals, crossings: Some(3) };
         fs::write(clips.join(CacheLayer::clip(frame, 0)), clip(UNITS, &path, &moving).unwrap()).unwrap();
     }
     let layer = CacheLayer {

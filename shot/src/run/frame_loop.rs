@@ -284,8 +284,9 @@ impl<'a> Run<'a> {
             let done = *sub_step;
             let time = self.shot.simulation().state().time;
             if let Some(number) = input.output_times.iter().position(|output| *output == time) {
-                let (spent, remote_simulation) = (&mut self.totals.partial.spent, &mut self.shot.remote_simulation);
-                self.output.write_sample((frame - 1, number + 1), remote_simulation, spent)?;
+                let Shot { remote_simulation, render_meshes, .. } = &mut self.shot;
+                let spent = &mut self.totals.partial.spent;
+                self.output.write_sample((frame - 1, number + 1), (remote_simulation, render_meshes), spent)?;
             }
             watch.check(self.shot.simulation(), done)?;
             if watch.tells() {
@@ -315,11 +316,11 @@ impl<'a> Run<'a> {
     ) -> Result<(), ShotError> {
         self.lock.check()?;
         let mut spent = std::mem::take(&mut self.totals.partial).spent;
-        let Shot { about, remote_simulation, .. } = &mut self.shot;
+        let Shot { about, remote_simulation, render_meshes, .. } = &mut self.shot;
         let is_preroll = frame < about.first_frame;
         let digests = match is_preroll {
             true => FrameDigests::new(),
-            false => self.output.write_frame(frame, remote_simulation, &mut spent)?,
+            false => self.output.write_frame(frame, (remote_simulation, render_meshes), &mut spent)?,
         };
         let taken = spent.stages().iter().fold(0.0, |sum, stage| sum + stage.seconds);
         let totals = &mut self.totals;

@@ -12,7 +12,7 @@ use drapery_io::atomic_file;
 use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use drapery_io::checkpoint::Head;
 use drapery_io::error::IoError;
-use drapery_io::formats::{self, CreateCache, ResumeCache, ShotFiles};
+use drapery_io::formats::{self, CreateCache, Part, ResumeCache, ShotCache, ShotFiles};
 use drapery_io::units::Units;
 use serde_json::{Value, json};
 
@@ -23,6 +23,7 @@ use crate::farm::stop::Reason;
 use crate::frame_digest::{FrameDigests, GarmentDigests};
 use crate::quality::CROSSINGS_WRITTEN;
 use crate::remote_simulation::RemoteSimulation;
+use crate::render_mesh::RenderMesh;
 use crate::run::folder::{files_of_run, remove, write_fingerprint};
 use crate::run::options::RunOptions;
 use crate::run::rewritten::NewForm;
@@ -37,12 +38,14 @@ pub(super) struct Output {
     folder: PathBuf,
     manifest: Manifest,
     record: RunRecord,
-    /// The caches of each garment.
+    /// The caches of each garment, then of each render mesh.
     writers: Vec<Vec<Box<dyn CacheWriter>>>,
     units: Units,
     velocities: bool,
     /// Whether crossings of what is written are counted: in scenes that promise cloth without them.
     crossings: bool,
+    /// Number of garments, which come before the render meshes.
+    garments: usize,
     /// Files over all caches of a format.
     layers: Vec<ShotLayer>,
     /// Frames per second.
@@ -57,9 +60,10 @@ struct ShotLayer {
     files: Vec<String>,
 }
 
-/// A cache to be: garment, file, and how it is made.
+/// A cache to be: file, and how it is made.
 struct Planned {
-    garment: usize,
+    /// The garment, or behind all garments the render mesh.
+    object: usize,
     path: PathBuf,
     create: CreateCache,
     resume: ResumeCache,
@@ -104,7 +108,7 @@ impl Output {
         let mut record = RunRecord::create(&folder)?;
         record.line(&shot.header(start.options.threads))?;
         let create = |cache: &Planned, plan: CachePlan<'_>| (cache.create)(&cache.path, &plan);
-        let writers = of_garments(shot, &planned, create)?;
+        let writers = of_objects(shot, &planned, create)?;
         Ok(Self::new(shot, &planned, manifest, record, (folder, writers)))
     }
 
@@ -135,7 +139,7 @@ impl Output {
                 }
             }
         };
-        let writers = of_garments(shot, &planned, resume)?;
+        let writers = of_objects(shot, &planned, resume)?;
         describe(shot, start.fingerprint, &folder)?;
         let mut record = RunRecord::resume(&folder, from.head.frame, from.account.map(|account| account.record_bytes))?;
         let attempt = start.attempts.last().map_or(0, |attempt| attempt.attempt);
@@ -172,7 +176,8 @@ impl Output {
         let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
         let layers = layers(shot, planned, &folder);
         let fps = f64::from(about.timeline.fps_numerator) / f64::from(about.timeline.fps_denominator);
-        Self { folder, manifest, record, writers, units, velocities, crossings, layers, fps }
+        let garments = shot.garments.len();
+        Self { folder, manifest, record, writers, units, velocities, crossings, garments, layers, fps }
     }
 
     /// The cache files.
@@ -184,10 +189,10 @@ impl Output {
     pub(super) fn write_frame(
         &mut self,
         frame: i64,
-        remote_simulation: &mut RemoteSimulation,
+        shown: (&mut RemoteSimulation, &[RenderMesh]),
         spent: &mut Metrics,
     ) -> Result<FrameDigests, IoError> {
-        let digests = self.write_sample((frame, 0), remote_simulation, spent)?;
+        let digests = self.write_sample((frame, 0), shown, spent)?;
         self.write_layers(Some(frame))?;
         self.manifest.last_complete_frame = Some(frame);
         Ok(digests)
@@ -198,7 +203,7 @@ impl Output {
     pub(super) fn write_sample(
         &mut self,
         sample: (i64, usize),
-        remote_simulation: &mut RemoteSimulation,
+        (remote_simulation, render_meshes): (&mut RemoteSimulation, &[RenderMesh]),
         spent: &mut Metrics,
     ) -> Result<FrameDigests, IoError> {
         let units = self.units;
@@ -207,7 +212,14 @@ impl Output {
         if let Some(count) = crossings {
             spent.count(CROSSINGS_WRITTEN, u64::from(count));
         }
-        spent.stage("write caches", |_| self.write_caches(sample, remote_simulation, crossings))
+        let written = spent.stage("write caches", |_| self.write_caches(sample, remote_simulation, crossings));
+        let mut digests = written?;
+        if !render_meshes.is_empty() {
+            let written =
+                spent.stage("render meshes", |_| self.write_render_meshes(sample, remote_simulation, render_meshes));
+            digests.extend(written?);
+        }
+        Ok(digests)
     }
 
     /// Notes in the manifest that this attempt has finished a frame, pre-roll included, which took so long [s].
@@ -255,7 +267,8 @@ impl Output {
     ) -> Result<FrameDigests, IoError> {
         let mut digests = FrameDigests::new();
         let (units, with_velocities) = (self.units, self.velocities);
-        for (garment, writers) in self.writers.iter_mut().enumerate().filter(|(_, writers)| !writers.is_empty()) {
+        let of_garments = self.writers.iter_mut().take(self.garments).enumerate();
+        for (garment, writers) in of_garments.filter(|(_, writers)| !writers.is_empty()) {
             let positions = remote_simulation.stored(garment, VertexField::Positions, units);
             let velocities = if with_velocities {
                 remote_simulation.stored(garment, VertexField::Velocities, units)
@@ -264,10 +277,34 @@ impl Output {
             };
             let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
             for writer in writers {
-                writer.write(&CacheFrame { frame, sub_frame, positions, velocities, crossings })?;
+                writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals: &[], crossings })?;
             }
             let name = self.manifest.garments[garment].name.clone();
             digests.insert(name, GarmentDigests::of(positions, velocities));
+        }
+        Ok(digests)
+    }
+
+    /// The render meshes, one after the other.
+    fn write_render_meshes(
+        &mut self,
+        (frame, sub_frame): (i64, usize),
+        remote_simulation: &RemoteSimulation,
+        render_meshes: &[RenderMesh],
+    ) -> Result<FrameDigests, IoError> {
+        let mut digests = FrameDigests::new();
+        let (units, with_velocities) = (self.units, self.velocities);
+        let origin = remote_simulation.simulation().scene().origin();
+        let of_meshes = self.writers.iter_mut().skip(self.garments).zip(render_meshes);
+        for (writers, mesh) in of_meshes.filter(|(writers, _)| !writers.is_empty()) {
+            let field = |field| remote_simulation.field(mesh.garment, field);
+            let (x, v) = (field(VertexField::Positions), with_velocities.then(|| field(VertexField::Velocities)));
+            let placed = mesh.placed(&x, v.as_deref(), (units, origin));
+            let (positions, velocities, normals) = (&placed.positions[..], &placed.velocities[..], &placed.normals[..]);
+            for writer in writers {
+                writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings: None })?;
+            }
+            digests.insert(mesh.name.clone(), GarmentDigests::of(positions, velocities));
         }
         Ok(digests)
     }
@@ -279,13 +316,20 @@ impl Output {
                 remove(&layer.path)?;
                 continue;
             };
-            let names = self.manifest.garments.iter().map(|garment| garment.name.as_str());
+            let all = &self.manifest.garments;
+            let part = |one: &ManifestGarment| match one.render_mesh_of {
+                Some(_) => Part::RenderMesh,
+                None if all.iter().any(|other| other.render_mesh_of.as_ref() == Some(&one.name)) => Part::Followed,
+                None => Part::Alone,
+            };
+            let caches = all.iter().zip(layer.files.iter().cloned());
+            let caches = caches.map(|(one, file)| ShotCache { name: &one.name, file, part: part(one) });
             let files = ShotFiles {
                 name: &self.manifest.shot,
                 units: self.units,
                 fps: self.fps,
                 frames: [self.manifest.first_frame, last],
-                caches: names.zip(layer.files.iter().cloned()).collect(),
+                caches: caches.collect(),
             };
             (layer.write)(&layer.path, &files)?;
         }
@@ -347,17 +391,17 @@ fn describe(shot: &Shot, fingerprint: &Fingerprint, folder: &Path) -> Result<(),
     write_fingerprint(folder, fingerprint)
 }
 
-/// The caches of each garment, opened by `open`.
-fn of_garments(
+/// The caches of each garment and of each render mesh, opened by `open`.
+fn of_objects(
     shot: &Shot,
     planned: &[Planned],
     open: impl Fn(&Planned, CachePlan<'_>) -> Result<Box<dyn CacheWriter>, IoError>,
 ) -> Result<Vec<Vec<Box<dyn CacheWriter>>>, IoError> {
-    let of_garment = |garment: usize| {
-        let caches = planned.iter().filter(|cache| cache.garment == garment);
-        caches.map(|cache| open(cache, cache_plan(shot, garment))).collect()
+    let of_object = |object: usize| {
+        let caches = planned.iter().filter(|cache| cache.object == object);
+        caches.map(|cache| open(cache, cache_plan(shot, object))).collect()
     };
-    (0..shot.garments.len()).map(of_garment).collect()
+    (0..shot.garments.len() + shot.render_meshes.len()).map(of_object).collect()
 }
 
 /// The files over all caches of a format.
@@ -393,24 +437,25 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-fn garment_names(shot: &Shot) -> impl Iterator<Item = &str> {
-    shot.about.garments.iter().map(String::as_str)
+/// Names of all garments, then of all render meshes.
+fn names(shot: &Shot) -> impl Iterator<Item = &str> {
+    shot.about.garments.iter().chain(shot.render_meshes.iter().map(|mesh| &mesh.name)).map(String::as_str)
 }
 
 fn planned(shot: &Shot, folder: &Path) -> Vec<Planned> {
     let formats = shot.about.output.formats.iter().filter_map(|word| formats::by_extension(word));
     let writable: Vec<_> = formats.filter_map(|f| Some((f.extension, f.create?, f.resume?))).collect();
-    let caches = |(garment, name): (usize, &str)| {
+    let caches = |(object, name): (usize, &str)| {
         let path = |extension: &str| folder.join(format!("{name}.{extension}"));
         let cache = |&(extension, create, resume): &(&str, CreateCache, ResumeCache)| Planned {
-            garment,
+            object,
             path: path(extension),
             create,
             resume,
         };
         writable.iter().map(cache).collect()
     };
-    garment_names(shot).enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
+    names(shot).enumerate().flat_map(|named| -> Vec<Planned> { caches(named) }).collect()
 }
 
 /// An output that is an input of the same shot would be destroyed before it is read.
@@ -423,29 +468,38 @@ pub(super) fn refuse_inputs(shot: &Shot, outputs: &[PathBuf]) -> Result<(), IoEr
     }
 }
 
-fn cache_plan(shot: &Shot, garment: usize) -> CachePlan<'_> {
+fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
     let about = &shot.about;
+    let render_mesh = object.checked_sub(shot.garments.len()).map(|index| &shot.render_meshes[index]);
     CachePlan {
-        garment: &about.garments[garment],
-        mesh: &shot.garments[garment],
+        garment: render_mesh.map_or_else(|| &about.garments[object], |mesh| &mesh.name),
+        mesh: render_mesh.map_or_else(|| &shot.garments[object], |mesh| &mesh.mesh),
         units: about.output.units,
         origin: shot.origin(),
         timeline: about.timeline,
         first_frame: about.first_frame,
         last_frame: about.last_frame,
         velocities: about.output.velocities,
-        crossings: about.keeps_free,
+        normals: render_mesh.is_some(),
+        // Counted of what is simulated.
+        crossings: about.keeps_free && render_mesh.is_none(),
         sub_frames: &about.output.sub_frames,
     }
 }
 
 fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Vec<AttemptRecord>) -> Manifest {
     let about = &shot.about;
-    let garments = garment_names(shot).zip(&shot.garments).enumerate().map(|(index, (name, mesh))| ManifestGarment {
-        name: name.to_owned(),
-        object_path: cache_plan(shot, index).object_path(),
-        points: mesh.point_count(),
-        files: planned.iter().filter(|cache| cache.garment == index).map(|cache| file_name(&cache.path)).collect(),
+    let followed = shot.render_meshes.iter().map(|mesh| Some(about.garments[mesh.garment].clone()));
+    let render_mesh_of = shot.garments.iter().map(|_| None).chain(followed);
+    let garments = names(shot).zip(render_mesh_of).enumerate().map(|(index, (name, render_mesh_of))| {
+        let plan = cache_plan(shot, index);
+        ManifestGarment {
+            name: name.to_owned(),
+            object_path: plan.object_path(),
+            points: plan.mesh.point_count(),
+            render_mesh_of,
+            files: planned.iter().filter(|cache| cache.object == index).map(|cache| file_name(&cache.path)).collect(),
+        }
     });
     Manifest {
         application: APPLICATION.to_owned(),

@@ -10,6 +10,7 @@ use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
 use drapery_io::cache_frames::CacheFrames;
 use drapery_io::error::IoError;
 use drapery_io::formats::{CreateCache, ResumeCache};
+use drapery_io::normals;
 
 use crate::frame_digest::GarmentDigests;
 use crate::quality::CROSSINGS_WRITTEN;
@@ -78,7 +79,10 @@ impl NewForm<'_> {
             let crossings = self.plan.crossings.then(|| crossings.get(&frame).copied().unwrap_or(0));
             let velocities = self.plan.units.stored_all(&velocities);
             let (positions, velocities) = (&positions[..], &velocities[..]);
-            writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities, crossings })?;
+            let faces = &frames.meshes()[0].faces;
+            let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, positions);
+            let normals = if self.plan.normals { of_points() } else { Vec::new() };
+            writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities, normals: &normals, crossings })?;
             let stored = if self.plan.velocities { velocities } else { &[] };
             take(frame, GarmentDigests::of(positions, stored));
         }

@@ -99,16 +99,19 @@ pub struct AttemptRecord {
     pub changes: Vec<String>,
 }
 
-/// The caches of one garment.
+/// The caches of one garment, or of its render mesh.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ManifestGarment {
-    /// Name of the garment.
+    /// Its name.
     pub name: String,
     /// Full path of the object in the archive.
     pub object_path: String,
     /// Number of points.
     pub points: usize,
+    /// The garment that it is the render mesh of, if it is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub render_mesh_of: Option<String>,
     /// File names, relative to the folder.
     pub files: Vec<String>,
 }

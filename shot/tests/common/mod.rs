@@ -19,6 +19,7 @@ pub(crate) fn described(scene: SceneDescription, frames: [i64; 2], formats: &[&s
         garments: scene.garments.iter().map(|g| GarmentMesh::kept(MeshData::new(g.mesh.clone()))).collect(),
         bodies: scene.bodies.iter().map(|_| None).collect(),
         scene,
+        render_meshes: Vec::new(),
         tracks: Vec::new(),
         wind: None,
         frames,

@@ -26,6 +26,7 @@ const APPLICATION_ATTRIBUTE: &str = "application";
 pub(super) struct Offsets {
     pub(super) positions: u64,
     pub(super) velocities: Option<u64>,
+    pub(super) normals: Option<u64>,
     pub(super) crossings: Option<u64>,
     pub(super) committed: u64,
 }
@@ -83,11 +84,12 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
     let committed = growing::<u8>(&file, "committed", &[frames])?;
     let crossings = plan.crossings.then(|| growing::<u32>(&file, "crossings", &[frames])).transpose()?;
     let velocities = plan.velocities.then(|| growing::<f32>(&file, "velocities", &[frames, points, 3])).transpose()?;
+    let normals = plan.normals.then(|| growing::<f32>(&file, "normals", &[frames, points, 3])).transpose()?;
     let positions = growing::<f32>(&file, "positions", &[frames, points, 3])?;
     // What goes wrong while a file is dropped is not heard of.
     file.flush()?;
     file.close()?;
-    Ok(Offsets { positions, velocities, crossings, committed })
+    Ok(Offsets { positions, velocities, normals, crossings, committed })
 }
 
 /// The layout of a stored file that was made with this plan, or with this plan and another last frame.
@@ -122,14 +124,16 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
     let places = [
         place::<f32>(&file, "positions", &[frames, points, 3])?,
         place::<f32>(&file, "velocities", &[frames, points, 3])?,
+        place::<f32>(&file, "normals", &[frames, points, 3])?,
         place::<u32>(&file, "crossings", &[frames])?,
         place::<u8>(&file, "committed", &[frames])?,
     ];
     match places {
-        [Some(positions), velocities, crossings, Some(committed)]
-            if velocities.is_some() == plan.velocities && crossings.is_some() == plan.crossings =>
+        [Some(positions), velocities, normals, crossings, Some(committed)]
+            if [velocities.is_some(), normals.is_some(), crossings.is_some()]
+                == [plan.velocities, plan.normals, plan.crossings] =>
         {
-            Ok(Ok(Layout { offsets: Offsets { positions, velocities, crossings, committed }, frames }))
+            Ok(Ok(Layout { offsets: Offsets { positions, velocities, normals, crossings, committed }, frames }))
         }
         _ => Ok(Err("the cache was begun with other settings: it has other datasets".into())),
     }

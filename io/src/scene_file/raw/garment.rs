@@ -84,6 +84,37 @@ pub(in crate::scene_file) struct Garment {
     /// Vertices that are held.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) pin: Vec<Pin>,
+    /// The mesh that is rendered in its place; it follows the cloth and has caches of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) render_mesh: Option<RenderMesh>,
+}
+
+/// The mesh that is rendered in the place of a garment: finer, with thickness, seams, buttons and layers, modelled on the rest shape
+/// of the garment. Every point is bound to the closest point of the cloth at rest and follows it with a frame that turns smoothly
+/// from place to place (docs/render_mesh.md). It takes no part in the simulation. Its caches are called "GARMENT_render", in every
+/// format of `[output]`, with normals; what else the file says of the mesh is handed through.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene_file) struct RenderMesh {
+    /// An Alembic, USD or OBJ file, as "file.abc" or "file.abc@frame".
+    pub(in crate::scene_file) file: String,
+    /// Pattern of the path of its mesh in the file, as in "/char/skirt_render/*"; several meshes are merged into one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) path: Option<String>,
+    /// Units of the file, if they differ from `[units]`, or from what it says itself and is wrong.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) units: Option<FileUnits>,
+    /// Points that are farther from the cloth at rest are warned of, in metres or as "2 cm".
+    #[serde(default = "default_max_distance")]
+    #[schemars(range(min = 1e-9, max = 1e3))]
+    pub(in crate::scene_file) max_distance: Quantity,
+    /// Face sets that do not bend, such as ["button*", "buckle"]: every connected piece of them moves as one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::scene_file) rigid: Vec<String>,
+}
+
+fn default_max_distance() -> Quantity {
+    Quantity::Text("2 cm".to_owned())
 }
 
 /// Painted maps, one for each quantity that can differ from place to place. Stiffness, damping, drag, friction and the

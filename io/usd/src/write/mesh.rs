@@ -12,6 +12,7 @@ use super::subsets::{self, FaceSubset};
 /// Attributes that move, with their types; [`super::clip_manifest`] declares the same.
 pub(super) const POINTS: (&str, &str) = ("points", "point3f[]");
 pub(super) const VELOCITIES: (&str, &str) = ("velocities", "vector3f[]");
+pub(super) const NORMALS: (&str, &str) = ("normals", "normal3f[]");
 pub(super) const EXTENT: (&str, &str) = ("extent", "float3[]");
 
 /// How many edges of cloth pass through triangles of cloth, in all garments of the shot.
@@ -71,7 +72,20 @@ pub struct StillMesh<'a> {
     pub triangles: Option<Vec<[i32; 3]>>,
     /// Whether frames have velocities.
     pub velocities: bool,
+    /// Whether frames have normals, one for each point.
+    pub normals: bool,
     /// Whether frames have a number of crossings.
+    pub crossings: bool,
+}
+
+/// What beside points and extent frames have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Members {
+    /// Velocities.
+    pub velocities: bool,
+    /// Normals, one for each point.
+    pub normals: bool,
+    /// A number of crossings.
     pub crossings: bool,
 }
 
@@ -84,6 +98,8 @@ pub struct Moving<'a> {
     pub points: &'a [[f32; 3]],
     /// Velocities per second.
     pub velocities: Option<&'a [[f32; 3]]>,
+    /// Normals at the points.
+    pub normals: Option<&'a [[f32; 3]]>,
     /// Crossings of the shot.
     pub crossings: Option<u32>,
 }
@@ -120,6 +136,11 @@ fn uniform() -> Declared<'static> {
     Declared { uniform: true, ..Declared::default() }
 }
 
+/// One value for each point.
+fn at_points() -> Declared<'static> {
+    Declared { interpolation: Some(Interpolation::Vertex.word()), ..Declared::default() }
+}
+
 fn custom() -> Declared<'static> {
     Declared { custom: true, ..Declared::default() }
 }
@@ -133,6 +154,9 @@ fn add_mesh(layer: &mut BinaryLayer, mesh: &Prim, still: StillMesh<'_>) -> Resul
     layer.attribute(mesh, POINTS, plain, None)?;
     if still.velocities {
         layer.attribute(mesh, VELOCITIES, plain, None)?;
+    }
+    if still.normals {
+        layer.attribute(mesh, NORMALS, at_points(), None)?;
     }
     layer.attribute(mesh, EXTENT, plain, None)?;
     if still.crossings {
@@ -177,6 +201,9 @@ pub fn clip(units: Units, path: &MeshPath, frame: &Moving<'_>) -> Result<Vec<u8>
     layer.sample(&mesh, POINTS, plain, (time, vectors(frame.points)))?;
     if let Some(velocities) = frame.velocities {
         layer.sample(&mesh, VELOCITIES, plain, (time, vectors(velocities)))?;
+    }
+    if let Some(normals) = frame.normals {
+        layer.sample(&mesh, NORMALS, plain, (time, vectors(normals)))?;
     }
     layer.sample(&mesh, EXTENT, plain, (time, vectors(&extent(frame.points))))?;
     if let Some(crossings) = frame.crossings {

@@ -15,7 +15,7 @@ mod subsets;
 mod text;
 
 pub use binary::WriteError;
-pub use mesh::{Moving, StillMesh, Subdivision, clip, topology};
+pub use mesh::{Members, Moving, StillMesh, Subdivision, clip, topology};
 pub use names::{MeshPath, identifier};
 pub use primvars::{Interpolation, Primvar, Values};
 pub use subsets::FaceSubset;

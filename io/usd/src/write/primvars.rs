@@ -22,7 +22,7 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    fn word(self) -> &'static str {
+    pub(super) fn word(self) -> &'static str {
         match self {
             Self::Constant => "constant",
             Self::Uniform => "uniform",

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::Units;
-use super::mesh::{CROSSINGS, EXTENT, POINTS, VELOCITIES};
+use super::mesh::{CROSSINGS, EXTENT, Members, NORMALS, POINTS, VELOCITIES};
 use super::names::{Distinct, MeshPath};
 
 /// The layer of a garment's cache.
@@ -47,6 +47,8 @@ pub struct GarmentReference {
     pub name: String,
     /// Its cache, relative to the shot's layer.
     pub file: String,
+    /// What it is for, if it is not for everything: `render` or `proxy`.
+    pub purpose: Option<&'static str>,
 }
 
 /// Name of the clip of a frame in the folder of a cache, or of a sample behind it.
@@ -111,7 +113,7 @@ pub fn cache_layer(cache: &CacheLayer<'_>) -> String {
 }
 
 /// What the clips of a cache hold, without values.
-pub fn clip_manifest(units: Units, path: &MeshPath, velocities: bool, crossings: bool) -> String {
+pub fn clip_manifest(units: Units, path: &MeshPath, members: Members) -> String {
     let mut text = String::from("#usda 1.0\n(\n");
     write_header(&mut text, units, path.root(), ("What the clips of this cache hold.", None));
     text.push_str(")\n\n");
@@ -119,11 +121,12 @@ pub fn clip_manifest(units: Units, path: &MeshPath, velocities: bool, crossings:
     for (level, prim) in path.prims().iter().enumerate() {
         let _ = write!(text, "{0}over \"{prim}\"\n{0}{{\n", indent(level));
     }
-    let velocities = velocities.then_some((VELOCITIES, ""));
-    let crossings = crossings.then_some((CROSSINGS, "custom "));
+    let velocities = members.velocities.then_some((VELOCITIES, ""));
+    let normals = members.normals.then_some((NORMALS, ""));
+    let crossings = members.crossings.then_some((CROSSINGS, "custom "));
+    let held = [Some((POINTS, "")), velocities, normals, Some((EXTENT, "")), crossings];
     let levels = path.prims().len();
-    for ((name, kind), custom) in [Some((POINTS, "")), velocities, Some((EXTENT, "")), crossings].into_iter().flatten()
-    {
+    for ((name, kind), custom) in held.into_iter().flatten() {
         let _ = writeln!(text, "{}{custom}{kind} {name}", indent(levels));
     }
     for level in (0..levels).rev() {
@@ -151,9 +154,11 @@ pub fn shot_layer(shot: &ShotLayer<'_>) -> String {
         let display = if display.is_empty() { display } else { format!("        {display}") };
         let file = asset(&format!("./{}", garment.file));
         let space = if index == 0 { "" } else { "\n" };
+        let purpose = garment.purpose.map(|purpose| format!("        uniform token purpose = \"{purpose}\"\n"));
+        let purpose = purpose.unwrap_or_default();
         let _ = write!(
             text,
-            "{space}    def \"{identifier}\" (\n{display}        kind = \"component\"\n        prepend references = {file}\n    )\n    {{\n    }}\n",
+            "{space}    def \"{identifier}\" (\n{display}        kind = \"component\"\n        prepend references = {file}\n    )\n    {{\n{purpose}    }}\n",
         );
     }
     text.push_str("}\n");
@@ -225,7 +230,8 @@ mod tests {
 
     #[test]
     fn a_shot_references_its_garments_under_names_that_differ() {
-        let garments = ["a b", "a-b"].map(|name| GarmentReference { name: name.into(), file: format!("{name}.usd") });
+        let of = |name: &str, purpose| GarmentReference { name: name.into(), file: format!("{name}.usd"), purpose };
+        let garments = [of("a b", None), of("a-b", Some("render"))];
         let text = shot_layer(&ShotLayer { units: units(), shot: "sq 10", garments: &garments, frames: [1001, 1010] });
         for line in [
             "defaultPrim = \"sq_10\"",
@@ -233,6 +239,7 @@ mod tests {
             "def \"a_b\" (",
             "def \"a_b_2\" (",
             "references = @./a-b.usd@",
+            "uniform token purpose = \"render\"",
             "timeCodesPerSecond = 23.976023976023978",
             "metersPerUnit = 0.01",
             "endTimeCode = 1010",

@@ -87,6 +87,7 @@ pub fn run(data: &[u8]) {
             first_frame: 1,
             last_frame: 3,
             velocities: true,
+            normals: false,
             crossings: true,
         };
         let bytes = std::fs::metadata(&path).map_or(0, |about| about.len());

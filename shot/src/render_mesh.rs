@@ -1,0 +1,142 @@
+//! Render meshes: bound to the garments that they follow before anything runs, and placed in every frame.
+
+use std::collections::BTreeSet;
+
+use drapery_core::Vec3;
+use drapery_core::geometry::surface_binding::SurfaceBinding;
+use drapery_core::mesh::{PolygonMesh, sides};
+use drapery_core::scene::is_possible;
+use drapery_io::error::IoError;
+use drapery_io::garment_mesh::{GarmentMesh, triangles_of};
+use drapery_io::mesh_data::Connectivity;
+use drapery_io::normals;
+use drapery_io::shot_description::RenderMeshDescription;
+use drapery_io::units::Units;
+
+/// Share of a mesh's area that faces against the cloth above which it is taken to be turned inside out; of a shell it is a half.
+const TURNED: f64 = 0.9;
+
+/// A render mesh bound to its garment.
+pub(crate) struct RenderMesh {
+    /// The garment that it follows.
+    pub(crate) garment: usize,
+    /// Its name, by which its caches are called.
+    pub(crate) name: String,
+    /// The mesh, for its caches.
+    pub(crate) mesh: GarmentMesh,
+    faces: Connectivity,
+    binding: SurfaceBinding,
+}
+
+/// What caches store of a render mesh in a frame.
+pub(crate) struct Placed {
+    pub(crate) positions: Vec<[f32; 3]>,
+    /// Empty where none are asked for.
+    pub(crate) velocities: Vec<[f32; 3]>,
+    pub(crate) normals: Vec<[f32; 3]>,
+}
+
+impl RenderMesh {
+    /// Binds a render mesh to the rest shape of `garment`, which has this name.
+    ///
+    /// # Errors
+    /// One of the meshes cannot be read; a point is at no possible place; the garment has no triangle.
+    pub(crate) fn bind(
+        described: RenderMeshDescription,
+        (garment, name): (&GarmentMesh, &str),
+        warnings: &mut Vec<String>,
+    ) -> Result<Self, IoError> {
+        let broken = |what: String| {
+            IoError::data(&described.file, described.mesh.object_path(), what, "export the render mesh again")
+        };
+        let cloth = garment.read()?;
+        let mesh = described.mesh.read()?.mesh;
+        if let Some(point) = mesh.points.iter().position(|point| !is_possible(point)) {
+            return Err(broken(format!("point {point} is at no possible place")));
+        }
+        let triangles = triangles_of(&cloth);
+        let bound = SurfaceBinding::new(cloth.mesh.points, triangles, &mesh.points, &described.rigid);
+        let binding = bound.ok_or_else(|| broken(format!("garment \"{name}\" has no triangle to follow")))?;
+        let place = format!("garment \"{name}\", render mesh ({})", described.file.display());
+        warnings.extend(suspicious(&described, &mesh, &binding).into_iter().map(|what| format!("{place}: {what}")));
+        let faces = Connectivity { face_counts: mesh.face_counts, face_indices: mesh.face_indices };
+        let RenderMeshDescription { garment, name, mesh, .. } = described;
+        Ok(Self { garment, name, mesh, faces, binding })
+    }
+
+    /// The mesh where the garment's points are at `x` [m] with the velocities `v` [m/s], which are left out where none are stored;
+    /// as caches in `units` store it, positions counted from `origin` [m].
+    pub(crate) fn placed(&self, x: &[Vec3], v: Option<&[Vec3]>, (units, origin): (Units, Vec3)) -> Placed {
+        let (positions, velocities) = match v {
+            Some(v) => self.binding.motion(x, v),
+            None => (self.binding.positions(x), Vec::new()),
+        };
+        let positions: Vec<[f32; 3]> = positions.iter().map(|p| units.stored_from(origin, *p)).collect();
+        let normals = self.normals(&positions);
+        Placed { positions, velocities: units.stored_all(&velocities), normals }
+    }
+
+    /// Normals that belong to positions as they are stored.
+    fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        normals::at_points(&self.faces.face_counts, &self.faces.face_indices, positions)
+    }
+}
+
+/// What is suspicious in a binding, in words.
+fn suspicious(described: &RenderMeshDescription, mesh: &PolygonMesh, binding: &SurfaceBinding) -> Vec<String> {
+    let mut found = Vec::new();
+    let millimetres = |metres: f64| format!("{:.1} mm", metres * 1e3);
+    let limit = described.max_distance;
+    let distances = judged_distances(described, binding);
+    let far = distances.iter().filter(|distance| **distance > limit).count();
+    if let Some((worst, distance)) = distances.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).filter(|_| far > 0)
+    {
+        found.push(format!(
+            "{far} of {} points are farther than {} from the cloth at rest, which they follow loosely; the farthest is point \
+             {worst}, {} away: model the mesh at the rest shape, see whether its units are right, or raise max_distance",
+            distances.len(),
+            millimetres(limit),
+            millimetres(*distance),
+        ));
+    }
+    let triangles = triangulated(mesh);
+    let edges: BTreeSet<[u32; 2]> = sides(triangles.iter().copied()).map(|[a, b, _]| [a.min(b), a.max(b)]).collect();
+    let is_near = |edge: &[u32; 2]| edge.iter().all(|point| distances[*point as usize] <= limit);
+    let torn = binding.torn(&mesh.points, edges.into_iter().filter(is_near));
+    if let Some([a, b]) = torn.first() {
+        found.push(format!(
+            "{} of its edges join points that are bound to different layers of the cloth, the first is that of the points {a} \
+             and {b}; they are stretched where the layers part: bring these points closer to the layer that they belong to",
+            torn.len()
+        ));
+    }
+    if binding.facing_against(&mesh.points, &triangles) > TURNED {
+        let what = "it is flipped: its faces look to the other side than those of the cloth: reverse one of the two";
+        found.push(what.to_owned());
+    }
+    let used: BTreeSet<u32> = mesh.face_indices.iter().copied().collect();
+    if used.len() < mesh.points.len() {
+        found.push(format!("{} points belong to no face", mesh.points.len() - used.len()));
+    }
+    found
+}
+
+/// Distance of each point from the cloth; of a point of a rigid part that of its closest point, however large the part is.
+fn judged_distances(described: &RenderMeshDescription, binding: &SurfaceBinding) -> Vec<f64> {
+    let mut distances: Vec<f64> = binding.distances().collect();
+    for part in &described.rigid {
+        let closest = part.iter().map(|point| distances[*point as usize]).fold(f64::INFINITY, f64::min);
+        part.iter().for_each(|point| distances[*point as usize] = closest);
+    }
+    distances
+}
+
+/// The faces cut into triangles; points and lines among them are none.
+fn triangulated(mesh: &PolygonMesh) -> Vec<[u32; 3]> {
+    let mut polygons = PolygonMesh { points: mesh.points.clone(), ..PolygonMesh::default() };
+    for face in mesh.faces().filter(|face| face.len() > 2) {
+        polygons.face_counts.push(face.len() as u32);
+        polygons.face_indices.extend(face);
+    }
+    polygons.triangulate().0
+}

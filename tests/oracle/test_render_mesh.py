@@ -1,0 +1,169 @@
+"""Outside programs read the caches of a render mesh, and libigl counts where its layers cross."""
+
+import subprocess
+
+import h5py
+import numpy as np
+import pytest
+from alembic3d import Abc, AbcGeom
+
+from conftest import program
+from crossings import crossing_pairs
+from judges import ROOT, hdf5, official
+
+SCENE = "sample_assets/scenes/coat.toml"
+FRAMES = "1001-1019"
+
+# Half of the shell's thickness, from the generator [m].
+SHELL = 0.001
+
+
+@pytest.fixture(scope="module")
+def coat(tmp_path_factory):
+    """Folder of the run: the coat swings for three quarters of a second."""
+    folder = tmp_path_factory.mktemp("coat")
+    made = subprocess.run([program("DRAPERY_ASSETS", "drapery-assets"), "coat", "--out", str(folder)], capture_output=True)
+    assert made.returncode == 0, made.stderr
+    scene = folder / "coat.toml"
+    formats = ["abc", "h5"] + (["usd"] if has_usd() else [])
+    text = (ROOT / SCENE).read_text() + f"\n[output]\nformat = {formats}\n".replace("'", '"')
+    scene.write_text(text)
+    command = [program("DRAPERY", "drapery"), "run", str(scene), "--frames", FRAMES, "--out", str(folder / "out"),
+               "--set", f"assets={folder}", "--threads", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stderr
+    assert "render mesh (" not in done.stderr, f"nothing is suspicious: {done.stderr}"
+    return folder / "out"
+
+
+def has_usd():
+    version = subprocess.run([program("DRAPERY", "drapery"), "--version"], capture_output=True, text=True).stdout
+    return "usd" in version
+
+
+def normals_of(points, faces):
+    """Normals at points, by the areas of triangles around them."""
+    sums = np.zeros_like(points)
+    area = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    for corner in range(3):
+        np.add.at(sums, faces[:, corner], area)
+    return sums / np.linalg.norm(sums, axis=1, keepdims=True)
+
+
+def polygons(cache):
+    """Fans of the faces, counter-clockwise as they are in HDF5."""
+    counts, corners = cache["face_counts"], cache["face_indices"]
+    starts = np.concatenate([[0], np.cumsum(counts)])[:-1]
+    return np.array([(corners[s], corners[s + i], corners[s + i + 1])
+                     for s, count in zip(starts, counts) for i in range(1, count - 1)])
+
+
+def parts_of(archive_path):
+    """Names of the face sets with the points of their faces."""
+    answer = official(archive_path)
+    starts = np.concatenate([[0], np.cumsum(answer["face_counts"])])
+    return {
+        str(name): np.unique(np.concatenate([answer["face_indices"][starts[f] : starts[f + 1]] for f in answer[f"face_set_{i}"]]))
+        for i, name in enumerate(answer["face_set_names"])
+    }
+
+
+def test_alembic_and_hdf5_hold_the_same_with_normals_of_length_one(coat):
+    cache, answer = hdf5(coat / "coat_render.h5"), official(coat / "coat_render.abc")
+    assert np.array_equal(answer["positions"], cache["positions"])
+    assert np.array_equal(answer["velocities"], cache["velocities"])
+    assert sorted(answer["face_set_names"]) == ["buttons", "collar", "collar_hems", "hems", "shell"]
+    assert answer["constant"] or answer["homogeneous"]
+    assert len(answer["uvs"]) == len(answer["face_indices"])
+    with h5py.File(coat / "coat_render.h5") as file:
+        normals = file["normals"][:][: len(cache["positions"])]
+    assert normals.shape == cache["positions"].shape
+    assert abs(np.linalg.norm(normals, axis=2) - 1).max() < 1e-6
+    # By this file's own formula; the fans of the flat buttons have the areas of their polygons.
+    for frame in (0, len(normals) - 1):
+        expected = normals_of(cache["positions"][frame].astype(float), polygons(cache))
+        # Edges of 4 mm, in single precision at 1.5 m; a polygon that is bent has another area as a fan.
+        assert abs(normals[frame] - expected).max() < 2e-3
+    # As the official library has them: one for each point, in every sample.
+    archive = Abc.IArchive(str(coat / "coat_render.abc"))
+    schema = AbcGeom.IPolyMesh(archive.getTop().getChild(0), "coat_renderShape").getSchema()
+    param = schema.getNormalsParam()
+    assert param.valid() and param.getNumSamples() == len(normals)
+    assert param.getScope() == AbcGeom.GeometryScope.kVertexScope
+    for sample in (0, len(normals) - 1):
+        values = np.array(param.getExpandedValue(Abc.ISampleSelector(sample)).getVals())
+        assert np.array_equal(values, normals[sample])
+    # The garment's own cache has none.
+    plain = AbcGeom.IPolyMesh(Abc.IArchive(str(coat / "coat.abc")).getTop().getChild(0), "coatShape")
+    assert not plain.getSchema().getNormalsParam().valid()
+
+
+def test_pixars_library_reads_the_same_and_finds_it_valid(coat):
+    if not has_usd():
+        pytest.skip("no USD in this build")
+    from pxr import Usd, UsdGeom, UsdValidation
+
+    stage = Usd.Stage.Open(str(coat / "coat.usda"))
+    meshes = {prim.GetName(): UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)}
+    assert set(meshes) == {"coatShape", "coat_renderShape"}
+    mesh, cache = meshes["coat_renderShape"], hdf5(coat / "coat_render.h5")
+    assert mesh.GetNormalsInterpolation() == "vertex"
+    assert not meshes["coatShape"].GetNormalsAttr().HasValue()
+    assert (mesh.ComputePurpose(), meshes["coatShape"].ComputePurpose()) == ("render", "proxy")
+    with h5py.File(coat / "coat_render.h5") as file:
+        normals = file["normals"][:]
+    for index, frame in enumerate(cache["frame_numbers"]):
+        time = Usd.TimeCode(int(frame))
+        assert np.array_equal(mesh.GetPointsAttr().Get(time), cache["positions"][index])
+        assert np.array_equal(mesh.GetVelocitiesAttr().Get(time), cache["velocities"][index])
+        assert np.array_equal(mesh.GetNormalsAttr().Get(time), normals[index])
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert not [error.GetMessage() for error in errors if not error.HasNoError()]
+
+
+def test_it_keeps_its_distance_and_its_layers_do_not_cross(coat, report_figure):
+    import igl
+
+    cloth, render = hdf5(coat / "coat.h5"), hdf5(coat / "coat_render.h5")
+    parts = parts_of(coat / "coat_render.abc")
+    faces, surface = polygons(render), cloth["triangles"].astype(np.int64)
+    shell, buttons = parts["shell"], parts["buttons"]
+    in_shell = np.isin(faces, np.union1d(shell, parts["hems"])).all(axis=1)
+    in_collar = np.isin(faces, np.union1d(parts["collar"], parts["collar_hems"])).all(axis=1)
+    sheet_crossings, layer_crossings, farthest, nearest, bend = [], [], 0.0, 1.0, 0.0
+    first = np.linalg.norm(render["positions"][0][buttons] - render["positions"][0][buttons[0]], axis=1)
+    for index in range(len(render["frame_numbers"])):
+        points, x = render["positions"][index].astype(float), cloth["positions"][index].astype(float)
+        sheet_crossings.append(len(crossing_pairs(x, surface)))
+        layer_crossings.append([len(crossing_pairs(points, faces[chosen])) for chosen in (in_shell, in_collar)])
+        distance = np.sqrt(igl.point_mesh_squared_distance(points[shell], x, surface)[0])
+        farthest, nearest = max(farthest, distance.max()), min(nearest, distance.min())
+        in_button = buttons[:32]
+        now = np.linalg.norm(points[in_button] - points[in_button[0]], axis=1)
+        bend = max(bend, abs(now - first[:32]).max())
+    moved = np.abs(cloth["positions"][-1] - cloth["positions"][0]).max()
+    report_figure(f"moved {moved:.2f} m; shell {nearest * 1e3:.2f} to {farthest * 1e3:.2f} mm from the cloth; "
+                  f"crossings of cloth {sum(sheet_crossings)}, of shell and collar {np.sum(layer_crossings, axis=0)}")
+    assert moved > 0.1
+    assert sum(sheet_crossings) == 0
+    assert np.sum(layer_crossings) == 0
+    # Never farther than at rest: 1 mm, and what a chord of 48 corners lies inside of the circle, at the hem.
+    assert farthest < SHELL + 0.24 * (1 - np.cos(np.pi / 48)) + 1e-6
+    # A button moves as one piece: rounding of single precision at 1.5 m.
+    assert bend < 1e-6
+
+
+def test_velocities_are_those_of_the_motion(coat):
+    cache = hdf5(coat / "coat_render.h5")
+    x, v = cache["positions"].astype(float), cache["velocities"].astype(float)
+    step = cache["times"][1] - cache["times"][0]
+    # Hermite's rule: positions a frame apart differ by the mean velocity, up to the change of the acceleration.
+    difference = (x[1:] - x[:-1]) / step
+    off = np.linalg.norm(difference - (v[1:] + v[:-1]) / 2, axis=2)
+    plain = hdf5(coat / "coat.h5")
+    of_cloth = np.linalg.norm(np.diff(plain["positions"].astype(float), axis=0) / step
+                              - (plain["velocities"][1:].astype(float) + plain["velocities"][:-1]) / 2, axis=2)
+    # As well as those of the cloth itself.
+    assert np.median(off) < 1.5 * np.median(of_cloth) + 1e-3
+    assert np.percentile(off, 99) < 1.5 * np.percentile(of_cloth, 99) + 1e-2
