@@ -46,7 +46,7 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 24] = [
+const IO_ROOMS: [&str; 25] = [
     "error",
     "input_file",
     "atomic_file",
@@ -75,7 +75,7 @@ const IO_ROOMS: [&str; 24] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 16] = [
+const SHOT_ROOMS: [&str; 17] = [
     "quality",
     "frame_digest",
     "run_record",
