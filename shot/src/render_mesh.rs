@@ -55,10 +55,15 @@ impl RenderMesh {
             return Err(broken(format!("point {point} is at no possible place")));
         }
         let triangles = triangles_of(&cloth);
-        let bound = SurfaceBinding::new(cloth.mesh.points, triangles, &mesh.points, &described.rigid);
-        let binding = bound.ok_or_else(|| broken(format!("garment \"{name}\" has no triangle to follow")))?;
+        let bind = |rigid: &[Vec<u32>]| {
+            SurfaceBinding::new(cloth.mesh.points.clone(), triangles.clone(), &mesh.points, rigid)
+                .ok_or_else(|| broken(format!("garment \"{name}\" has no triangle to follow")))
+        };
+        // Judged is where each point is, also those that move with the middle of their part.
+        let own = bind(&[])?;
         let place = format!("garment \"{name}\", render mesh ({})", described.file.display());
-        warnings.extend(suspicious(&described, &mesh, &binding).into_iter().map(|what| format!("{place}: {what}")));
+        warnings.extend(suspicious(&described, &mesh, &own).into_iter().map(|what| format!("{place}: {what}")));
+        let binding = if described.rigid.is_empty() { own } else { bind(&described.rigid)? };
         let faces = Connectivity { face_counts: mesh.face_counts, face_indices: mesh.face_indices };
         let RenderMeshDescription { garment, name, mesh, .. } = described;
         Ok(Self { garment, name, mesh, faces, binding })

@@ -165,7 +165,9 @@ mod tests {
         let shot = scene(folder.path(), table, more)?.resolve().map_err(|errors| errors[0].to_string())?;
         assert_eq!(shot.garments.len(), shot.scene.garments.len(), "a render mesh is no garment");
         assert!(shot.input_files.iter().any(|file| file.ends_with("fine.obj")), "a change of it is noticed");
-        Ok(shot.render_meshes.into_iter().next().unwrap())
+        let found = shot.render_meshes.into_iter().next().unwrap();
+        assert_eq!(found.mesh.positions().unwrap()[1].x, 0.01, "in the units of the scene");
+        Ok(found)
     }
 
     #[test]
@@ -173,7 +175,6 @@ mod tests {
         let found = resolved("rigid = [\"button_*\"]", "").unwrap();
         assert_eq!(found.rigid, [[6, 7, 8], [9, 10, 11], [12, 13, 14]]);
         assert_eq!((found.name.as_str(), found.garment, found.max_distance), ("coat_render", 0, 0.02));
-        assert_eq!(found.mesh.positions().unwrap()[1].x, 0.01, "in the units of the scene");
         assert_eq!(resolved("rigid = [\"button_left\"]\nmax_distance = \"5 mm\"", "").unwrap().rigid.len(), 2);
         assert!(resolved("", "").unwrap().rigid.is_empty());
     }

@@ -83,7 +83,7 @@ struct RestTriangle {
 
 /// A triangle at a vertex, and the place among the triangles there of a neighbour that comes before it.
 #[derive(Debug, Clone, Copy)]
-struct Around {
+struct Incident {
     triangle: u32,
     neighbour: u32,
 }
@@ -94,7 +94,7 @@ pub(super) struct RestFrames {
     pub(super) triangles: Vec<[u32; 3]>,
     rest: Vec<RestTriangle>,
     /// Triangles around the vertices, vertex after vertex, and where those of each begin.
-    around: Vec<Around>,
+    around: Vec<Incident>,
     starts: Vec<u32>,
 }
 
@@ -153,7 +153,7 @@ impl RestFrames {
 }
 
 /// The triangles at a vertex, in an order in which each but the first of a fan comes after a neighbour.
-fn in_turn(vertex: u32, own: &[u32], triangles: &[[u32; 3]]) -> Vec<Around> {
+fn in_turn(vertex: u32, own: &[u32], triangles: &[[u32; 3]]) -> Vec<Incident> {
     let others = |t: u32| triangles[t as usize].into_iter().filter(move |v| *v != vertex);
     let mut spokes: Vec<[u32; 2]> = own.iter().flat_map(|&t| others(t).map(move |v| [v, t])).collect();
     spokes.sort_unstable();
@@ -164,13 +164,13 @@ fn in_turn(vertex: u32, own: &[u32], triangles: &[[u32; 3]]) -> Vec<Around> {
         }
         let mut next = found.len();
         // Another fan shares nothing with the first but the vertex.
-        found.push(Around { triangle: first, neighbour: 0 });
-        while let Some(&Around { triangle, .. }) = found.get(next) {
+        found.push(Incident { triangle: first, neighbour: 0 });
+        while let Some(&Incident { triangle, .. }) = found.get(next) {
             for spoke in others(triangle) {
                 let start = spokes.partition_point(|[v, _]| *v < spoke);
                 for &[_, touching] in spokes[start..].iter().take_while(|[v, _]| *v == spoke) {
                     if placed.insert(touching) {
-                        found.push(Around { triangle: touching, neighbour: next as u32 });
+                        found.push(Incident { triangle: touching, neighbour: next as u32 });
                     }
                 }
             }
