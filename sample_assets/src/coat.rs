@@ -85,9 +85,10 @@ impl Parts {
             for column in 0..around {
                 let corner = |i: usize, j: usize| first + (row + j) * around + (column + i) % around;
                 let uv = |i: usize, j: usize| [(column + i) as f64 / around as f64, (row + j) as f64 / down as f64];
+                // Both begin with the same corner: layers that are cut along the same diagonals stay apart where quads are bent.
                 let mut turn = [(0, 0), (1, 0), (1, 1), (0, 1)];
                 if !outside {
-                    turn.reverse();
+                    turn[1..].reverse();
                 }
                 self.face(turn.map(|(i, j)| corner(i, j)).to_vec(), turn.map(|(i, j)| uv(i, j)).to_vec());
             }
