@@ -1,7 +1,8 @@
 //! Would other applications load these caches, and does cloth pass through cloth? The rules of the hand-off, checked on
-//! every frame of Alembic files, ours or foreign, and of USD caches of ours: finite positions, constant topology, uniform times, velocities per
+//! every frame of Alembic files and USD stages, ours or foreign: finite positions, constant topology, uniform times, velocities per
 //! second that agree with the motion, true bounds; and no crossing, of a mesh with itself or with another.
 
+mod applications;
 mod crossings;
 mod recorded;
 mod stage;
@@ -39,7 +40,7 @@ struct Cache {
     /// What its messages begin with; empty when there is one file only.
     prefix: String,
     meshes: Vec<PolyMesh>,
-    /// A cache in USD, which holds no archive's meshes.
+    /// A stage of USD, which holds no archive's meshes.
     stage: Option<CacheFrames>,
     fps: Option<f64>,
 }
@@ -78,7 +79,7 @@ fn prefix_of(path: &Path, all: &[&Path]) -> String {
 /// Opens a file and checks the rules that concern it alone.
 fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<Cache, IoError> {
     input_file::open(path)?;
-    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("usd")) {
+    if path.extension().is_some_and(|extension| extension.to_string_lossy().to_lowercase().starts_with("usd")) {
         return stage::verify_file(path, prefix, found);
     }
     let archive = Archive::open(path)?;
@@ -94,6 +95,7 @@ fn verify_file(path: &Path, prefix: String, found: &mut Verification) -> Result<
         found.warnings.push(format!("{prefix}the archive does not say its frame rate; the application has to be told"));
     }
     let cache = Cache { prefix, meshes, stage: None, fps };
+    found.facts.extend(applications::of_archive(&archive, &cache.meshes, &cache.prefix));
     for mesh in &cache.meshes {
         verify_mesh(mesh, &cache.name_of(mesh), fps, found);
     }

@@ -226,9 +226,9 @@ pub(crate) struct FileArgs {
 /// copied where unit and axis stay.
 #[derive(Debug, Args)]
 pub(crate) struct ConvertArgs {
-    /// A cache (.abc, .h5 or .usd)
+    /// A cache (.abc or .h5), or any stage of USD
     pub(crate) from: PathBuf,
-    /// The new cache; its extension says the format
+    /// The new cache; its extension says the format: .abc, .h5, .usd, or .usdc for one binary layer with all meshes
     pub(crate) to: PathBuf,
     /// Path of the mesh, where the cache holds several
     #[arg(long, value_name = "PATH")]
@@ -256,7 +256,7 @@ pub(crate) struct ConvertArgs {
 /// same mesh or of another, or touch one with which they share no point. Give the garments of a shot together.
 #[derive(Debug, Args)]
 pub(crate) struct VerifyArgs {
-    /// Alembic or USD caches that belong together; with --record also HDF5 caches
+    /// Alembic files or USD stages that belong together; with --record also HDF5 caches
     #[arg(required_unless_present = "record", value_name = "CACHE")]
     pub(crate) files: Vec<PathBuf>,
     /// Also compare every frame with the record of the run in this folder, or, without caches, nothing but that for all of its
@@ -290,7 +290,7 @@ pub(crate) struct StopArgs {
 /// Arguments of `diff`.
 #[derive(Debug, Args)]
 pub(crate) struct DiffArgs {
-    /// A cache (.abc, .h5 or .usd), a checkpoint, or the folder of a run
+    /// A cache (.abc or .h5), a stage of USD, a checkpoint, or the folder of a run
     pub(crate) a: PathBuf,
     /// What it is compared with; caches may be of different formats and units
     pub(crate) b: PathBuf,

@@ -5,16 +5,20 @@
 //! frames that are complete are listed.
 
 #[cfg(feature = "usd")]
+mod stage;
+mod transforms;
+#[cfg(feature = "usd")]
 pub(crate) mod usd;
 
 use std::path::{Path, PathBuf};
 
 use drapery_alembic::{
-    Archive, Bounds, DataType, GeomParam, IDENTITY, PodType, PolyMesh, Samples, SamplingKind, Scope,
+    Archive, Bounds, DataType, GeomParam, IDENTITY, PodType, PolyMesh, Samples, SamplingKind, Scope, TopologyVariance,
 };
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::escape;
+use transforms::in_world;
 
 use crate::error::IoError;
 use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
@@ -22,7 +26,7 @@ use crate::formats::hdf5::stored;
 use crate::formats::open_mesh;
 use crate::input_file;
 use crate::mesh_data::{Connectivity, MeshData, Uvs};
-use crate::units::{LengthUnit, Units, UpAxis};
+use crate::units::{InputUnits, LengthUnit, Units, UpAxis};
 
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
 const WHOLE_FRAME: f64 = 1e-3;
@@ -87,10 +91,13 @@ enum Stored {
     /// The layer, and what of it does not move.
     #[cfg(feature = "usd")]
     Usd(Box<drapery_usd::cache::Cache>),
+    /// A stage with any meshes, composed.
+    #[cfg(feature = "usd")]
+    Stage(Box<stage::StageFrames>),
 }
 
 impl CacheFrames {
-    /// Opens an `.abc`, `.h5` or `.usd` cache.
+    /// Opens an `.abc` or `.h5` cache, or any stage of USD.
     ///
     /// # Errors
     /// The file is missing, damaged, of another format, or holds no mesh.
@@ -113,6 +120,8 @@ impl CacheFrames {
             }
             #[cfg(feature = "usd")]
             "usd" => Self::open_usd(path),
+            #[cfg(feature = "usd")]
+            "usda" | "usdc" | "usdz" => Self::open_stage(path),
             _ => Err(IoError::Format {
                 path: path.to_owned(),
                 what: format!("files of the kind .{extension} are no caches"),
@@ -126,9 +135,55 @@ impl CacheFrames {
         &self.path
     }
 
-    /// Unit and axes of the file.
+    /// Unit and axes of the file; metres where its unit is one that caches of this program do not have.
     pub fn units(&self) -> Units {
         self.units
+    }
+
+    /// Unit and axes of the file in words, whatever its unit is.
+    pub fn unit_in_words(&self) -> String {
+        self.read_in().to_string()
+    }
+
+    /// Unit and axes that the numbers of the file are in.
+    fn read_in(&self) -> InputUnits {
+        match &self.stored {
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.units,
+            _ => self.units.into(),
+        }
+    }
+
+    /// What somebody may want to know of a stage of another program, a sentence each.
+    pub fn notes(&self) -> &[String] {
+        match &self.stored {
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => &stage.notes,
+            _ => &[],
+        }
+    }
+
+    /// Whether a stage holds all that it refers to and that a mesh needs, or, without one, all meshes.
+    ///
+    /// # Errors
+    /// What is missing or damaged.
+    #[cfg_attr(not(feature = "usd"), allow(unused_variables))]
+    pub fn check_complete(&self, mesh: Option<usize>) -> Result<(), IoError> {
+        match &self.stored {
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.check_complete(mesh.map(|mesh| self.meshes[mesh].name.as_str())),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether anything of a mesh changes from sample to sample; a stage shows what stands still at all times.
+    pub fn moves(&self, mesh: usize) -> bool {
+        match &self.stored {
+            Stored::Alembic(_, meshes, _) => meshes[mesh].0.sample_count() > 1,
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.moves(mesh),
+            _ => true,
+        }
     }
 
     /// Its meshes, in the order of their paths.
@@ -143,6 +198,17 @@ impl CacheFrames {
             Stored::Hdf5(file, _) => file.attr("fps").and_then(|fps| fps.read_scalar()).ok(),
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => Some(cache.fps),
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => Some(stage.fps),
+        }
+    }
+
+    /// Time codes of a stage that a frame takes; 1 in all caches of this program.
+    pub fn codes_per_frame(&self) -> f64 {
+        match &self.stored {
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.codes_per_frame,
+            _ => 1.0,
         }
     }
 
@@ -151,25 +217,33 @@ impl CacheFrames {
     /// # Errors
     /// The sample cannot be read.
     pub fn positions(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
-        match &self.stored {
-            Stored::Alembic(_, meshes, _) => {
-                let (mesh, samples) = &meshes[mesh];
-                let points = mesh.world_positions(samples[sample])?;
-                Ok(points.into_iter().map(|p| self.units.to_si(Vec3::from(p))).collect())
-            }
-            Stored::Hdf5(file, origin) => {
-                let world = |p: [f32; 3]| Vec3::from(p.map(f64::from)) + Vec3::from(*origin);
-                Ok(self.rows(file, "positions", sample)?.into_iter().map(|p| self.units.to_si(world(p))).collect())
-            }
-            #[cfg(feature = "usd")]
-            Stored::Usd(cache) => {
-                let world = |p: [f32; 3]| Vec3::from(p.map(f64::from)) + Vec3::from(cache.still.origin);
-                Ok(usd::frame(cache, sample)?.points.into_iter().map(|p| self.units.to_si(world(p))).collect())
-            }
-        }
+        let units = self.read_in();
+        Ok(self.world_positions(mesh, sample)?.into_iter().map(|p| units.to_si(p)).collect())
     }
 
-    /// Positions of a sample of a mesh as they are stored; `None` if its parents do more than shift them.
+    /// Positions of a sample of a mesh in the world, in unit and axes of the file.
+    ///
+    /// # Errors
+    /// The sample cannot be read.
+    pub fn world_positions(&self, mesh: usize, sample: usize) -> Result<Vec<Vec3>, IoError> {
+        let shifted = |points: Vec<[f32; 3]>, origin: [f64; 3]| {
+            points.into_iter().map(|p| Vec3::from(p.map(f64::from)) + Vec3::from(origin)).collect()
+        };
+        Ok(match &self.stored {
+            Stored::Alembic(_, meshes, _) => {
+                let (mesh, samples) = &meshes[mesh];
+                mesh.world_positions(samples[sample])?.into_iter().map(Vec3::from).collect()
+            }
+            Stored::Hdf5(file, origin) => shifted(self.rows(file, "positions", sample)?, *origin),
+            #[cfg(feature = "usd")]
+            Stored::Usd(cache) => shifted(usd::frame(cache, sample)?.points, cache.still.origin),
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.world(mesh, sample)?.into_iter().map(Vec3::from).collect(),
+        })
+    }
+
+    /// Positions of a sample of a mesh as they are stored; `None` if its parents do more than shift them, or of a stage with
+    /// another unit than [`CacheFrames::units`].
     ///
     /// # Errors
     /// The sample cannot be read.
@@ -188,6 +262,11 @@ impl CacheFrames {
             Stored::Hdf5(file, origin) => (*origin, self.rows(file, "positions", sample)?),
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => (cache.still.origin, usd::frame(cache, sample)?.points),
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => match stage.shifted(mesh, sample)? {
+                Some(shifted) if stage.units == self.units.into() => shifted,
+                _ => return Ok(None),
+            },
         };
         Ok(Some(StoredPositions { units: self.units, origin, points }))
     }
@@ -214,6 +293,26 @@ impl CacheFrames {
             }
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => usd::stored_frame(cache, sample),
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.stored_frame(mesh, sample),
+        }
+    }
+
+    /// Faces of a sample of a mesh, where they may be others than those of the first.
+    ///
+    /// # Errors
+    /// The sample cannot be read.
+    pub fn faces(&self, mesh: usize, sample: usize) -> Result<Option<Connectivity>, IoError> {
+        match &self.stored {
+            Stored::Alembic(_, meshes, _) if meshes[mesh].0.topology_variance() == TopologyVariance::Heterogeneous => {
+                let (mesh, samples) = &meshes[mesh];
+                let mut faces = mesh.faces(samples[sample])?;
+                reverse(&faces.face_counts, &mut faces.face_indices);
+                Ok(Some(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices }))
+            }
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.faces(mesh, sample),
+            _ => Ok(None),
         }
     }
 
@@ -228,6 +327,8 @@ impl CacheFrames {
             Stored::Hdf5(..) => Ok(()),
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => usd::check_constants(cache),
+            #[cfg(feature = "usd")]
+            Stored::Stage(_) => Ok(()),
         }
     }
 
@@ -236,24 +337,35 @@ impl CacheFrames {
     /// # Errors
     /// The sample cannot be read.
     pub fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<Vec3>>, IoError> {
+        let units = self.read_in();
+        let si = |v: [f32; 3]| units.to_si(Vec3::from(v.map(f64::from)));
+        Ok(self.world_velocities(mesh, sample)?.map(|rates| rates.into_iter().map(si).collect()))
+    }
+
+    /// Velocities of a sample of a mesh in the world, in unit and axes of the file; those that are stored where parents do not
+    /// turn or move it.
+    ///
+    /// # Errors
+    /// The sample cannot be read.
+    pub(crate) fn world_velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
         match &self.stored {
-            Stored::Alembic(_, meshes, _) => {
+            Stored::Alembic(archive, meshes, _) => {
                 let (mesh, samples) = &meshes[mesh];
-                let rates = mesh.velocities(samples[sample])?;
-                let si = |v: [f32; 3]| self.units.to_si(Vec3::from(v.map(f64::from)));
-                Ok(rates.map(|rates| rates.into_iter().map(si).collect()))
+                let sample = samples[sample];
+                let Some(rates) = mesh.velocities(sample)? else { return Ok(None) };
+                let (time, frame) = (mesh.time(sample), 1.0 / archive.frames_per_second_hint().unwrap_or(24.0));
+                let at = |time| mesh.world_matrix_at(time);
+                let around = ([at(time - frame / 2.0)?, at(time + frame / 2.0)?], frame);
+                Ok(Some(in_world(rates, &mesh.positions(sample)?, &at(time)?, Some(around))))
             }
             Stored::Hdf5(file, _) if file.link_exists("velocities") => {
-                let rates = self.rows(file, "velocities", sample)?;
-                Ok(Some(rates.into_iter().map(|v| self.units.to_si(Vec3::from(v.map(f64::from)))).collect()))
+                Ok(Some(self.rows(file, "velocities", sample)?))
             }
             Stored::Hdf5(..) => Ok(None),
             #[cfg(feature = "usd")]
-            Stored::Usd(cache) => {
-                let rates = usd::frame(cache, sample)?.velocities;
-                let si = |v: [f32; 3]| self.units.to_si(Vec3::from(v.map(f64::from)));
-                Ok(rates.map(|rates| rates.into_iter().map(si).collect()))
-            }
+            Stored::Usd(cache) => Ok(usd::frame(cache, sample)?.velocities),
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.velocities(mesh, sample),
         }
     }
 
@@ -293,6 +405,8 @@ impl CacheFrames {
                 let reader = open_mesh(&self.path, Some(&escape(&described.name)))?;
                 reader.mesh_at(cache.frames[0] as f64 / cache.fps)
             }
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.attributes(mesh, &described.name),
         }
     }
 
@@ -315,8 +429,20 @@ impl CacheFrames {
 
     #[cfg(feature = "usd")]
     fn open_usd(path: &Path) -> Result<Self, IoError> {
-        let (cache, units, mesh) = usd::open(path)?;
-        Ok(Self { path: path.to_owned(), units, meshes: vec![mesh], stored: Stored::Usd(Box::new(cache)) })
+        match usd::open(path)? {
+            Some((cache, units, mesh)) => {
+                Ok(Self { path: path.to_owned(), units, meshes: vec![mesh], stored: Stored::Usd(Box::new(cache)) })
+            }
+            None => Self::open_stage(path),
+        }
+    }
+
+    #[cfg(feature = "usd")]
+    fn open_stage(path: &Path) -> Result<Self, IoError> {
+        let (stage, meshes) = stage::StageFrames::open(path)?;
+        let length = LengthUnit::ALL.into_iter().find(|unit| unit.metres() == stage.units.metres).unwrap_or_default();
+        let units = Units { length, up: stage.units.up };
+        Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Stage(Box::new(stage)) })
     }
 
     fn open_hdf5(path: &Path) -> hdf5::Result<Self> {

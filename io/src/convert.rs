@@ -1,7 +1,11 @@
 //! A cache of one format as one of another, frame by frame: other frames, another unit or axis, the same cloth.
 //!
 //! Faces, texture coordinates, face sets and other attributes go with it, as far as the two formats know them. Numbers are
-//! copied where unit, axis and origin stay; else they are rounded once more. Only one frame is in memory.
+//! copied where unit, axis and origin stay; else they are rounded once more. Only one frame is in memory; of a single layer of USD,
+//! all are.
+
+#[cfg(feature = "usd")]
+mod single;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +13,7 @@ use std::path::{Path, PathBuf};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 
-use crate::cache::{CacheFrame, CachePlan, CacheWriter};
+use crate::cache::{CacheFrame, CachePlan};
 use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
 use crate::formats::{self, CreateCache, ResumeCache, folder_of, remove_folder};
@@ -65,46 +69,62 @@ pub struct Converted {
 /// The cache cannot be read, lacks a frame that is asked for, holds several meshes of which none is chosen, or does not tell
 /// its frame rate; the new file is there already, is the old one, or cannot be written.
 pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Converted, IoError> {
+    #[cfg(feature = "usd")]
+    if single::is_asked_for(&conversion.to) {
+        refuse_target(conversion)?;
+        return single::convert(conversion, wrote);
+    }
     let open = target(conversion)?;
     let source = CacheFrames::open(&conversion.from)?;
     let mesh = chosen(&source, conversion.object.as_deref())?;
     let samples = samples(&source, mesh, conversion.frames)?;
+    let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
+    let kept = GarmentMesh::kept(described(&source, mesh, samples.start)?);
+    let work = Work { source: &source, mesh, plan: plan(conversion, (&source, mesh), &samples, (&garment, &kept))? };
+    work.write(&conversion.to, open, samples, wrote)?;
+    let frames = [work.plan.first_frame, work.plan.last_frame];
+    Ok(Converted { frames, points: source.meshes()[mesh].points, units: work.plan.units })
+}
+
+/// What becomes of the samples of a mesh.
+fn plan<'a>(
+    conversion: &Conversion,
+    (source, mesh): (&CacheFrames, usize),
+    samples: &std::ops::Range<usize>,
+    (garment, kept): (&'a str, &'a GarmentMesh),
+) -> Result<CachePlan<'a>, IoError> {
+    source.check_complete(Some(mesh))?;
     let frames = &source.meshes()[mesh].frames;
     let (first, last) = (frames[samples.start], frames[samples.end - 1]);
     let stored = source.stored_positions(mesh, samples.start)?;
-    let units = Units {
-        length: conversion.length.unwrap_or(source.units().length),
-        up: conversion.up.unwrap_or(source.units().up),
-    };
     let sample = source.stored_frame(mesh, samples.start)?;
-    let (fps_numerator, fps_denominator) = rate(&source, conversion.fps)?;
-    let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
-    let data = described(&source, mesh, samples.start)?;
-    let plan = CachePlan {
+    let (fps_numerator, fps_denominator) = rate(source, conversion.fps)?;
+    Ok(CachePlan {
         sub_frames: &[],
-        garment: &garment,
-        mesh: &GarmentMesh::kept(data),
-        units,
+        garment,
+        mesh: kept,
+        units: Units {
+            length: conversion.length.unwrap_or(source.units().length),
+            up: conversion.up.unwrap_or(source.units().up),
+        },
         // Whole metres stay what they are; others are rounded as the positions are.
         origin: stored.map_or(Vec3::zeros(), |stored| stored.units.to_si(Vec3::from(stored.origin))),
         timeline: Timeline { fps_numerator, fps_denominator, origin: first, start: first },
         first_frame: first,
         last_frame: last,
-        velocities: sample.velocities.is_some(),
+        velocities: source.world_velocities(mesh, samples.start)?.is_some(),
         normals: sample.normals.is_some(),
         crossings: sample.crossings.is_some(),
-    };
-    drop(sample);
-    let work = Work { source: &source, mesh, plan, open };
-    work.write(&conversion.to, samples, wrote)?;
-    Ok(Converted { frames: [first, last], points: source.meshes()[mesh].points, units })
+    })
 }
 
 /// How the new file is made.
 fn target(conversion: &Conversion) -> Result<(CreateCache, ResumeCache), IoError> {
     let to = &conversion.to;
     let extension = to.extension().unwrap_or_default().to_string_lossy();
-    let written = formats::FORMATS.iter().filter(|format| format.create.is_some());
+    // A single layer of USD is no cache that could be continued, and is written by this alone.
+    let is_written = |format: &&formats::Format| format.create.is_some() || format.extension == "usdc";
+    let written = formats::FORMATS.iter().filter(is_written);
     let format = formats::by_extension(&extension).and_then(|format| format.create.zip(format.resume));
     let Some(open) = format else {
         let all: Vec<String> = written.map(|format| format!(".{}", format.extension)).collect();
@@ -114,6 +134,13 @@ fn target(conversion: &Conversion) -> Result<(CreateCache, ResumeCache), IoError
             advice: format!("give a file that ends with {}", all.join(", ")),
         });
     };
+    refuse_target(conversion)?;
+    Ok(open)
+}
+
+/// Refuses a new file that is the old one, or there already.
+fn refuse_target(conversion: &Conversion) -> Result<(), IoError> {
+    let to = &conversion.to;
     if fs::canonicalize(to).is_ok_and(|to| fs::canonicalize(&conversion.from).is_ok_and(|from| from == to)) {
         return Err(IoError::Format {
             path: to.clone(),
@@ -125,7 +152,7 @@ fn target(conversion: &Conversion) -> Result<(CreateCache, ResumeCache), IoError
     if let Some(path) = taken.filter(|_| !conversion.overwrite) {
         return Err(IoError::FileExists { path });
     }
-    Ok(open)
+    Ok(())
 }
 
 /// The mesh of this path, or the only one.
@@ -201,16 +228,25 @@ struct Work<'a> {
     source: &'a CacheFrames,
     mesh: usize,
     plan: CachePlan<'a>,
-    open: (CreateCache, ResumeCache),
 }
 
 impl Work<'_> {
     /// Writes all frames under another name, and gives the file its own when they are there.
-    fn write(&self, to: &Path, samples: std::ops::Range<usize>, wrote: &mut dyn FnMut(i64)) -> Result<(), IoError> {
-        let (create, resume) = self.open;
+    fn write(
+        &self,
+        to: &Path,
+        (create, resume): (CreateCache, ResumeCache),
+        samples: std::ops::Range<usize>,
+        wrote: &mut dyn FnMut(i64),
+    ) -> Result<(), IoError> {
         let aside = aside(to);
         let mut writer = create(&aside, &self.plan)?;
-        let written = self.frames(writer.as_mut(), samples, wrote).and_then(|()| writer.finish());
+        let mut write = |frame: &CacheFrame<'_>| {
+            writer.write(frame)?;
+            wrote(frame.frame);
+            Ok(())
+        };
+        let written = self.frames(samples, &mut write).and_then(|()| writer.finish());
         let mut mark = writer.mark();
         drop(writer);
         let placed = written.and_then(|()| fs::rename(&aside, to).map_err(|e| IoError::writing(to, e)));
@@ -227,20 +263,26 @@ impl Work<'_> {
         resume(to, &self.plan, &mark)?.finish()
     }
 
+    /// Gives all frames as the new file stores them.
     fn frames(
         &self,
-        writer: &mut dyn CacheWriter,
         samples: std::ops::Range<usize>,
-        wrote: &mut dyn FnMut(i64),
+        take: &mut dyn FnMut(&CacheFrame<'_>) -> Result<(), IoError>,
     ) -> Result<(), IoError> {
         let plan = &self.plan;
         for sample in samples {
             let frame = self.source.meshes()[self.mesh].frames[sample];
+            self.check_faces(frame, sample)?;
             let stored = self.source.stored_frame(self.mesh, sample)?;
             let positions = self.positions(sample)?;
-            let velocities = match (self.source.velocities(self.mesh, sample)?, plan.velocities) {
-                (Some(_), true) if self.is_copied(sample)? => stored.velocities.unwrap_or_default(),
-                (Some(velocities), true) => plan.units.stored_all(&velocities),
+            if positions.len() != self.source.meshes()[self.mesh].points {
+                return Err(self.changes(frame, &format!("{} points", positions.len())));
+            }
+            let velocities = match (self.source.world_velocities(self.mesh, sample)?, plan.velocities) {
+                (Some(velocities), true) if self.is_copied(sample)? => velocities,
+                (Some(_), true) => {
+                    plan.units.stored_all(&self.source.velocities(self.mesh, sample)?.unwrap_or_default())
+                }
                 (None, true) => return Err(self.lacks(frame, "velocities")),
                 (_, false) => Vec::new(),
             };
@@ -251,8 +293,7 @@ impl Work<'_> {
             };
             let normals = if plan.normals { self.normals(&positions) } else { Vec::new() };
             let (positions, velocities, normals) = (&positions[..], &velocities[..], &normals[..]);
-            writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities, normals, crossings })?;
-            wrote(frame);
+            take(&CacheFrame { frame, sub_frame: 0, positions, velocities, normals, crossings })?;
         }
         Ok(())
     }
@@ -278,6 +319,22 @@ impl Work<'_> {
         }
         let world = self.source.positions(self.mesh, sample)?;
         Ok(world.iter().map(|x| self.plan.units.stored_from(self.plan.origin, *x)).collect())
+    }
+
+    /// Caches of this program keep their points and faces.
+    fn check_faces(&self, frame: i64, sample: usize) -> Result<(), IoError> {
+        match self.source.faces(self.mesh, sample)? {
+            Some(faces) if faces != self.source.meshes()[self.mesh].faces => Err(self.changes(frame, "other faces")),
+            _ => Ok(()),
+        }
+    }
+
+    fn changes(&self, frame: i64, has: &str) -> IoError {
+        let mesh = &self.source.meshes()[self.mesh];
+        let (first, points, faces) = (mesh.frames[0], mesh.points, mesh.faces.face_counts.len());
+        let what = format!("frame {frame} has {has}, and frame {first} has {points} points and {faces} faces");
+        let advice = "a cache of this program keeps its points and faces; export the mesh with one topology";
+        IoError::data(self.source.path(), mesh.name.clone(), what, advice)
     }
 
     fn lacks(&self, frame: i64, what: &str) -> IoError {

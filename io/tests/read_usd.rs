@@ -9,6 +9,7 @@ use drapery_core::scene::Timeline;
 use drapery_io::error::IoErrorKind;
 use drapery_io::formats;
 use drapery_io::input_motion::{InputMotion, Preroll};
+use drapery_io::mesh_data::PodType;
 use drapery_io::mesh_source::MeshSource;
 use drapery_io::scene_file;
 use drapery_io::shot_description::ShotDescription;
@@ -100,6 +101,7 @@ fn corners_of_primvars_follow_the_faces_that_are_turned() {
     let folder = tempfile::tempdir().unwrap();
     let more = "texCoord2f[] primvars:st = [(0,0), (1,0), (0,1)] (\n interpolation = \"vertex\"\n )\n \
                 float[] primvars:corner = [0,1,2, 3,4,5, 6,7,8, 9,10,11] (\n interpolation = \"faceVarying\"\n )\n \
+                token[] primvars:part = [\"a\", \"b\", \"\", \"d\"] (\n interpolation = \"uniform\"\n )\n \
                 float[] primvars:paint = [1, 2, 3, 4] (\n interpolation = \"vertex\"\n )\n string primvars:who = \"me\"\n \
                 def GeomSubset \"back\" {\n int[] indices = [3, 1]\n rel material:binding = </wool>\n }";
     let more = more.replace("(0,1)]", "(0,1), (1,1)]");
@@ -116,7 +118,11 @@ fn corners_of_primvars_follow_the_faces_that_are_turned() {
         assert_eq!(data.face_sets[0].material.as_deref(), Some("/wool"));
         assert_eq!(data.subdivision.as_deref(), Some("none"));
         let names: Vec<&str> = data.params.iter().map(|param| param.name.as_str()).collect();
-        assert_eq!(names, ["corner", "paint"]);
+        assert_eq!(names, ["corner", "paint", "part", "who"]);
+        let text = |name: &str| data.params.iter().find(|param| param.name == name).unwrap();
+        assert_eq!((text("who").values.as_slice(), text("who").interpretation.as_str()), (b"me\0".as_slice(), ""));
+        assert_eq!(text("part").values, b"a\0b\0\0d\0");
+        assert_eq!((text("part").data_type.pod, text("part").interpretation.as_str()), (PodType::String, "token"));
     }
     assert_eq!(left.mesh.face_indices[..3], [1, 2, 0]);
     let corners = |data: &drapery_io::mesh_data::MeshData| -> Vec<f32> {
@@ -175,6 +181,38 @@ fn references_variants_instances_and_clips_are_composed_and_time_codes_are_secon
     assert_eq!(samples.iter().map(|sample| sample.positions[0].x).collect::<Vec<_>>(), [12.0]);
     let files = motion.source.other_files();
     assert!(files.iter().any(|file| file.ends_with("clip.2.usda")) && files.len() >= 4, "{files:?}");
+}
+
+#[test]
+fn clips_are_found_where_no_layer_declares_what_they_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    let head = "metersPerUnit = 1\n upAxis = \"Y\"\n defaultPrim = \"body\"";
+    let faces = "int[] faceVertexCounts = [3]\n int[] faceVertexIndices = [0,1,2]";
+    let held = |frame: i64| {
+        format!(
+            "over \"body\" {{\n double3 xformOp:translate.timeSamples = {{ {frame}: (0, {frame}, 0) }}\n over \"m\" {{\n point3f[] \
+             points.timeSamples = {{ {frame}: [({frame},0,0), (1,0,0), (0,1,0)] }}\n }}\n }}"
+        )
+    };
+    for frame in [1, 2] {
+        stage(folder.path(), &format!("{frame}.usda"), head, &held(frame));
+    }
+    let declared = "over \"body\" {\n double3 xformOp:translate\n over \"m\" {\n point3f[] points\n }\n }";
+    stage(folder.path(), "manifest.usda", head, declared);
+    let clips = "clips = {\n dictionary default = {\n asset[] assetPaths = [@./1.usda@, @./2.usda@]\n asset manifestAssetPath = \
+                 @./manifest.usda@\n string primPath = \"/body\"\n double2[] active = [(1, 0), (2, 1)]\n double2[] times = [(1, 1), \
+                 (2, 2)]\n }\n }";
+    let body = format!(
+        "def Xform \"body\" (\n {clips}\n ) {{\n uniform token[] xformOpOrder = [\"xformOp:translate\"]\n def Mesh \"m\" {{\n \
+         {faces}\n }}\n }}"
+    );
+    let path = stage(folder.path(), "body.usda", head, &body);
+    let source = MeshSource::open(&path, None, Units::SI).unwrap();
+    assert_eq!(source.sample_times(), [1.0 / 24.0, 2.0 / 24.0]);
+    for frame in [1.0, 2.0] {
+        assert_eq!(source.mesh_at(frame / 24.0).unwrap().mesh.points[0], Vec3::new(frame, frame, 0.0));
+    }
+    assert!(!fs::read_to_string(&path).unwrap().contains("points"), "what is declared stays in memory");
 }
 
 #[test]

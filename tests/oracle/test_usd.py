@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from farm import DRAPERY, Shot, reaches
-from judges import ask, blender, hdf5, official
+from judges import SHARED, ask, blender, hdf5, official
 from test_mpi_runs import ENVIRONMENT, Ranks, is_built_with_mpi
 
 FRAMES = "1001-1006"
@@ -295,6 +295,63 @@ def test_a_converted_cache_is_the_cache_for_other_programs_too(shot, tmp_path):
     for name in ("positions", "velocities", "uvs", "face_counts", "face_indices", "face_set_0", "face_set_1"):
         np.testing.assert_array_equal(shown[name], expected[name], err_msg=name)
     assert list(shown["face_set_names"]) == ["front_panel", "trim"], "as USD spells names"
+
+
+def drapery(*arguments):
+    return subprocess.run([DRAPERY, *map(str, arguments)], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+
+
+def test_one_binary_layer_holds_the_shot_as_its_stage_does(shot, tmp_path):
+    single = tmp_path / "all.usdc"
+    run = drapery("convert", shot / "two of them.usda", single)
+    assert run.returncode == 0, run
+    for prim in ("/two_of_them/skirt/skirtShape", "/two_of_them/flag_2/flag_2Shape"):
+        expected, shown = usd(shot / "two of them.usda", prim), usd(single, prim)
+        assert list(shown["validation"]) == [] and list(shown["complaints"]) == []
+        # Face sets of a mesh come before the next garment here, and behind it where they are of a weaker layer.
+        assert sorted(shown["kinds"]) == sorted(expected["kinds"])
+        for name in set(expected) - {"validation", "complaints", "kinds"}:
+            np.testing.assert_array_equal(shown[name], expected[name], err_msg=name)
+    again = drapery("convert", shot / "two of them.usda", tmp_path / "again.usdc")
+    assert again.returncode == 0 and single.read_bytes() == (tmp_path / "again.usdc").read_bytes()
+    assert list(tmp_path.glob(".*")) == [], "nothing half-written is left"
+    of_skirt = tmp_path / "skirt.usdc"
+    assert drapery("convert", shot / "skirt.usd", of_skirt).returncode == 0
+    cache = hdf5(shot / "skirt.h5")
+    shown = blender(of_skirt, 24, cache["frame_numbers"])
+    np.testing.assert_allclose(shown["positions"], cache["positions"].astype(float) * 0.01, atol=1e-6)
+    assert drapery("diff", of_skirt, shot / "skirt.abc").returncode == 0
+
+
+def test_the_stage_of_a_shot_is_verified_garment_by_garment(shot):
+    verified = drapery("verify", shot / "two of them.usda")
+    assert verified.returncode == 0, verified
+    for text in ("skirtShape: 6 samples; frame 1001 is time code 1001", "flag_2Shape: 6 samples", "centimetres, Z up",
+                 "no crossings between meshes, 1 pairs"):
+        assert text in verified.stdout, f"{text} is not in {verified.stdout}"
+    of_alembic = drapery("verify", shot / "skirt.abc")
+    assert "frame 1001 is at 41.750042 s; Blender shows it at scene frame 1001 if its rate is 23.976 fps" in of_alembic.stdout
+    assert drapery("diff", shot / "two of them.usda", shot / "two of them.usda").returncode == 0
+
+
+@pytest.mark.parametrize("file", ["blender_y_up_cm.usda", "blender_z_up.usdc", "usdwg_animated_cube_translation.usda",
+                                  "usdwg_RiggedFigure.usdz"])
+def test_a_converted_stage_of_another_program_is_where_pixars_library_has_it(tmp_path, file):
+    source = SHARED / "foreign_caches" / "usd" / file
+    run = drapery("convert", source, tmp_path / "ours.usdc")
+    assert run.returncode == 0, run
+    skinned = SHARED / "foreign_caches" / "usd" / "riggedfigure_baked.usdc" if "Rigged" in file else source
+    expected, shown = usd(skinned), usd(tmp_path / "ours.usdc")
+    # Materials stay where they are, in the stage that has them.
+    told = [text for text in shown["validation"] if not text.startswith("InvalidResourcePath")]
+    assert list(shown["complaints"]) == [] and told == []
+    frames = expected["times"] == np.round(expected["times"])
+    kept = np.isin(shown["times"], expected["times"][frames])
+    size = np.abs(expected["world_positions"]).max()
+    np.testing.assert_allclose(shown["world_positions"][kept], expected["world_positions"][frames], atol=4e-6 * size)
+    np.testing.assert_array_equal(shown["face_counts"], expected["face_counts"])
+    for name in ("metres_per_unit", "up_axis", "rate"):
+        np.testing.assert_array_equal(shown[name], expected[name], err_msg=name)
 
 
 @pytest.mark.full

@@ -10,7 +10,7 @@ import imath
 import numpy as np
 import pytest
 from alembic3d import Abc, AbcCoreAbstract, AbcGeom
-from pxr import Usd, UsdGeom, Vt
+from pxr import Gf, Usd, UsdGeom, Vt
 
 from conftest import program
 from judges import SHARED
@@ -152,6 +152,85 @@ def test_a_small_layer_that_promises_gigabytes_is_refused(tmp_path):
     done = run(tmp_path, body, UNITS, command="check")
     assert done.returncode == 65, done.stdout + done.stderr
     assert "timeSamples of an attribute take 1440 MB" in done.stdout + done.stderr
+
+
+def instanced_stage(path):
+    """Two prototypes with transforms of their own at six places each, some hidden, under a parent that moves."""
+    random = np.random.default_rng(7)
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    stage.SetStartTimeCode(1)
+    stage.SetEndTimeCode(3)
+    world = UsdGeom.Xform.Define(stage, "/set")
+    stage.SetDefaultPrim(world.GetPrim())
+    turn = world.AddRotateXYZOp()
+    for code in (1, 2, 3):
+        turn.Set((10.0 * code, 20.0, -5.0 * code), code)
+    instancer = UsdGeom.PointInstancer.Define(stage, "/set/scatter")
+    instancer.AddTranslateOp().Set((1.0, 2.0, 3.0))
+    for number, (name, shift) in enumerate([("leaf", (0.5, 0, 0)), ("stone", (0, -0.25, 1))]):
+        root = UsdGeom.Xform.Define(stage, f"/set/scatter/{name}")
+        root.AddTranslateOp().Set(shift)
+        root.AddScaleOp().Set((1.0, 1.5, 0.5 + number))
+        mesh = UsdGeom.Mesh.Define(stage, f"/set/scatter/{name}/shape")
+        mesh.AddRotateYOp().Set(33.0)
+        mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(random.normal(size=(4, 3)).astype(np.float32)))
+        mesh.GetFaceVertexCountsAttr().Set([3, 3])
+        mesh.GetFaceVertexIndicesAttr().Set([0, 1, 2, 2, 1, 3])
+        mesh.GetSubdivisionSchemeAttr().Set("none")
+        instancer.GetPrototypesRel().AddTarget(root.GetPath())
+    instancer.GetProtoIndicesAttr().Set([0, 1, 0, 1, 1, 0])
+    instancer.GetIdsAttr().Set([10, 11, 12, 13, 14, 15])
+    instancer.GetInvisibleIdsAttr().Set([13])
+    instancer.DeactivateId(12)
+    quaternions = random.normal(size=(6, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    instancer.GetOrientationsAttr().Set([Gf.Quath(float(w), Gf.Vec3h(float(x), float(y), float(z))) for w, x, y, z in quaternions])
+    # One of them mirrors.
+    scales = random.uniform(0.5, 2.0, size=(6, 3)) * np.where(np.arange(6) == 4, -1, 1)[:, None]
+    instancer.GetScalesAttr().Set(Vt.Vec3fArray.FromNumpy(scales.astype(np.float32)))
+    for code in (1, 2, 3):
+        positions = random.normal(size=(6, 3)).astype(np.float32)
+        instancer.GetPositionsAttr().Set(Vt.Vec3fArray.FromNumpy(positions), code)
+    stage.Save()
+    return stage
+
+
+def test_instances_are_where_pixars_library_places_them(tmp_path):
+    stage = instanced_stage(tmp_path / "scatter.usdc")
+    line = [program("DRAPERY", "drapery"), "convert", tmp_path / "scatter.usdc", tmp_path / "placed.usdc"]
+    done = subprocess.run(list(map(str, line)), capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stdout + done.stderr
+    placed = Usd.Stage.Open(str(tmp_path / "placed.usdc"))
+    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath("/set/scatter"))
+    indices = np.array(instancer.GetProtoIndicesAttr().Get())
+    for number, name in enumerate(["leaf", "stone"]):
+        ours = UsdGeom.Mesh(placed.GetPrimAtPath(f"/set/scatter/{name}/shape"))
+        mesh = stage.GetPrimAtPath(f"/set/scatter/{name}/shape")
+        points = np.array(UsdGeom.Mesh(mesh).GetPointsAttr().Get(), float)
+        for code in (1, 2, 3):
+            everywhere = instancer.ComputeInstanceTransformsAtTime(
+                code, code, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask)
+            mask = np.array(instancer.ComputeMaskAtTime(code))
+            to_root = np.array(UsdGeom.Xformable(mesh).GetLocalTransformation(code))
+            to_world = np.array(instancer.ComputeLocalToWorldTransform(code))
+            expected, normals = [], []
+            for place in np.flatnonzero((indices == number) & mask):
+                matrix = to_root @ np.array(everywhere[int(place)]) @ to_world
+                expected.append(points @ matrix[:3, :3] + matrix[3, :3])
+                a, b, c = expected[-1][[0, 1, 2]]
+                normals.append(np.cross(b - a, c - a) * np.sign(np.linalg.det(matrix[:3, :3])))
+            expected = np.concatenate(expected)
+            shown = np.array(ours.GetPointsAttr().Get(code), float)
+            assert shown.shape == expected.shape
+            np.testing.assert_allclose(shown, expected, atol=2e-6)
+        # Faces look outwards also where an instance mirrors them.
+        corners = np.array(ours.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
+        assert len(corners) == 2 * len(normals)
+        for face, normal in zip(corners[::2], normals):
+            a, b, c = shown[face]
+            assert np.dot(np.cross(b - a, c - a), normal) > 0
 
 
 def test_an_incomplete_stage_ends_the_command_with_the_exit_code_of_a_missing_file(tmp_path):

@@ -25,6 +25,8 @@ struct Pair {
 /// Compares all meshes of two caches in all frames that both have.
 pub(super) fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<PartComparison, IoError> {
     let (a_frames, b_frames) = (CacheFrames::open(a)?, CacheFrames::open(b)?);
+    a_frames.check_complete(None)?;
+    b_frames.check_complete(None)?;
     let mut pair =
         Pair { a: a_frames, b: b_frames, notes: Vec::new(), frames: BTreeMap::new(), squares: BTreeMap::new() };
     for (index_a, index_b) in pair.match_meshes() {

@@ -1,7 +1,7 @@
 //! How far two results are from each other: caches, checkpoints, or whole run folders.
 //!
 //! Caches may be of different formats, units and axes: both sides are compared in metres with Y up, frame by frame and
-//! vertex by vertex. Files with the same bytes are not opened at all.
+//! vertex by vertex. Files with the same bytes are not opened at all, unless they are layers of USD, which may refer to others.
 
 mod caches;
 mod checkpoints;
@@ -144,7 +144,7 @@ pub fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<Comparison, IoError
 }
 
 fn compare_files(a: &Path, b: &Path, tolerance: f64) -> Result<PartComparison, IoError> {
-    if same_bytes(a, b)? && same_folders(a, b)? {
+    if same_bytes(a, b)? && same_folders(a, b)? && !refers_to_others(a) {
         return Ok(PartComparison::new(a, b, Verdict::ByteEqual));
     }
     match (checkpoints::is_checkpoint(a), checkpoints::is_checkpoint(b)) {
@@ -170,6 +170,13 @@ impl PartComparison {
             datasets: Vec::new(),
         }
     }
+}
+
+/// Whether a file may be made of others that are not in a folder of its own: a stage whose layers may lie anywhere.
+fn refers_to_others(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is_alone = || formats::folder_of(path).is_some_and(|folder| folder.is_dir());
+    extension.starts_with("usd") && extension != "usdz" && !is_alone()
 }
 
 /// Whether the folders that belong to two caches, if there are any, hold the same files with the same bytes.

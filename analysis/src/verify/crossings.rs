@@ -25,7 +25,9 @@ pub(super) fn check(caches: &[Cache], body: Option<&dyn MeshReader>, found: &mut
     let mut sheets = Vec::new();
     for cache in caches {
         sheets.extend(cache.meshes.iter().filter_map(|mesh| Sheet::open(cache, mesh)));
-        sheets.extend(cache.stage.iter().filter_map(|stage| Sheet::of_stage(cache, stage)));
+        if let Some(stage) = &cache.stage {
+            sheets.extend((0..stage.meshes().len()).filter_map(|mesh| Sheet::of_stage(cache, stage, mesh)));
+        }
     }
     let mut body = body.map(Body::open).transpose()?;
     let fps = caches.iter().find_map(|cache| cache.fps);
@@ -54,19 +56,41 @@ struct Sheet<'a> {
 #[derive(Clone, Copy)]
 enum Mesh<'a> {
     Archive(&'a PolyMesh),
-    /// A cache in USD, with the time of a frame [s].
-    Stage(&'a CacheFrames, f64),
+    /// A mesh of a stage, by its place.
+    Stage(StageMesh<'a>),
+}
+
+/// A mesh of a stage.
+#[derive(Clone, Copy)]
+struct StageMesh<'a> {
+    stage: &'a CacheFrames,
+    mesh: usize,
+    /// Time of a frame [s].
+    duration: f64,
+    /// What its stored points are counted from, where that never changes; points in the world are looked at otherwise.
+    origin: Option<[f64; 3]>,
+}
+
+impl StageMesh<'_> {
+    fn points(&self, sample: usize) -> Option<Vec<Vec3>> {
+        if self.origin.is_none() {
+            return self.stage.world_positions(self.mesh, sample).ok();
+        }
+        let stored = self.stage.stored_positions(self.mesh, sample).ok()??;
+        Some(stored.points.into_iter().map(|p| Vec3::from(p.map(f64::from))).collect())
+    }
 }
 
 impl Mesh<'_> {
     /// Stored positions, none if they cannot be read or are not numbers.
     fn stored(self, sample: usize) -> Option<Vec<Vec3>> {
         let points = match self {
-            Self::Archive(mesh) => mesh.positions(sample).ok()?,
-            Self::Stage(cache, _) => cache.stored_positions(0, sample).ok()??.points,
+            Self::Archive(mesh) => {
+                mesh.positions(sample).ok()?.into_iter().map(|p| Vec3::from(p.map(f64::from))).collect()
+            }
+            Self::Stage(mesh) => mesh.points(sample)?,
         };
-        let is_finite = points.iter().flatten().all(|x| x.is_finite());
-        is_finite.then(|| points.into_iter().map(|p| Vec3::from(p.map(f64::from))).collect())
+        points.iter().flatten().all(|x| x.is_finite()).then_some(points)
     }
 
     /// The sample at a time [s], if there is one.
@@ -78,8 +102,9 @@ impl Mesh<'_> {
                 let sample = mesh.time_sampling().near_index(time, mesh.sample_count());
                 (is_still || (mesh.time(sample) - time).abs() < SAME_TIME).then_some(sample)
             }
-            Self::Stage(cache, duration) => {
-                let frames = &cache.meshes()[0].frames;
+            Self::Stage(StageMesh { stage, mesh, .. }) if !stage.moves(mesh) => Some(0),
+            Self::Stage(StageMesh { stage, mesh, duration, .. }) => {
+                let frames = &stage.meshes()[mesh].frames;
                 frames.iter().position(|frame| (*frame as f64 * duration - time).abs() < SAME_TIME)
             }
         }
@@ -89,9 +114,8 @@ impl Mesh<'_> {
     fn world_matrix_at(self, time: f64) -> Result<Matrix, IoError> {
         match self {
             Self::Archive(mesh) => Ok(mesh.world_matrix_at(time)?),
-            Self::Stage(cache, _) => {
+            Self::Stage(StageMesh { origin, .. }) => {
                 let mut matrix = IDENTITY;
-                let origin = cache.stored_positions(0, 0)?.map(|stored| stored.origin);
                 matrix[12..15].copy_from_slice(&origin.unwrap_or_default());
                 Ok(matrix)
             }
@@ -102,7 +126,7 @@ impl Mesh<'_> {
     fn start(self) -> f64 {
         match self {
             Self::Archive(mesh) => mesh.time(0),
-            Self::Stage(cache, duration) => cache.meshes()[0].frames[0] as f64 * duration,
+            Self::Stage(StageMesh { stage, mesh, duration, .. }) => stage.meshes()[mesh].frames[0] as f64 * duration,
         }
     }
 }
@@ -120,14 +144,16 @@ impl<'a> Sheet<'a> {
         Some(Self { name: cache.name_of(mesh), mesh: Mesh::Archive(mesh), search, times })
     }
 
-    /// The mesh of a cache in USD; `None` if its first frame cannot be read, which breaks other rules.
-    fn of_stage(cache: &Cache, stage: &'a CacheFrames) -> Option<Self> {
-        let described = &stage.meshes()[0];
+    /// A mesh of a stage; `None` if its first frame cannot be read, which breaks other rules.
+    fn of_stage(cache: &Cache, stage: &'a CacheFrames, mesh: usize) -> Option<Self> {
+        let described = &stage.meshes()[mesh];
         let duration = 1.0 / cache.fps?;
-        let mesh = Mesh::Stage(stage, duration);
-        let search = CrossingSearch::new(described.triangles.clone(), mesh.stored(0)?);
-        let times = described.frames.iter().map(|frame| *frame as f64 * duration).collect();
-        Some(Self { name: format!("{}{}", cache.prefix, described.name), mesh, search, times })
+        let origin = stage.stored_positions(mesh, 0).ok()?.map(|stored| stored.origin);
+        let points = Mesh::Stage(StageMesh { stage, mesh, duration, origin });
+        let search = CrossingSearch::new(described.triangles.clone(), points.stored(0)?);
+        let shown = if stage.moves(mesh) { described.frames.as_slice() } else { &[] };
+        let times = shown.iter().map(|frame| *frame as f64 * duration).collect();
+        Some(Self { name: format!("{}{}", cache.prefix, described.name), mesh: points, search, times })
     }
 
     /// Takes the positions stored at a time; whether there are any.

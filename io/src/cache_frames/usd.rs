@@ -12,9 +12,12 @@ use crate::formats::usd_writer::cache_error;
 use crate::mesh_data::Connectivity;
 use crate::units::{LengthUnit, Units, UpAxis};
 
-/// Opens a cache.
-pub(super) fn open(path: &Path) -> Result<(Cache, Units, CacheMesh), IoError> {
-    let cache = Cache::open(path).map_err(|error| failed(path, error))?;
+/// Opens a cache; `None` if it is a stage that another program made.
+pub(super) fn open(path: &Path) -> Result<Option<(Cache, Units, CacheMesh)>, IoError> {
+    let cache = match Cache::open(path) {
+        Err(CacheError::NotOurs { .. }) => return Ok(None),
+        cache => cache.map_err(|error| failed(path, error))?,
+    };
     let length = LengthUnit::ALL.into_iter().find(|unit| unit.metres() == cache.metres_per_unit);
     let units = Units {
         length: length.ok_or_else(|| damaged(path, "metersPerUnit", "it is no unit that this program writes"))?,
@@ -32,7 +35,7 @@ pub(super) fn open(path: &Path) -> Result<(Cache, Units, CacheMesh), IoError> {
         },
         frames: cache.frames.clone(),
     };
-    Ok((cache, units, mesh))
+    Ok(Some((cache, units, mesh)))
 }
 
 /// A frame, by its place among the frames.

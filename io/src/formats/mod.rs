@@ -7,7 +7,7 @@ mod continuing;
 pub mod hdf5;
 mod obj;
 #[cfg(feature = "usd")]
-mod usd_reader;
+pub(crate) mod usd_reader;
 #[cfg(feature = "usd")]
 pub(crate) mod usd_writer;
 

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
-use drapery_usd::read::{Chosen, Element, Entry, Interpolation, Meaning, MeshSample, Primvar, Stage, UsdError};
+use drapery_usd::Interpolation;
+use drapery_usd::read::{About, Chosen, Element, Entry, Meaning, MeshSample, Primvar, Stage, UsdError};
 
 use super::alembic::{fitting, merge};
 use super::alembic_writer::reverse;
@@ -20,6 +21,9 @@ use crate::units::{StatedUnits, UpAxis};
 
 /// A code this close to a stored one, in sample steps, is that sample: 1001/24 s times 24 is not 1001.
 const SAME_SAMPLE: f64 = 1e-3;
+
+/// How texts that are words of USD are told from others.
+pub(crate) const TOKEN: &str = "token";
 
 /// Name of the UV set that is taken before others.
 const UV: &str = "st";
@@ -61,16 +65,7 @@ impl UsdMesh {
             }
             notes.push(format!("{}: {}", flaw.place, flaw.what));
         }
-        let up = match about.up_axis.as_deref() {
-            None => None,
-            Some("Y") => Some(UpAxis::Y),
-            Some("Z") => Some(UpAxis::Z),
-            Some(other) => {
-                let what = format!("upAxis is {other:?}, and has to be \"Y\" or \"Z\"");
-                return Err(IoError::data(path, "stage", what, "set it in the program that wrote the file"));
-            }
-        };
-        let stated = StatedUnits { metres: about.metres_per_unit, up };
+        let stated = stated_units(path, about)?;
         let codes_per_second = about.codes_per_second;
         let chosen = stage.choose(&places)?;
         let countable = codes_per_second.is_finite() && codes_per_second > 0.0;
@@ -188,6 +183,47 @@ impl MeshReader for UsdMesh {
     }
 }
 
+/// What a stage says about its units.
+///
+/// # Errors
+/// Its up axis is none.
+pub(crate) fn stated_units(path: &Path, about: &About) -> Result<StatedUnits, IoError> {
+    let up = match about.up_axis.as_deref() {
+        None => None,
+        Some("Y") => Some(UpAxis::Y),
+        Some("Z") => Some(UpAxis::Z),
+        Some(other) => {
+            let what = format!("upAxis is {other:?}, and has to be \"Y\" or \"Z\"");
+            return Err(IoError::data(path, "stage", what, "set it in the program that wrote the file"));
+        }
+    };
+    Ok(StatedUnits { metres: about.metres_per_unit, up })
+}
+
+/// Frames a second of a stage, and time codes a frame.
+///
+/// # Errors
+/// One of its rates is none.
+pub(crate) fn frame_rate(path: &Path, about: &About) -> Result<(f64, f64), IoError> {
+    let codes = about.codes_per_second;
+    let frames = about.frames_per_second.unwrap_or(codes);
+    for (name, rate) in [("timeCodesPerSecond", codes), ("framesPerSecond", frames)] {
+        if !(rate.is_finite() && rate > 0.0) {
+            let what = format!("{name} is {rate}, so its samples have no frames");
+            return Err(IoError::data(path, "stage", what, "write how many make a second, for example 24"));
+        }
+    }
+    Ok((frames, codes / frames))
+}
+
+/// Places of all meshes that are rendered.
+///
+/// # Errors
+/// There are none.
+pub(crate) fn rendered(path: &Path, stage: &Stage) -> Result<Vec<usize>, IoError> {
+    choose(path, None, stage)
+}
+
 /// Places of the meshes that fit a pattern and are rendered.
 fn choose(path: &Path, pattern: Option<&str>, stage: &Stage) -> Result<Vec<usize>, IoError> {
     let about = stage.about();
@@ -222,7 +258,8 @@ fn without_meshes(others: &[(String, String)]) -> String {
     if some.is_empty() { "it holds no mesh".into() } else { format!("it holds no mesh, but {}", some.join(", ")) }
 }
 
-fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
+/// A mesh of a stage as the rest of the program knows it.
+pub(crate) fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
     let MeshSample { points, faces, subsets, mut primvars, subdivision, material } = sample;
     let counts = faces.counts;
     let found = primvars.iter().position(|primvar| primvar.name == UV && is_uv(primvar));
@@ -291,18 +328,19 @@ fn param(mut primvar: Primvar, face_counts: &[u32]) -> MeshParam {
         Element::F16 => PodType::F16,
         Element::F32 => PodType::F32,
         Element::F64 => PodType::F64,
+        Element::Text => PodType::String,
     };
     let data_type = DataType { pod, extent: primvar.extent };
     let corners: usize = face_counts.iter().map(|count| *count as usize).sum();
     if primvar.interpolation == Interpolation::FaceVarying {
-        let size = data_type.element_size();
+        let held = primvar.pieces().len();
         match &mut primvar.indices {
             Some(indices) if indices.len() == corners => reverse(face_counts, indices),
-            None if primvar.values.len() == size * corners => {
+            None if held == corners => {
+                let values = primvar.pieces();
                 let mut order: Vec<u32> = (0..corners as u32).collect();
                 reverse(face_counts, &mut order);
-                let values = order.iter().flat_map(|corner| &primvar.values[*corner as usize * size..][..size]);
-                primvar.values = values.copied().collect();
+                primvar.values = order.iter().flat_map(|corner| values[*corner as usize]).copied().collect();
             }
             _ => {}
         }
@@ -312,6 +350,7 @@ fn param(mut primvar: Primvar, face_counts: &[u32]) -> MeshParam {
         Meaning::Point => "point",
         Meaning::Normal => "normal",
         Meaning::Vector => "vector",
+        Meaning::Token => TOKEN,
         Meaning::Numbers | Meaning::TextureCoordinate => "",
     };
     MeshParam {
@@ -345,7 +384,7 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
     tell("metersPerUnit", or_default(about.metres_per_unit.map(|metres| metres.to_string()), "0.01"));
     tell("upAxis", or_default(about.up_axis.clone(), "Y"));
     tell("timeCodesPerSecond", about.codes_per_second.to_string());
-    tell("framesPerSecond", about.frames_per_second.to_string());
+    tell("framesPerSecond", or_default(about.frames_per_second.map(|rate| rate.to_string()), "24"));
     let range = about.range.map(|[first, last]| format!("{first} to {last}"));
     tell("time codes", range.unwrap_or_else(|| "not said".to_owned()));
     tell("defaultPrim", about.default_prim.clone().unwrap_or_else(|| "not said".to_owned()));
@@ -397,7 +436,7 @@ fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSum
         uvs: data.uvs.map(|uvs| (uvs.name, uvs.values.len())),
         face_sets: data.face_sets.into_iter().map(|set| (set.name, set.faces.len())).collect(),
         attributes: data.params.into_iter().map(|param| param.name).collect(),
-        velocities: stage.stored(0, first).is_ok_and(|stored| stored.velocities.is_some()),
+        velocities: stage.stored(0, first)?.is_some_and(|stored| stored.velocities.is_some()),
         ..MeshSummary::default()
     })
 }

@@ -28,6 +28,7 @@ use crate::atomic_file::unfinished;
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, told};
+use crate::mesh_data::MeshData;
 use crate::units::{Units, UpAxis};
 
 /// Digits of the digest that a folder of clips is named by.
@@ -73,7 +74,7 @@ pub(super) fn clips_of(cache: &Path) -> PathBuf {
 }
 
 /// What layers say of their numbers.
-fn layer_units(units: Units, fps: f64) -> LayerUnits {
+pub(crate) fn layer_units(units: Units, fps: f64) -> LayerUnits {
     LayerUnits { metres_per_unit: units.length.metres(), z_up: units.up == UpAxis::Z, time_codes_per_second: fps }
 }
 
@@ -174,27 +175,8 @@ impl UsdWriter {
 
     /// The layer of what does not move.
     fn topology(&self) -> Result<Vec<u8>, IoError> {
-        let mut data = self.mesh.read()?;
-        let triangles = told(&data);
-        let primvars = std::mem::take(&mut data.params);
-        let primvars = primvars.into_iter().map(|param| attributes::primvar(param, &data.mesh.face_counts)).collect();
-        let faces = data.mesh.face_counts.len();
-        let signed = |list: Vec<u32>| list.into_iter().map(|number| number as i32).collect::<Vec<_>>();
-        let still = StillMesh {
-            path: &self.mesh_path,
-            origin: self.origin,
-            subdivision: attributes::subdivision(data.subdivision.as_deref()),
-            uvs: data.uvs.map(|uvs| (uvs.values, signed(uvs.indices))),
-            primvars,
-            subsets: data.face_sets.into_iter().map(|set| attributes::subset(set, faces)).collect(),
-            material: data.material,
-            triangles: triangles.map(|all| all.into_iter().map(|corners| corners.map(|v| v as i32)).collect()),
-            face_counts: signed(data.mesh.face_counts),
-            face_indices: signed(data.mesh.face_indices),
-            velocities: self.velocities,
-            normals: self.normals,
-            crossings: self.crossings,
-        };
+        let Self { origin, velocities, normals, crossings, .. } = *self;
+        let still = still_mesh(self.mesh.read()?, &self.mesh_path, Form { origin, velocities, normals, crossings });
         topology(self.units, still).map_err(|e| self.refused(&e))
     }
 
@@ -292,9 +274,14 @@ impl UsdWriter {
     }
 
     fn refused(&self, error: &WriteError) -> IoError {
-        let advice = "give the object a name or path that USD accepts, or leave \"usd\" out of output.format";
-        IoError::data(&self.path, error.place.clone(), error.what.clone(), advice)
+        write_error(&self.path, error)
     }
+}
+
+/// The error of a layer that cannot be put together.
+pub(crate) fn write_error(path: &Path, error: &WriteError) -> IoError {
+    let advice = "give the object a name or path that USD accepts, or leave \"usd\" out of output.format";
+    IoError::data(path, error.place.clone(), error.what.clone(), advice)
 }
 
 impl CacheWriter for UsdWriter {
@@ -336,6 +323,43 @@ impl CacheWriter for UsdWriter {
 
     fn finish(&mut self) -> Result<(), IoError> {
         self.sync()
+    }
+}
+
+/// What of a mesh is written beside the mesh.
+#[derive(Clone, Copy)]
+pub(crate) struct Form {
+    /// What its points are counted from, if not from the origin of the world.
+    pub(crate) origin: Option<[f64; 3]>,
+    /// Whether frames have velocities.
+    pub(crate) velocities: bool,
+    /// Whether frames have normals.
+    pub(crate) normals: bool,
+    /// Whether frames have a number of crossings.
+    pub(crate) crossings: bool,
+}
+
+/// Everything of a mesh that does not move, as USD writes it.
+pub(crate) fn still_mesh(mut data: MeshData, path: &MeshPath, form: Form) -> StillMesh<'_> {
+    let triangles = told(&data);
+    let primvars = std::mem::take(&mut data.params);
+    let primvars = primvars.into_iter().map(|param| attributes::primvar(param, &data.mesh.face_counts)).collect();
+    let faces = data.mesh.face_counts.len();
+    let signed = |list: Vec<u32>| list.into_iter().map(|number| number as i32).collect::<Vec<_>>();
+    StillMesh {
+        path,
+        origin: form.origin,
+        subdivision: attributes::subdivision(data.subdivision.as_deref()),
+        uvs: data.uvs.map(|uvs| (uvs.values, signed(uvs.indices))),
+        primvars,
+        subsets: data.face_sets.into_iter().map(|set| attributes::subset(set, faces)).collect(),
+        material: data.material,
+        triangles: triangles.map(|all| all.into_iter().map(|corners| corners.map(|v| v as i32)).collect()),
+        face_counts: signed(data.mesh.face_counts),
+        face_indices: signed(data.mesh.face_indices),
+        velocities: form.velocities,
+        normals: form.normals,
+        crossings: form.crossings,
     }
 }
 

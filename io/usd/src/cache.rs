@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use openusd::ar::{AssetBuffer, SharedBuffer};
@@ -287,11 +288,12 @@ fn read_text_layer(path: &Path) -> Result<sdf::Data, CacheError> {
     if fs::metadata(path).map_err(failed)?.len() > LARGEST_LAYER {
         return Err(not_ours("it is too large for one"));
     }
-    let bytes = fs::read(path).map_err(failed)?;
-    let text = String::from_utf8(bytes).map_err(|_| not_ours("it is no text"))?;
-    if !text.starts_with("#usda") {
+    let mut start = Vec::new();
+    fs::File::open(path).map_err(failed)?.take(5).read_to_end(&mut start).map_err(failed)?;
+    if start != *b"#usda" {
         return Err(not_ours("it is no text layer"));
     }
+    let text = String::from_utf8(fs::read(path).map_err(failed)?).map_err(|_| not_ours("it is no text"))?;
     let damaged = |what: String| CacheError::Damaged { path: path.to_owned(), what };
     if let Some(what) = promises::problem(&SharedBuffer::new(text.clone().into_bytes())) {
         return Err(damaged(what));
@@ -300,7 +302,12 @@ fn read_text_layer(path: &Path) -> Result<sdf::Data, CacheError> {
 }
 
 fn read_binary_layer(path: &Path) -> Result<usdc::CrateData, CacheError> {
-    let bytes = fs::read(path).map_err(|source| CacheError::Io { path: path.to_owned(), source })?;
+    let failed = |source| CacheError::Io { path: path.to_owned(), source };
+    // Before it is opened: to open a pipe waits for a writer, and a device may have no end.
+    if !fs::metadata(path).map_err(failed)?.is_file() {
+        return Err(CacheError::Damaged { path: path.to_owned(), what: "it is no file".to_owned() });
+    }
+    let bytes = fs::read(path).map_err(failed)?;
     let damaged = |what: String| CacheError::Damaged { path: path.to_owned(), what };
     let shared = SharedBuffer::new(bytes);
     if let Some(what) = promises::problem(&shared) {

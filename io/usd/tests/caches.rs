@@ -3,10 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use drapery_usd::Interpolation;
 use drapery_usd::cache::{Cache, CacheError};
 use drapery_usd::write::{
-    CacheLayer, FaceSubset, Interpolation, Members, MeshPath, Moving, Primvar, StillMesh, Subdivision, Units, Values,
-    cache_layer, clip, clip_manifest, topology,
+    CacheLayer, FaceSubset, Members, MeshPath, Moving, Primvar, StillMesh, Subdivision, Units, Values, cache_layer,
+    clip, clip_manifest, topology,
 };
 
 const UNITS: Units = Units { metres_per_unit: 0.01, z_up: true, time_codes_per_second: 24000.0 / 1001.0 };

@@ -7,6 +7,15 @@ use drapery_alembic::{
     ArchiveOptions, ArchiveWriter, Durability, IDENTITY, Indexed, PolyMeshSample, PolyMeshWriter, Scope, TimeSampling,
     Topology, XformWriter, write_face_set,
 };
+use drapery_core::Vec3;
+use drapery_core::mesh::PolygonMesh;
+use drapery_core::scene::Timeline;
+use drapery_fuzz::targets::usd_cache;
+use drapery_io::cache::{CacheFrame, CachePlan};
+use drapery_io::formats;
+use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::mesh_data::MeshData;
+use drapery_io::units::Units;
 
 const HOUSE: &str = "# a quad, a triangle and a pentagon\nmtllib house.mtl\no house\n\
     v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 1.5e0 -0.5\nvn 0 0 1\n\
@@ -93,7 +102,57 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             archive(&path, frames)?;
         }
     }
+    let path = corpus.join("usd_cache").join("flag");
+    if !path.exists() {
+        std::fs::create_dir_all(corpus.join("usd_cache"))?;
+        std::fs::write(path, usd_cache()?)?;
+    }
     Ok(())
+}
+
+/// A cache in USD with one frame: its layers, one behind the other.
+fn usd_cache() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+    let folder = std::env::temp_dir().join(format!("drapery-seeds-{}", std::process::id()));
+    std::fs::create_dir_all(&folder)?;
+    let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    let mesh =
+        PolygonMesh { points: points.map(Vec3::from).to_vec(), face_counts: vec![4], face_indices: vec![0, 1, 3, 2] };
+    let plan = CachePlan {
+        garment: "cloth",
+        mesh: &GarmentMesh::kept(MeshData::new(mesh)),
+        units: Units::SI,
+        origin: Vec3::new(1e5, 0.0, 0.0),
+        timeline: Timeline::default(),
+        first_frame: 1,
+        last_frame: 1,
+        velocities: true,
+        normals: false,
+        sub_frames: &[],
+        crossings: true,
+    };
+    let create = formats::by_extension("usd").and_then(|format| format.create).ok_or("a build without USD")?;
+    let path = folder.join("cloth.usd");
+    let mut writer = create(&path, &plan)?;
+    let positions = points.map(|point| point.map(|x| x as f32));
+    writer.write(&CacheFrame {
+        frame: 1,
+        sub_frame: 0,
+        positions: &positions,
+        velocities: &positions,
+        normals: &[],
+        crossings: Some(0),
+    })?;
+    writer.finish()?;
+    let clips = std::fs::read_dir(folder.join("cloth.clips"))?.next().ok_or("no clips")??;
+    let digest = clips.file_name().to_string_lossy().into_owned();
+    let named = format!("cloth.clips/{digest}");
+    let mut seed = std::fs::read_to_string(&path)?.replace(&named, usd_cache::FOLDER).into_bytes();
+    for name in ["topology.usdc", "0001.usdc"] {
+        seed.extend(usd_cache::BETWEEN);
+        seed.extend(std::fs::read(clips.path().join(name))?);
+    }
+    std::fs::remove_dir_all(folder)?;
+    Ok(seed)
 }
 
 fn put(corpus: &Path, name: &str, content: &[u8]) -> std::io::Result<()> {

@@ -1,8 +1,10 @@
 //! Attributes of a mesh as USD writes them.
 
-use drapery_usd::write::{FaceSubset, Interpolation, Primvar, Subdivision, Values};
+use drapery_usd::Interpolation;
+use drapery_usd::write::{FaceSubset, Primvar, Subdivision, Values};
 
 use crate::formats::alembic_writer::reverse;
+use crate::formats::usd_reader::TOKEN;
 use crate::mesh_data::{FaceSet, MeshParam, PodType, Scope};
 
 /// How renderers take the faces; as they are where nobody says.
@@ -65,6 +67,7 @@ fn role(interpretation: &str, extent: usize) -> &'static str {
         ("vector", 3) => "vector",
         ("normal", 3) => "normal",
         ("rgb", 3) | ("rgba", 4) => "color",
+        (TOKEN, _) => "token",
         // Alembic has it for UVs alone.
         ("vector", 2) => "texCoord",
         _ => "",

@@ -51,7 +51,12 @@ pub(crate) fn from_quaternion(q: Quaternion) -> Matrix {
     if length == 0.0 {
         return IDENTITY;
     }
-    let [w, x, y, z] = q.map(|component| component / length);
+    from_quaternion_as_is(q.map(|component| component / length))
+}
+
+/// The same for a quaternion that is taken to be of unit length, as places of instances are: one in half precision is not, and shears
+/// a little.
+pub(crate) fn from_quaternion_as_is([w, x, y, z]: Quaternion) -> Matrix {
     let mut matrix = IDENTITY;
     matrix[..3].copy_from_slice(&[1. - 2. * (y * y + z * z), 2. * (x * y + w * z), 2. * (x * z - w * y)]);
     matrix[4..7].copy_from_slice(&[2. * (x * y - w * z), 1. - 2. * (x * x + z * z), 2. * (y * z + w * x)]);

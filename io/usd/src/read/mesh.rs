@@ -4,13 +4,23 @@ use openusd::sdf::Value;
 use openusd::usd::{AttributeQuery, Prim};
 
 use super::error::UsdError;
-use super::matrix::determinant;
+use super::instancer::{Instances, repeat_faces, repeat_primvar, repeat_subset};
+use super::matrix::{Matrix, determinant, transform_point};
 use super::primvars;
 use super::session::Reading;
 use super::skin::Skin;
 use super::transform::{Transform, transform_all};
 use super::values::{integers, vectors};
-use super::{Faces, MeshSample, Stored, Subset};
+use super::{Entry, Faces, MeshSample, Stored, Subset};
+
+/// Attributes of meshes that clips may hold.
+const IN_CLIPS: [(&str, &str); 5] = [
+    ("points", "point3f[]"),
+    ("velocities", "vector3f[]"),
+    ("extent", "float3[]"),
+    ("faceVertexCounts", "int[]"),
+    ("faceVertexIndices", "int[]"),
+];
 
 /// A mesh, and where its values come from.
 pub(crate) struct Mesh {
@@ -26,21 +36,22 @@ pub(crate) struct Mesh {
     left_handed: bool,
     transform: Transform,
     skin: Option<Skin>,
+    instances: Option<Instances>,
 }
 
 impl Mesh {
     /// Makes a mesh ready. Notes are what somebody may want to know.
-    pub(crate) fn open(
-        reading: &Reading,
-        path: &str,
-        skinnable: bool,
-        notes: &mut Vec<String>,
-    ) -> Result<Self, UsdError> {
+    pub(crate) fn open(reading: &Reading, entry: &Entry, notes: &mut Vec<String>) -> Result<Self, UsdError> {
+        let path = entry.prototype.as_ref().map_or(entry.path.as_str(), |prototype| prototype.mesh.as_str());
         let prim = reading.stage.prim(path).map_err(|error| reading.bad(path, error.to_string(), "export it again"))?;
+        reading.declare(&prim, &IN_CLIPS)?;
         let [points, face_counts, face_indices] =
             ["points", "faceVertexCounts", "faceVertexIndices"].map(|name| prim.attribute(name).query());
         let moving = |query: &AttributeQuery| Ok::<_, UsdError>(!reading.times(query)?.is_empty());
-        let faces_move = moving(&face_counts)? || moving(&face_indices)?;
+        let instances =
+            entry.prototype.as_ref().map(|prototype| Instances::of(reading, prototype, &prim)).transpose()?;
+        let come_and_go = instances.as_ref().map_or(Ok(false), |instances| instances.come_and_go(reading))?;
+        let faces_move = moving(&face_counts)? || moving(&face_indices)? || come_and_go;
         let left_handed = reading.word(&prim, "orientation")?.is_some_and(|word| word == "leftHanded");
         let scheme = reading.word(&prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned());
         if scheme != "none" {
@@ -48,7 +59,7 @@ impl Mesh {
                 "{path} is rendered as a subdivision surface ({scheme}); cloth meets its cage, which is what the points are"
             ));
         }
-        let skin = if skinnable { Skin::of(reading, &prim, notes)? } else { None };
+        let skin = if entry.skinnable { Skin::of(reading, &prim, notes)? } else { None };
         let has_weights = || reading.ok(prim.attribute("primvars:skel:jointIndices").has_authored_value(), &prim);
         if skin.as_ref().is_none_or(|skin| !skin.has_joints()) && has_weights()? {
             notes.push(format!(
@@ -69,6 +80,7 @@ impl Mesh {
             left_handed,
             transform,
             skin,
+            instances,
         })
     }
 
@@ -77,6 +89,10 @@ impl Mesh {
         let mut times = self.point_codes.clone();
         for faces in [&self.face_counts, &self.face_indices] {
             times.extend(reading.times(faces)?);
+        }
+        if let Some(instances) = &self.instances {
+            times.extend(instances.times(reading)?);
+            return Ok(times);
         }
         match self.skin.as_ref() {
             Some(skin) => {
@@ -132,8 +148,11 @@ impl Mesh {
         }
     }
 
-    /// What is stored at a code.
-    pub(crate) fn stored(&self, reading: &Reading, code: f64) -> Result<Stored, UsdError> {
+    /// What is stored at a code, where only transforms are between that and the world.
+    pub(crate) fn stored(&self, reading: &Reading, code: f64) -> Result<Option<Stored>, UsdError> {
+        if self.skin.is_some() || self.instances.is_some() {
+            return Ok(None);
+        }
         let list = |value: Option<Value>| {
             let found = value.as_ref().and_then(vectors)?;
             Some(found.into_iter().map(|v| v.map(|x| x as f32)).collect::<Vec<_>>())
@@ -141,7 +160,22 @@ impl Mesh {
         let points = reading.value_at(&self.points, code)?;
         let points = list(points).ok_or_else(|| self.bad(reading, format!("it has no points at time code {code}")))?;
         let velocities = list(reading.value_at(&self.prim.attribute("velocities").query(), code)?);
-        Ok(Stored { points, velocities, to_world: self.transform.at(reading, code)? })
+        let extent = list(reading.value_at(&self.prim.attribute("extent").query(), code)?);
+        let extent = extent.and_then(|extent| <[[f32; 3]; 2]>::try_from(extent).ok());
+        Ok(Some(Stored { points, velocities, extent, to_world: self.to_world(reading, code)? }))
+    }
+
+    /// From its own space to the world.
+    pub(crate) fn to_world(&self, reading: &Reading, code: f64) -> Result<Matrix, UsdError> {
+        self.transform.at(reading, code)
+    }
+
+    /// The same where it is all there is, and never changes.
+    pub(crate) fn fixed_to_world(&self, reading: &Reading) -> Result<Option<Matrix>, UsdError> {
+        match self.skin.is_none() && self.instances.is_none() && self.transform.times(reading)?.is_empty() {
+            true => Ok(Some(self.to_world(reading, 0.0)?)),
+            false => Ok(None),
+        }
     }
 
     /// Whole numbers of an attribute.
@@ -153,6 +187,11 @@ impl Mesh {
     /// Points in the world.
     pub(crate) fn points(&self, reading: &Reading, code: f64) -> Result<Vec<[f64; 3]>, UsdError> {
         let mut points = self.local_points(reading, code)?;
+        if let Some(instances) = &self.instances {
+            let places = instances.at(reading, code, points.len())?;
+            let each = |place: &Matrix| points.iter().map(|point| transform_point(*point, place)).collect::<Vec<_>>();
+            return Ok(places.iter().flat_map(each).collect());
+        }
         if let Some(skin) = &self.skin {
             skin.shape(reading, code, &mut points)?;
             if skin.has_joints() {
@@ -164,8 +203,26 @@ impl Mesh {
         Ok(points)
     }
 
-    /// Faces, counter-clockwise in the world as seen from outside, and whether they run the other way in the file.
-    pub(crate) fn faces(&self, reading: &Reading, code: f64) -> Result<(Faces, bool), UsdError> {
+    /// Faces, counter-clockwise in the world as seen from outside, at all places of the mesh.
+    pub(crate) fn faces(&self, reading: &Reading, code: f64) -> Result<Faces, UsdError> {
+        let (faces, points) = self.stored_faces(reading, code)?;
+        Ok(repeat_faces(&faces, points, &self.turned(reading, code, points)?))
+    }
+
+    /// Whether faces run the other way in the world than in the file, at each place of the mesh.
+    fn turned(&self, reading: &Reading, code: f64, points: usize) -> Result<Vec<bool>, UsdError> {
+        let mirrored = match (&self.instances, self.skin.as_ref().filter(|skin| skin.has_joints())) {
+            (Some(instances), _) => {
+                instances.at(reading, code, points)?.iter().map(|place| determinant(place) < 0.0).collect()
+            }
+            (None, Some(skin)) => vec![skin.is_mirrored(reading, code)?],
+            (None, None) => vec![determinant(&self.transform.at(reading, code)?) < 0.0],
+        };
+        Ok(mirrored.into_iter().map(|mirrored: bool| mirrored != self.left_handed).collect())
+    }
+
+    /// Faces as they are stored, and the number of points.
+    fn stored_faces(&self, reading: &Reading, code: f64) -> Result<(Faces, usize), UsdError> {
         let point_count = self.sample(reading, code)?.len();
         let list = |query: &AttributeQuery| -> Result<Vec<i32>, UsdError> {
             let value = reading.value_at(query, code)?;
@@ -187,32 +244,25 @@ impl Mesh {
             let what = format!("corner {corner} is point {index}, and the mesh has {point_count} points");
             return Err(self.bad(reading, what));
         }
-        let mut faces = Faces {
+        let faces = Faces {
             counts: counts.into_iter().map(i32::unsigned_abs).collect(),
             indices: indices.into_iter().map(i32::unsigned_abs).collect(),
         };
-        let mirrored = match self.skin.as_ref().filter(|skin| skin.has_joints()) {
-            Some(skin) => skin.is_mirrored(reading, code)?,
-            None => determinant(&self.transform.at(reading, code)?) < 0.0,
-        };
-        let turned = mirrored != self.left_handed;
-        if turned {
-            reverse(&faces.counts, &mut faces.indices);
-        }
-        Ok((faces, turned))
+        Ok((faces, point_count))
     }
 
     /// The mesh with what is handed through.
     pub(crate) fn read(&self, reading: &Reading, code: f64) -> Result<MeshSample, UsdError> {
-        let (faces, turned) = self.faces(reading, code)?;
-        let points = self.points(reading, code)?;
-        let turned = turned.then_some(faces.counts.as_slice());
-        let primvars = primvars::read(reading, &self.prim, code, turned)?;
+        let (stored, point_count) = self.stored_faces(reading, code)?;
+        let turned = self.turned(reading, code, point_count)?;
+        let primvars = primvars::read(reading, &self.prim, code)?.into_iter();
+        let mut subsets = self.subsets(reading, code, stored.counts.len())?;
+        subsets.iter_mut().for_each(|subset| repeat_subset(subset, stored.counts.len(), turned.len()));
         Ok(MeshSample {
-            subsets: self.subsets(reading, code, faces.counts.len())?,
-            faces,
-            points,
-            primvars,
+            subsets,
+            faces: repeat_faces(&stored, point_count, &turned),
+            points: self.points(reading, code)?,
+            primvars: primvars.filter_map(|primvar| repeat_primvar(primvar, &stored.counts, &turned)).collect(),
             subdivision: reading.word(&self.prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned()),
             material: material(reading, &self.prim, true)?,
         })

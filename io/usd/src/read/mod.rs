@@ -2,10 +2,10 @@
 //!
 //! A stage is what `openusd` composes of its layers: sublayers, references, payloads, variants as they are selected, value clips,
 //! instances. Everything above that is done here: which meshes are rendered ([`Entry::skipped`]), transforms, points in the world at
-//! any time code, characters moved by a skeleton (`UsdSkel`).
+//! any time code, characters moved by a skeleton (`UsdSkel`), meshes at the places of a `PointInstancer`.
 //!
 //! Limits. A layer is held in memory as a whole, and so are all samples of an attribute that is read, unless they are value clips.
-//! Point instancers are not read. Attributes with texts are not handed through.
+//! Point instancers within others, and characters that they place, are not read.
 //!
 //! Damage. Layers come through `Guard`, which refuses what is no regular file and what promises far more than it holds.
 //! `openusd` runs on a thread of its own; where it panics, that is an error of the file like any other, and
@@ -14,6 +14,7 @@
 mod blend_shapes;
 mod error;
 mod guard;
+mod instancer;
 mod matrix;
 mod mesh;
 mod primvars;
@@ -30,16 +31,19 @@ use std::path::{Path, PathBuf};
 pub use error::{UsdError, UsdErrorKind};
 pub use worker::answers_panics;
 
+use crate::Interpolation;
 use session::{Failure, Session};
 use worker::{Panicked, Worker};
 
 /// A mesh of a stage.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
-    /// Path of its prim.
+    /// Path of its prim; of a prototype that lies elsewhere, behind the path of its `PointInstancer`.
     pub path: String,
     /// Why it is not part of what is rendered: its purpose, its visibility, or that it is only a prototype.
     pub skipped: Option<String>,
+    /// Whose prototype it is a part of, to be seen at all places of that.
+    pub(crate) prototype: Option<instancer::Prototype>,
     /// Whether it is under a `SkelRoot`, so that a skeleton may move it.
     pub(crate) skinnable: bool,
 }
@@ -53,8 +57,8 @@ pub struct About {
     pub up_axis: Option<String>,
     /// Time codes per second.
     pub codes_per_second: f64,
-    /// Frames per second.
-    pub frames_per_second: f64,
+    /// Frames per second, where a layer says so; otherwise a time code is a frame.
+    pub frames_per_second: Option<f64>,
     /// First and last time code, where a layer says so.
     pub range: Option<[f64; 2]>,
     /// Name of the prim that stands for the stage.
@@ -76,6 +80,8 @@ pub struct About {
 pub struct Chosen {
     /// Time codes at which something of them is stored, ascending; none when nothing moves.
     pub codes: Vec<f64>,
+    /// The same of each of them, in the order in which they were chosen.
+    pub codes_of_each: Vec<Vec<f64>>,
     /// What somebody may want to know.
     pub notes: Vec<String>,
     /// Files that the stage is made of.
@@ -102,35 +108,7 @@ pub struct Subset {
     pub material: Option<String>,
 }
 
-/// What one value of a primvar belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Interpolation {
-    /// The whole mesh.
-    Constant,
-    /// A face.
-    Uniform,
-    /// A point.
-    Varying,
-    /// A point.
-    Vertex,
-    /// A corner of a face.
-    FaceVarying,
-}
-
-impl Interpolation {
-    /// The interpolation with this word; anything else is constant, as in USD.
-    fn named(word: &str) -> Self {
-        match word {
-            "uniform" => Self::Uniform,
-            "varying" => Self::Varying,
-            "vertex" => Self::Vertex,
-            "faceVarying" => Self::FaceVarying,
-            _ => Self::Constant,
-        }
-    }
-}
-
-/// Type of a number.
+/// Type of a number, or a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)] // the names say all
 pub enum Element {
@@ -143,12 +121,14 @@ pub enum Element {
     F16,
     F32,
     F64,
+    Text,
 }
 
 impl Element {
-    /// Bytes of one.
+    /// Bytes of one; 0 for a text.
     fn size(self) -> usize {
         match self {
+            Self::Text => 0,
             Self::Bool | Self::U8 => 1,
             Self::F16 => 2,
             Self::I32 | Self::U32 | Self::F32 => 4,
@@ -157,7 +137,7 @@ impl Element {
     }
 }
 
-/// What the numbers of a primvar mean.
+/// What the numbers of a primvar mean, or whether its texts are words that programs know.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)] // the names say all
 pub enum Meaning {
@@ -167,6 +147,7 @@ pub enum Meaning {
     Normal,
     Vector,
     TextureCoordinate,
+    Token,
 }
 
 /// An attribute of a mesh that is handed through.
@@ -182,7 +163,7 @@ pub struct Primvar {
     pub extent: u8,
     /// What they mean.
     pub meaning: Meaning,
-    /// The values as bytes, little end first.
+    /// The values as bytes, little end first; each text ends with a zero.
     pub values: Vec<u8>,
     /// Value used at each place, when values are shared.
     pub indices: Option<Vec<u32>>,
@@ -197,7 +178,7 @@ pub struct MeshSample {
     pub faces: Faces,
     /// Sets of its faces.
     pub subsets: Vec<Subset>,
-    /// Attributes with numbers.
+    /// Attributes that are handed through.
     pub primvars: Vec<Primvar>,
     /// USD's word for how it is rendered: `none`, `catmullClark`, `loop`, `bilinear`.
     pub subdivision: String,
@@ -212,6 +193,8 @@ pub struct Stored {
     pub points: Vec<[f32; 3]>,
     /// Velocities in its own space [units per second].
     pub velocities: Option<Vec<[f32; 3]>>,
+    /// Bounds that the file promises for the points, in its own space.
+    pub extent: Option<[[f32; 3]; 2]>,
     /// From its own space to the world, for row vectors, row by row.
     pub to_world: [f64; 16],
 }
@@ -270,7 +253,7 @@ impl Stage {
     /// # Errors
     /// The mesh contradicts itself.
     pub fn faces(&self, mesh: usize, code: f64) -> Result<Faces, UsdError> {
-        self.ask(move |session| Ok(session.meshes.borrow()[mesh].faces(&session.reading, code)?.0))
+        self.ask(move |session| session.meshes.borrow()[mesh].faces(&session.reading, code))
     }
 
     /// Whether a chosen mesh has samples of its faces, so that they may change.
@@ -281,12 +264,28 @@ impl Stage {
         self.ask(move |session| Ok(session.meshes.borrow()[mesh].faces_move()))
     }
 
-    /// What a chosen mesh stores at a time code; skeletons do not count.
+    /// What a chosen mesh stores at a time code; `None` where more than transforms makes its points of that.
     ///
     /// # Errors
     /// The mesh contradicts itself.
-    pub fn stored(&self, mesh: usize, code: f64) -> Result<Stored, UsdError> {
+    pub fn stored(&self, mesh: usize, code: f64) -> Result<Option<Stored>, UsdError> {
         self.ask(move |session| session.meshes.borrow()[mesh].stored(&session.reading, code))
+    }
+
+    /// From the space of a chosen mesh to the world at a time code, for row vectors, row by row.
+    ///
+    /// # Errors
+    /// A transform contradicts itself.
+    pub fn to_world(&self, mesh: usize, code: f64) -> Result<[f64; 16], UsdError> {
+        self.ask(move |session| session.meshes.borrow()[mesh].to_world(&session.reading, code))
+    }
+
+    /// The same where it never changes and is all that is between what is stored and the world; `None` otherwise.
+    ///
+    /// # Errors
+    /// A transform contradicts itself.
+    pub fn fixed_to_world(&self, mesh: usize) -> Result<Option<[f64; 16]>, UsdError> {
+        self.ask(move |session| session.meshes.borrow()[mesh].fixed_to_world(&session.reading))
     }
 
     /// Whole numbers that an attribute of a chosen mesh holds at a time code, those of vectors one after the other; `None` when it

@@ -4,21 +4,17 @@ use openusd::sdf::{Role, Value};
 use openusd::usd::{Attribute, Prim};
 
 use super::error::UsdError;
-use super::mesh::{length, reverse};
+use super::mesh::length;
 use super::session::Reading;
 use super::values::{integers, number, word};
-use super::{Element, Interpolation, Meaning, Primvar};
+use super::{Element, Meaning, Primvar};
+use crate::Interpolation;
 
 /// Those that say how a skeleton moves the mesh.
 const OF_SKELETONS: &str = "skel:";
 
-/// All primvars of a mesh that hold numbers. `turned` holds the face counts when its corners run the other way than in the file.
-pub(crate) fn read(
-    reading: &Reading,
-    prim: &Prim,
-    code: f64,
-    turned: Option<&[u32]>,
-) -> Result<Vec<Primvar>, UsdError> {
+/// All primvars of a mesh that hold numbers or texts, corners in the order of the file.
+pub(crate) fn read(reading: &Reading, prim: &Prim, code: f64) -> Result<Vec<Primvar>, UsdError> {
     let mut primvars = Vec::new();
     for attribute in reading.ok(prim.authored_attributes_in_namespace("primvars"), prim)? {
         let name = attribute.name().trim_start_matches("primvars:").to_owned();
@@ -26,36 +22,47 @@ pub(crate) fn read(
             continue;
         }
         let Some(value) = reading.value_at(&attribute.query(), code)? else { continue };
-        let Some((element, extent, mut values)) = bytes(&value) else { continue };
+        let Some((element, extent, values)) = bytes(&value) else { continue };
         let size = metadata(reading, &attribute, "elementSize")?.as_ref().and_then(number).unwrap_or(1.0);
         let Ok(extent) = u8::try_from(extent as u64 * (size as u64).max(1)) else { continue };
         let interpolation = metadata(reading, &attribute, "interpolation")?.as_ref().and_then(word);
         let interpolation = Interpolation::named(interpolation.as_deref().unwrap_or("constant"));
         let listed = reading.value_at(&prim.attribute(format!("primvars:{name}:indices")).query(), code)?;
-        let mut indices = match listed.as_ref().and_then(integers) {
-            Some(listed) => {
-                Some(checked(reading, &attribute, listed, values.len() / element.size() / extent as usize)?)
-            }
+        let indices = match listed.as_ref().and_then(integers) {
+            Some(listed) => Some(checked(reading, &attribute, listed, pieces(element, extent, &values).len())?),
             None => None,
         };
-        if let (Some(counts), Interpolation::FaceVarying) = (turned, interpolation) {
-            let corners: usize = counts.iter().map(|count| *count as usize).sum();
-            let wide = element.size() * usize::from(extent);
-            match &mut indices {
-                Some(indices) if indices.len() == corners => reverse(counts, indices),
-                None if values.len() == wide * corners => {
-                    let mut all: Vec<&[u8]> = values.chunks_exact(wide).collect();
-                    reverse(counts, &mut all);
-                    values = all.concat();
-                }
-                // Better left out than on the wrong corners.
-                _ => continue,
-            }
-        }
-        let meaning = meaning(reading, &attribute)?;
+        let meaning = match value {
+            Value::Token(_) | Value::TokenVec(_) => Meaning::Token,
+            _ => meaning(reading, &attribute)?,
+        };
         primvars.push(Primvar { name, interpolation, element, extent, meaning, values, indices });
     }
     Ok(primvars)
+}
+
+impl Primvar {
+    /// The bytes of each value.
+    pub fn pieces(&self) -> Vec<&[u8]> {
+        pieces(self.element, self.extent, &self.values)
+    }
+}
+
+/// The bytes of each value.
+fn pieces(element: Element, extent: u8, values: &[u8]) -> Vec<&[u8]> {
+    let wide = element.size() * usize::from(extent);
+    if element != Element::Text {
+        return values.chunks_exact(wide).collect();
+    }
+    let ends = values.iter().enumerate().filter(|(_, byte)| **byte == 0).map(|(at, _)| at + 1);
+    let mut start = 0;
+    let each_last = ends.skip(usize::from(extent) - 1).step_by(usize::from(extent));
+    each_last.map(|end| &values[std::mem::replace(&mut start, end)..end]).collect()
+}
+
+/// Texts as bytes, each with a zero behind it; zeros within a text would end it, and are left out.
+fn texts<'a>(all: impl Iterator<Item = &'a str>) -> Vec<u8> {
+    all.flat_map(|text| text.bytes().filter(|byte| *byte != 0).chain([0])).collect()
 }
 
 /// Indices into values, each of which exists.
@@ -84,7 +91,7 @@ fn meaning(reading: &Reading, attribute: &Attribute) -> Result<Meaning, UsdError
     })
 }
 
-/// Numbers as bytes, little end first: the type of one, how many make a value. `None` for what is no number.
+/// Numbers or texts as bytes: the type of one, how many make a value. `None` for what is neither.
 fn bytes(value: &Value) -> Option<(Element, usize, Vec<u8>)> {
     fn all<T: Copy, const N: usize, const B: usize>(
         values: &[T],
@@ -93,7 +100,7 @@ fn bytes(value: &Value) -> Option<(Element, usize, Vec<u8>)> {
     ) -> Option<(Element, usize, Vec<u8>)> {
         Some((element, N, values.iter().flat_map(|value| parts(*value)).flatten().collect()))
     }
-    use Element::{Bool, F16, F32, F64, I32, I64, U8, U32, U64};
+    use Element::{Bool, F16, F32, F64, I32, I64, Text, U8, U32, U64};
     match value {
         Value::Bool(v) => all(&[*v], |v| [[u8::from(v)]], Bool),
         Value::BoolVec(v) => all(v, |v| [[u8::from(v)]], Bool),
@@ -124,7 +131,25 @@ fn bytes(value: &Value) -> Option<(Element, usize, Vec<u8>)> {
         Value::Vec3iVec(v) => all(v, |v| [v.x, v.y, v.z].map(i32::to_le_bytes), I32),
         Value::Vec4fVec(v) => all(v, |v| [v.x, v.y, v.z, v.w].map(f32::to_le_bytes), F32),
         Value::Vec4dVec(v) => all(v, |v| [v.x, v.y, v.z, v.w].map(f64::to_le_bytes), F64),
+        Value::String(text) => Some((Text, 1, texts([text.as_str()].into_iter()))),
+        Value::StringVec(v) => Some((Text, 1, texts(v.iter().map(String::as_str)))),
+        Value::Token(word) => Some((Text, 1, texts([word.as_str()].into_iter()))),
+        Value::TokenVec(v) => Some((Text, 1, texts(v.iter().map(|word| word.as_str())))),
         _ => None,
     }
     .filter(|_| length(value) != Some(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_texts_are_cut_behind_each_zero() {
+        let bytes = texts(["front", "", "a\0b"].into_iter());
+        assert_eq!(bytes, b"front\0\0ab\0");
+        assert_eq!(pieces(Element::Text, 1, &bytes), [b"front\0".as_slice(), b"\0", b"ab\0"]);
+        assert_eq!(pieces(Element::Text, 2, b"a\0b\0c\0d\0"), [b"a\0b\0".as_slice(), b"c\0d\0"]);
+        assert_eq!(pieces(Element::U8, 2, b"abcd"), [b"ab", b"cd"]);
+    }
 }

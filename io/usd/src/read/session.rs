@@ -10,6 +10,7 @@ use openusd::usd::{Attribute, AttributeQuery, Prim, PrimPredicate, Stage, TimeCo
 
 use super::error::{UsdError, UsdErrorKind};
 use super::guard::{Guard, Log, seen};
+use super::instancer::Prototype;
 use super::mesh::Mesh;
 use super::values::{number, word};
 use super::worker::Panicked;
@@ -75,6 +76,25 @@ impl Reading {
         Ok(self.ok(prim.type_name(), prim)?.map(|kind| kind.as_str().to_owned()).unwrap_or_default())
     }
 
+    /// Declares attributes that value clips over a prim may hold and that no layer declares: the library looks for declared ones
+    /// alone. It is done in memory, and no file changes.
+    pub(crate) fn declare(&self, prim: &Prim, attributes: &[(&str, &str)]) -> Result<(), UsdError> {
+        let mut above = Some(prim.clone());
+        while let Some(prim) = &above
+            && self.ok(prim.get_metadata::<Value>("clips"), prim)?.is_none()
+        {
+            above = prim.parent().filter(|prim| prim.path().as_str() != "/");
+        }
+        for (name, kind) in attributes.iter().filter(|_| above.is_some()) {
+            let attribute = prim.attribute(*name);
+            if self.ok(attribute.property_stack(), prim)?.is_empty() {
+                // What cannot be declared, below an instance, is then missed by whoever needs it.
+                let _ = self.stage.create_attribute(attribute.path().clone(), *kind);
+            }
+        }
+        Ok(())
+    }
+
     /// The word that an attribute holds.
     pub(crate) fn word(&self, prim: &Prim, name: &str) -> Result<Option<String>, UsdError> {
         Ok(self.value(&prim.attribute(name))?.as_ref().and_then(word))
@@ -124,6 +144,16 @@ struct Inherited {
 struct Found {
     entry: Entry,
     skel_root: bool,
+    in_instancer: bool,
+}
+
+/// A prim that places prototypes.
+struct Instancer {
+    path: String,
+    /// Paths of its prototypes.
+    prototypes: Vec<String>,
+    /// Why it is not rendered.
+    skipped: Option<String>,
 }
 
 impl Session {
@@ -140,7 +170,9 @@ impl Session {
         let reading = Reading { path: path.to_owned(), stage, log };
         let mut about = about(&reading)?;
         let mut found = Vec::new();
-        walk(&reading, &mut found, &mut about.others)?;
+        let mut instancers = Vec::new();
+        walk(&reading, (&mut found, &mut instancers), &mut about.others)?;
+        place(&mut found, &instancers);
         found.sort_by(|a, b| a.entry.path.cmp(&b.entry.path));
         about.meshes = found.into_iter().map(|found| Entry { skinnable: found.skel_root, ..found.entry }).collect();
         about.flaws = flaws(&reading);
@@ -153,8 +185,12 @@ impl Session {
         let mut chosen = Chosen::default();
         let mut meshes = Vec::new();
         for entry in entries {
-            let mesh = Mesh::open(&self.reading, &entry.path, entry.skinnable, &mut chosen.notes)?;
-            chosen.codes.extend(mesh.times(&self.reading)?);
+            let mesh = Mesh::open(&self.reading, entry, &mut chosen.notes)?;
+            let mut codes = mesh.times(&self.reading)?;
+            codes.sort_by(f64::total_cmp);
+            codes.dedup();
+            chosen.codes.extend(&codes);
+            chosen.codes_of_each.push(codes);
             meshes.push(mesh);
         }
         chosen.codes.sort_by(f64::total_cmp);
@@ -177,7 +213,7 @@ fn about(reading: &Reading) -> Result<About, UsdError> {
         metres_per_unit,
         up_axis: metadata("upAxis").as_ref().and_then(word),
         codes_per_second: stage.time_codes_per_second(),
-        frames_per_second: stage.frames_per_second(),
+        frames_per_second: metadata("framesPerSecond").as_ref().and_then(number),
         range: stage.has_authored_time_code_range().then(|| [stage.start_time_code(), stage.end_time_code()]),
         custom: custom(stage),
         default_prim: stage.default_prim().map(|name| name.as_str().to_owned()),
@@ -195,7 +231,11 @@ fn custom(stage: &Stage) -> Vec<(String, String)> {
 }
 
 /// Looks at all prims that are active, loaded and defined, those of instances too.
-fn walk(reading: &Reading, meshes: &mut Vec<Found>, others: &mut Vec<(String, String)>) -> Result<(), UsdError> {
+fn walk(
+    reading: &Reading,
+    (meshes, instancers): (&mut Vec<Found>, &mut Vec<Instancer>),
+    others: &mut Vec<(String, String)>,
+) -> Result<(), UsdError> {
     let stage = &reading.stage;
     let root = stage.prim("/").map_err(|error| reading.bad("/", error.to_string(), "export the file again"))?;
     let mut stack = vec![(root, Inherited::default())];
@@ -213,11 +253,18 @@ fn walk(reading: &Reading, meshes: &mut Vec<Found>, others: &mut Vec<(String, St
                 return Err(reading.bad(path, format!("the stage has more than {MOST_PRIMS} prims"), advice));
             }
             let kind = reading.kind(&prim)?;
+            let in_instancer = inherited.instancer;
             inherit(reading, &prim, &kind, &mut inherited)?;
+            if kind == "PointInstancer" {
+                let within = || "it is within another PointInstancer, which is not read".to_owned();
+                let skipped = skipped(&inherited).or_else(|| in_instancer.then(within));
+                let prototypes = reading.targets(&prim, "prototypes")?;
+                let prototypes = prototypes.iter().map(|path| path.as_str().to_owned()).collect();
+                instancers.push(Instancer { path: path.clone(), prototypes, skipped });
+            }
             if kind == "Mesh" {
-                let skipped = skipped(&inherited);
-                let entry = Entry { path, skipped, skinnable: false };
-                meshes.push(Found { entry, skel_root: inherited.skel_root });
+                let entry = Entry { path, skipped: skipped(&inherited), prototype: None, skinnable: false };
+                meshes.push(Found { entry, skel_root: inherited.skel_root, in_instancer });
             } else if others.len() < MOST_OTHERS && kind != "GeomSubset" {
                 others.push((path, if kind.is_empty() { "untyped".to_owned() } else { kind }));
             }
@@ -257,7 +304,45 @@ fn skipped(inherited: &Inherited) -> Option<String> {
         _ if inherited.invisible => return Some("it is invisible".to_owned()),
         _ => {}
     }
-    inherited.instancer.then(|| "it is a prototype of a PointInstancer, which is not read".to_owned())
+    None
+}
+
+/// Puts the meshes of prototypes where their instancers place them.
+fn place(found: &mut Vec<Found>, instancers: &[Instancer]) {
+    let below =
+        |path: &str, root: &str| path.strip_prefix(root).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
+    let mut placed = Vec::new();
+    for Instancer { path, prototypes, skipped } in instancers {
+        let first_of =
+            |number: &usize| prototypes.iter().position(|root| *root == prototypes[*number]) == Some(*number);
+        for root in (0..prototypes.len()).filter(first_of).map(|number| &prototypes[number]) {
+            let numbers: Vec<i64> = (0..).zip(prototypes).filter(|(_, other)| *other == root).map(|(n, _)| n).collect();
+            for mesh in found.iter().filter(|mesh| below(&mesh.entry.path, root)) {
+                let own = mesh.entry.path.clone();
+                let character = || "a PointInstancer places characters (SkelRoot), which is not read".to_owned();
+                let why = mesh.entry.skipped.clone().or_else(|| skipped.clone());
+                let entry = Entry {
+                    path: if below(&own, path) { own.clone() } else { format!("{path}{own}") },
+                    skipped: why.or_else(|| mesh.skel_root.then(character)),
+                    prototype: Some(Prototype {
+                        instancer: path.clone(),
+                        root: root.clone(),
+                        numbers: numbers.clone(),
+                        mesh: own,
+                    }),
+                    skinnable: false,
+                };
+                placed.push(Found { entry, skel_root: false, in_instancer: false });
+            }
+        }
+    }
+    // What is below an instancer is seen only where that places it.
+    found.retain(|mesh| !mesh.in_instancer || placed.iter().all(|other| other.entry.path != mesh.entry.path));
+    for mesh in found.iter_mut().filter(|mesh| mesh.in_instancer) {
+        let what = "it is below a PointInstancer, and none of its prototypes";
+        mesh.entry.skipped.get_or_insert_with(|| what.to_owned());
+    }
+    found.append(&mut placed);
 }
 
 /// What went wrong while the stage was composed: the prim, what, and whether a file is missing.

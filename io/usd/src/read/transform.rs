@@ -66,6 +66,18 @@ impl Kind {
         })
     }
 
+    /// The type that exporters give it.
+    fn type_name(self) -> &'static str {
+        match self {
+            Self::Translate(Axes::All) => "double3",
+            Self::Translate(Axes::One(_)) => "double",
+            Self::Scale(Axes::All) | Self::RotateAll(_) => "float3",
+            Self::Scale(Axes::One(_)) | Self::Rotate(_) => "float",
+            Self::Orient => "quatf",
+            Self::Matrix => "matrix4d",
+        }
+    }
+
     fn matrix(self, value: &Value) -> Option<Matrix> {
         let along = |axis: usize, rest: f64| -> Option<[f64; 3]> {
             let mut all = [rest; 3];
@@ -106,19 +118,27 @@ pub(crate) struct Transform {
 impl Transform {
     /// The transform of a prim and its ancestors.
     pub(crate) fn of(reading: &Reading, prim: &Prim) -> Result<Self, UsdError> {
+        Self::below(reading, prim, "/")
+    }
+
+    /// The transform of a prim and its ancestors up to one of them, that one's included.
+    pub(crate) fn below(reading: &Reading, prim: &Prim, root: &str) -> Result<Self, UsdError> {
         let mut operations = Vec::new();
         let mut next = Some(prim.clone());
         while let Some(prim) = next {
-            let has_one = prim.path().as_str() != "/" && {
-                let kind = reading.ok(prim.type_name(), &prim)?;
-                !WITHOUT.contains(&kind.as_ref().map_or("", |kind| kind.as_str()))
-            };
-            if has_one && Self::add(reading, &prim, &mut operations)? {
+            if Self::has_one(reading, &prim)? && Self::add(reading, &prim, &mut operations)? {
                 break;
             }
-            next = prim.parent();
+            next = if prim.path().as_str() == root { None } else { prim.parent() };
         }
         Ok(Self { operations })
+    }
+
+    fn has_one(reading: &Reading, prim: &Prim) -> Result<bool, UsdError> {
+        Ok(prim.path().as_str() != "/" && {
+            let kind = reading.ok(prim.type_name(), prim)?;
+            !WITHOUT.contains(&kind.as_ref().map_or("", |kind| kind.as_str()))
+        })
     }
 
     /// Adds the operations of one prim; whether its ancestors do not count.
@@ -139,6 +159,7 @@ impl Transform {
                 let what = format!("`{name}` is not an operation that is known");
                 return Err(reading.bad(path, what, "use translate, scale, rotate…, orient or transform"));
             };
+            reading.declare(prim, &[(name, kind.type_name())])?;
             operations.push(Operation { kind, inverted, value: attribute.query(), path });
         }
         Ok(reset.is_some())

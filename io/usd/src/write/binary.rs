@@ -1,6 +1,6 @@
 //! A binary layer being put together: prims and properties in the order in which they are declared.
 
-use std::io::Cursor;
+use std::io::{Cursor, Seek, Write};
 
 use openusd::sdf::{self, AbstractData, ChildrenKey, Data, FieldKey, Path, SpecType, Specifier, Value};
 use openusd::tf::Token;
@@ -60,9 +60,12 @@ impl BinaryLayer {
         Prim { path: Path::abs_root() }
     }
 
-    /// Adds a child: defined with its type, or an opinion over a prim of another layer without one.
+    /// Adds a child if there is none of this name: defined with its type, or an opinion over a prim of another layer without one.
     pub(super) fn prim(&mut self, parent: &Prim, name: &str, kind: Option<&str>) -> Result<Prim, WriteError> {
         let path = parent.path.append_path(name).map_err(|e| refused(&format!("{}/{name}", parent.path), &e))?;
+        if self.data.has_spec(&path) {
+            return Ok(Prim { path });
+        }
         self.append_name(&parent.path, ChildrenKey::PrimChildren, name);
         let spec = self.data.create_spec(path.clone(), SpecType::Prim);
         let specifier = if kind.is_some() { Specifier::Def } else { Specifier::Over };
@@ -71,6 +74,15 @@ impl BinaryLayer {
             spec.add(FieldKey::TypeName, token(kind));
         }
         Ok(Prim { path })
+    }
+
+    /// Names of the children of a prim.
+    pub(super) fn children(&self, prim: &Prim) -> Vec<String> {
+        let names = self.data.spec(&prim.path).and_then(|spec| spec.get(ChildrenKey::PrimChildren.as_str()));
+        match names {
+            Some(Value::TokenVec(names)) => names.iter().map(|name| name.as_str().to_owned()).collect(),
+            _ => Vec::new(),
+        }
     }
 
     /// Sets a field of a prim.
@@ -121,6 +133,17 @@ impl BinaryLayer {
         Ok(())
     }
 
+    /// Adds a sample to an attribute that is declared; they come in the order of their times.
+    pub(super) fn append_sample(&mut self, prim: &Prim, name: &str, sample: (f64, Value)) -> Result<(), WriteError> {
+        let path = prim.path.append_property(name).map_err(|e| refused(name, &e))?;
+        let Some(spec) = self.data.spec_mut(&path) else { return Ok(()) };
+        match spec.get_mut(FieldKey::TimeSamples.as_str()) {
+            Some(Value::TimeSamples(samples)) => samples.push(sample),
+            _ => spec.add(FieldKey::TimeSamples, Value::TimeSamples(vec![sample])),
+        }
+        Ok(())
+    }
+
     /// Adds a relationship to one prim.
     pub(super) fn relationship(&mut self, prim: &Prim, name: &str, target: &str) -> Result<(), WriteError> {
         let target = Path::new(target).map_err(|e| refused(target, &e))?;
@@ -133,8 +156,13 @@ impl BinaryLayer {
     /// The file.
     pub(super) fn bytes(&self) -> Result<Vec<u8>, WriteError> {
         let mut file = Cursor::new(Vec::new());
-        CrateWriter::write(&self.data, &mut file).map_err(|e| refused("layer", &e))?;
+        self.write(&mut file)?;
         Ok(file.into_inner())
+    }
+
+    /// Writes the file.
+    pub(super) fn write(&self, out: &mut (impl Write + Seek)) -> Result<(), WriteError> {
+        CrateWriter::write(&self.data, out).map_err(|e| refused("layer", &e))
     }
 
     fn property(&mut self, prim: &Prim, name: &str, kind: SpecType) -> Result<Path, WriteError> {

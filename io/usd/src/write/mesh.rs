@@ -6,8 +6,9 @@ use openusd::sdf::Value;
 use super::Units;
 use super::binary::{BinaryLayer, Declared, Prim, WriteError, token};
 use super::names::{Distinct, MeshPath};
-use super::primvars::{self, Interpolation, Primvar, Values};
+use super::primvars::{self, Primvar, Values};
 use super::subsets::{self, FaceSubset};
+use crate::Interpolation;
 
 /// Attributes that move, with their types; [`super::clip_manifest`] declares the same.
 pub(super) const POINTS: (&str, &str) = ("points", "point3f[]");
@@ -111,16 +112,25 @@ pub struct Moving<'a> {
 /// A name or a material's path is none that USD accepts.
 pub fn topology(units: Units, still: StillMesh<'_>) -> Result<Vec<u8>, WriteError> {
     let mut layer = BinaryLayer::new(units, still.path.root());
+    let root = layer.prim(&layer.root(), still.path.root(), Some(kind_of(still.path, 0)))?;
+    layer.field(&root, "kind", token("component"));
+    let shifted = still.path.prims().len().saturating_sub(2);
+    add_prims(&mut layer, still, shifted)?;
+    layer.bytes()
+}
+
+/// Type of a prim on the way to a mesh.
+fn kind_of(path: &MeshPath, level: usize) -> &'static str {
+    if level + 1 == path.prims().len() { "Mesh" } else { "Xform" }
+}
+
+/// Adds a mesh and the prims above it that are not there yet; what its points are counted from stands at the level `shifted`.
+pub(super) fn add_prims(layer: &mut BinaryLayer, still: StillMesh<'_>, shifted: usize) -> Result<Prim, WriteError> {
     let prims = still.path.prims();
-    let moved = prims.len().saturating_sub(2);
     let mut parent = layer.root();
     for (level, name) in prims.iter().enumerate() {
-        let is_mesh = level + 1 == prims.len();
-        let prim = layer.prim(&parent, name, Some(if is_mesh { "Mesh" } else { "Xform" }))?;
-        if level == 0 {
-            layer.field(&prim, "kind", token("component"));
-        }
-        if let Some(origin) = still.origin.filter(|_| level == moved) {
+        let prim = layer.prim(&parent, name, Some(kind_of(still.path, level)))?;
+        if let Some(origin) = still.origin.filter(|_| level == shifted) {
             let double = |value| Some(Value::Vec3d(value));
             layer.attribute(&prim, ("xformOp:translate", "double3"), Declared::default(), double(origin.into()))?;
             let order = primvars::tokens(&["xformOp:translate"]);
@@ -128,8 +138,8 @@ pub fn topology(units: Units, still: StillMesh<'_>) -> Result<Vec<u8>, WriteErro
         }
         parent = prim;
     }
-    add_mesh(&mut layer, &parent, still)?;
-    layer.bytes()
+    add_mesh(layer, &parent, still)?;
+    Ok(parent)
 }
 
 fn uniform() -> Declared<'static> {
@@ -196,7 +206,6 @@ pub fn clip(units: Units, path: &MeshPath, frame: &Moving<'_>) -> Result<Vec<u8>
         mesh = layer.prim(&mesh, name, None)?;
     }
     let time = frame.time_code;
-    let vectors = |all: &[[f32; 3]]| Value::Vec3fVec(all.iter().map(|v| gf::Vec3f::from(*v)).collect());
     let plain = Declared::default();
     layer.sample(&mesh, POINTS, plain, (time, vectors(frame.points)))?;
     if let Some(velocities) = frame.velocities {
@@ -210,6 +219,11 @@ pub fn clip(units: Units, path: &MeshPath, frame: &Moving<'_>) -> Result<Vec<u8>
         layer.sample(&mesh, CROSSINGS, custom(), (time, Value::Uint(crossings)))?;
     }
     layer.bytes()
+}
+
+/// Vectors as the value of an attribute.
+pub(super) fn vectors(all: &[[f32; 3]]) -> Value {
+    Value::Vec3fVec(all.iter().map(|v| gf::Vec3f::from(*v)).collect())
 }
 
 /// Smallest and largest coordinates; of no points, as USD writes it, the largest number before the smallest.

@@ -5,19 +5,23 @@
 //! names each clip with its time code. [`clip_manifest`] lists what clips hold, so that nobody has to open them all to find
 //! out. [`shot_layer`] references the garments of a shot.
 //!
+//! [`SingleLayer`] is the other form: everything in one binary layer, written when it is whole.
+//!
 //! Every function gives the bytes of a file; equal input gives equal bytes.
 
 mod binary;
 mod mesh;
 mod names;
 mod primvars;
+mod single;
 mod subsets;
 mod text;
 
 pub use binary::WriteError;
 pub use mesh::{Members, Moving, StillMesh, Subdivision, clip, topology};
 pub use names::{MeshPath, identifier};
-pub use primvars::{Interpolation, Primvar, Values};
+pub use primvars::{Primvar, Values};
+pub use single::{About, SingleLayer};
 pub use subsets::FaceSubset;
 pub use text::{CacheLayer, GarmentReference, ShotLayer, cache_layer, clip_manifest, shot_layer};
 

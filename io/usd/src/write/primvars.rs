@@ -5,33 +5,7 @@ use openusd::sdf::Value;
 use openusd::tf::Token;
 
 use super::binary::{BinaryLayer, Declared, Prim, WriteError};
-
-/// What one value of a primvar belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Interpolation {
-    /// The whole mesh.
-    Constant,
-    /// A face.
-    Uniform,
-    /// A point, blended linearly on subdivision surfaces.
-    Varying,
-    /// A point.
-    Vertex,
-    /// A corner of a face, counter-clockwise.
-    FaceVarying,
-}
-
-impl Interpolation {
-    pub(super) fn word(self) -> &'static str {
-        match self {
-            Self::Constant => "constant",
-            Self::Uniform => "uniform",
-            Self::Varying => "varying",
-            Self::Vertex => "vertex",
-            Self::FaceVarying => "faceVarying",
-        }
-    }
-}
+use crate::Interpolation;
 
 /// The numbers of a primvar, value after value.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,7 +43,8 @@ pub struct Primvar {
     pub values: Values,
     /// How many of them are one value.
     pub extent: usize,
-    /// What three or four of them mean: `point`, `vector`, `normal`, `color`, `texCoord` or nothing.
+    /// What three or four of them mean: `point`, `vector`, `normal`, `color`, `texCoord` or nothing; `token` of texts that are
+    /// words.
     pub role: &'static str,
     /// The value of each place, where values are shared.
     pub indices: Option<Vec<i32>>,
@@ -134,6 +109,10 @@ fn typed(values: Values, extent: usize, role: &str) -> (String, Value) {
         Values::UInt(all) => ("uint[]".to_owned(), Value::UintVec(all)),
         Values::Int64(all) => ("int64[]".to_owned(), Value::Int64Vec(all)),
         Values::UInt64(all) => ("uint64[]".to_owned(), Value::Uint64Vec(all)),
+        Values::Text(all) if role == "token" => {
+            let words = all.iter().map(|text| Token::from(text.as_str()));
+            ("token[]".to_owned(), Value::TokenVec(words.collect()))
+        }
         Values::Text(all) => ("string[]".to_owned(), Value::StringVec(all)),
     }
 }

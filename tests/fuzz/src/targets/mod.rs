@@ -7,14 +7,16 @@ pub mod obj;
 pub mod run_folder;
 pub mod scene;
 pub mod usd;
+pub mod usd_cache;
 
 /// A target takes the bytes of one input.
 pub type Target = fn(&[u8]);
 
 /// All targets, by the names of their folders in `corpus/`.
-pub const TARGETS: [(&str, Target); 7] = [
+pub const TARGETS: [(&str, Target); 8] = [
     ("alembic", alembic::run),
     ("usd", usd::run),
+    ("usd_cache", usd_cache::run),
     ("obj", obj::run),
     ("scene", scene::run),
     ("checkpoint", checkpoint::run),

@@ -9,7 +9,7 @@ use crate::{memory, scratch};
 use drapery_io::formats;
 
 /// Panics that are answered do not end the process.
-fn let_answers_pass() {
+pub(super) fn let_answers_pass() {
     static DONE: Once = Once::new();
     DONE.call_once(|| {
         let ends = std::panic::take_hook();

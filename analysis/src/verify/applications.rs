@@ -1,0 +1,56 @@
+//! What applications will see: which of their frames shows a sample, and what a unit and an axis of the file are to them.
+//!
+//! What is said of Blender is what the tests import (`tests/oracle/test_blender.py`, `tests/oracle/test_usd.py`).
+
+use drapery_alembic::{Archive, PolyMesh};
+use drapery_io::cache_frames::CacheFrames;
+
+/// Frame rates differ by less than this from the whole number that they are.
+const WHOLE: f64 = 1e-9;
+
+/// What an Alembic file is to applications: it counts time in seconds, and they look at neither unit nor axis.
+pub(super) fn of_archive(archive: &Archive, meshes: &[PolyMesh], prefix: &str) -> Vec<String> {
+    let mut facts = Vec::new();
+    let first = meshes.iter().find(|mesh| mesh.sample_count() > 1).map(|mesh| mesh.time(0));
+    match (first, archive.frames_per_second_hint()) {
+        (Some(time), Some(fps)) => {
+            let frame = (time * fps * 1e3).round() / 1e3;
+            let rate = rate(fps);
+            facts.push(format!(
+                "{prefix}frame {frame} is at {time:.6} s; Blender shows it at scene frame {frame} if its rate is {rate} fps"
+            ));
+        }
+        (Some(time), None) => facts.push(format!(
+            "{prefix}the first sample is at {time:.6} s; Blender shows it at scene frame {time:.6} times its frame rate"
+        )),
+        (None, _) => {}
+    }
+    let word = |key: &str| archive.metadata().get(key);
+    facts.push(match (word("lengthUnit"), word("upAxis")) {
+        (Some(length), Some(up)) => {
+            let turned = if up == "Y" { "Y as up, as it is" } else { "Y as up, so turn it by 90 degrees about X" };
+            let scale = if length == "m" { "as it is" } else { "so scale it" };
+            format!(
+                "{prefix}one unit is 1 {length}, {up} is up: Alembic has no place that applications heed for either; Blender takes \
+                 a unit as a metre, {scale}, and {turned}"
+            )
+        }
+        _ => format!("{prefix}the file does not say its unit or axis; Blender takes a unit as a metre and Y as up"),
+    });
+    facts
+}
+
+/// What a stage is to applications: time codes are their frames, and unit and axis are theirs to heed.
+pub(super) fn of_stage(stage: &CacheFrames, prefix: &str) -> String {
+    let rate = stage.fps().map_or_else(String::new, |fps| format!("{} frames a second; ", rate(fps)));
+    format!(
+        "{prefix}{rate}in {}, which applications of USD heed; Blender makes it metres with Z up, and a time code its frame of this \
+         number",
+        stage.unit_in_words()
+    )
+}
+
+/// A frame rate, as people write it.
+fn rate(fps: f64) -> String {
+    if (fps - fps.round()).abs() < WHOLE * fps { format!("{}", fps.round()) } else { format!("{fps:.3}") }
+}

@@ -1,0 +1,106 @@
+//! Meshes with all their frames in one binary layer, which stands for itself.
+//!
+//! A binary layer can only be written as a whole, so all its numbers are in memory until it is.
+
+use std::collections::HashMap;
+use std::io::{BufWriter, Seek, Write};
+
+use openusd::sdf::Value;
+
+use super::Units;
+use super::binary::{BinaryLayer, Prim, WriteError, token};
+use super::mesh::{CROSSINGS, EXTENT, Moving, NORMALS, POINTS, StillMesh, VELOCITIES, add_prims, extent, vectors};
+
+/// What a layer says of itself.
+#[derive(Debug)]
+pub struct About<'a> {
+    /// What its numbers mean.
+    pub units: Units,
+    /// Name of the prim that stands for it.
+    pub default_prim: &'a str,
+    /// First and last frame.
+    pub frames: [i64; 2],
+    /// How it was made: name and text.
+    pub properties: &'a [(&'a str, String)],
+}
+
+/// A layer being put together.
+pub struct SingleLayer {
+    layer: BinaryLayer,
+    meshes: Vec<Prim>,
+}
+
+impl SingleLayer {
+    /// A layer without meshes.
+    pub fn new(about: &About<'_>) -> Self {
+        let mut layer = BinaryLayer::new(about.units, about.default_prim);
+        let root = layer.root();
+        let [first, last] = about.frames.map(|frame| Value::Double(frame as f64));
+        layer.field(&root, "startTimeCode", first);
+        layer.field(&root, "endTimeCode", last);
+        let texts = about.properties.iter().map(|(name, text)| ((*name).to_owned(), Value::String(text.clone())));
+        let ours = Value::Dictionary(texts.collect::<HashMap<_, _>>());
+        layer.field(&root, "customLayerData", Value::Dictionary([("drapery".to_owned(), ours)].into()));
+        Self { layer, meshes: Vec::new() }
+    }
+
+    /// Adds a mesh without frames. Prims above it that are there already are shared.
+    ///
+    /// # Errors
+    /// A name or a material's path is none that USD accepts.
+    pub fn add_mesh(&mut self, still: StillMesh<'_>) -> Result<(), WriteError> {
+        // Prims above it may be those of other meshes too.
+        let shifted = still.path.prims().len() - 1;
+        let mesh = add_prims(&mut self.layer, still, shifted)?;
+        self.meshes.push(mesh);
+        Ok(())
+    }
+
+    /// Says what the root is: a component, or, with `several` meshes, an assembly of the components below it.
+    ///
+    /// # Errors
+    /// Never for a root that is there.
+    pub fn set_kinds(&mut self, root: &str, several: bool) -> Result<(), WriteError> {
+        let prim = self.layer.prim(&self.layer.root(), root, Some("Xform"))?;
+        let parts = if several { self.layer.children(&prim) } else { Vec::new() };
+        let kind = if parts.is_empty() { "component" } else { "assembly" };
+        self.layer.field(&prim, "kind", token(kind));
+        for part in parts {
+            let part = self.layer.prim(&prim, &part, Some("Xform"))?;
+            self.layer.field(&part, "kind", token("component"));
+        }
+        Ok(())
+    }
+
+    /// Adds a frame of the mesh that was added last.
+    ///
+    /// # Errors
+    /// Never for a mesh that has been added.
+    pub fn add_frame(&mut self, frame: &Moving<'_>) -> Result<(), WriteError> {
+        let Some(mesh) = self.meshes.last() else { return Ok(()) };
+        let time = frame.time_code;
+        let mut add = |(name, _): (&str, &str), value| self.layer.append_sample(mesh, name, (time, value));
+        add(POINTS, vectors(frame.points))?;
+        if let Some(velocities) = frame.velocities {
+            add(VELOCITIES, vectors(velocities))?;
+        }
+        if let Some(normals) = frame.normals {
+            add(NORMALS, vectors(normals))?;
+        }
+        add(EXTENT, vectors(&extent(frame.points)))?;
+        match frame.crossings {
+            Some(crossings) => add(CROSSINGS, Value::Uint(crossings)),
+            None => Ok(()),
+        }
+    }
+
+    /// Writes the layer.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write(&self, out: impl Write + Seek) -> Result<(), std::io::Error> {
+        let mut out = BufWriter::new(out);
+        self.layer.write(&mut out).map_err(|error| std::io::Error::other(error.what))?;
+        out.flush()
+    }
+}
