@@ -32,9 +32,9 @@ fn area(face: &[u32], points: &[[f32; 3]]) -> Option<[f64; 3]> {
     let mut before = from_first(at(second)?);
     for corner in others {
         let next = from_first(at(corner)?);
-        for axis in 0..3 {
-            let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
-            sum[axis] += before[i] * next[j] - before[j] * next[i];
+        let cross = |i: usize, j: usize| before[i] * next[j] - before[j] * next[i];
+        for (total, part) in sum.iter_mut().zip([cross(1, 2), cross(2, 0), cross(0, 1)]) {
+            *total += part;
         }
         before = next;
     }

@@ -37,7 +37,7 @@ fn with(tables: &str) -> String {
 /// A box between two corners that hardly moves in frames 1 to 4, at so many frames per second; `says` whether the file says so.
 fn hero(folder: &Path, [low, high]: [[f32; 3]; 2], fps: f64, says: bool) {
     let options = ArchiveOptions { frames_per_second: says.then_some(fps), ..ArchiveOptions::default() };
-    let mut archive = ArchiveWriter::create(&folder.join("hero.abc"), &options).expect("a file");
+    let mut archive = ArchiveWriter::create(folder.join("hero.abc"), &options).expect("a file");
     let sampling = TimeSampling::frames(1.0, fps).expect("a rate");
     let sampling = archive.add_time_sampling(sampling).expect("a sampling");
     let root = archive.root();

@@ -23,6 +23,9 @@ const MOST_FRAMES: f64 = 100_000.0;
 /// Bounds are compared relative to the size of the mesh; positions are f32.
 const BOUNDS_TOLERANCE: f32 = 1e-5;
 
+/// Where points are counted from, and the points.
+type Shifted = ([f64; 3], Vec<[f32; 3]>);
+
 /// A stage whose rendered meshes are read frame by frame.
 pub(super) struct StageFrames {
     path: PathBuf,
@@ -147,7 +150,7 @@ impl StageFrames {
     }
 
     /// What is stored, and what it is counted from, where transforms only shift it and stay.
-    pub(super) fn shifted(&self, mesh: usize, sample: usize) -> Result<Option<([f64; 3], Vec<[f32; 3]>)>, IoError> {
+    pub(super) fn shifted(&self, mesh: usize, sample: usize) -> Result<Option<Shifted>, IoError> {
         let Some(origin) = self.meshes[mesh].origin else { return Ok(None) };
         Ok(self.stored(mesh, sample)?.map(|stored| (origin, stored.points)))
     }

@@ -107,8 +107,8 @@ fn nothing_collapses_or_jumps_at_a_fold_of_almost_180_degrees() {
         // Neighbours of one layer are 0.1 mm apart; the layer turns by at most 180° over two cells.
         let step = 1e-4 + height * std::f64::consts::PI * 1e-4 / cell;
         for pair in placed.chunks(2).collect::<Vec<_>>().windows(2) {
-            for side in 0..2 {
-                assert!((pair[1][side] - pair[0][side]).norm() < 1.5 * step, "a jump at {degrees}°");
+            for (before, after) in pair[0].iter().zip(pair[1]) {
+                assert!((after - before).norm() < 1.5 * step, "a jump at {degrees}°");
             }
         }
         // Right at the crease the layers stand half-way between the leaves, on both sides of it.
