@@ -62,7 +62,7 @@ fn a_sound_cache_passes_and_its_frames_are_named() {
     let folder = tempfile::tempdir().unwrap();
     Cache::sound().write(&folder.path().join("a.abc"));
     let found = verify(&[&folder.path().join("a.abc")], None).unwrap();
-    assert!(found.facts[0].contains("41.708333 s = frame 1001.000"), "{:?}", found.facts);
+    assert!(found.facts.iter().any(|fact| fact.contains("41.708333 s = frame 1001.000")), "{:?}", found.facts);
 }
 
 #[test]

@@ -122,7 +122,8 @@ fn a_killed_run_leaves_every_committed_frame() {
     assert!(promised < 1900, "the run was over before it could be killed");
     let verify = drapery(folder.path(), &["verify", "out/sheet/sheet.abc"]);
     assert_eq!(verify.code, Some(0), "{}", verify.stderr);
-    let samples: i64 = verify.stdout.split(": ").nth(1).and_then(|rest| rest.split(' ').next()?.parse().ok()).unwrap();
+    let of_samples = |line: &str| line.split_once(" samples, ")?.0.rsplit(' ').next()?.parse().ok();
+    let samples: i64 = verify.stdout.lines().find_map(of_samples).expect("the samples of the mesh");
     // The manifest follows the cache: the frame after may be in already.
     assert!(samples == promised - 1000 || samples == promised - 999, "{samples} samples, promised up to {promised}");
 }
