@@ -87,3 +87,7 @@ pub const STEP_OF_A_FRAME: f64 = 1e-9;
 
 /// The earth's acceleration [m/s²], with which automatic tolerances and first guesses compare; scenes have their own.
 pub const STANDARD_GRAVITY: f64 = 9.81;
+
+/// By which share a thickness that short edges lower has to differ from what was asked for: edges of one length differ by their
+/// rounding. Guarded by `short_edges_lower_the_thickness_to_their_share_as_any_ranks_say`.
+pub const THICKNESS_ROUNDING: f64 = 1e-9;

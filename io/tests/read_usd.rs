@@ -118,7 +118,7 @@ fn corners_of_primvars_follow_the_faces_that_are_turned() {
         assert_eq!(data.face_sets[0].material.as_deref(), Some("/wool"));
         assert_eq!(data.subdivision.as_deref(), Some("none"));
         let names: Vec<&str> = data.params.iter().map(|param| param.name.as_str()).collect();
-        assert_eq!(names, ["corner", "paint", "part", "who"]);
+        assert_eq!(names, ["corner", "part", "paint", "who"]);
         let text = |name: &str| data.params.iter().find(|param| param.name == name).unwrap();
         assert_eq!((text("who").values.as_slice(), text("who").interpretation.as_str()), (b"me\0".as_slice(), ""));
         assert_eq!(text("part").values, b"a\0b\0\0d\0");

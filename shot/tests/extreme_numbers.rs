@@ -88,6 +88,9 @@ damping_ratio = 1.0
 limit = 0.1
 compression = 0.1
 sweeps = 5.0
+[garment.render_mesh]
+file = "RENDER_MESH"
+max_distance = 0.02
 [[garment.pin]]
 vertices = [0]
 mode = "spring"
@@ -102,6 +105,9 @@ nodes = [[1.0, 0.5]]
 [[garment.pin]]
 where = { box = { min = [-1.0, 0.9, 0.3], max = [1.0, 2.0, 1.0] } }
 from = 1.0
+[output]
+samples = 3
+shutter = [-0.25, 0.25]
 [[seam]]
 from = { garment = "g", vertices = [5] }
 to = { garment = "g", vertices = [9] }
@@ -182,6 +188,14 @@ leaves = { count = [1, 2, 1], resolution = 1, side = 0.1, aspect = 1.0, base_hei
 density = 0.15
 "#;
 
+/// All of them; the file of the render mesh is written.
+fn scenes() -> [String; 3] {
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("render_mesh_of_extreme_numbers.obj");
+    std::fs::write(&file, "v 0 1 0\nv 0.1 1 0\nv 0 1 0.1\nf 1 2 3\n").expect("a file beside the tests");
+    let file = file.to_str().expect("a path of text");
+    [CONTACT, MEMBRANE, SHAPES].map(|rest| format!("{HEAD}{rest}").replace("RENDER_MESH", file))
+}
+
 /// Dotted keys of all numbers.
 fn numbers(value: &toml::Value, path: &str, found: &mut Vec<String>) {
     let inside = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
@@ -236,7 +250,7 @@ fn wrong(scene: &str, key: &str, value: &str) -> Option<String> {
 
 #[test]
 fn every_number_of_a_scene_at_its_extremes_is_refused_with_its_place_or_planned_within_bounds() {
-    for scene in [CONTACT, MEMBRANE, SHAPES].map(|rest| format!("{HEAD}{rest}")) {
+    for scene in scenes() {
         assert_eq!(wrong(&scene, "shot.name", "\"as_it_is\""), None);
         for key in keys_of(&scene) {
             let found: Vec<String> = EXTREMES.iter().filter_map(|value| wrong(&scene, &key, value)).collect();
@@ -266,8 +280,7 @@ fn look(schema: &Json, key: &str, found: &mut dyn FnMut(&str, &Json)) {
 #[test]
 fn every_number_of_the_schema_has_a_smallest_and_a_largest_value_and_is_tried() {
     let schema: Json = serde_json::from_str(&scene_file::schema()).expect("the schema is JSON");
-    let scenes = [CONTACT, MEMBRANE, SHAPES].map(|rest| format!("{HEAD}{rest}"));
-    let tried: BTreeSet<String> = scenes
+    let tried: BTreeSet<String> = scenes()
         .iter()
         .flat_map(|scene| keys_of(scene))
         .flat_map(|key| key.split('.').map(str::to_owned).collect::<Vec<_>>())

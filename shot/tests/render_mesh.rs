@@ -156,7 +156,7 @@ fn every_format_holds_the_same_numbers_and_changed_ones_are_noticed() {
 #[test]
 fn a_bad_binding_is_told_before_anything_runs() {
     let told = |mesh: PolygonMesh, rigid: Vec<Vec<u32>>| {
-        let shot = Shot::prepare(flying(&["h5"], vec![render_mesh(mesh, rigid)]), None).unwrap();
+        let shot = Shot::prepare(flying(&["abc"], vec![render_mesh(mesh, rigid)]), None).unwrap();
         shot.warnings().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
     let mut far = sheet(9, 1.005);

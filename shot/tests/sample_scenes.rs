@@ -49,7 +49,9 @@ fn every_sample_scene_is_accepted_by_the_solver_at_any_resolution() {
     let mut names: Vec<_> = std::fs::read_dir(project().join("sample_assets/scenes"))
         .expect("the folder of sample scenes")
         .map(|entry| entry.expect("an entry").path())
-        .filter(|path| path.extension().is_some_and(|e| e == "toml") && !path.ends_with("dressed_mannequin.toml"))
+        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        // Their meshes are those of `drapery-assets`.
+        .filter(|path| !path.ends_with("dressed_mannequin.toml") && !path.ends_with("coat.toml"))
         .collect();
     names.sort();
     assert_eq!(names.len(), 15);

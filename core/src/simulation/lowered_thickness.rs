@@ -4,9 +4,7 @@ use crate::effects::registry::PlannedEffect;
 use crate::effects::self_repulsion;
 use crate::mesh::TriangleMesh;
 use crate::scene::Scene;
-
-/// A thickness that is kept to this share of it is kept: edges of one length differ by their rounding.
-const ROUNDING: f64 = 1e-9;
+use crate::tolerances::THICKNESS_ROUNDING;
 
 /// A garment of which some vertices keep less than the thickness that was asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +56,7 @@ fn garments_below(scene: &Scene, clamp: f64) -> Vec<LoweredThickness> {
         for (v, edge) in shortest.iter().enumerate().filter(|(v, _)| is_own(*v as u32)) {
             all += 1;
             let own = painted.map_or(asked, |map| map.at(v, asked));
-            if clamp * edge < own * (1.0 - ROUNDING) {
+            if clamp * edge < own * (1.0 - THICKNESS_ROUNDING) {
                 (lowered, least) = (lowered + 1, least.min(clamp * edge));
             }
         }

@@ -228,7 +228,7 @@ fn meshes_that_are_not_rendered_are_told_with_the_reason() {
         ("/b", Some("its purpose is guide")),
         ("/c/d", Some("it is invisible")),
         ("/e/f", Some("its purpose is proxy")),
-        ("/g/h", Some("it is a prototype of a PointInstancer, which is not read")),
+        ("/g/h", Some("it is below a PointInstancer, and none of its prototypes")),
         ("/i", None),
     ];
     assert_eq!(told, expected);
