@@ -58,3 +58,14 @@ pub type Vec3 = nalgebra::Vector3<f64>;
 /// Raised with every change of the program that changes results, by however little. A run that another version began is
 /// not continued unasked: its frames would not be those of one program.
 pub const SOLVER_VERSION: u32 = 3;
+
+/// Added to [`SOLVER_VERSION`] in scenes with the integrator `tr_bdf2`; raised where a change leaves all others' results alone.
+const LONG_STEPS_VERSION: u32 = 1;
+
+/// Version of the results of scenes with this integrator.
+pub fn solver_version(integrator: scene::Integrator) -> u32 {
+    match integrator {
+        scene::Integrator::SemiImplicit | scene::Integrator::Implicit => SOLVER_VERSION,
+        scene::Integrator::TrBdf2 => SOLVER_VERSION + LONG_STEPS_VERSION,
+    }
+}

@@ -33,10 +33,6 @@ pub const LAST_TWO_STEPS: f64 = 0.51;
 /// (`docs/theory/step.md#the-damping-solve`). Guarded by `a_swinging_sheet_converges_with_second_order`.
 pub const CG_GRAVITY_FRACTION: f64 = 0.1;
 
-/// Largest nodal residual of the implicit step's solves, as a fraction of what gravity adds in a step. Its solves have all forces
-/// on their right-hand sides, so that what they leave is missing in the motion.
-pub const STAGE_GRAVITY_FRACTION: f64 = 1e-2;
-
 /// Cosine between two contact normals below which the contacts face each other (a pinch) and above which they form a
 /// crease that both can be satisfied in. Guarded by the pinch tests.
 pub const FACING: f64 = -0.5;

@@ -183,7 +183,8 @@ impl Shot {
     pub fn fingerprint(&self) -> Result<Fingerprint, IoError> {
         let about = &self.about;
         let (format, application) = (FORMAT_VERSION, APPLICATION);
-        let versions = Versions { solver: drapery_core::SOLVER_VERSION, format, application };
+        let solver = drapery_core::solver_version(self.simulation().scene().description().solver.integrator);
+        let versions = Versions { solver, format, application };
         Fingerprint::of(&about.resolved, &about.scene_path, &about.input_files, versions)
     }
 

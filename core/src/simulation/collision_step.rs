@@ -18,12 +18,11 @@ use crate::contact::self_contact::{Ending, SelfContact};
 use crate::error::{ShortStep, StepError};
 use crate::observe::{Observer, Place, Quantity};
 use crate::parallel::for_each_part::PerPart;
-use crate::scene::Integrator;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
 use crate::step::{CollisionEnd, Step, StepReport, StepSettings};
 use crate::time_step::StepShares;
-use crate::tolerances::{CG_GRAVITY_FRACTION, STAGE_GRAVITY_FRACTION, STANDARD_GRAVITY};
+use crate::tolerances::{CG_GRAVITY_FRACTION, STANDARD_GRAVITY};
 
 /// Largest tolerance of the damping solves when it is chosen automatically [m/s]; the authors' value.
 const CG_TOLERANCE: f64 = 1e-2;
@@ -193,11 +192,7 @@ impl Simulation {
             self.roll_back();
             return Err(StepError::StepTooSmall { frame: summary.frame, time, dt, min_dt, because });
         }
-        let fraction = match self.variants.integrator {
-            Integrator::SemiImplicit | Integrator::Implicit => CG_GRAVITY_FRACTION,
-            Integrator::TrBdf2 => STAGE_GRAVITY_FRACTION,
-        };
-        let automatic = CG_TOLERANCE.min(fraction * choice.dt * STANDARD_GRAVITY);
+        let automatic = CG_TOLERANCE.min(CG_GRAVITY_FRACTION * choice.dt * STANDARD_GRAVITY);
         let tolerance = settings.cg_tolerance.unwrap_or(automatic);
         let stop = self.retry.stop(Stop { tolerance, max_iterations: settings.cg_max_iterations });
         self.observer.iter_mut().for_each(Observer::begin_step);

@@ -55,7 +55,7 @@ const BLOCK: usize = 1 << 20;
 /// Versions that a run depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Versions<'a> {
-    /// `drapery_core::SOLVER_VERSION`: raised when results change.
+    /// `drapery_core::solver_version`: raised when results change.
     pub solver: u32,
     /// Version of checkpoints.
     pub format: u32,

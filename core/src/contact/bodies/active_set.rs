@@ -19,9 +19,6 @@ use crate::contact::bodies::constraints::MAX_BODY_CONTACTS;
 use crate::parallel::parts::Parts;
 use crate::tolerances::{NO_DIRECTION, STANDARD_GRAVITY};
 
-/// Change of the friction of all contacts, by its size, below which a solve need not go on.
-const SETTLED_FRICTION: f64 = 0.02;
-
 /// What a vertex does on the bodies that it touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum ContactMode {
@@ -46,6 +43,8 @@ pub(crate) struct ActiveContact {
     pub velocity: Vec3,
     /// Coefficient of friction.
     pub friction: f64,
+    /// Velocity along the body at the start of the step, relative to it [m/s].
+    slip: Vec3,
     /// What it does.
     pub mode: ContactMode,
     /// Friction that the present solve was given, and what the body gave the vertex before it [N s].
@@ -74,6 +73,7 @@ impl ActiveContact {
             carried,
             velocity,
             friction,
+            slip,
             mode,
             applied: Vec3::zeros(),
             earlier: Vec3::zeros(),
@@ -151,6 +151,47 @@ impl ActiveContact {
         body + relative
     }
 
+    /// Takes `force`, what the body gave the vertex of this mass [kg] at the start of a step of `dt` [s], for what it gives in
+    /// it [N]: the mode, and the friction of a stage of the length `duration` [s]. A body that gave nothing is still to be met.
+    fn expect(&mut self, force: &Vec3, mass: f64, dt: f64, duration: f64) {
+        let (push, _) = self.split(force);
+        let (most, speed) = (self.friction * push, self.slip.norm());
+        if most <= 0.0 {
+            return;
+        }
+        self.mode = if speed <= NO_DIRECTION || speed * mass <= 0.5 * most * dt {
+            ContactMode::Sticks
+        } else {
+            ContactMode::slips(-self.slip)
+        };
+        if let ContactMode::Slips(against) = self.mode {
+            self.applied = against * (most * duration);
+        }
+    }
+
+    /// The mode and the friction [N s] that fit what a solve has left at the vertex [N s], known to within `doubt` [N s], and by how
+    /// much what the body has given differs from what it can give, and its size, both squared.
+    fn judge(&self, residual: &Vec3, doubt: f64) -> Judgement {
+        // What slides has its friction in the residual; the body bears both.
+        let reaction = self.earlier + self.applied - residual;
+        let (push, rest) = self.split(&reaction);
+        let most = self.friction * push.max(0.0);
+        let mode = match self.mode {
+            _ if push < -doubt => ContactMode::Free,
+            ContactMode::Sticks if rest.norm() > most + doubt => ContactMode::slips(rest),
+            mode => mode,
+        };
+        let (applied, difference) = match mode {
+            ContactMode::Free => (Vec3::zeros(), reaction),
+            ContactMode::Sticks => (Vec3::zeros(), Vec3::zeros()),
+            ContactMode::Slips(against) => {
+                let applied = against * most;
+                (applied, applied - if mode == self.mode { self.applied } else { rest })
+            }
+        };
+        Judgement { mode, applied, difference: difference.norm_squared(), size: reaction.norm_squared() }
+    }
+
     /// Splits a reaction into its push along the normals, negative where a body would have to pull, and the rest.
     fn split(&self, reaction: &Vec3) -> (f64, Vec3) {
         let mut rest = *reaction;
@@ -164,6 +205,27 @@ impl ActiveContact {
         }
         (if push < 0.0 { push } else { sum }, rest)
     }
+}
+
+/// How far the reactions of a solve are trusted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Trust<'a> {
+    /// What the solve may have left at a vertex, over its mass [m/s], as far as modes stay as they are.
+    pub tolerance: f64,
+    /// Masses of the local vertices [kg].
+    pub masses: &'a [f64],
+    /// Fraction of all that bodies give by which it may be wrong.
+    pub settled: f64,
+}
+
+/// What the reaction of a contact says of it.
+struct Judgement {
+    mode: ContactMode,
+    /// Friction [N s].
+    applied: Vec3,
+    /// By how much the reaction is none that the body can give, and its size, both squared.
+    difference: f64,
+    size: f64,
 }
 
 impl ContactMode {
@@ -205,20 +267,32 @@ impl ActiveSet {
         }
     }
 
+    /// The first guess of a step of `dt` [s], from what bodies gave at its start: `force` of a vertex [N] with its mass [kg], and
+    /// for the friction of a stage of the length `duration` [s]. Returns whether a mode has changed.
+    pub(crate) fn expect(&mut self, dt: f64, duration: f64, force: impl Fn(usize) -> (Vec3, f64)) -> bool {
+        let mut changed = false;
+        for contact in &mut self.contacts {
+            let before = contact.mode;
+            let (force, mass) = force(contact.vertex);
+            contact.expect(&force, mass, dt, duration);
+            changed |= contact.mode != before;
+        }
+        changed
+    }
+
     /// Changes the modes that the reactions of a solve show to be wrong, and the friction of what slides.
     ///
-    /// `residual` is what the solve has left at each own vertex [N s]: minus the reaction. The
-    /// friction that comes or goes is added to it, and what `restart` says of a contact whose mode has changed: by how much
-    /// less the body gave its vertex before the solve. Returns whether the solve has to go on, alike on all ranks, which call it
-    /// together.
+    /// `residual` is what the solve has left at each own vertex [N s]: minus the reaction. The friction that comes or goes is
+    /// added to it, and what `restart` says of a contact whose mode has changed: by how much less the body gave its vertex before
+    /// the solve. Returns whether the solve has to go on, alike on all ranks, which call it together.
     pub(crate) fn update(
         &mut self,
         parts: &Parts,
         residual: &mut [Vec3],
+        trust: Trust<'_>,
         mut restart: impl FnMut(&ActiveContact) -> Vec3,
     ) -> bool {
         let first = parts.own().start;
-        let mut changed = false;
         // By part, so that their sums are the same on any number of ranks.
         let [mut differences, mut sizes] = [0, 1].map(|_| vec![0.0; parts.count()]);
         let mut part = 0;
@@ -227,32 +301,20 @@ impl ActiveSet {
                 part += 1;
             }
             let residual = &mut residual[contact.vertex - first];
-            // What slides has its friction in the residual; the body bears both.
-            let reaction = contact.earlier + contact.applied - *residual;
-            let (push, rest) = contact.split(&reaction);
-            let mode = match contact.mode {
-                _ if push < 0.0 => ContactMode::Free,
-                ContactMode::Sticks if rest.norm() > contact.friction * push => ContactMode::slips(rest),
-                mode => mode,
-            };
-            let applied = match mode {
-                ContactMode::Slips(against) => against * (contact.friction * push),
-                ContactMode::Sticks | ContactMode::Free => Vec3::zeros(),
-            };
-            if mode != contact.mode {
-                contact.mode = mode;
+            let judgement = contact.judge(residual, trust.tolerance * trust.masses[contact.vertex]);
+            differences[part] += judgement.difference;
+            sizes[part] += judgement.size;
+            if judgement.mode != contact.mode {
+                contact.mode = judgement.mode;
                 let given_back = restart(contact);
                 contact.earlier += given_back;
                 *residual += given_back;
-                changed = true;
             }
-            differences[part] += (applied - contact.applied).norm_squared();
-            sizes[part] += applied.norm_squared();
-            *residual += applied - contact.applied;
-            contact.applied = applied;
+            *residual += judgement.applied - contact.applied;
+            contact.applied = judgement.applied;
         }
         let [difference, size] = parts.join_parts(&[&differences, &sizes]);
-        parts.ranks().any(changed) || difference > SETTLED_FRICTION * SETTLED_FRICTION * size
+        difference > trust.settled * trust.settled * size
     }
 
     /// Begins a stage with a share of the friction of the one before. `earlier` is what bodies have given vertices in it already
