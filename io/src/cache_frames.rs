@@ -4,6 +4,7 @@
 //! Nothing is kept in memory but the frame that is asked for, and a file that is still being written may be read: only
 //! frames that are complete are listed.
 
+mod alembic;
 #[cfg(feature = "usd")]
 mod stage;
 mod transforms;
@@ -12,24 +13,21 @@ pub(crate) mod usd;
 
 use std::path::{Path, PathBuf};
 
-use drapery_alembic::{
-    Archive, Bounds, DataType, GeomParam, IDENTITY, PodType, PolyMesh, Samples, SamplingKind, Scope, TopologyVariance,
-};
+use drapery_alembic::{Archive, IDENTITY, PolyMesh, Samples, TopologyVariance};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::escape;
 use transforms::in_world;
 
+pub use alembic::triangles_of;
+
 use crate::error::IoError;
-use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
+use crate::formats::alembic_writer::{CROSSINGS, reverse};
 use crate::formats::hdf5::stored;
 use crate::formats::open_mesh;
 use crate::input_file;
 use crate::mesh_data::{Connectivity, MeshData, Uvs};
 use crate::units::{InputUnits, LengthUnit, Units, UpAxis};
-
-/// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
-const WHOLE_FRAME: f64 = 1e-3;
 
 /// An opened cache.
 #[derive(Debug)]
@@ -54,6 +52,25 @@ pub struct CacheMesh {
     /// Frame number of every complete sample, ascending; sample numbers where the file does not tell its frame rate. Of files
     /// with several samples a frame, whole frames only.
     pub frames: Vec<i64>,
+    /// The samples between and around these, ascending. As samples of the cache they are counted behind the frames: the first is
+    /// `frames.len()`.
+    pub between: Vec<Between>,
+}
+
+/// A sample that is no whole frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Between {
+    /// The frame before it.
+    pub frame: i64,
+    /// How far behind that, in frames; between 0 and 1.
+    pub behind: f64,
+}
+
+impl Between {
+    /// At a time in frames.
+    pub(crate) fn at(time: f64) -> Self {
+        Self { frame: time.floor() as i64, behind: time - time.floor() }
+    }
 }
 
 /// Positions of a sample as a cache stores them.
@@ -84,7 +101,7 @@ pub struct StoredFrame {
 
 #[derive(Debug)]
 enum Stored {
-    /// The archive, its meshes each with the sample of every frame, and the bounds of everything.
+    /// The archive, its meshes each with the sample of every frame and then of those between, and the bounds of everything.
     Alembic(Archive, Vec<(PolyMesh, Vec<usize>)>, Option<Samples>),
     /// The file, and what its positions are counted from.
     Hdf5(hdf5::File, [f64; 3]),
@@ -281,7 +298,7 @@ impl CacheFrames {
                 let (mesh, samples) = &meshes[mesh];
                 let sample = samples[sample];
                 let of_file = bounds.as_ref().map(|bounds| bounds.elements::<f64, 6>(sample)).transpose()?;
-                stored_in_alembic(mesh, sample, of_file.and_then(|all| all.first().copied()))
+                alembic::stored(mesh, sample, of_file.and_then(|all| all.first().copied()))
             }
             Stored::Hdf5(file, _) => {
                 let has = |name: &str| file.link_exists(name);
@@ -420,7 +437,7 @@ impl CacheFrames {
             return Err(IoError::data(path, "objects", "it holds no mesh", "give a cache of a garment"));
         }
         let fps = archive.frames_per_second_hint();
-        let described = stored.iter().map(|mesh| alembic_mesh(mesh, fps)).collect::<Result<Vec<_>, IoError>>()?;
+        let described = stored.iter().map(|mesh| alembic::described(mesh, fps)).collect::<Result<Vec<_>, IoError>>()?;
         let (meshes, samples): (Vec<_>, Vec<_>) = described.into_iter().unzip();
         let stored = stored.into_iter().zip(samples).collect();
         let bounds = archive.bounds()?;
@@ -464,6 +481,7 @@ impl CacheFrames {
             triangles: triangles.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
             // Frames are committed in ascending order, so the first mark that is missing ends the file.
             frames: numbers.iter().zip(&committed).take_while(|(_, mark)| **mark == 1).map(|(n, _)| *n).collect(),
+            between: Vec::new(),
         };
         let units = units(&text("length_unit")?, &text("up_axis")?);
         let origin = stored::origin(&file)?.unwrap_or_default();
@@ -495,79 +513,10 @@ fn not_a_cache(path: &Path, source: &hdf5::Error) -> IoError {
     IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
 }
 
-/// All that is stored of a sample; `of_file` are the bounds of everything in it.
-fn stored_in_alembic(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) -> Result<StoredFrame, IoError> {
-    let positions = mesh.positions(sample)?;
-    let bounds = bounds_of(&positions);
-    let matrix = mesh.world_matrix_at(mesh.time(sample))?;
-    let in_world = shifted(bounds, [matrix[12], matrix[13], matrix[14]]);
-    let same = |stored: Option<Bounds>, bounds: Bounds| stored.is_none_or(|stored| stored == bounds);
-    let counts = mesh.user_properties().and_then(|properties| properties.samples(CROSSINGS));
-    let crossings = counts.map(|counts| counts.values::<u32>(sample)).transpose()?;
-    Ok(StoredFrame {
-        has_bounds_of_points: same(mesh.bounds(sample)?, bounds) && same(of_file, in_world),
-        velocities: mesh.velocities(sample)?,
-        normals: normals_at_points(mesh, sample, positions.len())?,
-        crossings: crossings.and_then(|values| values.first().copied()),
-        positions,
-    })
-}
-
-/// Normals, where the archive has one of single precision for each point as the caches of this program do.
-fn normals_at_points(mesh: &PolyMesh, sample: usize, points: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
-    let kind = DataType::new(PodType::F32, 3);
-    let is_ours =
-        |normals: &GeomParam| normals.scope() == Scope::Vertex && !normals.is_indexed() && normals.data_type() == kind;
-    let Some(normals) = mesh.normals().filter(is_ours).filter(|normals| sample < normals.sample_count()) else {
-        return Ok(None);
-    };
-    Ok(Some(normals.samples().elements::<f32, 3>(sample)?).filter(|all| all.len() == points))
-}
-
 /// Units by their words; metres with Y up where a file does not say.
 fn units(length: &str, up: &str) -> Units {
     let length = LengthUnit::ALL.into_iter().find(|unit| unit.word() == length).unwrap_or_default();
     Units { length, up: if up == "Z" { UpAxis::Z } else { UpAxis::Y } }
-}
-
-/// A mesh, and which sample belongs to each of its frames.
-fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<(CacheMesh, Vec<usize>), IoError> {
-    let times = mesh.times();
-    let (frames, samples) = match (mesh.time_sampling().kind(), fps) {
-        (SamplingKind::Cyclic, Some(fps)) => whole_frames(&times, fps),
-        _ => (frame_numbers(&times, fps), (0..times.len()).collect()),
-    };
-    let mut described = CacheMesh {
-        name: mesh.object().path().to_owned(),
-        points: 0,
-        faces: Connectivity::default(),
-        triangles: Vec::new(),
-        frames,
-    };
-    if !times.is_empty() {
-        let mut faces = mesh.faces(0)?;
-        reverse(&faces.face_counts, &mut faces.face_indices);
-        let first: Vec<Vec3> = mesh.world_positions(0)?.into_iter().map(Vec3::from).collect();
-        described.points = first.len();
-        described.triangles = triangles_of(mesh, &first).unwrap_or_default();
-        described.faces = Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices };
-    }
-    Ok((described, samples))
-}
-
-/// The triangles that were simulated, if the file tells them, or the faces cut by the solver's rule.
-pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
-    let told = mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
-    let in_range = |corner: i32| u32::try_from(corner).ok().filter(|&v| (v as usize) < points.len());
-    let triangle = |[a, b, c]: [i32; 3]| Some([in_range(a)?, in_range(b)?, in_range(c)?]);
-    let told = told.and_then(|told| told.into_iter().map(triangle).collect::<Option<Vec<_>>>());
-    if told.is_some() {
-        return told;
-    }
-    let faces = mesh.faces(0).ok()?;
-    let mut corners = faces.face_indices;
-    reverse(&faces.face_counts, &mut corners);
-    Some(cut(&faces.face_counts, &corners, points))
 }
 
 /// Faces cut into triangles by the solver's rule.
@@ -584,39 +533,4 @@ fn cut(face_counts: &[u32], corners: &[u32], points: &[Vec3]) -> Vec<[u32; 3]> {
         }
     }
     polygons.triangulate().0
-}
-
-/// Frame numbers of samples, or sample numbers where times are not those of whole frames.
-fn frame_numbers(times: &[f64], fps: Option<f64>) -> Vec<i64> {
-    let numbers: Option<Vec<i64>> = times.iter().map(|time| whole_frame(*time, fps?)).collect();
-    numbers.unwrap_or_else(|| (0..times.len() as i64).collect())
-}
-
-/// The samples that are whole frames, and their numbers; all samples by their numbers where none is.
-fn whole_frames(times: &[f64], fps: f64) -> (Vec<i64>, Vec<usize>) {
-    let whole = times.iter().enumerate().filter_map(|(sample, time)| Some((whole_frame(*time, fps)?, sample)));
-    let (frames, samples): (Vec<i64>, Vec<usize>) = whole.unzip();
-    if frames.is_empty() { ((0..times.len() as i64).collect(), (0..times.len()).collect()) } else { (frames, samples) }
-}
-
-/// The frame that a time [s] is, if it is one.
-fn whole_frame(time: f64, fps: f64) -> Option<i64> {
-    let frame = time * fps;
-    ((frame - frame.round()).abs() < WHOLE_FRAME).then_some(frame.round() as i64)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frames_are_whole_numbers_or_else_samples_are_counted() {
-        let times = [1001.0 / 24.0, 1002.0 / 24.0];
-        assert_eq!(frame_numbers(&times, Some(24.0)), [1001, 1002]);
-        assert_eq!(frame_numbers(&times, None), [0, 1]);
-        assert_eq!(frame_numbers(&[0.0, 0.25 / 24.0], Some(24.0)), [0, 1]);
-        let shutter = [10.0, 10.25, 10.75, 11.0, 11.25].map(|frame: f64| frame / 24.0);
-        assert_eq!(whole_frames(&shutter, 24.0), (vec![10, 11], vec![0, 3]));
-        assert_eq!(whole_frames(&shutter[1..3], 24.0), (vec![0, 1], vec![0, 1]));
-    }
 }

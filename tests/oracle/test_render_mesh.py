@@ -1,5 +1,7 @@
 """Outside programs read the caches of a render mesh, and libigl counts where its layers cross."""
 
+import json
+import shutil
 import subprocess
 
 import h5py
@@ -10,6 +12,7 @@ from alembic3d import Abc, AbcGeom
 from conftest import program
 from crossings import crossing_pairs
 from judges import ROOT, hdf5, official
+from test_mpi_runs import ENVIRONMENT, is_built_with_mpi
 
 SCENE = "sample_assets/scenes/coat.toml"
 FRAMES = "1001-1011"  # later the cloth crumples more tightly than the shell is thick
@@ -68,6 +71,46 @@ def parts_of(archive_path):
         str(name): np.unique(np.concatenate([answer["face_indices"][starts[f] : starts[f + 1]] for f in answer[f"face_set_{i}"]]))
         for i, name in enumerate(answer["face_set_names"])
     }
+
+
+def command(folder, out, *options, threads=2, last=FRAMES.split("-")[1]):
+    return [program("DRAPERY", "drapery"), "run", str(folder / "coat.toml"), "--frames", f"1001-{last}", "--out", str(out),
+            "--set", f"assets={folder}", "--threads", str(threads), "--progress", "none", *options]
+
+
+def caches_of(out):
+    found = {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.rglob("coat_render*"))
+             if path.is_file() and "stale" not in path.parts}
+    clips = out / "coat_render.clips"
+    return found | {str(path.relative_to(out)): path.read_bytes() for path in sorted(clips.rglob("*.usd*"))}
+
+
+def test_bytes_are_the_same_on_other_threads_on_ranks_and_after_a_stop(coat):
+    folder, ranks = coat.parent, shutil.which("mpirun") and is_built_with_mpi()
+    runs = {str(threads): command(folder, folder / str(threads), threads=threads, last=1003) for threads in (1, 4)}
+    if ranks:
+        runs["ranks"] = ["mpirun", "-n", "2", *command(folder, folder / "ranks", threads=1, last=1003)]
+    stopped = command(folder, folder / "stopped", last=1002)
+    for line in (*runs.values(), stopped, command(folder, folder / "stopped", last=1003)):
+        done = subprocess.run(line, env=ENVIRONMENT, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        assert done.returncode == 0, done.stderr
+    expected = caches_of(folder / "1")
+    assert "coat_render.abc" in expected and "coat_render.h5" in expected
+    for name in (*runs, "stopped"):
+        found = caches_of(folder / name)
+        assert found == expected, f"{name}: {[file for file in expected if found.get(file) != expected[file]]}"
+
+
+def test_the_plan_tells_how_large_it_is(coat):
+    line = [program("DRAPERY", "drapery"), "plan", str(coat.parent / "coat.toml"), "--set", f"assets={coat.parent}", "--json"]
+    done = subprocess.run(line, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stderr
+    (told,) = json.loads(done.stdout)["render_meshes"]
+    cache = hdf5(coat / "coat_render.h5")
+    points = len(cache["positions"][0])
+    # Positions, velocities and normals, three numbers of four bytes each.
+    assert told == {"name": "coat_render", "garment": "coat", "points": points, "triangles": len(cache["triangles"]),
+                    "bytes_per_sample": points * 36}
 
 
 def test_alembic_and_hdf5_hold_the_same_with_normals_of_length_one(coat):

@@ -30,7 +30,7 @@ pub fn run(data: &[u8]) {
         let Ok(cache) = CacheFrames::open(&path) else { return };
         for (mesh, described) in cache.meshes().iter().enumerate() {
             let _ = cache.attributes(mesh);
-            for sample in 0..described.frames.len().min(4) {
+            for sample in 0..(described.frames.len() + described.between.len()).min(4) {
                 let _ = (cache.positions(mesh, sample), cache.velocities(mesh, sample));
                 if let (Ok(stored), Ok(Some(shifted))) =
                     (cache.stored_frame(mesh, sample), cache.stored_positions(mesh, sample))
