@@ -244,19 +244,24 @@ def test_bytes_are_the_same_on_two_ranks(shot, tmp_path):
 def test_a_run_that_is_killed_leaves_a_stage_that_opens_and_goes_on_to_the_same_bytes(tmp_path, report_figure):
     folder = tmp_path / "killed"
     # Fine enough to be killed in between.
-    run, out = scene(folder, resolution=60), folder / "out"
+    asked = '["abc", "h5", "usd"]\nusd_single = true'
+    run, out = scene(folder, formats=asked, resolution=60), folder / "out"
+    run.run(out, last=1001)
+    assert (out / "two of them.usdc").exists()
     process = run.start(out)
     reaches(out, process, 1002)
     process.send_signal(signal.SIGKILL)
     process.wait()
+    # It would tell of fewer frames than there are.
+    assert not (out / "two of them.usdc").exists()
     shown = usd(out / "skirt.usd")
     assert list(shown["validation"]) == [] and list(shown["complaints"]) == []
     assert list(shown["samples"])[:2] == [1001, 1002]
     report_figure(f"frames found after the kill: {len(shown['samples'])} of 6")
     run.run(out)
     other = tmp_path / "unbroken"
-    scene(other, resolution=60).run(other / "out")
-    assert contents(out) == contents(other / "out")
+    scene(other, formats=asked, resolution=60).run(other / "out")
+    assert contents(out) == contents(other / "out") and "two of them.usdc" in contents(out)
 
 
 def test_info_verify_and_diff_know_the_format(shot):
@@ -348,13 +353,7 @@ def test_a_run_leaves_the_shot_as_one_binary_layer_too_where_the_scene_asks_for_
     stopped, other = scene(tmp_path / "stopped", formats=asked), tmp_path / "stopped" / "out"
     stopped.run(other, last=1003, threads=1)
     assert_single_is_the_stage(other)
-    # Stopped by hand: what there was would tell of fewer frames.
-    (other / "control").mkdir(exist_ok=True)
-    (other / "control" / "stop").write_text("")
     stopped.run(other)
-    if json.loads((other / "manifest.json").read_text())["state"] == "stopped":
-        assert not (other / single.name).exists()
-        stopped.run(other)
     assert (other / single.name).read_bytes() == single.read_bytes()
     # Removed: a run that finds all frames makes it again; not asked for any more: it goes when frames follow.
     (other / single.name).unlink()
