@@ -270,19 +270,19 @@ fn caches_that_no_application_opens_are_told() {
     );
 }
 
-/// Sheets of n × n points, 1 m wide, at these heights [m], as OBJ; `turned` faces look down.
-fn sheets(n: usize, heights: &[f64], turned: bool) -> String {
+/// Sheets of n × n points, 1 m wide, at these heights [m], as OBJ; the faces of those that are turned look down.
+fn sheets(n: usize, sheets: &[(f64, bool)]) -> String {
     let mut text = String::new();
-    for height in heights {
+    for (height, _) in sheets {
         for i in 0..n * n {
             let [x, z] = [i % n, i / n].map(|step| step as f64 / (n - 1) as f64);
             text += &format!("v {x} {height} {z}\n");
         }
     }
-    for first in (0..heights.len()).map(|sheet| sheet * n * n) {
+    for (sheet, (_, turned)) in sheets.iter().enumerate() {
         for i in (0..n * (n - 1)).filter(|i| i % n + 1 < n) {
-            let mut corners = [i, i + n, i + n + 1, i + 1].map(|corner| first + corner + 1);
-            if turned {
+            let mut corners = [i, i + n, i + n + 1, i + 1].map(|corner| sheet * n * n + corner + 1);
+            if *turned {
                 corners.reverse();
             }
             let [a, b, c, d] = corners;
@@ -296,12 +296,12 @@ fn sheets(n: usize, heights: &[f64], turned: bool) -> String {
 fn render_meshes_that_are_bound_badly_are_told_rule_by_rule() {
     let garments = |folder: &Path| {
         let write = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
-        write("cloth.obj", sheets(5, &[1.0, 1.03], false));
-        let fine = sheets(9, &[1.005], false);
+        write("cloth.obj", sheets(5, &[(1.0, false), (1.03, true)]));
+        let fine = sheets(9, &[(1.005, false)]);
         // The points of one corner, 25 cm above the upper sheet, and of another, just below it.
         write("far.obj", fine.replace("v 0 1.005 0\n", "v 0 1.28 0\n"));
         write("layers.obj", fine.replace("v 1 1.005 1\n", "v 1 1.028 1\n"));
-        write("flipped.obj", sheets(9, &[1.005], true));
+        write("flipped.obj", sheets(9, &[(1.005, true)]));
         write("fine.obj", fine);
     };
     let scene = |file: &str, more: &str| {
