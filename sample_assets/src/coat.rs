@@ -21,10 +21,11 @@ pub const HALF_THICKNESS: f64 = 0.001;
 const COLLAR: [f64; 2] = [0.004, 0.006];
 /// How far down the collar reaches, as a share of the coat, and how far it stands off there \[m\].
 const COLLAR_DEPTH: (f64, f64) = (0.125, 0.004);
-/// Buttons in a row down the front: how many, radius \[m\], height of lower and upper side over the cloth \[m\], corners.
+/// Buttons in a row down the front: how many, radius \[m\], height of lower and upper side over the cloth \[m\], corners. They are
+/// sewn on: the lower side lies in the outer layer of the shell.
 const BUTTONS: usize = 5;
 const BUTTON_RADIUS: f64 = 0.009;
-const BUTTON_SIDES: [f64; 2] = [0.002, 0.005];
+const BUTTON_SIDES: [f64; 2] = [0.0008, 0.004];
 const BUTTON_CORNERS: usize = 16;
 
 /// A place of the coat: round by the share `u` of a turn, down by the share `s`, off the cloth by `height` \[m\].
