@@ -178,6 +178,17 @@ def test_a_sample_that_has_changed_on_the_disk_is_noticed(shot, tmp_path):
     assert everything(out) == everything(shot)
 
 
+def test_a_clip_between_frames_that_is_damaged_is_found_without_a_record(shot, tmp_path):
+    shutil.copytree(shot, tmp_path / "out")
+    cache = tmp_path / "out" / "flag.usd"
+    said = subprocess.run([DRAPERY, "verify", cache], capture_output=True, text=True)
+    assert said.returncode == 0 and "8 samples and 14 between them; frame 1001 is time code 1001" in said.stdout, said
+    (clips,) = cache.with_suffix(".clips").iterdir()
+    (clips / "1004_1.usdc").write_bytes((clips / "1004_1.usdc").read_bytes()[:-100])
+    said = subprocess.run([DRAPERY, "verify", cache], capture_output=True, text=True)
+    assert said.returncode == 82 and "frame 1004.25" in said.stderr, said
+
+
 def test_a_shutter_that_is_written_with_its_default_is_the_same_run(shot, tmp_path):
     out = tmp_path / "out"
     scene(tmp_path, "samples = 3").run(out, last=1003)
