@@ -11,8 +11,8 @@ use crate::mesh_data::Connectivity;
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
 const WHOLE_FRAME: f64 = 1e-3;
 
-/// Times of samples between frames are multiples of this [frames]: what is finer is rounding of seconds.
-const SAME_TIME: f64 = 1e-9;
+/// Times of samples between frames are told in this many parts of a frame: what is finer is rounding of seconds.
+const PARTS_OF_FRAME: f64 = 1e9;
 
 /// A mesh, and which sample belongs to each of its frames, and to those between them.
 pub(super) fn described(mesh: &PolyMesh, fps: Option<f64>) -> Result<(CacheMesh, Vec<usize>), IoError> {
@@ -107,7 +107,7 @@ fn sorted(times: &[f64], fps: f64) -> Sorted {
         let frames = (0..times.len() as i64).collect();
         return Sorted { frames, between: Vec::new(), samples: (0..times.len()).collect() };
     }
-    let between = others.iter().map(|sample| Between::at((times[*sample] * fps / SAME_TIME).round() * SAME_TIME));
+    let between = others.iter().map(|sample| Between::at((times[*sample] * fps * PARTS_OF_FRAME).round() / PARTS_OF_FRAME));
     Sorted {
         frames: whole.iter().filter_map(|sample| whole_frame(times[*sample], fps)).collect(),
         between: between.collect(),
