@@ -107,7 +107,8 @@ fn sorted(times: &[f64], fps: f64) -> Sorted {
         let frames = (0..times.len() as i64).collect();
         return Sorted { frames, between: Vec::new(), samples: (0..times.len()).collect() };
     }
-    let between = others.iter().map(|sample| Between::at((times[*sample] * fps * PARTS_OF_FRAME).round() / PARTS_OF_FRAME));
+    let between =
+        others.iter().map(|sample| Between::at((times[*sample] * fps * PARTS_OF_FRAME).round() / PARTS_OF_FRAME));
     Sorted {
         frames: whole.iter().filter_map(|sample| whole_frame(times[*sample], fps)).collect(),
         between: between.collect(),
