@@ -4,7 +4,7 @@
 //! Nothing is kept in memory but the frame that is asked for, and a file that is still being written may be read: only
 //! frames that are complete are listed.
 
-mod frame_numbers;
+mod alembic;
 #[cfg(feature = "usd")]
 mod stage;
 mod transforms;
@@ -13,17 +13,16 @@ pub(crate) mod usd;
 
 use std::path::{Path, PathBuf};
 
-use drapery_alembic::{
-    Archive, Bounds, DataType, GeomParam, IDENTITY, PodType, PolyMesh, Samples, SamplingKind, Scope, TopologyVariance,
-};
+use drapery_alembic::{Archive, IDENTITY, PolyMesh, Samples, TopologyVariance};
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
-use frame_numbers::{frame_numbers, whole_frames};
 use globset::escape;
 use transforms::in_world;
 
+pub use alembic::triangles_of;
+
 use crate::error::IoError;
-use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
+use crate::formats::alembic_writer::{CROSSINGS, reverse};
 use crate::formats::hdf5::stored;
 use crate::formats::open_mesh;
 use crate::input_file;
@@ -53,6 +52,25 @@ pub struct CacheMesh {
     /// Frame number of every complete sample, ascending; sample numbers where the file does not tell its frame rate. Of files
     /// with several samples a frame, whole frames only.
     pub frames: Vec<i64>,
+    /// The samples between and around these, ascending. As samples of the cache they are counted behind the frames: the first is
+    /// `frames.len()`.
+    pub between: Vec<Between>,
+}
+
+/// A sample that is no whole frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Between {
+    /// The frame before it.
+    pub frame: i64,
+    /// How far behind that, in frames; between 0 and 1.
+    pub behind: f64,
+}
+
+impl Between {
+    /// At a time in frames.
+    pub(crate) fn at(time: f64) -> Self {
+        Self { frame: time.floor() as i64, behind: time - time.floor() }
+    }
 }
 
 /// Positions of a sample as a cache stores them.
@@ -83,7 +101,7 @@ pub struct StoredFrame {
 
 #[derive(Debug)]
 enum Stored {
-    /// The archive, its meshes each with the sample of every frame, and the bounds of everything.
+    /// The archive, its meshes each with the sample of every frame and then of those between, and the bounds of everything.
     Alembic(Archive, Vec<(PolyMesh, Vec<usize>)>, Option<Samples>),
     /// The file, and what its positions are counted from.
     Hdf5(hdf5::File, [f64; 3]),
@@ -280,7 +298,7 @@ impl CacheFrames {
                 let (mesh, samples) = &meshes[mesh];
                 let sample = samples[sample];
                 let of_file = bounds.as_ref().map(|bounds| bounds.elements::<f64, 6>(sample)).transpose()?;
-                stored_in_alembic(mesh, sample, of_file.and_then(|all| all.first().copied()))
+                alembic::stored(mesh, sample, of_file.and_then(|all| all.first().copied()))
             }
             Stored::Hdf5(file, _) => {
                 let has = |name: &str| file.link_exists(name);
@@ -419,7 +437,7 @@ impl CacheFrames {
             return Err(IoError::data(path, "objects", "it holds no mesh", "give a cache of a garment"));
         }
         let fps = archive.frames_per_second_hint();
-        let described = stored.iter().map(|mesh| alembic_mesh(mesh, fps)).collect::<Result<Vec<_>, IoError>>()?;
+        let described = stored.iter().map(|mesh| alembic::described(mesh, fps)).collect::<Result<Vec<_>, IoError>>()?;
         let (meshes, samples): (Vec<_>, Vec<_>) = described.into_iter().unzip();
         let stored = stored.into_iter().zip(samples).collect();
         let bounds = archive.bounds()?;
@@ -463,6 +481,7 @@ impl CacheFrames {
             triangles: triangles.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
             // Frames are committed in ascending order, so the first mark that is missing ends the file.
             frames: numbers.iter().zip(&committed).take_while(|(_, mark)| **mark == 1).map(|(n, _)| *n).collect(),
+            between: Vec::new(),
         };
         let units = units(&text("length_unit")?, &text("up_axis")?);
         let origin = stored::origin(&file)?.unwrap_or_default();
@@ -494,79 +513,10 @@ fn not_a_cache(path: &Path, source: &hdf5::Error) -> IoError {
     IoError::data(path, "HDF5", source.to_string(), "it is damaged, or not a cache of this program")
 }
 
-/// All that is stored of a sample; `of_file` are the bounds of everything in it.
-fn stored_in_alembic(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) -> Result<StoredFrame, IoError> {
-    let positions = mesh.positions(sample)?;
-    let bounds = bounds_of(&positions);
-    let matrix = mesh.world_matrix_at(mesh.time(sample))?;
-    let in_world = shifted(bounds, [matrix[12], matrix[13], matrix[14]]);
-    let same = |stored: Option<Bounds>, bounds: Bounds| stored.is_none_or(|stored| stored == bounds);
-    let counts = mesh.user_properties().and_then(|properties| properties.samples(CROSSINGS));
-    let crossings = counts.map(|counts| counts.values::<u32>(sample)).transpose()?;
-    Ok(StoredFrame {
-        has_bounds_of_points: same(mesh.bounds(sample)?, bounds) && same(of_file, in_world),
-        velocities: mesh.velocities(sample)?,
-        normals: normals_at_points(mesh, sample, positions.len())?,
-        crossings: crossings.and_then(|values| values.first().copied()),
-        positions,
-    })
-}
-
-/// Normals, where the archive has one of single precision for each point as the caches of this program do.
-fn normals_at_points(mesh: &PolyMesh, sample: usize, points: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
-    let kind = DataType::new(PodType::F32, 3);
-    let is_ours =
-        |normals: &GeomParam| normals.scope() == Scope::Vertex && !normals.is_indexed() && normals.data_type() == kind;
-    let Some(normals) = mesh.normals().filter(is_ours).filter(|normals| sample < normals.sample_count()) else {
-        return Ok(None);
-    };
-    Ok(Some(normals.samples().elements::<f32, 3>(sample)?).filter(|all| all.len() == points))
-}
-
 /// Units by their words; metres with Y up where a file does not say.
 fn units(length: &str, up: &str) -> Units {
     let length = LengthUnit::ALL.into_iter().find(|unit| unit.word() == length).unwrap_or_default();
     Units { length, up: if up == "Z" { UpAxis::Z } else { UpAxis::Y } }
-}
-
-/// A mesh, and which sample belongs to each of its frames.
-fn alembic_mesh(mesh: &PolyMesh, fps: Option<f64>) -> Result<(CacheMesh, Vec<usize>), IoError> {
-    let times = mesh.times();
-    let (frames, samples) = match (mesh.time_sampling().kind(), fps) {
-        (SamplingKind::Cyclic, Some(fps)) => whole_frames(&times, fps),
-        _ => (frame_numbers(&times, fps), (0..times.len()).collect()),
-    };
-    let mut described = CacheMesh {
-        name: mesh.object().path().to_owned(),
-        points: 0,
-        faces: Connectivity::default(),
-        triangles: Vec::new(),
-        frames,
-    };
-    if !times.is_empty() {
-        let mut faces = mesh.faces(0)?;
-        reverse(&faces.face_counts, &mut faces.face_indices);
-        let first: Vec<Vec3> = mesh.world_positions(0)?.into_iter().map(Vec3::from).collect();
-        described.points = first.len();
-        described.triangles = triangles_of(mesh, &first).unwrap_or_default();
-        described.faces = Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices };
-    }
-    Ok((described, samples))
-}
-
-/// The triangles that were simulated, if the file tells them, or the faces cut by the solver's rule.
-pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
-    let told = mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
-    let in_range = |corner: i32| u32::try_from(corner).ok().filter(|&v| (v as usize) < points.len());
-    let triangle = |[a, b, c]: [i32; 3]| Some([in_range(a)?, in_range(b)?, in_range(c)?]);
-    let told = told.and_then(|told| told.into_iter().map(triangle).collect::<Option<Vec<_>>>());
-    if told.is_some() {
-        return told;
-    }
-    let faces = mesh.faces(0).ok()?;
-    let mut corners = faces.face_indices;
-    reverse(&faces.face_counts, &mut corners);
-    Some(cut(&faces.face_counts, &corners, points))
 }
 
 /// Faces cut into triangles by the solver's rule.

@@ -2,10 +2,11 @@
 //!
 //! Faces, texture coordinates, face sets and other attributes go with it, as far as the two formats know them. Numbers are
 //! copied where unit, axis and origin stay; else they are rounded once more. Only one frame is in memory; of a single layer of USD,
-//! all are.
+//! all are. Samples between frames go with it where they lie alike behind every frame and the new format holds them.
 
+mod samples;
 #[cfg(feature = "usd")]
-mod single;
+pub(crate) mod single;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,11 +17,13 @@ use drapery_core::scene::Timeline;
 use crate::cache::{CacheFrame, CachePlan};
 use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
-use crate::formats::{self, CreateCache, ResumeCache, folder_of, remove_folder};
+use crate::formats::{self, CreateCache, ResumeCache, ShotFiles, folder_of, remove_folder};
 use crate::garment_mesh::GarmentMesh;
 use crate::mesh_data::MeshData;
 use crate::normals;
 use crate::units::{LengthUnit, Units, UpAxis};
+
+use samples::Chosen;
 
 /// Frame rates with a numerator that is a multiple of this over [`NTSC`] are those of television.
 const THOUSAND: f64 = 1000.0;
@@ -61,13 +64,38 @@ pub struct Converted {
     pub points: usize,
     /// Unit and axis of the new cache.
     pub units: Units,
+    /// What the old cache holds and the new one does not, a sentence each.
+    pub left_out: Vec<String>,
 }
+
+/// One file with all that the caches of a shot hold.
+pub struct SingleLayer {
+    /// Its extension, behind the name of the shot.
+    pub extension: &'static str,
+    /// Writes it from the caches, which lie beside it, or replaces it as a whole.
+    pub write: fn(&Path, &ShotFiles<'_>) -> Result<(), IoError>,
+    /// Bytes of so many vectors of all points in all samples.
+    pub bytes_of: fn(u64) -> u64,
+    /// The most of them that there may be: all are in memory until the file is there.
+    pub most_bytes: u64,
+}
+
+/// The single layer that this build writes, if it does.
+#[cfg(feature = "usd")]
+pub static SINGLE_LAYER: Option<SingleLayer> = Some(SingleLayer {
+    extension: "usdc",
+    write: single::write_shot,
+    bytes_of: single::bytes_of,
+    most_bytes: single::MOST_BYTES,
+});
+#[cfg(not(feature = "usd"))]
+pub static SINGLE_LAYER: Option<SingleLayer> = None;
 
 /// Writes the new cache; `wrote` hears of every frame. Until all frames are there, the new file has another name.
 ///
 /// # Errors
-/// The cache cannot be read, lacks a frame that is asked for, holds several meshes of which none is chosen, or does not tell
-/// its frame rate; the new file is there already, is the old one, or cannot be written.
+/// The cache cannot be read, lacks a frame that is asked for, holds a number that is none or several meshes of which none is chosen,
+/// or does not tell its frame rate; the new file is there already, is the old one, or cannot be written.
 pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Converted, IoError> {
     #[cfg(feature = "usd")]
     if single::is_asked_for(&conversion.to) {
@@ -77,30 +105,29 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
     let open = target(conversion)?;
     let source = CacheFrames::open(&conversion.from)?;
     let mesh = chosen(&source, conversion.object.as_deref())?;
-    let samples = samples(&source, mesh, conversion.frames)?;
+    let (samples, left_out) = samples::chosen(&source, mesh, conversion.frames, &conversion.to)?;
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
-    let kept = GarmentMesh::kept(described(&source, mesh, samples.start)?);
+    let kept = GarmentMesh::kept(described(&source, mesh, samples.all[0].0)?);
     let work = Work { source: &source, mesh, plan: plan(conversion, (&source, mesh), &samples, (&garment, &kept))? };
-    work.write(&conversion.to, open, samples, wrote)?;
+    work.write(&conversion.to, open, &samples, wrote)?;
     let frames = [work.plan.first_frame, work.plan.last_frame];
-    Ok(Converted { frames, points: source.meshes()[mesh].points, units: work.plan.units })
+    Ok(Converted { frames, points: source.meshes()[mesh].points, units: work.plan.units, left_out })
 }
 
 /// What becomes of the samples of a mesh.
 fn plan<'a>(
     conversion: &Conversion,
     (source, mesh): (&CacheFrames, usize),
-    samples: &std::ops::Range<usize>,
+    samples: &'a Chosen,
     (garment, kept): (&'a str, &'a GarmentMesh),
 ) -> Result<CachePlan<'a>, IoError> {
     source.check_complete(Some(mesh))?;
-    let frames = &source.meshes()[mesh].frames;
-    let (first, last) = (frames[samples.start], frames[samples.end - 1]);
-    let stored = source.stored_positions(mesh, samples.start)?;
-    let sample = source.stored_frame(mesh, samples.start)?;
+    let ((start, first, _), (_, last, _)) = (samples.all[0], samples.all[samples.all.len() - 1]);
+    let stored = source.stored_positions(mesh, start)?;
+    let sample = source.stored_frame(mesh, start)?;
     let (fps_numerator, fps_denominator) = rate(source, conversion.fps)?;
     Ok(CachePlan {
-        sub_frames: &[],
+        sub_frames: &samples.sub_frames,
         garment,
         mesh: kept,
         units: Units {
@@ -112,7 +139,7 @@ fn plan<'a>(
         timeline: Timeline { fps_numerator, fps_denominator, origin: first, start: first },
         first_frame: first,
         last_frame: last,
-        velocities: source.world_velocities(mesh, samples.start)?.is_some(),
+        velocities: source.world_velocities(mesh, start)?.is_some(),
         normals: sample.normals.is_some(),
         crossings: sample.crossings.is_some(),
     })
@@ -170,28 +197,6 @@ fn chosen(source: &CacheFrames, object: Option<&str>) -> Result<usize, IoError> 
     Err(IoError::data(source.path(), "objects", what, format!("choose one with --object: {names}")))
 }
 
-/// The samples of the frames that are asked for.
-fn samples(source: &CacheFrames, mesh: usize, asked: Option<[i64; 2]>) -> Result<std::ops::Range<usize>, IoError> {
-    let frames = &source.meshes()[mesh].frames;
-    let held = match (frames.first(), frames.last()) {
-        (Some(first), Some(last)) => format!("it holds {first}-{last}"),
-        _ => return Err(IoError::data(source.path(), "frames", "it holds no frame", "give a cache with frames")),
-    };
-    let missing = |frame: i64| {
-        let what = format!("frame {frame} is missing");
-        IoError::data(source.path(), "frames", what, format!("{held}; choose with --frames A-B"))
-    };
-    let place = |frame: i64| frames.binary_search(&frame).map_err(|_| missing(frame));
-    let range = match asked {
-        None => 0..frames.len(),
-        Some([first, last]) => place(first)?..place(last)? + 1,
-    };
-    match frames[range.clone()].windows(2).find(|pair| pair[1] != pair[0] + 1) {
-        Some(pair) => Err(missing(pair[0] + 1)),
-        None => Ok(range),
-    }
-}
-
 /// The frame rate as a fraction.
 fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), IoError> {
     let refused = |what: String| {
@@ -236,14 +241,16 @@ impl Work<'_> {
         &self,
         to: &Path,
         (create, resume): (CreateCache, ResumeCache),
-        samples: std::ops::Range<usize>,
+        samples: &Chosen,
         wrote: &mut dyn FnMut(i64),
     ) -> Result<(), IoError> {
         let aside = aside(to);
         let mut writer = create(&aside, &self.plan)?;
         let mut write = |frame: &CacheFrame<'_>| {
             writer.write(frame)?;
-            wrote(frame.frame);
+            if frame.sub_frame == 0 {
+                wrote(frame.frame);
+            }
             Ok(())
         };
         let written = self.frames(samples, &mut write).and_then(|()| writer.finish());
@@ -263,20 +270,22 @@ impl Work<'_> {
         resume(to, &self.plan, &mark)?.finish()
     }
 
-    /// Gives all frames as the new file stores them.
+    /// Gives all samples as the new file stores them.
     fn frames(
         &self,
-        samples: std::ops::Range<usize>,
+        samples: &Chosen,
         take: &mut dyn FnMut(&CacheFrame<'_>) -> Result<(), IoError>,
     ) -> Result<(), IoError> {
         let plan = &self.plan;
-        for sample in samples {
-            let frame = self.source.meshes()[self.mesh].frames[sample];
+        for &(sample, frame, sub_frame) in &samples.all {
             self.check_faces(frame, sample)?;
             let stored = self.source.stored_frame(self.mesh, sample)?;
             let positions = self.positions(sample)?;
             if positions.len() != self.source.meshes()[self.mesh].points {
                 return Err(self.changes(frame, &format!("{} points", positions.len())));
+            }
+            if let Some(point) = first_impossible(&positions) {
+                return Err(self.impossible((frame, sub_frame), point, "position"));
             }
             let velocities = match (self.source.world_velocities(self.mesh, sample)?, plan.velocities) {
                 (Some(velocities), true) if self.is_copied(sample)? => velocities,
@@ -286,6 +295,9 @@ impl Work<'_> {
                 (None, true) => return Err(self.lacks(frame, "velocities")),
                 (_, false) => Vec::new(),
             };
+            if let Some(point) = first_impossible(&velocities) {
+                return Err(self.impossible((frame, sub_frame), point, "velocity"));
+            }
             let crossings = match (stored.crossings, plan.crossings) {
                 (None, true) => return Err(self.lacks(frame, "a number of crossings")),
                 (crossings, true) => crossings,
@@ -293,7 +305,7 @@ impl Work<'_> {
             };
             let normals = if plan.normals { self.normals(&positions) } else { Vec::new() };
             let (positions, velocities, normals) = (&positions[..], &velocities[..], &normals[..]);
-            take(&CacheFrame { frame, sub_frame: 0, positions, velocities, normals, crossings })?;
+            take(&CacheFrame { frame, sub_frame, positions, velocities, normals, crossings })?;
         }
         Ok(())
     }
@@ -337,10 +349,28 @@ impl Work<'_> {
         IoError::data(self.source.path(), mesh.name.clone(), what, advice)
     }
 
+    /// A number that no application takes.
+    fn impossible(&self, (frame, sub_frame): (i64, usize), point: usize, what: &str) -> IoError {
+        let behind = sub_frame.checked_sub(1).map_or(0.0, |number| self.plan.sub_frames[number]);
+        let place = format!("{}, frame {}, point {point}", self.source.meshes()[self.mesh].name, frame as f64 + behind);
+        let what = format!("the {what} is not a finite number");
+        IoError::data(
+            self.source.path(),
+            place,
+            what,
+            "choose the frames before it with --frames A-B, or make the cache again",
+        )
+    }
+
     fn lacks(&self, frame: i64, what: &str) -> IoError {
         let what = format!("frame {frame} has no {what}, and the first has");
         IoError::data(self.source.path(), "frames", what, "choose the frames that have them with --frames A-B")
     }
+}
+
+/// The first point at which a number is none.
+fn first_impossible(vectors: &[[f32; 3]]) -> Option<usize> {
+    vectors.iter().position(|vector| vector.iter().any(|number| !number.is_finite()))
 }
 
 /// Where the new cache is written until it is whole; it keeps its extension.

@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 8] = [
+pub static RULES: [Rule; 11] = [
     Rule {
         name: "no_gravity",
         finds: "nothing pulls the cloth down",
@@ -75,6 +75,26 @@ pub static RULES: [Rule; 8] = [
         finds: "caches in formats alone that no application opens",
         exactly: "HDF5 is for analysis. Silent where another format is written beside it.",
         line: "format = [\"abc\"]",
+    },
+    Rule {
+        name: "render_mesh_distance",
+        finds: "points of a render mesh that are farther than `max_distance` from the cloth at rest, which they follow loosely",
+        exactly: "Of a rigid part its closest point counts. The mesh belongs around the rest shape of the garment, in the right units; \
+                  where it is meant to stand off, `max_distance` says how far.",
+        line: "max_distance = \"4 cm\"",
+    },
+    Rule {
+        name: "render_mesh_layers",
+        finds: "edges of a render mesh whose ends are bound to different layers of the cloth, such as front and back",
+        exactly: "Such edges are stretched where the layers part: a point between two layers is closer to the wrong one. Edges with an end \
+                  beyond `max_distance` are not looked at.",
+        line: "file = \"coat_render.abc\"",
+    },
+    Rule {
+        name: "render_mesh_flipped",
+        finds: "a render mesh whose faces look to the other side than those of the cloth",
+        exactly: "Nine tenths of its area do: of a shell with two sides it is a half. Reverse the faces of one of the two.",
+        line: "file = \"coat_render.abc\"",
     },
 ];
 

@@ -101,4 +101,6 @@ pub struct OutputDescription {
     pub sub_frames: Vec<f64>,
     /// Whether the frames of the pre-roll are written too.
     pub preroll: bool,
+    /// Whether a run that is done writes all its USD caches as one binary layer too.
+    pub usd_single: bool,
 }

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 use drapery_io::cache::{CacheFrame, CachePlan};
-use drapery_io::cache_frames::CacheFrames;
+use drapery_io::cache_frames::{CacheFrames, StoredFrame};
 use drapery_io::convert::{Conversion, Converted, convert};
+use drapery_io::error::IoErrorKind;
 use drapery_io::formats::{by_extension, folder_of};
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::mesh_data::MeshData;
@@ -32,9 +33,19 @@ fn source(folder: &Path) -> MeshData {
 
 /// A cache of the frames 1001 to 1004, in centimetres with Z up, whose points are counted from far away.
 fn write(folder: &Path, extension: &str, origin: Vec3) -> PathBuf {
+    write_samples(folder, extension, (origin, &[]), f32::is_finite)
+}
+
+/// The same with samples between frames; the positions of a point are none of numbers where `takes` refuses what was planned.
+fn write_samples(
+    folder: &Path,
+    extension: &str,
+    (origin, sub_frames): (Vec3, &[f64]),
+    takes: impl Fn(f32) -> bool,
+) -> PathBuf {
     let data = source(folder);
     let plan = CachePlan {
-        sub_frames: &[],
+        sub_frames,
         garment: "skirt",
         mesh: &GarmentMesh::kept(data.clone()),
         units: Units { length: LengthUnit::Centimetre, up: UpAxis::Z },
@@ -48,18 +59,20 @@ fn write(folder: &Path, extension: &str, origin: Vec3) -> PathBuf {
     };
     let path = folder.join(format!("skirt.{extension}"));
     let mut writer = (by_extension(extension).unwrap().create.unwrap())(&path, &plan).unwrap();
-    for frame in 1001..=1004 {
-        let by = (frame - 1000) as f64;
+    let behind = |frame: i64| if frame == 1004 { 0 } else { sub_frames.len() };
+    for (frame, sub_frame) in (1001..=1004).flat_map(|frame| (0..=behind(frame)).map(move |number| (frame, number))) {
+        let by = (frame - 1000) as f64 + sub_frame.checked_sub(1).map_or(0.0, |number| sub_frames[number]);
         let mut positions: Vec<Vec3> = data.mesh.points.iter().map(|p| p + origin + Vec3::z() * by / 7.0).collect();
         // The other diagonal of the quad would be the shorter one.
         positions[0] -= Vec3::new(0.3, 0.3, 0.0);
-        let positions: Vec<[f32; 3]> = positions.iter().map(|p| plan.units.stored_from(origin, *p)).collect();
+        let stored = positions.iter().map(|p| plan.units.stored_from(origin, *p));
+        let positions: Vec<[f32; 3]> = stored.map(|p| p.map(|x| if takes(x) { x } else { f32::NAN })).collect();
         let velocities = plan.units.stored_all(&vec![Vec3::new(0.1, 0.2, by); positions.len()]);
         let crossings = Some(frame as u32);
         writer
             .write(&CacheFrame {
                 frame,
-                sub_frame: 0,
+                sub_frame,
                 positions: &positions,
                 velocities: &velocities,
                 normals: &[],
@@ -169,4 +182,60 @@ fn what_is_there_is_replaced_only_when_asked_and_a_conversion_that_fails_leaves_
     assert!(convert(&onto, &mut |_| {}).unwrap_err().to_string().contains("is the cache that is converted"));
     let to_obj = Conversion { from, to: folder.path().join("a.obj"), ..Conversion::default() };
     assert!(convert(&to_obj, &mut |_| {}).unwrap_err().to_string().contains(".abc, .h5"));
+}
+
+/// Everything of all samples, frames first.
+fn samples_of(cache: &CacheFrames) -> Vec<StoredFrame> {
+    let mesh = &cache.meshes()[0];
+    (0..mesh.frames.len() + mesh.between.len()).map(|sample| cache.stored_frame(0, sample).unwrap()).collect()
+}
+
+#[test]
+fn samples_between_frames_are_kept_where_the_format_holds_them_and_else_named() {
+    let formats: Vec<&str> = FORMATS.iter().copied().filter(|format| *format != "h5").collect();
+    for from in &formats {
+        let folder = tempfile::tempdir().unwrap();
+        let path = write_samples(folder.path(), from, (Vec3::zeros(), &[0.25, 0.7]), f32::is_finite);
+        let a = CacheFrames::open(&path).unwrap();
+        let between = [1001, 1002, 1003].map(|frame| [0.25, 0.7].map(|behind| (frame, behind))).concat();
+        let found: Vec<(i64, f64)> = a.meshes()[0].between.iter().map(|at| (at.frame, at.behind)).collect();
+        assert_eq!(found.len(), between.len(), "{found:?}");
+        let is_near = |((frame, behind), (expected, at)): (&(i64, f64), &(i64, f64))| {
+            // Seconds of frame 1001 are good to 1e-14, and these are frames.
+            frame == expected && (behind - at).abs() < 1e-11
+        };
+        assert!(found.iter().zip(&between).all(is_near), "{found:?}");
+        for to in formats.iter().copied().chain(if formats.len() > 1 { Some("usdc") } else { None }) {
+            let b = folder.path().join(format!("other.{to}"));
+            assert_eq!(converted(&path, &b).left_out, [] as [String; 0]);
+            let b = CacheFrames::open(&b).unwrap();
+            assert_eq!(b.meshes()[0].between.len(), 6, "{from} to {to}");
+            assert_eq!(samples_of(&a), samples_of(&b), "{from} to {to}");
+        }
+        let b = folder.path().join("other.h5");
+        let told = converted(&path, &b).left_out;
+        assert_eq!(told.len(), 1);
+        let expected =
+            "/garments/skirt/skirtShape: 6 samples between frames are left out: the format holds whole frames";
+        assert_eq!(told[0], expected);
+        assert_eq!(samples_of(&CacheFrames::open(&b).unwrap()), samples_of(&a)[..4]);
+    }
+}
+
+#[test]
+fn numbers_that_are_none_are_refused_by_frame_and_point() {
+    for from in FORMATS {
+        let folder = tempfile::tempdir().unwrap();
+        // How far frame 1002 has moved.
+        let path = write_samples(folder.path(), from, (Vec3::zeros(), &[]), |x| !(28.0..29.0).contains(&x.abs()));
+        for to in FORMATS.iter().copied().chain(cfg!(feature = "usd").then_some("usdc")) {
+            let to = folder.path().join(format!("other.{to}"));
+            let conversion = Conversion { from: path.clone(), to: to.clone(), ..Conversion::default() };
+            let error = convert(&conversion, &mut |_| {}).unwrap_err();
+            assert_eq!(error.kind(), IoErrorKind::BadInput);
+            let error = error.to_string();
+            assert!(error.contains("frame 1002, point 0") && error.contains("not a finite number"), "{error}");
+            assert!(!to.exists());
+        }
+    }
 }

@@ -17,14 +17,15 @@ const CELLS: [usize; 2] = [48, 32];
 const FINER: usize = 2;
 /// Half of the thickness of the shell \[m\].
 pub const HALF_THICKNESS: f64 = 0.001;
-/// Heights of the collar's layers over the cloth at the neck \[m\].
-const COLLAR: [f64; 2] = [0.004, 0.006];
-/// How far down the collar reaches, as a share of the coat, and how far it stands off there \[m\].
-const COLLAR_DEPTH: (f64, f64) = (0.125, 0.004);
-/// Buttons in a row down the front: how many, radius \[m\], height of lower and upper side over the cloth \[m\], corners.
+/// Heights of the collar's layers over the cloth at the neck \[m\], where it is sewn to the shell: no gap is seen between them.
+const COLLAR: [f64; 2] = [0.0012, 0.0032];
+/// How far down the collar reaches, as a share of the coat, and how much farther it stands off there \[m\].
+const COLLAR_DEPTH: (f64, f64) = (0.125, 0.0068);
+/// Buttons in a row down the front: how many, radius \[m\], height of lower and upper side over the cloth \[m\], corners. They are
+/// sewn on: the lower side lies in the outer layer of the shell.
 const BUTTONS: usize = 5;
 const BUTTON_RADIUS: f64 = 0.009;
-const BUTTON_SIDES: [f64; 2] = [0.002, 0.005];
+const BUTTON_SIDES: [f64; 2] = [0.0008, 0.004];
 const BUTTON_CORNERS: usize = 16;
 
 /// A place of the coat: round by the share `u` of a turn, down by the share `s`, off the cloth by `height` \[m\].

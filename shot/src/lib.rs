@@ -20,7 +20,8 @@ pub mod rules;
 pub mod run;
 pub mod run_record;
 mod shot;
+mod single_layer;
 pub mod steps;
 
 pub use error::ShotError;
-pub use shot::Shot;
+pub use shot::{RenderMeshSize, Shot};

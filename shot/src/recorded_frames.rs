@@ -1,4 +1,4 @@
-//! Whether caches still hold what a run has written: every frame is compared with the digests in the run's record.
+//! Whether caches still hold what a run has written: every frame, and every sample between frames, is compared with the digests in the run's record.
 //!
 //! Frames are decoded by the readers of their format, so it does not matter whether a cache was continued in place, in a copy,
 //! or was copied elsewhere. Positions, velocities, normals, the number of crossings and bounds are compared to the last bit.
@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use drapery_io::cache_frames::{CacheFrames, StoredFrame};
 use drapery_io::error::IoError;
+use drapery_io::formats;
 use drapery_io::normals;
 
 use crate::frame_digest::GarmentDigests;
@@ -59,7 +60,8 @@ impl RecordedCache<'_> {
         for row in record.frames.iter().filter(|row| (first..=last).contains(&row.frame)) {
             let Some(digests) = row.digests.get(self.garment) else { continue };
             recorded.push(row.frame);
-            match fault(&cache, row, digests) {
+            let found = fault(&cache, row, digests).or_else(|| self.fault_behind(&cache, row, row.frame == last));
+            match found {
                 None => compared.sound += 1,
                 Some(what) => {
                     compared.faults.push(FrameFault { path: self.path.to_owned(), frame: row.frame, what });
@@ -73,6 +75,26 @@ impl RecordedCache<'_> {
         compared.unrecorded = gaps(first, looked_at, recorded.into_iter());
         Ok(compared)
     }
+
+    /// What is wrong with the samples between a frame and the next. Behind the last frame fewer may be there than were recorded: those
+    /// of a frame that is being computed.
+    fn fault_behind(&self, cache: &CacheFrames, row: &FrameRow, is_last: bool) -> Option<String> {
+        let mesh = &cache.meshes()[0];
+        let behind = || mesh.between.iter().enumerate().filter(|(_, at)| at.frame == row.frame);
+        let recorded = row.samples.iter().filter_map(|(number, all)| Some((*number, all.get(self.garment)?)));
+        for (number, digests) in recorded.filter(|_| !formats::holds_whole_frames(self.path)) {
+            let place = usize::try_from(number).ok().and_then(|number| behind().nth(number.checked_sub(1)?));
+            let what = match place {
+                None if is_last => None,
+                None => Some("it is missing".to_owned()),
+                Some((index, _)) => fault_of(cache, mesh.frames.len() + index, digests, None),
+            };
+            if let Some(what) = what {
+                return Some(format!("sample {number} behind it: {what}"));
+            }
+        }
+        None
+    }
 }
 
 /// What is wrong with a frame.
@@ -80,6 +102,11 @@ fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Optio
     let Ok(sample) = cache.meshes()[0].frames.binary_search(&row.frame) else {
         return Some("it is missing".to_owned());
     };
+    fault_of(cache, sample, digests, row.counts.get(CROSSINGS_WRITTEN).copied())
+}
+
+/// What is wrong with a sample, of which so many crossings were counted, if that is known.
+fn fault_of(cache: &CacheFrames, sample: usize, digests: &GarmentDigests, counted: Option<u64>) -> Option<String> {
     let Ok(stored) = cache.stored_frame(0, sample) else {
         return Some("it cannot be read".to_owned());
     };
@@ -87,7 +114,6 @@ fn fault(cache: &CacheFrames, row: &FrameRow, digests: &GarmentDigests) -> Optio
     let faces = &cache.meshes()[0].faces;
     let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, &positions);
     let found = GarmentDigests::of(&positions, &velocities.unwrap_or_default());
-    let counted = row.counts.get(CROSSINGS_WRITTEN).copied();
     let differs = |what: &str| Some(format!("the {what} not those that were written"));
     match () {
         () if found.positions != digests.positions => differs("positions are"),

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use drapery_core::Vec3;
 use drapery_core::geometry::surface_binding::SurfaceBinding;
-use drapery_core::mesh::{PolygonMesh, sides};
+use drapery_core::mesh::{MeshStream, PolygonMesh, sides};
 use drapery_core::scene::is_possible;
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::{GarmentMesh, triangles_of};
@@ -28,6 +28,34 @@ pub(crate) struct RenderMesh {
     binding: SurfaceBinding,
 }
 
+/// What may be wrong with a binding.
+#[derive(Debug)]
+pub(crate) struct JudgedBinding {
+    /// What it is about, for messages.
+    pub(crate) object: String,
+    /// Number of points.
+    pub(crate) points: usize,
+    /// Distance from the cloth at rest above which points are counted [m].
+    pub(crate) max_distance: f64,
+    /// How many points are farther.
+    pub(crate) far: usize,
+    /// The farthest of them, and its distance [m].
+    pub(crate) farthest: Option<(usize, f64)>,
+    /// Edges whose ends are bound to different layers of the cloth.
+    pub(crate) torn: Vec<[u32; 2]>,
+    /// Whether its faces look to the other side than those of the cloth.
+    pub(crate) is_flipped: bool,
+    /// Points that belong to no face.
+    pub(crate) loose: usize,
+}
+
+impl JudgedBinding {
+    /// What is said of points that belong to no face, if there are any.
+    pub(crate) fn loose_in_words(&self) -> Option<String> {
+        (self.loose > 0).then(|| format!("{}: {} points belong to no face", self.object, self.loose))
+    }
+}
+
 /// What caches store of a render mesh in a frame.
 pub(crate) struct Placed {
     pub(crate) positions: Vec<[f32; 3]>,
@@ -37,15 +65,14 @@ pub(crate) struct Placed {
 }
 
 impl RenderMesh {
-    /// Binds a render mesh to the rest shape of `garment`, which has this name.
+    /// Binds a render mesh to the rest shape of `garment`, which has this name, and looks at the binding.
     ///
     /// # Errors
     /// One of the meshes cannot be read; a point is at no possible place; the garment has no triangle.
     pub(crate) fn bind(
         described: RenderMeshDescription,
         (garment, name): (&GarmentMesh, &str),
-        warnings: &mut Vec<String>,
-    ) -> Result<Self, IoError> {
+    ) -> Result<(Self, JudgedBinding), IoError> {
         let broken = |what: String| {
             IoError::data(&described.file, described.mesh.object_path(), what, "export the render mesh again")
         };
@@ -61,12 +88,11 @@ impl RenderMesh {
         };
         // Judged is where each point is, also those that move with the middle of their part.
         let own = bind(&[])?;
-        let place = format!("garment \"{name}\", render mesh ({})", described.file.display());
-        warnings.extend(suspicious(&described, &mesh, &own).into_iter().map(|what| format!("{place}: {what}")));
+        let judged = judged(&described, (&mesh, name), &own);
         let binding = if described.rigid.is_empty() { own } else { bind(&described.rigid)? };
         let faces = Connectivity { face_counts: mesh.face_counts, face_indices: mesh.face_indices };
         let RenderMeshDescription { garment, name, mesh, .. } = described;
-        Ok(Self { garment, name, mesh, faces, binding })
+        Ok((Self { garment, name, mesh, faces, binding }, judged))
     }
 
     /// The mesh where the garment's points are at `x` [m] with the velocities `v` [m/s], which are left out where none are stored;
@@ -81,49 +107,46 @@ impl RenderMesh {
         Placed { positions, velocities: units.stored_all(&velocities), normals }
     }
 
+    /// Number of triangles that its faces are cut into.
+    pub(crate) fn triangle_count(&self) -> usize {
+        self.faces.face_counts.iter().map(|corners| (*corners as usize).saturating_sub(2)).sum()
+    }
+
+    /// What a sample takes in a cache: positions, normals, and velocities where they are stored [bytes].
+    pub(crate) fn bytes_per_sample(&self, velocities: bool) -> usize {
+        self.mesh.point_count() * size_of::<[f32; 3]>() * (2 + usize::from(velocities))
+    }
+
     /// Normals that belong to positions as they are stored.
     fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
         normals::at_points(&self.faces.face_counts, &self.faces.face_indices, positions)
     }
 }
 
-/// What is suspicious in a binding, in words.
-fn suspicious(described: &RenderMeshDescription, mesh: &PolygonMesh, binding: &SurfaceBinding) -> Vec<String> {
-    let mut found = Vec::new();
-    let millimetres = |metres: f64| format!("{:.1} mm", metres * 1e3);
+/// Looks at a binding.
+fn judged(
+    described: &RenderMeshDescription,
+    (mesh, garment): (&PolygonMesh, &str),
+    binding: &SurfaceBinding,
+) -> JudgedBinding {
     let limit = described.max_distance;
     let distances = judged_distances(described, binding);
     let far = distances.iter().filter(|distance| **distance > limit).count();
-    if let Some((worst, distance)) = distances.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).filter(|_| far > 0)
-    {
-        found.push(format!(
-            "{far} of {} points are farther than {} from the cloth at rest, which they follow loosely; the farthest is point \
-             {worst}, {} away: model the mesh at the rest shape, see whether its units are right, or raise max_distance",
-            distances.len(),
-            millimetres(limit),
-            millimetres(*distance),
-        ));
-    }
+    let worst = distances.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
     let triangles = triangulated(mesh);
     let edges: BTreeSet<[u32; 2]> = sides(triangles.iter().copied()).map(|[a, b, _]| [a.min(b), a.max(b)]).collect();
     let is_near = |edge: &[u32; 2]| edge.iter().all(|point| distances[*point as usize] <= limit);
-    let torn = binding.torn(&mesh.points, edges.into_iter().filter(is_near));
-    if let Some([a, b]) = torn.first() {
-        found.push(format!(
-            "{} of its edges join points that are bound to different layers of the cloth, the first is that of the points {a} \
-             and {b}; they are stretched where the layers part: bring these points closer to the layer that they belong to",
-            torn.len()
-        ));
-    }
-    if binding.facing_against(&mesh.points, &triangles) > TURNED {
-        let what = "it is flipped: its faces look to the other side than those of the cloth: reverse one of the two";
-        found.push(what.to_owned());
-    }
     let used: BTreeSet<u32> = mesh.face_indices.iter().copied().collect();
-    if used.len() < mesh.points.len() {
-        found.push(format!("{} points belong to no face", mesh.points.len() - used.len()));
+    JudgedBinding {
+        object: format!("garment \"{garment}\", render mesh ({})", described.file.display()),
+        points: mesh.points.len(),
+        max_distance: limit,
+        far,
+        farthest: worst.filter(|_| far > 0),
+        torn: binding.torn(&mesh.points, edges.into_iter().filter(is_near)),
+        is_flipped: binding.facing_against(&mesh.points, &triangles) > TURNED,
+        loose: mesh.points.len() - used.len(),
     }
-    found
 }
 
 /// Distance of each point from the cloth; of a point of a rigid part that of its closest point, however large the part is.

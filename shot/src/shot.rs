@@ -2,12 +2,13 @@
 //! always starts at the scene's first frame minus its pre-roll, because cloth has a history; only the end of the range can
 //! be chosen.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
 use drapery_core::effects::cost::FrameCost;
 use drapery_core::effects::self_collision;
 use drapery_core::error::Problems;
+use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::Timeline;
 use drapery_core::simulation::Simulation;
@@ -22,8 +23,9 @@ use crate::farm::digest::{Fingerprint, Versions};
 use crate::inputs::Inputs;
 use crate::long_frames;
 use crate::remote_simulation::RemoteSimulation;
-use crate::render_mesh::RenderMesh;
+use crate::render_mesh::{JudgedBinding, RenderMesh};
 use crate::rules::{self, Facts, Warning};
+use crate::single_layer;
 
 /// A shot that was checked and can run.
 pub struct Shot {
@@ -51,6 +53,21 @@ pub(crate) struct About {
     pub(crate) keeps_free: bool,
     pub(crate) output: OutputDescription,
     pub(crate) resolved: String,
+}
+
+/// How large a render mesh is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RenderMeshSize<'a> {
+    /// Its name, by which its caches are called.
+    pub name: &'a str,
+    /// The garment that it follows.
+    pub garment: &'a str,
+    /// Number of points.
+    pub points: usize,
+    /// Number of triangles that its faces are cut into.
+    pub triangles: usize,
+    /// What a sample of it takes in a cache [bytes].
+    pub bytes_per_sample: usize,
 }
 
 impl Shot {
@@ -82,6 +99,7 @@ impl Shot {
         let sub_frames = (output.sub_frames.clone(), first_frame);
         let inputs = Inputs { timeline, preroll, bodies, tracks, wind, sub_frames };
         let mut problems = inputs.check(&scene, last_frame, &mut warnings);
+        problems.extend(single_layer::problem(&output, [first_frame, last_frame], (&garments, &render_meshes)));
         let check = description.check;
         let facts = Facts { scene: &scene, inputs: &inputs, garments: &garments, output: &output, check: &check };
         let mut of_rules = rules::of_scene(&facts);
@@ -119,9 +137,12 @@ impl Shot {
         of_rules.extend(rules::of_simulation(remote_simulation.simulation(), &check.silenced));
         let bind = |mesh: RenderMeshDescription| {
             let garment = (&garments[mesh.garment], about.garments[mesh.garment].as_str());
-            RenderMesh::bind(mesh, garment, &mut warnings)
+            RenderMesh::bind(mesh, garment)
         };
-        let render_meshes = render_meshes.into_iter().map(bind).collect::<Result<_, _>>()?;
+        let bound = render_meshes.into_iter().map(bind).collect::<Result<Vec<_>, _>>()?;
+        let (render_meshes, bindings): (Vec<RenderMesh>, Vec<JudgedBinding>) = bound.into_iter().unzip();
+        warnings.extend(bindings.iter().filter_map(JudgedBinding::loose_in_words));
+        of_rules.extend(rules::of_bindings(&bindings, &check.silenced));
         let warnings = warnings.into_iter().map(Warning::from).chain(of_rules).collect();
         Ok(Self { remote_simulation, inputs, garments, render_meshes, about, warnings })
     }
@@ -166,6 +187,11 @@ impl Shot {
         &self.about.output
     }
 
+    /// The file of the whole shot in this folder, if the scene asks for one.
+    pub(crate) fn single_layer(&self, folder: &Path) -> Option<PathBuf> {
+        single_layer::path(&self.about.output, &self.about.name, folder)
+    }
+
     /// What positions in the caches are counted from [m].
     pub fn origin(&self) -> Vec3 {
         self.simulation().scene().origin()
@@ -186,6 +212,18 @@ impl Shot {
         let solver = drapery_core::solver_version(self.simulation().scene().description().solver.integrator);
         let versions = Versions { solver, format, application };
         Fingerprint::of(&about.resolved, &about.scene_path, &about.input_files, versions)
+    }
+
+    /// Meshes that are rendered in the place of garments.
+    pub fn render_meshes(&self) -> impl Iterator<Item = RenderMeshSize<'_>> {
+        let velocities = self.about.output.velocities;
+        self.render_meshes.iter().map(move |mesh| RenderMeshSize {
+            name: &mesh.name,
+            garment: &self.about.garments[mesh.garment],
+            points: mesh.mesh.point_count(),
+            triangles: mesh.triangle_count(),
+            bytes_per_sample: mesh.bytes_per_sample(velocities),
+        })
     }
 
     /// Number of frames that a run computes, pre-roll included.

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use drapery_core::Vec3;
+use drapery_core::geometry::surface_binding::SurfaceBinding;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::scene::{EffectRequest, GarmentDescription, SceneDescription, Timeline};
 use drapery_io::cache_frames::CacheFrames;
@@ -177,4 +178,38 @@ fn a_bad_binding_is_told_before_anything_runs() {
     broken.points[7].x = f64::NAN;
     let refused = Shot::prepare(flying(&["h5"], vec![render_mesh(broken, Vec::new())]), None).err().unwrap();
     assert!(refused.to_string().contains("point 7 is at no possible place"), "{refused}");
+}
+
+#[test]
+fn samples_between_frames_are_bound_to_the_cloth_as_it_is_then() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path();
+    let fine = sheet(9, 1.005);
+    let mut shot = flying(&formats(), vec![render_mesh(fine.clone(), Vec::new())]);
+    shot.output.sub_frames = vec![0.25, 0.75];
+    let shot = Shot::prepare(shot, None).unwrap();
+    shot.run(&RunOptions::new(out.to_owned()), &mut |_: &FrameReport<'_>| {}).unwrap();
+    let cloth = sheet(4, 1.0);
+    let binding = SurfaceBinding::new(cloth.points.clone(), cloth.triangulate().0, &fine.points, &[]).unwrap();
+    for format in formats().into_iter().filter(|format| *format != "h5") {
+        let open = |name: &str| CacheFrames::open(&out.join(format!("{name}.{format}"))).unwrap();
+        let (plain, render) = (open("sheet"), open("sheet_render"));
+        let between = &render.meshes()[0].between;
+        assert_eq!((between, between.len()), (&plain.meshes()[0].between, 8), "{format}");
+        let first = between[0];
+        assert!(first.frame == 1001 && (first.behind - 0.25).abs() < 1e-9, "{format}");
+        for sample in 0..13 {
+            let x = plain.positions(0, sample).unwrap();
+            let expected = binding.positions(&x);
+            let found = render.positions(0, sample).unwrap();
+            // Both were rounded to single precision, in centimetres, of places below 4 m; offsets turn with what is rounded, by
+            // less than that.
+            let off = found.iter().zip(&expected).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            assert!(off < 1e-6, "{format}, sample {sample}: {off}");
+            assert!(render.stored_frame(0, sample).unwrap().normals.is_some(), "{format}");
+        }
+        // Not those of the frame before: it turns.
+        let [frame, behind] = [0, 5].map(|sample| render.positions(0, sample).unwrap());
+        assert!((frame[80] - behind[80]).norm() > 1e-3, "{format}");
+    }
 }

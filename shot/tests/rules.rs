@@ -269,3 +269,64 @@ fn caches_that_no_application_opens_are_told() {
         &[SHEET, &with("[output]\nformat = [\"abc\", \"h5\"]\n")],
     );
 }
+
+/// Sheets of n × n points, 1 m wide, at these heights [m], as OBJ; the faces of those that are turned look down.
+fn sheets(n: usize, sheets: &[(f64, bool)]) -> String {
+    let mut text = String::new();
+    for (height, _) in sheets {
+        for i in 0..n * n {
+            let [x, z] = [i % n, i / n].map(|step| step as f64 / (n - 1) as f64);
+            text += &format!("v {x} {height} {z}\n");
+        }
+    }
+    for (sheet, (_, turned)) in sheets.iter().enumerate() {
+        for i in (0..n * (n - 1)).filter(|i| i % n + 1 < n) {
+            let mut corners = [i, i + n, i + n + 1, i + 1].map(|corner| sheet * n * n + corner + 1);
+            if *turned {
+                corners.reverse();
+            }
+            let [a, b, c, d] = corners;
+            text += &format!("f {a} {b} {c} {d}\n");
+        }
+    }
+    text
+}
+
+#[test]
+fn render_meshes_that_are_bound_badly_are_told_rule_by_rule() {
+    let garments = |folder: &Path| {
+        let write = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
+        write("cloth.obj", sheets(5, &[(1.0, false), (1.03, true)]));
+        let fine = sheets(9, &[(1.005, false)]);
+        // The points of one corner, 25 cm above the upper sheet, and of another, just below it.
+        write("far.obj", fine.replace("v 0 1.005 0\n", "v 0 1.28 0\n"));
+        write("layers.obj", fine.replace("v 1 1.005 1\n", "v 1 1.028 1\n"));
+        write("flipped.obj", sheets(9, &[(1.005, true)]));
+        write("fine.obj", fine);
+    };
+    let scene = |file: &str, more: &str| {
+        format!(
+            "drapery = 1\n[shot]\nframes = \"2-3\"\n[units]\nlength = \"m\"\nup = \"Y\"\n[gravity]\n[[garment]]\nname = \"coat\"\n\
+             rest = \"cloth.obj\"\nmaterial = \"cotton_shirting\"\n[garment.render_mesh]\nfile = \"{file}\"\n{more}"
+        )
+    };
+    let object = "garment \"coat\", render mesh (";
+    let (fine, loose) = (scene("fine.obj", ""), scene("far.obj", "max_distance = \"26 cm\"\n"));
+    rule(
+        "render_mesh_distance",
+        garments,
+        &[(
+            &scene("far.obj", ""),
+            &[
+                object,
+                "far.obj): 1 of 81 points are farther than 20.0 mm",
+                "point 0, 250.0 mm away",
+                "help: write max_distance = \"25",
+            ],
+        )],
+        &[&fine],
+    );
+    let torn: &[&str] = &[object, "edges join points that are bound to different layers of the cloth"];
+    rule("render_mesh_layers", garments, &[(&scene("layers.obj", ""), torn), (&loose, torn)], &[&fine]);
+    rule("render_mesh_flipped", garments, &[(&scene("flipped.obj", ""), &[object, "it is flipped"])], &[&fine]);
+}

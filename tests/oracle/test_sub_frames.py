@@ -1,10 +1,12 @@
 """Samples between frames, for motion blur: Alembic's own library, Pixar's and Blender find them where the scene asks for them."""
 
+import shutil
 import signal
+import subprocess
 
 import numpy as np
 import pytest
-from farm import BAD_SCENE, CANNOT_CREATE, DONE, STOPPED, Moments, Shot, assert_same, holds_folder, results, stop
+from farm import BAD_SCENE, CANNOT_CREATE, DONE, DRAPERY, STOPPED, Moments, Shot, assert_same, holds_folder, results, stop
 from judges import ask, hdf5, official
 
 FPS = 24.0
@@ -124,6 +126,74 @@ def test_bytes_are_the_same_after_stops_anywhere_and_on_other_threads(shot, tmp_
     out = tmp_path / "stopped" / "longer"
     run.run(out, last=1004)
     run.run(out)
+    assert_same(out, results(shot))
+
+
+def test_a_converted_cache_keeps_the_samples_or_says_that_it_does_not(shot, tmp_path):
+    def convert(source, result):
+        done = subprocess.run([DRAPERY, "convert", shot / source, tmp_path / result], capture_output=True, text=True)
+        assert done.returncode == 0, done
+        return done.stderr
+
+    archive = official(shot / "flag.abc")
+    assert convert("flag.usd", "flag.abc") == ""
+    again = official(tmp_path / "flag.abc")
+    np.testing.assert_allclose(again["times"], archive["times"], rtol=0, atol=1e-9)
+    for name in ("positions", "velocities", "self_bounds"):
+        np.testing.assert_array_equal(again[name], archive[name])
+    for source, result in (("flag.abc", "flag.usd"), ("flag.usd", "flag.usdc")):
+        assert convert(source, result) == ""
+        shown = ask("official_usd.py", tmp_path / result)
+        assert list(shown["validation"]) == [] and list(shown["complaints"]) == []
+        np.testing.assert_allclose(shown["samples"] / FPS, archive["times"], rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(shown["positions"][::2], archive["positions"][::3])
+    said = convert("flag.abc", "flag.h5")
+    assert "14 samples between frames are left out: the format holds whole frames" in said, said
+    np.testing.assert_array_equal(hdf5(tmp_path / "flag.h5")["positions"], archive["positions"][::3])
+
+
+def test_a_sample_that_has_changed_on_the_disk_is_noticed(shot, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(shot, out)
+    # The second sample behind frame 1003 (0-based 8 of all): one bit of one coordinate.
+    stored = official(shot / "flag.abc")["positions"][8].astype("<f4").tobytes()
+    (clips,) = (out / "flag.clips").iterdir()
+    for path in (clips / "1003_2.usdc", out / "flag.abc"):
+        good = path.read_bytes()
+        place = good.index(stored) + 100
+        path.write_bytes(good[:place] + bytes([good[place] ^ 1]) + good[place + 1 :])
+        said = subprocess.run([DRAPERY, "verify", "--record", out], capture_output=True, text=True)
+        assert said.returncode == 82 and "frame 1003: sample 2 behind it: the positions are not" in said.stderr, said
+        path.write_bytes(good)
+    assert subprocess.run([DRAPERY, "verify", "--record", out], capture_output=True).returncode == 0
+    # A run that goes on notices too, and goes back.
+    run = scene(tmp_path)
+    run.run(out, "--overwrite", last=1005)
+    (clips,) = (out / "flag.clips").iterdir()
+    good = (clips / "1003_2.usdc").read_bytes()
+    place = good.index(stored) + 100
+    (clips / "1003_2.usdc").write_bytes(good[:place] + bytes([good[place] ^ 1]) + good[place + 1 :])
+    said = run.run(out)
+    assert "frame 1003: sample 2 behind it" in said, said
+    assert everything(out) == everything(shot)
+
+
+def test_a_clip_between_frames_that_is_damaged_is_found_without_a_record(shot, tmp_path):
+    shutil.copytree(shot, tmp_path / "out")
+    cache = tmp_path / "out" / "flag.usd"
+    said = subprocess.run([DRAPERY, "verify", cache], capture_output=True, text=True)
+    assert said.returncode == 0 and "8 samples and 14 between them; frame 1001 is time code 1001" in said.stdout, said
+    (clips,) = cache.with_suffix(".clips").iterdir()
+    (clips / "1004_1.usdc").write_bytes((clips / "1004_1.usdc").read_bytes()[:-100])
+    said = subprocess.run([DRAPERY, "verify", cache], capture_output=True, text=True)
+    assert said.returncode == 82 and "frame 1004.25" in said.stderr, said
+
+
+def test_a_shutter_that_is_written_with_its_default_is_the_same_run(shot, tmp_path):
+    out = tmp_path / "out"
+    scene(tmp_path, "samples = 3").run(out, last=1003)
+    said = scene(tmp_path, SAMPLES + "\npreroll = false").run(out)
+    assert "shutter" not in said and "preroll" not in said, said
     assert_same(out, results(shot))
 
 

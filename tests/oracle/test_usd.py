@@ -1,5 +1,6 @@
 """Pixar's library and Blender see in USD caches what Drapery wrote, as the HDF5 caches of the same run hold it."""
 
+import json
 import os
 import shutil
 import signal
@@ -243,19 +244,24 @@ def test_bytes_are_the_same_on_two_ranks(shot, tmp_path):
 def test_a_run_that_is_killed_leaves_a_stage_that_opens_and_goes_on_to_the_same_bytes(tmp_path, report_figure):
     folder = tmp_path / "killed"
     # Fine enough to be killed in between.
-    run, out = scene(folder, resolution=60), folder / "out"
+    asked = '["abc", "h5", "usd"]\nusd_single = true'
+    run, out = scene(folder, formats=asked, resolution=60), folder / "out"
+    run.run(out, last=1001)
+    assert (out / "two of them.usdc").exists()
     process = run.start(out)
     reaches(out, process, 1002)
     process.send_signal(signal.SIGKILL)
     process.wait()
+    # It would tell of fewer frames than there are.
+    assert not (out / "two of them.usdc").exists()
     shown = usd(out / "skirt.usd")
     assert list(shown["validation"]) == [] and list(shown["complaints"]) == []
     assert list(shown["samples"])[:2] == [1001, 1002]
     report_figure(f"frames found after the kill: {len(shown['samples'])} of 6")
     run.run(out)
     other = tmp_path / "unbroken"
-    scene(other, resolution=60).run(other / "out")
-    assert contents(out) == contents(other / "out")
+    scene(other, formats=asked, resolution=60).run(other / "out")
+    assert contents(out) == contents(other / "out") and "two of them.usdc" in contents(out)
 
 
 def test_info_verify_and_diff_know_the_format(shot):
@@ -321,6 +327,52 @@ def test_one_binary_layer_holds_the_shot_as_its_stage_does(shot, tmp_path):
     shown = blender(of_skirt, 24, cache["frame_numbers"])
     np.testing.assert_allclose(shown["positions"], cache["positions"].astype(float) * 0.01, atol=1e-6)
     assert drapery("diff", of_skirt, shot / "skirt.abc").returncode == 0
+
+
+SHOWN = ("/two_of_them/skirt/skirtShape", "/two_of_them/flag_2/flag_2Shape")
+
+
+def assert_single_is_the_stage(out):
+    stage, single = out / "two of them.usda", out / "two of them.usdc"
+    for prim in SHOWN:
+        expected, shown = usd(stage, prim), usd(single, prim)
+        assert list(shown["validation"]) == [] and list(shown["complaints"]) == []
+        assert sorted(shown["kinds"]) == sorted(expected["kinds"])
+        for name in set(expected) - {"validation", "complaints", "kinds"}:
+            np.testing.assert_array_equal(shown[name], expected[name], err_msg=name)
+
+
+def test_a_run_leaves_the_shot_as_one_binary_layer_too_where_the_scene_asks_for_it(tmp_path):
+    asked = '["h5", "usd"]\nsamples = 3\nusd_single = true'
+    run, out = scene(tmp_path / "whole", formats=asked), tmp_path / "whole" / "out"
+    run.run(out)
+    single = out / "two of them.usdc"
+    assert_single_is_the_stage(out)
+    assert len(usd(single, SHOWN[0])["samples"]) == 16, "samples between frames are in it"
+    assert json.loads((out / "manifest.json").read_text())["layers"] == ["two of them.usda", "two of them.usdc"]
+    stopped, other = scene(tmp_path / "stopped", formats=asked), tmp_path / "stopped" / "out"
+    stopped.run(other, last=1003, threads=1)
+    assert_single_is_the_stage(other)
+    stopped.run(other)
+    assert (other / single.name).read_bytes() == single.read_bytes()
+    # Removed: a run that finds all frames makes it again; not asked for any more: it goes when frames follow.
+    (other / single.name).unlink()
+    stopped.run(other)
+    assert (other / single.name).read_bytes() == single.read_bytes()
+    stopped.run(other, "--overwrite", last=1003)
+    scene(tmp_path / "stopped", formats='["h5", "usd"]\nsamples = 3').run(other)
+    assert not (other / single.name).exists()
+    assert list(other.glob(".*")) == [], "nothing half-written is left"
+
+
+@pytest.mark.parametrize("formats, frames, expected", [
+    ('["abc"]\nusd_single = true', "1-6", "there are no USD caches"),
+    ('["usd"]\nusd_single = true', "1-10000000", "one layer holds at most 2000 MB"),
+])
+def test_a_single_layer_that_cannot_be_is_refused_before_the_run(tmp_path, formats, frames, expected):
+    scene(tmp_path, formats=formats)
+    said = drapery("check", tmp_path / "scene.toml", "--set", f"shot.frames={frames}")
+    assert said.returncode == 78 and "usd_single" in said.stderr and expected in said.stderr, said
 
 
 def test_the_stage_of_a_shot_is_verified_garment_by_garment(shot):

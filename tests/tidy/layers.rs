@@ -75,7 +75,7 @@ const IO_ROOMS: [&str; 25] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 17] = [
+const SHOT_ROOMS: [&str; 18] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -85,6 +85,7 @@ const SHOT_ROOMS: [&str; 17] = [
     "error",
     "remote_simulation",
     "render_mesh",
+    "single_layer",
     "check",
     "inputs",
     "rules",

@@ -45,7 +45,11 @@ impl MeshCheck<'_> {
             |frame: i64| self.stage.fps().map_or(String::new(), |fps| format!(", {:.6} s", frame as f64 / fps));
         let code = |frame: i64| frame as f64 * self.stage.codes_per_frame();
         let told = |frame: i64| format!("frame {frame} is time code {}{}", code(frame), seconds(frame));
-        found.facts.push(format!("{name}: {} samples; {}; {}", frames.len(), told(first), told(last)));
+        let between = match self.described.between.len() {
+            0 => String::new(),
+            number => format!(" and {number} between them"),
+        };
+        found.facts.push(format!("{name}: {} samples{between}; {}; {}", frames.len(), told(first), told(last)));
         if first == last {
             found.warnings.push(format!("{name}: a single time code; some renderers give no motion blur for one"));
         }
@@ -69,7 +73,7 @@ impl MeshCheck<'_> {
         }
     }
 
-    /// Positions, velocities and extents of every frame; ends at the first that is wrong.
+    /// Positions, velocities and extents of every sample; ends at the first that is wrong.
     fn frames(&self, fps: Option<f64>, found: &mut Verification) {
         let name = &self.name;
         let moves = self.stage.moves(self.mesh);
@@ -93,6 +97,17 @@ impl MeshCheck<'_> {
                     motion.compare(velocities, [&before.positions, &after.positions], 2.0 / fps);
                 }
                 recent.remove(0);
+            }
+        }
+        for (index, at) in self.described.between.iter().enumerate() {
+            let sample = self.described.frames.len() + index;
+            let stored = self.stage.stored_frame(self.mesh, sample).map_err(|error| error.to_string());
+            let what = match stored {
+                Ok(stored) => self.wrong_with(sample, &stored),
+                Err(error) => Some(error),
+            };
+            if let Some(what) = what {
+                return found.failures.push(format!("{name}: frame {}: {what}", at.frame as f64 + at.behind));
             }
         }
         if without_velocities && moves {

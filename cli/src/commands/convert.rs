@@ -20,7 +20,9 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<ExitCode, Failure> {
         overwrite: args.overwrite,
     };
     let mut frames = 0_u64;
-    let Converted { frames: [first, last], points, units } = convert_cache(&conversion, &mut |_| frames += 1)?;
+    let converted = convert_cache(&conversion, &mut |_| frames += 1)?;
+    let Converted { frames: [first, last], points, units, left_out } = converted;
+    left_out.iter().for_each(|what| tracing::warn!("{what}"));
     say::line(format_args!("{}: {frames} frames, {first}-{last}, of {points} points in {units}", args.to.display()));
     Ok(ExitCode::Done)
 }

@@ -3,7 +3,7 @@
 use drapery_core::Vec3;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::formats;
-use drapery_shot::Shot;
+use drapery_shot::{RenderMeshSize, Shot};
 use serde_json::{Value, json};
 
 use crate::args::PlanArgs;
@@ -79,6 +79,12 @@ fn scene_text(shot: &Shot) -> String {
             mesh.edges().len()
         );
     }
+    for RenderMeshSize { name, garment, points, triangles, bytes_per_sample } in shot.render_meshes() {
+        text += &format!(
+            "render mesh {name} of {garment}: {points} points, {triangles} triangles, {:.1} kB a frame in each format\n",
+            bytes_per_sample as f64 / 1e3
+        );
+    }
     for body in &scene.description().bodies {
         text += &format!("body {}: friction {}, thickness {} m\n", body.name, body.friction, body.thickness);
     }
@@ -122,6 +128,11 @@ fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
             json!({"name": garment.name, "points": mesh.rest_positions().len(), "triangles": mesh.triangles().len()})
         })
         .collect();
+    let render_meshes = shot.render_meshes().map(|mesh| {
+        let RenderMeshSize { name, garment, points, triangles, bytes_per_sample } = mesh;
+        let bytes = bytes_per_sample;
+        json!({"name": name, "garment": garment, "points": points, "triangles": triangles, "bytes_per_sample": bytes})
+    });
     let (state, of_effects) = bytes(shot);
     let mut plan = effects::as_json(shot.simulation(), costs);
     let rest = json!({
@@ -132,6 +143,7 @@ fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
         "threads": {"value": threads.value, "from": threads.source},
         "run": said,
         "garments": garments,
+        "render_meshes": render_meshes.collect::<Vec<_>>(),
         "bodies": scene.description().bodies.iter().map(|body| &body.name).collect::<Vec<_>>(),
         "bytes": {"state": state, "effects": of_effects},
         "formats": shot.output().formats,

@@ -7,7 +7,7 @@ use drapery_core::Vec3;
 use drapery_usd::read::{About, Stage, Stored, UsdError};
 
 use super::transforms::in_world;
-use super::{CacheMesh, StoredFrame, cut};
+use super::{Between, CacheMesh, StoredFrame, cut};
 use crate::error::IoError;
 use crate::formats::usd_reader::{frame_rate, mesh_data, rendered, stated_units};
 use crate::mesh_data::{Connectivity, MeshData};
@@ -19,6 +19,9 @@ const CROSSINGS: &str = "drapery:crossings";
 
 /// Most frames of a stage: an hour of film.
 const MOST_FRAMES: f64 = 100_000.0;
+
+/// A time this close to a whole frame is that frame.
+const WHOLE_FRAME: f64 = 1e-3;
 
 /// Bounds are compared relative to the size of the mesh; positions are f32.
 const BOUNDS_TOLERANCE: f32 = 1e-5;
@@ -43,6 +46,8 @@ pub(super) struct StageFrames {
 
 struct Mesh {
     frames: Vec<i64>,
+    /// Time codes of the samples between these.
+    between: Vec<f64>,
     moves: bool,
     faces_move: bool,
     /// What the transforms make of stored points, where that is a shift that never changes.
@@ -78,6 +83,7 @@ impl StageFrames {
             let fixed = found.stage.fixed_to_world(mesh)?;
             let faces_move = found.stage.faces_move(mesh)?;
             found.meshes.push(Mesh {
+                between: found.between(&frames, codes),
                 frames,
                 moves: !codes.is_empty(),
                 faces_move,
@@ -104,6 +110,16 @@ impl StageFrames {
         Ok(if from <= to { (from..=to).collect() } else { vec![to] })
     }
 
+    /// Time codes of samples between the first and the last of these frames.
+    fn between(&self, frames: &[i64], codes: &[f64]) -> Vec<f64> {
+        let (first, last) = (frames[0] as f64, frames[frames.len() - 1] as f64);
+        let is_between = |code: &&f64| {
+            let time = **code / self.codes_per_frame;
+            (time - time.round()).abs() > WHOLE_FRAME && (first..=last).contains(&time)
+        };
+        codes.iter().filter(is_between).copied().collect()
+    }
+
     fn describe(&mut self, mesh: usize, name: String) -> Result<CacheMesh, IoError> {
         let code = self.code(mesh, 0);
         let points: Vec<Vec3> = self.stage.points(mesh, code)?.into_iter().map(Vec3::from).collect();
@@ -119,11 +135,16 @@ impl StageFrames {
             triangles: told.unwrap_or_else(|| cut(&faces.counts, &faces.indices, &points)),
             faces: Connectivity { face_counts: faces.counts, face_indices: faces.indices },
             frames: self.meshes[mesh].frames.clone(),
+            between: self.meshes[mesh].between.iter().map(|code| Between::at(code / self.codes_per_frame)).collect(),
         })
     }
 
     fn code(&self, mesh: usize, sample: usize) -> f64 {
-        self.meshes[mesh].frames[sample] as f64 * self.codes_per_frame
+        let Mesh { frames, between, .. } = &self.meshes[mesh];
+        match sample.checked_sub(frames.len()) {
+            None => frames[sample] as f64 * self.codes_per_frame,
+            Some(index) => between[index],
+        }
     }
 
     /// Whether anything of a mesh changes with time.

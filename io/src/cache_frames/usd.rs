@@ -6,7 +6,7 @@ use drapery_alembic::murmur3_x64_128;
 use drapery_core::Vec3;
 use drapery_usd::cache::{Cache, CacheError, Frame, Still};
 
-use super::{CacheMesh, StoredFrame, cut};
+use super::{Between, CacheMesh, StoredFrame, cut};
 use crate::error::IoError;
 use crate::formats::usd_writer::cache_error;
 use crate::mesh_data::Connectivity;
@@ -34,11 +34,12 @@ pub(super) fn open(path: &Path) -> Result<Option<(Cache, Units, CacheMesh)>, IoE
             face_indices: cache.still.face_indices.clone(),
         },
         frames: cache.frames.clone(),
+        between: cache.between.iter().map(|time| Between::at(*time)).collect(),
     };
     Ok(Some((cache, units, mesh)))
 }
 
-/// A frame, by its place among the frames.
+/// A sample, by its place among the frames and then those between them.
 pub(super) fn frame(cache: &Cache, sample: usize) -> Result<Frame, IoError> {
     let frame = cache.frame(sample).map_err(|error| failed(cache.path(), error))?;
     Ok(frame)

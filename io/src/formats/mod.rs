@@ -91,6 +91,8 @@ pub struct Format {
     pub summary: &'static str,
     /// Whether Blender, Houdini, Maya or other applications load caches in it.
     pub opens_in_applications: bool,
+    /// Whether its caches hold whole frames alone, and no samples between them.
+    pub whole_frames: bool,
     /// How meshes are read from it, if they are.
     pub open: Option<OpenMesh>,
     /// How caches are written to it, if they are.
@@ -111,6 +113,7 @@ pub static FORMATS: &[Format] = &[
         extension: "abc",
         summary: "Alembic (Ogawa): bodies and garments in, caches out",
         opens_in_applications: true,
+        whole_frames: false,
         open: Some(|path, pattern| Ok(Box::new(alembic::AlembicMesh::open(path, pattern)?))),
         create: Some(|path, plan| Ok(Box::new(alembic_writer::AlembicWriter::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(alembic_writer::AlembicWriter::resume(path, plan, mark)?))),
@@ -122,6 +125,7 @@ pub static FORMATS: &[Format] = &[
         extension: "obj",
         summary: "Wavefront OBJ: garments and still bodies in",
         opens_in_applications: true,
+        whole_frames: false,
         open: Some(open_obj),
         create: None,
         resume: None,
@@ -133,6 +137,7 @@ pub static FORMATS: &[Format] = &[
         extension: "h5",
         summary: "HDF5: caches out, for analysis",
         opens_in_applications: false,
+        whole_frames: true,
         open: None,
         create: Some(|path, plan| Ok(Box::new(hdf5::Hdf5Writer::create(path, plan)?))),
         resume: Some(|path, plan, mark| Ok(Box::new(hdf5::Hdf5Writer::resume(path, plan, mark)?))),
@@ -163,6 +168,7 @@ const fn usd(extension: &'static str, summary: &'static str) -> Format {
         extension,
         summary,
         opens_in_applications: true,
+        whole_frames: false,
         open: Some(|path, pattern| Ok(Box::new(usd_reader::UsdMesh::open(path, pattern)?))),
         create: None,
         resume: None,
@@ -175,6 +181,12 @@ const fn usd(extension: &'static str, summary: &'static str) -> Format {
 /// The format with this extension or word.
 pub fn by_extension(extension: &str) -> Option<&'static Format> {
     FORMATS.iter().find(|format| format.extension.eq_ignore_ascii_case(extension))
+}
+
+/// Whether a cache of this name holds whole frames alone.
+pub fn holds_whole_frames(cache: &Path) -> bool {
+    let extension = cache.extension().unwrap_or_default().to_string_lossy();
+    by_extension(&extension).is_some_and(|format| format.whole_frames)
 }
 
 /// The folder that holds a part of a cache, if its format has one.

@@ -379,11 +379,7 @@ pub(super) fn write_shot(path: &Path, shot: &ShotFiles<'_>) -> Result<(), IoErro
         .map(|cache| GarmentReference {
             name: cache.name.to_owned(),
             file: cache.file.clone(),
-            purpose: match cache.part {
-                Part::Alone => None,
-                Part::Followed => Some("proxy"),
-                Part::RenderMesh => Some("render"),
-            },
+            purpose: purpose_of(cache.part),
         })
         .collect();
     let text = shot_layer(&ShotLayer {
@@ -393,6 +389,15 @@ pub(super) fn write_shot(path: &Path, shot: &ShotFiles<'_>) -> Result<(), IoErro
         frames: shot.frames,
     });
     crate::atomic_file::replace(path, text.as_bytes())
+}
+
+/// What a part of a shot is for, if it is not for everything.
+pub(crate) fn purpose_of(part: Part) -> Option<&'static str> {
+    match part {
+        Part::Alone => None,
+        Part::Followed => Some("proxy"),
+        Part::RenderMesh => Some("render"),
+    }
 }
 
 /// The error of a cache that cannot be read, with what helps.

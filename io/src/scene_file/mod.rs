@@ -56,6 +56,7 @@ use crate::shot_description::{Fabric, ShotDescription};
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
 pub use material_files::{material_files, read_material};
+pub use raw::UNSAID;
 pub use resolved::FILES;
 pub use schema::schema;
 pub use search::{PathMaps, SearchPaths};

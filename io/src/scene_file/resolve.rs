@@ -94,6 +94,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     resolver.effects();
     resolver.formats();
     resolver.shutter();
+    resolver.single_layer();
     let check = resolver.check_description();
     if !resolver.errors.is_empty() {
         return Err(resolver.errors);
@@ -144,6 +145,7 @@ fn output(scene: &SceneFile) -> OutputDescription {
         velocities: output.velocities,
         sub_frames: output.sub_frames(),
         preroll: output.preroll,
+        usd_single: output.usd_single,
     }
 }
 
@@ -312,6 +314,16 @@ impl Resolver<'_> {
         } else if samples == 1 && [open, close] != raw::Output::default().shutter {
             let help = "write samples = 3 beside it, or leave it out".to_owned();
             self.error_with(&here, "nothing samples the shutter", help);
+        }
+    }
+
+    /// One layer of caches that are not written.
+    fn single_layer(&mut self) {
+        let output = &self.scene.document.output;
+        if output.usd_single && !output.format.iter().any(|format| matches!(format, raw::Format::Usd)) {
+            let here = Path::default().key("output").key("usd_single");
+            let help = "add \"usd\" to output.format, or leave usd_single out".to_owned();
+            self.error_with(&here, "there are no USD caches that could be one layer", help);
         }
     }
 

@@ -61,8 +61,11 @@ pub struct Cache {
     pub z_up: bool,
     /// Frames a second.
     pub fps: f64,
-    /// Complete frames, ascending; samples between them are not among them.
+    /// Complete frames, ascending.
     pub frames: Vec<i64>,
+    /// Time codes of the samples between frames, ascending.
+    pub between: Vec<f64>,
+    /// Clips of the frames, then of the samples between them.
     clips: Vec<PathBuf>,
     /// Everything that does not move.
     pub still: Still,
@@ -128,7 +131,7 @@ impl Cache {
             _ => None,
         });
         let Some(Value::Dictionary(clips)) = clips else { return Err(not_ours("it has no clips")) };
-        let (frames, clips) = frames_of(path, base, &clips)?;
+        let Samples { frames, between, clips } = samples_of(path, base, &clips)?;
         let (mesh, still) = read_topology(&base.join(&topology))?;
         let number = |name: &str, otherwise: f64| match field(&root, name) {
             Some(Value::Double(number)) => number,
@@ -148,6 +151,7 @@ impl Cache {
             z_up: matches!(field(&root, "upAxis"), Some(Value::Token(up)) if up == "Z"),
             fps: number("timeCodesPerSecond", 24.0),
             frames,
+            between,
             clips,
             still,
         })
@@ -173,7 +177,7 @@ impl Cache {
         Ok((bytes, self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()))
     }
 
-    /// Reads a frame by its place in [`Cache::frames`].
+    /// Reads a frame by its place in [`Cache::frames`], or, behind the last of these, a sample by its place in [`Cache::between`].
     ///
     /// # Errors
     /// Its clip is missing or damaged.
@@ -181,7 +185,10 @@ impl Cache {
         let path = &self.clips[index];
         let damaged = |what: String| CacheError::Damaged { path: path.clone(), what };
         let layer = read_binary_layer(path)?;
-        let time = self.frames[index] as f64;
+        let time = match index.checked_sub(self.frames.len()) {
+            None => self.frames[index] as f64,
+            Some(index) => self.between[index],
+        };
         let sample = |name: &str| -> Result<Option<Value>, CacheError> {
             let attribute = self.mesh.append_property(name).map_err(|e| damaged(e.to_string()))?;
             match layer.try_field(&attribute, "timeSamples").map_err(|e| damaged(with_sources(&e)))? {
@@ -218,8 +225,15 @@ impl Cache {
     }
 }
 
-/// Frames and their clips, from the description of the clips.
-fn frames_of(path: &Path, base: &Path, clips: &HashMap<String, Value>) -> Result<(Vec<i64>, Vec<PathBuf>), CacheError> {
+/// What a cache has samples of.
+struct Samples {
+    frames: Vec<i64>,
+    between: Vec<f64>,
+    clips: Vec<PathBuf>,
+}
+
+/// Frames, samples between them and the clips of all, from the description of the clips.
+fn samples_of(path: &Path, base: &Path, clips: &HashMap<String, Value>) -> Result<Samples, CacheError> {
     let damaged = |what: &str| CacheError::Damaged { path: path.to_owned(), what: what.to_owned() };
     let Some(Value::AssetPathVec(assets)) = clips.get("assetPaths") else {
         return Err(damaged("its clips have no assetPaths"));
@@ -227,13 +241,16 @@ fn frames_of(path: &Path, base: &Path, clips: &HashMap<String, Value>) -> Result
     let Some(Value::Vec2dVec(active)) = clips.get("active") else { return Err(damaged("its clips have no times")) };
     let in_order = active.iter().enumerate().all(|(index, time)| time.x.is_finite() && time.y == index as f64)
         && active.windows(2).all(|pair| pair[0].x < pair[1].x);
-    let samples = active.iter().zip(assets).filter(|(time, _)| time.x.fract() == 0.0);
-    let (frames, clips): (Vec<i64>, Vec<PathBuf>) =
-        samples.map(|(time, asset)| (time.x as i64, base.join(&asset.authored_path))).unzip();
+    let samples = active.iter().zip(assets).map(|(time, asset)| (time.x, base.join(&asset.authored_path)));
+    let (whole, others): (Vec<_>, Vec<_>) = samples.partition(|(time, _)| time.fract() == 0.0);
+    let (frames, mut clips): (Vec<i64>, Vec<PathBuf>) =
+        whole.into_iter().map(|(time, clip)| (time as i64, clip)).unzip();
+    let (between, clips_between): (Vec<f64>, Vec<PathBuf>) = others.into_iter().unzip();
+    clips.extend(clips_between);
     if frames.is_empty() || active.len() != assets.len() || !in_order {
         return Err(damaged("its clips and their times do not belong together"));
     }
-    Ok((frames, clips))
+    Ok(Samples { frames, between, clips })
 }
 
 /// What does not move, and the path of the mesh.

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf, absolute};
 
 use drapery_io::error::IoError;
 use drapery_io::input_file;
-use drapery_io::scene_file::FILES;
+use drapery_io::scene_file::{FILES, UNSAID};
 use drapery_io::sha256::hex;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -95,7 +95,7 @@ impl Fingerprint {
         let mut scene = BTreeMap::new();
         flatten(&mut scene, "", &toml::Value::Table(table));
         split_frames(&mut scene);
-        scene.retain(|key, _| !key.starts_with(WARNINGS));
+        scene.retain(|key, value| !key.starts_with(WARNINGS) && !UNSAID.contains(&(key.as_str(), value.as_str())));
         let mut digests = Digests::new();
         for input in inputs.iter().filter(|input| input.as_path() != scene_path) {
             digests.insert(input_name(input), content_digest(input)?);

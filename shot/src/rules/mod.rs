@@ -5,6 +5,7 @@ mod body_friction;
 mod frame_rate;
 mod no_gravity;
 mod no_self_collision;
+mod render_mesh;
 mod shape_units;
 mod thickness_lowered;
 mod unopened_format;
@@ -21,6 +22,7 @@ use drapery_io::rules::RULES;
 use drapery_io::shot_description::{CheckDescription, OutputDescription};
 
 use crate::inputs::Inputs;
+use crate::render_mesh::JudgedBinding;
 
 /// Something suspicious that was accepted.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -81,6 +83,8 @@ enum Look {
     Facts(fn(&Facts<'_>) -> Vec<Finding>),
     /// At the simulation at its start.
     Simulation(fn(&Simulation) -> Vec<Finding>),
+    /// At how render meshes are bound.
+    Bindings(fn(&[JudgedBinding]) -> Vec<Finding>),
 }
 
 /// How each rule looks, by its name.
@@ -93,21 +97,32 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("body_friction", Look::Facts(body_friction::find)),
     ("shape_units", Look::Facts(shape_units::find)),
     ("unopened_format", Look::Facts(unopened_format::find)),
+    ("render_mesh_distance", Look::Bindings(render_mesh::find_distance)),
+    ("render_mesh_layers", Look::Bindings(render_mesh::find_layers)),
+    ("render_mesh_flipped", Look::Bindings(render_mesh::find_flipped)),
 ];
 
 /// Warnings of the rules that look at the scene, but for those that it silences.
 pub(crate) fn of_scene(facts: &Facts<'_>) -> Vec<Warning> {
     of(&facts.check.silenced, |look| match look {
         Look::Facts(find) => find(facts),
-        Look::Simulation(_) => Vec::new(),
+        Look::Simulation(_) | Look::Bindings(_) => Vec::new(),
     })
 }
 
 /// Warnings of the rules that look at the simulation at its start, but for these.
 pub(crate) fn of_simulation(simulation: &Simulation, silenced: &[String]) -> Vec<Warning> {
     of(silenced, |look| match look {
-        Look::Facts(_) => Vec::new(),
         Look::Simulation(find) => find(simulation),
+        Look::Facts(_) | Look::Bindings(_) => Vec::new(),
+    })
+}
+
+/// Warnings of the rules that look at how render meshes are bound, but for these.
+pub(crate) fn of_bindings(bindings: &[JudgedBinding], silenced: &[String]) -> Vec<Warning> {
+    of(silenced, |look| match look {
+        Look::Bindings(find) => find(bindings),
+        Look::Facts(_) | Look::Simulation(_) => Vec::new(),
     })
 }
 

@@ -33,7 +33,7 @@ use crate::run::{bundle, resume};
 use crate::run_record::RECORD;
 use crate::run_record::manifest::{AttemptRecord, listed_files};
 use crate::run_record::reader::Record;
-use crate::run_record::writer::{SIMULATE, frame_record, start_record};
+use crate::run_record::writer::{SIMULATE, frame_record, sample_record, start_record};
 use crate::shot::Shot;
 
 /// A run in progress.
@@ -118,7 +118,7 @@ impl Shot {
             metrics: Metrics::default(),
             seconds: 0.0,
             frames: self.delivered_frames(),
-            files: planned_files(self, &options.out),
+            files: planned_files(self, &options.out).into_iter().chain(self.single_layer(&options.out)).collect(),
             exceeded,
             uncounted,
             ranks: self.remote_simulation.ranks().count(),
@@ -286,7 +286,9 @@ impl<'a> Run<'a> {
             if let Some(number) = input.output_times.iter().position(|output| *output == time) {
                 let Shot { remote_simulation, render_meshes, .. } = &mut self.shot;
                 let spent = &mut self.totals.partial.spent;
-                self.output.write_sample((frame - 1, number + 1), (remote_simulation, render_meshes), spent)?;
+                let sample = (frame - 1, number + 1);
+                let digests = self.output.write_sample(sample, (remote_simulation, render_meshes), spent)?;
+                self.output.record(&sample_record(sample, &digests))?;
             }
             watch.check(self.shot.simulation(), done)?;
             if watch.tells() {

@@ -11,6 +11,7 @@ use drapery_core::scene::gather::VertexField;
 use drapery_io::atomic_file;
 use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use drapery_io::checkpoint::Head;
+use drapery_io::convert::SINGLE_LAYER;
 use drapery_io::error::IoError;
 use drapery_io::formats::{self, CreateCache, Part, ResumeCache, ShotCache, ShotFiles};
 use drapery_io::units::Units;
@@ -28,7 +29,7 @@ use crate::run::folder::{files_of_run, remove, write_fingerprint};
 use crate::run::options::RunOptions;
 use crate::run::rewritten::NewForm;
 use crate::run::totals::Totals;
-use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment};
+use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment, listed_layers};
 use crate::run_record::writer::{RunRecord, counts, digests_record, stages};
 use crate::run_record::{MANIFEST, RESOLVED};
 use crate::shot::Shot;
@@ -48,6 +49,8 @@ pub(super) struct Output {
     garments: usize,
     /// Files over all caches of a format.
     layers: Vec<ShotLayer>,
+    /// The shot as one file, if the scene asks for it; there when the run is done.
+    single: Option<PathBuf>,
     /// Frames per second.
     fps: f64,
 }
@@ -140,6 +143,8 @@ impl Output {
             }
         };
         let writers = of_objects(shot, &planned, resume)?;
+        // Of the frames so far it would hold too many or too few, whether this run writes it again or not.
+        listed_layers(&folder).iter().filter(|path| is_single(path)).try_for_each(|path| remove(path))?;
         describe(shot, start.fingerprint, &folder)?;
         let mut record = RunRecord::resume(&folder, from.head.frame, from.account.map(|account| account.record_bytes))?;
         let attempt = start.attempts.last().map_or(0, |attempt| attempt.attempt);
@@ -174,15 +179,16 @@ impl Output {
     ) -> Self {
         let about = &shot.about;
         let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
-        let layers = layers(shot, planned, &folder);
+        let (layers, single) = (layers(shot, planned, &folder), shot.single_layer(&folder));
         let fps = f64::from(about.timeline.fps_numerator) / f64::from(about.timeline.fps_denominator);
         let garments = shot.garments.len();
-        Self { folder, manifest, record, writers, units, velocities, crossings, garments, layers, fps }
+        Self { folder, manifest, record, writers, units, velocities, crossings, garments, layers, single, fps }
     }
 
-    /// The cache files.
+    /// The cache files, and the one of the whole shot where it is there.
     pub(super) fn files(&self) -> Vec<PathBuf> {
-        self.writers.iter().flatten().map(|writer| writer.path().to_owned()).collect()
+        let caches = self.writers.iter().flatten().map(|writer| writer.path().to_owned());
+        caches.chain(self.single.clone().filter(|path| path.is_file())).collect()
     }
 
     /// Writes the state of the simulation as a frame of every cache, then tells the manifest; returns digests of what was written.
@@ -316,24 +322,38 @@ impl Output {
                 remove(&layer.path)?;
                 continue;
             };
-            let all = &self.manifest.garments;
-            let part = |one: &ManifestGarment| match one.render_mesh_of {
-                Some(_) => Part::RenderMesh,
-                None if all.iter().any(|other| other.render_mesh_of.as_ref() == Some(&one.name)) => Part::Followed,
-                None => Part::Alone,
-            };
-            let caches = all.iter().zip(layer.files.iter().cloned());
-            let caches = caches.map(|(one, file)| ShotCache { name: &one.name, file, part: part(one) });
-            let files = ShotFiles {
-                name: &self.manifest.shot,
-                units: self.units,
-                fps: self.fps,
-                frames: [self.manifest.first_frame, last],
-                caches: caches.collect(),
-            };
-            (layer.write)(&layer.path, &files)?;
+            (layer.write)(&layer.path, &self.shot_files(layer, last))?;
         }
         Ok(())
+    }
+
+    /// The caches that a layer is over, with the frames up to `last`.
+    fn shot_files(&self, layer: &ShotLayer, last: i64) -> ShotFiles<'_> {
+        let all = &self.manifest.garments;
+        let part = |one: &ManifestGarment| match one.render_mesh_of {
+            Some(_) => Part::RenderMesh,
+            None if all.iter().any(|other| other.render_mesh_of.as_ref() == Some(&one.name)) => Part::Followed,
+            None => Part::Alone,
+        };
+        let caches = all.iter().zip(layer.files.iter().cloned());
+        let caches = caches.map(|(one, file)| ShotCache { name: &one.name, file, part: part(one) });
+        ShotFiles {
+            name: &self.manifest.shot,
+            units: self.units,
+            fps: self.fps,
+            frames: [self.manifest.first_frame, last],
+            caches: caches.collect(),
+        }
+    }
+
+    /// Writes the shot as one file, where the scene asks for it.
+    fn write_single(&self) -> Result<(), IoError> {
+        let (Some(path), Some(single)) = (&self.single, &SINGLE_LAYER) else { return Ok(()) };
+        let layer = self.layers.iter().find(|layer| layer.path.with_extension("") == path.with_extension(""));
+        match (layer, self.manifest.last_complete_frame) {
+            (Some(layer), Some(last)) => (single.write)(path, &self.shot_files(layer, last)),
+            _ => Ok(()),
+        }
     }
 
     /// Appends a line to the record.
@@ -343,6 +363,7 @@ impl Output {
 
     /// Brings everything to the disk and says that the run is complete.
     pub(super) fn finish(&mut self, totals: &Totals, frames: u64) -> Result<(), IoError> {
+        self.write_single()?;
         let end = json!({
             "record": "end",
             "state": "done",
@@ -421,7 +442,7 @@ fn layers(shot: &Shot, planned: &[Planned], folder: &Path) -> Vec<ShotLayer> {
 pub(super) fn planned_outputs(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     let planned = planned(shot, folder);
     let over = layers(shot, &planned, folder).into_iter().map(|layer| layer.path);
-    paths(&planned).into_iter().chain(over).collect()
+    paths(&planned).into_iter().chain(over).chain(shot.single_layer(folder)).collect()
 }
 
 /// The caches that a shot writes into a folder.
@@ -431,6 +452,11 @@ pub(super) fn planned_files(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
 
 fn paths(planned: &[Planned]) -> Vec<PathBuf> {
     planned.iter().map(|cache| cache.path.clone()).collect()
+}
+
+/// Whether a file is a shot as one layer, by its name.
+fn is_single(path: &Path) -> bool {
+    SINGLE_LAYER.as_ref().is_some_and(|layer| path.extension().is_some_and(|extension| extension == layer.extension))
 }
 
 fn file_name(path: &Path) -> String {
@@ -501,6 +527,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
             files: planned.iter().filter(|cache| cache.object == index).map(|cache| file_name(&cache.path)).collect(),
         }
     });
+    let over = layers(shot, planned, &options.out).into_iter().map(|layer| layer.path);
     Manifest {
         application: APPLICATION.to_owned(),
         shot: about.name.clone(),
@@ -515,7 +542,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
         up_axis: format!("{:?}", about.output.units.up),
         origin: shot.origin().into(),
         garments: garments.collect(),
-        layers: layers(shot, planned, &options.out).iter().map(|layer| file_name(&layer.path)).collect(),
+        layers: over.chain(shot.single_layer(&options.out)).map(|path| file_name(&path)).collect(),
         threads: options.threads,
         command: Some(options.command.clone()),
         checkpoint: None,

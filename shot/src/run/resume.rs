@@ -53,9 +53,11 @@ pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Ea
         cache.is_some_and(|cache| cache.meshes()[0].frames.binary_search(&shot.about.last_frame).is_ok())
     };
     let has_form = || planned_files(shot, &options.out).iter().all(holds_last);
+    let has_single = || shot.single_layer(&options.out).is_none_or(|path| path.is_file());
     let is_whole = || !atomic_file::unfinished(&options.out.join(MANIFEST)).exists();
     earlier.has_all(&options.out, shot.about.last_frame)
         && has_form()
+        && has_single()
         && !earlier.stores_other_velocities(now)
         && is_whole()
 }

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
 
 use drapery_io::atomic_file;
+use drapery_io::convert::SINGLE_LAYER;
 use drapery_io::error::IoError;
 use drapery_io::formats;
 use drapery_io::input_file;
@@ -148,8 +149,9 @@ pub(crate) fn listed_layers(folder: &Path) -> Vec<PathBuf> {
     let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
     let names = manifest["layers"].as_array().into_iter().flatten().filter_map(Value::as_str);
     let is_layer = |path: &PathBuf| {
-        let over = formats::FORMATS.iter().filter_map(|format| format.shot.as_ref());
-        over.map(|over| over.extension).any(|extension| path.extension().is_some_and(|of_path| of_path == extension))
+        let over = formats::FORMATS.iter().filter_map(|format| format.shot.as_ref()).map(|over| over.extension);
+        let mut all = over.chain(SINGLE_LAYER.as_ref().map(|layer| layer.extension));
+        all.any(|extension| path.extension().is_some_and(|of_path| of_path == extension))
     };
     names.filter_map(|name| named_in(folder, name)).filter(is_layer).collect()
 }

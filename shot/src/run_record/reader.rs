@@ -90,6 +90,9 @@ pub struct FrameRow {
     pub recoveries: Vec<Value>,
     /// Digests of what the caches hold of the frame, by garment; empty where none were recorded.
     pub digests: FrameDigests,
+    /// The same of the samples between this frame and the next, by their number from 1; they have lines of their own.
+    #[serde(skip)]
+    pub samples: BTreeMap<u64, FrameDigests>,
 }
 
 /// The most stretched edge of a frame.
@@ -213,6 +216,14 @@ impl Record {
                 }
                 return;
             }
+            "sample" => {
+                let row = at.and_then(|frame| frames.get_mut(&frame)).zip(line["sub_frame"].as_u64());
+                match (row, serde_json::from_value(line["digests"].clone())) {
+                    (Some((row, number)), Ok(digests)) => drop(row.samples.insert(number, digests)),
+                    _ => self.unreadable += 1,
+                }
+                return;
+            }
             "checkpoint" => EventKind::Checkpoint {
                 seconds: line["seconds"].as_f64().unwrap_or(0.0),
                 bytes: line["bytes"].as_u64().unwrap_or(0),
@@ -228,6 +239,11 @@ impl Record {
         if matches!(event, EventKind::Resume { .. }) {
             // What came after the checkpoint is simulated again.
             frames.split_off(&(frame + 1));
+            if line["sub_step"] == 0
+                && let Some(row) = frames.get_mut(&frame)
+            {
+                row.samples.clear();
+            }
             self.partly_counted.split_off(&(frame + 1));
             if begins_uncounted {
                 self.partly_counted.insert(frame + 1);
@@ -350,6 +366,26 @@ mod tests {
         assert_eq!(record.uncounted(2, 3), [[0; 2]; 0]);
         assert_eq!(in_words(&record.uncounted(1, 8)), "frames 1, 4, 6, 8");
         assert_eq!((in_words(&[[7, 9]]).as_str(), in_words(&[[7, 7]]).as_str()), ("frames 7-9", "frame 7"));
+    }
+
+    #[test]
+    fn samples_belong_to_the_frame_before_them_until_a_run_goes_on_from_it() {
+        let frame = |n: i64| format!("{{\"record\":\"frame\",\"frame\":{n}}}\n");
+        let sample = |n: i64, number: u64| {
+            let digests = "{\"flag\":{\"positions\":\"aa\"}}";
+            format!("{{\"record\":\"sample\",\"frame\":{n},\"sub_frame\":{number},\"digests\":{digests}}}\n")
+        };
+        let text = frame(1) + &sample(1, 1) + &sample(1, 2) + &frame(2) + &sample(2, 1);
+        let numbers = |record: &Record| -> Vec<Vec<u64>> {
+            record.frames.iter().map(|row| row.samples.keys().copied().collect()).collect()
+        };
+        assert_eq!(numbers(&record(&text)), [vec![1, 2], vec![1]]);
+        let resumed = |sub_step: u64| {
+            let resume = format!("{{\"record\":\"resume\",\"frame\":2,\"sub_step\":{sub_step}}}\n");
+            numbers(&record(&(text.clone() + &resume)))
+        };
+        assert_eq!((resumed(3), resumed(0)), (vec![vec![1, 2], vec![1]], vec![vec![1, 2], vec![]]));
+        assert_eq!(record(&sample(1, 1)).unreadable, 1, "of a frame that is not there");
     }
 
     #[test]

@@ -16,6 +16,9 @@ use crate::frame_digest::FrameDigests;
 /// Stage of a frame that holds all stages of the solver.
 pub(crate) const SIMULATE: &str = "simulate";
 
+/// The word of a line about a sample between frames.
+const SAMPLE: &str = "sample";
+
 /// The record being written.
 #[derive(Debug)]
 pub(crate) struct RunRecord {
@@ -78,7 +81,7 @@ impl RunRecord {
         read.map_err(|e| IoError::reading(&self.path, e))?;
         let lines = tail.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Value>(line).ok());
         let is_event = |line: &Value| {
-            let of_frame = matches!(line["record"].as_str(), Some("frame" | "start") | None);
+            let of_frame = matches!(line["record"].as_str(), Some("frame" | "start" | SAMPLE) | None);
             !of_frame && line["frame"].as_i64().is_none_or(|at| at <= frame)
         };
         Ok(lines.filter(is_event).collect())
@@ -147,6 +150,11 @@ pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64
 /// Digests of what the caches hold of a frame, where they are not those that its own line has: caches that were written anew.
 pub(crate) fn digests_record(frame: i64, digests: &FrameDigests) -> Value {
     json!({"record": "digests", "frame": frame, "digests": digests})
+}
+
+/// Digests of what the caches hold of a sample behind a frame, counted from 1.
+pub(crate) fn sample_record((frame, sub_frame): (i64, usize), digests: &FrameDigests) -> Value {
+    json!({"record": SAMPLE, "frame": frame, "sub_frame": sub_frame, "digests": digests})
 }
 
 /// A rung of the ladder as JSON.

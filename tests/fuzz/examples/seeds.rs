@@ -50,6 +50,7 @@ const RUN_FOLDER: [(&str, &str); 7] = [
          \"max_strain\":{\"garment\":\"a\",\"vertices\":[0,1],\"strain\":0.01},\"kinetic_energy\":1.5,\
          \"potential_energy\":-2.5,\"stages\":[{\"stage\":\"B.1 velocity\",\"seconds\":0.2,\"calls\":4}],\
          \"counts\":{\"crossings\":0,\"body_pinched\":3},\"resident_bytes\":9}\n\
+         {\"record\":\"sample\",\"frame\":1,\"sub_frame\":1,\"digests\":{\"a\":{\"positions\":\"00\"}}}\n\
          {\"record\":\"checkpoint\",\"frame\":1,\"seconds\":0.1,\"bytes\":7}\n{\"record\":\"stop\",\"reason\":\"signal\"}\n\
          {\"record\":\"resume\",\"frame\":1,\"attempt\":2}\n{\"record\":\"end\",\"state\":\"failed\",\"error\":\"e\"}\n",
     ),
@@ -102,16 +103,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             archive(&path, frames)?;
         }
     }
-    let path = corpus.join("usd_cache").join("flag");
-    if !path.exists() {
-        std::fs::create_dir_all(corpus.join("usd_cache"))?;
-        std::fs::write(path, usd_cache()?)?;
+    for (name, sub_frames) in [("flag", &[][..]), ("samples", &[0.5][..])] {
+        if !corpus.join("usd_cache").join(name).exists() {
+            put(&corpus, &format!("usd_cache/{name}"), &usd_cache(sub_frames)?)?;
+        }
     }
     Ok(())
 }
 
-/// A cache in USD with one frame: its layers, one behind the other.
-fn usd_cache() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+/// A cache in USD with one frame and the samples behind it: its layers, one behind the other.
+fn usd_cache(sub_frames: &[f64]) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     let folder = std::env::temp_dir().join(format!("drapery-seeds-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
@@ -127,27 +128,29 @@ fn usd_cache() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
         last_frame: 1,
         velocities: true,
         normals: false,
-        sub_frames: &[],
+        sub_frames,
         crossings: true,
     };
     let create = formats::by_extension("usd").and_then(|format| format.create).ok_or("a build without USD")?;
     let path = folder.join("cloth.usd");
     let mut writer = create(&path, &plan)?;
     let positions = points.map(|point| point.map(|x| x as f32));
-    writer.write(&CacheFrame {
-        frame: 1,
-        sub_frame: 0,
-        positions: &positions,
-        velocities: &positions,
-        normals: &[],
-        crossings: Some(0),
-    })?;
+    for sub_frame in 0..=sub_frames.len() {
+        writer.write(&CacheFrame {
+            frame: 1,
+            sub_frame,
+            positions: &positions,
+            velocities: &positions,
+            normals: &[],
+            crossings: Some(0),
+        })?;
+    }
     writer.finish()?;
     let clips = std::fs::read_dir(folder.join("cloth.clips"))?.next().ok_or("no clips")??;
     let digest = clips.file_name().to_string_lossy().into_owned();
     let named = format!("cloth.clips/{digest}");
     let mut seed = std::fs::read_to_string(&path)?.replace(&named, usd_cache::FOLDER).into_bytes();
-    for name in ["topology.usdc", "0001.usdc"] {
+    for name in usd_cache::LAYERS.iter().take(2 + sub_frames.len()) {
         seed.extend(usd_cache::BETWEEN);
         seed.extend(std::fs::read(clips.path().join(name))?);
     }

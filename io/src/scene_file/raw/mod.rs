@@ -234,7 +234,19 @@ pub(in crate::scene_file) struct Output {
     /// Whether the frames of the pre-roll are written too; not by default.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::scene_file) preroll: bool,
+    /// Whether a run that is done also writes the whole shot as one binary USD file, SHOT.usdc beside SHOT.usda; not by default.
+    /// For small shots: all of it is in memory until it is written, and more than 2 GB are refused.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub(in crate::scene_file) usd_single: bool,
 }
+
+/// Keys of `[output]` that a scene with all defaults does not say, with the values that mean the same.
+pub const UNSAID: [(&str, &str); 4] = [
+    ("output.samples", "1"),
+    ("output.shutter", "[-0.25, 0.25]"),
+    ("output.preroll", "false"),
+    ("output.usd_single", "false"),
+];
 
 /// Half a frame around the frame.
 const SHUTTER: [f64; 2] = [-0.25, 0.25];
@@ -249,7 +261,8 @@ fn is_usual_shutter(shutter: &[f64; 2]) -> bool {
 
 impl Default for Output {
     fn default() -> Self {
-        Self { format: vec![Format::Abc, Format::H5], velocities: true, samples: 1, shutter: SHUTTER, preroll: false }
+        let format = vec![Format::Abc, Format::H5];
+        Self { format, velocities: true, samples: 1, shutter: SHUTTER, preroll: false, usd_single: false }
     }
 }
 
@@ -289,6 +302,17 @@ pub(in crate::scene_file) enum Format {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_left_unsaid_is_the_default() {
+        let usual = toml::to_string(&Output::default()).unwrap();
+        for (key, value) in UNSAID {
+            let name = key.strip_prefix("output.").unwrap();
+            assert!(!usual.contains(name), "{usual}");
+            let said: Output = toml::from_str(&format!("{name} = {value}")).unwrap();
+            assert_eq!(toml::to_string(&said).unwrap(), usual);
+        }
+    }
 
     #[test]
     fn samples_between_frames_are_those_of_the_shutter_without_the_frames_themselves() {

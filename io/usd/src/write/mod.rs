@@ -19,9 +19,9 @@ mod text;
 
 pub use binary::WriteError;
 pub use mesh::{Members, Moving, StillMesh, Subdivision, clip, topology};
-pub use names::{MeshPath, identifier};
+pub use names::{Distinct, MeshPath, identifier};
 pub use primvars::{Primvar, Values};
-pub use single::{About, SingleLayer};
+pub use single::{About, PartOfShot, SingleLayer};
 pub use subsets::FaceSubset;
 pub use text::{CacheLayer, GarmentReference, ShotLayer, cache_layer, clip_manifest, shot_layer};
 

@@ -15,13 +15,13 @@ pub fn identifier(name: &str) -> String {
 
 /// Identifiers that differ from each other: the second of a kind gets a number.
 #[derive(Debug, Default)]
-pub(super) struct Distinct {
+pub struct Distinct {
     taken: BTreeSet<String>,
 }
 
 impl Distinct {
     /// The identifier of a name.
-    pub(super) fn identifier(&mut self, name: &str) -> String {
+    pub fn identifier(&mut self, name: &str) -> String {
         let plain = identifier(name);
         let mut unique = plain.clone();
         let mut number = 1;
@@ -49,6 +49,12 @@ impl MeshPath {
             prims.push("mesh".to_owned());
         }
         Self { prims }
+    }
+
+    /// The same mesh below the prims of a shot and of a part of it, which takes the place of the root.
+    pub fn in_shot(&self, shot: &str, part: &str) -> Self {
+        let above = [shot, part].map(str::to_owned).into_iter();
+        Self { prims: above.chain(self.prims[1..].iter().cloned()).collect() }
     }
 
     /// The prims from the root down to the mesh.

@@ -8,7 +8,7 @@ use std::io::{BufWriter, Seek, Write};
 use openusd::sdf::Value;
 
 use super::Units;
-use super::binary::{BinaryLayer, Prim, WriteError, token};
+use super::binary::{BinaryLayer, Declared, Prim, WriteError, token};
 use super::mesh::{CROSSINGS, EXTENT, Moving, NORMALS, POINTS, StillMesh, VELOCITIES, add_prims, extent, vectors};
 
 /// What a layer says of itself.
@@ -22,6 +22,17 @@ pub struct About<'a> {
     pub frames: [i64; 2],
     /// How it was made: name and text.
     pub properties: &'a [(&'a str, String)],
+}
+
+/// What is said of a shot's garment or render mesh beside its mesh.
+#[derive(Debug)]
+pub struct PartOfShot<'a> {
+    /// Its prim, below the root.
+    pub prim: &'a str,
+    /// Its name.
+    pub name: &'a str,
+    /// What it is for, if it is not for everything: `render` or `proxy`.
+    pub purpose: Option<&'static str>,
 }
 
 /// A layer being put together.
@@ -70,6 +81,39 @@ impl SingleLayer {
             self.layer.field(&part, "kind", token("component"));
         }
         Ok(())
+    }
+
+    /// Says what the prim of a shot is called, where its own name does not tell.
+    ///
+    /// # Errors
+    /// Never for a root that is there.
+    pub fn set_shot(&mut self, root: &str, name: &str) -> Result<(), WriteError> {
+        let prim = self.layer.prim(&self.layer.root(), root, Some("Xform"))?;
+        self.set_name(&prim, root, name);
+        Ok(())
+    }
+
+    /// Says what a part of a shot is called and what it is for.
+    ///
+    /// # Errors
+    /// Never for a part that is there.
+    pub fn set_part(&mut self, root: &str, part: &PartOfShot<'_>) -> Result<(), WriteError> {
+        let root = self.layer.prim(&self.layer.root(), root, Some("Xform"))?;
+        let prim = self.layer.prim(&root, part.prim, Some("Xform"))?;
+        self.set_name(&prim, part.prim, part.name);
+        match part.purpose {
+            Some(purpose) => {
+                let declared = Declared { uniform: true, ..Declared::default() };
+                self.layer.attribute(&prim, ("purpose", "token"), declared, Some(token(purpose)))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn set_name(&mut self, prim: &Prim, identifier: &str, name: &str) {
+        if name != identifier {
+            self.layer.field(prim, "displayName", Value::String(name.to_owned()));
+        }
     }
 
     /// Adds a frame of the mesh that was added last.

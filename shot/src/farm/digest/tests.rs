@@ -63,6 +63,17 @@ fn comments_order_and_spelling_of_numbers_are_no_changes() {
 }
 
 #[test]
+fn a_default_of_the_output_that_is_written_is_no_change() {
+    for line in ["shutter = [-0.25, 0.25]", "samples = 1", "preroll = false", "usd_single = false"] {
+        assert_eq!(changes("velocities = true", &format!("velocities = true\n{line}")), Changes::default(), "{line}");
+    }
+    let other = changes("velocities = true", "velocities = true\nshutter = [-0.5, 0.25]");
+    assert_eq!(other, only_forbidden("output.shutter (nothing) -> [-0.5, 0.25]"));
+    let single = changes("velocities = true", "velocities = true\nusd_single = true");
+    assert_eq!(single, only_allowed("output.usd_single (nothing) -> true"));
+}
+
+#[test]
 fn the_end_of_the_range_the_output_and_the_name_may_change() {
     assert_eq!(changes("-10-20", "-10-30"), only_allowed("shot.last_frame 20 -> 30"));
     assert_eq!(changes("velocities = true", "velocities = false"), only_allowed("output.velocities true -> false"));

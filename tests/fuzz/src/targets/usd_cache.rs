@@ -1,4 +1,4 @@
-//! Our own caches in USD, layer by layer: the text of a garment, what does not move, and the clip of its frames, one behind the
+//! Our own caches in USD, layer by layer: the text of a garment, what does not move, and the clips of its samples, one behind the
 //! other with [`BETWEEN`] in between. They are read without composition, so no panic is an answer but those of the stages that a
 //! layer of somebody else is read as.
 
@@ -15,6 +15,9 @@ pub const BETWEEN: &[u8] = b"\0--\0";
 /// Folder of what does not move and of clips, as the text of a seed names it.
 pub const FOLDER: &str = "cloth.clips/d";
 
+/// What is in it: what does not move, a frame, a sample behind the frame. Inputs may end before the last.
+pub const LAYERS: [&str; 3] = ["topology.usdc", "0001.usdc", "0001_1.usdc"];
+
 /// Reads one input.
 pub fn run(data: &[u8]) {
     let_answers_pass();
@@ -22,7 +25,7 @@ pub fn run(data: &[u8]) {
     let path = scratch::file("cloth.usd", layers.next().unwrap_or_default());
     let folder = scratch::folder().join(FOLDER);
     fs::create_dir_all(&folder).expect("the folder for temporary files can be written to");
-    for name in ["topology.usdc", "0001.usdc"] {
+    for name in LAYERS {
         fs::write(folder.join(name), layers.next().unwrap_or_default()).expect("there is room for a small file");
     }
     memory::bounded(|| {
@@ -30,7 +33,7 @@ pub fn run(data: &[u8]) {
         let Ok(cache) = CacheFrames::open(&path) else { return };
         for (mesh, described) in cache.meshes().iter().enumerate() {
             let _ = cache.attributes(mesh);
-            for sample in 0..described.frames.len().min(4) {
+            for sample in 0..(described.frames.len() + described.between.len()).min(4) {
                 let _ = (cache.positions(mesh, sample), cache.velocities(mesh, sample));
                 if let (Ok(stored), Ok(Some(shifted))) =
                     (cache.stored_frame(mesh, sample), cache.stored_positions(mesh, sample))
