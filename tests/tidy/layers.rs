@@ -46,7 +46,7 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 25] = [
+const IO_ROOMS: [&str; 26] = [
     "error",
     "input_file",
     "atomic_file",
@@ -56,6 +56,7 @@ const IO_ROOMS: [&str; 25] = [
     "sha256",
     "mesh_data",
     "normals",
+    "memory_mesh",
     "garment_mesh",
     "cache",
     "file_summary",
@@ -75,7 +76,7 @@ const IO_ROOMS: [&str; 25] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 17] = [
+const SHOT_ROOMS: [&str; 21] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -83,16 +84,20 @@ const SHOT_ROOMS: [&str; 17] = [
     "checkpoints",
     "farm",
     "error",
+    "fault",
     "remote_simulation",
     "render_mesh",
     "check",
     "inputs",
     "rules",
     "long_frames",
+    "towards_frame",
     "shot",
+    "scene_source",
     "pinned",
     "run",
     "steps",
+    "session",
 ];
 
 /// The rooms of what is told of results.
