@@ -123,7 +123,7 @@ const HELD: [Held; 4] = [
 ];
 
 /// Crates, each with those of the project that it may import; what is not listed may import none.
-const CRATES: [(&str, &[&str]); 11] = [
+const CRATES: [(&str, &[&str]); 12] = [
     ("core", &[]),
     ("core/mpi", &["drapery_core"]),
     ("io/alembic", &[]),
@@ -133,6 +133,7 @@ const CRATES: [(&str, &[&str]); 11] = [
     ("analysis", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
     ("cli", &["drapery_core", "drapery_io", "drapery_shot", "drapery_analysis", "drapery_mpi", "drapery_selftest"]),
     ("cli/selftest", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
+    ("plugins/capi", &["drapery_core", "drapery_io", "drapery_shot"]),
     ("sample_assets", &["drapery_alembic"]),
     (
         "tests",
