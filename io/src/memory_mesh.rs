@@ -10,7 +10,7 @@ use drapery_core::mesh::PolygonMesh;
 use sha2::{Digest, Sha256};
 
 use crate::error::IoError;
-use crate::mesh_data::{Connectivity, MeshData, MeshReader, Uvs};
+use crate::mesh_data::{Connectivity, MeshData, MeshReader};
 use crate::sha256::hex;
 use crate::units::{StatedUnits, UpAxis};
 
@@ -53,7 +53,7 @@ impl MemoryMeshes {
     ///
     /// # Errors
     /// The name cannot stand in a scene; corners and points do not fit each other, or a number is not finite.
-    pub fn insert(&mut self, name: &str, mesh: PolygonMesh, uvs: Option<Uvs>) -> Result<(), IoError> {
+    pub fn insert(&mut self, name: &str, mesh: PolygonMesh) -> Result<(), IoError> {
         let full = format!("{MEMORY}{name}");
         let refuse =
             |place: &str, what: String, advice: &str| Err(IoError::data(Path::new(&full), place, what, advice));
@@ -78,7 +78,7 @@ impl MemoryMeshes {
         if let Some(vertex) = points.iter().position(|point| !point.iter().all(|x| x.is_finite())) {
             return refuse(&format!("vertex {vertex}"), "its place is not a finite number".into(), "give metres");
         }
-        let data = MeshData { uvs, ..MeshData::new(mesh) };
+        let data = MeshData::new(mesh);
         self.0.insert(name.to_owned(), Arc::new(MemoryMesh { name: full, data }));
         Ok(())
     }
@@ -165,15 +165,15 @@ mod tests {
         let mut refused = |change: fn(&mut PolygonMesh), expected: &str| {
             let mut mesh = triangle();
             change(&mut mesh);
-            let message = meshes.insert("hero", mesh, None).unwrap_err().to_string();
+            let message = meshes.insert("hero", mesh).unwrap_err().to_string();
             assert!(message.contains("memory:hero") && message.contains(expected), "{message}");
         };
         refused(|mesh| mesh.face_indices[1] = 3, "corner 1: it is at point 3 of 3");
         refused(|mesh| mesh.face_counts[0] = 4, "4 corners in all, and 3 are given");
         refused(|mesh| mesh.face_counts[0] = 2, "face 0");
         refused(|mesh| mesh.points[2].y = f64::NAN, "vertex 2");
-        assert!(meshes.insert("a@b", triangle(), None).is_err());
-        assert!(meshes.insert("", triangle(), None).is_err());
+        assert!(meshes.insert("a@b", triangle()).is_err());
+        assert!(meshes.insert("", triangle()).is_err());
     }
 
     #[test]
@@ -182,7 +182,7 @@ mod tests {
         assert!(meshes.named("hero.abc").is_none());
         let alone = meshes.named("memory:hero").unwrap().unwrap_err().to_string();
         assert!(alone.contains("memory:hero") && alone.contains("name a file"), "{alone}");
-        meshes.insert("skirt", triangle(), None).unwrap();
+        meshes.insert("skirt", triangle()).unwrap();
         assert!(meshes.named("memory:hero").unwrap().unwrap_err().to_string().contains("there are skirt"));
         assert!(meshes.named("memory:skirt").unwrap().is_ok());
     }
@@ -191,7 +191,7 @@ mod tests {
     fn another_place_or_another_face_is_another_digest() {
         let digest = |mesh: PolygonMesh| {
             let mut meshes = MemoryMeshes::default();
-            meshes.insert("a", mesh, None).unwrap();
+            meshes.insert("a", mesh).unwrap();
             meshes.iter().next().unwrap().digest()
         };
         let (mut moved, mut turned) = (triangle(), triangle());

@@ -43,8 +43,8 @@ fn sheet(n: u32) -> PolygonMesh {
 
 fn meshes() -> MemoryMeshes {
     let mut meshes = MemoryMeshes::default();
-    meshes.insert("hero", PolygonMesh::from_triangles(hero_si(FRAMES[0]), &FACES), None).unwrap();
-    meshes.insert("sheet", sheet(9), None).unwrap();
+    meshes.insert("hero", PolygonMesh::from_triangles(hero_si(FRAMES[0]), &FACES)).unwrap();
+    meshes.insert("sheet", sheet(9)).unwrap();
     meshes
 }
 
@@ -193,7 +193,7 @@ fn what_cannot_be_is_a_fault_with_object_frame_and_element_and_changes_nothing()
     let path = folder.path().join("state.h5");
     session.save_file(&path).unwrap();
     let mut other = live.clone();
-    other.meshes.insert("sheet", sheet(8), None).unwrap();
+    other.meshes.insert("sheet", sheet(8)).unwrap();
     let mut other = self::session(&other);
     let refused = other.restore_file(&path).unwrap_err().to_string();
     assert!(refused.contains("another shot") && refused.contains("memory:sheet"), "{refused}");

@@ -139,7 +139,7 @@ pub unsafe extern "C" fn drapery_scene_add_mesh(
             (text(name, "name")?, PolygonMesh { points, face_counts, face_indices })
         };
         handles::with(scene, |source: &mut SceneSource| {
-            source.meshes.insert(name, mesh, None)?;
+            source.meshes.insert(name, mesh)?;
             Ok(DRAPERY_DONE)
         })
     })

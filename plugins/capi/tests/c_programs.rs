@@ -158,7 +158,7 @@ fn source() -> SceneSource {
     let mesh = PolygonMesh { points: table(1001), face_counts: vec![4, 3, 3, 3, 3], face_indices: corners };
     let mut source = SceneSource::text(SCENE, "table.toml", "");
     source.settings.push(("resolution".into(), "9".into()));
-    source.meshes.insert("table", mesh, None).expect("a mesh");
+    source.meshes.insert("table", mesh).expect("a mesh");
     source
 }
 
