@@ -66,10 +66,10 @@ impl SavedState {
 }
 
 /// How far a session has come.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
-    /// The frame is reached.
-    Frame(FrameSummary),
+    /// The frame is reached; [`Session::summary`] says what was done.
+    Frame,
     /// It was cancelled at a state on the way, from which it goes on.
     Cancelled,
 }
@@ -171,8 +171,8 @@ impl Session {
                     for moved in &mut self.moved {
                         moved.here = moved.next.take().or(moved.here.take());
                     }
-                    self.summary = Some(summary.clone());
-                    return Ok(Progress::Frame(summary));
+                    self.summary = Some(*summary);
+                    return Ok(Progress::Frame);
                 }
                 Reached::State(Some(Request::StopAtOnce(_))) => return Ok(Progress::Cancelled),
                 // A sample of the shutter, at which a step ends, or a frame that takes long.

@@ -10,7 +10,7 @@ use crate::remote_simulation::RemoteSimulation;
 /// How far an advance came.
 pub(crate) enum Reached {
     /// The frame; this is what was done since the one before.
-    Frame(FrameSummary),
+    Frame(Box<FrameSummary>),
     /// A state free of collisions on the way to it, because of a request, or without one because of a sample.
     State(Option<Request>),
 }
@@ -32,7 +32,7 @@ pub(crate) fn towards_frame(
     let (Advance::Done(last) | Advance::Paused(last)) = &advance;
     let summary = so_far.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
     Ok(match advance {
-        Advance::Done(_) => Reached::Frame(summary),
+        Advance::Done(_) => Reached::Frame(Box::new(summary)),
         Advance::Paused(_) => {
             *so_far = Some(summary);
             Reached::State(request)

@@ -118,7 +118,6 @@ pub unsafe extern "C" fn drapery_scene_add_materials(
 /// # Safety
 /// The arrays are as long as it says; `name` ends with a zero; `error` is the address of a pointer or null.
 #[unsafe(no_mangle)]
-#[expect(clippy::too_many_arguments, reason = "C has arrays as an address and a length")]
 pub unsafe extern "C" fn drapery_scene_add_mesh(
     scene: *mut drapery_scene,
     name: *const c_char,

@@ -57,7 +57,6 @@ fn generated() -> String {
     builder.generate().expect("the source can be read").write(&mut text);
     let text = String::from_utf8(text).expect("C is text");
     text.replace("# Safety\n", "What the caller promises:\n")
-        .replace(" *\n * What the caller", " *\n * What the caller")
 }
 
 /// What a header promises, each on a line with single blanks: codes, structures with their members, types and functions.
