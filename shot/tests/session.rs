@@ -63,7 +63,7 @@ fn source(folder: &Path, body: &str) -> SceneSource {
 }
 
 fn body_file(folder: &Path) -> &'static str {
-    let mut archive = ArchiveWriter::create(&folder.join("hero.abc"), &ArchiveOptions::default()).unwrap();
+    let mut archive = ArchiveWriter::create(folder.join("hero.abc"), &ArchiveOptions::default()).unwrap();
     let times = (FRAMES[0]..=FRAMES[1]).map(|frame| frame as f64 / 24.0).collect();
     let sampling = archive.add_time_sampling(TimeSampling::acyclic(times).unwrap()).unwrap();
     let root = archive.root();
