@@ -1,5 +1,7 @@
 //! Exit codes, in one place. Farm software reads them; they never change their meaning.
 
+use drapery_shot::fault::FaultKind;
+
 /// How the program ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -40,5 +42,21 @@ pub(crate) const TABLE: &str = "Exit codes:
 impl From<ExitCode> for std::process::ExitCode {
     fn from(code: ExitCode) -> Self {
         Self::from(code as u8)
+    }
+}
+
+impl From<FaultKind> for ExitCode {
+    fn from(kind: FaultKind) -> Self {
+        match kind {
+            FaultKind::Usage => Self::Usage,
+            FaultKind::BadInput => Self::BadInput,
+            FaultKind::MissingInput => Self::MissingInput,
+            FaultKind::Internal => Self::Internal,
+            FaultKind::NoMemory => Self::NoMemory,
+            FaultKind::CannotCreate => Self::CannotCreate,
+            FaultKind::Io => Self::Io,
+            FaultKind::Scene => Self::Scene,
+            FaultKind::SolverGaveUp => Self::SolverGaveUp,
+        }
     }
 }

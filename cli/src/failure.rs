@@ -4,10 +4,10 @@ use std::io::IsTerminal;
 use std::sync::Arc;
 
 use drapery_analysis::study::error::StudyError;
-use drapery_core::error::{ProblemKind, StepError};
-use drapery_io::error::{IoError, IoErrorKind};
-use drapery_io::scene_file::{SceneErrorKind, SceneFileError};
+use drapery_io::error::IoError;
+use drapery_io::scene_file::SceneFileError;
 use drapery_shot::ShotError;
+use drapery_shot::fault::FaultKind;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, NamedSource, SourceSpan};
 
 use crate::exit_code::ExitCode;
@@ -46,22 +46,13 @@ impl std::fmt::Display for Failure {
 
 impl From<IoError> for Failure {
     fn from(error: IoError) -> Self {
-        Self::new(code_of(&error), error.to_string())
+        Self::new(FaultKind::of_io(&error).into(), error.to_string())
     }
 }
 
 impl From<ShotError> for Failure {
     fn from(error: ShotError) -> Self {
-        let code = match &error {
-            ShotError::Io(error) => code_of(error),
-            ShotError::Frames(_) | ShotError::Resume(_) => ExitCode::Usage,
-            ShotError::Changed { .. } => ExitCode::CannotCreate,
-            ShotError::FrameChanged { .. } | ShotError::Step(StepError::Input { .. }) => ExitCode::BadInput,
-            ShotError::Step(_) => ExitCode::SolverGaveUp,
-            // Whoever corrects the scene first may find that the data was right.
-            ShotError::Problems(problems) if problems.0.iter().any(|p| p.kind == ProblemKind::Scene) => ExitCode::Scene,
-            ShotError::Problems(_) => ExitCode::BadInput,
-        };
+        let code = FaultKind::of_shot(&error).into();
         let text = match &error {
             ShotError::Problems(problems) if problems.0.len() > 1 => format!("{} problems\n{error}", problems.0.len()),
             _ => error.to_string(),
@@ -90,13 +81,7 @@ impl From<SceneFileError> for Failure {
 
 impl From<Vec<SceneFileError>> for Failure {
     fn from(errors: Vec<SceneFileError>) -> Self {
-        let has = |kind: SceneErrorKind| errors.iter().any(|error| error.kind == kind);
-        let code = match () {
-            () if has(SceneErrorKind::Scene) => ExitCode::Scene,
-            () if has(SceneErrorKind::Memory) => ExitCode::NoMemory,
-            () if has(SceneErrorKind::Missing) => ExitCode::MissingInput,
-            () => ExitCode::BadInput,
-        };
+        let code = FaultKind::of_scene(&errors).into();
         let count = match errors.as_slice() {
             // The scene file itself could not be read.
             [one] if one.location.is_none() => return Self::new(code, one.to_string()),
@@ -143,15 +128,5 @@ fn excerpt(error: SceneFileError) -> String {
         Ok(()) => text,
         // The plain form has its own excerpt.
         Err(_) => say::visible(&format!("{error}\n")),
-    }
-}
-
-fn code_of(error: &IoError) -> ExitCode {
-    match error.kind() {
-        IoErrorKind::MissingInput => ExitCode::MissingInput,
-        IoErrorKind::BadInput => ExitCode::BadInput,
-        IoErrorKind::CannotCreate => ExitCode::CannotCreate,
-        IoErrorKind::Io => ExitCode::Io,
-        IoErrorKind::Internal => ExitCode::Internal,
     }
 }

@@ -18,6 +18,7 @@ pub mod input_file;
 pub mod input_motion;
 pub mod materials;
 pub mod memory;
+pub mod memory_mesh;
 pub mod mesh_data;
 pub mod mesh_source;
 pub mod normals;

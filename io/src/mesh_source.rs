@@ -1,11 +1,13 @@
 //! A mesh from a file, still or moving, in metres with Y up: what bodies, garments and pin targets are read through.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use drapery_core::Vec3;
 
 use crate::error::IoError;
 use crate::formats;
+use crate::memory_mesh::{MemoryMesh, MemoryReader};
 use crate::mesh_data::{Connectivity, MeshData, MeshReader};
 use crate::units::{InputUnits, StatedUnits};
 
@@ -26,6 +28,8 @@ pub struct MeshSource {
     path: PathBuf,
     units: InputUnits,
     reader: Box<dyn MeshReader>,
+    /// The mesh, if it is no file but one in memory.
+    memory: Option<Arc<MemoryMesh>>,
 }
 
 impl std::fmt::Debug for MeshSource {
@@ -41,7 +45,14 @@ impl MeshSource {
     /// # Errors
     /// The file is missing, damaged or of an unknown format, or the pattern fits no mesh.
     pub fn open(path: &Path, pattern: Option<&str>, units: impl Into<InputUnits>) -> Result<Self, IoError> {
-        Ok(Self { path: path.to_owned(), units: units.into(), reader: formats::open_mesh(path, pattern)? })
+        let reader = formats::open_mesh(path, pattern)?;
+        Ok(Self { path: path.to_owned(), units: units.into(), reader, memory: None })
+    }
+
+    /// A mesh in memory, to be read in these units.
+    pub fn in_memory(mesh: &Arc<MemoryMesh>, units: impl Into<InputUnits>) -> Self {
+        let (reader, memory) = (Box::new(MemoryReader(mesh.clone())), Some(mesh.clone()));
+        Self { path: PathBuf::from(mesh.name()), units: units.into(), reader, memory }
     }
 
     /// [`MeshSource::open`] for a file that may state its units itself; `choose` is given what it states, `None` for formats
@@ -55,7 +66,13 @@ impl MeshSource {
         choose: impl FnOnce(Option<StatedUnits>) -> Option<InputUnits>,
     ) -> Result<Option<Self>, IoError> {
         let reader = formats::open_mesh(path, pattern)?;
-        Ok(choose(reader.stated_units()).map(|units| Self { path: path.to_owned(), units, reader }))
+        let units = choose(reader.stated_units());
+        Ok(units.map(|units| Self { path: path.to_owned(), units, reader, memory: None }))
+    }
+
+    /// The mesh, if it is no file but one in memory.
+    pub fn memory(&self) -> Option<&Arc<MemoryMesh>> {
+        self.memory.as_ref()
     }
 
     /// Other files that belong to it: layers of a stage.

@@ -7,6 +7,7 @@ use drapery_core::scene::SceneDescription;
 
 use crate::garment_mesh::GarmentMesh;
 use crate::input_motion::{InputMotion, Preroll};
+use crate::memory_mesh::MemoryMeshes;
 use crate::units::Units;
 use crate::wind_file::WindFile;
 
@@ -42,6 +43,8 @@ pub struct ShotDescription {
     pub scene_path: PathBuf,
     /// All files that are read, so that none is overwritten.
     pub input_files: Vec<PathBuf>,
+    /// Meshes in memory that it may name beside files.
+    pub meshes: MemoryMeshes,
     /// What is simulated.
     pub scene: SceneDescription,
     /// For each body of the scene its file; `None` for analytic shapes.

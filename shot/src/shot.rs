@@ -16,6 +16,8 @@ use drapery_io::cache::APPLICATION;
 use drapery_io::checkpoint::FORMAT_VERSION;
 use drapery_io::error::IoError;
 use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::memory_mesh::MemoryMeshes;
+use drapery_io::mesh_data::MeshData;
 use drapery_io::shot_description::{OutputDescription, RenderMeshDescription, ShotDescription};
 
 use crate::error::ShotError;
@@ -43,6 +45,8 @@ pub(crate) struct About {
     pub(crate) name: String,
     pub(crate) scene_path: PathBuf,
     pub(crate) input_files: Vec<PathBuf>,
+    /// Meshes in memory that it may name beside files.
+    pub(crate) meshes: MemoryMeshes,
     pub(crate) timeline: Timeline,
     /// First and last frame that are delivered.
     pub(crate) first_frame: i64,
@@ -107,6 +111,7 @@ impl Shot {
             name: description.name,
             scene_path: description.scene_path,
             input_files: description.input_files,
+            meshes: description.meshes,
             timeline,
             first_frame,
             last_frame,
@@ -211,7 +216,19 @@ impl Shot {
         let (format, application) = (FORMAT_VERSION, APPLICATION);
         let solver = drapery_core::solver_version(self.simulation().scene().description().solver.integrator);
         let versions = Versions { solver, format, application };
-        Fingerprint::of(&about.resolved, &about.scene_path, &about.input_files, versions)
+        let of_files = Fingerprint::of(&about.resolved, &about.scene_path, &about.input_files, versions)?;
+        Ok(of_files.with_meshes(&about.meshes))
+    }
+
+    /// The mesh of a garment as it comes from its file, with everything that is handed through.
+    ///
+    /// # Errors
+    /// It can no longer be read, or has changed.
+    ///
+    /// # Panics
+    /// There is no such garment.
+    pub fn garment_mesh(&self, garment: usize) -> Result<MeshData, IoError> {
+        self.garments[garment].read()
     }
 
     /// Meshes that are rendered in the place of garments.

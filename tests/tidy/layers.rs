@@ -46,7 +46,7 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 25] = [
+const IO_ROOMS: [&str; 26] = [
     "error",
     "input_file",
     "atomic_file",
@@ -56,6 +56,7 @@ const IO_ROOMS: [&str; 25] = [
     "sha256",
     "mesh_data",
     "normals",
+    "memory_mesh",
     "garment_mesh",
     "cache",
     "file_summary",
@@ -75,7 +76,7 @@ const IO_ROOMS: [&str; 25] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 18] = [
+const SHOT_ROOMS: [&str; 22] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -83,6 +84,7 @@ const SHOT_ROOMS: [&str; 18] = [
     "checkpoints",
     "farm",
     "error",
+    "fault",
     "remote_simulation",
     "render_mesh",
     "single_layer",
@@ -90,10 +92,13 @@ const SHOT_ROOMS: [&str; 18] = [
     "inputs",
     "rules",
     "long_frames",
+    "towards_frame",
     "shot",
+    "scene_source",
     "pinned",
     "run",
     "steps",
+    "session",
 ];
 
 /// The rooms of what is told of results.
@@ -119,7 +124,7 @@ const HELD: [Held; 4] = [
 ];
 
 /// Crates, each with those of the project that it may import; what is not listed may import none.
-const CRATES: [(&str, &[&str]); 11] = [
+const CRATES: [(&str, &[&str]); 12] = [
     ("core", &[]),
     ("core/mpi", &["drapery_core"]),
     ("io/alembic", &[]),
@@ -129,6 +134,7 @@ const CRATES: [(&str, &[&str]); 11] = [
     ("analysis", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
     ("cli", &["drapery_core", "drapery_io", "drapery_shot", "drapery_analysis", "drapery_mpi", "drapery_selftest"]),
     ("cli/selftest", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
+    ("plugins/capi", &["drapery_core", "drapery_io", "drapery_shot"]),
     ("sample_assets", &["drapery_alembic"]),
     (
         "tests",

@@ -12,6 +12,7 @@ use drapery_core::settings::Dimension;
 
 use crate::error::IoError;
 use crate::garment_mesh::{GarmentMesh, GarmentReader};
+use crate::memory_mesh::MemoryMesh;
 use crate::mesh_data::{MeshData, Uvs};
 use crate::mesh_source::MeshSource;
 use crate::units::InputUnits;
@@ -46,14 +47,25 @@ impl GarmentReader for Generated {
 
 /// A mesh of a file at a time [s].
 pub(super) struct FromFile {
-    pub(super) file: PathBuf,
-    pub(super) objects: Option<String>,
-    pub(super) units: InputUnits,
-    pub(super) time: f64,
+    file: PathBuf,
+    /// The mesh, if it is no file but one in memory.
+    memory: Option<Arc<MemoryMesh>>,
+    objects: Option<String>,
+    units: InputUnits,
+    time: f64,
 }
 
 impl FromFile {
+    /// What was opened as `source`, of which these objects were chosen.
+    pub(super) fn of(source: &MeshSource, objects: Option<String>, time: f64) -> Self {
+        let (file, units) = (source.path().to_owned(), source.units());
+        Self { file, memory: source.memory().cloned(), objects, units, time }
+    }
+
     fn open(&self) -> Result<MeshSource, IoError> {
+        if let Some(mesh) = &self.memory {
+            return Ok(MeshSource::in_memory(mesh, self.units));
+        }
         MeshSource::open(&self.file, self.objects.as_deref(), self.units)
     }
 }
@@ -167,8 +179,7 @@ impl Resolver<'_> {
             let time = time.unwrap_or_else(|| source.first_time());
             // The path of the first object is that of what several are merged to.
             let object = source.object_path();
-            let (file, objects, units) = (source.path().to_owned(), garment.path.clone(), source.units());
-            let reader = FromFile { file, objects, units, time };
+            let reader = FromFile::of(&source, garment.path.clone(), time);
             let mesh = GarmentMesh::new(source.path(), object, reader);
             let mesh = self.of_file(&here, mesh)?;
             self.has_room(&here, mesh.point_count() as f64)?;

@@ -52,6 +52,7 @@ use std::path::{Path as FilePath, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::input_file;
+use crate::memory_mesh::MemoryMeshes;
 use crate::shot_description::{Fabric, ShotDescription};
 
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
@@ -78,6 +79,8 @@ pub struct SceneFile {
     material_files: Vec<PathBuf>,
     folder: PathBuf,
     path: PathBuf,
+    /// Meshes that it may name beside files.
+    meshes: MemoryMeshes,
 }
 
 /// Reads a scene file. `overrides` are the `--set` arguments: the name of a parameter or a dotted key, and its value.
@@ -117,7 +120,11 @@ pub fn parse(
     parse_with(text, name, folder, overrides, &SearchPaths::default())
 }
 
-fn parse_with(
+/// As [`parse`], with files found where `search` says.
+///
+/// # Errors
+/// As [`load_with`].
+pub fn parse_with(
     text: &str,
     name: &str,
     folder: &FilePath,
@@ -151,7 +158,8 @@ fn parse_with(
     fields::add_defaults(&mut defaults);
     root.fill_from(&defaults);
     let (folder, path) = (folder.to_owned(), PathBuf::new());
-    Ok(SceneFile { document, root, sources, parameters, fabrics, material_files, folder, path })
+    let meshes = MemoryMeshes::default();
+    Ok(SceneFile { document, root, sources, parameters, fabrics, material_files, folder, path, meshes })
 }
 
 /// Keys that may stand at a path beside those that serde knows.
@@ -174,6 +182,12 @@ pub fn read_table<T: DeserializeOwned>(path: &FilePath) -> Result<T, SceneFileEr
 }
 
 impl SceneFile {
+    /// The scene with meshes in memory, which it names `memory:NAME` in the place of files.
+    #[must_use]
+    pub fn with_meshes(self, meshes: MemoryMeshes) -> Self {
+        Self { meshes, ..self }
+    }
+
     /// Opens the files that the scene names, generates the other meshes, and turns everything into SI units.
     ///
     /// # Errors

@@ -62,8 +62,8 @@ impl Resolver<'_> {
         let source = self.open(&file, &named, written.path.as_deref(), written.units)?;
         let time = time.unwrap_or_else(|| source.first_time());
         let object = source.object_path();
-        let (path_of_file, units) = (source.path().to_owned(), source.units());
-        let reader = FromFile { file: path_of_file.clone(), objects: written.path.clone(), units, time };
+        let path_of_file = source.path().to_owned();
+        let reader = FromFile::of(&source, written.path.clone(), time);
         let mesh = GarmentMesh::new(&path_of_file, object, WithoutNormals(reader));
         let mesh = self.of_file(&file, mesh)?;
         if mesh.face_count() == 0 {

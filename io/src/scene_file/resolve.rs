@@ -109,6 +109,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         name: document.shot.name.clone(),
         scene_path: scene.path.clone(),
         input_files: resolver.input_files,
+        meshes: scene.meshes.clone(),
         scene: resolver.description,
         bodies: resolver.bodies,
         tracks: resolver.tracks,
@@ -211,6 +212,15 @@ impl Resolver<'_> {
         pattern: Option<&str>,
         own: Option<FileUnits>,
     ) -> Option<MeshSource> {
+        if let Some(mesh) = self.scene.meshes.named(file) {
+            let mesh = self.of_file(path, mesh)?;
+            if pattern.is_some() {
+                let help = "leave `path` out, or hand the meshes over one by one".to_owned();
+                self.error_with(path, "a mesh in memory is one object; none can be chosen by its path", help);
+                return None;
+            }
+            return Some(MeshSource::in_memory(&mesh, own.map_or(Units::SI, written)));
+        }
         let file = self.scene.folder.join(file);
         let (own, general) = (own.map(written), self.scene.document.units.map(written));
         let mut warning = None;

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::memory_mesh::MEMORY;
+
 use super::SceneFile;
 use super::tree::{Node, Origin, Table, Value};
 
@@ -135,8 +137,11 @@ fn inline(value: &Value) -> String {
     }
 }
 
-/// A file name of the scene as it is used.
+/// A file name of the scene as it is used; that of a mesh in memory as it is written.
 fn absolute(scene: &SceneFile, file: &str) -> PathBuf {
+    if file.starts_with(MEMORY) {
+        return PathBuf::from(file);
+    }
     let path = scene.folder.join(file);
     std::path::absolute(&path).unwrap_or(path)
 }

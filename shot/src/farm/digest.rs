@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf, absolute};
 
 use drapery_io::error::IoError;
 use drapery_io::input_file;
+use drapery_io::memory_mesh::{MemoryMesh, MemoryMeshes};
 use drapery_io::scene_file::{FILES, UNSAID};
 use drapery_io::sha256::hex;
 use serde::{Deserialize, Serialize};
@@ -111,6 +112,14 @@ impl Fingerprint {
         digests.insert("format".to_owned(), versions.format.to_string());
         digests.insert("application".to_owned(), versions.application.to_owned());
         Ok(Self { digests, scene })
+    }
+
+    /// With the digests of meshes in memory, which are inputs like files.
+    #[must_use]
+    pub fn with_meshes(mut self, meshes: &MemoryMeshes) -> Self {
+        let name = |mesh: &MemoryMesh| format!("{INPUT}{}", mesh.name());
+        self.digests.extend(meshes.iter().map(|mesh| (name(mesh), mesh.digest())));
+        self
     }
 
     /// What the scene says about velocities in the caches.

@@ -8,10 +8,10 @@
 //! at the start ([`StopRequests::watch_folder`]): a file that stays would stop every attempt to continue.
 
 use std::collections::VecDeque;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
+use std::{fmt, fs};
 
 use drapery_io::error::IoError;
 
@@ -73,6 +73,8 @@ pub enum Reason {
     JobEnd,
     /// Somebody made the file `control/stop`.
     ControlFile,
+    /// The program that runs Drapery as a library has said so.
+    Program,
 }
 
 impl Reason {
@@ -88,12 +90,14 @@ impl Reason {
             Self::StopAt => "stop-at",
             Self::JobEnd => "job-end",
             Self::ControlFile => "control/stop",
+            Self::Program => "program",
         }
     }
 }
 
 /// All reasons; of several at once, the last in this list is the one that is told.
-const REASONS: [Reason; 9] = [
+const REASONS: [Reason; 10] = [
+    Reason::Program,
     Reason::ControlFile,
     Reason::JobEnd,
     Reason::StopAt,
@@ -170,8 +174,10 @@ pub struct Notice {
 #[derive(Debug, Clone, Default)]
 pub struct StopRequests(Arc<Mutex<State>>);
 
-#[derive(Debug, Default)]
+#[derive(Default)]
 struct State {
+    /// Says whether the program that runs Drapery as a library wants the run to stop.
+    cancelled: Option<Cancelled>,
     /// The first signal and when it came.
     signal: Option<(Signal, SystemTime)>,
     /// The second one.
@@ -180,6 +186,18 @@ struct State {
     files: Option<ControlFiles>,
     slowest_checkpoint: f64,
     frames: VecDeque<f64>,
+}
+
+/// Whether to stop; asked from any thread at every state free of collisions, so it has to be quick.
+pub type Cancelled = Box<dyn FnMut() -> bool + Send>;
+
+impl fmt::Debug for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { cancelled, signal, second, deadlines, files, .. } = self;
+        let mut all = f.debug_struct("State");
+        all.field("asks_the_program", &cancelled.is_some()).field("signal", signal).field("second", second);
+        all.field("deadlines", deadlines).field("files", files).finish_non_exhaustive()
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -214,6 +232,11 @@ impl StopRequests {
     pub fn deadline(&self, reason: Reason, at: SystemTime, now: SystemTime) {
         let span = at.duration_since(now).unwrap_or_default();
         self.state().deadlines.push(Deadline { reason, at, span });
+    }
+
+    /// From now on asks the program that runs Drapery as a library, too.
+    pub fn ask_program(&self, cancelled: Cancelled) {
+        self.state().cancelled = Some(cancelled);
     }
 
     /// Looks for request files in the folder of the run from now on; requests to an earlier run are removed.
@@ -278,7 +301,17 @@ impl StopRequests {
         if let Some(deadline) = passed.min_by_key(|deadline| deadline.at) {
             return Some(Request::Stop(deadline.reason));
         }
-        state.files.as_mut().and_then(|files| files.look(now))
+        let of_files = state.files.as_mut().and_then(|files| files.look(now));
+        // Not while the requests are held: what is asked may use them.
+        let cancelled = state.cancelled.take();
+        drop(state);
+        of_files.or_else(|| self.poll_program(cancelled?))
+    }
+
+    fn poll_program(&self, mut cancelled: Cancelled) -> Option<Request> {
+        let stops = cancelled();
+        self.state().cancelled.get_or_insert(cancelled);
+        stops.then_some(Request::Stop(Reason::Program))
     }
 
     /// The run has ended: removes its request files.

@@ -7,7 +7,7 @@ use std::time::{Instant, SystemTime};
 
 use drapery_core::error::StepError;
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::{Advance, FrameSummary};
+use drapery_core::simulation::FrameSummary;
 use drapery_io::checkpoint::{FORMAT_VERSION, Head};
 use drapery_io::error::IoError;
 use drapery_io::input_file;
@@ -35,6 +35,7 @@ use crate::run_record::manifest::{AttemptRecord, listed_files};
 use crate::run_record::reader::Record;
 use crate::run_record::writer::{SIMULATE, frame_record, sample_record, start_record};
 use crate::shot::Shot;
+use crate::towards_frame::{Reached, towards_frame};
 
 /// A run in progress.
 struct Run<'a> {
@@ -266,21 +267,21 @@ impl<'a> Run<'a> {
             let Partial { spent, sub_step, summary: before } = &mut self.totals.partial;
             let (requests, cadence, clock) = (&self.options.requests, &self.cadence, &self.clock);
             let mut ask = || {
-                *sub_step += 1;
                 let due = || cadence.due(clock.elapsed().as_secs_f64(), false).then_some(Request::Checkpoint);
-                let report = || watch.is_due(*sub_step).then_some(Request::Report);
-                requests.poll(SystemTime::now()).or_else(due).or_else(report)
+                requests.poll(SystemTime::now()).or_else(due)
             };
             let remote_simulation = &mut self.shot.remote_simulation;
-            let (advance, request) = spent.stage(SIMULATE, |_| remote_simulation.advance(&input, &mut ask))?;
+            let so_far = (&mut *sub_step, before);
+            let reached =
+                spent.stage(SIMULATE, |_| towards_frame(remote_simulation, &input, so_far, &watch, &mut ask))?;
             self.dump.as_ref().map_or(Ok(()), Dump::check)?;
-            let (Advance::Done(last) | Advance::Paused(last)) = &advance;
-            let summary = before.as_ref().map_or_else(|| last.clone(), |before| last.clone().after(before));
-            if let Advance::Done(_) = advance {
-                self.finish_frame(frame, Some(&summary), observer)?;
-                return self.between_frames();
-            }
-            *before = Some(summary);
+            let request = match reached {
+                Reached::State(request) => request,
+                Reached::Frame(summary) => {
+                    self.finish_frame(frame, Some(&summary), observer)?;
+                    return self.between_frames();
+                }
+            };
             let done = *sub_step;
             let time = self.shot.simulation().state().time;
             if let Some(number) = input.output_times.iter().position(|output| *output == time) {

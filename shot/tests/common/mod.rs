@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use drapery_core::scene::SceneDescription;
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::input_motion::Preroll;
+use drapery_io::memory_mesh::MemoryMeshes;
 use drapery_io::mesh_data::MeshData;
 use drapery_io::shot_description::{CheckDescription, OutputDescription, ShotDescription};
 use drapery_io::units::Units;
@@ -16,6 +17,7 @@ pub(crate) fn described(scene: SceneDescription, frames: [i64; 2], formats: &[&s
         name: scene.name.clone(),
         scene_path: PathBuf::new(),
         input_files: Vec::new(),
+        meshes: MemoryMeshes::default(),
         garments: scene.garments.iter().map(|g| GarmentMesh::kept(MeshData::new(g.mesh.clone()))).collect(),
         bodies: scene.bodies.iter().map(|_| None).collect(),
         scene,
