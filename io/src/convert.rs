@@ -88,6 +88,7 @@ pub static SINGLE_LAYER: Option<SingleLayer> = Some(SingleLayer {
     bytes_of: single::bytes_of,
     most_bytes: single::MOST_BYTES,
 });
+/// The single layer that this build writes: none.
 #[cfg(not(feature = "usd"))]
 pub static SINGLE_LAYER: Option<SingleLayer> = None;
 

@@ -66,6 +66,7 @@ pub(super) fn chosen(
 }
 
 /// Without samples between frames: one of what does not move.
+#[cfg(feature = "usd")]
 pub(super) fn still(source: &CacheFrames, mesh: usize) -> Chosen {
     Chosen { all: vec![(0, source.meshes()[mesh].frames[0], 0)], sub_frames: Vec::new() }
 }
