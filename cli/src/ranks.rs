@@ -10,7 +10,7 @@ use crate::args::Command;
 use crate::config::Resolved;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
-use crate::signals;
+use crate::signals::{self, Unasked};
 
 /// Variables by which launchers say which of their processes this one is: those of Open MPI, of PMIx, and of MPICH, Intel MPI
 /// and Slurm.
@@ -61,8 +61,10 @@ pub(crate) fn join(command: Option<&Command>) -> Result<Ranks, Failure> {
 /// What a rank other than 0 does; returns its exit code.
 pub(crate) fn follow(command: &Command, ranks: &Ranks) -> u8 {
     let requests = StopRequests::default();
+    // What the settings say of exit codes is known to rank 0, which ends with them.
+    let unasked = Unasked { code: ExitCode::Stopped as u8, by_term: false, command: "the same command".to_owned() };
     let listening = match command {
-        Command::Run(_) => signals::listen(&requests).map_err(|failure| failure.to_string()),
+        Command::Run(_) => signals::listen(&requests, &unasked).map_err(|failure| failure.to_string()),
         _ => Ok(()),
     };
     remote_simulation::worker_loop(ranks, &requests, &|threads| {

@@ -1,15 +1,20 @@
 //! Signals with which schedulers and people ask a run to stop. The program does not die of them, and does not send them
 //! on to itself: farm software takes death by a signal for the wish of a person, and does not start the job again. Where
 //! a site wants just that (`--on-term signal`), it ends by SIGTERM once everything is on the disk.
+//!
+//! Inputs that take minutes to read, and steps that take minutes, do not ask for requests. Where nothing was simulated yet, or a
+//! second signal came, the program ends without being asked after a while: as after SIGKILL, files are what they were at the last
+//! checkpoint, but with the exit code of a stop.
 
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
-use drapery_shot::farm::stop::{Signal, StopRequests};
+use drapery_shot::farm::stop::{Reason, Signal, SignalOrder, StopRequests};
 use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU};
 use signal_hook::iterator::Signals;
 
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
+use crate::say;
 
 /// The signals, and what they are called where they are obeyed.
 const HEARD: [(i32, Signal); 5] = [
@@ -20,21 +25,71 @@ const HEARD: [(i32, Signal); 5] = [
     (SIGXCPU, Signal::CpuLimit),
 ];
 
-/// Hands signals on as requests, from now until the program ends. To be called once, before anything takes long.
-pub(crate) fn listen(requests: &StopRequests) -> Result<(), Failure> {
+/// How long a signal before the first step, and a second one, wait for the run to end at a state that it can continue from.
+const PATIENCE: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(3)];
+
+/// The run asks for requests once before its first step; there is nothing to be saved then.
+const START: u64 = 1;
+
+/// Hands signals on as requests, from now until the program ends. To be called once, before anything takes long. `unasked` is what
+/// the program ends with where the run does not ask for requests.
+pub(crate) fn listen(requests: &StopRequests, unasked: &Unasked) -> Result<(), Failure> {
     let failure = |error| Failure::new(ExitCode::Internal, format!("signals cannot be listened to: {error}"));
     let mut signals = Signals::new(HEARD.map(|(number, _)| number)).map_err(failure)?;
-    let requests = requests.clone();
+    let (requests, unasked) = (requests.clone(), unasked.clone());
     // A thread of its own and no work in the handler: it may look at a clock and take a lock.
     let listen = move || {
         for number in signals.forever() {
             if let Some((_, signal)) = HEARD.iter().find(|(heard, _)| *heard == number) {
-                requests.signal(*signal, SystemTime::now());
+                let order = requests.signal(*signal, SystemTime::now());
+                unasked.watch(&requests, *signal, order);
             }
         }
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failure)?;
     Ok(())
+}
+
+/// How the program ends where the run does not ask for requests.
+#[derive(Debug, Clone)]
+pub(crate) struct Unasked {
+    /// Exit code.
+    pub(crate) code: u8,
+    /// Whether SIGTERM ends it by itself instead (`--on-term signal`).
+    pub(crate) by_term: bool,
+    /// The command that continues the run.
+    pub(crate) command: String,
+}
+
+impl Unasked {
+    /// Ends the program after a while, if the run may be ended now and has not asked for requests by then.
+    fn watch(&self, requests: &StopRequests, signal: Signal, order: SignalOrder) {
+        let Some(before) = requests.polls() else { return };
+        let patience = match order {
+            SignalOrder::First if before <= START => PATIENCE[0],
+            SignalOrder::Later => PATIENCE[1],
+            _ => return,
+        };
+        let (requests, Self { code, by_term, command }) = (requests.clone(), self.clone());
+        let end = move || {
+            std::thread::sleep(patience);
+            if requests.polls() != Some(before) {
+                return;
+            }
+            let reason = Reason::Signal(signal);
+            let when = if before <= START { "before a first step was done" } else { "within a step" };
+            say::complaint(format_args!(
+                "stopped ({reason}) {when}, without another checkpoint; continue with: {command}"
+            ));
+            if by_term && signal == Signal::Terminate {
+                end_by_term();
+            }
+            // Whatever the other threads are in the middle of, it is not waited for.
+            signal_hook::low_level::exit(code.into());
+        };
+        // Without a thread, the run ends when it asks.
+        let _ = std::thread::Builder::new().name("patience".to_owned()).spawn(end);
+    }
 }
 
 /// Exit code that a shell shows for a program that SIGTERM has ended.
@@ -62,10 +117,13 @@ mod tests {
 
     #[test]
     fn signals_become_requests_and_the_process_lives_on() {
+        let unasked = Unasked { code: 75, by_term: false, command: "drapery run".to_owned() };
         for (number, signal) in HEARD {
             let requests = StopRequests::default();
+            // A run that has begun to step.
+            assert_eq!(requests.poll(SystemTime::now()), None);
             // Listeners of earlier rounds hear it as well.
-            listen(&requests).unwrap();
+            listen(&requests, &unasked).unwrap();
             signal_hook::low_level::raise(number).unwrap();
             let first = poll_until_new(&requests, None);
             assert_eq!(first, Some(Request::Stop(Reason::Signal(signal))));
@@ -73,6 +131,7 @@ mod tests {
                 if number == SIGTERM { (SIGINT, Signal::Interrupt) } else { (SIGTERM, Signal::Terminate) };
             signal_hook::low_level::raise(second).unwrap();
             let now = poll_until_new(&requests, first);
+            requests.finish();
             assert_eq!(now, Some(Request::StopAtOnce(Reason::Signal(as_signal))));
         }
     }

@@ -19,6 +19,7 @@ use crate::failure::Failure;
 use crate::log::{self, FolderLogs};
 use crate::progress::{Progress, duration};
 use crate::ranks::launcher;
+use crate::signals::Unasked;
 use crate::{Ended, plan, say, signals};
 
 /// Goes on from the last good state of a run that has given up.
@@ -107,7 +108,9 @@ fn run_shot(
     watcher: &mut Watcher<'_>,
 ) -> Result<RunReport, Failure> {
     // Before anything that takes long: a signal during the checks is a request, too.
-    signals::listen(watcher.requests)?;
+    let by_term = settings.on_term.value == OnTerm::Signal;
+    let unasked = Unasked { code: settings.resumable_exit_code.value, by_term, command: command(ranks.count()) };
+    signals::listen(watcher.requests, &unasked)?;
     let (shot, (threads, of_ranks)) = plan::prepare(&args.scene, around, ranks)?;
     let out = args.settings.out.clone().unwrap_or_else(|| plan::default_folder(&shot));
     let [first, last] = shot.frames();

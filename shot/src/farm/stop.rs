@@ -186,6 +186,20 @@ struct State {
     files: Option<ControlFiles>,
     slowest_checkpoint: f64,
     frames: VecDeque<f64>,
+    /// How often the frame loop has asked, and whether the run has ended.
+    polls: u64,
+    ended: bool,
+}
+
+/// What a signal is among those that came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SignalOrder {
+    /// The first one.
+    First,
+    /// Another one, or the same somewhat later.
+    Later,
+    /// The same once more, at the same time.
+    Repeated,
 }
 
 /// Whether to stop; asked from any thread at every state free of collisions, so it has to be quick.
@@ -219,13 +233,28 @@ struct ControlFiles {
 
 impl StopRequests {
     /// A signal came; it may be the second one.
-    pub fn signal(&self, signal: Signal, now: SystemTime) {
+    pub fn signal(&self, signal: Signal, now: SystemTime) -> SignalOrder {
         let mut state = self.state();
         match state.signal {
-            None => state.signal = Some((signal, now)),
-            Some((first, at)) if first == signal && now.duration_since(at).unwrap_or_default() < SAME_SIGNAL => {}
-            Some(_) => state.second = state.second.or(Some(signal)),
+            None => {
+                state.signal = Some((signal, now));
+                SignalOrder::First
+            }
+            Some((first, at)) if first == signal && now.duration_since(at).unwrap_or_default() < SAME_SIGNAL => {
+                SignalOrder::Repeated
+            }
+            Some(_) => {
+                state.second = state.second.or(Some(signal));
+                SignalOrder::Later
+            }
         }
+    }
+
+    /// How often the frame loop has asked for requests so far: after every step that leaves a state free of collisions, and at
+    /// frames. `None` once the run has ended.
+    pub fn polls(&self) -> Option<u64> {
+        let state = self.state();
+        (!state.ended).then_some(state.polls)
     }
 
     /// The run is to have ended at a point of time. Of several, the earliest counts.
@@ -290,6 +319,7 @@ impl StopRequests {
     /// What is asked for now. Signals come before deadlines, and those before files.
     pub fn poll(&self, now: SystemTime) -> Option<Request> {
         let mut state = self.state();
+        state.polls += 1;
         if let Some(second) = state.second {
             return Some(Request::StopAtOnce(Reason::Signal(second)));
         }
@@ -316,6 +346,7 @@ impl StopRequests {
 
     /// The run has ended: removes its request files.
     pub fn finish(&self) {
+        self.state().ended = true;
         if let Some(files) = self.state().files.take() {
             for name in [STOP, CHECKPOINT] {
                 // If it stays, the next start removes it.
