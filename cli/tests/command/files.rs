@@ -48,11 +48,11 @@ fn other_arguments_that_are_not_utf8_work_or_are_refused_by_name() {
 #[test]
 fn names_that_are_no_names_of_files_are_refused() {
     let [long, longest, control] = ["n".repeat(256), "n".repeat(236), "a\\nb".to_owned()];
-    for name in ["", ".", "..", "../../../evil", "/evil", r"..\\evil", &control, &long] {
+    for name in ["", ".", "..", "../../../evil", "/evil", r"..\\evil", &control, &long, "CON", "a:b", " ", "\u{202e}"] {
         let scene = SHEET.replacen("name = \"sheet\"", &format!("name = \"{name}\""), 1);
         refused(folder_with(&scene).path(), 78, &["scene.toml:5:", "cannot be the name of a shot"]);
     }
-    for name in ["..", "a/b", &control, &longest] {
+    for name in ["..", "a/b", &control, &longest, "CON", "a:b", " ", "\u{202e}"] {
         let scene = SHEET.replace("name = \"sheet\"\npanel", &format!("name = \"{name}\"\npanel"));
         refused(folder_with(&scene).path(), 78, &["garment", "it names files"]);
     }

@@ -9,6 +9,7 @@ mod body;
 pub(crate) mod described;
 mod garment;
 pub mod gather;
+pub mod names;
 pub(crate) mod origin;
 mod pin;
 mod seam;

@@ -15,6 +15,7 @@ use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::parallel::problems::{LISTED, agree};
 use crate::parallel::ranks::Ranks;
+use crate::scene::names;
 use crate::scene::origin::check_origin;
 use crate::scene::seam_pairs::Sewn;
 use crate::scene::vertex_maps::PaintedMaps;
@@ -232,11 +233,8 @@ fn check_names(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (kind, names) in kinds {
         let mut seen = BTreeSet::new();
         for name in names {
-            let usable = !name.is_empty()
-                && name.chars().all(|c| c.is_alphanumeric() || "_-.".contains(c))
-                && !name.starts_with('.');
-            if !usable {
-                let what = format!("{name:?} cannot be a name: it names files and objects");
+            if let Some(why) = names::why_unusable(name) {
+                let what = format!("{name:?} cannot be a name, for it names files and objects: {why}");
                 problems.push(Problem::scene(kind, what, "use letters, digits, _ and -"));
             }
             if name.len() > LONGEST_NAME {

@@ -93,7 +93,8 @@ impl EffectChoice {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Shot {
-    /// Name of the shot, and of the folder of its run; the name of the scene file if left out.
+    /// Name of the shot, and of the folder of its run: letters, digits, "_", "-", "." and blanks; the name of the scene file if
+    /// left out.
     pub(in crate::scene_file) name: String,
     /// Frames per second: "24", "24000/1001", "23.976" (which means 24000/1001), or a number.
     #[serde(default = "default_fps")]
