@@ -494,7 +494,7 @@ pub(in crate::scene_file) const BIND: Field = Field {
     default: settings::Default::Choice("auto", Bind::WORDS),
     range: (0.0, 0.0),
     help: "with `to = \"body:…\"`: how it is bound; a vertex that is farther from the body than three of its edges and ten \
-           thicknesses is warned of",
+           thicknesses, or than 5 cm, is warned of",
 };
 
 fn default_thickness() -> Quantity {
