@@ -7,6 +7,7 @@ mod exit_code;
 mod failure;
 mod log;
 mod memory;
+mod patience;
 mod plan;
 mod progress;
 mod ranks;
@@ -23,6 +24,7 @@ use crate::args::{Cli, Command};
 use crate::config::Environment;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
+use crate::patience::Patience;
 
 /// How the program ends.
 struct Ended {
@@ -121,6 +123,9 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
     // Read only where it matters: a broken site file is no reason not to see how a run is.
     let around = || Environment::find(cli.config.as_deref());
     let code = match &cli.command {
+    // A run has its own lines.
+    let prepares = matches!(cli.command, Command::Check(_) | Command::Plan(_));
+    let _patience = (prepares && !cli.log.quiet).then(Patience::start);
         Command::Run(args) => return commands::run::run(args, ranks, around(), cli.log.quiet, &logs),
         Command::Check(args) => commands::check::check(args, &around()?),
         Command::Plan(args) => commands::plan::plan(args, &around()?),

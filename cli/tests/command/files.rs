@@ -224,6 +224,25 @@ fn a_log_and_a_preset_replace_their_like_and_nothing_else() {
 
 #[test]
 fn a_run_does_not_wait_for_a_pipe_in_the_place_of_one_of_its_files() {
+#[test]
+fn a_log_goes_to_a_pipe_only_where_a_program_reads_it() {
+    let folder = folder_with(SHEET);
+    let pipe = folder.path().join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let arguments = ["check", "scene.toml", "--log-json", "pipe"];
+    let outcome = drapery(folder.path(), &arguments);
+    assert_eq!(outcome.code, Some(73), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("pipe: this is a pipe that no program reads"), "{}", outcome.stderr);
+    let reader = std::process::Command::new("cat").arg(&pipe).stdout(std::process::Stdio::null()).spawn().unwrap();
+    // `cat` waits in its opening of the pipe until somebody writes.
+    let codes = (0..200).map(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        drapery(folder.path(), &arguments).code
+    });
+    assert!(codes.into_iter().any(|code| code == Some(0)));
+    drop(reader.wait_with_output());
+}
+
     let folder = folder_with(&SHEET.replace("[\"abc\"]", "[\"abc\", \"h5\"]"));
     let arguments = ["run", "scene.toml", "--out", "out", "-q"];
     assert_eq!(drapery(folder.path(), &[&arguments[..], &["--frames", "1001-1002"]].concat()).code, Some(0));
