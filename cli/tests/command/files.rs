@@ -37,6 +37,8 @@ fn other_arguments_that_are_not_utf8_work_or_are_refused_by_name() {
     let setting = with_bytes(folder.path(), &["run", "scene.toml", "--set"], b"resolution=\xff");
     assert_eq!(setting.code, Some(2), "{}", setting.stderr);
     assert!(setting.stderr.contains(r"$'resolution=\377'"), "{}", setting.stderr);
+    let plan = with_bytes(folder.path(), &["plan", "scene.toml", "--out"], b"o\xff");
+    assert!(plan.stderr.contains("WARN a run would be refused") && plan.stderr.contains("--out"), "{}", plan.stderr);
     for arguments in [&["plan", "scene.toml", "--out"][..], &["check", "scene.toml", "--materials"][..]] {
         assert_eq!(with_bytes(folder.path(), arguments, b"o\xff").code, Some(0), "{arguments:?}");
     }
