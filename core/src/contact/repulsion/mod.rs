@@ -5,7 +5,7 @@
 //! that push others apart then pull it back: attraction.
 //!
 //! Every rank treats all pairs that it holds, and so its ghosts too, with the same operands and results as their
-//! owners. What the pairs of a colour that it does not hold do to its ghosts it is told after that colour (`borders`).
+//! owners. What the pairs of a colour that it does not hold do to its ghosts comes after that colour (`colour_halo`).
 
 use rayon::prelude::*;
 

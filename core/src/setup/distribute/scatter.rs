@@ -1,9 +1,9 @@
 //! Handing out a scene. Rank 0 has the description and reads each garment piece by piece; it never has a garment as a whole.
 //!
-//! What is read goes first to a *home*, an even share of the points and faces on each rank (`home`), where it is checked. Then
-//! the ranks find the order of the vertices together (`bisection`), each takes the rest positions of its own, and homes learn
-//! which number in the scene their points have. Faces are cut into triangles at home, what takes no part is left out there
-//! (`inert`), and the rest goes to the owners of the corners (`one_ring`); what else belongs to a vertex is asked for by whoever has
+//! What is read goes first to *blocks*, an even one of the points and faces on each rank (`even_blocks`), where it is checked. Then
+//! the ranks find the order of the vertices together (`bisection`), each takes the rest positions of its own, and blocks receive
+//! the numbers in the scene of their points. Faces are cut into triangles there, what takes no part is left out
+//! (`degenerate`), and the rest goes to the owners of the corners (`one_ring`); what else belongs to a vertex is asked for by whoever has
 //! it.
 
 use std::ops::Range;
