@@ -135,7 +135,7 @@ const CRATES: [(&str, &[&str]); 12] = [
     ("cli", &["drapery_core", "drapery_io", "drapery_shot", "drapery_analysis", "drapery_mpi", "drapery_selftest"]),
     ("cli/selftest", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
     ("plugins/capi", &["drapery_core", "drapery_io", "drapery_shot"]),
-    ("sample_assets", &["drapery_alembic"]),
+    ("sample_assets", &["drapery_core", "drapery_alembic"]),
     (
         "tests",
         &[
