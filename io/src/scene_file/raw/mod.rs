@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 use crate::units::{LengthUnit, UpAxis};
 
 pub(in crate::scene_file) use garment::{
-    Axis, BIND, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, Leaves, Panel, PanelShape, Pin, Region, RenderMesh,
-    Tube,
+    Axis, BIND, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, LARGEST_LEAF, Leaves, MAX_RESOLUTION, Panel,
+    PanelShape, Pin, Region, RenderMesh, Tube,
 };
 pub(in crate::scene_file) use seam::{PAIRING, Pairing, Seam, SeamSide};
 pub(in crate::scene_file) use values::{BodyPath, Origin, Quantity, Rotation};
