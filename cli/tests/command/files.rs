@@ -225,8 +225,6 @@ fn a_log_and_a_preset_replace_their_like_and_nothing_else() {
 }
 
 #[test]
-fn a_run_does_not_wait_for_a_pipe_in_the_place_of_one_of_its_files() {
-#[test]
 fn a_log_goes_to_a_pipe_only_where_a_program_reads_it() {
     let folder = folder_with(SHEET);
     let pipe = folder.path().join("pipe");
@@ -245,6 +243,8 @@ fn a_log_goes_to_a_pipe_only_where_a_program_reads_it() {
     drop(reader.wait_with_output());
 }
 
+#[test]
+fn a_run_does_not_wait_for_a_pipe_in_the_place_of_one_of_its_files() {
     let folder = folder_with(&SHEET.replace("[\"abc\"]", "[\"abc\", \"h5\"]"));
     let arguments = ["run", "scene.toml", "--out", "out", "-q"];
     assert_eq!(drapery(folder.path(), &[&arguments[..], &["--frames", "1001-1002"]].concat()).code, Some(0));

@@ -198,8 +198,8 @@ impl Resolver<'_> {
     pub(super) fn quantity(&mut self, path: &Path, quantity: &Quantity, dimension: Dimension) -> Option<f64> {
         let value = self.check(path, quantity.si(dimension))?;
         let in_range = ranges::at(path).map_or(Ok(()), |range| range.check(value));
-        let told = |what| format!("`{}` [{}]: {what}", dotted(path), dimension.si_unit());
-        self.check(path, in_range.map_err(told))?;
+        let at_key = |what| format!("`{}` [{}]: {what}", dotted(path), dimension.si_unit());
+        self.check(path, in_range.map_err(at_key))?;
         Some(value)
     }
 

@@ -170,7 +170,7 @@ pub(super) fn set_aside_after(
     let has_more = earlier.last_complete_frame() > delivered;
     if has_more {
         stale::set_aside(&files_of_run(folder, &planned_outputs(shot, folder)), &stale)?;
-        earlier.take_back(folder, delivered)?;
+        earlier.withdraw(folder, delivered)?;
     }
     let (frame, sub_step) = match found {
         Some(found) => (found.checkpoint.head.frame, found.checkpoint.head.sub_step),
