@@ -185,9 +185,9 @@ fn work_goes_on_during_an_exchange(comm: &dyn Communicator) {
         assert_eq!(largest, [(ranks - 1) as f64]);
         assert_eq!(comm.all_gather(&[own as u8; 2], &vec![2; ranks]).len(), 2 * ranks);
         assert_eq!(comm.gather(vec![7; own]).len(), if own == 0 { ranks } else { 0 });
-        let mut told = vec![own as u8; 3];
-        comm.broadcast(&mut told);
-        assert_eq!(told, [0; 3]);
+        let mut received = vec![own as u8; 3];
+        comm.broadcast(&mut received);
+        assert_eq!(received, [0; 3]);
         let received = underway.finish();
         let expected = if ranks > 1 { vec![letter(previous, own, 1, 200_000)] } else { vec![] };
         assert!(received == expected, "the exchange that was underway");

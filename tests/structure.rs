@@ -9,6 +9,9 @@ use crate::source_text::code_only;
 /// The path of a module below its crate; empty for the crate itself.
 pub type Module = Vec<String>;
 
+/// How often what is imported may have been handed on from a module to the one around it.
+const HANDED_ON: usize = 4;
+
 /// A crate's modules without those of tests, and what each imports.
 pub struct Modules {
     /// Code of each, without comments, texts and tests.
@@ -33,27 +36,52 @@ impl Modules {
         self.code.keys()
     }
 
-    /// What each module imports of others of the crate, by `use` or by a path in its code.
+    /// What each module imports of others of the crate, by `use` or by a path in its code: from `crate`, `super` or `self`, or of a
+    /// module inside it by its name alone. What a module only hands on counts as imported from where it is.
     pub fn imports(&self) -> BTreeMap<Module, BTreeSet<Module>> {
-        let of_module = |(module, code): (&Module, &String)| {
-            let paths = paths(code).into_iter().filter_map(|path| self.target(module, &path));
-            (module.clone(), paths.filter(|target| target != module && !target.is_empty()).collect())
+        let written: BTreeMap<&Module, Vec<Vec<String>>> =
+            self.code.iter().map(|(module, code)| (module, paths(code, &self.inner(module)))).collect();
+        let of_module = |module: &Module| {
+            let targets = written[module].iter().filter_map(|path| self.source(module, path, &written, HANDED_ON));
+            (module.clone(), targets.filter(|target| target != module && !target.is_empty()).collect())
         };
-        self.code.iter().map(of_module).collect()
+        self.code.keys().map(of_module).collect()
     }
 
-    /// Modules that import each other in a circle, each circle once. A module and those inside it count as one, unless it is one
-    /// of the `rooms`, which only hold others.
-    pub fn circles(&self, is_room: impl Fn(&Module) -> bool) -> Vec<BTreeSet<Module>> {
-        let unit = |module: &Module| {
-            let outer = (1..module.len()).map(|n| &module[..n]).find(|outer| !is_room(&outer.to_vec()));
-            outer.map_or_else(|| module.clone(), <[String]>::to_vec)
-        };
+    /// Names of the modules right inside one.
+    fn inner(&self, module: &Module) -> Vec<String> {
+        let is_inside = |other: &&Module| other.len() == module.len() + 1 && other.starts_with(module);
+        self.code.keys().filter(is_inside).filter_map(|other| other.last().cloned()).collect()
+    }
+
+    /// The module that has what a path leads to, also where others hand it on, at most so many.
+    fn source(
+        &self,
+        module: &Module,
+        path: &[String],
+        written: &BTreeMap<&Module, Vec<Vec<String>>>,
+        others: usize,
+    ) -> Option<Module> {
+        let (target, rest) = self.target(module, path)?;
+        let Some(item) = rest.first().filter(|_| others > 0 && target != *module) else { return Some(target) };
+        // By a `use` of the same name, of a module inside.
+        let inner = self.inner(&target);
+        let hands_on = |path: &&Vec<String>| path.last() == Some(item) && inner.contains(&path[0]) && path.len() > 1;
+        match written[&target].iter().find(hands_on) {
+            Some(path) => self.source(&target, path, written, others - 1),
+            None => Some(target),
+        }
+    }
+
+    /// Modules that import each other in a circle, each circle once. Each file counts by itself; but between the file of a module and
+    /// those of modules inside it there is no circle, whatever they import of each other: to Rust they are one module, which the
+    /// file lists and opens.
+    pub fn circles(&self) -> Vec<BTreeSet<Module>> {
         let mut graph: BTreeMap<Module, BTreeSet<Module>> = BTreeMap::new();
-        for (module, targets) in self.imports() {
-            let from = unit(&module);
-            let targets = targets.iter().map(unit).filter(|to| *to != from);
-            graph.entry(from.clone()).or_default().extend(targets);
+        for (from, targets) in self.imports() {
+            let is_one = |to: &Module| to.starts_with(&from) || from.starts_with(to);
+            let others = targets.into_iter().filter(|to| !is_one(to)).collect();
+            graph.insert(from, others);
         }
         let reached: BTreeMap<&Module, BTreeSet<&Module>> =
             graph.keys().map(|from| (from, reach(&graph, from))).collect();
@@ -65,14 +93,15 @@ impl Modules {
         circles.into_iter().filter(|circle| circle.len() > 1).collect()
     }
 
-    /// The module that a path written in `module` leads to; `None` if it leads out of the crate.
-    fn target(&self, module: &Module, path: &[String]) -> Option<Module> {
+    /// The module that a path written in `module` leads to, and what is left of the path there; `None` if it leads out of the crate.
+    fn target(&self, module: &Module, path: &[String]) -> Option<(Module, Vec<String>)> {
         let mut base = module.clone();
         let mut rest = path;
         match rest.first()?.as_str() {
             "crate" => (base, rest) = (Vec::new(), &rest[1..]),
             "self" => rest = &rest[1..],
             "super" => {}
+            name if self.inner(module).iter().any(|inner| inner == name) => {}
             _ => return None,
         }
         while rest.first().is_some_and(|segment| segment == "super") {
@@ -80,7 +109,8 @@ impl Modules {
             rest = &rest[1..];
         }
         base.extend(rest.iter().cloned());
-        (0..=base.len()).rev().map(|n| base[..n].to_vec()).find(|module| self.code.contains_key(module))
+        let n = (0..=base.len()).rev().find(|n| self.code.contains_key(&base[..*n]))?;
+        Some((base[..n].to_vec(), base[n..].to_vec()))
     }
 }
 
@@ -132,10 +162,11 @@ fn without_test_modules(code: &str) -> String {
     out
 }
 
-/// All paths in code that begin with `crate`, `super` or `self`, those of a `use` with braces each by itself.
-fn paths(code: &str) -> Vec<Vec<String>> {
+/// All paths in code that begin with `crate`, `super`, `self` or the name of one of the `inner` modules, those of a `use` with braces
+/// each by itself.
+fn paths(code: &str, inner: &[String]) -> Vec<Vec<String>> {
     let mut found = Vec::new();
-    for head in ["crate", "super", "self"] {
+    for head in ["crate", "super", "self"].into_iter().chain(inner.iter().map(String::as_str)) {
         for (at, _) in code.match_indices(&format!("{head}::")) {
             let before = code[..at].chars().next_back();
             if before.is_some_and(|c| c.is_alphanumeric() || "_:$".contains(c)) {
@@ -208,10 +239,15 @@ mod tests {
             ("c::inner", "use super::Y;"),
             ("d", ""),
             ("e", "impl $crate::b::X {}"),
+            ("f", "use inner::{V, W};\nuse other::inner::U;"),
+            ("f::inner", "pub struct V;"),
         ]);
         let imports = all.imports();
         let of = |path: &str| imports[&module(path)].iter().map(|m| m.join("::")).collect::<Vec<_>>().join(" ");
-        assert_eq!(["a", "b", "c", "c::inner", "d", "e"].map(of), ["b c d", "", "c::inner", "c", "", ""]);
+        assert_eq!(
+            ["a", "b", "c", "c::inner", "d", "e", "f"].map(of),
+            ["b c d", "", "c::inner", "c", "", "", "f::inner"]
+        );
         assert_eq!(all.own_lines(&module("a")), 2);
     }
 
@@ -225,7 +261,23 @@ mod tests {
             ("c", "use crate::a::A;"),
             ("d", "use crate::a::A;"),
         ]);
-        let circles = all.circles(|m| *m == module("room"));
+        let circles = all.circles();
         assert_eq!(circles, [["a", "c", "room::b"].map(module).into_iter().collect::<BTreeSet<_>>()]);
+    }
+
+    #[test]
+    fn a_room_and_what_is_inside_are_one_and_those_inside_are_not_hidden_by_it() {
+        let all = modules(&[
+            ("room", "mod a;\nmod b;\nmod c;\npub use a::A;\nuse b::B;\nfn f() -> c::C {}"),
+            ("room::a", "use super::B;"),
+            ("room::b", "use super::c::C;\nuse super::f;"),
+            ("room::c", "use crate::room::A;"),
+        ]);
+        let imports = all.imports();
+        assert_eq!(imports[&module("room::c")], BTreeSet::from([module("room::a")]), "`room` only hands it on");
+        let circles = all.circles();
+        assert_eq!(circles, [["room::a", "room::b", "room::c"].map(module).into_iter().collect::<BTreeSet<_>>()]);
+        let with_parent = modules(&[("room", "use a::A;"), ("room::a", "use super::R;")]);
+        assert!(with_parent.circles().is_empty());
     }
 }

@@ -114,7 +114,7 @@ fn meshes_of_several_files_are_judged_together_where_their_parents_put_them() {
         if crosses {
             assert!(found.failures[0].starts_with("floor.abc: /floor/shape and spike.abc: /spike/shape cross in "));
         }
-        // The same mesh as a body is told about, not judged.
+        // The same mesh as a body is reported, not judged.
         let found = verify(&[&moving], Some(&still)).unwrap();
         assert!(found.failures.is_empty());
         assert_eq!(found.warnings.iter().any(|text| text.contains("and the body cross in")), crosses);

@@ -126,7 +126,7 @@ fn caches_far_from_the_origin_hold_the_motion_at_the_origin_within_a_micrometre(
             assert_eq!(abc.positions(0, sample).unwrap(), h5.positions(0, sample).unwrap());
             assert_eq!(abc.stored_positions(0, sample).unwrap(), h5.stored_positions(0, sample).unwrap());
         }
-        // The place is told in whole metres: these are centimetres, Z up.
+        // The place is given in whole metres: these are centimetres, Z up.
         assert_eq!(h5.stored_positions(0, 0).unwrap().unwrap().origin, [1e7, -2e6, -3e6]);
     }
     let [upper, lower] = ["upper.abc", "lower.abc"].map(|name| there.join(name));

@@ -263,7 +263,7 @@ pub(crate) struct VerifyArgs {
     /// caches
     #[arg(long, value_name = "DIR")]
     pub(crate) record: Option<PathBuf>,
-    /// Also count where the caches cross this mesh, in their own unit; a body is told about, not judged
+    /// Also count where the caches cross this mesh, in their own unit; a body is reported, not judged
     #[arg(long, value_name = "FILE")]
     pub(crate) body: Option<PathBuf>,
 }
@@ -376,7 +376,7 @@ pub(crate) struct StudyArgs {
     /// Copies with shifted positions that tell how far trajectories can be predicted
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(crate) copies: u32,
-    /// Runs of every setting whose time is told, the first one included
+    /// Runs of every setting whose time is given, the first one included
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) repeats: u32,
     /// Folder of the study [default: out/<scene>_study]

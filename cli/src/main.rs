@@ -7,6 +7,7 @@ mod exit_code;
 mod failure;
 mod log;
 mod memory;
+mod patience;
 mod plan;
 mod progress;
 mod ranks;
@@ -23,6 +24,7 @@ use crate::args::{Cli, Command};
 use crate::config::Environment;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
+use crate::patience::Patience;
 
 /// How the program ends.
 struct Ended {
@@ -81,7 +83,7 @@ fn main() -> std::process::ExitCode {
     ended.code.into()
 }
 
-/// Lets panics pass that are the answer of a reader to a damaged file: the error that comes of them is told.
+/// Lets panics pass that are the answer of a reader to a damaged file: the error that comes of them is reported.
 fn pass_answers() {
     let tells = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
@@ -108,7 +110,8 @@ fn explain(message: &clap::Error) {
 fn printed(ended: Ended) -> Ended {
     let done = [ExitCode::Done, ExitCode::Differences].map(|code| code as u8);
     match say::loss() {
-        Some(failure) if done.contains(&ended.code) => {
+        Some(text) if done.contains(&ended.code) => {
+            let failure = Failure::new(ExitCode::Io, text);
             failure.report();
             failure.code.into()
         }
@@ -120,6 +123,9 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
     let logs = log::start(&cli.log)?;
     // Read only where it matters: a broken site file is no reason not to see how a run is.
     let around = || Environment::find(cli.config.as_deref());
+    // A run has its own lines.
+    let prepares = matches!(cli.command, Command::Check(_) | Command::Plan(_));
+    let _patience = (prepares && !cli.log.quiet).then(Patience::start);
     let code = match &cli.command {
         Command::Run(args) => return commands::run::run(args, ranks, around(), cli.log.quiet, &logs),
         Command::Check(args) => commands::check::check(args, &around()?),

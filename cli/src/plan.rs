@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use drapery_analysis::study::preset;
+use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_io::scene_file;
 use drapery_shot::Shot;
@@ -12,6 +13,7 @@ use serde_json::{Value, json};
 use crate::args::{FrameRange, SceneArgs};
 use crate::config::{Environment, Resolved};
 use crate::failure::Failure;
+use crate::patience;
 use crate::ranks;
 
 /// Numbers of threads: of rank 0, and who said so; of every rank.
@@ -36,7 +38,11 @@ pub(crate) fn warnings_json(shot: &Shot) -> Value {
 /// The shot alone, where threads run already.
 pub(crate) fn shot(args: &SceneArgs, around: &Environment, ranks: &Ranks) -> Result<Shot, Failure> {
     let search = around.search(&args.materials).value;
+    patience::at(format!("{}: reading the scene and its meshes", args.scene.display()));
     let description = scene_file::load_with(&args.scene, &settings(args)?, &search)?.resolve_on(ranks.count())?;
+    let points: usize = description.garments.iter().map(MeshStream::point_count).sum();
+    let (scene, garments) = (args.scene.display(), description.garments.len());
+    patience::at(format!("{scene}: building and checking {garments} garments of {points} points in all"));
     let frames = args.frames.map(|FrameRange { first, last }| [first, last]);
     Ok(Shot::prepare_on(ranks, description, frames)?)
 }

@@ -5,14 +5,11 @@ use std::io::{ErrorKind, Write};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::exit_code::ExitCode;
-use crate::failure::Failure;
-
 /// Why standard output could not be written for the first time. A reader that has gone away (`drapery run … | head`) is no reason.
 static LOST: OnceLock<String> = OnceLock::new();
 
-/// Whether the loss was told.
-static TOLD: AtomicBool = AtomicBool::new(false);
+/// Whether the loss was reported.
+static REPORTED: AtomicBool = AtomicBool::new(false);
 
 /// A line on standard output.
 pub(crate) fn line(text: impl Display) {
@@ -41,21 +38,20 @@ pub(crate) fn note_loss(printed: std::io::Result<()>) {
 /// Tells, once, that output is lost: in the middle of what takes long, so that somebody can look after it.
 pub(crate) fn warn_of_loss() {
     if let Some(error) = LOST.get()
-        && !TOLD.swap(true, Ordering::Relaxed)
+        && !REPORTED.swap(true, Ordering::Relaxed)
     {
         tracing::warn!("standard output could not be written: {error}; the work goes on without it");
     }
 }
 
-/// The failure as which a command ends that has done everything but print all of it.
-pub(crate) fn loss() -> Option<Failure> {
+/// Says why a command fails that has done everything but print all of it; an error of reading or writing.
+pub(crate) fn loss() -> Option<String> {
     note_loss(std::io::stdout().flush());
     let error = LOST.get()?;
-    let text = format!(
+    Some(format!(
         "standard output could not be written: {error}\n  \
          help: make room where it goes, or send it elsewhere; what the command writes into files is complete"
-    );
-    Some(Failure::new(ExitCode::Io, text))
+    ))
 }
 
 #[cfg(test)]

@@ -24,33 +24,52 @@
 //! assert!(summary.steps >= 1);
 //! ```
 //!
-//! Read the modules in this order: `scene` (what is simulated), `step` (one time step, line by line as in the paper),
-//! `simulation` (the loop around it), then what the step calls.
+//! The modules stand in the order in which to read them: what is simulated, the two listings, what they call, and what all that
+//! stands on. What may import what is in `docs/architecture.md`.
+
+// What is simulated: plain data, and how it becomes a checked scene on its ranks.
+pub mod scene;
+pub mod setup;
+
+// One time step, line by line as in the paper, and the loop around it.
+pub mod step;
+
+pub mod simulation;
+
+// What a step calls.
+pub mod time_step;
+
+pub mod solve;
+
+pub mod effects;
+pub mod pins;
+
+pub mod contact;
+
+// What it works on.
+pub mod state;
 
 pub mod block_matrix;
-pub mod clock;
-pub mod contact;
-pub mod effects;
 pub(crate) mod elements;
-pub mod error;
-pub mod geometry;
-pub mod mesh;
-pub mod metrics;
-pub mod observe;
-pub mod parallel;
-pub mod pins;
-pub mod scene;
-pub mod settings;
-pub mod setup;
-pub mod simulation;
-pub mod snapshot;
-pub mod solve;
-pub mod state;
-pub mod step;
-pub mod time_step;
-pub mod tolerances;
 pub mod volumes;
 pub mod wind_grid;
+
+pub mod snapshot;
+
+pub mod observe;
+
+// What all stands on.
+pub mod parallel;
+
+pub mod geometry;
+pub mod mesh;
+
+pub mod metrics;
+pub mod settings;
+
+pub mod clock;
+pub mod error;
+pub mod tolerances;
 
 /// A point, displacement, velocity or force; the unit is said where it is used.
 pub type Vec3 = nalgebra::Vector3<f64>;

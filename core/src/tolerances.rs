@@ -76,6 +76,10 @@ pub const STRETCHED_BETWEEN_PINS: f64 = 0.3;
 pub const FAR_BOUND_EDGES: f64 = 3.0;
 /// See [`FAR_BOUND_EDGES`].
 pub const FAR_BOUND_THICKNESSES: f64 = 10.0;
+/// Distance above which a pinned vertex is far from a body however coarse and thick the cloth is [m]: a loose sleeve is modelled some
+/// centimetres off the arm, and no hem that a pin is to hold. Guarded by
+/// `vertices_bound_far_from_a_body_are_named_however_long_their_edges_are`.
+pub const FAR_BOUND: f64 = 0.05;
 
 /// By how much a step that is a whole part of a frame may be longer, so that rounding leaves no sliver of the frame for one more
 /// step. Guarded by `a_square_that_falls_from_two_corners_converges_with_second_order_from_four_steps_a_frame_on`.

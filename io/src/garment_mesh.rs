@@ -177,7 +177,7 @@ pub fn triangles_of(data: &MeshData) -> Vec<[u32; 3]> {
 }
 
 /// The triangles that are simulated, where they are not just the faces.
-pub(crate) fn told(data: &MeshData) -> Option<Vec<[u32; 3]>> {
+pub(crate) fn triangles_to_store(data: &MeshData) -> Option<Vec<[u32; 3]>> {
     let (mesh, triangles) = (&data.mesh, triangles_of(data));
     let are_faces = mesh.face_counts.len() == triangles.len() && mesh.face_counts.iter().all(|count| *count == 3);
     (!are_faces).then_some(triangles)

@@ -6,6 +6,8 @@ use std::io::{BufRead, Read};
 use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
+use rustix::fs::{Mode, OFlags};
+
 use crate::error::IoError;
 
 /// Longest file that is read as a whole [bytes]: far more than any scene, map or record has.
@@ -37,6 +39,14 @@ pub fn open(path: &Path) -> Result<File, IoError> {
     // Before it is opened: to open a pipe waits for a writer, and to open a device may do something to it.
     check(path)?;
     File::open(path).map_err(|error| IoError::reading(path, error))
+}
+
+/// Whether a file is a pipe that no program reads, so that to open it for writing would wait for one.
+pub fn is_pipe_without_reader(path: &Path) -> bool {
+    // To open a pipe so fails at once where nobody reads.
+    let flags = OFlags::WRONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let is_pipe = fs::metadata(path).is_ok_and(|about| about.file_type().is_fifo());
+    is_pipe && rustix::fs::open(path, flags, Mode::empty()).is_err()
 }
 
 /// Makes sure that the HDF5 library can open a file: it takes names in UTF-8 alone, and would wait for a pipe.

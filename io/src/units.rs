@@ -121,6 +121,10 @@ impl Units {
     }
 }
 
+drapery_core::codec! { enum LengthUnit { 0 => Metre, 1 => Centimetre, 2 => Millimetre, 3 => Inch, 4 => Foot } }
+drapery_core::codec! { enum UpAxis { 0 => Y, 1 => Z } }
+drapery_core::codec! { struct Units { length, up } }
+
 /// Unit of length and up axis of an input file, whose unit may be any length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InputUnits {

@@ -213,11 +213,11 @@ fn samples_between_frames_are_kept_where_the_format_holds_them_and_else_named() 
             assert_eq!(samples_of(&a), samples_of(&b), "{from} to {to}");
         }
         let b = folder.path().join("other.h5");
-        let told = converted(&path, &b).left_out;
-        assert_eq!(told.len(), 1);
+        let notes = converted(&path, &b).left_out;
+        assert_eq!(notes.len(), 1);
         let expected =
             "/garments/skirt/skirtShape: 6 samples between frames are left out: the format holds whole frames";
-        assert_eq!(told[0], expected);
+        assert_eq!(notes[0], expected);
         assert_eq!(samples_of(&CacheFrames::open(&b).unwrap()), samples_of(&a)[..4]);
     }
 }

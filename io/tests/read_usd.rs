@@ -237,11 +237,11 @@ fn a_mesh_that_cannot_be_chosen_says_why_and_which_can() {
     let source = MeshSource::open(&path, Some("/a"), Units::SI).unwrap();
     assert!(source.notes()[0].contains("no.usda"), "{:?}", source.notes());
     fs::write(folder.path().join("no.usda"), "#usda 1.0\n(\n defaultPrim = \"x\"\n)\ndef \"x\" {}").unwrap();
-    for (pattern, told) in
+    for (pattern, message) in
         [("/guide", "the mesh /guide is not rendered: its purpose is guide"), ("/b*", "no mesh has a path like /b*")]
     {
         let text = error(Some(pattern)).to_string();
-        assert!(text.contains(told) && text.contains("its meshes are /a"), "{text}");
+        assert!(text.contains(message) && text.contains("its meshes are /a"), "{text}");
     }
 }
 

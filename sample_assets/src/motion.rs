@@ -4,6 +4,7 @@
 //! All curves have a continuous second derivative: periodic cubic splines, mixed by quintic weights. The height of the
 //! pelvis keeps the lowest sole at the floor, and its path keeps the supporting foot in place.
 
+use drapery_core::geometry::random::SplitMix64;
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion};
 
 use crate::anatomy::sole;
@@ -191,12 +192,12 @@ pub struct Motion {
 impl Motion {
     /// The motion from 0 to `duration` \[s\]. Each `seed` dances with other amplitudes (within 8 percent).
     pub fn new(duration: f64, seed: u64) -> Motion {
-        let mut random = SplitMix(seed);
+        let mut random = SplitMix64::new(seed);
         let walk = walk_curves();
         let dance = DANCE
             .iter()
             .map(|(channel, degrees)| {
-                let gain = if seed == 0 { 1.0 } else { 1.0 + 0.08 * (2.0 * random.next_unit() - 1.0) };
+                let gain = if seed == 0 { 1.0 } else { 1.0 + 0.08 * (2.0 * random.unit() - 1.0) };
                 (*channel, PeriodicSpline::through(&degrees.map(|angle| gain * angle)))
             })
             .collect();
@@ -309,20 +310,6 @@ fn soft_lowest(points: &[Vec3; 6]) -> f64 {
 fn quintic(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (t * (6.0 * t - 15.0) + 10.0)
-}
-
-/// Small generator of seeded numbers (SplitMix64, Steele, Lea, Flood 2014).
-struct SplitMix(u64);
-
-impl SplitMix {
-    /// The next number of 0..1.
-    fn next_unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
 }
 
 /// A channel of either leg, and its angle \[degrees\] at every tenth of a cycle from heel strike.

@@ -16,7 +16,7 @@ use drapery_io::mesh_data::Connectivity;
 use drapery_io::units::guess_problem;
 
 use poses::Poses;
-pub(crate) use poses::path_told;
+pub(crate) use poses::path_warning;
 
 /// A step between samples this many times longer than usual is a hole.
 const HOLE: f64 = 1.5;
@@ -271,7 +271,7 @@ fn check_samples(
             ));
         }
     }
-    warnings.extend(poses.told());
+    warnings.extend(poses.warnings());
     Ok(())
 }
 

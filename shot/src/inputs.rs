@@ -8,7 +8,7 @@ use drapery_io::error::IoError;
 use drapery_io::input_motion::{InputMotion, Preroll};
 use drapery_io::wind_file::WindFile;
 
-use crate::check::{BodySurface, Span, check_faces, check_motion, check_size, path_told};
+use crate::check::{BodySurface, Span, check_faces, check_motion, check_size, path_warning};
 use crate::error::ShotError;
 use crate::remote_simulation::RemoteSimulation;
 
@@ -54,12 +54,12 @@ impl Inputs {
                 problems.extend(check_size(motion, span, warnings));
                 problems.extend(check_faces(motion, span, triangles, warnings));
             } else {
-                warnings.extend(path_told(&format!("body \"{}\"", body.name), &body.motion.path));
+                warnings.extend(path_warning(&format!("body \"{}\"", body.name), &body.motion.path));
             }
         }
         for (number, pin) in scene.pins.iter().enumerate() {
             if let (PinTarget::Path { offsets, .. }, Some(garment)) = (&pin.target, scene.garments.get(pin.garment)) {
-                warnings.extend(path_told(&format!("garment \"{}\", pin {number}", garment.name), offsets));
+                warnings.extend(path_warning(&format!("garment \"{}\", pin {number}", garment.name), offsets));
             }
         }
         for track in &self.tracks {

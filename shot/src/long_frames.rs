@@ -55,7 +55,7 @@ fn advice(because: &str) -> String {
 pub(super) struct Watch {
     /// Collision-free states after which it is given up.
     allowed: u64,
-    told: Instant,
+    last_report: Instant,
 }
 
 impl Watch {
@@ -63,19 +63,19 @@ impl Watch {
     pub(super) fn start(simulation: &Simulation, states: u64) -> Self {
         let most = (EXCESS * simulation.planned_steps().steps).max(LEAST);
         // Below 10^10, by what is refused before.
-        Self { allowed: states.saturating_add(most as u64), told: Instant::now() }
+        Self { allowed: states.saturating_add(most as u64), last_report: Instant::now() }
     }
 
     /// Whether there is something to say or to decide after so many states.
     pub(super) fn is_due(&self, states: u64) -> bool {
-        states >= self.allowed || self.told.elapsed() > SILENCE
+        states >= self.allowed || self.last_report.elapsed() > SILENCE
     }
 
     /// Whether the time has come to say how far the frame is; it then has been said.
     pub(super) fn tells(&mut self) -> bool {
-        let due = self.told.elapsed() > SILENCE;
+        let due = self.last_report.elapsed() > SILENCE;
         if due {
-            self.told = Instant::now();
+            self.last_report = Instant::now();
         }
         due
     }

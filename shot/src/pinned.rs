@@ -36,17 +36,17 @@ impl Shot {
     }
 }
 
-/// Growth of the strain between pins since it was told last that is worth telling again.
+/// Growth of the strain between pins since it was reported last that is worth reporting again.
 const MUCH_WORSE: f64 = 1.5;
 
 /// Says of a frame of a run where pins tear the cloth between them apart: for the first time, and where it has become much worse
-/// than was `told`.
-pub(super) fn news(told: &mut f64, frame: &FrameRow) -> Option<String> {
+/// than was `reported`.
+pub(super) fn news(reported: &mut f64, frame: &FrameRow) -> Option<String> {
     let StrainRow { garment, vertices, strain } = frame.strain_between_pins.as_ref()?;
     let &[a, b] = vertices.as_slice() else { return None };
-    let is_news = *strain > STRETCHED_BETWEEN_PINS.max(MUCH_WORSE * *told);
+    let is_news = *strain > STRETCHED_BETWEEN_PINS.max(MUCH_WORSE * *reported);
     is_news.then(|| {
-        *told = *strain;
+        *reported = *strain;
         torn_between_pins(frame.frame, garment, [a, b], *strain)
     })
 }

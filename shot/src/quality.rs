@@ -40,7 +40,7 @@ pub fn first_rise(limit: &Exceeded) -> String {
     format!("frame {first_frame}: {name} is {total} and should stay zero: {meaning}")
 }
 
-/// Adds the counts of a frame, told by name; returns those that rise in it for the first time, in the order of [`LIMITS`].
+/// Adds the counts of a frame, given by name; returns those that rise in it for the first time, in the order of [`LIMITS`].
 pub fn watch(exceeded: &mut Vec<Exceeded>, frame: i64, counted: impl Fn(&str) -> u64) -> Vec<Exceeded> {
     let mut risen = Vec::new();
     for &(name, meaning) in LIMITS {
@@ -65,7 +65,7 @@ mod tests {
         for (frame, crossings, other) in [(1001, 0, 5), (1002, 3, 5), (1003, 0, 5), (1004, 4, 5)] {
             let counted = |name: &str| if name == "crossings" { crossings } else { other * u64::from(name == "zones") };
             let risen = watch(&mut exceeded, frame, counted);
-            assert_eq!(!risen.is_empty(), frame == 1002, "what has risen is told once");
+            assert_eq!(!risen.is_empty(), frame == 1002, "what has risen is reported once");
         }
         let (name, meaning) = LIMITS[0];
         assert_eq!(exceeded, [Exceeded { name, meaning, total: 7, first_frame: 1002 }]);

@@ -14,13 +14,12 @@ use drapery_core::simulation::{Advance, FrameInput, FrameSummary, RestoreError, 
 use drapery_core::snapshot::{SnapshotSink, SnapshotSource};
 use drapery_io::error::IoError;
 use drapery_io::units::Units;
-use serde::{Deserialize, Serialize};
 
 use crate::error::ShotError;
 use crate::farm::stop::{Request, StopRequests};
 
 /// What all ranks do next.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 enum Command {
     /// Start threads: so many, or as each rank finds right.
     Threads { count: Option<usize> },
@@ -52,16 +51,34 @@ enum Command {
     End { code: u8 },
 }
 
+drapery_core::codec! { enum Command {
+    0 => Threads { count },
+    1 => Scene,
+    2 => Input,
+    3 => Start,
+    4 => Restore,
+    5 => Observe { tracepoints, steps },
+    6 => Advance,
+    7 => Agree,
+    8 => Stored { garment, velocities, units },
+    9 => Field { garment, velocities },
+    10 => Crossings { units },
+    11 => State,
+    12 => Save,
+    13 => End { code },
+} }
+
+/// Name of the message that a command is.
+const COMMAND: &str = "command of rank 0";
+
 fn announce(ranks: &Ranks, command: Command) {
     if !ranks.is_alone() {
-        ranks.broadcast(&mut to_bytes(&command));
+        ranks.broadcast_encoded(COMMAND, Some(command));
     }
 }
 
 fn receive(ranks: &Ranks) -> Command {
-    let mut bytes = Vec::new();
-    ranks.broadcast(&mut bytes);
-    from_bytes(ranks, "command of rank 0", &bytes)
+    ranks.broadcast_encoded(COMMAND, None)
 }
 
 /// A simulation on all ranks, as rank 0 has it.
@@ -196,45 +213,37 @@ pub fn start_threads(
     start: &dyn Fn(Option<usize>) -> Result<usize, String>,
 ) -> Result<Vec<usize>, String> {
     announce(ranks, Command::Threads { count });
-    let all = ranks.gather(&to_bytes(&start(count)));
-    let of_rank = |(rank, bytes): (usize, &Vec<u8>)| {
-        let told: Result<usize, String> = from_bytes(ranks, "number of threads", bytes);
-        told.map_err(|error| if rank == 0 { error } else { format!("rank {rank}: {error}") })
+    let all = ranks.gather_encoded(THREADS, &start(count));
+    let of_rank = |(rank, started): (usize, Result<usize, String>)| {
+        started.map_err(|error| if rank == 0 { error } else { format!("rank {rank}: {error}") })
     };
-    all.iter().enumerate().map(of_rank).collect()
+    all.into_iter().enumerate().map(of_rank).collect()
 }
 
-fn to_bytes(value: &impl Serialize) -> Vec<u8> {
-    serde_json::to_vec(value).expect("numbers and texts have a JSON form")
-}
-
-/// What another rank has told. All ranks run the same program, so that it can be decoded.
-fn from_bytes<'a, T: Deserialize<'a>>(ranks: &Ranks, name: &str, bytes: &'a [u8]) -> T {
-    serde_json::from_slice(bytes)
-        .unwrap_or_else(|error| panic!("the message \"{name}\" to rank {} cannot be decoded: {error}", ranks.rank()))
-}
+/// Name of the messages that say how many threads were started.
+const THREADS: &str = "number of threads";
 
 /// Ends all other ranks, each with the exit code of rank 0. They do nothing more after that.
 pub fn shut_down(ranks: &Ranks, code: u8) {
     announce(ranks, Command::End { code });
 }
 
-/// What a rank other than 0 does: whatever rank 0 orders, until the end. `requests` are those that come to this rank, such as
+/// What a rank other than 0 does: whatever rank 0 commands, until the end. `requests` are those that come to this rank, such as
 /// signals; `start_threads` is what [`start_threads`] calls here. Returns the exit code.
 ///
 /// # Panics
-/// Rank 0 gives orders in an impossible sequence, which is a fault of the program.
+/// Rank 0 gives commands in an impossible sequence, which is a fault of the program.
 pub fn worker_loop(
     ranks: &Ranks,
     requests: &StopRequests,
     start_threads: &dyn Fn(Option<usize>) -> Result<usize, String>,
 ) -> u8 {
-    let mut follower = Worker::default();
+    let mut worker = Worker::default();
     loop {
         match receive(ranks) {
             Command::End { code } => return code,
-            Command::Threads { count } => drop(ranks.gather(&to_bytes(&start_threads(count)))),
-            order => follower.execute(ranks, order, requests),
+            Command::Threads { count } => drop(ranks.gather_encoded(THREADS, &start_threads(count))),
+            command => worker.execute(ranks, command, requests),
         }
     }
 }
@@ -363,4 +372,62 @@ fn field_of(simulation: &Simulation, garment: usize, field: VertexField) -> Vec<
 fn crossings_of_stored(simulation: &mut Simulation, units: Units) -> u32 {
     let origin = simulation.scene().origin();
     simulation.crossings_when(&|x| Vec3::from(units.stored_from(origin, *x).map(f64::from)))
+}
+
+#[cfg(test)]
+mod tests {
+    use drapery_core::parallel::local_ranks::LocalRanks;
+    use drapery_io::units::{LengthUnit, UpAxis};
+
+    use super::*;
+
+    #[test]
+    fn commands_come_to_other_ranks_as_they_were_announced() {
+        let units = Units { length: LengthUnit::Inch, up: UpAxis::Z };
+        let all = [
+            Command::Threads { count: None },
+            Command::Threads { count: Some(7) },
+            Command::Observe { tracepoints: vec!["B.4@1002.1".to_owned(), "C".to_owned()], steps: u64::MAX },
+            Command::Stored { garment: 3, velocities: true, units },
+            Command::Crossings { units: Units::SI },
+            Command::Save,
+            Command::End { code: 75 },
+        ];
+        let received = LocalRanks::run(3, 1, |communicator| {
+            let ranks = Ranks::new(communicator);
+            let through = |command: &Command| {
+                if ranks.is_first() {
+                    announce(&ranks, command.clone())
+                } else {
+                    return format!("{:?}", receive(&ranks));
+                }
+                format!("{command:?}")
+            };
+            all.iter().map(through).collect::<Vec<_>>()
+        });
+        for of_rank in received.expect("no rank ends early") {
+            assert_eq!(of_rank, all.each_ref().map(|command| format!("{command:?}")));
+        }
+    }
+
+    #[test]
+    fn threads_are_started_on_every_rank_and_the_first_failure_is_named_with_its_rank() {
+        let started = LocalRanks::run(3, 1, |communicator| {
+            let ranks = Ranks::new(communicator);
+            let start = |count: Option<usize>| match (count, ranks.rank()) {
+                (Some(_), 2) => Err("no threads".to_owned()),
+                (count, rank) => Ok(count.unwrap_or(10 + rank)),
+            };
+            if !ranks.is_first() {
+                worker_loop(&ranks, &StopRequests::default(), &start);
+                return Vec::new();
+            }
+            let both = vec![start_threads(&ranks, None, &start), start_threads(&ranks, Some(4), &start)];
+            shut_down(&ranks, 0);
+            both
+        });
+        let both = &started.expect("no rank ends early")[0];
+        assert_eq!(both[0], Ok(vec![10, 11, 12]));
+        assert_eq!(both[1], Err("rank 2: no threads".to_owned()));
+    }
 }

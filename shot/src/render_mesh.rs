@@ -57,7 +57,7 @@ impl JudgedBinding {
 }
 
 /// What caches store of a render mesh in a frame.
-pub(crate) struct Placed {
+pub(crate) struct Positioned {
     pub(crate) positions: Vec<[f32; 3]>,
     /// Empty where none are asked for.
     pub(crate) velocities: Vec<[f32; 3]>,
@@ -97,14 +97,14 @@ impl RenderMesh {
 
     /// The mesh where the garment's points are at `x` [m] with the velocities `v` [m/s], which are left out where none are stored;
     /// as caches in `units` store it, positions counted from `origin` [m].
-    pub(crate) fn placed(&self, x: &[Vec3], v: Option<&[Vec3]>, (units, origin): (Units, Vec3)) -> Placed {
+    pub(crate) fn placed(&self, x: &[Vec3], v: Option<&[Vec3]>, (units, origin): (Units, Vec3)) -> Positioned {
         let (positions, velocities) = match v {
             Some(v) => self.binding.motion(x, v),
             None => (self.binding.positions(x), Vec::new()),
         };
         let positions: Vec<[f32; 3]> = positions.iter().map(|p| units.stored_from(origin, *p)).collect();
         let normals = self.normals(&positions);
-        Placed { positions, velocities: units.stored_all(&velocities), normals }
+        Positioned { positions, velocities: units.stored_all(&velocities), normals }
     }
 
     /// Number of triangles that its faces are cut into.

@@ -74,12 +74,12 @@ impl SteppedShot {
     /// An input breaks; the solver gives up.
     pub fn next_frame(
         &mut self,
-        give_up: &mut (dyn FnMut() -> bool + Send),
+        report_failure: &mut (dyn FnMut() -> bool + Send),
     ) -> Result<Option<SteppedFrame>, ShotError> {
         let watch = Watch::start();
         let input = self.input(self.simulation().frame() + 1)?;
         let input = self.remote_simulation.share(input);
-        let mut ask = || give_up().then_some(Request::StopAtOnce(Reason::MaxWall));
+        let mut ask = || report_failure().then_some(Request::StopAtOnce(Reason::MaxWall));
         match self.remote_simulation.advance(&input, &mut ask)? {
             (Advance::Done(summary), _) => Ok(Some(SteppedFrame { summary, seconds: watch.seconds() })),
             (Advance::Paused(_), _) => Ok(None),

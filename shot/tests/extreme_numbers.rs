@@ -218,7 +218,7 @@ fn keys_of(scene: &str) -> Vec<String> {
 /// What is wrong with what was made of a key with this value; nothing if it was refused with its place, or is within bounds.
 fn wrong(scene: &str, key: &str, value: &str) -> Option<String> {
     let place = format!("{key}={value}");
-    // A number in a list is told by the key of the list.
+    // A number in a list is named by the key of the list.
     let list =
         key.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches('.').rsplit('.').next().unwrap_or(key);
     let names = [place.clone(), format!("`{list}` = ")];
@@ -230,7 +230,7 @@ fn wrong(scene: &str, key: &str, value: &str) -> Option<String> {
     let description = match scene_file::parse(scene, "scene.toml", Path::new(""), &set) {
         Err(error) => return is_told(&error.to_string()),
         Ok(file) => match file.resolve() {
-            // Two that depend on each other are told at the table of both.
+            // Two that depend on each other are reported at the table of both.
             Err(errors) => return errors[0].location.is_none().then(|| format!("{place}: {}", errors[0])),
             Ok(description) => description,
         },

@@ -58,7 +58,7 @@ fn path_maps_find_inputs_elsewhere_and_leave_the_shot_the_same() {
     assert_eq!(format!("{:?}", first.scene), format!("{:?}", second.scene));
     let changes = compare(&print(&first), &print(&second));
     assert_eq!(changes.forbidden, Vec::<String>::new());
-    assert!(!changes.allowed.is_empty(), "the other place is told");
+    assert!(!changes.allowed.is_empty(), "the other place is named");
     // Other content at the place of the other map is another shot.
     let skirt = b.path().join("skirt.obj");
     let mesh = std::fs::read_to_string(&skirt).expect("a mesh");

@@ -1,4 +1,4 @@
-//! Render meshes: caches of their own, the same bytes after any stop, and what is told of bad bindings.
+//! Render meshes: caches of their own, the same bytes after any stop, and what is said of bad bindings.
 
 mod common;
 
@@ -156,24 +156,24 @@ fn every_format_holds_the_same_numbers_and_changed_ones_are_noticed() {
 
 #[test]
 fn a_bad_binding_is_told_before_anything_runs() {
-    let told = |mesh: PolygonMesh, rigid: Vec<Vec<u32>>| {
+    let warnings = |mesh: PolygonMesh, rigid: Vec<Vec<u32>>| {
         let shot = Shot::prepare(flying(&["abc"], vec![render_mesh(mesh, rigid)]), None).unwrap();
         shot.warnings().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
     let mut far = sheet(9, 1.005);
     far.points[40].y = 1.3;
     far.points[41].y = 1.1;
-    let text = told(far.clone(), Vec::new());
+    let text = warnings(far.clone(), Vec::new());
     let expected =
         "garment \"sheet\", render mesh (fine.obj): 2 of 81 points are farther than 20.0 mm from the cloth at rest";
     assert!(text.contains(expected) && text.contains("point 40, 300.0 mm away"), "{text}");
-    assert_eq!(told(far, vec![vec![40, 41, 49, 50]]), "", "of a rigid part its closest point counts");
+    assert_eq!(warnings(far, vec![vec![40, 41, 49, 50]]), "", "of a rigid part its closest point counts");
     let mut turned = sheet(9, 1.005);
     turned.face_indices.reverse();
-    assert!(told(turned, Vec::new()).contains("it is flipped"));
+    assert!(warnings(turned, Vec::new()).contains("it is flipped"));
     let mut loose = sheet(9, 1.005);
     loose.points.push(Vec3::new(0.5, 1.0, 0.5));
-    assert!(told(loose, Vec::new()).contains("1 points belong to no face"));
+    assert!(warnings(loose, Vec::new()).contains("1 points belong to no face"));
     let mut broken = sheet(9, 1.005);
     broken.points[7].x = f64::NAN;
     let refused = Shot::prepare(flying(&["h5"], vec![render_mesh(broken, Vec::new())]), None).err().unwrap();

@@ -1,8 +1,10 @@
-//! A step allocates nothing after warm-up. Alone in its binary, because the counter sees every thread.
+//! A step allocates nothing after warm-up, and a check no more than there is to check. Alone in its binary, because the counter sees
+//! every thread.
 
 #![allow(unsafe_code)] // A global allocator cannot be written without; this is the only place.
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use drapery_core::Vec3;
@@ -11,12 +13,16 @@ use drapery_core::scene::{
     BodyDescription, BodyShape, EffectRequest, GarmentDescription, RigidMotion, Scene, SceneDescription,
 };
 use drapery_core::simulation::{FrameInput, Simulation};
+use drapery_shot::scene_source::SceneSource;
 use drapery_tests::*;
 
 /// Counts allocations of the whole process.
 struct Counting;
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+/// One test counts at a time.
+static COUNTING: Mutex<()> = Mutex::new(());
 
 // SAFETY: every call goes on to the system's allocator unchanged; counting touches no memory of the caller.
 unsafe impl GlobalAlloc for Counting {
@@ -96,6 +102,7 @@ fn fourth_frame(description: SceneDescription) -> (u64, u64) {
 /// One test, so that no other thread of the test harness allocates at the same time.
 #[test]
 fn the_allocations_of_a_frame_do_not_depend_on_its_number_of_steps() {
+    let _alone = COUNTING.lock().expect("no test has panicked");
     for make in [cloth as fn(f64) -> SceneDescription, draped] {
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of threads");
@@ -106,4 +113,28 @@ fn the_allocations_of_a_frame_do_not_depend_on_its_number_of_steps() {
             assert_eq!(more, once, "{threads} threads: {} allocations in {} more steps", more - once, many - few);
         }
     }
+}
+
+/// Allocations of a check of so many small garments with all that a check looks at.
+fn of_check(garments: usize) -> u64 {
+    let mut text =
+        String::from("drapery = 1\n[shot]\nframes = \"1-2\"\n[gravity]\n[self_repulsion]\n[self_collision]\n");
+    for number in 0..garments {
+        text += &format!(
+            "[[garment]]\nname = \"g{number}\"\ndensity = 0.1\npanel = {{ resolution = 2, center = [{}, 0, 0] }}\n\
+             [garment.stretch]\nstiffness = 40\n",
+            4 * number
+        );
+    }
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    SceneSource::text(text, "many.toml", "").prepare(None).expect("a scene without problems");
+    ALLOCATIONS.load(Ordering::Relaxed) - before
+}
+
+#[test]
+fn a_check_does_work_in_proportion_to_the_garments() {
+    let _alone = COUNTING.lock().expect("no test has panicked");
+    let [few, many] = [100, 800].map(of_check);
+    // Eight times as many, and as much again for lists that grow and trees that get deeper.
+    assert!(many < 16 * few, "{few} allocations for 100 garments, {many} for 800");
 }

@@ -103,3 +103,58 @@ fn citations_are_recognised() {
     let found = [(1, "docs/a.md", "b-c"), (1, "e.md", "f"), (1, "", "h")];
     assert_eq!(cited(text), found.map(|(line, page, anchor)| (line, page.to_owned(), anchor.to_owned())));
 }
+
+/// Words of small letters that a line of a module's head names in brackets, as the module or function where something is.
+fn named_in_brackets(line: &str) -> impl Iterator<Item = &str> {
+    let heads = line.trim_start().strip_prefix("//!").unwrap_or_default().split("(`").skip(1);
+    let words = heads.filter_map(|rest| rest.split_once("`)").map(|(word, _)| word));
+    words.filter(|word| !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_'))
+}
+
+/// Whether code defines a word, or has it as a text: the name of a count, a word of a file.
+fn defines(text: &str, word: &str) -> bool {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let is_whole = |at: usize| {
+        let (before, after) = (&text[..at], &text[at + word.len()..]);
+        let is_defined = ["fn ", "mod ", "const ", "macro_rules! "].iter().any(|kind| before.ends_with(kind));
+        let is_field = after.starts_with(": ") && before.ends_with([' ', '(', '{']);
+        let is_text = before.ends_with('"') && after.starts_with('"');
+        !after.starts_with(is_word) && (is_defined || is_field || is_text)
+    };
+    text.match_indices(word).any(|(at, _)| is_whole(at))
+}
+
+#[test]
+fn heads_of_modules_name_what_is_there() {
+    let files: Vec<SourceFile> = text_files().into_iter().filter(|file| file.name.ends_with(".rs")).collect();
+    let is_there = |word: &str| {
+        let is_module =
+            |file: &SourceFile| file.name.ends_with(&format!("/{word}.rs")) || file.name.contains(&format!("/{word}/"));
+        files.iter().any(|file| is_module(file) || defines(&file.text, word))
+    };
+    let mut complaints = Vec::new();
+    for file in &files {
+        for (number, line) in (1..).zip(file.text.lines()) {
+            let gone = named_in_brackets(line).filter(|word| !is_there(word));
+            complaints.extend(gone.map(|word| format!("{}:{number}: there is no `{word}`", file.name)));
+        }
+    }
+    report(&complaints);
+}
+
+#[test]
+fn links_to_decisions_give_their_number() {
+    let mut complaints = Vec::new();
+    for file in text_files().into_iter().filter(|file| file.name.ends_with(".md")) {
+        for (number, line) in (1..).zip(file.text.lines()) {
+            for (before, after) in line.match_indices("](").map(|(at, link)| (&line[..at], &line[at + link.len()..])) {
+                let Some((_, said)) = before.rsplit_once("[decision ") else { continue };
+                let file_number = after.rsplit_once("decisions/").map_or(after, |(_, name)| name).get(..4);
+                if said.parse::<u32>().is_ok_and(|said| file_number.and_then(|n| n.parse().ok()) != Some(said)) {
+                    complaints.push(format!("{}:{number}: decision {said} is not {after}", file.name));
+                }
+            }
+        }
+    }
+    report(&complaints);
+}

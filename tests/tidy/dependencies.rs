@@ -83,7 +83,11 @@ const ALLOWED: [(&str, &[&str], &[&str]); 13] = [
         ],
         &["tempfile"],
     ),
-    ("sample_assets", &["drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"], &["serde_json", "tempfile"]),
+    (
+        "sample_assets",
+        &["drapery-core", "drapery-alembic", "nalgebra", "clap", "thiserror", "rayon"],
+        &["serde_json", "tempfile"],
+    ),
     (
         "cli/selftest",
         &["drapery-core", "drapery-alembic", "drapery-io", "drapery-shot", "nalgebra", "serde_json", "tempfile"],

@@ -78,8 +78,8 @@ fn whole_words_are_found_and_parts_of_words_are_not() {
     assert_eq!(lines_with("a word\nwordy\nsword\n(word)", "word"), [1, 4]);
 }
 
-/// Words of our own that the solver's code once had where the field has a term (`docs/glossary.md`).
-const RETIRED: [&str; 49] = [
+/// Words of our own that code once had where the field has a term (`docs/glossary.md`).
+const RETIRED: [&str; 47] = [
     "Around",
     "Borders",
     "Care",
@@ -105,7 +105,6 @@ const RETIRED: [&str; 49] = [
     "Told",
     "Touching",
     "Trouble",
-    "Visitor",
     "Wire",
     "blame",
     "calm_down",
@@ -115,7 +114,6 @@ const RETIRED: [&str; 49] = [
     "foresee",
     "give_up",
     "give_way",
-    "heard",
     "holders",
     "hopeless",
     "impose",
@@ -131,16 +129,82 @@ const RETIRED: [&str; 49] = [
     "wear",
 ];
 
+/// Those that have another meaning outside the solver: serde's visitors, an observer that has heard, rays that hit.
+const RETIRED_IN_THE_SOLVER: [&str; 10] =
+    ["AtHome", "ClothShare", "Visitor", "followers", "heard", "hits", "home", "homes", "inert", "is_home"];
+
+/// The same in comments and pages, where a word alone may be plain English.
+const RETIRED_PHRASES: [&str; 10] = [
+    "at home",
+    "is told",
+    "are told",
+    "was told",
+    "were told",
+    "told to all",
+    "tell ranks",
+    "tells ranks",
+    "rungs of the ladder",
+    "same trouble",
+];
+
+/// What makes plain English of a phrase that it follows: to be told apart, to be told to stop.
+const PLAIN: [&str; 3] = [" apart", " from", " to "];
+
+/// Pages that say how it was: decisions, and what has changed.
+const PAST: [&str; 2] = ["docs/decisions/", "CHANGELOG.md"];
+
 #[test]
-fn the_solver_uses_the_terms_of_the_field() {
+fn code_uses_the_terms_of_the_field() {
     let mut complaints = Vec::new();
-    for file in rust_files().into_iter().filter(|file| file.name.starts_with("core/src/")) {
+    for file in rust_files().into_iter().filter(|file| file.name != "tests/tidy/words.rs") {
         let code = code_only(&file.text);
-        for word in RETIRED {
+        let of_solver = RETIRED_IN_THE_SOLVER.iter().filter(|_| file.name.starts_with("core/src/"));
+        for word in RETIRED.iter().chain(of_solver) {
             let lines = lines_with(&code, word).into_iter();
             complaints
                 .extend(lines.map(|line| format!("{}:{line}: `{word}` is retired; see docs/glossary.md", file.name)));
         }
     }
     report(&complaints);
+}
+
+/// Lines (from 1) of prose that hold a retired phrase, with it.
+fn private_phrases<'a>(prose: impl Iterator<Item = (usize, &'a str)>) -> Vec<(usize, &'static str)> {
+    let holds = |line: &str, phrase: &str| {
+        let is_plain = |rest: &str| PLAIN.iter().any(|plain| rest.starts_with(plain));
+        let at_word = |at: usize| !line[..at].chars().next_back().is_some_and(is_word);
+        line.match_indices(phrase).any(|(at, _)| at_word(at) && !is_plain(&line[at + phrase.len()..]))
+    };
+    let found = |(number, line): (usize, &'a str)| {
+        RETIRED_PHRASES.into_iter().filter(move |phrase| holds(line, phrase)).map(move |phrase| (number, phrase))
+    };
+    prose.flat_map(found).collect()
+}
+
+#[test]
+fn comments_and_pages_use_the_terms_of_the_field() {
+    let mut complaints = Vec::new();
+    for file in text_files().into_iter().filter(|file| !PAST.iter().any(|past| file.name.starts_with(past))) {
+        let is_page = file.name.ends_with(".md");
+        if file.name == "tests/tidy/words.rs" || !(is_page || file.name.ends_with(".rs")) {
+            continue;
+        }
+        let lines = (1..).zip(file.text.lines());
+        let prose = lines.filter(|(_, line)| is_page || line.trim_start().starts_with("//"));
+        let found = private_phrases(prose);
+        complaints.extend(found.iter().map(|(line, phrase)| {
+            format!("{}:{line}: \"{phrase}\" is a phrase of our own; see docs/glossary.md", file.name)
+        }));
+    }
+    report(&complaints);
+}
+
+#[test]
+fn private_phrases_are_found_and_plain_english_is_not() {
+    let found = |line: &'static str| private_phrases([(7, line)].into_iter());
+    assert_eq!(found("pairs at home here"), [(7, "at home")]);
+    assert_eq!(found("what a rank is told after a colour"), [(7, "is told")]);
+    for plain in ["it was told to stop", "the two are told apart", "this told us", "words are told from others"] {
+        assert_eq!(found(plain), [], "{plain}");
+    }
 }

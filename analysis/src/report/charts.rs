@@ -80,11 +80,11 @@ fn time(folder: &RunFolder, rows: &[FrameRow]) -> String {
     legend.push(("f0".to_owned(), "everything else: other stages, reading, writing"));
     let drawing = chart.finish("seconds a frame by stage", &lanes(folder, rows, &columns));
     let legend: Vec<(&str, &str)> = legend.iter().map(|(class, name)| (class.as_str(), *name)).collect();
-    card("Seconds a frame, by stage", &thinned(&columns, "mean"), &legend, &drawing)
+    card("Seconds a frame, by stage", &bucketed(&columns, "mean"), &legend, &drawing)
 }
 
 /// Says how many frames share a column.
-fn thinned(columns: &[Column], how: &str) -> String {
+fn bucketed(columns: &[Column], how: &str) -> String {
     match columns.iter().map(|column| column.rows.len()).max() {
         None | Some(0 | 1) => String::new(),
         Some(most) => format!("A column is the {how} of up to {most} frames."),
@@ -171,8 +171,8 @@ impl Draw<'_> {
     ) {
         chart.tips(|column| {
             let rows = self.rows[column.rows.clone()].iter();
-            let told = rows.reduce(|best, next| if worth(best, next) { best } else { next });
-            told.map_or(String::new(), |row| format!("frame {}\n{}", row.frame, tip(row)))
+            let shown = rows.reduce(|best, next| if worth(best, next) { best } else { next });
+            shown.map_or(String::new(), |row| format!("frame {}\n{}", row.frame, tip(row)))
         });
     }
 
@@ -186,7 +186,7 @@ impl Draw<'_> {
         let upper = self.peaks((LOW, "time steps a frame", "l1"), counts, steps, label, tip)?;
         let lower = self.peaks((LOW, "solver iterations a frame", "l2"), counts, iterations, label, tip)?;
         let drawing = format!("<h4>time steps</h4>{upper}<h4>iterations of conjugate gradients</h4>{lower}");
-        Some(card("Steps and iterations", &thinned(self.columns, "largest value"), &[], &drawing))
+        Some(card("Steps and iterations", &bucketed(self.columns, "largest value"), &[], &drawing))
     }
 
     fn time_step(&self) -> Option<String> {
@@ -210,7 +210,7 @@ impl Draw<'_> {
         );
         let drawing = chart.finish("shortest and longest time step", &[]);
         let legend = [("f1", "shortest"), ("f2", "longest")];
-        Some(card("Time step dt", &thinned(self.columns, "range"), &legend, &drawing))
+        Some(card("Time step dt", &bucketed(self.columns, "range"), &legend, &drawing))
     }
 
     fn strain(&self) -> Option<String> {
@@ -225,7 +225,7 @@ impl Draw<'_> {
             }
         };
         let drawing = self.peaks((NARROW, "largest strain", "l4"), numbers, value, label, tip)?;
-        let columns = thinned(self.columns, "largest value");
+        let columns = bucketed(self.columns, "largest value");
         let note = format!("Extension of the most stretched edge of all garments, by its rest length. {columns}");
         Some(card("Largest strain", &note, &[], &drawing))
     }
@@ -252,7 +252,7 @@ impl Draw<'_> {
         );
         let drawing = chart.finish("kinetic, potential and total energy", &[]);
         let legend = [("f1", "kinetic"), ("f2", "potential: elastic and weight"), ("f0", "sum")];
-        Some(card("Energy", &thinned(self.columns, "mean"), &legend, &drawing))
+        Some(card("Energy", &bucketed(self.columns, "mean"), &legend, &drawing))
     }
 
     fn contacts(&self) -> Option<String> {
@@ -271,7 +271,7 @@ impl Draw<'_> {
                 drawing += &format!("<h4>{}</h4>{svg}", escape(title));
             }
         }
-        let note = format!("Counts a frame. {}", thinned(self.columns, "largest value"));
+        let note = format!("Counts a frame. {}", bucketed(self.columns, "largest value"));
         (!drawing.is_empty()).then(|| card("Contacts", &note, &[], &drawing))
     }
 
@@ -283,7 +283,7 @@ impl Draw<'_> {
         let tip = |row: &FrameRow| row.resident_bytes.map_or("unknown".to_owned(), text::bytes);
         let label = |value: f64| format!("{} {word}", text::digits(value));
         let drawing = self.peaks((NARROW, "resident memory", "l5"), numbers, value, label, tip)?;
-        let note = format!("Resident memory of the process. {}", thinned(self.columns, "largest value"));
+        let note = format!("Resident memory of the process. {}", bucketed(self.columns, "largest value"));
         Some(card("Memory", &note, &[], &drawing))
     }
 }

@@ -12,7 +12,7 @@ use drapery_shot::run_record::manifest::ManifestCheckpoint;
 use drapery_shot::run_record::reader::median;
 use serde::Serialize;
 
-/// Number of frames from which the rate is told.
+/// Number of frames from which the rate is given.
 const RATE_FRAMES: usize = 10;
 
 /// Word for a process that has certainly ended.

@@ -8,10 +8,10 @@ use drapery_shot::quality::LIMITS;
 use crate::study::fit::{self, Order};
 use crate::study::record::{Distance, Role, Sample, Study};
 
-/// The noise floor may be this share of the smallest error where errors are still told.
+/// The noise floor may be this share of the smallest error where errors are still given.
 const FLOOR_SHARE: f64 = 0.1;
 
-/// The noise floor may be this share of the thickness where errors are still told.
+/// The noise floor may be this share of the thickness where errors are still given.
 const FLOOR_THICKNESS: f64 = 0.25;
 
 /// Own error of the reference, by the smallest error that it can tell.
@@ -68,17 +68,17 @@ pub struct Error {
     /// Largest distance of the surfaces, where meshes differ [m].
     pub surface: Option<f64>,
     /// What can be said of it.
-    pub told: Told,
+    pub validity: Validity,
 }
 
 /// What can be said of an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Told {
+pub enum Validity {
     /// It is what it says.
     Yes,
     /// It is not above what a shift of 1e-10 grows to.
     BelowFloor,
-    /// The reference is not converged far enough to tell it.
+    /// The reference is not converged far enough to give it.
     NotConverged,
     /// Nothing is known of the reference's own error.
     Unchecked,
@@ -180,7 +180,7 @@ fn floor(study: &Study) -> Vec<f64> {
     (0..study.compared.len()).map(|frame| at(frame).fold(0.0, f64::max)).collect()
 }
 
-/// Runs whose errors are told.
+/// Runs whose errors are given.
 fn compared(study: &Study) -> impl Iterator<Item = &Sample> {
     let is_compared = |sample: &&Sample| matches!(sample.role, Role::Base | Role::Accuracy);
     study.samples.iter().filter(is_compared).filter(|sample| sample.is_own() && !sample.from_reference.is_empty())
@@ -228,7 +228,7 @@ pub(crate) fn error_over(distances: &[Distance], window: usize) -> Option<Error>
         velocity_rms: over(&all(|distance| distance.velocity_rms)),
         normal_rms: over(&all(|distance| distance.normal_rms)),
         surface: surfaces.into_iter().max_by(f64::total_cmp),
-        told: Told::Yes,
+        validity: Validity::Yes,
     })
 }
 
@@ -236,13 +236,13 @@ fn row<'a>(study: &Study, sample: &'a Sample, (window, own, floor): (usize, Opti
     let times = times(study, sample);
     let seconds = fit::median(&times).unwrap_or(0.0);
     let error = error_over(&sample.from_reference, window).map(|error| {
-        let told = match (own, floor) {
-            (_, Some(floor)) if error.rms <= floor => Told::BelowFloor,
-            (None, _) => Told::Unchecked,
-            (Some(own), _) if own > REFERENCE_SHARE * error.rms => Told::NotConverged,
-            _ => Told::Yes,
+        let validity = match (own, floor) {
+            (_, Some(floor)) if error.rms <= floor => Validity::BelowFloor,
+            (None, _) => Validity::Unchecked,
+            (Some(own), _) if own > REFERENCE_SHARE * error.rms => Validity::NotConverged,
+            _ => Validity::Yes,
         };
-        Error { told, ..error }
+        Error { validity, ..error }
     });
     Row {
         sample,
@@ -284,7 +284,7 @@ pub(crate) fn mean_step(study: &Study, sample: &Sample) -> f64 {
 }
 
 /// Fits orders through settings that differ in their steps alone, and tells every row its own. Where errors do not fall with
-/// the steps, something else decides them, and no order is told.
+/// the steps, something else decides them, and no order is given.
 fn ladders(study: &Study, rows: &mut [Row<'_>]) -> (Vec<Vec<usize>>, Vec<Ladder>) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (index, row) in rows.iter().enumerate() {
@@ -301,19 +301,22 @@ fn ladders(study: &Study, rows: &mut [Row<'_>]) -> (Vec<Vec<usize>>, Vec<Ladder>
         let mut indices = indices.clone();
         let step = |index: &usize| mean_step(study, rows[*index].sample);
         indices.sort_by(|a, b| step(b).total_cmp(&step(a)));
-        let of_rows: Vec<(usize, f64, f64, Told)> = indices
+        let of_rows: Vec<(usize, f64, f64, Validity)> = indices
             .iter()
-            .filter_map(|i| rows[*i].error.map(|error| (*i, step(i), error.rms, error.told)))
+            .filter_map(|i| rows[*i].error.map(|error| (*i, step(i), error.rms, error.validity)))
             .filter(|(_, _, error, _)| *error > 0.0)
             .collect();
-        let points: Vec<(f64, f64)> =
-            of_rows.iter().filter(|(.., told)| *told == Told::Yes).map(|(_, dt, error, _)| (*dt, *error)).collect();
+        let points: Vec<(f64, f64)> = of_rows
+            .iter()
+            .filter(|(.., validity)| *validity == Validity::Yes)
+            .map(|(_, dt, error, _)| (*dt, *error))
+            .collect();
         let fit = fit::order(&points).filter(|fit| fit.order >= LEAST_ORDER && fit.r_squared >= LEAST_FIT);
         let Some(fit) = fit else { continue };
         for pair in of_rows.windows(2) {
-            let ((_, coarse, large, _), (index, fine, small, told)) = (pair[0], pair[1]);
-            let is_told = told == Told::Yes && coarse > fine * (1.0 + f64::EPSILON);
-            rows[index].order = is_told.then(|| (large / small).ln() / (coarse / fine).ln());
+            let ((_, coarse, large, _), (index, fine, small, validity)) = (pair[0], pair[1]);
+            let is_valid = validity == Validity::Yes && coarse > fine * (1.0 + f64::EPSILON);
+            rows[index].order = is_valid.then(|| (large / small).ln() / (coarse / fine).ln());
         }
         ladders.push(Ladder { common: common.clone(), points, fit });
     }
@@ -450,19 +453,20 @@ pub(crate) mod tests {
         noisy.scene.thickness = 1.0;
         noisy.samples.push(copy(|_| 3e-4));
         let analysis = analyse(&noisy);
-        let told: Vec<Told> = analysis.rows.iter().filter_map(|row| row.error).map(|error| error.told).collect();
-        assert_eq!(told, [Told::Yes, Told::Yes, Told::BelowFloor, Told::BelowFloor]);
+        let validity: Vec<Validity> =
+            analysis.rows.iter().filter_map(|row| row.error).map(|error| error.validity).collect();
+        assert_eq!(validity, [Validity::Yes, Validity::Yes, Validity::BelowFloor, Validity::BelowFloor]);
     }
 
     #[test]
     fn where_the_reference_is_not_converged_no_number_is_told() {
         let mut study = convergent();
         study.own_error = vec![4e-5; 10];
-        let told = |study: &Study| -> Vec<Told> {
-            analyse(study).rows.iter().filter_map(|row| row.error).map(|error| error.told).collect()
+        let validity = |study: &Study| -> Vec<Validity> {
+            analyse(study).rows.iter().filter_map(|row| row.error).map(|error| error.validity).collect()
         };
         // A tenth of 1 mm and of 0.5 mm is more than 0.04 mm, a tenth of 0.25 mm is not.
-        assert_eq!(told(&study)[..3], [Told::Yes, Told::Yes, Told::NotConverged]);
+        assert_eq!(validity(&study)[..3], [Validity::Yes, Validity::Yes, Validity::NotConverged]);
         // Late frames that are not converged are left out of the window.
         study.own_error = (0..10).map(|frame| if frame < 6 { 1e-6 } else { 1e-2 }).collect();
         assert_eq!(analyse(&study).window, 6);
@@ -470,7 +474,7 @@ pub(crate) mod tests {
         study.own_error = (0..10).map(|frame| if frame < 2 { 1e-6 } else { 1e-2 }).collect();
         assert_eq!(analyse(&study).window, 10);
         study.own_error = Vec::new();
-        assert_eq!(told(&study)[0], Told::Unchecked);
+        assert_eq!(validity(&study)[0], Validity::Unchecked);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Whether the figures of a study can be believed: what has to hold of them whatever the scene, and whether it does.
 
 use crate::page::text::{self, millimetres};
-use crate::study::analysis::{Analysis, NOISY, Row, Told, error_over, mean_step};
+use crate::study::analysis::{Analysis, NOISY, Row, Validity, error_over, mean_step};
 use crate::study::balance;
 use crate::study::record::{Machine, Role, Sample, Study};
 use crate::study::vary::{RANKS, THREADS};
@@ -48,7 +48,7 @@ fn reference(analysis: &Analysis<'_>) -> Check {
     };
     let rms = base.rms.max(f64::MIN_POSITIVE);
     let why = format!("own error {}, {} % of that of the scene as it is", millimetres(own), percent(own / rms));
-    Check::new(name, Some(base.told != Told::NotConverged), why)
+    Check::new(name, Some(base.validity != Validity::NotConverged), why)
 }
 
 /// Rows of the scene as it is and of settings of accuracy that differ in their steps alone, the coarsest first.
@@ -66,10 +66,10 @@ fn by_step<'a, 'b>(study: &Study, analysis: &'b Analysis<'a>) -> Vec<Vec<&'b Row
 fn falling(study: &Study, analysis: &Analysis<'_>) -> Check {
     let name = "Shorter steps bring less error";
     let groups = by_step(study, analysis);
-    let told = |row: &&Row<'_>| row.error.filter(|error| error.told == Told::Yes);
+    let valid = |row: &&Row<'_>| row.error.filter(|error| error.validity == Validity::Yes);
     let mut pairs = 0;
     for pair in groups.iter().flat_map(|rows| rows.windows(2)) {
-        let (Some(coarse), Some(fine)) = (told(&pair[0]), told(&pair[1])) else { continue };
+        let (Some(coarse), Some(fine)) = (valid(&pair[0]), valid(&pair[1])) else { continue };
         pairs += 1;
         if fine.rms > coarse.rms {
             let [coarser, finer] = [0, 1].map(|at| &pair[at].sample.setting.label);

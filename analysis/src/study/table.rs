@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::page::text::{self, millimetres};
 use crate::study::allowed;
-use crate::study::analysis::{Analysis, Error, Row, Told, degradations};
+use crate::study::analysis::{Analysis, Error, Row, Validity, degradations};
 use crate::study::checks::checks;
 use crate::study::record::{Omission, Role, Study};
 use crate::study::schedule::NO_TIME;
@@ -62,7 +62,7 @@ pub(crate) fn reference_words(study: &Study, analysis: &Analysis<'_>) -> String 
     format!("{}{how} ({own})", reference.setting.label)
 }
 
-/// Up to when errors are told, and why not longer.
+/// Up to when errors are given, and why not longer.
 pub(crate) fn window_words(study: &Study, analysis: &Analysis<'_>) -> String {
     let Some(&last) = study.compared.last() else { return "nothing was compared".to_owned() };
     let seconds = |frame: i64| format!("{} s", text::digits(study.time(frame)));
@@ -95,7 +95,10 @@ fn line(row: &Row<'_>, width: usize) -> String {
         text::seconds(row.seconds),
         times_words(row.times_base),
         error_words(row.error.as_ref()),
-        row.error.as_ref().filter(|error| error.told == Told::Yes).map_or("-".to_owned(), |e| millimetres(e.p99)),
+        row.error
+            .as_ref()
+            .filter(|error| error.validity == Validity::Yes)
+            .map_or("-".to_owned(), |e| millimetres(e.p99)),
         row.order.map_or("-".to_owned(), |order| format!("{order:.2}")),
         format!("{} %", text::digits(100.0 * strain)),
         counted("crossings"),
@@ -115,21 +118,21 @@ pub(crate) fn times_words(times: f64) -> String {
 pub(crate) fn error_words(error: Option<&Error>) -> String {
     match error {
         None => "-".to_owned(),
-        Some(error) => match error.told {
-            Told::Yes => millimetres(error.rms),
-            Told::BelowFloor => "<= floor".to_owned(),
-            Told::NotConverged => "ref. not conv.".to_owned(),
-            Told::Unchecked => format!("~ {}", millimetres(error.rms)),
+        Some(error) => match error.validity {
+            Validity::Yes => millimetres(error.rms),
+            Validity::BelowFloor => "<= floor".to_owned(),
+            Validity::NotConverged => "ref. not conv.".to_owned(),
+            Validity::Unchecked => format!("~ {}", millimetres(error.rms)),
         },
     }
 }
 
 /// The error of a recommended setting, in words.
 fn recommended_error(error: Option<&Error>, own: Option<f64>) -> String {
-    match error.map(|error| (error.told, error.rms + own.unwrap_or(0.0))) {
-        Some((Told::Yes | Told::Unchecked, _)) => format!("error {} rms", error_words(error)),
-        Some((Told::BelowFloor, _)) => "no error above the noise floor".to_owned(),
-        Some((Told::NotConverged, most)) => {
+    match error.map(|error| (error.validity, error.rms + own.unwrap_or(0.0))) {
+        Some((Validity::Yes | Validity::Unchecked, _)) => format!("error {} rms", error_words(error)),
+        Some((Validity::BelowFloor, _)) => "no error above the noise floor".to_owned(),
+        Some((Validity::NotConverged, most)) => {
             format!("error at most {} rms (nearer than the reference can tell)", millimetres(most))
         }
         None => "error not known".to_owned(),

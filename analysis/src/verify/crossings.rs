@@ -310,7 +310,7 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
             Subject::Body(i) if frames == 0 => {
                 found.facts.push(format!("{}: no crossings with the body in {all} frames", name(i)));
             }
-            // Where a body squeezes or crosses itself, cloth has no right place: this is told, not judged.
+            // Where a body squeezes or crosses itself, cloth has no right place: this is reported, not judged.
             Subject::Body(i) => {
                 found.warnings.push(format!("{} and the body cross {where_and_how}", name(i)));
             }

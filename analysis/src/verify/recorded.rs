@@ -10,7 +10,7 @@ use drapery_shot::run_record::reader::in_words;
 
 use super::Verification;
 
-/// Faults of one cache that are told one by one; what lies behind them is a number.
+/// Faults of one cache that are reported one by one; what lies behind them is a number.
 const SHOWN: usize = 8;
 
 /// Compares every complete frame of caches with the record of the run in `folder`: of all caches that its manifest lists, or of

@@ -44,12 +44,17 @@ impl MeshCheck<'_> {
         let seconds =
             |frame: i64| self.stage.fps().map_or(String::new(), |fps| format!(", {:.6} s", frame as f64 / fps));
         let code = |frame: i64| frame as f64 * self.stage.codes_per_frame();
-        let told = |frame: i64| format!("frame {frame} is time code {}{}", code(frame), seconds(frame));
+        let time_code = |frame: i64| format!("frame {frame} is time code {}{}", code(frame), seconds(frame));
         let between = match self.described.between.len() {
             0 => String::new(),
             number => format!(" and {number} between them"),
         };
-        found.facts.push(format!("{name}: {} samples{between}; {}; {}", frames.len(), told(first), told(last)));
+        found.facts.push(format!(
+            "{name}: {} samples{between}; {}; {}",
+            frames.len(),
+            time_code(first),
+            time_code(last)
+        ));
         if first == last {
             found.warnings.push(format!("{name}: a single time code; some renderers give no motion blur for one"));
         }

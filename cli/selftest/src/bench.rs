@@ -14,7 +14,7 @@ use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
 use drapery_core::snapshot::Snapshot;
 use drapery_shot::quality::LIMITS;
 
-use crate::case::Tier;
+use crate::tier::Tier;
 
 /// Ranks and threads of each on which every scene has to come to the same bits; the first run is the one that is
 /// measured.

@@ -1,17 +1,7 @@
 //! A hard case and what it found.
 
 use crate::bench::Bench;
-
-/// How much is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Tier {
-    /// Up to 2000 triangles a case, all of them in minutes.
-    Quick,
-    /// Larger and longer, and combinations of cases.
-    Full,
-    /// The longest, for a weekend.
-    Soak,
-}
+pub use crate::tier::Tier;
 
 /// What makes scenes or files, runs them and measures; an error is a text that says what went wrong.
 pub type Judge = fn(&mut Bench<'_>) -> Result<Vec<Figure>, String>;

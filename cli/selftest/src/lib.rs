@@ -14,5 +14,6 @@ pub mod files;
 pub mod report;
 pub mod scenes;
 pub mod suite;
+pub mod tier;
 
 pub use cases::CATALOGUE;

@@ -7,12 +7,14 @@ use crate::args::CheckArgs;
 use crate::config::Environment;
 use crate::exit_code::ExitCode;
 use crate::failure::Failure;
+use crate::patience;
 use crate::plan;
 use crate::say;
 
 /// Checks the scene and every frame of its inputs.
 pub(crate) fn check(args: &CheckArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let (shot, _) = plan::prepare(&args.scene, around, &Ranks::default())?;
+    patience::at(format!("{}: following the pins through all frames", args.scene.scene.display()));
     let of_pins = shot.check_pins()?;
     if let Some(warning) = &of_pins {
         tracing::warn!("{warning}");

@@ -2,6 +2,7 @@
 
 use drapery_core::Vec3;
 use drapery_core::parallel::ranks::Ranks;
+use drapery_io::error::IoError;
 use drapery_io::formats;
 use drapery_shot::{RenderMeshSize, Shot};
 use serde_json::{Value, json};
@@ -22,6 +23,9 @@ mod sources;
 pub(crate) fn plan(args: &PlanArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let settings = RunSettings::choose(&args.settings, around)?;
     let (shot, (threads, _)) = plan::prepare(&args.scene, around, &Ranks::default())?;
+    if let Some(out) = args.settings.out.as_ref().filter(|out| out.to_str().is_none()) {
+        tracing::warn!("a run would be refused: {}", IoError::OutputNotUtf8 { path: out.clone() });
+    }
     let said = sources::all(args, around, &settings, (&shot, &threads));
     let costs = costs(args, around, &shot)?;
     if args.json {

@@ -58,8 +58,8 @@ pub(crate) fn run(
         Progress::new(style, quiet, 0).end(failure.code as u8, false);
     })?;
     let (style, requests) = (settings.progress.value, settings.requests());
-    let (progress, told) = (None, false);
-    let mut watcher = Watcher { progress, logs, args, style, requests: &requests, told, quiet };
+    let (progress, notice_is_given) = (None, false);
+    let mut watcher = Watcher { progress, logs, args, style, requests: &requests, notice_is_given, quiet };
     let outcome = run_shot(args, ranks, (&settings, &around), &mut watcher);
     let mut progress = watcher.progress.unwrap_or_else(|| Progress::new(style, quiet, 0));
     match outcome {
@@ -184,7 +184,7 @@ struct Watcher<'a> {
     style: ProgressStyle,
     requests: &'a StopRequests,
     /// Whether it was said how much notice checkpoints need.
-    told: bool,
+    notice_is_given: bool,
     quiet: bool,
 }
 
@@ -192,8 +192,11 @@ impl Watcher<'_> {
     /// Says how much time there is before the run has to end: at the start, and once a checkpoint was measured.
     fn tell_notice(&mut self, at_start: bool) {
         let notice = self.requests.notice(SystemTime::now());
-        let Some(notice) = notice.filter(|notice| at_start || (notice.knows_checkpoints && !self.told)) else { return };
-        self.told = !at_start;
+        let Some(notice) = notice.filter(|notice| at_start || (notice.knows_checkpoints && !self.notice_is_given))
+        else {
+            return;
+        };
+        self.notice_is_given = !at_start;
         let (reason, needed, left) = (notice.reason.word(), notice.needed.ceil(), notice.left.floor());
         let how = if notice.knows_checkpoints { "measured" } else { "not measured yet" };
         tracing::info!(limit = reason, "needs about {needed} s of notice ({how}), {left} s are left");

@@ -37,6 +37,8 @@ fn other_arguments_that_are_not_utf8_work_or_are_refused_by_name() {
     let setting = with_bytes(folder.path(), &["run", "scene.toml", "--set"], b"resolution=\xff");
     assert_eq!(setting.code, Some(2), "{}", setting.stderr);
     assert!(setting.stderr.contains(r"$'resolution=\377'"), "{}", setting.stderr);
+    let plan = with_bytes(folder.path(), &["plan", "scene.toml", "--out"], b"o\xff");
+    assert!(plan.stderr.contains("WARN a run would be refused") && plan.stderr.contains("--out"), "{}", plan.stderr);
     for arguments in [&["plan", "scene.toml", "--out"][..], &["check", "scene.toml", "--materials"][..]] {
         assert_eq!(with_bytes(folder.path(), arguments, b"o\xff").code, Some(0), "{arguments:?}");
     }
@@ -48,11 +50,11 @@ fn other_arguments_that_are_not_utf8_work_or_are_refused_by_name() {
 #[test]
 fn names_that_are_no_names_of_files_are_refused() {
     let [long, longest, control] = ["n".repeat(256), "n".repeat(236), "a\\nb".to_owned()];
-    for name in ["", ".", "..", "../../../evil", "/evil", r"..\\evil", &control, &long] {
+    for name in ["", ".", "..", "../../../evil", "/evil", r"..\\evil", &control, &long, "CON", "a:b", " ", "\u{202e}"] {
         let scene = SHEET.replacen("name = \"sheet\"", &format!("name = \"{name}\""), 1);
         refused(folder_with(&scene).path(), 78, &["scene.toml:5:", "cannot be the name of a shot"]);
     }
-    for name in ["..", "a/b", &control, &longest] {
+    for name in ["..", "a/b", &control, &longest, "CON", "a:b", " ", "\u{202e}"] {
         let scene = SHEET.replace("name = \"sheet\"\npanel", &format!("name = \"{name}\"\npanel"));
         refused(folder_with(&scene).path(), 78, &["garment", "it names files"]);
     }
@@ -220,6 +222,25 @@ fn a_log_and_a_preset_replace_their_like_and_nothing_else() {
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         assert!(std::fs::metadata(folder.path().join("log.jsonl")).unwrap().len() > 0);
     }
+}
+
+#[test]
+fn a_log_goes_to_a_pipe_only_where_a_program_reads_it() {
+    let folder = folder_with(SHEET);
+    let pipe = folder.path().join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let arguments = ["check", "scene.toml", "--log-json", "pipe"];
+    let outcome = drapery(folder.path(), &arguments);
+    assert_eq!(outcome.code, Some(73), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("pipe: this is a pipe that no program reads"), "{}", outcome.stderr);
+    let reader = std::process::Command::new("cat").arg(&pipe).stdout(std::process::Stdio::null()).spawn().unwrap();
+    // `cat` waits in its opening of the pipe until somebody writes.
+    let codes = (0..200).map(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        drapery(folder.path(), &arguments).code
+    });
+    assert!(codes.into_iter().any(|code| code == Some(0)));
+    drop(reader.wait_with_output());
 }
 
 #[test]

@@ -121,7 +121,7 @@ fn caches_of_other_formats_and_units_are_compared_in_metres() {
     assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--out", "a", "-q"]).code, Some(0));
     let mixed = drapery(folder.path(), &["diff", "a/sheet.abc", "a/sheet.h5"]);
     assert_eq!((mixed.code, mixed.stdout.contains(": equal")), (Some(0), true), "{}", mixed.stdout);
-    // A shorter range is told, not passed over.
+    // A shorter range is reported, not passed over.
     let shorter = drapery(folder.path(), &["run", "scene.toml", "--out", "b", "--frames", "1001-1002", "-q"]);
     assert_eq!(shorter.code, Some(0), "{}", shorter.stderr);
     let found = drapery(folder.path(), &["diff", "a/sheet.abc", "b/sheet.h5"]);

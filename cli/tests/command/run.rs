@@ -211,6 +211,38 @@ fn help_holds_the_exit_codes_and_the_log_can_be_json() {
 }
 
 #[test]
+fn the_readme_lists_every_command() {
+    let folder = folder_with(SHEET);
+    let help = drapery(folder.path(), &["--help"]).stdout;
+    let readme = include_str!("../../../README.md");
+    let commands = help.split("Commands:\n").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap();
+    let names = commands.lines().filter_map(|line| line.strip_prefix("  ")).filter(|line| !line.starts_with(' '));
+    for name in names.filter_map(|line| line.split(' ').next()).filter(|name| *name != "help") {
+        assert!(readme.contains(&format!("\n| `drapery {name}")), "{name}");
+    }
+}
+
+#[test]
+fn a_dump_of_frames_that_are_done_says_how_to_get_it() {
+    let folder = folder_with(SHEET);
+    let run = |arguments: &[&str]| {
+        drapery(folder.path(), &[&["run", "scene.toml", "--out", "out", "--keep", "9"], arguments].concat())
+    };
+    assert_eq!(run(&["--frames", "1001-1003", "-q", "--checkpoint-every", "1f"]).code, Some(0));
+    let dump = folder.path().join("out/dump");
+    for arguments in [&["--frames", "1001-1003"][..], &["--frames", "1001-1004"]] {
+        let outcome = run(&[arguments, &["--dump", "B.4@1002.1"]].concat());
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        for part in ["WARN --dump B.4@1002.1: nothing is written, for the frames to 1003 are done", "--resume FRAME"] {
+            assert!(outcome.stderr.contains(part), "{part}\n{}", outcome.stderr);
+        }
+        assert!(!dump.exists() || std::fs::read_dir(&dump).unwrap().next().is_none());
+    }
+    assert_eq!(run(&["--resume", "1001", "--dump", "B.4@1002.1"]).code, Some(0));
+    assert!(dump.join("frame_01002.step_000001.B.4.h5").is_file());
+}
+
+#[test]
 fn schema_and_materials_are_printed() {
     let folder = folder_with(SHEET);
     let schema: Value = serde_json::from_str(&drapery(folder.path(), &["schema"]).stdout).unwrap();

@@ -61,7 +61,7 @@ fn errors_of_a_smooth_scene_fall_with_the_step_and_come_out_the_same_again() {
     let errors_of: Vec<f64> = ["as the scene", "cfl 2", "cfl 1", "cfl 0.5"].map(last).into();
     // Of second order: a quarter of the error for half the step, here at least less than half.
     assert!(errors_of.windows(2).all(|pair| pair[1] < 0.5 * pair[0]), "{errors_of:?}");
-    // The own error of the reference is told, and is a small part of them.
+    // The own error of the reference is given, and is a small part of them.
     let own = first["own_error"].as_array().unwrap().last().unwrap().as_f64().unwrap();
     assert!(own < 0.1 * errors_of[1], "{own} {errors_of:?}");
     let again = drapery(folder.path(), &[&STUDY[..], &vary, &["--overwrite", "-q"]].concat());

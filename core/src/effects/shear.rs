@@ -25,7 +25,7 @@ use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::{self, SpringElement, Stiffnesses};
-use crate::elements::corners::{add, by_part, gather, outside, share};
+use crate::elements::corners::{add, by_part, gather, outside, own_fraction};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -266,7 +266,7 @@ impl Force for PartShear {
             // Counted from where the spring begins to act.
             let begin = self.compressed_by.unwrap_or(0.0) * rest_length;
             let square = (length - rest_length).powi(2) - begin * begin;
-            Some(0.5 * stiffness * square * share(&own, triangle.corners))
+            Some(0.5 * stiffness * square * own_fraction(&own, triangle.corners))
         };
         self.triangles.iter().filter_map(energy).sum()
     }

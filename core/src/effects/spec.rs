@@ -134,7 +134,7 @@ impl MapSpec {
     }
 
     /// A map of what has several numbers.
-    pub const fn share(name: &'static str) -> Self {
+    pub const fn fraction(name: &'static str) -> Self {
         Self { name, is_share: true, varies: None }
     }
 }

@@ -58,6 +58,6 @@ pub(crate) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Simd
 
 /// The share of an element's corners that are a part's own: what the part counts of its energy.
 #[cfg(any(feature = "effect-membrane", feature = "effect-shear"))]
-pub(crate) fn share<const N: usize>(part: &Range<usize>, corners: [u32; N]) -> f64 {
+pub(crate) fn own_fraction<const N: usize>(part: &Range<usize>, corners: [u32; N]) -> f64 {
     corners.into_iter().filter(|corner| part.contains(&(*corner as usize))).count() as f64 / N as f64
 }

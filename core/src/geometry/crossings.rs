@@ -169,7 +169,7 @@ fn shares_no_vertex(edge: &[u32; 2], triangle: &[u32; 3]) -> bool {
     !edge.iter().any(|v| triangle.contains(v))
 }
 
-/// The order of the search depends on the tree. Triangles with the same vertices in the same order are told once.
+/// The order of the search depends on the tree. Triangles with the same vertices in the same order are found once.
 fn in_order(mut crossings: Vec<Crossing>) -> Vec<Crossing> {
     crossings.sort_unstable();
     crossings.dedup();

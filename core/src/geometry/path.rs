@@ -251,11 +251,11 @@ mod tests {
             let normal = (t[1] - t[0]).cross(&(t[2] - t[0])).normalize();
             // The middle joint lies on the surface up to rounding, on a side nobody chose.
             let chain = [through + normal * 0.3, through + normal * 0.1, through, through - normal * 0.1];
-            let hits = chain
+            let crossings = chain
                 .windows(2)
                 .filter(|w| first_crossing(&[w[0], w[1]], &t, &t, Crossings::Entering).is_some())
                 .count();
-            assert!((1..=2).contains(&hits), "{hits}");
+            assert!((1..=2).contains(&crossings), "{crossings}");
         }
     }
 

@@ -3,10 +3,10 @@
 //! * *rows* of fixed size, of which there may be many: numbers, vectors, and structs of them with a name for each field
 //!   (`#[repr(C)]` and [`Pod`], which does not compile where something lies between the fields). An array of rows goes as it is.
 //! * *encoded* values, of any shape: what implements [`Codec`], nearly always by [`codec!`]. Functions that send them have names
-//!   that end in `_encoded`.
+//!   that end in `_encoded`. Commands from rank to rank in the crates above are encoded too.
 //!
 //! Ranks run the same program, so that a message is what was sent. One that is not is a fault of the program, and no rank may
-//! go on without what it was told: decoding gives the value or panics, which ends all ranks.
+//! go on without it: decoding gives the value or panics, which ends all ranks.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -18,7 +18,7 @@ use crate::parallel::communicator::Message;
 
 /// What is left of a message that is being decoded.
 #[derive(Debug)]
-pub(crate) struct Decoder<'a> {
+pub struct Decoder<'a> {
     rest: &'a [u8],
     name: &'static str,
     rank: usize,
@@ -34,7 +34,7 @@ impl<'a> Decoder<'a> {
     ///
     /// # Panics
     /// The message has fewer.
-    pub(crate) fn bytes(&mut self, count: usize) -> &'a [u8] {
+    pub fn bytes(&mut self, count: usize) -> &'a [u8] {
         let Some((next, rest)) = self.rest.split_at_checked(count) else {
             self.is_broken(format_args!("{count} bytes are to follow, and {} are left", self.rest.len()));
         };
@@ -46,7 +46,7 @@ impl<'a> Decoder<'a> {
     ///
     /// # Panics
     /// The message has fewer.
-    pub(crate) fn values<T: Pod>(&mut self, count: usize) -> Vec<T> {
+    pub fn values<T: Pod>(&mut self, count: usize) -> Vec<T> {
         bytemuck::pod_collect_to_vec(self.bytes(count.saturating_mul(size_of::<T>())))
     }
 
@@ -73,8 +73,11 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// Ends the run.
-    pub(crate) fn is_broken(&self, what: impl Display) -> ! {
+    /// Ends the run, for what the message holds is not what was sent.
+    ///
+    /// # Panics
+    /// Always.
+    pub fn is_broken(&self, what: impl Display) -> ! {
         is_broken(self.rank, self.name, what)
     }
 }
@@ -156,7 +159,7 @@ impl Message {
 }
 
 /// A value that can be encoded. What was put is taken again in the same order.
-pub(crate) trait Codec: Sized {
+pub trait Codec: Sized {
     /// Appends the value.
     fn put(&self, out: &mut Vec<u8>);
 
@@ -326,6 +329,7 @@ impl<K: Codec + Ord, V: Codec> Codec for BTreeMap<K, V> {
 
 /// Makes a struct, or an enum with a number for each of its variants, something that can be encoded. A field that is left out
 /// does not compile.
+#[macro_export]
 macro_rules! codec {
     (struct $name:path { $($field:ident),* $(,)? }) => {
         impl $crate::parallel::message::Codec for $name {
@@ -396,7 +400,7 @@ mod tests {
             }
             ranks.barrier();
         });
-        ended.map(|_| ()).expect_err("a rank that was not told does not go on").to_string()
+        ended.map(|_| ()).expect_err("a rank without its message does not go on").to_string()
     }
 
     #[test]

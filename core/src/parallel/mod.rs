@@ -20,7 +20,7 @@ pub mod for_each_part;
 pub mod ghosted_index;
 pub mod halo;
 pub mod local_ranks;
-pub(crate) mod message;
+pub mod message;
 pub mod parts;
 pub(crate) mod problems;
 pub mod ranks;

@@ -144,12 +144,13 @@ impl Parts {
             garments: Vec::new(),
             own_numbers,
         };
-        parts.garments = parts.partition.garments.iter().map(|g| parts.place(g.start)..parts.place(g.end)).collect();
+        parts.garments =
+            parts.partition.garments.iter().map(|g| parts.local_index(g.start)..parts.local_index(g.end)).collect();
         parts
     }
 
     /// How many local vertices come before a number of the scene.
-    fn place(&self, vertex: usize) -> usize {
+    fn local_index(&self, vertex: usize) -> usize {
         let ghosts = self.vertices.ghosts().partition_point(|ghost| (*ghost as usize) < vertex);
         let owned = self.vertices.owned();
         ghosts + vertex.clamp(owned.start as usize, owned.end as usize) - owned.start as usize

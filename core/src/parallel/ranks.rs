@@ -214,13 +214,19 @@ impl Ranks {
     }
 
     /// The value of every rank in the order of ranks on rank 0; nothing elsewhere.
-    pub(crate) fn gather_encoded<T: Codec>(&self, name: &'static str, own: &T) -> Vec<T> {
+    ///
+    /// # Panics
+    /// What came cannot be decoded.
+    pub fn gather_encoded<T: Codec>(&self, name: &'static str, own: &T) -> Vec<T> {
         let all = self.gather(&own.to_bytes());
         all.iter().map(|bytes| message::decode(self.rank(), name, bytes)).collect()
     }
 
     /// The value of rank 0, on every rank; it is given there alone.
-    pub(crate) fn broadcast_encoded<T: Codec>(&self, name: &'static str, value: Option<T>) -> T {
+    ///
+    /// # Panics
+    /// What came cannot be decoded.
+    pub fn broadcast_encoded<T: Codec>(&self, name: &'static str, value: Option<T>) -> T {
         let mut bytes = Vec::new();
         if !self.is_alone() {
             value.iter().for_each(|value| value.put(&mut bytes));
@@ -319,7 +325,7 @@ mod tests {
     /// What is said of ranks that do this.
     fn said_of(work: impl Fn(&Ranks) + Sync) -> String {
         let ended = LocalRanks::run(2, 1, |communicator| work(&Ranks::new(communicator)));
-        ended.map(|_| ()).expect_err("no rank goes on without what it was told").to_string()
+        ended.map(|_| ()).expect_err("no rank goes on without its message").to_string()
     }
 
     #[test]

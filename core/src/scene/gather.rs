@@ -42,9 +42,9 @@ pub(crate) struct LocalValues<'a> {
 
 impl LocalValues<'_> {
     /// The value of a merged vertex, from that of the vertex that it goes with.
-    fn of_follower(&self, follower: &MergedVertex, leader: usize) -> Vec3 {
+    fn of_merged(&self, merged: &MergedVertex, leader: usize) -> Vec3 {
         match self.field {
-            VertexField::Positions => self.values[leader] + follower.offset,
+            VertexField::Positions => self.values[leader] + merged.offset,
             VertexField::Velocities => self.values[leader],
         }
     }
@@ -82,12 +82,12 @@ impl Scene {
                 }
             }
         }
-        self.put_followers(garment, local, convert, &mut all);
+        self.put_merged_vertices(garment, local, convert, &mut all);
         ranks.is_first().then_some(all)
     }
 
     /// Puts what takes no part to where the vertex is that it follows.
-    fn put_followers<T>(
+    fn put_merged_vertices<T>(
         &self,
         garment: usize,
         local: LocalValues<'_>,
@@ -96,26 +96,26 @@ impl Scene {
     ) {
         let (parts, ranks) = (self.parts(), self.parts().ranks());
         let of_scene = parts.partition().garments()[garment].clone();
-        let of_garment = self.followers().iter().filter(|follower| of_scene.contains(&(follower.vertex as usize)));
-        let followers: Vec<&MergedVertex> = of_garment.collect();
-        if followers.is_empty() {
+        let of_garment = self.merged_vertices().iter().filter(|merged| of_scene.contains(&(merged.vertex as usize)));
+        let merged_vertices: Vec<&MergedVertex> = of_garment.collect();
+        if merged_vertices.is_empty() {
             return;
         }
         let own = parts.own();
-        // The number of a follower is known to its owner, and its value to that of its leader.
+        // The number of a merged vertex is known to its owner, and its value to that of its leader.
         let (mut numbers, mut values) = (Vec::new(), Vec::new());
-        for (row, follower) in (0..).zip(followers.iter().copied()) {
+        for (row, merged) in (0..).zip(merged_vertices.iter().copied()) {
             let own_index = |number: u32| parts.local(number).filter(|index| own.contains(index));
             let number = |index: usize| MergedNumber { row, number: parts.own_numbers()[index] };
-            numbers.extend(own_index(follower.vertex).map(number));
-            let value = |leader: usize| MergedValue { row, value: local.of_follower(follower, leader) };
-            values.extend(own_index(follower.leader).map(value));
+            numbers.extend(own_index(merged.vertex).map(number));
+            let value = |leader: usize| MergedValue { row, value: local.of_merged(merged, leader) };
+            values.extend(own_index(merged.leader).map(value));
         }
-        let mut number_of = vec![0; followers.len()];
-        for MergedNumber { row, number } in ranks.all_gather_encoded("numbers of followers", numbers) {
+        let mut number_of = vec![0; merged_vertices.len()];
+        for MergedNumber { row, number } in ranks.all_gather_encoded("numbers of merged vertices", numbers) {
             number_of[row as usize] = number;
         }
-        let values = ranks.all_gather_encoded("values of followers", values);
+        let values = ranks.all_gather_encoded("values of merged vertices", values);
         if ranks.is_first() {
             values.iter().for_each(|merged| all[number_of[merged.row as usize] as usize] = convert(&merged.value));
         }

@@ -9,6 +9,7 @@ mod body;
 pub(crate) mod described;
 mod garment;
 pub mod gather;
+pub mod names;
 pub(crate) mod origin;
 mod pin;
 mod seam;
@@ -259,9 +260,9 @@ pub struct Scene {
     pub(crate) pin_targets: usize,
     pub(crate) sewn: Vec<Sewn>,
     /// Own vertices that no triangle has, ascending, if any rank has such: they are held where they are.
-    pub(crate) inert: Option<Vec<u32>>,
+    pub(crate) isolated: Option<Vec<u32>>,
     /// Those of all ranks that go with another vertex in the output.
-    pub(crate) followers: Vec<MergedVertex>,
+    pub(crate) merged_vertices: Vec<MergedVertex>,
     /// What was left out of the garments; on rank 0.
     pub(crate) warnings: Vec<String>,
     /// Maps of each garment, over the vertices of this rank's piece of its mesh.
@@ -366,19 +367,19 @@ impl Scene {
     }
 
     /// Own vertices that no triangle has, ascending, if any rank has such.
-    pub(crate) fn inert(&self) -> Option<&[u32]> {
-        self.inert.as_deref()
+    pub(crate) fn isolated(&self) -> Option<&[u32]> {
+        self.isolated.as_deref()
     }
 
     /// Vertices of all ranks that take no part and go with another in the output.
-    pub(crate) fn followers(&self) -> &[MergedVertex] {
-        &self.followers
+    pub(crate) fn merged_vertices(&self) -> &[MergedVertex] {
+        &self.merged_vertices
     }
 
     /// What takes no part has no velocity.
     fn stop_inert(&self, v: &mut [Vec3]) {
-        if let Some(inert) = &self.inert {
-            inert.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
+        if let Some(isolated) = &self.isolated {
+            isolated.iter().for_each(|vertex| v[*vertex as usize] = Vec3::zeros());
             self.parts.halo().update(self.parts.ranks(), v);
         }
     }

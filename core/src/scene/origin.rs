@@ -51,9 +51,9 @@ impl Scene {
     fn start_bounds(&self, garment: usize) -> Bounds {
         let first = self.parts.garment(garment).start;
         let rest = self.meshes[garment].rest_positions();
-        let inert = self.inert.as_deref().unwrap_or_default();
+        let isolated = self.isolated.as_deref().unwrap_or_default();
         let mut own = NOWHERE;
-        for vertex in self.parts.own_of_garment(garment).filter(|v| inert.binary_search(&(*v as u32)).is_err()) {
+        for vertex in self.parts.own_of_garment(garment).filter(|v| isolated.binary_search(&(*v as u32)).is_err()) {
             let p = self.start.as_ref().map_or(rest[vertex - first], |start| start[vertex]);
             own = std::array::from_fn(|i| own[i].max(if i < 3 { p[i] } else { -p[i - 3] }));
         }

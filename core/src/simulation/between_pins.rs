@@ -7,7 +7,7 @@ use crate::parallel::problems::listed;
 use crate::parallel::ranks::Ranks;
 use crate::pins::{HardPins, STRETCHED};
 use crate::scene::{PinTarget, Scene};
-use crate::tolerances::{FAR_BOUND_EDGES, FAR_BOUND_THICKNESSES, STRETCHED_BETWEEN_PINS};
+use crate::tolerances::{FAR_BOUND, FAR_BOUND_EDGES, FAR_BOUND_THICKNESSES, STRETCHED_BETWEEN_PINS};
 
 impl Simulation {
     /// What is suspicious of how pins hold the cloth at the start, a sentence each: on rank 0, nothing elsewhere.
@@ -67,7 +67,7 @@ impl Simulation {
         for (pin, vertex, body, distance) in self.prescribed.targets.nearest_bound(scene) {
             let (garment, own) = scene.parts().own_vertex(vertex);
             let thickness = description.garments[garment].thickness + description.bodies[body].thickness;
-            if distance > (FAR_BOUND_EDGES * edges[vertex]).max(FAR_BOUND_THICKNESSES * thickness) {
+            if distance > (FAR_BOUND_EDGES * edges[vertex]).max(FAR_BOUND_THICKNESSES * thickness).min(FAR_BOUND) {
                 far[pin].push((distance, own));
             }
         }
@@ -118,7 +118,7 @@ fn far_bound_warning(scene: &Scene, pin: usize, far: Vec<(f64, u32)>) -> Option<
     ranks.is_first().then(|| {
         format!(
             "garment \"{garment}\": vertices {list} are pinned to the nearest places of body \"{body}\", which are farther than \
-             {FAR_BOUND_EDGES} of their edges and {FAR_BOUND_THICKNESSES} thicknesses; the farthest is vertex {vertex}, \
+             {FAR_BOUND_EDGES} of their edges and {FAR_BOUND_THICKNESSES} thicknesses, or than {FAR_BOUND} m; the farthest is vertex {vertex}, \
              {distance:.3} m away: they keep these distances, and swing with the faces there. Start the garment on the body, or \
              leave them out of the pin"
         )
@@ -223,6 +223,21 @@ mod tests {
             }
         }
         assert_eq!(ahead.strain_between_pins_at(&plates(0)).map(|record| record.strain < 1e-9), Some(true));
+    }
+
+    #[test]
+    fn vertices_bound_far_from_a_body_are_named_however_long_their_edges_are() {
+        let of_length = |edge: f64, higher: f64| {
+            let mut description = parted(higher);
+            let garment = &mut description.garments[0];
+            for points in garment.start.iter_mut().chain([&mut garment.mesh.points]) {
+                points.iter_mut().for_each(|x| (x.x, x.z) = (x.x * edge / 0.02, x.z * edge / 0.02));
+            }
+            start(&Ranks::default(), &description).warnings().join("\n")
+        };
+        assert_eq!(of_length(0.08, 0.03), "");
+        let said = of_length(0.08, 0.11);
+        assert!(said.contains("or than 0.05 m; the farthest is vertex 1502, 0.120 m away"), "{said}");
     }
 
     #[test]

@@ -209,7 +209,7 @@ impl Simulation {
                 dt: choice.dt,
                 recovery_speed: self.limit.recovery_speed(settings, scene.mean_edge(), choice.dt),
                 stop,
-                held: self.retry.held().or(scene.inert()),
+                held: self.retry.held().or(scene.isolated()),
                 variants: self.variants,
             },
             report: StepReport::default(),

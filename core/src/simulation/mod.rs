@@ -255,8 +255,8 @@ impl Simulation {
             volumes.0.extend(effect.volume);
             plan.push(planned);
         }
-        if let (Some(collision), Some(inert)) = (&mut collision, scene.inert()) {
-            collision.set_held(inert.iter().map(|vertex| (*vertex as usize, true)));
+        if let (Some(collision), Some(isolated)) = (&mut collision, scene.isolated()) {
+            collision.set_held(isolated.iter().map(|vertex| (*vertex as usize, true)));
         }
         let (solver, frame) = (&scene.description().solver, scene.description().timeline.frame_duration());
         let limit = StepLimit::new(parts, scene.masses(), &forces, solver, frame);

@@ -313,7 +313,7 @@ impl Simulation {
             let parts = scene.parts();
             let is_held = |i: &usize| retry.concerned.binary_search(&parts.number(*i)).is_ok();
             let takes_no_part =
-                |i: &usize| scene.inert().is_some_and(|inert| inert.binary_search(&(*i as u32)).is_ok());
+                |i: &usize| scene.isolated().is_some_and(|isolated| isolated.binary_search(&(*i as u32)).is_ok());
             retry.held = Some(parts.own().filter(|i| is_held(i) || takes_no_part(i)).map(|i| i as u32).collect());
         }
         if let Some(contact) = &mut contacts.cloth {

@@ -46,7 +46,7 @@ pub(super) fn start_outside(
 ) -> Result<(), Problems> {
     let mut held = vec![false; state.x.len()];
     pins.into_iter().flat_map(HardPins::fully_held).for_each(|(vertex, _)| held[vertex] = true);
-    scene.inert().unwrap_or_default().iter().for_each(|vertex| held[*vertex as usize] = true);
+    scene.isolated().unwrap_or_default().iter().for_each(|vertex| held[*vertex as usize] = true);
     let description = scene.description();
     let mut problems = Vec::new();
     for (g, garment) in description.garments.iter().enumerate() {

@@ -93,7 +93,7 @@ pub struct DatasetOutline {
     pub kind: ValueKind,
 }
 
-/// Takes a snapshot piece by piece. What goes wrong is remembered and told at the end, so that whoever saves need not stop in
+/// Takes a snapshot piece by piece. What goes wrong is kept and returned at the end, so that whoever saves need not stop in
 /// the middle of it.
 pub trait SnapshotSink {
     /// Begins a section.

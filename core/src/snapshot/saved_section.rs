@@ -155,7 +155,7 @@ impl Rows {
     ) -> Result<Vec<T>, SnapshotError> {
         let mut own = vec![T::zeroed(); self.keys.len() * width];
         for chunk in self.chunks() {
-            let rows = share(ranks, || read(chunk.clone()))?;
+            let rows = read_and_broadcast(ranks, || read(chunk.clone()))?;
             for i in self.within(&chunk) {
                 let from = (self.keys[i] as usize - chunk.start) * width;
                 let to = self.places[i] as usize * width;
@@ -167,7 +167,10 @@ impl Rows {
 }
 
 /// What rank 0 reads, on every rank; or its error.
-fn share<T: Codec>(ranks: &Ranks, read: impl FnOnce() -> Result<T, SnapshotError>) -> Result<T, SnapshotError> {
+fn read_and_broadcast<T: Codec>(
+    ranks: &Ranks,
+    read: impl FnOnce() -> Result<T, SnapshotError>,
+) -> Result<T, SnapshotError> {
     ranks.broadcast_encoded("rows of a snapshot", ranks.is_first().then(read))
 }
 
@@ -236,7 +239,7 @@ impl Reader<'_, '_> {
     }
 
     fn count_rows(&mut self) -> Result<(), SnapshotError> {
-        let rows = share(self.parts.ranks(), || {
+        let rows = read_and_broadcast(self.parts.ranks(), || {
             let source = self.source.as_deref().ok_or_else(|| self.error("nobody gives it".into()))?;
             source.rows_of(self.section, self.name)
         })?;
@@ -445,7 +448,7 @@ impl SavedSection {
     ) -> Result<(), SnapshotError> {
         let (ranks, section) = (parts.ranks(), self.name);
         let error = |what: String| SnapshotError { section: section.to_owned(), what };
-        let version = share(ranks, || {
+        let version = read_and_broadcast(ranks, || {
             let version = source.as_deref().and_then(|source| source.version(section));
             version.ok_or_else(|| error("it is missing".into()))
         })?;

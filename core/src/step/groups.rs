@@ -16,7 +16,7 @@ use crate::scene::{BodyFriction, Integrator};
 use crate::solve::conjugate_gradient::ConjugateGradient;
 use crate::solve::implicit_velocity::PartForces;
 use crate::state::State;
-use crate::step::tr_bdf2::StageArrays;
+use crate::step::stage_arrays::StageArrays;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 

@@ -16,9 +16,10 @@
 //! [`Step::LISTING`] has a line for each of B.1 to B.8; A and C are around the steps, in `crate::simulation`.
 
 mod groups;
+mod stage_arrays;
 mod tr_bdf2;
 
-pub use tr_bdf2::StageArrays;
+pub use stage_arrays::StageArrays;
 
 pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch, Variants};
 

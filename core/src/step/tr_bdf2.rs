@@ -13,7 +13,6 @@
 
 use super::Step;
 use crate::Vec3;
-use crate::block_matrix::BlockMatrix;
 use crate::clock::Watch;
 use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, Trust};
 use crate::contact::bodies::collision::CollisionStep;
@@ -25,9 +24,10 @@ use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::force_evaluation::ForceEvaluation;
 use crate::solve::implicit_velocity::{PartForces, stop_held};
-use crate::solve::preconditioned_cg::{BlockSystem, PreconditionedCg, Projection};
+use crate::solve::preconditioned_cg::{BlockSystem, Projection};
 use crate::state::State;
 use crate::step::Prescribed;
+use crate::step::stage_arrays::StageArrays;
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -49,60 +49,6 @@ const SETTLED: [f64; 3] = [0.1, 0.05, 0.01];
 
 /// Tolerance of the first solve of a stage in which bodies are touched, over that of the last one: it has to say the modes.
 const ROUGH: f64 = 10.0;
-
-/// Arrays of the implicit step; made once.
-#[derive(Debug)]
-pub struct StageArrays {
-    matrix: BlockMatrix,
-    cg: PreconditionedCg,
-    active: ActiveSet,
-    /// Velocities that the step starts with, contacts that rest in the motion of their bodies [m/s].
-    v_start: Vec<Vec3>,
-    /// Positions and velocities of the stage that is worked on, and velocities of the first [m], [m/s].
-    x: Vec<Vec3>,
-    v: Vec<Vec3>,
-    v_first: Vec<Vec3>,
-    /// Forces on own vertices at the start, and at the stage [N].
-    f_start: Vec<Vec3>,
-    f: Vec<Vec3>,
-    /// What a solve is to balance, and what it has left [N s].
-    residual: Vec<Vec3>,
-    /// What a solve changes [m/s].
-    change: Vec<Vec3>,
-}
-
-impl StageArrays {
-    /// Arrays for the local vertices, and the matrix of these forces. All ranks call it together.
-    pub fn new(parts: &Parts, forces: &mut PartForces) -> Self {
-        let matrix = BlockMatrix::new(parts, &|part, visit| {
-            forces[part].iter().for_each(|force| force.visit_elements(visit));
-        });
-        for (forces, rows) in forces.iter_mut().zip(matrix.parts()) {
-            forces.iter_mut().for_each(|force| force.find_blocks(rows));
-        }
-        let cg = PreconditionedCg::new(parts, &matrix);
-        let (local, own) = (vec![Vec3::zeros(); parts.local_count()], vec![Vec3::zeros(); parts.own().len()]);
-        Self {
-            matrix,
-            cg,
-            active: ActiveSet::default(),
-            v_start: local.clone(),
-            x: local.clone(),
-            v: local.clone(),
-            v_first: local.clone(),
-            f_start: own.clone(),
-            f: own.clone(),
-            residual: own,
-            change: local,
-        }
-    }
-
-    /// Memory held [bytes].
-    pub fn bytes(&self) -> usize {
-        let vectors = 5 * self.x.len() + 3 * self.f.len();
-        vectors * size_of::<Vec3>() + self.matrix.bytes() + self.cg.bytes() + self.active.bytes()
-    }
-}
 
 /// What is prescribed in a stage.
 struct Prescription<'a> {

@@ -11,7 +11,7 @@ use crate::mesh_data::Connectivity;
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
 const WHOLE_FRAME: f64 = 1e-3;
 
-/// Times of samples between frames are told in this many parts of a frame: what is finer is rounding of seconds.
+/// Times of samples between frames are given in this many parts of a frame: what is finer is rounding of seconds.
 const PARTS_OF_FRAME: f64 = 1e9;
 
 /// A mesh, and which sample belongs to each of its frames, and to those between them.
@@ -42,12 +42,13 @@ pub(super) fn described(mesh: &PolyMesh, fps: Option<f64>) -> Result<(CacheMesh,
 
 /// The triangles that were simulated, if the file tells them, or the faces cut by the solver's rule.
 pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
-    let told = mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
+    let stored =
+        mesh.user_properties().and_then(|properties| properties.samples(TRIANGLES)?.elements::<i32, 3>(0).ok());
     let in_range = |corner: i32| u32::try_from(corner).ok().filter(|&v| (v as usize) < points.len());
     let triangle = |[a, b, c]: [i32; 3]| Some([in_range(a)?, in_range(b)?, in_range(c)?]);
-    let told = told.and_then(|told| told.into_iter().map(triangle).collect::<Option<Vec<_>>>());
-    if told.is_some() {
-        return told;
+    let stored = stored.and_then(|stored| stored.into_iter().map(triangle).collect::<Option<Vec<_>>>());
+    if stored.is_some() {
+        return stored;
     }
     let faces = mesh.faces(0).ok()?;
     let mut corners = faces.face_indices;

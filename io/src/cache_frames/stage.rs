@@ -124,7 +124,7 @@ impl StageFrames {
         let code = self.code(mesh, 0);
         let points: Vec<Vec3> = self.stage.points(mesh, code)?.into_iter().map(Vec3::from).collect();
         let faces = self.stage.faces(mesh, code)?;
-        let told = self.stage.integers(mesh, TRIANGLES, code)?.and_then(|corners| triangles(&corners, points.len()));
+        let stored = self.stage.integers(mesh, TRIANGLES, code)?.and_then(|corners| triangles(&corners, points.len()));
         if let Some(stored) = self.stage.stored(mesh, code)?.filter(|stored| stored.extent.is_none()) {
             let what = format!("{name}: no extent at frame {}", self.meshes[mesh].frames[0]);
             self.notes.push(format!("{what}, for {} points: applications have to look for it", stored.points.len()));
@@ -132,7 +132,7 @@ impl StageFrames {
         Ok(CacheMesh {
             name,
             points: points.len(),
-            triangles: told.unwrap_or_else(|| cut(&faces.counts, &faces.indices, &points)),
+            triangles: stored.unwrap_or_else(|| cut(&faces.counts, &faces.indices, &points)),
             faces: Connectivity { face_counts: faces.counts, face_indices: faces.indices },
             frames: self.meshes[mesh].frames.clone(),
             between: self.meshes[mesh].between.iter().map(|code| Between::at(code / self.codes_per_frame)).collect(),

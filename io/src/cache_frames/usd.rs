@@ -73,10 +73,12 @@ fn triangles(path: &Path, still: &Still, points: &[Vec3]) -> Result<Vec<[u32; 3]
         return Err(damaged(path, "faceVertexIndices", "a face has a corner that is none of the points"));
     }
     let corner = |v: i32| u32::try_from(v).ok().filter(|corner| there(*corner));
-    let told =
-        still.triangles.as_ref().map(|told| told.iter().map(|[a, b, c]| Some([corner(*a)?, corner(*b)?, corner(*c)?])));
-    match told.map(Iterator::collect::<Option<Vec<_>>>) {
-        Some(Some(told)) => Ok(told),
+    let stored = still
+        .triangles
+        .as_ref()
+        .map(|stored| stored.iter().map(|[a, b, c]| Some([corner(*a)?, corner(*b)?, corner(*c)?])));
+    match stored.map(Iterator::collect::<Option<Vec<_>>>) {
+        Some(Some(stored)) => Ok(stored),
         Some(None) => Err(damaged(path, "drapery:triangles", "a triangle has a corner that is none of the points")),
         None => Ok(cut(&still.face_counts, &still.face_indices, points)),
     }

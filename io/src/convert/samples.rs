@@ -35,12 +35,12 @@ pub(super) fn chosen(
     let between: Vec<(usize, Between)> = numbered.map(|(index, at)| (described.frames.len() + index, *at)).collect();
     let sub_frames: Vec<f64> = between.iter().filter(|(_, at)| at.frame == first).map(|(_, at)| at.behind).collect();
     let outside = if asked.is_none() { described.between.len() - between.len() } else { 0 };
-    let told = |number: usize, which: &str, why: &str| {
+    let note = |number: usize, which: &str, why: &str| {
         (number > 0).then(|| format!("{}: {number} samples {which} are left out: {why}", described.name))
     };
-    let around = told(outside, "before the first frame or behind the last", "a cache begins and ends with a frame");
+    let around = note(outside, "before the first frame or behind the last", "a cache begins and ends with a frame");
     let left_out = |why: &str| {
-        let all = around.iter().cloned().chain(told(between.len(), "between frames", why)).collect();
+        let all = around.iter().cloned().chain(note(between.len(), "between frames", why)).collect();
         (Chosen { all: whole(), sub_frames: Vec::new() }, all)
     };
     if between.is_empty() {

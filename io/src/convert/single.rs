@@ -49,8 +49,8 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
     };
     let (mut kept, mut left_out) = (Vec::new(), Vec::new());
     for mesh in meshes {
-        let (samples, told) = shown(&source, mesh, conversion)?;
-        left_out.extend(told);
+        let (samples, lacking) = shown(&source, mesh, conversion)?;
+        left_out.extend(lacking);
         kept.push((mesh, GarmentMesh::kept(described(&source, mesh, samples.all[0].0)?), samples));
     }
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();

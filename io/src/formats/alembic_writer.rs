@@ -26,7 +26,7 @@ use super::continuing::{cannot_continue, digest_of, hexadecimal, marked_frames, 
 use crate::atomic_file::unfinished;
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
-use crate::garment_mesh::{GarmentMesh, told};
+use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::{FaceSet, MeshData, MeshParam, Uvs};
 use crate::units::Units;
 
@@ -379,7 +379,7 @@ impl CacheWriter for AlembicWriter {
 impl Still {
     /// Takes it from a mesh; every list becomes what the archive holds in its own place.
     fn of(mut data: MeshData) -> Self {
-        let triangles = told(&data);
+        let triangles = triangles_to_store(&data);
         let mesh = &mut data.mesh;
         reverse(&mesh.face_counts, &mut mesh.face_indices);
         if let Some(uvs) = &mut data.uvs {

@@ -396,7 +396,7 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
     for (place, entry) in about.meshes.iter().enumerate() {
         meshes.push(match stage.choose(&[place]) {
             Ok(chosen) => mesh_summary(&stage, entry, &chosen)?,
-            // It is told what is wrong with this one, and the others are told as they are.
+            // What is wrong with this one is reported, and the others are reported as they are.
             Err(error) => unreadable(entry.path.clone(), error),
         });
     }

@@ -27,7 +27,7 @@ use super::{Part, ShotFiles, remove_folder};
 use crate::atomic_file::unfinished;
 use crate::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWriter};
 use crate::error::IoError;
-use crate::garment_mesh::{GarmentMesh, told};
+use crate::garment_mesh::{GarmentMesh, triangles_to_store};
 use crate::mesh_data::MeshData;
 use crate::units::{Units, UpAxis};
 
@@ -341,7 +341,7 @@ pub(crate) struct Form {
 
 /// Everything of a mesh that does not move, as USD writes it.
 pub(crate) fn still_mesh(mut data: MeshData, path: &MeshPath, form: Form) -> StillMesh<'_> {
-    let triangles = told(&data);
+    let triangles = triangles_to_store(&data);
     let primvars = std::mem::take(&mut data.params);
     let primvars = primvars.into_iter().map(|param| attributes::primvar(param, &data.mesh.face_counts)).collect();
     let faces = data.mesh.face_counts.len();

@@ -15,7 +15,7 @@ use super::tree::{Node, Origin, Path, Segment, Sources, Value};
 /// A table with values that have rows. Its other keys are those of a struct in [`super::raw`].
 pub(super) struct Rows {
     /// Keys that lead to it.
-    path: &'static [&'static str],
+    pub(super) path: &'static [&'static str],
     /// Name of the struct.
     pub(super) rest: &'static str,
     /// Rows of the solver's description, and those that become other members of it.
@@ -96,7 +96,7 @@ pub(super) fn without(mut root: Node, other: impl Iterator<Item = Path>) -> Node
 pub(super) fn check(root: &Node, sources: &Sources) -> Result<(), SceneFileError> {
     for rows in &TABLES {
         for path in found(root, rows.path) {
-            // What is no table is told with the other keys.
+            // What is no table is reported with the other keys.
             let node = path.find(root);
             for part in rows.parts.into_iter().filter(|_| node.as_table().is_some()) {
                 check_values(node, part, &path, sources)?;

@@ -17,7 +17,7 @@ use crate::mesh_data::{MeshData, Uvs};
 use crate::mesh_source::MeshSource;
 use crate::units::InputUnits;
 
-use super::raw::{Garment, Leaves};
+use super::raw::{Garment, LARGEST_LEAF, Leaves};
 use super::resolve::{ReadGarment, Resolver};
 use super::shapes::{Form, Shape};
 use super::tree::Path;
@@ -83,9 +83,6 @@ impl GarmentReader for FromFile {
         self.open()?.faces_at(self.time, take)
     }
 }
-
-/// Longest leaf that is made [m]; the cells around leaves grow step by step until no two touch.
-pub(super) const LARGEST_LEAF: f64 = 100.0;
 
 impl Resolver<'_> {
     /// Resolves one garment and its pins. Problems are recorded.

@@ -19,14 +19,26 @@ const OF_POINT: f64 = 460.0;
 pub(super) struct Memory {
     /// Ranks that share the garments.
     ranks: usize,
+    /// Of a point of each garment of the scene file, with the effects that it has [bytes].
+    of_point: Vec<f64>,
     needed: f64,
     available: Option<u64>,
 }
 
 impl Memory {
     /// Nothing is needed yet.
-    pub(super) fn new(ranks: usize) -> Self {
-        Self { ranks: ranks.max(1), needed: 0.0, available: available() }
+    pub(super) fn new(scene: &SceneFile, ranks: usize) -> Self {
+        let of_point = bytes_of_points(scene, &effects::requests(&scene.root));
+        Self { ranks: ranks.max(1), of_point, needed: 0.0, available: available() }
+    }
+
+    /// Expected of a point of the garment that a path leads into [bytes].
+    pub(super) fn of_point(&self, path: &Path) -> f64 {
+        let garment = path.0.iter().find_map(|segment| match segment {
+            Segment::Index(index) => Some(*index),
+            Segment::Key(_) => None,
+        });
+        garment.and_then(|garment| self.of_point.get(garment)).copied().unwrap_or(OF_POINT)
     }
 }
 
@@ -46,7 +58,7 @@ impl Memory {
     /// There is not enough for it and the garments before.
     pub(super) fn take(&mut self, points: f64, of_point: f64) -> Result<(), NoRoom> {
         self.needed += points * of_point / self.ranks as f64;
-        let Self { ranks, needed, available } = *self;
+        let Self { ranks, needed, available, .. } = *self;
         let Some(available) = available.map(|bytes| bytes as f64).filter(|available| needed > *available) else {
             return Ok(());
         };
@@ -61,25 +73,25 @@ impl Memory {
     }
 }
 
-/// Expected of a point of the garment that a path leads into [bytes].
-pub(super) fn bytes_of_point(scene: &SceneFile, path: &Path) -> f64 {
+/// Expected of a point of each garment [bytes]; every effect that is asked for is looked at once, however many garments there are.
+fn bytes_of_points(scene: &SceneFile, requests: &[EffectRequest]) -> Vec<f64> {
     let document = &scene.document;
     let raw::EffectChoice { without, only } = &document.effects;
     let runs =
         |name: &str| !without.iter().any(|out| out == name) && (only.is_empty() || only.iter().any(|one| one == name));
-    let garment = path.0.iter().find_map(|segment| match segment {
-        Segment::Index(index) => Some(*index),
-        Segment::Key(_) => None,
-    });
-    let requests = effects::requests(&scene.root);
-    let is_asked = |name: &str| {
-        let of_it = |request: &EffectRequest| {
-            request.effect == name && (request.garment.is_none() || request.garment == garment)
-        };
-        (name == body_collision::SPEC.name && !document.body.is_empty()) || requests.iter().any(of_it)
+    let bytes = |name: &str| {
+        let spec = REGISTRY.iter().find(|spec| spec.name == name && runs(name));
+        spec.map_or(0.0, |spec| spec.bytes_of_point)
     };
-    let taken = REGISTRY.iter().filter(|spec| runs(spec.name) && is_asked(spec.name));
-    OF_POINT + taken.map(|spec| spec.bytes_of_point).sum::<f64>()
+    let of_bodies = if document.body.is_empty() { 0.0 } else { bytes(body_collision::SPEC.name) };
+    let of_all = requests.iter().filter(|request| request.garment.is_none()).map(|request| bytes(&request.effect));
+    let mut of_point = vec![OF_POINT + of_bodies + of_all.sum::<f64>(); document.garment.len()];
+    for request in requests {
+        if let Some(of_garment) = request.garment.and_then(|garment| of_point.get_mut(garment)) {
+            *of_garment += bytes(&request.effect);
+        }
+    }
+    of_point
 }
 
 fn gibibytes(bytes: f64) -> String {

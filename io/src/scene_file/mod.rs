@@ -21,6 +21,7 @@
 
 mod bodies;
 mod check;
+mod defaults;
 mod deserialize;
 mod diagnostics;
 mod effects;
@@ -55,6 +56,7 @@ use crate::input_file;
 use crate::memory_mesh::MemoryMeshes;
 use crate::shot_description::{Fabric, ShotDescription};
 
+pub use defaults::Defaults;
 pub use diagnostics::{Location, SceneErrorKind, SceneFileError};
 pub use material_files::{material_files, read_material};
 pub use raw::UNSAID;

@@ -3,11 +3,14 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
+use drapery_core::scene::names;
+
 use crate::materials::{self, Material, MaterialEffect, MaterialSetting, TakesPart};
 use crate::shot_description::Fabric;
 
 use super::deserialize::suggestion;
 use super::diagnostics::SceneFileError;
+use super::file_names;
 use super::material_files;
 use super::tree::{Node, Origin, Place, Sources, Table, Value};
 
@@ -172,7 +175,10 @@ pub(super) fn fill_shot_name(root: &mut Node, file_stem: &str) {
     if let Some(shot) = root.as_table_mut().and_then(|t| t.get_mut("shot")) {
         let place = shot.place.clone();
         if let Some(table) = shot.as_table_mut() {
-            table.fill("name", Value::Text(file_stem.to_owned()), &place, Origin::Default);
+            // A file may have a name that no folder should have.
+            let is_usable = file_names::usable_for_folder(file_stem).is_ok();
+            let name = if is_usable { file_stem.to_owned() } else { names::usable(file_stem) };
+            table.fill("name", Value::Text(name), &place, Origin::Default);
         }
     }
 }

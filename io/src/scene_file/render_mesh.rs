@@ -191,8 +191,8 @@ mod tests {
             ("smooth = 3", "", "unknown key `smooth`"),
             ("", garment, "so is a garment"),
         ] {
-            let told = resolved(table, more).map(|_| ()).unwrap_err();
-            assert!(told.contains(expected), "{told}");
+            let message = resolved(table, more).map(|_| ()).unwrap_err();
+            assert!(message.contains(expected), "{message}");
         }
     }
 }

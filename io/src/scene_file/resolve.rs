@@ -19,7 +19,7 @@ use crate::wind_file::WindFile;
 
 use super::deserialize::dotted;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
-use super::memory::{Memory, NoRoom, bytes_of_point};
+use super::memory::{Memory, NoRoom};
 use super::raw::{self, FileUnits, Quantity};
 use super::tree::Path;
 use super::{SceneFile, effects, fields, file_names, ranges, resolved};
@@ -72,7 +72,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         wind: None,
         input_files: scene.material_files.clone(),
         warnings: Vec::new(),
-        memory: Memory::new(ranks),
+        memory: Memory::new(scene, ranks),
     };
     // Without frames no file can be asked for a pose, so this is reported alone.
     let Some((first, last)) = resolver.shot() else {
@@ -170,7 +170,7 @@ impl Resolver<'_> {
     /// Takes note of a garment of so many points; refuses it, as a lack of memory, where they have no room. Called before its
     /// points are anywhere.
     pub(super) fn has_room(&mut self, path: &Path, points: f64) -> Option<()> {
-        self.has_room_for(path, points, bytes_of_point(self.scene, path))
+        self.has_room_for(path, points, self.memory.of_point(path))
     }
 
     /// The same for points that take so much each [bytes].
@@ -198,8 +198,8 @@ impl Resolver<'_> {
     pub(super) fn quantity(&mut self, path: &Path, quantity: &Quantity, dimension: Dimension) -> Option<f64> {
         let value = self.check(path, quantity.si(dimension))?;
         let in_range = ranges::at(path).map_or(Ok(()), |range| range.check(value));
-        let told = |what| format!("`{}` [{}]: {what}", dotted(path), dimension.si_unit());
-        self.check(path, in_range.map_err(told))?;
+        let at_key = |what| format!("`{}` [{}]: {what}", dotted(path), dimension.si_unit());
+        self.check(path, in_range.map_err(at_key))?;
         Some(value)
     }
 

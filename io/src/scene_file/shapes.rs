@@ -10,10 +10,7 @@ use drapery_core::mesh::PolygonMesh;
 use nalgebra::{Rotation3, Unit};
 
 use super::random::Random;
-use super::raw::{Ball, Disc, Garment, Leaves, Panel, PanelShape, Rotation, Tube};
-
-/// Finest resolution that is made; an honest scene stays far below, a slip of the keyboard does not.
-pub(super) const MAX_RESOLUTION: u32 = 20_000;
+use super::raw::{Ball, Disc, Garment, Leaves, MAX_RESOLUTION, Panel, PanelShape, Rotation, Tube};
 
 /// A generated mesh as a whole.
 #[derive(Debug, Clone, PartialEq)]

@@ -14,8 +14,8 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     };
     match read(file, prim, codes) {
-        Ok(told) => {
-            println!("{told}");
+        Ok(text) => {
+            println!("{text}");
             ExitCode::SUCCESS
         }
         Err(error) => {

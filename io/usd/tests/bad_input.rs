@@ -221,7 +221,7 @@ fn meshes_that_are_not_rendered_are_told_with_the_reason() {
     ];
     fs::write(&path, usda(&text.concat())).unwrap();
     let stage = Stage::open(&path).unwrap();
-    let told: Vec<(&str, Option<&str>)> =
+    let messages: Vec<(&str, Option<&str>)> =
         stage.about().meshes.iter().map(|entry| (entry.path.as_str(), entry.skipped.as_deref())).collect();
     let expected = [
         ("/a", None),
@@ -231,7 +231,7 @@ fn meshes_that_are_not_rendered_are_told_with_the_reason() {
         ("/g/h", Some("it is below a PointInstancer, and none of its prototypes")),
         ("/i", None),
     ];
-    assert_eq!(told, expected);
+    assert_eq!(messages, expected);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //! area. They are possible, so they are said and not refused.
 
 use drapery_core::Vec3;
+use drapery_core::geometry::moving_surface::{enclosed_share, is_closed};
 
 use super::{flat_faces, listed};
 
@@ -12,6 +13,11 @@ const JUMP: f64 = 100.0;
 /// Factor by which a body may change its size (the root of its area) from one sample to the next. Skin stretches by a few
 /// percent in a frame; a factor of two is a wrong unit or a broken sample.
 const RESIZED: f64 = 2.0;
+
+/// By which factor a closed body may lose volume to its area (the cube of its size) against its first sample: what is left of a
+/// body that is squashed flat has area on both sides and next to nothing between them. A chest that breathes out or an arm that
+/// bends changes it by a few percent.
+const FLATTENED: f64 = 0.01;
 
 /// What was found of one kind: the worst, and in how many samples.
 #[derive(Debug, Default)]
@@ -27,7 +33,7 @@ impl Found {
         self.first.get_or_insert_with(place);
     }
 
-    fn told(self, advice: &str) -> Option<String> {
+    fn warnings(self, advice: &str) -> Option<String> {
         let more = match self.samples {
             0 | 1 => String::new(),
             2 => ", and in 1 more sample".to_owned(),
@@ -47,17 +53,40 @@ pub(super) struct Poses<'a> {
     jumps: Found,
     sizes: Found,
     flat: Found,
+    /// Volume to area of the first sample; `None` of surfaces that enclose none.
+    first_share: Option<f64>,
+    collapses: Found,
 }
 
 impl<'a> Poses<'a> {
     /// Nothing seen yet of an input with these faces; a track has none.
     pub(super) fn new(triangles: &'a [[u32; 3]]) -> Self {
-        Self { triangles, before: None, jumps: Found::default(), sizes: Found::default(), flat: Found::default() }
+        Self {
+            triangles,
+            before: None,
+            jumps: Found::default(),
+            sizes: Found::default(),
+            flat: Found::default(),
+            first_share: None,
+            collapses: Found::default(),
+        }
     }
 
     /// Looks at the sample of a time [s]; `place` names it.
     pub(super) fn look(&mut self, time: f64, positions: &[Vec3], place: &dyn Fn() -> String) {
         let size = size(self.triangles, positions);
+        let share = enclosed_share(self.triangles, positions).abs();
+        match self.first_share {
+            None if self.before.is_none() && is_closed(self.triangles) => self.first_share = Some(share),
+            Some(first) if share < FLATTENED * first => self.collapses.note(|| {
+                let left = 100.0 * share / first;
+                format!(
+                    "{}: the body is squashed flat, with {left:.1} % of the volume to its area of the first sample",
+                    place()
+                )
+            }),
+            _ => {}
+        }
         if let Some((since, size_before, before)) = &self.before {
             let (speed, vertex) = fastest(before, positions, time - since);
             if speed > JUMP {
@@ -68,7 +97,7 @@ impl<'a> Poses<'a> {
                 self.sizes
                     .note(|| format!("{}: the body is {factor:.3} times the size it had a sample before", place()));
             }
-            // Those of the first sample are errors, and are told as such.
+            // Those of the first sample are errors, and are reported as such.
             if let Some(faces) = listed(flat_faces(self.triangles, positions)) {
                 self.flat.note(|| format!("{}: faces between the points {faces} have no area", place()));
             }
@@ -80,14 +109,17 @@ impl<'a> Poses<'a> {
     }
 
     /// What is to be said.
-    pub(super) fn told(self) -> impl Iterator<Item = String> {
-        let jumps = self.jumps.told(
+    pub(super) fn warnings(self) -> impl Iterator<Item = String> {
+        let jumps = self.jumps.warnings(
             "cloth cannot follow that; if the animation is cut there, simulate what comes after it as a shot of its own, with a \
              pre-roll",
         );
-        let sizes = self.sizes.told("look at this frame and the units of the file, and export it again");
-        let flat = self.flat.told("they have no outside as long as that lasts; look at this frame of the animation");
-        [jumps, sizes, flat].into_iter().flatten()
+        let sizes = self.sizes.warnings("look at this frame and the units of the file, and export it again");
+        let flat =
+            self.flat.warnings("they have no outside as long as that lasts; look at this frame of the animation");
+        let collapses =
+            self.collapses.warnings("cloth finds no inside to keep out of; look at this frame and export it again");
+        [jumps, sizes, flat, collapses].into_iter().flatten()
     }
 }
 
@@ -108,7 +140,7 @@ fn fastest(from: &[Vec3], to: &[Vec3], time: f64) -> (f64, usize) {
 }
 
 /// What is to be said of a path of points [s, m]; `place` names it.
-pub(crate) fn path_told(place: &str, points: &[(f64, Vec3)]) -> Option<String> {
+pub(crate) fn path_warning(place: &str, points: &[(f64, Vec3)]) -> Option<String> {
     let mut jumps = Found::default();
     for ends in points.windows(2) {
         let ((since, from), (time, to)) = (ends[0], ends[1]);
@@ -117,7 +149,7 @@ pub(crate) fn path_told(place: &str, points: &[(f64, Vec3)]) -> Option<String> {
             jumps.note(|| format!("{place}: its path goes at {speed:.0} m/s from {since} s to {time} s"));
         }
     }
-    jumps.told("cloth cannot follow that; give these points of the path more time")
+    jumps.warnings("cloth cannot follow that; give these points of the path more time")
 }
 
 #[cfg(test)]
@@ -131,41 +163,57 @@ mod tests {
 
     const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
-    fn told(samples: &[Vec<Vec3>]) -> Vec<String> {
+    fn warnings(samples: &[Vec<Vec3>]) -> Vec<String> {
         let mut poses = Poses::new(&FACES);
         for (frame, sample) in samples.iter().enumerate() {
             poses.look(frame as f64 / 24.0, sample, &|| format!("frame {frame}"));
         }
-        poses.told().collect()
+        poses.warnings().collect()
     }
 
     #[test]
     fn a_dancer_and_a_body_that_grows_slowly_pass_in_silence() {
         let walking =
             (0..6).map(|frame| pose(Vec3::x() * (f64::from(frame) * 15.0 / 24.0), 1.0 + 0.3 * f64::from(frame)));
-        assert_eq!(told(&walking.collect::<Vec<_>>()), Vec::<String>::new());
+        assert_eq!(warnings(&walking.collect::<Vec<_>>()), Vec::<String>::new());
     }
 
     #[test]
     fn jumps_collapses_and_growth_are_said_with_their_frame_and_how_much() {
         let at = |place: f64, size: f64| pose(Vec3::x() * place, size);
-        let jump = told(&[at(0.0, 1.0), at(0.0, 1.0), at(100.0, 1.0), at(100.0, 1.0)]);
+        let jump = warnings(&[at(0.0, 1.0), at(0.0, 1.0), at(100.0, 1.0), at(100.0, 1.0)]);
         assert_eq!(jump.len(), 1, "{jump:?}");
         assert!(jump[0].starts_with("frame 2: vertex 0 gets there at 2400 m/s: "), "{jump:?}");
-        let point = told(&[at(0.0, 1.0), at(0.0, 0.0), at(0.0, 1.0)]);
+        let point = warnings(&[at(0.0, 1.0), at(0.0, 0.0), at(0.0, 1.0)]);
         assert!(point[0].starts_with("frame 1: the body is 0.000 times the size"), "{point:?}");
         assert!(point[0].contains("in 1 more sample"), "{point:?}");
         assert!(point[1].contains("faces between the points 0-2-1") && point[1].contains("have no area"), "{point:?}");
-        let grown = told(&[at(0.0, 1.0), at(0.0, 1000.0), at(0.0, 1.0)]);
+        let grown = warnings(&[at(0.0, 1.0), at(0.0, 1000.0), at(0.0, 1.0)]);
         assert!(grown[0].contains("m/s, and in 1 more sample:"), "{grown:?}");
         assert!(grown[1].starts_with("frame 1: the body is 1000.000 times the size"), "{grown:?}");
     }
 
     #[test]
+    fn a_body_that_is_squashed_to_a_disc_is_said_with_its_frame() {
+        let squashed = |height: f64| {
+            let full = pose(Vec3::x() * 3.0, 1.0);
+            full.iter().map(|x| Vec3::new(x.x, x.y * height, x.z)).collect::<Vec<_>>()
+        };
+        let disc = warnings(&[squashed(1.0), squashed(1e-3), squashed(1e-3), squashed(1.0)]);
+        assert_eq!(disc.len(), 1, "{disc:?}");
+        assert!(
+            disc[0].starts_with("frame 1: the body is squashed flat, with 0.") && disc[0].contains("in 1 more sample"),
+            "{disc:?}"
+        );
+        assert!(warnings(&[squashed(0.0), squashed(0.0)]).iter().all(|said| !said.contains("squashed")));
+        assert!(warnings(&[squashed(1.0), squashed(0.5), squashed(0.2)]).is_empty());
+    }
+
+    #[test]
     fn a_path_that_jumps_is_said_with_its_times() {
         let path = [(0.0, Vec3::zeros()), (1.0, Vec3::x() * 99.0), (1.1, Vec3::zeros())];
-        let told = path_told("body \"ball\"", &path).unwrap_or_default();
-        assert!(told.starts_with("body \"ball\": its path goes at 990 m/s from 1 s to 1.1 s"), "{told}");
-        assert_eq!(path_told("body \"ball\"", &path[..2]), None);
+        let warnings = path_warning("body \"ball\"", &path).unwrap_or_default();
+        assert!(warnings.starts_with("body \"ball\": its path goes at 990 m/s from 1 s to 1.1 s"), "{warnings}");
+        assert_eq!(path_warning("body \"ball\"", &path[..2]), None);
     }
 }

@@ -5,8 +5,8 @@
 //! of the range, what is written, the name) are *allowed*; all others are *forbidden* unless somebody insists.
 //!
 //! The scene is compared value by value, as `resolved.toml` has them with all defaults, so that comments, order and
-//! spelling of numbers do not matter. A value that names a file stands for the content of the file: moving inputs to
-//! another folder is allowed.
+//! spelling of numbers do not matter; nor do keys at their defaults that only one of two programs knows. A value that names a
+//! file stands for the content of the file: moving inputs to another folder is allowed.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf, absolute};
 use drapery_io::error::IoError;
 use drapery_io::input_file;
 use drapery_io::memory_mesh::{MemoryMesh, MemoryMeshes};
-use drapery_io::scene_file::{FILES, UNSAID};
+use drapery_io::scene_file::{Defaults, FILES, UNSAID};
 use drapery_io::sha256::hex;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -36,13 +36,17 @@ const FREE_KEYS: [&str; 3] = ["shot.name", LAST_FRAME, "output."];
 /// frame is the first.
 const SAMPLED: [&str; 3] = ["output.samples", "output.shutter", "output.preroll"];
 
-/// Table of the scene that is about warnings alone: not even told when it changes.
+/// Table of the scene that is about warnings alone: not even reported when it changes.
 const WARNINGS: &str = "check.";
 
 /// The range of the shot is compared by its ends.
 const FRAMES: &str = "shot.frames";
 const FIRST_FRAME: &str = "shot.first_frame";
 const LAST_FRAME: &str = "shot.last_frame";
+
+/// Keys that are younger than the first runs, without the indices of lists, with their defaults: at these the digest of a scene does
+/// not hold them, so that it is that of the programs before. A new key with a default belongs here.
+const YOUNGER: [(&str, &str); 1] = [("solver.steps_per_frame", "8")];
 
 /// Key of the scene that says whether caches hold velocities.
 const VELOCITIES: &str = "output.velocities";
@@ -102,7 +106,7 @@ impl Fingerprint {
             digests.insert(input_name(input), content_digest(input)?);
         }
         let mut all = Sha256::new();
-        for (key, value) in scene.iter().filter(|(key, _)| !is_free(key)) {
+        for (key, value) in scene.iter().filter(|(key, value)| !is_free(key) && !is_younger_default(key, value)) {
             let (hash, rest) = by_content(&digests, key, value).unwrap_or(("", value));
             // Lengths keep one value from running into the next.
             all.update(format!("{key} {} {} {hash}{rest}\n", hash.len(), rest.len()));
@@ -149,22 +153,33 @@ pub fn compare(old: &Fingerprint, new: &Fingerprint) -> Changes {
             changes.forbidden.push(format!("input {name} has changed"));
         }
     }
-    if !old.scene.is_empty() && !new.scene.is_empty() {
-        compare_scenes(old, new, &mut changes);
-    }
+    let has_values = !old.scene.is_empty() && !new.scene.is_empty();
+    let is_explained = has_values && compare_scenes(old, new, &mut changes);
     let scene_differs = value(old, SCENE) != value(new, SCENE);
-    if scene_differs && changes.forbidden.is_empty() {
+    if scene_differs && changes.forbidden.is_empty() && !is_explained {
         changes.forbidden.push("the scene has changed".to_owned());
     }
     changes
 }
 
-/// Values of the scene that differ, each in its list.
-fn compare_scenes(old: &Fingerprint, new: &Fingerprint, changes: &mut Changes) {
+/// Values of the scene that differ, each in its list; a key that one of them does not have is there at its default. Returns whether
+/// there is such a key, for which digests of the same scene differ.
+fn compare_scenes(old: &Fingerprint, new: &Fingerprint, changes: &mut Changes) -> bool {
+    let (defaults, mut has_filled) = (Defaults::default(), false);
     let keys = old.scene.keys().chain(new.scene.keys().filter(|key| !old.scene.contains_key(*key)));
     for key in keys {
         let (before, after) = (old.scene.get(key), new.scene.get(key));
         if before == after {
+            continue;
+        }
+        let is_default = |side: &Fingerprint, value: &String| unsaid(&defaults, side, key).as_ref() == Some(value);
+        let fills = match (before, after) {
+            (None, Some(value)) => is_default(old, value),
+            (Some(value), None) => is_default(new, value),
+            _ => false,
+        };
+        if fills {
+            has_filled = true;
             continue;
         }
         let shown = |value: Option<&String>| value.map_or_else(|| "(nothing)".to_owned(), |text| shorten(text));
@@ -180,6 +195,31 @@ fn compare_scenes(old: &Fingerprint, new: &Fingerprint, changes: &mut Changes) {
             false => changes.forbidden.push(text),
         }
     }
+    has_filled
+}
+
+/// What a key that a scene does not have is in it: its default, where the table is there that it would stand in.
+fn unsaid(defaults: &Defaults, side: &Fingerprint, key: &str) -> Option<String> {
+    let (table, _) = key.rsplit_once('.')?;
+    has_table(defaults, &side.scene, table).then(|| defaults.of(key).map(|value| text(&value)))?
+}
+
+/// Whether a scene has a table, said or not.
+fn has_table(defaults: &Defaults, scene: &BTreeMap<String, String>, table: &str) -> bool {
+    let holds = |name: String| scene.range(name.clone()..).next().is_some_and(|(key, _)| key.starts_with(&name));
+    let around = || table.rsplit_once('.').is_none_or(|(around, _)| has_table(defaults, scene, around));
+    let is_said = scene.contains_key(table) || holds(format!("{table}.")) || holds(format!("{table}["));
+    is_said || defaults.is_always_there(table) && around()
+}
+
+/// Whether a value is the default of a key that came after the first runs.
+fn is_younger_default(key: &str, value: &str) -> bool {
+    let is_key = |name: &str| {
+        // Without the indices of lists.
+        let words = key.split('.').map(|word| word.split_once('[').map_or(word, |(word, _)| word));
+        words.eq(name.split('.'))
+    };
+    YOUNGER.iter().any(|(name, default)| value == *default && is_key(name))
 }
 
 /// Whether frames that are already there do not depend on a key.

@@ -95,7 +95,7 @@ impl Reason {
     }
 }
 
-/// All reasons; of several at once, the last in this list is the one that is told.
+/// All reasons; of several at once, the last in this list is the one that is reported.
 const REASONS: [Reason; 10] = [
     Reason::Program,
     Reason::ControlFile,

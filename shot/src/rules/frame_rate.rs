@@ -13,7 +13,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let fps = f64::from(timeline.fps_numerator) / f64::from(timeline.fps_denominator);
     let mut findings: Vec<Finding> = Vec::new();
     for finding in facts.motions().filter_map(|motion| of_motion(motion, fps)) {
-        // A track of several pins is told once.
+        // A track of several pins is named once.
         if !findings.contains(&finding) {
             findings.push(finding);
         }

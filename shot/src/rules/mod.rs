@@ -151,7 +151,7 @@ impl Facts<'_> {
         self.inputs.bodies.iter().flatten().chain(&self.inputs.tracks)
     }
 
-    /// Bodies from files, each with the bounds of its first pose [m]; without those that cannot be read, which is told elsewhere.
+    /// Bodies from files, each with the bounds of its first pose [m]; without those that cannot be read, which is reported elsewhere.
     fn first_poses(&self) -> impl Iterator<Item = (&InputMotion, [Vec3; 2])> {
         let time = self.inputs.timeline.file_time(self.inputs.timeline.origin);
         self.inputs.bodies.iter().flatten().filter_map(move |motion| {

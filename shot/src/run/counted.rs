@@ -19,7 +19,7 @@ pub(super) struct Counted {
     pub(super) exceeded: Vec<Exceeded>,
     /// Frames whose counts are not known, as ranges.
     pub(super) uncounted: Vec<[i64; 2]>,
-    /// The largest strain between pins that was told.
+    /// The largest strain between pins that was reported.
     told_strain: f64,
 }
 

@@ -113,6 +113,27 @@ impl Dump {
     }
 }
 
+/// Says which tracepoints are on the way to frames that are done up to this one: no step to them is made again.
+pub(super) fn passed_over(tracepoints: &[Tracepoint], done: i64) -> Option<String> {
+    let is_passed = |point: &&Tracepoint| point.frame.is_some_and(|frame| frame <= done);
+    let passed: Vec<String> = tracepoints.iter().filter(is_passed).map(Tracepoint::to_string).collect();
+    (!passed.is_empty()).then(|| not_made_again(&passed.join(", "), done))
+}
+
+/// The same of all tracepoints of a run of which all frames are done.
+pub(super) fn nothing_left(tracepoints: &[Tracepoint], last: i64) -> Option<String> {
+    let points: Vec<String> = tracepoints.iter().map(Tracepoint::to_string).collect();
+    (!points.is_empty()).then(|| not_made_again(&points.join(", "), last))
+}
+
+fn not_made_again(points: &str, done: i64) -> String {
+    format!(
+        "--dump {points}: nothing is written, for the frames to {done} are done and no step to them is made again\n  \
+         help: go on from a checkpoint before it with --resume FRAME, simulate into another folder with --out, or all anew with \
+         --overwrite"
+    )
+}
+
 /// Refuses tracepoints to which no step leads that ends between these frames.
 ///
 /// # Errors

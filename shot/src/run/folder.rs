@@ -72,7 +72,7 @@ impl Earlier {
     }
 
     /// Says in the manifest that only the frames up to `delivered` count: what follows is about to be taken back.
-    pub(super) fn take_back(&self, folder: &Path, delivered: Option<i64>) -> Result<(), IoError> {
+    pub(super) fn withdraw(&self, folder: &Path, delivered: Option<i64>) -> Result<(), IoError> {
         let mut manifest = self.manifest.clone();
         manifest["state"] = "running".into();
         manifest["last_complete_frame"] = delivered.into();

@@ -1,4 +1,4 @@
-//! The frame loop: starts, goes on where an earlier attempt stopped, and stops when it is told.
+//! The frame loop: starts, goes on where an earlier attempt stopped, and stops when it is asked to.
 //!
 //! Frames come from inputs through the solver into the caches. At states free of collisions the loop looks for requests to
 //! stop and for checkpoints that are due; it goes on from a checkpoint with the same bits as if it had never stopped.
@@ -91,6 +91,9 @@ impl Shot {
             return self.nothing_to_do(options, observer);
         }
         let mut run = Run::prepare(self, options, fingerprint, (changed, notes), observer)?;
+        dump::passed_over(&options.dump, run.shot.simulation().frame())
+            .into_iter()
+            .for_each(|text| observer.note(text));
         run.dump = Dump::of_run(&mut run.shot, options, &run.totals)?;
         let ended = run.frames(observer);
         run.dump.iter().for_each(|dump| dump.report(observer));
@@ -112,6 +115,7 @@ impl Shot {
     fn nothing_to_do(&self, options: &RunOptions, observer: &mut dyn Observer) -> Result<RunReport, ShotError> {
         let record = Record::read(&options.out.join(RECORD))?;
         let frames = [self.about.timeline.start, self.about.last_frame];
+        dump::nothing_left(&options.dump, self.about.last_frame).into_iter().for_each(|text| observer.note(text));
         let Counted { exceeded, uncounted, .. } = Counted::of(&record, frames, &mut |text| observer.note(text));
         Ok(RunReport {
             outcome: Outcome::NothingToDo,

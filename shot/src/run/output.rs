@@ -72,7 +72,7 @@ struct Planned {
     resume: ResumeCache,
 }
 
-/// What the folder of an attempt is told beside its scene.
+/// What goes into the folder of an attempt beside its scene.
 pub(super) struct Start<'a> {
     /// How the run is made.
     pub(super) options: &'a RunOptions,

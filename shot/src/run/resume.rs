@@ -121,9 +121,12 @@ pub(super) fn decide(
     }
 }
 
-/// A checkpoint that was chosen by hand may be older than a change that the run went on with.
+/// A checkpoint that was chosen by hand may be older than a change that the run went on with. Where it is of the run as it is in the
+/// folder, that knows the values of the scene too.
 fn same_shot(found: Loaded, now: &Fingerprint, folder: &Path) -> Result<Loaded, ShotError> {
-    let then = Fingerprint { digests: found.checkpoint.head.digests.clone(), ..Fingerprint::default() };
+    let digests = &found.checkpoint.head.digests;
+    let of_run = Earlier::read(folder).and_then(|earlier| earlier.fingerprint).filter(|run| run.digests == *digests);
+    let then = of_run.unwrap_or_else(|| Fingerprint { digests: digests.clone(), ..Fingerprint::default() });
     let changes = digest::compare(&then, now).forbidden;
     if changes.is_empty() { Ok(found) } else { Err(ShotError::Changed { folder: folder.to_owned(), changes }) }
 }
@@ -167,7 +170,7 @@ pub(super) fn set_aside_after(
     let has_more = earlier.last_complete_frame() > delivered;
     if has_more {
         stale::set_aside(&files_of_run(folder, &planned_outputs(shot, folder)), &stale)?;
-        earlier.take_back(folder, delivered)?;
+        earlier.withdraw(folder, delivered)?;
     }
     let (frame, sub_step) = match found {
         Some(found) => (found.checkpoint.head.frame, found.checkpoint.head.sub_step),

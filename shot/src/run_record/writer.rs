@@ -115,7 +115,7 @@ pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64
     let strain = |strain: &StrainRecord| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain});
     let mut all = summary.metrics.clone();
     spent.counts().iter().for_each(|(name, amount)| all.add_count(name.clone(), *amount));
-    // What the solver took is told by its own stages.
+    // What the solver took is in its own stages.
     let around = spent.stages().iter().filter(|stage| stage.name != SIMULATE);
     around.for_each(|stage| all.add_time(stage.name.clone(), stage.seconds, stage.calls));
     let mut record = json!({

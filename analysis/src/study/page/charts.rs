@@ -4,7 +4,7 @@ use crate::page::axis::Axis;
 use crate::page::plot::{Bar, Plot, Side, bars};
 use crate::page::text::{self, millimetres};
 use crate::page::{card, longest_stages};
-use crate::study::analysis::{Analysis, Row, Told};
+use crate::study::analysis::{Analysis, Row, Validity};
 use crate::study::fit::Order;
 use crate::study::record::{Role, Study};
 use crate::study::table::{error_words, is_reference, times_words};
@@ -34,7 +34,7 @@ pub(super) fn class(row: &Row<'_>) -> &'static str {
     match (row.sample.role, row.is_sound) {
         (_, false) => "k2",
         (Role::Mesh, _) => "k3",
-        _ if row.on_front && row.error.is_some_and(|error| error.told != Told::NotConverged) => "k1",
+        _ if row.on_front && row.error.is_some_and(|error| error.validity != Validity::NotConverged) => "k1",
         _ => "k0",
     }
 }
@@ -45,13 +45,13 @@ fn millimetre_axis(values: impl Iterator<Item = f64>, height: f64) -> Axis {
 
 /// Errors over seconds a frame, with what no setting beats.
 pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> String {
-    let told = |row: &Row<'_>| row.error.filter(|error| error.rms > 0.0 && row.seconds > 0.0);
+    let valid = |row: &Row<'_>| row.error.filter(|error| error.rms > 0.0 && row.seconds > 0.0);
     let rows: Vec<(usize, &Row<'_>, f64)> = analysis
         .rows
         .iter()
         .enumerate()
         .filter(|(_, row)| !is_reference(row))
-        .filter_map(|(number, row)| Some((number, row, told(row)?.rms)))
+        .filter_map(|(number, row)| Some((number, row, valid(row)?.rms)))
         .collect();
     if rows.is_empty() {
         return String::new();
@@ -206,8 +206,8 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
     };
     errors(analysis.rows.first(), "l1", "error");
     let accurate = analysis.rows.iter().filter(|row| row.sample.role == Role::Accuracy);
-    let told = |row: &&Row<'_>| row.error.is_some_and(|error| error.told == Told::Yes);
-    let finest = accurate.filter(told).min_by(|a, b| {
+    let valid = |row: &&Row<'_>| row.error.is_some_and(|error| error.validity == Validity::Yes);
+    let finest = accurate.filter(valid).min_by(|a, b| {
         let error = |row: &Row<'_>| row.error.map_or(f64::INFINITY, |error| error.rms);
         error(a).total_cmp(&error(b))
     });

@@ -6,7 +6,7 @@ use drapery_shot::quality::LIMITS;
 
 use crate::page::table::{Cell, number, section, table, words};
 use crate::page::text::{self, escape, millimetres};
-use crate::study::analysis::{Analysis, Error, Row, Told, error_over};
+use crate::study::analysis::{Analysis, Error, Row, Validity, error_over};
 use crate::study::checks::checks;
 use crate::study::page::charts::class;
 use crate::study::record::{Omission, Role, Sample, Study};
@@ -18,7 +18,7 @@ use crate::study::verdict::{Check, Verdict};
 pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {
     let recommended = analysis.recommended(study.budget);
     let line = |(index, row): (usize, &Row<'_>)| -> Vec<Cell> {
-        let told = told(row);
+        let valid_error = valid_error(row);
         let spread = if row.times.len() > 2 { format!(" ± {}", text::seconds(row.spread)) } else { String::new() };
         let strain = row.sample.figures.iter().map(|figures| figures.strain[0]).fold(0.0, f64::max);
         let mark = format!("<span class=\"num {}\">{}</span>", class(row), index + 1);
@@ -30,7 +30,7 @@ pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {
             number(text::seconds(processor_seconds(row.sample))),
             number(error_words(row.error.as_ref())),
             number(row.error.map_or("-".to_owned(), |error| millimetres(error.rms + analysis.own.unwrap_or(0.0)))),
-            number(told.map_or("-".to_owned(), |error| millimetres(error.p99))),
+            number(valid_error.map_or("-".to_owned(), |error| millimetres(error.p99))),
             number(row.order.map_or("-".to_owned(), |order| format!("{order:.2}"))),
             number(format!("{} %", text::digits(100.0 * strain))),
             number(crossings_of(row.sample)),
@@ -61,9 +61,9 @@ pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {
     section("Settings", note, &heads, &lines) + &more(study, analysis)
 }
 
-/// The error of a row, if it may be told.
-fn told(row: &Row<'_>) -> Option<Error> {
-    row.error.filter(|error| matches!(error.told, Told::Yes | Told::Unchecked))
+/// The error of a row, if it may be given.
+fn valid_error(row: &Row<'_>) -> Option<Error> {
+    row.error.filter(|error| matches!(error.validity, Validity::Yes | Validity::Unchecked))
 }
 
 /// A length by the diagonal of the box around the cloth.
@@ -90,18 +90,21 @@ fn processor_seconds(sample: &Sample) -> f64 {
 /// What else was measured of every setting, and of the reference.
 fn more(study: &Study, analysis: &Analysis<'_>) -> String {
     let line = |row: &Row<'_>| -> Vec<Cell> {
-        let (told, cost) = (told(row), &row.sample.cost);
-        let length =
-            |of: &dyn Fn(&Error) -> Option<f64>| number(told.as_ref().and_then(of).map_or("-".to_owned(), millimetres));
+        let (valid_error, cost) = (valid_error(row), &row.sample.cost);
+        let length = |of: &dyn Fn(&Error) -> Option<f64>| {
+            number(valid_error.as_ref().and_then(of).map_or("-".to_owned(), millimetres))
+        };
         let frames = cost.frames.max(1);
         vec![
             (name(row, false), false),
             number(text::seconds(row.seconds)),
-            number(told.map_or("-".to_owned(), |error| share_of_size(error.rms, study))),
+            number(valid_error.map_or("-".to_owned(), |error| share_of_size(error.rms, study))),
             length(&|error| Some(error.max)),
             length(&|error| error.surface),
-            number(told.map_or("-".to_owned(), |error| text::scaled(error.velocity_rms, "m/s"))),
-            number(told.map_or("-".to_owned(), |error| format!("{}°", text::digits(error.normal_rms.to_degrees())))),
+            number(valid_error.map_or("-".to_owned(), |error| text::scaled(error.velocity_rms, "m/s"))),
+            number(
+                valid_error.map_or("-".to_owned(), |error| format!("{}°", text::digits(error.normal_rms.to_degrees()))),
+            ),
             number(text::digits(cost.steps as f64 / frames as f64)),
             number(text::seconds(cost.dt[0])),
             number(text::digits(cost.cg_iterations as f64 / frames as f64)),

@@ -43,7 +43,7 @@ pub(crate) struct ProximityList {
     reference: Option<Vec<Vec3>>,
     /// Mean rest length of the edges of each node [m]: the measure of its reach.
     edge_length: Vec<f64>,
-    /// Own nodes of cloth: pairs with the smallest node among them are at home.
+    /// Own nodes of cloth: pairs with the smallest node among them are canonical here.
     own: Range<u32>,
     /// Number and centre of the nodes that stand for all, when the list was made [m].
     centre: (f64, Vec3),
@@ -149,7 +149,7 @@ impl ProximityList {
         search.pairs(surface, keep, &mut found);
         let [all_found] = surface.ranks().sum_of([found.len() as u64]);
         self.density = all_found as f64 / f64::from(surface.nodes().global_cloth_count().max(1));
-        if let Some(renumber) = share(surface, &mut found) {
+        if let Some(renumber) = replicate_pairs(surface, &mut found) {
             fetch(&renumber, surface, x);
         }
         self.lists.iter_mut().for_each(Vec::clear);
@@ -233,11 +233,11 @@ impl ProximityList {
         (end - self.common[1].apply(&reference[node])).norm()
     }
 
-    /// The pairs at home here that may come within `gap` [m] on the paths noted last, also if all nodes move a share `margin`
+    /// The pairs canonical here that may come within `gap` [m] on the paths noted last, also if all nodes move a share `margin`
     /// of their edges farther.
     pub(crate) fn close_pairs(&self, gap: f64, margin: f64, out: &mut Vec<Pair>) {
         out.clear();
-        let may_meet = |n: &&CandidatePair| self.may_come_within(n, gap, margin) && self.is_home(&n.pair);
+        let may_meet = |n: &&CandidatePair| self.may_come_within(n, gap, margin) && self.is_canonical(&n.pair);
         let chunks = self.lists[0].par_chunks(CHUNK).chain(self.lists[1].par_chunks(CHUNK));
         out.par_extend(chunks.flat_map_iter(|chunk| chunk.iter().filter(may_meet).map(|n| n.pair)));
     }
@@ -259,7 +259,7 @@ impl ProximityList {
 
     /// Whether this rank owns the smallest node of a pair.
     #[inline]
-    fn is_home(&self, pair: &Pair) -> bool {
+    fn is_canonical(&self, pair: &Pair) -> bool {
         let [a, b, c, d] = pair.nodes;
         self.own.contains(&a.min(b).min(c.min(d)))
     }
@@ -293,7 +293,7 @@ fn candidate(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: 
 }
 
 /// Brings the pairs found to all ranks that hold them, and leaves no ghosts but those that pairs or triangles need.
-fn share(surface: &mut ContactSurface, pairs: &mut Vec<CandidatePair>) -> Option<IndexMap> {
+fn replicate_pairs(surface: &mut ContactSurface, pairs: &mut Vec<CandidatePair>) -> Option<IndexMap> {
     if surface.ranks().is_alone() {
         return None;
     }

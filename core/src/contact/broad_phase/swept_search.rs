@@ -77,14 +77,14 @@ impl PairSearch {
             self.node_boxes[node] = around.swept(surface, paths, &self.shift, node);
         }
         // The box of a ghost is that of its owner, who judges whether it is left.
-        self.share(surface.nodes(), left);
+        self.exchange(surface.nodes(), left);
         self.cloth.refit(surface.cloth(), &self.node_boxes);
         let renumber = self.import_ghosts(surface);
         if let Some(renumber) = &renumber {
             lay_out(renumber, surface, neighbours, paths);
             renumber.apply(left, 0);
             renumber.renumber(found.iter_mut().flat_map(|pair| &mut pair.nodes));
-            self.share(surface.nodes(), left);
+            self.exchange(surface.nodes(), left);
         }
         if !surface.ranks().is_alone() {
             self.ghost_bvh.refit(&self.ghosts, &self.node_boxes);
@@ -103,7 +103,7 @@ impl PairSearch {
     }
 
     /// Brings the ghosts' boxes and marks to those of their owners.
-    fn share(&mut self, nodes: &ContactNodes, marks: &mut [u8]) {
+    fn exchange(&mut self, nodes: &ContactNodes, marks: &mut [u8]) {
         if nodes.ranks().is_alone() {
             return;
         }

@@ -7,7 +7,7 @@
 //! rigid ones, and at last the nodes stay where they were. The loop always ends, since the state it started from is
 //! free of collisions.
 //!
-//! Pairs are judged at home, by the rank of their smallest node (`response` says who answers). What is decided for all
+//! Pairs are judged by their canonical rank, that of their smallest node (`response` says who answers). What is decided for all
 //! is decided by all ranks alike.
 //!
 //! The gap is wider than the rounding of a position to single precision, so that what a cache stores is as free of
@@ -110,7 +110,7 @@ pub(crate) struct CollisionLoop {
     /// Not zero for nodes that the last attempt has changed, and for those that any has.
     recent: Vec<u8>,
     moved: Vec<u8>,
-    /// Pairs at home here that may meet.
+    /// Pairs canonical here that may meet.
     candidates: Vec<Pair>,
     /// Not zero for own nodes that have come out of what the candidates were looked for in.
     left: Vec<u8>,
@@ -134,8 +134,8 @@ impl CollisionLoop {
         [&mut self.recent, &mut self.moved, &mut self.left].into_iter().for_each(Vec::clear);
         self.displacements.clear();
         self.prepare(source, collisions, neighbours, search, paths, metrics);
-        let mut hits = self.detect(collisions, paths, &response);
-        let [mut everywhere] = ranks.sum_of([hits.len() as u64]);
+        let mut detected = self.detect(collisions, paths, &response);
+        let [mut everywhere] = ranks.sum_of([detected.len() as u64]);
         if everywhere == 0 {
             return LoopOutcome::default();
         }
@@ -152,10 +152,10 @@ impl CollisionLoop {
             if attempt == IMPULSE_ATTEMPTS + 1 && collisions.may_give_back && is_hard(collisions, everywhere) {
                 return LoopOutcome { given_back: true, ..LoopOutcome::default() };
             }
-            metrics.count("collision_hits", hits.len() as u64);
+            metrics.count("collision_hits", detected.len() as u64);
             let (surface, gap) = (&*collisions.surface, collisions.gap);
             let field = Kinematics { nodes: surface.nodes(), start: &paths.start, mobility: surface.mobility(), gap };
-            let touched = response.respond(&field, attempt, hits, &mut self.displacements, metrics);
+            let touched = response.respond(&field, attempt, detected, &mut self.displacements, metrics);
             let covers = |node: u32, end: &Vec3| match source {
                 CandidateSource::Swept | CandidateSource::Renewed => search.covers(node, end),
                 CandidateSource::ProximityList => neighbours.is_within_skin(node as usize, end, MARGIN),
@@ -170,8 +170,8 @@ impl CollisionLoop {
                 source = CandidateSource::of(used, neighbours).after(source);
                 self.prepare(source, collisions, neighbours, search, paths, metrics);
             }
-            hits = self.detect(collisions, paths, &response);
-            [everywhere] = ranks.sum_of([hits.len() as u64]);
+            detected = self.detect(collisions, paths, &response);
+            [everywhere] = ranks.sum_of([detected.len() as u64]);
         }
         metrics.count_once(&ranks, "collision_attempts", attempts.into());
         metrics.count_once(&ranks, "collision_loops", 1);
@@ -234,15 +234,15 @@ impl CollisionLoop {
         let judge = |pair: &Pair| {
             let (contact, start_distance) =
                 first_contact(pair.kind, &pair.positions(&paths.start), &pair.positions(&paths.end), collisions.gap)?;
-            let hit = collisions.hit(pair, &contact, start_distance);
-            let left_alone = (collisions.ignored)(&hit.pair) || response.leaves_alone(&hit);
-            (!left_alone).then_some(hit)
+            let collision = collisions.collision(pair, &contact, start_distance);
+            let left_alone = (collisions.ignored)(&collision.pair) || response.leaves_alone(&collision);
+            (!left_alone).then_some(collision)
         };
         let chunks = self.candidates.par_chunks(CHUNK);
-        let mut hits: Vec<Collision> =
+        let mut detected: Vec<Collision> =
             chunks.flat_map_iter(|chunk| chunk.iter().filter(|p| concerns(p)).filter_map(judge)).collect();
-        hits.sort_unstable_by_key(|hit| hit.pair);
-        hits
+        detected.sort_unstable_by_key(|collision| collision.pair);
+        detected
     }
 
     /// Brings the ends of own nodes, and of the copies of such nodes, to their new displacements. Returns whether the
@@ -310,7 +310,7 @@ impl CandidateSource {
 
 impl Collisions<'_> {
     /// What is to be said of a pair that meets.
-    fn hit(&self, pair: &Pair, contact: &Contact, start_distance: f64) -> Collision {
+    fn collision(&self, pair: &Pair, contact: &Contact, start_distance: f64) -> Collision {
         let (nodes, mobility) = (self.surface.nodes(), self.surface.mobility());
         // A gap opened at once would throw the vertices of a short interval.
         let slowly = OPENING_RATE * self.duration * self.surface.edge_length()[pair.nodes[0] as usize];

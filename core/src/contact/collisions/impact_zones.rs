@@ -89,7 +89,7 @@ pub(crate) struct Zone {
     /// Nodes that can move of all pairs it ever had, ascending; the first stands for it.
     pub nodes: Vec<u32>,
     /// Its pairs, each with the attempt in which it met; ascending by attempt and pair.
-    pub hits: Vec<(u32, Collision)>,
+    pub collisions: Vec<(u32, Collision)>,
     /// The nodes that last moved as one body, ascending; none if they did not.
     pub rigid: Vec<u32>,
     /// Whether it has let go of what is prescribed, because its pairs contradicted each other.
@@ -101,7 +101,7 @@ pub(crate) struct Zone {
 impl Zone {
     /// Nodes of its pairs, ascending.
     pub(crate) fn members(&self) -> Vec<u32> {
-        let mut members: Vec<u32> = self.hits.iter().flat_map(|(_, hit)| hit.pair.nodes).collect();
+        let mut members: Vec<u32> = self.collisions.iter().flat_map(|(_, collision)| collision.pair.nodes).collect();
         members.sort_unstable();
         members.dedup();
         members
@@ -114,9 +114,12 @@ impl Zone {
         match action {
             Action::Inelastic => {
                 let place = |node: u32| members.partition_point(|member| *member < node) as u32;
-                let constraints: Vec<_> =
-                    self.hits.iter().map(|(_, hit)| hit.constraint(hit.pair.nodes.map(place))).collect();
-                let targets: Vec<f64> = self.hits.iter().map(|(_, hit)| hit.target).collect();
+                let constraints: Vec<_> = self
+                    .collisions
+                    .iter()
+                    .map(|(_, collision)| collision.constraint(collision.pair.nodes.map(place)))
+                    .collect();
+                let targets: Vec<f64> = self.collisions.iter().map(|(_, collision)| collision.target).collect();
                 let mobility: Vec<Vec3> = motions.iter().map(|motion| motion.mobility).collect();
                 let outcome = zone_solvers::inelastic(&constraints, &targets, &mobility, &mut displacements);
                 passes = outcome.iterations as u64;
@@ -148,9 +151,9 @@ impl Zone {
     pub(crate) fn note(&mut self, action: Action, contradicts: bool) {
         self.rigid = if action == Action::Rigid { self.members() } else { Vec::new() };
         if contradicts {
-            let before = self.hits.len();
-            self.hits.retain(|(_, hit)| !hit.has_prescribed());
-            let lets_go = self.hits.len() < before;
+            let before = self.collisions.len();
+            self.collisions.retain(|(_, collision)| !collision.has_prescribed());
+            let lets_go = self.collisions.len() < before;
             self.has_released_prescribed |= lets_go;
             self.contradicts |= !lets_go;
         }
@@ -162,7 +165,7 @@ impl Zone {
             return;
         }
         self.nodes.extend(other.nodes);
-        self.hits.extend(other.hits);
+        self.collisions.extend(other.collisions);
         self.rigid.clear();
         self.has_released_prescribed |= other.has_released_prescribed;
         self.contradicts |= other.contradicts;
@@ -215,43 +218,43 @@ impl Zones {
     }
 
     /// Whether a zone that the hit touches has let go of what is prescribed.
-    pub(crate) fn have_released_prescribed(&self, hit: &Collision) -> bool {
-        hit.moving().any(|node| self.of(node).is_some_and(|zone| zone.has_released_prescribed))
+    pub(crate) fn have_released_prescribed(&self, collision: &Collision) -> bool {
+        collision.moving().any(|node| self.of(node).is_some_and(|zone| zone.has_released_prescribed))
     }
 
     /// Whether the nodes of a hit have moved as one body: they are as far apart at the end as at the start.
-    pub(crate) fn are_rigid(&self, hit: &Collision) -> bool {
-        let zone = hit.moving().next().and_then(|node| self.of(node));
-        zone.is_some_and(|zone| hit.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))
+    pub(crate) fn are_rigid(&self, collision: &Collision) -> bool {
+        let zone = collision.moving().next().and_then(|node| self.of(node));
+        zone.is_some_and(|zone| collision.pair.nodes.iter().all(|node| zone.rigid.binary_search(node).is_ok()))
     }
 
     /// Adds zones, and pairs that have met in an attempt; what hangs together becomes one. Returns the places of the
     /// zones that have got one of these pairs.
-    pub(crate) fn add(&mut self, others: Vec<Zone>, attempt: u32, hits: &[Collision]) -> Vec<usize> {
-        if others.is_empty() && hits.is_empty() {
+    pub(crate) fn add(&mut self, others: Vec<Zone>, attempt: u32, collisions: &[Collision]) -> Vec<usize> {
+        if others.is_empty() && collisions.is_empty() {
             return Vec::new();
         }
         let before: Vec<Zone> = std::mem::take(&mut self.zones).into_iter().chain(others).collect();
         let mut sets = UnionFind::default();
         before.iter().for_each(|zone| sets.push(zone.nodes.iter().copied()));
-        hits.iter().for_each(|hit| sets.push(hit.moving()));
+        collisions.iter().for_each(|collision| sets.push(collision.moving()));
         let smallest = sets.representatives();
-        let (of_zones, of_hits) = smallest.split_at(before.len());
+        let (of_zones, of_collisions) = smallest.split_at(before.len());
         let mut joined: BTreeMap<u32, (Zone, bool)> = BTreeMap::new();
         for (zone, first) in before.into_iter().zip(of_zones) {
             joined.entry(*first).or_default().0.join(zone);
         }
-        for (hit, first) in hits.iter().zip(of_hits) {
+        for (collision, first) in collisions.iter().zip(of_collisions) {
             let (zone, is_hit) = joined.entry(*first).or_default();
-            zone.nodes.extend(hit.moving());
-            zone.hits.push((attempt, *hit));
+            zone.nodes.extend(collision.moving());
+            zone.collisions.push((attempt, *collision));
             *is_hit = true;
         }
         let mut active = Vec::new();
         for (place, (mut zone, is_hit)) in joined.into_values().enumerate() {
             zone.nodes.sort_unstable();
             zone.nodes.dedup();
-            zone.hits.sort_unstable_by_key(|(attempt, hit)| (*attempt, hit.pair));
+            zone.collisions.sort_unstable_by_key(|(attempt, collision)| (*attempt, collision.pair));
             self.zones.push(zone);
             active.extend(is_hit.then_some(place));
         }

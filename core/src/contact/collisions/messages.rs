@@ -8,18 +8,18 @@ use crate::parallel::message::{codec, is_broken};
 
 codec!(struct Collision { pair, moves, weights, normal, target });
 codec!(struct Motion { start, displacement, mobility });
-codec!(struct Zone { nodes, hits, rigid, has_released_prescribed, contradicts });
+codec!(struct Zone { nodes, collisions, rigid, has_released_prescribed, contradicts });
 
-/// What a rank opens: all ranks are told of it.
+/// What a rank opens: it is sent to all ranks.
 #[derive(Default)]
 pub(super) struct Opened {
-    pub(super) hits: Vec<Collision>,
+    pub(super) collisions: Vec<Collision>,
     pub(super) zones: Vec<Zone>,
     /// How the nodes of these move, by their numbers in the scene.
     pub(super) motions: BTreeMap<u32, Motion>,
 }
 
-codec!(struct Opened { hits, zones, motions });
+codec!(struct Opened { collisions, zones, motions });
 
 /// Where an open hit has moved a node to.
 pub(super) struct MovedNode {
@@ -48,13 +48,13 @@ impl ZoneAnswer {
     /// The report of a broken one says.
     pub(super) const NAME: &str = "what came out of open zones";
 
-    /// What is told of a solution.
+    /// What is sent of a solution.
     pub(super) fn of(solution: ZoneSolution) -> Self {
         let ZoneSolution { place, moves, solved: Solved { displacements, contradicts, .. }, .. } = solution;
         Self { place: place as u32, contradicts, moves, displacements }
     }
 
-    /// The solution that a rank was told, of a zone with these members that did this.
+    /// The solution that a rank received, of a zone with these members that did this.
     ///
     /// # Panics
     /// It has not as many members.

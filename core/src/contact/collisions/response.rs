@@ -2,7 +2,7 @@
 //!
 //! Pairs that hang together by nodes that can move are answered together, in the order of their nodes; others do not
 //! concern them. Where all of that belongs to one rank it is *closed* and stays there. The rest is *open*: all ranks
-//! are told of it, the rank of its smallest node answers, and tells the others. An open zone stays open.
+//! receive it, the rank of its smallest node answers, and sends the answer to the others. An open zone stays open.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -52,7 +52,7 @@ pub(super) struct Kinematics<'a> {
 impl Kinematics<'_> {
     /// The local number of a node of a pair that is known here.
     fn local(&self, number: u32) -> u32 {
-        self.nodes.local(number).expect("the nodes of pairs at home here are known here")
+        self.nodes.local(number).expect("the nodes of canonical pairs are known")
     }
 
     fn motion(&self, number: u32, displacements: &[Vec3]) -> Motion {
@@ -64,7 +64,7 @@ impl Kinematics<'_> {
 /// What was given up, and the zones so far, of one loop of collisions.
 #[derive(Debug, Default)]
 pub(super) struct Response {
-    /// Pairs at home here that are left alone, ascending.
+    /// Pairs canonical here that are left alone, ascending.
     given_up: Vec<Pair>,
     /// Zones of this rank alone.
     closed: Zones,
@@ -80,9 +80,11 @@ pub(super) struct Response {
 }
 
 impl Response {
-    /// Whether a pair at home here is left alone: because it was given up, or because its nodes moved as one body.
-    pub(super) fn leaves_alone(&self, hit: &Collision) -> bool {
-        self.given_up.binary_search(&hit.pair).is_ok() || self.closed.are_rigid(hit) || self.open.are_rigid(hit)
+    /// Whether a pair canonical here is left alone: because it was given up, or because its nodes moved as one body.
+    pub(super) fn leaves_alone(&self, collision: &Collision) -> bool {
+        self.given_up.binary_search(&collision.pair).is_ok()
+            || self.closed.are_rigid(collision)
+            || self.open.are_rigid(collision)
     }
 
     /// Changes the displacements of own nodes so that the hits, sorted, go away, more firmly with every attempt;
@@ -91,19 +93,19 @@ impl Response {
         &mut self,
         field: &Kinematics<'_>,
         attempt: u32,
-        hits: Vec<Collision>,
+        collisions: Vec<Collision>,
         displacements: &mut [Vec3],
         metrics: &mut Metrics,
     ) -> Vec<u32> {
-        let hits = self.drop_failed(field, attempt, hits);
-        let (own, shared, opened) = self.share(field, hits, displacements);
+        let collisions = self.drop_failed(field, attempt, collisions);
+        let (own, shared, opened) = self.exchange_open(field, collisions, displacements);
         let mut touched = Vec::new();
         if attempt <= IMPULSE_ATTEMPTS {
-            for hit in own {
-                let places = hit.pair.nodes.map(|number| field.local(number));
+            for collision in own {
+                let places = collision.pair.nodes.map(|number| field.local(number));
                 let nodes = HitNodes { start: field.start, mobility: field.mobility, gap: field.gap };
-                if impulse(&hit, places, &nodes, displacements) {
-                    touched.extend(hit.moving().map(|number| field.local(number)));
+                if impulse(&collision, places, &nodes, displacements) {
+                    touched.extend(collision.moving().map(|number| field.local(number)));
                 }
             }
             self.shared_impulses(field, &shared, displacements, &mut touched);
@@ -134,15 +136,16 @@ impl Response {
 
     /// Gives up what cannot be helped: pairs that no impulse can change, and, when zones have failed, pairs with a
     /// prescribed node.
-    fn drop_failed(&mut self, field: &Kinematics<'_>, attempt: u32, hits: Vec<Collision>) -> Vec<Collision> {
+    fn drop_failed(&mut self, field: &Kinematics<'_>, attempt: u32, collisions: Vec<Collision>) -> Vec<Collision> {
         let last_chance = attempt > IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS;
-        let is_hopeless = |hit: &Collision| {
-            let constraint = hit.constraint(hit.pair.nodes.map(|number| field.local(number)));
+        let is_hopeless = |collision: &Collision| {
+            let constraint = collision.constraint(collision.pair.nodes.map(|number| field.local(number)));
             response(&constraint, field.mobility) == 0.0
         };
-        let mark_failed =
-            |hit: &Collision| attempt > LAST_ATTEMPT || (last_chance && hit.has_prescribed()) || is_hopeless(hit);
-        let (given_up, kept): (Vec<_>, Vec<_>) = hits.into_iter().partition(mark_failed);
+        let mark_failed = |collision: &Collision| {
+            attempt > LAST_ATTEMPT || (last_chance && collision.has_prescribed()) || is_hopeless(collision)
+        };
+        let (given_up, kept): (Vec<_>, Vec<_>) = collisions.into_iter().partition(mark_failed);
         self.mark_failed(given_up);
         kept
     }
@@ -155,53 +158,61 @@ impl Response {
         shared: Vec<Collision>,
     ) -> (Vec<Collision>, Vec<Collision>) {
         let (closed, open) = (&self.closed, &self.open);
-        let let_go = |zones: &Zones, hit: &Collision| hit.has_prescribed() && zones.have_released_prescribed(hit);
-        let (mut given_up, own): (Vec<_>, Vec<_>) = own.into_iter().partition(|hit| let_go(closed, hit));
-        let (of_all, shared): (Vec<_>, Vec<_>) = shared.into_iter().partition(|hit| let_go(open, hit));
-        let is_home = |hit: &Collision| hit.pair.nodes.into_iter().min().is_some_and(|number| nodes.owns(number));
-        given_up.extend(of_all.into_iter().filter(is_home));
+        let let_go = |zones: &Zones, collision: &Collision| {
+            collision.has_prescribed() && zones.have_released_prescribed(collision)
+        };
+        let (mut given_up, own): (Vec<_>, Vec<_>) = own.into_iter().partition(|collision| let_go(closed, collision));
+        let (of_all, shared): (Vec<_>, Vec<_>) = shared.into_iter().partition(|collision| let_go(open, collision));
+        let is_canonical =
+            |collision: &Collision| collision.pair.nodes.into_iter().min().is_some_and(|number| nodes.owns(number));
+        given_up.extend(of_all.into_iter().filter(is_canonical));
         self.mark_failed(given_up);
         (own, shared)
     }
 
-    fn mark_failed(&mut self, hits: Vec<Collision>) {
-        if !hits.is_empty() {
-            self.given_up.extend(hits.iter().map(|hit| hit.pair));
+    fn mark_failed(&mut self, collisions: Vec<Collision>) {
+        if !collisions.is_empty() {
+            self.given_up.extend(collisions.iter().map(|collision| collision.pair));
             self.given_up.sort_unstable();
         }
     }
 
     /// Tells all ranks of open hits and of zones that they open. Returns the hits that stay here, those of all ranks
     /// that are open, in order, and the zones that are open now.
-    fn share(
+    fn exchange_open(
         &mut self,
         field: &Kinematics<'_>,
-        hits: Vec<Collision>,
+        collisions: Vec<Collision>,
         displacements: &[Vec3],
     ) -> (Vec<Collision>, Vec<Collision>, Vec<Zone>) {
         let nodes = field.nodes;
         if nodes.ranks().is_alone() {
-            return (hits, Vec::new(), Vec::new());
+            return (collisions, Vec::new(), Vec::new());
         }
-        let (own, hits, zones) = self.split(nodes, hits);
-        let concerned = hits.iter().flat_map(|hit| hit.pair.nodes).chain(zones.iter().flat_map(Zone::members));
+        let (own, collisions, zones) = self.split(nodes, collisions);
+        let concerned =
+            collisions.iter().flat_map(|collision| collision.pair.nodes).chain(zones.iter().flat_map(Zone::members));
         let motions = concerned.map(|number| (number, field.motion(number, displacements))).collect();
-        let opens = !hits.is_empty() || !zones.is_empty();
-        let opened = opens.then_some(Opened { hits, zones, motions });
+        let opens = !collisions.is_empty() || !zones.is_empty();
+        let opened = opens.then_some(Opened { collisions, zones, motions });
         let mut all = Opened::default();
         for opened in nodes.ranks().all_gather_encoded("open hits and zones", opened.into_iter().collect()) {
-            all.hits.extend(opened.hits);
+            all.collisions.extend(opened.collisions);
             all.zones.extend(opened.zones);
             self.remote_motion.extend(opened.motions);
         }
-        all.hits.sort_unstable_by_key(|hit| hit.pair);
-        (own, all.hits, all.zones)
+        all.collisions.sort_unstable_by_key(|collision| collision.pair);
+        (own, all.collisions, all.zones)
     }
 
     /// Splits the hits into those that concern nobody else and the others, and takes out the zones of this rank that
     /// others are concerned with from now on.
-    fn split(&mut self, nodes: &ContactNodes, hits: Vec<Collision>) -> (Vec<Collision>, Vec<Collision>, Vec<Zone>) {
-        let named = named_by_others(nodes, &hits);
+    fn split(
+        &mut self,
+        nodes: &ContactNodes,
+        collisions: Vec<Collision>,
+    ) -> (Vec<Collision>, Vec<Collision>, Vec<Zone>) {
+        let named = named_by_others(nodes, &collisions);
         let is_open = |number: &u32| {
             !nodes.owns(*number) || named.binary_search(number).is_ok() || self.open.of(*number).is_some()
         };
@@ -212,7 +223,7 @@ impl Response {
             open_seeds.push(of.iter().any(is_open));
             sets.push(of);
         };
-        hits.iter().for_each(|hit| push(&mut hit.moving()));
+        collisions.iter().for_each(|collision| push(&mut collision.moving()));
         self.closed.zones().iter().for_each(|zone| push(&mut zone.nodes.iter().copied()));
         let smallest = sets.representatives();
         let mut open: Vec<u32> = smallest.iter().zip(open_seeds).filter(|(_, open)| *open).map(|(s, _)| *s).collect();
@@ -220,8 +231,8 @@ impl Response {
         open.dedup();
         let mut is_open = smallest.iter().map(|smallest| open.binary_search(smallest).is_ok());
         let (mut own, mut shared) = (Vec::new(), Vec::new());
-        for (hit, is_open) in hits.into_iter().zip(&mut is_open) {
-            if is_open { &mut shared } else { &mut own }.push(hit);
+        for (collision, is_open) in collisions.into_iter().zip(&mut is_open) {
+            if is_open { &mut shared } else { &mut own }.push(collision);
         }
         let places: Vec<usize> = is_open.enumerate().filter(|(_, is_open)| *is_open).map(|(place, _)| place).collect();
         (own, shared, self.closed.take(&places))
@@ -240,17 +251,17 @@ impl Response {
         }
         let nodes = field.nodes;
         let mut sets = UnionFind::default();
-        shared.iter().for_each(|hit| sets.push(hit.moving()));
+        shared.iter().for_each(|collision| sets.push(collision.moving()));
         let numbers: Vec<u32> = self.remote_motion.keys().copied().collect();
         let start: Vec<Vec3> = self.remote_motion.values().map(|motion| motion.start).collect();
         let mobility: Vec<Vec3> = self.remote_motion.values().map(|motion| motion.mobility).collect();
         let mut moved: Vec<Vec3> = self.remote_motion.values().map(|motion| motion.displacement).collect();
         let mut changed = Vec::new();
-        for (hit, _) in shared.iter().zip(sets.representatives()).filter(|(_, smallest)| nodes.owns(*smallest)) {
+        for (collision, _) in shared.iter().zip(sets.representatives()).filter(|(_, smallest)| nodes.owns(*smallest)) {
             let place = |number: u32| numbers.partition_point(|n| *n < number) as u32;
             let nodes = HitNodes { start: &start, mobility: &mobility, gap: field.gap };
-            if impulse(hit, hit.pair.nodes.map(place), &nodes, &mut moved) {
-                changed.extend(hit.moving().map(place));
+            if impulse(collision, collision.pair.nodes.map(place), &nodes, &mut moved) {
+                changed.extend(collision.moving().map(place));
             }
         }
         changed.sort_unstable();
@@ -369,14 +380,14 @@ struct HitNodes<'a> {
 /// Looks at a hit again with what those before it have changed, and stops it if it still meets; returns whether it
 /// does. What meets but needs no change turns a lot, and has to be looked at again. Nodes are at `places` of the
 /// arrays.
-fn impulse(hit: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displacements: &mut [Vec3]) -> bool {
+fn impulse(collision: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displacements: &mut [Vec3]) -> bool {
     let HitNodes { start, mobility, gap } = *nodes;
     let start = places.map(|place| start[place as usize]);
     let end = [0, 1, 2, 3].map(|q| start[q] + displacements[places[q] as usize]);
-    let Some((contact, _)) = first_contact(hit.pair.kind, &start, &end, gap) else { return false };
-    let hit = Collision { weights: contact.weights, normal: contact.normal, ..*hit };
-    let constraint = hit.constraint(places);
-    let change = hit.target - normal_velocity(&constraint, displacements);
+    let Some((contact, _)) = first_contact(collision.pair.kind, &start, &end, gap) else { return false };
+    let collision = Collision { weights: contact.weights, normal: contact.normal, ..*collision };
+    let constraint = collision.constraint(places);
+    let change = collision.target - normal_velocity(&constraint, displacements);
     if change > 0.0 {
         change_normal_velocity(&constraint, mobility, displacements, change);
     }
@@ -384,9 +395,9 @@ fn impulse(hit: &Collision, places: [u32; 4], nodes: &HitNodes<'_>, displacement
 }
 
 /// Own nodes that hits of other ranks name, by their numbers in the scene, ascending.
-fn named_by_others(nodes: &ContactNodes, hits: &[Collision]) -> Vec<u32> {
+fn named_by_others(nodes: &ContactNodes, collisions: &[Collision]) -> Vec<u32> {
     let halo = nodes.halo();
-    let ghosts = hits.iter().flat_map(Collision::moving).filter(|number| !nodes.owns(*number));
+    let ghosts = collisions.iter().flat_map(Collision::moving).filter(|number| !nodes.owns(*number));
     let mut ghosts: Vec<u32> = ghosts.filter_map(|number| nodes.local(number)).collect();
     ghosts.sort_unstable();
     ghosts.dedup();

@@ -24,7 +24,7 @@ use crate::parallel::message::codec;
 pub(crate) const NO_COLOUR: u32 = u32::MAX;
 
 /// Colours of a page: bits of a mask.
-const PAGE: u32 = u128::BITS;
+const BATCH: u32 = u128::BITS;
 
 /// Classes of the order: pairs go class by class, those of a class by their nodes. So many that few pairs of one node
 /// are in one class, and so few that neighbours in memory are still met one soon after the other. First those of pairs
@@ -86,65 +86,65 @@ fn colour_together(
         has_changed: vec![false; copied],
     };
     let mut waiting: Vec<u32> = (0..order.len() as u32).collect();
-    for page in 0.. {
+    for batch in 0.. {
         if !nodes.ranks().any(!waiting.is_empty()) {
             break;
         }
-        waiting = colouring.page(page, waiting);
-        used_colours.keep(page, &colouring.used);
+        waiting = colouring.batch(batch, waiting);
+        used_colours.keep(batch, &colouring.used);
     }
 }
 
 /// Colours that are taken at each node, on all pages.
 struct UsedColours {
     /// Masks of each node.
-    pages: usize,
+    batches: usize,
     masks: Vec<u128>,
 }
 
 impl UsedColours {
     /// None at so many nodes.
     fn new(nodes: usize) -> Self {
-        Self { pages: 1, masks: vec![0; nodes] }
+        Self { batches: 1, masks: vec![0; nodes] }
     }
 
     /// Masks of a node.
     fn at(&self, node: u32) -> &[u128] {
-        &self.masks[node as usize * self.pages..][..self.pages]
+        &self.masks[node as usize * self.batches..][..self.batches]
     }
 
     /// The first colour that is free at all these nodes.
     fn first_free(&self, of: &[u32; 4]) -> u32 {
         let [a, b, c, d] = of.map(|node| self.at(node));
         let masks = a.iter().zip(b).zip(c).zip(d).map(|(((a, b), c), d)| a | b | c | d);
-        let free = |(page, mask): (u32, u128)| (mask != u128::MAX).then(|| page * PAGE + mask.trailing_ones());
-        (0..).zip(masks).find_map(free).unwrap_or(self.pages as u32 * PAGE)
+        let free = |(batch, mask): (u32, u128)| (mask != u128::MAX).then(|| batch * BATCH + mask.trailing_ones());
+        (0..).zip(masks).find_map(free).unwrap_or(self.batches as u32 * BATCH)
     }
 
     /// Takes a colour at these nodes.
     fn take(&mut self, of: &[u32; 4], colour: u32) {
-        let page = (colour / PAGE) as usize;
-        self.make_room(page);
-        of.iter().for_each(|node| self.masks[*node as usize * self.pages + page] |= 1 << (colour % PAGE));
+        let batch = (colour / BATCH) as usize;
+        self.make_room(batch);
+        of.iter().for_each(|node| self.masks[*node as usize * self.batches + batch] |= 1 << (colour % BATCH));
     }
 
     /// Takes what is taken of a page at every node.
-    fn keep(&mut self, page: u32, used: &[u128]) {
-        self.make_room(page as usize);
-        for (masks, used) in self.masks.chunks_mut(self.pages).zip(used) {
-            masks[page as usize] = *used;
+    fn keep(&mut self, batch: u32, used: &[u128]) {
+        self.make_room(batch as usize);
+        for (masks, used) in self.masks.chunks_mut(self.batches).zip(used) {
+            masks[batch as usize] = *used;
         }
     }
 
     /// Makes room for a page and, so that it is seldom done, for as many again.
-    fn make_room(&mut self, page: usize) {
-        if page >= self.pages {
-            let pages = 2 * page.max(1);
-            let mut masks = vec![0; self.masks.len() / self.pages * pages];
-            for (wide, narrow) in masks.chunks_mut(pages).zip(self.masks.chunks(self.pages)) {
+    fn make_room(&mut self, batch: usize) {
+        if batch >= self.batches {
+            let batches = 2 * batch.max(1);
+            let mut masks = vec![0; self.masks.len() / self.batches * batches];
+            for (wide, narrow) in masks.chunks_mut(batches).zip(self.masks.chunks(self.batches)) {
                 wide[..narrow.len()].copy_from_slice(narrow);
             }
-            (self.pages, self.masks) = (pages, masks);
+            (self.batches, self.masks) = (batches, masks);
         }
     }
 }
@@ -205,17 +205,17 @@ struct Colouring<'a, F> {
 impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     /// Gives out the colours of a page to the pairs at these places of the order, ascending; returns those that found
     /// none free.
-    fn page(&mut self, page: u32, undecided: Vec<u32>) -> Vec<u32> {
+    fn batch(&mut self, batch: u32, undecided: Vec<u32>) -> Vec<u32> {
         self.used.fill(0);
         let mut full = Vec::new();
-        let left = self.pass(page, undecided, &mut full);
-        self.rounds(page, left, &mut full);
+        let left = self.pass(batch, undecided, &mut full);
+        self.rounds(batch, left, &mut full);
         full.sort_unstable();
         full
     }
 
     /// Decides, in their order, those that this rank can decide by itself; returns the others.
-    fn pass(&mut self, page: u32, mut undecided: Vec<u32>, full: &mut Vec<u32>) -> Vec<u32> {
+    fn pass(&mut self, batch: u32, mut undecided: Vec<u32>, full: &mut Vec<u32>) -> Vec<u32> {
         self.waits.fill(false);
         undecided.retain(|place| {
             let of = self.nodes_at(*place);
@@ -223,7 +223,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
             if is_left {
                 of.iter().for_each(|node| self.waits[*node as usize] = true);
             } else {
-                self.decide(page, *place, full);
+                self.decide(batch, *place, full);
             }
             is_left
         });
@@ -232,7 +232,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
 
     /// Decides these pairs together with the other ranks that hold them. A round looks only at pairs that are the first
     /// at a node, because where everything is near everything there are very many rounds.
-    fn rounds(&mut self, page: u32, mut left: Vec<u32>, full: &mut Vec<u32>) {
+    fn rounds(&mut self, batch: u32, mut left: Vec<u32>, full: &mut Vec<u32>) {
         if !self.nodes.ranks().any(!left.is_empty()) {
             return;
         }
@@ -251,7 +251,7 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
                 let Some(place) = queues.first(node) else { continue };
                 let of = self.nodes_at(place);
                 if of.iter().all(|node| queues.first(*node) == Some(place)) && self.is_known(&of) {
-                    self.decide(page, place, full);
+                    self.decide(batch, place, full);
                     queues.take_out(place, &of);
                     looked_at.extend(of);
                     changed.extend(of);
@@ -282,12 +282,12 @@ impl<F: Fn(usize) -> [u32; 4]> Colouring<'_, F> {
     }
 
     /// Gives the pair at this place of the order the first free colour of the page, or puts it with the `full`.
-    fn decide(&mut self, page: u32, place: u32, full: &mut Vec<u32>) {
+    fn decide(&mut self, batch: u32, place: u32, full: &mut Vec<u32>) {
         let of = self.nodes_at(place);
         let colour = (!self.used_colours(&of)).trailing_zeros();
-        if colour < PAGE {
+        if colour < BATCH {
             of.iter().for_each(|node| self.used[*node as usize] |= 1 << colour);
-            self.colours[self.order[place as usize] as usize] = page * PAGE + colour;
+            self.colours[self.order[place as usize] as usize] = batch * BATCH + colour;
         } else {
             full.push(place);
         }

@@ -30,17 +30,17 @@ fn greedy(pairs: &[[u32; 4]], nodes: u32) -> Vec<u32> {
     let mut order: Vec<usize> = (0..pairs.len()).filter(|i| pairs[*i].iter().all(|node| *node < nodes)).collect();
     order.sort_by_key(|i| (class(&pairs[*i]), pairs[*i]));
     let mut colours = vec![NO_COLOUR; pairs.len()];
-    let mut page = 0;
+    let mut batch = 0;
     while !order.is_empty() {
-        let mut used_colours = vec![[false; PAGE as usize]; nodes as usize];
+        let mut used_colours = vec![[false; BATCH as usize]; nodes as usize];
         order.retain(|i| {
-            let free = (0..PAGE as usize).find(|c| pairs[*i].iter().all(|node| !used_colours[*node as usize][*c]));
+            let free = (0..BATCH as usize).find(|c| pairs[*i].iter().all(|node| !used_colours[*node as usize][*c]));
             let Some(free) = free else { return true };
             pairs[*i].iter().for_each(|node| used_colours[*node as usize][free] = true);
-            colours[*i] = page * PAGE + free as u32;
+            colours[*i] = batch * BATCH + free as u32;
             false
         });
-        page += 1;
+        batch += 1;
     }
     colours
 }
@@ -79,7 +79,7 @@ fn pairs_that_find_no_colour_free_wait_for_the_next_page() {
     let mut random = SplitMix64::new(72);
     let pairs = random_pairs(&mut random, 2500, 30, 0);
     let most = check(&mut random, pairs, 30, 0);
-    assert!(most > PAGE as usize, "so many pairs of so few nodes need a second page, not {most} colours");
+    assert!(most > BATCH as usize, "so many pairs of so few nodes need a second page, not {most} colours");
 }
 
 #[test]

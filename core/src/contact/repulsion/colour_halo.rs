@@ -1,9 +1,9 @@
 //! What ranks tell each other during the sweeps: after each colour, the velocities of nodes that somebody has a copy
 //! of, in a pair that he does not hold.
 //!
-//! Both sides know beforehand what is told after which colour, for the pairs that are active: a colour that changes
+//! Both sides know beforehand what is sent after which colour, for the pairs that are active: a colour that changes
 //! nothing of this kind takes no message. The
-//! pairs that change what is told go first, and the others while it is on its way.
+//! pairs that change what is sent go first, and the others while it is on its way.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::parallel::communicator::{Exchange, Expected, Message};
 use crate::parallel::message::{self, codec};
 use crate::parallel::ranks::Ranks;
 
-/// What is told when.
+/// What is sent when.
 #[derive(Debug, Default)]
 pub(super) struct HaloPerColour {
     /// Before the first sweep: all ghosts of active pairs.
@@ -25,10 +25,10 @@ pub(super) struct HaloPerColour {
     rounds: [Vec<HaloExchange>; 2],
 }
 
-/// Velocities told at one time; local nodes.
+/// Velocities sent at one time; local nodes.
 #[derive(Debug, Clone, Default)]
 struct HaloExchange {
-    /// How many active pairs of the colour change what is told; they stand first.
+    /// How many active pairs of the colour change what is sent; they stand first.
     ahead: usize,
     sends: Vec<(usize, Vec<u32>)>,
     receives: Vec<(usize, Vec<u32>)>,
@@ -67,7 +67,7 @@ impl HaloPerColour {
         Self { first, rounds }
     }
 
-    /// Puts the active pairs that change what is told before the others of their colour.
+    /// Puts the active pairs that change what is sent before the others of their colour.
     pub(super) fn put_first(&mut self, kinds: &mut [PairsOfKind; 2]) {
         for (rounds, of_kind) in self.rounds.iter_mut().zip(kinds) {
             let PairsOfKind { live, live_order, contacts, .. } = of_kind;
@@ -207,7 +207,7 @@ impl Announced {
     const NAME: &str = "places of active pairs";
 }
 
-/// What the rank `to` is told, which has copies of the nodes in `list`: those that it wants, in pairs that it does not hold.
+/// What is sent to the rank `to`, which has copies of the nodes in `list`: those that it wants, in pairs that it does not hold.
 fn announced_pairs(nodes: &ContactNodes, near: &[NearPair], to: usize, list: &[u32], wanted: &[u32]) -> Vec<Announced> {
     let received = nodes.halo().receives().iter().find(|(from, _)| *from == to);
     let theirs = received.map_or(0..0, |(_, range)| range.clone());

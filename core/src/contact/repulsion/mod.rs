@@ -5,7 +5,7 @@
 //! that push others apart then pull it back: attraction.
 //!
 //! Every rank treats all pairs that it holds, and so its ghosts too, with the same operands and results as their
-//! owners. What the pairs of a colour that it does not hold do to its ghosts it is told after that colour (`borders`).
+//! owners. What the pairs of a colour that it does not hold do to its ghosts comes after that colour (`colour_halo`).
 
 use rayon::prelude::*;
 
@@ -105,7 +105,7 @@ pub(crate) struct Repulsions {
     seen: Vec<bool>,
     /// What ranks tell each other during a pass.
     halo_per_colour: HaloPerColour,
-    /// Active pairs at home here, and those of them that have passed through each other.
+    /// Active pairs canonical here, and those of them that have passed through each other.
     active: u64,
     inverted: u64,
     /// Whether the active pairs are those of the positions that come next.
@@ -218,7 +218,7 @@ impl Repulsions {
         self.seen.get(node as usize).is_some_and(|seen| *seen) && self.loads.get(node) != Vec3::zeros()
     }
 
-    /// Number of active pairs at home here that had passed through each other at the positions of the last pass.
+    /// Number of active pairs canonical here that had passed through each other at the positions of the last pass.
     pub(crate) fn inverted(&self) -> u64 {
         self.inverted
     }
@@ -243,9 +243,9 @@ impl Repulsions {
         }
         (self.active, self.inverted) = (0, 0);
         for contacts in self.kinds.iter().flat_map(PairsOfKind::active) {
-            let is_home = at.nodes.is_canonical_rank(&contacts.nodes);
-            self.active += u64::from(is_home);
-            self.inverted += u64::from(is_home && contacts.distance < 0.0);
+            let is_canonical = at.nodes.is_canonical_rank(&contacts.nodes);
+            self.active += u64::from(is_canonical);
+            self.inverted += u64::from(is_canonical && contacts.distance < 0.0);
             for node in contacts.nodes {
                 if !std::mem::replace(&mut self.seen[node as usize], true) {
                     self.nodes.push(node);
@@ -271,7 +271,7 @@ impl Repulsions {
     }
 
     /// Gives a node the velocity that an impulse would; what bodies bear of it goes to its load.
-    fn push(&self, at: &RepulsionStep<'_>, node: u32, velocity: &Vec3) {
+    fn apply_impulse(&self, at: &RepulsionStep<'_>, node: u32, velocity: &Vec3) {
         let Some(supports) = at.supports else { return self.velocities.set(node, velocity) };
         let mut load = self.loads.get(node);
         self.velocities.set(node, &project_velocity(&supports[node as usize], velocity, &mut load));
@@ -292,7 +292,7 @@ impl Repulsions {
             let impulse = self.laws.with_friction(t, &relative, change * stiffer) / t.response;
             for ((node, weight), v) in t.nodes.into_iter().zip(t.weights).zip(v) {
                 let share = weight * at.mobility[node as usize];
-                self.push(at, node, &(v + impulse * share));
+                self.apply_impulse(at, node, &(v + impulse * share));
             }
         };
         let treat = |live: &[u32]| {

@@ -84,7 +84,7 @@ pub struct SelfContact {
     supports: Vec<BodyConstraints>,
     paths: NodePaths,
     /// Whether some rank has vertices that no triangle has.
-    has_inert: bool,
+    has_isolated: bool,
     /// Positions and velocities of the nodes of cloth in B.2 and B.8, where there are ghosts.
     cloth: [Vec<Vec3>; 2],
     /// Distance that collisions keep in this collision step [m].
@@ -137,7 +137,7 @@ impl SelfContact {
             mobility: cloth_mobility(&surface),
             supports: Vec::new(),
             paths: NodePaths::default(),
-            has_inert: scene.inert().is_some(),
+            has_isolated: scene.isolated().is_some(),
             cloth: Default::default(),
             gap: 0.0,
             start_time: 0.0,
@@ -259,7 +259,7 @@ impl SelfContact {
     fn gap_now(&self) -> f64 {
         let (surface, x) = (&self.surface, &self.paths.start);
         let farthest = |largest: f64, p: &Vec3| largest.max((p - surface.origin()).norm());
-        let largest = if self.has_inert {
+        let largest = if self.has_isolated {
             let corners = surface.cloth().triangles().iter().flatten().map(|node| &x[*node as usize]);
             corners.chain(&x[surface.nodes().cloth()..]).fold(0.0, farthest)
         } else {

@@ -4,7 +4,7 @@
 //! pair of a point and a triangle, and each pair of edges, exactly once: in the pair of triangles of which one carries the
 //! point and the other is the triangle, or which carry the two edges.
 //!
-//! Among ranks, a triangle, an edge or a point is at *home* with the rank that owns its smallest vertex. Only there it hangs on
+//! Among ranks, the *canonical rank* of a triangle, an edge or a point owns its smallest vertex. Only there it hangs on
 //! a triangle, or takes part as a triangle.
 
 use std::ops::Range;
@@ -31,18 +31,18 @@ pub(crate) type Sides = Vec<([u32; 2], u32)>;
 
 impl Faces {
     /// Triangles in an order that decides what hangs where; `is_home` tells whether a node belongs to this rank.
-    pub(crate) fn new(triangles: Vec<[u32; 3]>, is_home: impl Fn(u32) -> bool) -> (Self, Sides) {
+    pub(crate) fn new(triangles: Vec<[u32; 3]>, is_canonical: impl Fn(u32) -> bool) -> (Self, Sides) {
         let each = || triangles.iter().zip(0u32..);
         let mut points: Vec<(u32, u32)> = each().flat_map(|(corners, t)| corners.map(|node| (node, t))).collect();
-        points.retain(|(node, _)| is_home(*node));
+        points.retain(|(node, _)| is_canonical(*node));
         let mut sides: Sides = each().flat_map(|(corners, t)| edges_of(corners).map(|edge| (edge, t))).collect();
         sides.sort_unstable();
         points.sort_unstable();
         points.dedup_by_key(|(node, _)| *node);
-        let mut edges: Sides = sides.iter().filter(|([node, _], _)| is_home(*node)).copied().collect();
+        let mut edges: Sides = sides.iter().filter(|([node, _], _)| is_canonical(*node)).copied().collect();
         edges.dedup_by_key(|(edge, _)| *edge);
         let smallest = |corners: &[u32; 3]| corners[0].min(corners[1]).min(corners[2]);
-        let mut bits: Vec<u8> = triangles.iter().map(|c| if is_home(smallest(c)) { FACE } else { 0 }).collect();
+        let mut bits: Vec<u8> = triangles.iter().map(|c| if is_canonical(smallest(c)) { FACE } else { 0 }).collect();
         for (edge, t) in &edges {
             let place = edges_of(&triangles[*t as usize]).iter().position(|own| own == edge);
             bits[*t as usize] |= 1 << place.expect("an edge hangs on a triangle that has it");

@@ -2,7 +2,7 @@
 //! deforming bodies, which every rank has. Local numbers ascend as those of the scene do, so whatever is sorted by the
 //! one is sorted by the other.
 //!
-//! A pair is at *home* with the owner of its smallest node: there it is found, judged and counted. It is *held* by all ranks
+//! The *canonical rank* of a pair is the owner of its smallest node: there it is found, judged and counted. It is *held* by all ranks
 //! that own one of its nodes.
 
 use std::ops::Range;
@@ -128,7 +128,7 @@ impl ContactNodes {
         self.vertices.owner(number)
     }
 
-    /// Whether a pair of local nodes is at home here: whether this rank owns the smallest of them.
+    /// Whether this is the canonical rank of a pair of local nodes: whether this rank owns the smallest of them.
     #[inline]
     pub(crate) fn is_canonical_rank(&self, nodes: &[u32; 4]) -> bool {
         self.is_own(nodes.iter().copied().min().unwrap_or(0))

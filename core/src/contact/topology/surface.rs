@@ -190,7 +190,7 @@ impl ContactSurface {
         self.nodes.ranks()
     }
 
-    /// Triangles of cloth with a node of this rank, and what is at home here.
+    /// Triangles of cloth with a node of this rank, and what is canonical here.
     pub(crate) fn cloth(&self) -> &Faces {
         &self.cloth
     }
@@ -307,7 +307,7 @@ impl ContactSurface {
         touched.iter().for_each(|&node| marked[node as usize] = 1);
     }
 
-    /// The triangles that have an edge, given with its smaller node first; all of them where the edge is at home.
+    /// The triangles that have an edge, given with its smaller node first; all of them on its canonical rank.
     pub(crate) fn triangles_of_edge(&self, edge: [u32; 2]) -> impl Iterator<Item = [u32; 3]> + '_ {
         let kind = usize::from(self.is_body(edge[0]));
         let (sides, triangles) = (&self.sides[kind], [&self.cloth, &self.bodies][kind].triangles());

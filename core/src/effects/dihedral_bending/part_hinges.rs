@@ -197,14 +197,14 @@ impl PartHinges {
         let lengths = |vectors: [Vec3; 4]| vectors.iter().map(Vec3::norm).sum::<f64>();
         let moment: f64 = element.row.iter().map(|(other, moment)| moment.abs() * lengths(vectors_of(*other))).sum();
         for (v, u) in element.vertices.iter().zip(vectors) {
-            if let Some(place) = self.place((first + v) as usize) {
+            if let Some(place) = self.index_of((first + v) as usize) {
                 self.stiffness[place] += 0.5 * u.norm() * moment;
             }
         }
     }
 
     /// Place of a local vertex in the part.
-    fn place(&self, vertex: usize) -> Option<usize> {
+    fn index_of(&self, vertex: usize) -> Option<usize> {
         self.range.contains(&vertex).then(|| vertex - self.range.start)
     }
 
@@ -219,7 +219,7 @@ impl PartHinges {
 
     /// Whether a hinge counts here: at the part that has its first vertex.
     fn counts(&self, hinge: usize) -> bool {
-        self.hinges[hinge].vertices.iter().min().is_some_and(|first| self.place(*first as usize).is_some())
+        self.hinges[hinge].vertices.iter().min().is_some_and(|first| self.index_of(*first as usize).is_some())
     }
 
     /// Moment of a hinge of the part [N·m].
@@ -312,7 +312,7 @@ impl Force for PartHinges {
 
     fn energy(&self, view: &PartView<'_>) -> f64 {
         let angle = |hinge: usize| bent(&self.hinges[hinge], view.x).0;
-        let own = |n: usize| self.hinges[n].vertices.iter().filter(|v| self.place(**v as usize).is_some()).count();
+        let own = |n: usize| self.hinges[n].vertices.iter().filter(|v| self.index_of(**v as usize).is_some()).count();
         // Half of angle times moment, of which each of the four vertices brings a quarter.
         let quarter = |n: usize| 0.125 * own(n) as f64 * angle(n) * self.moment(n, angle);
         (0..self.gradients.len()).map(quarter).sum()

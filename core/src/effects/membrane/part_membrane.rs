@@ -7,7 +7,7 @@ use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
 use crate::effects::membrane::TriangleElement;
 use crate::effects::membrane::element::{Blocks, Frame, Gradients, Moduli, largest_stiffness, rest_edges};
-use crate::elements::corners::{add, by_part, gather, outside, share};
+use crate::elements::corners::{add, by_part, gather, outside, own_fraction};
 use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 
@@ -165,7 +165,7 @@ impl Force for PartMembrane {
         let own = view.start..view.start + view.masses.len();
         let energy = |triangle: &Triangle| {
             let (_, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
-            self.moduli.energy(strain) * triangle.weight * share(&own, triangle.corners)
+            self.moduli.energy(strain) * triangle.weight * own_fraction(&own, triangle.corners)
         };
         self.triangles.iter().map(energy).sum()
     }

@@ -44,7 +44,7 @@ impl BlockDistribution {
 /// Rank 0's side of [`scatter_rows`].
 struct Reading<'a, T, const N: usize> {
     ranks: &'a Ranks,
-    homes: &'a BlockDistribution,
+    blocks: &'a BlockDistribution,
     /// Rows that were given.
     given: usize,
     own: [Vec<T>; N],
@@ -55,10 +55,10 @@ struct Reading<'a, T, const N: usize> {
 
 impl<T: Pod, const N: usize> Reading<'_, T, N> {
     fn push(&mut self, row: [&[T]; N]) {
-        if self.given == self.homes.count() {
+        if self.given == self.blocks.count() {
             return;
         }
-        let to = self.homes.of(self.given);
+        let to = self.blocks.of(self.given);
         self.given += 1;
         if to == 0 {
             self.own.iter_mut().zip(row).for_each(|(column, values)| column.extend_from_slice(values));
@@ -66,7 +66,7 @@ impl<T: Pod, const N: usize> Reading<'_, T, N> {
         }
         self.waiting.iter_mut().zip(row).for_each(|(column, values)| column.extend_from_slice(values));
         self.rows += 1;
-        if self.rows == PIECE || self.given == self.homes.rows(to).end {
+        if self.rows == PIECE || self.given == self.blocks.rows(to).end {
             for column in &mut self.waiting {
                 self.ranks.start(vec![Message::of_rows(to, column)], &[]).finish();
                 column.clear();
@@ -80,20 +80,20 @@ impl<T: Pod, const N: usize> Reading<'_, T, N> {
 /// alone. What is given beyond the shares is passed over, and what is missing has no values. All ranks call it together.
 pub(crate) fn scatter_rows<T: Pod, const N: usize>(
     ranks: &Ranks,
-    homes: &BlockDistribution,
+    blocks: &BlockDistribution,
     give: impl FnOnce(&mut dyn FnMut([&[T]; N])),
 ) -> [Vec<T>; N] {
     let mut own = [(); N].map(|()| Vec::new());
     if ranks.is_first() {
         let waiting = own.clone();
-        let mut reading = Reading { ranks, homes, given: 0, own, waiting, rows: 0 };
+        let mut reading = Reading { ranks, blocks, given: 0, own, waiting, rows: 0 };
         give(&mut |row| reading.push(row));
-        while reading.given < homes.count() {
+        while reading.given < blocks.count() {
             reading.push([&[]; N]);
         }
         return reading.own;
     }
-    for _ in 0..homes.rows(ranks.rank()).len().div_ceil(PIECE) {
+    for _ in 0..blocks.rows(ranks.rank()).len().div_ceil(PIECE) {
         for column in &mut own {
             let received = ranks.start(Vec::new(), &[Expected { from: 0, length: None }]).finish();
             column.extend(message::rows::<T>(ranks.rank(), "rows that rank 0 reads", &received[0]));
@@ -128,21 +128,21 @@ mod tests {
         for (ranks, rows) in [(1, 20_000), (3, 50_000), (5, 3), (4, 0)] {
             let all = LocalRanks::run(ranks, 1, |communicator| {
                 let ranks = Ranks::new(communicator);
-                let homes = BlockDistribution::new(rows, ranks.count());
+                let blocks = BlockDistribution::new(rows, ranks.count());
                 // Row r has r mod 3 values, and one that counts them.
-                let [counts, own] = scatter_rows(&ranks, &homes, |take| {
+                let [counts, own] = scatter_rows(&ranks, &blocks, |take| {
                     (0..rows as u32 + 7).for_each(|row| take([&[row % 3], &vec![row; row as usize % 3]]));
                 });
-                let mine = homes.rows(ranks.rank());
+                let mine = blocks.rows(ranks.rank());
                 assert!(counts.iter().copied().eq(mine.clone().map(|row| row as u32 % 3)));
                 assert!(own.iter().copied().eq(mine.flat_map(|row| vec![row as u32; row % 3])));
                 let wanted: Vec<u32> = (0..rows as u32).rev().step_by(5).collect();
                 let answers = fetch(
                     &ranks,
                     &wanted,
-                    |row| homes.of(row as usize),
+                    |row| blocks.of(row as usize),
                     |row| {
-                        assert!(homes.rows(ranks.rank()).contains(&(row as usize)));
+                        assert!(blocks.rows(ranks.rank()).contains(&(row as usize)));
                         2 * u64::from(row)
                     },
                 );

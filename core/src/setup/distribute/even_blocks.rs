@@ -118,7 +118,7 @@ impl<'a> BlockOfMesh<'a> {
     }
 }
 
-/// What is known of some points that are at home on any rank.
+/// What is known of some points that are in the block of any rank.
 pub(crate) struct FetchedValues<'a, T: Copy> {
     /// Their numbers in the garment, ascending; one rank, which has all, needs none.
     vertices: Vec<u32>,
@@ -126,11 +126,11 @@ pub(crate) struct FetchedValues<'a, T: Copy> {
 }
 
 impl<'a, T: bytemuck::Pod> FetchedValues<'a, T> {
-    /// Asks for these points, each once; `own` are the values of those that are at home here. All ranks call it together.
+    /// Asks for these points, each once; `own` are the values of those that are in this rank's block. All ranks call it together.
     pub(crate) fn new(
         ranks: &Ranks,
         vertices: impl Iterator<Item = u32>,
-        homes: &BlockDistribution,
+        blocks: &BlockDistribution,
         own: &'a [T],
     ) -> Self {
         if ranks.is_alone() {
@@ -139,8 +139,8 @@ impl<'a, T: bytemuck::Pod> FetchedValues<'a, T> {
         let mut vertices: Vec<u32> = vertices.collect();
         vertices.sort_unstable();
         vertices.dedup();
-        let first = homes.rows(ranks.rank()).start;
-        let values = fetch(ranks, &vertices, |v| homes.of(v as usize), |v| own[v as usize - first]);
+        let first = blocks.rows(ranks.rank()).start;
+        let values = fetch(ranks, &vertices, |v| blocks.of(v as usize), |v| own[v as usize - first]);
         Self { vertices, values: Cow::Owned(values) }
     }
 

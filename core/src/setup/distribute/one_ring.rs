@@ -16,7 +16,7 @@ use crate::setup::distribute::even_blocks::{FetchedValues, joined};
 pub(crate) struct Triangle {
     /// Number of the polygon in the garment.
     pub(crate) polygon: u32,
-    /// Numbers of the corners: in the garment while faces are at home, in the scene from then on.
+    /// Numbers of the corners: in the garment while faces are in blocks, in the scene from then on.
     pub(crate) corners: [u32; 3],
 }
 
@@ -27,17 +27,17 @@ pub(crate) fn owner(starts: &[u32], number: u32) -> usize {
     starts.partition_point(|start| *start <= number) - 1
 }
 
-/// The triangles of the scene with an own vertex, ascending; corners are numbers in the scene. `cut` are those whose faces are at
-/// home here, with corners of the garment, `places` the number in the scene of each of its points that is at home here, and
-/// `starts` the first of every rank.
+/// The triangles of the scene with an own vertex, ascending; corners are numbers in the scene. `cut` are those whose faces are in
+/// this rank's block, with corners of the garment, `places` the number in the scene of each of its points that is
+/// there, and `starts` the first of every rank.
 pub(crate) fn one_ring(
     ranks: &Ranks,
-    homes: &BlockDistribution,
+    blocks: &BlockDistribution,
     cut: Vec<Triangle>,
     places: &[u32],
     starts: &[u32],
 ) -> Vec<Triangle> {
-    let numbers = FetchedValues::new(ranks, cut.iter().flat_map(|triangle| triangle.corners), homes, places);
+    let numbers = FetchedValues::new(ranks, cut.iter().flat_map(|triangle| triangle.corners), blocks, places);
     let mut lists: Vec<Vec<Triangle>> = vec![Vec::new(); ranks.count()];
     for Triangle { polygon, corners } in &cut {
         let corners = corners.map(|vertex| numbers.at(vertex));

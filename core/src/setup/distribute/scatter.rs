@@ -1,9 +1,9 @@
 //! Handing out a scene. Rank 0 has the description and reads each garment piece by piece; it never has a garment as a whole.
 //!
-//! What is read goes first to a *home*, an even share of the points and faces on each rank (`home`), where it is checked. Then
-//! the ranks find the order of the vertices together (`bisection`), each takes the rest positions of its own, and homes learn
-//! which number in the scene their points have. Faces are cut into triangles at home, what takes no part is left out there
-//! (`inert`), and the rest goes to the owners of the corners (`one_ring`); what else belongs to a vertex is asked for by whoever has
+//! What is read goes first to *blocks*, an even one of the points and faces on each rank (`even_blocks`), where it is checked. Then
+//! the ranks find the order of the vertices together (`bisection`), each takes the rest positions of its own, and blocks receive
+//! the numbers in the scene of their points. Faces are cut into triangles there, what takes no part is left out
+//! (`degenerate`), and the rest goes to the owners of the corners (`one_ring`); what else belongs to a vertex is asked for by whoever has
 //! it.
 
 use std::ops::Range;
@@ -52,8 +52,8 @@ struct Own {
     maps: Vec<Vec<f64>>,
 }
 
-/// What a rank has of a garment at home.
-struct AtHome<'a> {
+/// What a rank has of a garment in its block.
+struct OfBlock<'a> {
     /// Rest positions of its points [m].
     points: &'a [Vec3],
     sound: &'a CleanMesh,
@@ -88,8 +88,8 @@ pub(crate) struct SceneScatter {
     assignment: Vec<usize>,
     /// First vertex of every rank, and the number of all at the end.
     starts: Vec<u32>,
-    /// What is at home here of each garment, until it is handed out; and where all their points are at home.
-    homes: Vec<BlockOfMesh<'static>>,
+    /// What is in this rank's block of each garment, until it is handed out; and in which blocks all their points are.
+    blocks: Vec<BlockOfMesh<'static>>,
     points_of: Vec<BlockDistribution>,
     /// On rank 0.
     columns: Vec<Columns>,
@@ -118,27 +118,27 @@ impl SceneScatter {
         });
         let Outline { description, sizes } = ranks.broadcast_encoded("description of the scene", outline);
         let mut meshes = meshes.into_iter();
-        let mut homes = Vec::new();
+        let mut blocks = Vec::new();
         let mut partition = Partition::default();
         for (size, garment) in sizes.into_iter().zip(&description.garments) {
             let place = format!("garment \"{}\"", garment.name);
             // Each mesh is forgotten when it has been read.
-            let home = BlockOfMesh::read(ranks, meshes.next().as_deref(), size, &place, problems);
-            problems.extend(home.check(ranks, &place, size.points));
-            homes.push(home);
+            let block = BlockOfMesh::read(ranks, meshes.next().as_deref(), size, &place, problems);
+            problems.extend(block.check(ranks, &place, size.points));
+            blocks.push(block);
             partition.add_garment(size.points);
         }
         let assignment = partition.balance(&partition.sizes(), ranks.count());
         let starts = assignment.iter().map(|part| partition.starts()[*part] as u32).collect();
-        let points_of = homes.iter().map(|home| home.points_of.clone()).collect();
-        Self { description, partition, assignment, starts, homes, points_of, columns, pins, pairs }
+        let points_of = blocks.iter().map(|block| block.points_of.clone()).collect();
+        Self { description, partition, assignment, starts, blocks, points_of, columns, pins, pairs }
     }
 
     /// What this rank gets of the scene, which has no problems so far. All ranks call it together.
     pub(crate) fn finish(mut self, ranks: &Ranks) -> Received {
         let mut owns = Vec::new();
         let mut places = Vec::new();
-        for g in 0..self.homes.len() {
+        for g in 0..self.blocks.len() {
             let own = self.own(ranks, g);
             places.push(self.places(ranks, g, &own.vertices));
             owns.push(own);
@@ -146,26 +146,27 @@ impl SceneScatter {
         let (mut held, pinned) = self.held(ranks, &owns, &places);
         let (mut pieces, mut warnings) = (Vec::new(), Vec::new());
         // One garment after the other, and each is forgotten when it is handed out.
-        let garments = std::mem::take(&mut self.homes).into_iter().zip(owns).zip(places);
-        for (g, ((home, mut own), places)) in garments.enumerate() {
-            let mut sound = CleanMesh::of(ranks, &self.description.garments[g].name, &home);
+        let garments = std::mem::take(&mut self.blocks).into_iter().zip(owns).zip(places);
+        for (g, ((block, mut own), places)) in garments.enumerate() {
+            let mut sound = CleanMesh::of(ranks, &self.description.garments[g].name, &block);
             warnings.append(&mut sound.warnings);
             warnings.extend(winding::warning(ranks, &self.description, g, &self.points_of[g], &sound.triangles));
             if touches(&self.description) {
-                let at_home = AtHome { points: &home.points, sound: &sound, places: &places };
-                warnings.extend(self.set_apart(ranks, g, &at_home, &mut own));
+                let of_block = OfBlock { points: &block.points, sound: &sound, places: &places };
+                warnings.extend(self.set_apart(ranks, g, &of_block, &mut own));
             }
-            drop(home);
+            drop(block);
             // The same list on all ranks, of which one asks.
             let follows = if ranks.is_first() { &*sound.follows } else { &[] };
-            let followers = self.followers(ranks, g, follows, &own, &places);
-            held.followers.extend(followers.into_iter().filter(|f| pinned.binary_search(&f.vertex).is_err()));
+            let merged_vertices = self.merged_vertices(ranks, g, follows, &own, &places);
+            held.merged_vertices
+                .extend(merged_vertices.into_iter().filter(|f| pinned.binary_search(&f.vertex).is_err()));
             let near = one_ring(ranks, &self.points_of[g], sound.triangles, &places, &self.starts);
             let near = grow(ranks, near, &self.run(ranks), &self.starts, halo_width(&self.description, g));
             pieces.push(self.piece(ranks, g, own, near, &held.sewn));
         }
-        let followers = ranks.is_first().then_some(held.followers);
-        held.followers = ranks.broadcast_encoded("vertices that follow others", followers);
+        let merged_vertices = ranks.is_first().then_some(held.merged_vertices);
+        held.merged_vertices = ranks.broadcast_encoded("vertices that follow others", merged_vertices);
         let assigned = AssignedPartition { partition: self.partition, assignment: self.assignment };
         let received = assemble(ranks, self.description, assigned, pieces, held);
         Received { warnings, ..received }
@@ -185,30 +186,30 @@ impl SceneScatter {
 
     /// Finds the own vertices of a garment, and fetches what belongs to them.
     fn own(&mut self, ranks: &Ranks, garment: usize) -> Own {
-        let (home, homes) = (&self.homes[garment], &self.points_of[garment]);
-        let first = homes.rows(ranks.rank()).start;
+        let (block, blocks) = (&self.blocks[garment], &self.points_of[garment]);
+        let first = blocks.rows(ranks.rank()).start;
         let places = self.partition.garments()[garment].clone();
-        let (vertices, rest) = bisection::order(ranks, places, &self.starts, first, &home.points);
+        let (vertices, rest) = bisection::order(ranks, places, &self.starts, first, &block.points);
         let Columns { start, velocities, maps } = self.columns.get_mut(garment).map(std::mem::take).unwrap_or_default();
         let mut maps = maps.into_iter();
         let maps = (0..self.description.garments[garment].maps.len()).map(|_| maps.next());
         Own {
-            start: column(ranks, homes, start, &vertices),
-            velocities: column(ranks, homes, velocities, &vertices),
-            maps: maps.map(|values| column(ranks, homes, values, &vertices)).collect(),
+            start: column(ranks, blocks, start, &vertices),
+            velocities: column(ranks, blocks, velocities, &vertices),
+            maps: maps.map(|values| column(ranks, blocks, values, &vertices)).collect(),
             vertices,
             rest,
         }
     }
 
-    /// The number in the scene of each point at home here.
+    /// The number in the scene of each point in this rank's block.
     fn places(&self, ranks: &Ranks, garment: usize, own: &[u32]) -> Vec<u32> {
-        let homes = &self.points_of[garment];
+        let blocks = &self.points_of[garment];
         let mut lists = vec![Vec::new(); ranks.count()];
         for (garment, scene) in own.iter().copied().zip(self.run_of(ranks, garment)) {
-            lists[homes.of(garment as usize)].push(VertexNumbers { scene, garment });
+            lists[blocks.of(garment as usize)].push(VertexNumbers { scene, garment });
         }
-        let here = homes.rows(ranks.rank());
+        let here = blocks.rows(ranks.rank());
         let mut places = vec![0; here.len()];
         for VertexNumbers { scene, garment } in ranks.all_to_all_v(lists).into_iter().flatten() {
             places[garment as usize - here.start] = scene;
@@ -218,9 +219,9 @@ impl SceneScatter {
 
     /// Numbers in the scene of vertices of a garment.
     fn numbers(&self, ranks: &Ranks, garment: usize, vertices: &[u32], places: &[u32]) -> Vec<u32> {
-        let homes = &self.points_of[garment];
-        let first = homes.rows(ranks.rank()).start;
-        fetch(ranks, vertices, |vertex| homes.of(vertex as usize), |vertex| places[vertex as usize - first])
+        let blocks = &self.points_of[garment];
+        let first = blocks.rows(ranks.rank()).start;
+        fetch(ranks, vertices, |vertex| blocks.of(vertex as usize), |vertex| places[vertex as usize - first])
     }
 
     /// What is held or sewn of own vertices; and on rank 0, which knows all and asks where they are, the vertices of all ranks
@@ -237,7 +238,7 @@ impl SceneScatter {
         let held = ranks.scatter_encoded("pins and seams of a rank", |rank| {
             let own = self.starts[rank] as usize..self.starts[rank + 1] as usize;
             let (of_rank, sewn) = (pins_of(&pinned, &own), sewn_to(&sewn, &own));
-            Held { pinned: of_rank, pin_targets: pinned.len(), sewn, followers: Vec::new() }
+            Held { pinned: of_rank, pin_targets: pinned.len(), sewn, merged_vertices: Vec::new() }
         });
         let is_hard = |pinned: &&Pinned| self.description.pins[pinned.pin].hold == PinHold::Hard;
         let mut moved: Vec<u32> = pinned.iter().filter(is_hard).map(|pinned| pinned.vertex).collect();
@@ -251,12 +252,12 @@ impl SceneScatter {
         &self,
         ranks: &Ranks,
         garment: usize,
-        &AtHome { points, sound, places }: &AtHome<'_>,
+        &OfBlock { points, sound, places }: &OfBlock<'_>,
         own: &mut Own,
     ) -> Option<String> {
-        let homes = &self.points_of[garment];
+        let blocks = &self.points_of[garment];
         let first = self.run_of(ranks, garment).start;
-        let rest = Apart::of(ranks, homes, points, sound);
+        let rest = Apart::of(ranks, blocks, points, sound);
         self.move_to(ranks, garment, &rest, places, &mut own.rest);
         let mut pairs = rest.pairs;
         if ranks.any(!own.start.is_empty()) {
@@ -266,11 +267,11 @@ impl SceneScatter {
                 |number| owner(&self.starts, number),
                 |number| own.start[(number - first) as usize],
             );
-            let start = Apart::of(ranks, homes, &start, sound);
+            let start = Apart::of(ranks, blocks, &start, sound);
             self.move_to(ranks, garment, &start, places, &mut own.start);
             pairs.extend(start.pairs);
         }
-        coincident::warning(ranks, &self.description.garments[garment].name, homes, pairs)
+        coincident::warning(ranks, &self.description.garments[garment].name, blocks, pairs)
     }
 
     /// Moves own vertices to where they were set apart.
@@ -288,7 +289,7 @@ impl SceneScatter {
     }
 
     /// Those that follow another vertex, by numbers of the scene.
-    fn followers(
+    fn merged_vertices(
         &self,
         ranks: &Ranks,
         garment: usize,
@@ -296,12 +297,12 @@ impl SceneScatter {
         own: &Own,
         places: &[u32],
     ) -> Vec<MergedVertex> {
-        let wanted: Vec<u32> = follows.iter().flat_map(|follower| [follower.vertex, follower.leader]).collect();
+        let wanted: Vec<u32> = follows.iter().flat_map(|merged| [merged.vertex, merged.leader]).collect();
         let numbers = self.numbers(ranks, garment, &wanted, places);
         let at = self.starts_at(ranks, garment, &numbers, own);
-        let follower =
+        let merged =
             |(&[vertex, leader], at): (&[u32; 2], &[Vec3; 2])| MergedVertex { vertex, leader, offset: at[0] - at[1] };
-        numbers.as_chunks().0.iter().zip(at.as_chunks().0).map(follower).collect()
+        numbers.as_chunks().0.iter().zip(at.as_chunks().0).map(merged).collect()
     }
 
     /// Where vertices of the scene, all of one garment, start [m].
@@ -402,15 +403,15 @@ fn between<T>(mut far: Vec<T>, below: usize, own: Vec<T>) -> Vec<T> {
 }
 
 /// Values of own vertices of a column that rank 0 has; nothing where there is no such column.
-fn column<T: Pod>(ranks: &Ranks, homes: &BlockDistribution, values: Option<Vec<T>>, own: &[u32]) -> Vec<T> {
+fn column<T: Pod>(ranks: &Ranks, blocks: &BlockDistribution, values: Option<Vec<T>>, own: &[u32]) -> Vec<T> {
     if !ranks.any(values.is_some()) {
         return Vec::new();
     }
-    let [values] = scatter_rows(ranks, homes, |take| {
+    let [values] = scatter_rows(ranks, blocks, |take| {
         values.iter().flatten().for_each(|value| take([std::slice::from_ref(value)]));
     });
-    let first = homes.rows(ranks.rank()).start;
-    fetch(ranks, own, |vertex| homes.of(vertex as usize), |vertex| values[vertex as usize - first])
+    let first = blocks.rows(ranks.rank()).start;
+    fetch(ranks, own, |vertex| blocks.of(vertex as usize), |vertex| values[vertex as usize - first])
 }
 
 /// Takes what belongs to the points; what is painted stays known, and how.

@@ -150,7 +150,7 @@ pub(crate) struct Received {
     pub(crate) pinned: Vec<Pinned>,
     pub(crate) pin_targets: usize,
     pub(crate) sewn: Vec<Sewn>,
-    pub(crate) followers: Vec<MergedVertex>,
+    pub(crate) merged_vertices: Vec<MergedVertex>,
     /// What was left out of the garments; on rank 0.
     pub(crate) warnings: Vec<String>,
     pub(crate) painted: Vec<PaintedMaps>,
@@ -161,7 +161,7 @@ pub(crate) struct Held {
     pub(crate) pinned: Vec<Pinned>,
     pub(crate) pin_targets: usize,
     pub(crate) sewn: Vec<Sewn>,
-    pub(crate) followers: Vec<MergedVertex>,
+    pub(crate) merged_vertices: Vec<MergedVertex>,
 }
 
 /// The parts of a scene, and who has them.
@@ -171,7 +171,7 @@ pub(crate) struct AssignedPartition {
     pub(crate) assignment: Vec<usize>,
 }
 
-codec!(struct Held { pinned, pin_targets, sewn, followers });
+codec!(struct Held { pinned, pin_targets, sewn, merged_vertices });
 
 /// Builds what a rank keeps from its pieces.
 pub(crate) fn assemble(
@@ -179,7 +179,7 @@ pub(crate) fn assemble(
     description: SceneDescription,
     AssignedPartition { partition, assignment }: AssignedPartition,
     mut pieces: Vec<SubMesh>,
-    Held { mut pinned, pin_targets, sewn, followers }: Held,
+    Held { mut pinned, pin_targets, sewn, merged_vertices }: Held,
 ) -> Received {
     let starts = partition.starts();
     let own = starts[assignment[ranks.rank()]] as u32..starts[assignment[ranks.rank() + 1]] as u32;
@@ -220,7 +220,19 @@ pub(crate) fn assemble(
     let painted = painted.collect();
     let meshes = pieces.into_iter().map(SubMesh::mesh).collect();
     let warnings = Vec::new();
-    Received { description, parts, meshes, start, velocities, pinned, pin_targets, sewn, followers, warnings, painted }
+    Received {
+        description,
+        parts,
+        meshes,
+        start,
+        velocities,
+        pinned,
+        pin_targets,
+        sewn,
+        merged_vertices,
+        warnings,
+        painted,
+    }
 }
 
 /// What the scene is on this rank with another assignment of the parts: the ranks hand each other what moves. Nothing is known
@@ -264,7 +276,7 @@ pub(crate) fn migrate(scene: &Scene, assignment: Vec<usize>) -> Received {
     // Both owners of a pair may have sent it.
     sewn.sort_unstable_by_key(|pair| pair.number);
     sewn.dedup_by_key(|pair| pair.number);
-    let held = Held { pinned, pin_targets: scene.pin_targets, sewn, followers: scene.followers.clone() };
+    let held = Held { pinned, pin_targets: scene.pin_targets, sewn, merged_vertices: scene.merged_vertices.clone() };
     let assigned = AssignedPartition { partition, assignment };
     let received = assemble(ranks, scene.description.clone(), assigned, pieces, held);
     Received { warnings: scene.warnings.clone(), ..received }

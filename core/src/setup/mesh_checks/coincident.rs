@@ -48,29 +48,29 @@ impl PlacedVertex {
 struct WayInwards {
     vertex: u32,
     polygon: u32,
-    /// Number of the triangle where its polygon is at home.
+    /// Number of the triangle where its polygon is in the block.
     triangle: u32,
     /// From the vertex to the middle of the triangle [m].
     way: Vec3,
 }
 
 impl Apart {
-    /// Draws vertices that lie where others are into their triangles. `points` are the positions of the vertices at home here,
-    /// by which `homes` go. All ranks call it together.
-    pub(crate) fn of(ranks: &Ranks, homes: &BlockDistribution, points: &[Vec3], sound: &CleanMesh) -> Self {
-        let groups = coinciding(ranks, homes, points, &sound.lives);
+    /// Draws vertices that lie where others are into their triangles. `points` are the positions of the vertices in this rank's block,
+    /// by which `blocks` go. All ranks call it together.
+    pub(crate) fn of(ranks: &Ranks, blocks: &BlockDistribution, points: &[Vec3], sound: &CleanMesh) -> Self {
+        let groups = coinciding(ranks, blocks, points, &sound.lives);
         if !ranks.any(!groups.is_empty()) {
             return Self::default();
         }
-        let first = homes.rows(ranks.rank()).start;
+        let first = blocks.rows(ranks.rank()).start;
         let mut lists = vec![Vec::new(); ranks.count()];
-        groups.iter().flatten().for_each(|v| lists[homes.of(*v as usize)].push(*v));
+        groups.iter().flatten().for_each(|v| lists[blocks.of(*v as usize)].push(*v));
         let mut coincides = vec![0; points.len()];
         ranks.all_to_all_v(lists).into_iter().flatten().for_each(|v| coincides[v as usize - first] = 1);
-        let inwards = inwards(ranks, homes, points, sound, &coincides);
-        // All that coincides at home here is among them.
+        let inwards = inwards(ranks, blocks, points, sound, &coincides);
+        // All that coincides in this rank's block is among them.
         let row = |v: u32| inwards.partition_point(|(vertex, _)| *vertex < v);
-        let moved = fetch(ranks, &groups.concat(), |v| homes.of(v as usize), |v| inwards[row(v)].1);
+        let moved = fetch(ranks, &groups.concat(), |v| blocks.of(v as usize), |v| inwards[row(v)].1);
         let mut moved = moved.as_slice();
         let mut apart = Self::default();
         for group in groups {
@@ -86,10 +86,10 @@ impl Apart {
 }
 
 /// Says in words, on rank 0, which vertices of a garment were set apart, at rest or at the start. All ranks call it together.
-pub(crate) fn warning(ranks: &Ranks, name: &str, homes: &BlockDistribution, pairs: Vec<[u32; 2]>) -> Option<String> {
+pub(crate) fn warning(ranks: &Ranks, name: &str, blocks: &BlockDistribution, pairs: Vec<[u32; 2]>) -> Option<String> {
     // A pair may be known to one rank by its places at rest, and to another by those at the start.
     let mut lists = vec![Vec::new(); ranks.count()];
-    pairs.into_iter().for_each(|pair| lists[homes.of(pair[0] as usize)].push(pair));
+    pairs.into_iter().for_each(|pair| lists[blocks.of(pair[0] as usize)].push(pair));
     let list = listed(ranks, joined(ranks.all_to_all_v(lists)))?;
     let share = 1.0 / SET_APART;
     ranks.is_first().then(|| {
@@ -101,9 +101,9 @@ pub(crate) fn warning(ranks: &Ranks, name: &str, homes: &BlockDistribution, pair
 }
 
 /// Vertices with triangles that lie in one place, ascending; each group on one rank.
-fn coinciding(ranks: &Ranks, homes: &BlockDistribution, points: &[Vec3], lives: &[u8]) -> Vec<Vec<u32>> {
+fn coinciding(ranks: &Ranks, blocks: &BlockDistribution, points: &[Vec3], lives: &[u8]) -> Vec<Vec<u32>> {
     let mut lists: Vec<Vec<PlacedVertex>> = vec![Vec::new(); ranks.count()];
-    let vertices = homes.rows(ranks.rank()).start as u32..;
+    let vertices = blocks.rows(ranks.rank()).start as u32..;
     for ((vertex, point), _) in vertices.zip(points).zip(lives).filter(|(_, lives)| **lives != 0) {
         // Adding zero turns a negative zero into the positive one.
         let placed = PlacedVertex { position: point.add_scalar(0.0), vertex };
@@ -123,33 +123,33 @@ fn meeting_place(bits: [u64; 3], ranks: usize) -> usize {
     (mixed >> (u64::BITS / 2)) as usize % ranks
 }
 
-/// The new places [m] of the vertices at home here that coincide with others, ascending.
+/// The new places [m] of the vertices in this rank's block that coincide with others, ascending.
 fn inwards(
     ranks: &Ranks,
-    homes: &BlockDistribution,
+    blocks: &BlockDistribution,
     points: &[Vec3],
     sound: &CleanMesh,
     coincides: &[u8],
 ) -> Vec<(u32, Vec3)> {
     let all = sound.triangles.iter().flat_map(|triangle| triangle.corners);
-    let coincides = FetchedValues::new(ranks, all, homes, coincides);
+    let coincides = FetchedValues::new(ranks, all, blocks, coincides);
     let touched: Vec<(u32, &Triangle)> = (0..)
         .zip(&sound.triangles)
         .filter(|(_, triangle)| triangle.corners.iter().any(|v| coincides.at(*v) != 0))
         .collect();
-    let positions = FetchedValues::new(ranks, touched.iter().flat_map(|(_, t)| t.corners), homes, points);
+    let positions = FetchedValues::new(ranks, touched.iter().flat_map(|(_, t)| t.corners), blocks, points);
     let mut lists: Vec<Vec<WayInwards>> = vec![Vec::new(); ranks.count()];
     for (triangle, &Triangle { polygon, corners }) in touched {
         let middle = corners.iter().map(|v| positions.at(*v)).sum::<Vec3>() / 3.0;
         for v in corners.iter().filter(|v| coincides.at(**v) != 0) {
             let way = middle - positions.at(*v);
-            lists[homes.of(*v as usize)].push(WayInwards { vertex: *v, polygon, triangle, way });
+            lists[blocks.of(*v as usize)].push(WayInwards { vertex: *v, polygon, triangle, way });
         }
     }
     let mut rows = joined(ranks.all_to_all_v(lists));
     // So that the sums are those of a mesh at hand, triangle after triangle.
     rows.sort_unstable_by_key(|row| (row.vertex, row.polygon, row.triangle));
-    let first = homes.rows(ranks.rank()).start;
+    let first = blocks.rows(ranks.rank()).start;
     let moved = |group: &[WayInwards]| {
         let inwards: Vec3 = group.iter().map(|row| row.way).sum();
         let vertex = group[0].vertex;

@@ -16,12 +16,12 @@ use crate::setup::distribute::even_blocks::{BlockOfMesh, FetchedValues, joined};
 use crate::setup::distribute::one_ring::Triangle;
 use crate::tolerances::{DEGENERATE_AREA, DEGENERATE_EDGE};
 
-/// The triangles of a garment that are simulated, as far as their faces are at home here, and what was left out of them.
+/// The triangles of a garment that are simulated, as far as their faces are in this rank's block, and what was left out of them.
 #[derive(Debug)]
 pub(crate) struct CleanMesh {
     /// Its triangles by numbers of the garment, in the order of the polygons.
     pub(crate) triangles: Vec<Triangle>,
-    /// 1 for each point at home here that such a triangle has, 0 for the others.
+    /// 1 for each point in this rank's block that such a triangle has, 0 for the others.
     pub(crate) lives: Vec<u8>,
     /// Vertices that go with another, ascending; the same on all ranks.
     pub(crate) follows: Vec<MergedInto>,
@@ -46,14 +46,14 @@ struct LeftOut {
 
 impl CleanMesh {
     /// The triangles with an area, each once. Of faces on the same corners, the first stays. All ranks call it together.
-    pub(crate) fn of(ranks: &Ranks, name: &str, home: &BlockOfMesh<'_>) -> Self {
-        let positions = home.positions(ranks);
-        let shortest = DEGENERATE_EDGE * size(ranks, home);
-        let mut repeated = repeated_polygons(ranks, home);
+    pub(crate) fn of(ranks: &Ranks, name: &str, block: &BlockOfMesh<'_>) -> Self {
+        let positions = block.positions(ranks);
+        let shortest = DEGENERATE_EDGE * size(ranks, block);
+        let mut repeated = repeated_polygons(ranks, block);
         let (mut triangles, mut flat, mut cut) = (Vec::new(), Vec::new(), Vec::new());
         let mut farthest = [0.0_f64; 2];
         let once = |(polygon, _): &(u32, &[u32])| repeated.binary_search(polygon).is_err();
-        for (polygon, corners) in home.faces(ranks).filter(once) {
+        for (polygon, corners) in block.faces(ranks).filter(once) {
             triangulate_face(|vertex| positions.at(vertex), corners, &mut cut);
             for [a, b, c] in cut.drain(..) {
                 let corners = [a, b, c].map(|v| positions.at(v));
@@ -65,22 +65,22 @@ impl CleanMesh {
                 list.push(Triangle { polygon, corners: [a, b, c] });
             }
         }
-        repeated.extend(drop_repeated(ranks, home, &mut triangles));
-        let lives = lives(ranks, &home.points_of, &triangles);
-        let follows = leaders(ranks, &home.points_of, &flat, &lives, &positions);
+        repeated.extend(drop_repeated(ranks, block, &mut triangles));
+        let lives = lives(ranks, &block.points_of, &triangles);
+        let follows = leaders(ranks, &block.points_of, &flat, &lives, &positions);
         let flat = flat.into_iter().map(|triangle| triangle.polygon).collect();
         let mut sound = Self { triangles, lives, follows, warnings: Vec::new() };
-        sound.warnings = sound.warnings_of(ranks, name, home, LeftOut { repeated, flat });
+        sound.warnings = sound.warnings_of(ranks, name, block, LeftOut { repeated, flat });
         sound.warnings.extend(told_coarse(ranks, name, farthest));
         sound
     }
 
     /// What was left out in words, on rank 0: these polygons, and the points that have no other.
-    fn warnings_of(&self, ranks: &Ranks, name: &str, home: &BlockOfMesh<'_>, left_out: LeftOut) -> Vec<String> {
-        let goes = |v: &u32| self.follows.binary_search_by_key(v, |follower| follower.vertex).is_ok();
-        let first = home.points_of.rows(ranks.rank()).start as u32;
-        let inert = (first..).zip(&self.lives).filter(|(_, lives)| **lives == 0).map(|(v, _)| v);
-        let (follow, stay): (Vec<u32>, Vec<u32>) = inert.partition(goes);
+    fn warnings_of(&self, ranks: &Ranks, name: &str, block: &BlockOfMesh<'_>, left_out: LeftOut) -> Vec<String> {
+        let goes = |v: &u32| self.follows.binary_search_by_key(v, |merged| merged.vertex).is_ok();
+        let first = block.points_of.rows(ranks.rank()).start as u32;
+        let isolated = (first..).zip(&self.lives).filter(|(_, lives)| **lives == 0).map(|(v, _)| v);
+        let (follow, stay): (Vec<u32>, Vec<u32>) = isolated.partition(goes);
         let LeftOut { repeated, flat } = left_out;
         let says = [
             ("faces", repeated, "lie on other faces of the same corners, and take no part: delete the duplicate faces"),
@@ -90,7 +90,7 @@ impl CleanMesh {
         ];
         let place = format!("garment \"{name}\"");
         let mut warnings = Vec::new();
-        if home.faces_of.count() == 0 {
+        if block.faces_of.count() == 0 {
             warnings.push(format!("{place}: it has no faces, so nothing of it moves: export a mesh with polygons"));
         }
         for (what, list, is) in says {
@@ -101,31 +101,31 @@ impl CleanMesh {
     }
 }
 
-/// A triangle where the lowest of its corners is at home; ordered by the corners first.
+/// A triangle in the block of the lowest of its corners; ordered by the corners first.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 struct TriangleKey {
     /// Its corners, ascending.
     corners: [u32; 3],
     polygon: u32,
-    /// Its number where its polygon is at home.
+    /// Its number where its polygon is in the block.
     number: u32,
 }
 
-/// Takes out triangles on the corners of one before; returns their polygons. They meet where the lowest of these corners is at
-/// home.
-fn drop_repeated(ranks: &Ranks, home: &BlockOfMesh<'_>, triangles: &mut Vec<Triangle>) -> Vec<u32> {
+/// Takes out triangles on the corners of one before; returns their polygons. They meet in the block of the lowest of these
+/// corners.
+fn drop_repeated(ranks: &Ranks, block: &BlockOfMesh<'_>, triangles: &mut Vec<Triangle>) -> Vec<u32> {
     let mut lists = vec![Vec::new(); ranks.count()];
     for (number, Triangle { polygon, corners }) in (0u32..).zip(&*triangles) {
         let mut corners = *corners;
         corners.sort_unstable();
-        lists[home.points_of.of(corners[0] as usize)].push(TriangleKey { corners, polygon: *polygon, number });
+        lists[block.points_of.of(corners[0] as usize)].push(TriangleKey { corners, polygon: *polygon, number });
     }
     let mut keys = joined(ranks.all_to_all_v(lists));
     keys.sort_unstable();
     let mut answers = vec![Vec::new(); ranks.count()];
     for twice in keys.windows(2).filter(|w| w[0].corners == w[1].corners) {
-        answers[home.faces_of.of(twice[1].polygon as usize)].push(twice[1].number);
+        answers[block.faces_of.of(twice[1].polygon as usize)].push(twice[1].number);
     }
     drop(keys);
     let mut twice = joined(ranks.all_to_all_v(answers));
@@ -136,9 +136,9 @@ fn drop_repeated(ranks: &Ranks, home: &BlockOfMesh<'_>, triangles: &mut Vec<Tria
     dropped
 }
 
-/// 1 for each point at home here that one of the triangles of all ranks has, 0 for the others.
-fn lives(ranks: &Ranks, homes: &BlockDistribution, triangles: &[Triangle]) -> Vec<u8> {
-    let here = homes.rows(ranks.rank());
+/// 1 for each point in this rank's block that one of the triangles of all ranks has, 0 for the others.
+fn lives(ranks: &Ranks, blocks: &BlockDistribution, triangles: &[Triangle]) -> Vec<u8> {
+    let here = blocks.rows(ranks.rank());
     let mut lives = vec![0; here.len()];
     let corners = || triangles.iter().flat_map(|triangle| triangle.corners);
     let is_here = |v: &u32| here.contains(&(*v as usize));
@@ -147,7 +147,7 @@ fn lives(ranks: &Ranks, homes: &BlockDistribution, triangles: &[Triangle]) -> Ve
     others.sort_unstable();
     others.dedup();
     let mut lists = vec![Vec::new(); ranks.count()];
-    others.into_iter().for_each(|v| lists[homes.of(v as usize)].push(v));
+    others.into_iter().for_each(|v| lists[blocks.of(v as usize)].push(v));
     ranks.all_to_all_v(lists).into_iter().flatten().for_each(|v| lives[v as usize - here.start] = 1);
     lives
 }
@@ -172,12 +172,12 @@ pub fn simulated_triangles(mesh: &PolygonMesh) -> Vec<[u32; 3]> {
 }
 
 /// Diagonal of the bounds of the points of all ranks [m].
-fn size(ranks: &Ranks, home: &BlockOfMesh<'_>) -> f64 {
-    if home.points_of.count() == 0 {
+fn size(ranks: &Ranks, block: &BlockOfMesh<'_>) -> f64 {
+    if block.points_of.count() == 0 {
         return 0.0;
     }
     let none = Vec3::repeat(f64::NEG_INFINITY);
-    let (low, high) = home.points.iter().fold((none, none), |(l, h), p| (l.sup(&-p), h.sup(p)));
+    let (low, high) = block.points.iter().fold((none, none), |(l, h), p| (l.sup(&-p), h.sup(p)));
     let all = ranks.max_of([low.x, low.y, low.z, high.x, high.y, high.z]);
     (Vec3::new(all[3], all[4], all[5]) + Vec3::new(all[0], all[1], all[2])).norm()
 }
@@ -190,7 +190,7 @@ fn is_flat([a, b, c]: [Vec3; 3], shortest: f64) -> bool {
     edges.iter().any(|edge| *edge <= shortest) || area <= DEGENERATE_AREA * longest * longest
 }
 
-/// A polygon where the lowest of its corners is at home; the corners are sent beside it.
+/// A polygon in the block of the lowest of its corners; the corners are sent beside it.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct PolygonKey {
@@ -199,16 +199,16 @@ struct PolygonKey {
     corners: u32,
 }
 
-/// Polygons of four and more corners, at home here, that have those of one before, ascending: however they are wound or turned.
-/// They meet where the lowest of these corners is at home.
-fn repeated_polygons(ranks: &Ranks, home: &BlockOfMesh<'_>) -> Vec<u32> {
+/// Polygons of four and more corners, in this rank's block, that have those of one before, ascending: however they are wound or turned.
+/// They meet in the block of the lowest of these corners.
+fn repeated_polygons(ranks: &Ranks, block: &BlockOfMesh<'_>) -> Vec<u32> {
     let (mut keys, mut corners) = (vec![Vec::new(); ranks.count()], vec![Vec::new(); ranks.count()]);
     let mut sorted = Vec::new();
-    for (polygon, of_polygon) in home.faces(ranks).filter(|(_, corners)| corners.len() > 3) {
+    for (polygon, of_polygon) in block.faces(ranks).filter(|(_, corners)| corners.len() > 3) {
         sorted.clear();
         sorted.extend_from_slice(of_polygon);
         sorted.sort_unstable();
-        let to = home.points_of.of(sorted[0] as usize);
+        let to = block.points_of.of(sorted[0] as usize);
         keys[to].push(PolygonKey { polygon, corners: sorted.len() as u32 });
         corners[to].extend_from_slice(&sorted);
     }
@@ -222,7 +222,7 @@ fn repeated_polygons(ranks: &Ranks, home: &BlockOfMesh<'_>) -> Vec<u32> {
     rows.sort_unstable();
     let mut answers = vec![Vec::new(); ranks.count()];
     for twice in rows.windows(2).filter(|w| w[0].0 == w[1].0) {
-        answers[home.faces_of.of(twice[1].1 as usize)].push(twice[1].1);
+        answers[block.faces_of.of(twice[1].1 as usize)].push(twice[1].1);
     }
     drop(rows);
     drop(corners);
@@ -235,12 +235,12 @@ fn repeated_polygons(ranks: &Ranks, home: &BlockOfMesh<'_>) -> Vec<u32> {
 /// The same on all ranks.
 fn leaders(
     ranks: &Ranks,
-    homes: &BlockDistribution,
+    blocks: &BlockDistribution,
     flat: &[Triangle],
     lives: &[u8],
     positions: &FetchedValues<'_, Vec3>,
 ) -> Vec<MergedInto> {
-    let lives = FetchedValues::new(ranks, flat.iter().flat_map(|triangle| triangle.corners), homes, lives);
+    let lives = FetchedValues::new(ranks, flat.iter().flat_map(|triangle| triangle.corners), blocks, lives);
     let mut all: Vec<NearLeader> = Vec::new();
     for Triangle { corners, .. } in flat {
         for v in corners.iter().filter(|v| lives.at(**v) == 0) {
@@ -290,9 +290,9 @@ mod tests {
             let ranks = Ranks::new(communicator);
             let size = MeshSize { points: mesh.points.len(), faces: mesh.face_counts.len() };
             let (given, mut problems) = (ranks.is_first().then_some(mesh as &dyn MeshStream), Vec::new());
-            let home = BlockOfMesh::read(&ranks, given, size, "skirt", &mut problems);
-            let sound = CleanMesh::of(&ranks, "skirt", &home);
-            let first = home.points_of.rows(ranks.rank()).start as u32;
+            let block = BlockOfMesh::read(&ranks, given, size, "skirt", &mut problems);
+            let sound = CleanMesh::of(&ranks, "skirt", &block);
+            let first = block.points_of.rows(ranks.rank()).start as u32;
             let lives =
                 (first..).zip(&sound.lives).filter(|(_, lives)| **lives == 1).map(|(v, _)| v).collect::<Vec<_>>();
             assert!(problems.is_empty() && (ranks.is_first() || sound.warnings.is_empty()));

@@ -17,12 +17,12 @@ fn looking_at_sides(description: &SceneDescription, garment: usize) -> Vec<&'sta
 }
 
 /// Says in words, on rank 0, at which edges of a garment two faces are wound against each other, if something looks at their
-/// sides. `triangles` are those at home here with their polygons, `homes` those of the points. All ranks call it together.
+/// sides. `triangles` are those in this rank's block with their polygons, `blocks` those of the points. All ranks call it together.
 pub(crate) fn warning(
     ranks: &Ranks,
     description: &SceneDescription,
     garment: usize,
-    homes: &BlockDistribution,
+    blocks: &BlockDistribution,
     triangles: &[Triangle],
 ) -> Option<String> {
     let looking = looking_at_sides(description, garment).join(" and ");
@@ -31,7 +31,7 @@ pub(crate) fn warning(
     }
     let mut lists = vec![Vec::new(); ranks.count()];
     for side in sides(triangles.iter().map(|triangle| triangle.corners)) {
-        lists[homes.of(side[0] as usize)].push(side);
+        lists[blocks.of(side[0] as usize)].push(side);
     }
     let list = listed(ranks, turned_edges(joined(ranks.all_to_all_v(lists))))?;
     let name = &description.garments[garment].name;

@@ -15,6 +15,7 @@ use crate::mesh::TriangleMesh;
 use crate::parallel::parts::Parts;
 use crate::parallel::problems::{LISTED, agree};
 use crate::parallel::ranks::Ranks;
+use crate::scene::names;
 use crate::scene::origin::check_origin;
 use crate::scene::seam_pairs::Sewn;
 use crate::scene::vertex_maps::PaintedMaps;
@@ -46,7 +47,7 @@ impl Scene {
         let handed = SceneScatter::begin(ranks, description, &mut problems);
         agree(ranks, problems)?;
         let mut scene = Self::derive(handed.finish(ranks));
-        agree(ranks, check_inert(&scene.description, &scene.parts, &scene.sewn, scene.inert()))?;
+        agree(ranks, check_isolated(&scene.description, &scene.parts, &scene.sewn, scene.isolated()))?;
         scene.settle_origin();
         Ok(scene)
     }
@@ -68,12 +69,12 @@ impl Scene {
             pinned,
             pin_targets,
             sewn,
-            followers,
+            merged_vertices,
             warnings,
             painted,
         } = received;
-        let inert = inert(&parts, &meshes);
-        let masses = masses(&description, &parts, &meshes, &painted, inert.as_deref());
+        let isolated = isolated(&parts, &meshes);
+        let masses = masses(&description, &parts, &meshes, &painted, isolated.as_deref());
         let mean_edge = mean_edge(&parts, &meshes);
         Self {
             description,
@@ -86,8 +87,8 @@ impl Scene {
             pinned,
             pin_targets,
             sewn,
-            inert,
-            followers,
+            isolated,
+            merged_vertices,
             warnings,
             painted,
         }
@@ -113,14 +114,14 @@ fn check_description(description: &SceneDescription) -> Vec<Problem> {
 }
 
 /// Own vertices that no triangle has, ascending, if any rank has such.
-fn inert(parts: &Parts, meshes: &[TriangleMesh]) -> Option<Vec<u32>> {
-    let mut is_inert = vec![true; parts.local_count()];
+fn isolated(parts: &Parts, meshes: &[TriangleMesh]) -> Option<Vec<u32>> {
+    let mut is_isolated = vec![true; parts.local_count()];
     for (g, mesh) in meshes.iter().enumerate() {
-        let of_garment = &mut is_inert[parts.garment(g)];
+        let of_garment = &mut is_isolated[parts.garment(g)];
         mesh.triangles().iter().flatten().for_each(|v| of_garment[*v as usize] = false);
     }
-    let inert: Vec<u32> = parts.own().filter(|v| is_inert[*v]).map(|v| v as u32).collect();
-    parts.ranks().any(!inert.is_empty()).then_some(inert)
+    let isolated: Vec<u32> = parts.own().filter(|v| is_isolated[*v]).map(|v| v as u32).collect();
+    parts.ranks().any(!isolated.is_empty()).then_some(isolated)
 }
 
 /// Mass of each local vertex [kg]. What takes no part has none of the garment's, and formally that of a vertex in the mean.
@@ -129,7 +130,7 @@ fn masses(
     parts: &Parts,
     meshes: &[TriangleMesh],
     painted: &[PaintedMaps],
-    inert: Option<&[u32]>,
+    isolated: Option<&[u32]>,
 ) -> Vec<f64> {
     let mut masses = vec![0.0; parts.local_count()];
     for (g, (garment, mesh)) in description.garments.iter().zip(meshes).enumerate() {
@@ -145,8 +146,8 @@ fn masses(
             }
         }
     }
-    if let Some(inert) = inert {
-        share_among_the_rest(description, parts, inert, &mut masses);
+    if let Some(isolated) = isolated {
+        share_among_the_rest(description, parts, isolated, &mut masses);
     }
     // Ghosts have triangles that are not here.
     parts.halo().update(parts.ranks(), &mut masses);
@@ -154,8 +155,8 @@ fn masses(
 }
 
 /// Gives a total mass to the vertices that take part alone, and the others the mean of these.
-fn share_among_the_rest(description: &SceneDescription, parts: &Parts, inert: &[u32], masses: &mut [f64]) {
-    let takes_part = |v: usize| inert.binary_search(&(v as u32)).is_err();
+fn share_among_the_rest(description: &SceneDescription, parts: &Parts, isolated: &[u32], masses: &mut [f64]) {
+    let takes_part = |v: usize| isolated.binary_search(&(v as u32)).is_err();
     for (g, garment) in description.garments.iter().enumerate() {
         let own = parts.own_of_garment(g);
         let in_part =
@@ -232,11 +233,8 @@ fn check_names(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (kind, names) in kinds {
         let mut seen = BTreeSet::new();
         for name in names {
-            let usable = !name.is_empty()
-                && name.chars().all(|c| c.is_alphanumeric() || "_-.".contains(c))
-                && !name.starts_with('.');
-            if !usable {
-                let what = format!("{name:?} cannot be a name: it names files and objects");
+            if let Some(why) = names::why_unusable(name) {
+                let what = format!("{name:?} cannot be a name, for it names files and objects: {why}");
                 problems.push(Problem::scene(kind, what, "use letters, digits, _ and -"));
             }
             if name.len() > LONGEST_NAME {
@@ -306,16 +304,22 @@ fn finite_points(place: &str, points: &[Vec3], problems: &mut Vec<Problem>) {
 }
 
 /// Seams at vertices that take no part: nothing would draw the cloth there.
-fn check_inert(description: &SceneDescription, parts: &Parts, sewn: &[Sewn], inert: Option<&[u32]>) -> Vec<Problem> {
+fn check_isolated(
+    description: &SceneDescription,
+    parts: &Parts,
+    sewn: &[Sewn],
+    isolated: Option<&[u32]>,
+) -> Vec<Problem> {
     let mut ends: Vec<u32> = sewn.iter().flat_map(|pair| pair.ends).collect();
     ends.sort_unstable();
-    let inert = inert.unwrap_or_default().iter().filter(|v| ends.binary_search(&parts.number(**v as usize)).is_ok());
+    let isolated =
+        isolated.unwrap_or_default().iter().filter(|v| ends.binary_search(&parts.number(**v as usize)).is_ok());
     let problem = |local: &u32| {
         let (garment, vertex) = parts.own_vertex(*local as usize);
         let place = format!("garment \"{}\", vertex {vertex}", description.garments[garment].name);
         Problem::data(place, "it is sewn, but belongs to no face that has an area", "sew a vertex of the cloth instead")
     };
-    inert.take(LISTED).map(problem).collect()
+    isolated.take(LISTED).map(problem).collect()
 }
 
 /// Adds one problem for a list of elements, if there are any; long lists are cut.

@@ -10,7 +10,7 @@ use crate::murmur::murmur3_x64_128;
 use crate::ogawa::Slot;
 use crate::packed::{MetaDataTable, PackedObject, PackedProperty, pack_object, pack_property, pack_time_sampling};
 
-/// Library version that readers are told: 1.8.12.
+/// Library version that readers are given: 1.8.12.
 const LIBRARY_VERSION: i32 = 10812;
 
 /// Commits as large as the last one for which the file has room ahead, and the least and the most room [bytes].

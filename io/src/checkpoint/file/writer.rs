@@ -24,7 +24,7 @@ const STRUCTURE: u64 = 1 << 20;
 const BLOCK: usize = 1 << 16;
 
 /// A checkpoint being written. Sections and arrays come in the order in which they are stored; the first thing that goes wrong
-/// is told by [`CheckpointWriter::finish`].
+/// is returned by [`CheckpointWriter::finish`].
 ///
 /// As a sink it panics when names of sections or arrays are empty, contain `/` or occur twice, or when a shape does not fit its
 /// values: the solver promises otherwise.

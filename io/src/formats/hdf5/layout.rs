@@ -9,7 +9,7 @@ use hdf5::{Dataset, H5Type};
 
 use super::stored::{ORIGIN, dataset, origin, place_of};
 use crate::cache::{APPLICATION, CachePlan};
-use crate::garment_mesh::told;
+use crate::garment_mesh::triangles_to_store;
 use crate::mesh_data::MeshData;
 
 /// Version of the layout, stored as the attribute `format_version`.
@@ -72,7 +72,7 @@ pub(super) fn create_file(path: &Path, plan: &CachePlan<'_>, data: &MeshData) ->
     if let Some(origin) = plan.file_origin() {
         file.new_attr::<f64>().shape([origin.len()]).create(ORIGIN)?.write_raw(&origin)?;
     }
-    for fixed in fixed_datasets(plan, data, &told(data)) {
+    for fixed in fixed_datasets(plan, data, &triangles_to_store(data)) {
         match fixed.values {
             Values::F32(values) => fixed.create(&file, values)?,
             Values::F64(ref values) => fixed.create(&file, values)?,
@@ -115,7 +115,7 @@ fn compared(path: &Path, plan: &CachePlan<'_>, data: &MeshData) -> hdf5::Result<
     if file.link_exists("uv_values") && data.uvs.is_none() {
         return Ok(Err("the cache was begun with other settings: it has UVs".into()));
     }
-    for fixed in fixed_datasets(&stored, data, &told(data)) {
+    for fixed in fixed_datasets(&stored, data, &triangles_to_store(data)) {
         if !fixed.is_in(&file)? {
             return Ok(Err(format!("the cache was begun with other settings: `{}` is another", fixed.name)));
         }

@@ -6,9 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use super::FileUnits;
 use super::values::{Quantity, Rotation};
-use crate::scene_file::garments::LARGEST_LEAF;
 use crate::scene_file::ranges::{fractions, points_in_space};
-use crate::scene_file::shapes::MAX_RESOLUTION;
+
+/// Finest resolution that is made; an honest scene stays far below, a slip of the keyboard does not.
+pub(in crate::scene_file) const MAX_RESOLUTION: u32 = 20_000;
+
+/// Longest leaf that is made [m]; the cells around leaves grow step by step until no two touch.
+pub(in crate::scene_file) const LARGEST_LEAF: f64 = 100.0;
 
 /// A garment: a mesh from a file or a generated one, what it weighs, what holds it. Tables of effects
 /// (`[garment.stretch]`, `[garment.bending]`) say how it resists.
@@ -494,7 +498,7 @@ pub(in crate::scene_file) const BIND: Field = Field {
     default: settings::Default::Choice("auto", Bind::WORDS),
     range: (0.0, 0.0),
     help: "with `to = \"body:…\"`: how it is bound; a vertex that is farther from the body than three of its edges and ten \
-           thicknesses is warned of",
+           thicknesses, or than 5 cm, is warned of",
 };
 
 fn default_thickness() -> Quantity {

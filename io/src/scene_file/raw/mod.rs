@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 use crate::units::{LengthUnit, UpAxis};
 
 pub(in crate::scene_file) use garment::{
-    Axis, BIND, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, Leaves, Panel, PanelShape, Pin, Region, RenderMesh,
-    Tube,
+    Axis, BIND, Ball, Bind, Corner, Disc, Folds, Garment, Jitter, LARGEST_LEAF, Leaves, MAX_RESOLUTION, Panel,
+    PanelShape, Pin, Region, RenderMesh, Tube,
 };
 pub(in crate::scene_file) use seam::{PAIRING, Pairing, Seam, SeamSide};
 pub(in crate::scene_file) use values::{BodyPath, Origin, Quantity, Rotation};
@@ -93,7 +93,8 @@ impl EffectChoice {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Shot {
-    /// Name of the shot, and of the folder of its run; the name of the scene file if left out.
+    /// Name of the shot, and of the folder of its run: letters, digits, "_", "-", "." and blanks; the name of the scene file if
+    /// left out.
     pub(in crate::scene_file) name: String,
     /// Frames per second: "24", "24000/1001", "23.976" (which means 24000/1001), or a number.
     #[serde(default = "default_fps")]

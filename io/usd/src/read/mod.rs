@@ -211,9 +211,9 @@ impl Stage {
     ///
     /// # Errors
     /// The file is missing or damaged, or it or a layer that it needs promises more than it holds. What is missing below single
-    /// prims is told in [`About::flaws`].
+    /// prims is in [`About::flaws`].
     pub fn open(path: &Path) -> Result<Self, UsdError> {
-        let (tell, told) = std::sync::mpsc::channel();
+        let (tell, answers) = std::sync::mpsc::channel();
         let file = path.to_owned();
         let make = move || {
             let (session, about) = Session::open(&file).map_err(Failure)?;
@@ -222,7 +222,7 @@ impl Stage {
             Ok(session)
         };
         let worker = Worker::start(make).map_err(|Failure(error)| at(path, error))?;
-        let about = told.try_recv().unwrap_or_default();
+        let about = answers.try_recv().unwrap_or_default();
         Ok(Self { path: path.to_owned(), about, worker })
     }
 

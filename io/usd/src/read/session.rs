@@ -38,7 +38,7 @@ impl Reading {
 
     /// What the library answered about a prim.
     pub(crate) fn ok<T>(&self, answer: openusd::Result<T>, prim: &Prim) -> Result<T, UsdError> {
-        answer.map_err(|error| told(&self.path, prim.path().as_str(), &error, &self.log))
+        answer.map_err(|error| usd_error(&self.path, prim.path().as_str(), &error, &self.log))
     }
 
     /// A value that does not move: the default, or else the first sample.
@@ -102,7 +102,7 @@ impl Reading {
 }
 
 /// The library's error with all its causes; what the guard refused is the better reason.
-fn told(path: &Path, place: &str, error: &openusd::Error, log: &Mutex<Log>) -> UsdError {
+fn usd_error(path: &Path, place: &str, error: &openusd::Error, log: &Mutex<Log>) -> UsdError {
     let log = seen(log);
     if let Some((layer, what)) = log.refused.first() {
         return refused(path, layer, what);
@@ -166,7 +166,7 @@ impl Session {
             return Err(UsdError::bad(path, "path", what, "rename the file or its folders"));
         };
         let opened = Stage::builder().resolver(guard).open(name);
-        let stage = opened.map_err(|error| told(path, "stage", &error, &log))?;
+        let stage = opened.map_err(|error| usd_error(path, "stage", &error, &log))?;
         let reading = Reading { path: path.to_owned(), stage, log };
         let mut about = about(&reading)?;
         let mut found = Vec::new();

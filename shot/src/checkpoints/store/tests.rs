@@ -137,10 +137,10 @@ fn a_damaged_newest_checkpoint_is_passed_over_and_said() {
     fs::copy(&paths[0], &paths[4]).unwrap();
     let search = store.newest_valid(None).unwrap();
     assert_eq!(search.found.unwrap().checkpoint.head.frame, 2);
-    let told: Vec<String> = search.refused.iter().map(ToString::to_string).collect();
-    assert_eq!(told.len(), 3);
+    let messages: Vec<String> = search.refused.iter().map(ToString::to_string).collect();
+    assert_eq!(messages.len(), 3);
     let reasons = ["belongs into frame_00001.h5", "only 0 bytes", "bytes, of"];
-    for ((text, path), reason) in told.iter().zip(paths.iter().rev()).zip(reasons) {
+    for ((text, path), reason) in messages.iter().zip(paths.iter().rev()).zip(reasons) {
         assert!(text.contains(&path.display().to_string()) && text.contains(reason), "{text}");
     }
     assert!(paths.iter().all(|path| path.exists()));

@@ -184,3 +184,70 @@ fn speed_of_content_digests() {
     let seconds = start.elapsed().as_secs_f64();
     eprintln!("{:.0} MB/s", f64::from(1 << 29) / seconds / 1.0e6);
 }
+
+/// A scene with a table of every kind, and what a run of it depended on at commit 336fa90, before some keys of today.
+const EVERY_TABLE: &str = include_str!("every_table.toml");
+const OF_EARLIER_PROGRAM: &str = include_str!("every_table.json");
+
+/// Of the scene with a table of every kind, with these lines in the place of one.
+fn of_every_table(line: &str, by: &str) -> Fingerprint {
+    assert!(EVERY_TABLE.contains(line), "{line}");
+    let text = EVERY_TABLE.replacen(line, by, 1);
+    let scene = drapery_io::scene_file::parse(&text, "every_table.toml", Path::new(""), &[]).unwrap();
+    let resolved = scene.resolve().unwrap().resolved;
+    Fingerprint::of(&resolved, Path::new("every_table.toml"), &[], VERSIONS).unwrap()
+}
+
+#[test]
+fn a_run_of_an_earlier_program_goes_on_and_its_checkpoints_have_the_same_digest() {
+    let earlier: Fingerprint = serde_json::from_str(OF_EARLIER_PROGRAM).unwrap();
+    let now = of_every_table("[gravity]", "[gravity]");
+    assert_eq!(compare(&earlier, &now), Changes::default());
+    // A new key with a default belongs into `YOUNGER`.
+    assert_eq!(earlier.digests[SCENE], now.digests[SCENE]);
+    assert_ne!(earlier.scene, now.scene);
+}
+
+#[test]
+fn a_key_that_only_one_program_knows_is_no_change_at_its_default_in_every_table() {
+    let now = of_every_table("[gravity]", "[gravity]");
+    let mut seen = 0;
+    let defaults = Defaults::default();
+    for (key, value) in &now.scene {
+        let Some(default) = defaults.of(key).filter(|default| text(default) == *value) else { continue };
+        // What keeps the table there, if anything else does.
+        let table = key.rsplit_once('.').unwrap().0;
+        let is_alone = now.scene.keys().filter(|other| other.starts_with(&format!("{table}."))).count() == 1;
+        if is_alone && !defaults.is_always_there(table) {
+            continue;
+        }
+        let (mut earlier, mut other) = (now.clone(), now.clone());
+        earlier.scene.remove(key);
+        earlier.digests.insert(SCENE.to_owned(), "another".to_owned());
+        assert_eq!(compare(&earlier, &now), Changes::default(), "{key} = {default}");
+        assert_eq!(compare(&now, &earlier), Changes::default(), "{key} = {default}");
+        other.scene.insert(key.clone(), "\"something else\"".to_owned());
+        let changed = compare(&earlier, &other);
+        let named =
+            [&changed.forbidden, &changed.allowed].into_iter().flatten().filter(|text| text.starts_with(key.as_str()));
+        assert_eq!(named.count(), 1, "{key}: {changed:?}");
+        seen += 1;
+    }
+    assert!(seen > 40, "{seen}");
+    // Where nothing explains other digests, something else has changed.
+    let mut other = now.clone();
+    other.digests.insert(SCENE.to_owned(), "another".to_owned());
+    assert_eq!(compare(&other, &now), only_forbidden("the scene has changed"));
+}
+
+#[test]
+fn a_default_that_is_written_is_no_change_and_an_effect_with_defaults_alone_is_one() {
+    let earlier: Fingerprint = serde_json::from_str(OF_EARLIER_PROGRAM).unwrap();
+    let said = of_every_table("[gravity]", "[solver]\nsteps_per_frame = 8\n[gravity]");
+    assert_eq!(compare(&earlier, &said), Changes::default());
+    let other = of_every_table("[gravity]", "[solver]\nsteps_per_frame = 9\n[gravity]");
+    assert_eq!(compare(&earlier, &other), only_forbidden("solver.steps_per_frame (nothing) -> 9"));
+    let without = of_every_table("[self_collision]", "");
+    let added = compare(&without, &of_every_table("[gravity]", "[gravity]"));
+    assert!(added.forbidden.iter().any(|change| change.starts_with("self_collision.")), "{added:?}");
+}

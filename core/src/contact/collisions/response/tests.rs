@@ -21,7 +21,7 @@ struct Story {
 impl Story {
     fn random(random: &mut SplitMix64) -> Self {
         let normal = random.vector().normalize();
-        let hit = |nodes: [u32; 4], sign: f64, target: f64| Collision {
+        let collision = |nodes: [u32; 4], sign: f64, target: f64| Collision {
             pair: Pair { kind: if sign > 0.0 { PairKind::PointTriangle } else { PairKind::EdgeEdge }, nodes },
             moves: nodes.map(|node| node != HELD),
             weights: [1.0, -0.5, -0.3, -0.2],
@@ -29,17 +29,17 @@ impl Story {
             target,
         };
         // Both ways at once: no displacement is enough.
-        let contradiction = |nodes| vec![hit(nodes, 1.0, 3.0), hit(nodes, -1.0, 3.0)];
+        let contradiction = |nodes| vec![collision(nodes, 1.0, 3.0), collision(nodes, -1.0, 3.0)];
         let attempts = vec![
-            (7, vec![hit([0, 1, 2, 3], 1.0, 2.0), hit([20, 21, 22, 23], 1.0, 2.0)]),
-            (8, vec![hit([2, 3, 13, 14], 1.0, 2.0)]),
-            (9, vec![hit([13, 14, 20, 21], 1.0, 2.0)]),
+            (7, vec![collision([0, 1, 2, 3], 1.0, 2.0), collision([20, 21, 22, 23], 1.0, 2.0)]),
+            (8, vec![collision([2, 3, 13, 14], 1.0, 2.0)]),
+            (9, vec![collision([13, 14, 20, 21], 1.0, 2.0)]),
             (10, contradiction([0, 1, 2, HELD])),
-            (11, vec![hit([0, 2, 1, HELD], 1.0, 3.0), hit([16, 17, 18, 19], 1.0, 3.0)]),
+            (11, vec![collision([0, 2, 1, HELD], 1.0, 3.0), collision([16, 17, 18, 19], 1.0, 3.0)]),
             (12, contradiction([6, 7, 8, 9])),
-            (13, vec![hit([6, 7, 9, 8], 1.0, 3.0)]),
-            (IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS + 1, vec![hit([10, 11, 12, HELD], 1.0, 3.0)]),
-            (RIGID_FROM + RIGID_ATTEMPTS + 1, vec![hit([16, 17, 18, 19], -1.0, 3.0)]),
+            (13, vec![collision([6, 7, 9, 8], 1.0, 3.0)]),
+            (IMPULSE_ATTEMPTS + INELASTIC_ATTEMPTS + 1, vec![collision([10, 11, 12, HELD], 1.0, 3.0)]),
+            (RIGID_FROM + RIGID_ATTEMPTS + 1, vec![collision([16, 17, 18, 19], -1.0, 3.0)]),
         ];
         let mobility = |node| if node == HELD { Vec3::zeros() } else { Vec3::repeat(f64::from(1 + node % 3)) };
         Self {
@@ -59,10 +59,11 @@ impl Story {
         let mut displacements = self.displacements.clone();
         let (mut response, mut metrics) = (Response::default(), Metrics::default());
         let mut outcome = Vec::new();
-        for (attempt, hits) in &self.attempts {
-            let is_home = |hit: &&Collision| own.contains(&hit.pair.nodes.into_iter().min().unwrap_or(0));
-            let hits = hits.iter().filter(is_home).copied().collect();
-            let touched = response.respond(&field, *attempt, hits, &mut displacements, &mut metrics);
+        for (attempt, collisions) in &self.attempts {
+            let is_canonical =
+                |collision: &&Collision| own.contains(&collision.pair.nodes.into_iter().min().unwrap_or(0));
+            let collisions = collisions.iter().filter(is_canonical).copied().collect();
+            let touched = response.respond(&field, *attempt, collisions, &mut displacements, &mut metrics);
             nodes.update(&mut displacements);
             let zones = [&response.closed, &response.open].map(|zones| zones.zones().len());
             outcome.push((displacements[nodes.own()].to_vec(), touched, zones));

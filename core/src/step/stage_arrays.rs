@@ -1,0 +1,62 @@
+//! What the implicit step works in (`docs/theory/tr_bdf2.md`): its matrix, and an array for each quantity of a stage.
+
+use crate::Vec3;
+use crate::block_matrix::BlockMatrix;
+use crate::contact::bodies::active_set::ActiveSet;
+use crate::parallel::parts::Parts;
+use crate::solve::implicit_velocity::PartForces;
+use crate::solve::preconditioned_cg::PreconditionedCg;
+
+/// Arrays of the implicit step; made once.
+#[derive(Debug)]
+pub struct StageArrays {
+    pub(super) matrix: BlockMatrix,
+    pub(super) cg: PreconditionedCg,
+    pub(super) active: ActiveSet,
+    /// Velocities that the step starts with, contacts that rest in the motion of their bodies [m/s].
+    pub(super) v_start: Vec<Vec3>,
+    /// Positions and velocities of the stage that is worked on, and velocities of the first [m], [m/s].
+    pub(super) x: Vec<Vec3>,
+    pub(super) v: Vec<Vec3>,
+    pub(super) v_first: Vec<Vec3>,
+    /// Forces on own vertices at the start, and at the stage [N].
+    pub(super) f_start: Vec<Vec3>,
+    pub(super) f: Vec<Vec3>,
+    /// What a solve is to balance, and what it has left [N s].
+    pub(super) residual: Vec<Vec3>,
+    /// What a solve changes [m/s].
+    pub(super) change: Vec<Vec3>,
+}
+
+impl StageArrays {
+    /// Arrays for the local vertices, and the matrix of these forces. All ranks call it together.
+    pub fn new(parts: &Parts, forces: &mut PartForces) -> Self {
+        let matrix = BlockMatrix::new(parts, &|part, visit| {
+            forces[part].iter().for_each(|force| force.visit_elements(visit));
+        });
+        for (forces, rows) in forces.iter_mut().zip(matrix.parts()) {
+            forces.iter_mut().for_each(|force| force.find_blocks(rows));
+        }
+        let cg = PreconditionedCg::new(parts, &matrix);
+        let (local, own) = (vec![Vec3::zeros(); parts.local_count()], vec![Vec3::zeros(); parts.own().len()]);
+        Self {
+            matrix,
+            cg,
+            active: ActiveSet::default(),
+            v_start: local.clone(),
+            x: local.clone(),
+            v: local.clone(),
+            v_first: local.clone(),
+            f_start: own.clone(),
+            f: own.clone(),
+            residual: own,
+            change: local,
+        }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        let vectors = 5 * self.x.len() + 3 * self.f.len();
+        vectors * size_of::<Vec3>() + self.matrix.bytes() + self.cg.bytes() + self.active.bytes()
+    }
+}
