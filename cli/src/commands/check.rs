@@ -13,6 +13,9 @@ use crate::say;
 /// Checks the scene and every frame of its inputs.
 pub(crate) fn check(args: &CheckArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let (shot, _) = plan::prepare(&args.scene, around, &Ranks::default())?;
+    for file in shot.referred_files() {
+        tracing::info!("reads {}, which a file of the scene refers to", file.display());
+    }
     let of_pins = shot.check_pins()?;
     if let Some(warning) = &of_pins {
         tracing::warn!("{warning}");
