@@ -137,7 +137,12 @@ impl ArchiveFrames {
         let name = mesh.object().path();
         let mut told = Vec::new();
         if let Some(normals) = mesh.normals().filter(|normals| normals.scope() != Scope::Vertex) {
-            told.push(format!("{name}: normals ({}) are left out: a cache has them at points", normals.scope().name()));
+            let of = match normals.scope() {
+                Scope::FaceVarying => "of face corners",
+                Scope::Uniform => "of faces",
+                _ => "of another kind",
+            };
+            told.push(format!("{name}: normals {of} are left out: a cache has them at points"));
         }
         let moving = |param: &GeomParam| param.sample_count() > 1 && !param.is_constant();
         let moving = mesh.attributes().into_iter().chain(mesh.uv()).filter(moving);
