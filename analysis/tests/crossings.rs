@@ -22,6 +22,9 @@ use common::described;
 
 type Points = Vec<[f32; 3]>;
 
+/// Number of corners of each face, and its points.
+type Faces = (&'static [i32], &'static [i32]);
+
 /// A triangle in the plane y = 0, alone.
 const FLOOR: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]];
 
@@ -41,12 +44,14 @@ struct Mesh<'a> {
     shift: f64,
     /// User property with triangles.
     triangles: &'a [i32],
+    /// User property with the garment that it is the render mesh of.
+    follows: Option<&'a str>,
     first_frame: f64,
 }
 
 impl<'a> Mesh<'a> {
     fn new(name: &'a str, frames: &'a [Points], faces: (&'a [i32], &'a [i32])) -> Self {
-        Self { name, frames, faces, shift: 0.0, triangles: &[], first_frame: 1001.0 }
+        Self { name, frames, faces, shift: 0.0, triangles: &[], follows: None, first_frame: 1001.0 }
     }
 
     fn write(&self, archive: &mut ArchiveWriter) {
@@ -65,6 +70,10 @@ impl<'a> Mesh<'a> {
             let kind = DataType::new(PodType::I32, 3);
             let property = archive.add_array_property(properties, "triangles", &MetaData::new(), kind, 0).unwrap();
             archive.write_sample(property, self.triangles).unwrap();
+        }
+        if let Some(garment) = self.follows {
+            let properties = mesh.user_properties(archive).unwrap();
+            archive.write_static_string(properties, "render_mesh_of", garment).unwrap();
         }
     }
 }
@@ -118,6 +127,22 @@ fn meshes_of_several_files_are_judged_together_where_their_parents_put_them() {
         let found = verify(&[&moving], Some(&still)).unwrap();
         assert!(found.failures.is_empty());
         assert_eq!(found.warnings.iter().any(|text| text.contains("and the body cross in")), crosses);
+    }
+}
+
+#[test]
+fn a_render_mesh_is_no_cloth_and_what_it_crosses_is_told_and_not_judged() {
+    let (whole, one): (Faces, Faces) = ((&[3, 3], &[0, 1, 2, 3, 4, 5]), (&[3], &[0, 1, 2]));
+    let (shell, cloth) = (joined(&[0.5, -0.5]), [spike(0.5), spike(-0.5)]);
+    let follows =
+        |follows| [Mesh { follows, ..Mesh::new("coat_render", &shell, whole) }, Mesh::new("coat", &cloth, one)];
+    assert_eq!(verified(&follows(None)).failures.len(), 2);
+    let found = verified(&follows(Some("coat")));
+    assert_eq!(found.failures, [] as [String; 0]);
+    let told = "/coat_render/shape (render mesh of coat, not judged as cloth)";
+    for expected in [format!("{told}: its layers cross in 1 of 2 frames"), format!("{told} and /coat/shape cross in ")]
+    {
+        assert!(found.facts.iter().any(|fact| fact.starts_with(&expected)), "{:?}", found.facts);
     }
 }
 

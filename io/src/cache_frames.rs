@@ -5,6 +5,7 @@
 //! frames that are complete are listed.
 
 mod alembic;
+pub(crate) mod rates;
 #[cfg(feature = "usd")]
 mod stage;
 mod transforms;
@@ -13,16 +14,15 @@ pub(crate) mod usd;
 
 use std::path::{Path, PathBuf};
 
-use drapery_alembic::{Archive, IDENTITY, PolyMesh, Samples, TopologyVariance};
+use drapery_alembic::Archive;
 use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::escape;
-use transforms::in_world;
 
 pub use alembic::triangles_of;
 
 use crate::error::IoError;
-use crate::formats::alembic_writer::{CROSSINGS, reverse};
+use crate::formats::alembic_writer::CROSSINGS;
 use crate::formats::hdf5::stored;
 use crate::formats::open_mesh;
 use crate::input_file;
@@ -49,8 +49,8 @@ pub struct CacheMesh {
     pub faces: Connectivity,
     /// The triangles that were simulated, or the faces cut into triangles.
     pub triangles: Vec<[u32; 3]>,
-    /// Frame number of every complete sample, ascending; sample numbers where the file does not tell its frame rate. Of files
-    /// with several samples a frame, whole frames only.
+    /// Frame number of every complete sample, ascending; sample numbers where nobody says the frame rate of the file, or none of
+    /// them is a whole frame ([`CacheFrames::counts_samples`]). Of files with several samples a frame, whole frames only.
     pub frames: Vec<i64>,
     /// The samples between and around these, ascending. As samples of the cache they are counted behind the frames: the first is
     /// `frames.len()`.
@@ -101,8 +101,8 @@ pub struct StoredFrame {
 
 #[derive(Debug)]
 enum Stored {
-    /// The archive, its meshes each with the sample of every frame and then of those between, and the bounds of everything.
-    Alembic(Archive, Vec<(PolyMesh, Vec<usize>)>, Option<Samples>),
+    /// The archive and its samples.
+    Alembic(Box<alembic::ArchiveFrames>),
     /// The file, and what its positions are counted from.
     Hdf5(hdf5::File, [f64; 3]),
     /// The layer, and what of it does not move.
@@ -119,7 +119,7 @@ impl CacheFrames {
     /// # Errors
     /// The file is missing, damaged, of another format, or holds no mesh.
     pub fn open(path: &Path) -> Result<Self, IoError> {
-        Self::open_at(path, None)
+        Self::open_as(path, None, None)
     }
 
     /// The same; of an Alembic file the commit whose tables stand at `root`, if that is given.
@@ -127,10 +127,22 @@ impl CacheFrames {
     /// # Errors
     /// As [`CacheFrames::open`].
     pub fn open_at(path: &Path, root: Option<u64>) -> Result<Self, IoError> {
+        Self::open_as(path, root, None)
+    }
+
+    /// The same; the samples of an Alembic file, which have times, are in frames of this rate whatever the file says.
+    ///
+    /// # Errors
+    /// As [`CacheFrames::open`].
+    pub fn open_at_rate(path: &Path, frames_per_second: f64) -> Result<Self, IoError> {
+        Self::open_as(path, None, Some(frames_per_second))
+    }
+
+    fn open_as(path: &Path, root: Option<u64>, rate: Option<f64>) -> Result<Self, IoError> {
         input_file::open(path)?;
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match extension.as_str() {
-            "abc" => Self::open_alembic(path, root),
+            "abc" => Self::open_alembic(path, root, rate),
             "h5" => {
                 input_file::check_for_hdf5(path)?;
                 Self::open_hdf5(path).map_err(|source| not_a_cache(path, &source))
@@ -180,6 +192,40 @@ impl CacheFrames {
         }
     }
 
+    /// What a mesh of a stage is for, in USD's words (`render`, `proxy`, `guide`), if not for everything.
+    #[cfg_attr(not(feature = "usd"), allow(unused_variables))]
+    pub fn purpose(&self, mesh: usize) -> Option<&str> {
+        match &self.stored {
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.purpose(mesh),
+            _ => None,
+        }
+    }
+
+    /// What of a mesh [`CacheFrames::attributes`] and the frames do not hand through, a sentence each.
+    ///
+    /// # Errors
+    /// The mesh cannot be read.
+    pub fn left_out(&self, mesh: usize) -> Result<Vec<String>, IoError> {
+        match &self.stored {
+            Stored::Alembic(archive) => archive.left_out(mesh),
+            Stored::Hdf5(..) => Ok(Vec::new()),
+            #[cfg(feature = "usd")]
+            Stored::Usd(_) => Ok(Vec::new()),
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => Ok(stage.left_out(mesh)),
+        }
+    }
+
+    /// Meshes of a stage that are no meshes of the cache, since nothing is to be seen of them, a sentence each.
+    pub fn hidden(&self) -> Vec<String> {
+        match &self.stored {
+            #[cfg(feature = "usd")]
+            Stored::Stage(stage) => stage.hidden(),
+            _ => Vec::new(),
+        }
+    }
+
     /// Whether a stage holds all that it refers to and that a mesh needs, or, without one, all meshes.
     ///
     /// # Errors
@@ -196,11 +242,23 @@ impl CacheFrames {
     /// Whether anything of a mesh changes from sample to sample; a stage shows what stands still at all times.
     pub fn moves(&self, mesh: usize) -> bool {
         match &self.stored {
-            Stored::Alembic(_, meshes, _) => meshes[mesh].0.sample_count() > 1,
+            Stored::Alembic(archive) => archive.moves(mesh),
             #[cfg(feature = "usd")]
             Stored::Stage(stage) => stage.moves(mesh),
             _ => true,
         }
+    }
+
+    /// Whether the frames of a mesh are but numbers of its samples: nobody says the frame rate of the file, or at that rate no
+    /// sample is a whole frame.
+    pub fn counts_samples(&self, mesh: usize) -> bool {
+        matches!(&self.stored, Stored::Alembic(archive) if archive.counts_samples(mesh))
+    }
+
+    /// Whether samples have times of their own, so that frames follow from a rate; those of other caches have the frames that
+    /// the file says.
+    pub fn has_times(&self) -> bool {
+        matches!(&self.stored, Stored::Alembic(_))
     }
 
     /// Its meshes, in the order of their paths.
@@ -208,10 +266,10 @@ impl CacheFrames {
         &self.meshes
     }
 
-    /// Frames a second, if the file tells.
+    /// Frames a second, if the file tells or they were said.
     pub fn fps(&self) -> Option<f64> {
         match &self.stored {
-            Stored::Alembic(archive, ..) => archive.frames_per_second_hint(),
+            Stored::Alembic(archive) => archive.fps,
             Stored::Hdf5(file, _) => file.attr("fps").and_then(|fps| fps.read_scalar()).ok(),
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => Some(cache.fps),
@@ -247,10 +305,7 @@ impl CacheFrames {
             points.into_iter().map(|p| Vec3::from(p.map(f64::from)) + Vec3::from(origin)).collect()
         };
         Ok(match &self.stored {
-            Stored::Alembic(_, meshes, _) => {
-                let (mesh, samples) = &meshes[mesh];
-                mesh.world_positions(samples[sample])?.into_iter().map(Vec3::from).collect()
-            }
+            Stored::Alembic(archive) => archive.world(mesh, sample)?.into_iter().map(Vec3::from).collect(),
             Stored::Hdf5(file, origin) => shifted(self.rows(file, "positions", sample)?, *origin),
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => shifted(usd::frame(cache, sample)?.points, cache.still.origin),
@@ -266,16 +321,10 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub fn stored_positions(&self, mesh: usize, sample: usize) -> Result<Option<StoredPositions>, IoError> {
         let (origin, points) = match &self.stored {
-            Stored::Alembic(_, meshes, _) => {
-                let (mesh, samples) = &meshes[mesh];
-                let mut matrix = mesh.world_matrix_at(mesh.time(samples[sample]))?;
-                let origin = [matrix[12], matrix[13], matrix[14]];
-                matrix[12..15].fill(0.0);
-                if matrix != IDENTITY {
-                    return Ok(None);
-                }
-                (origin, mesh.positions(samples[sample])?)
-            }
+            Stored::Alembic(archive) => match archive.shifted(mesh, sample)? {
+                Some(shifted) => shifted,
+                None => return Ok(None),
+            },
             Stored::Hdf5(file, origin) => (*origin, self.rows(file, "positions", sample)?),
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => (cache.still.origin, usd::frame(cache, sample)?.points),
@@ -294,12 +343,7 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub fn stored_frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError> {
         match &self.stored {
-            Stored::Alembic(_, meshes, bounds) => {
-                let (mesh, samples) = &meshes[mesh];
-                let sample = samples[sample];
-                let of_file = bounds.as_ref().map(|bounds| bounds.elements::<f64, 6>(sample)).transpose()?;
-                alembic::stored(mesh, sample, of_file.and_then(|all| all.first().copied()))
-            }
+            Stored::Alembic(archive) => archive.stored_frame(mesh, sample),
             Stored::Hdf5(file, _) => {
                 let has = |name: &str| file.link_exists(name);
                 let velocities = has("velocities").then(|| self.rows(file, "velocities", sample)).transpose()?;
@@ -321,12 +365,7 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub fn faces(&self, mesh: usize, sample: usize) -> Result<Option<Connectivity>, IoError> {
         match &self.stored {
-            Stored::Alembic(_, meshes, _) if meshes[mesh].0.topology_variance() == TopologyVariance::Heterogeneous => {
-                let (mesh, samples) = &meshes[mesh];
-                let mut faces = mesh.faces(samples[sample])?;
-                reverse(&faces.face_counts, &mut faces.face_indices);
-                Ok(Some(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices }))
-            }
+            Stored::Alembic(archive) => archive.faces(mesh, sample),
             #[cfg(feature = "usd")]
             Stored::Stage(stage) => stage.faces(mesh, sample),
             _ => Ok(None),
@@ -340,7 +379,7 @@ impl CacheFrames {
     /// Something is not what was written, by name.
     pub fn check_constants(&self) -> Result<(), IoError> {
         match &self.stored {
-            Stored::Alembic(archive, ..) => Ok(archive.check_constants()?),
+            Stored::Alembic(archive) => archive.check_constants(),
             Stored::Hdf5(..) => Ok(()),
             #[cfg(feature = "usd")]
             Stored::Usd(cache) => usd::check_constants(cache),
@@ -366,15 +405,7 @@ impl CacheFrames {
     /// The sample cannot be read.
     pub(crate) fn world_velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
         match &self.stored {
-            Stored::Alembic(archive, meshes, _) => {
-                let (mesh, samples) = &meshes[mesh];
-                let sample = samples[sample];
-                let Some(rates) = mesh.velocities(sample)? else { return Ok(None) };
-                let (time, frame) = (mesh.time(sample), 1.0 / archive.frames_per_second_hint().unwrap_or(24.0));
-                let at = |time| mesh.world_matrix_at(time);
-                let around = ([at(time - frame / 2.0)?, at(time + frame / 2.0)?], frame);
-                Ok(Some(in_world(rates, &mesh.positions(sample)?, &at(time)?, Some(around))))
-            }
+            Stored::Alembic(archive) => archive.velocities(mesh, sample),
             Stored::Hdf5(file, _) if file.link_exists("velocities") => {
                 Ok(Some(self.rows(file, "velocities", sample)?))
             }
@@ -397,9 +428,9 @@ impl CacheFrames {
             PolygonMesh { points: Vec::new(), face_counts: faces.face_counts, face_indices: faces.face_indices };
         let plain = MeshData { object_path: described.name.clone(), ..MeshData::new(polygons) };
         match &self.stored {
-            Stored::Alembic(_, meshes, _) => {
+            Stored::Alembic(archive) => {
                 let reader = open_mesh(&self.path, Some(&escape(&described.name)))?;
-                reader.mesh_at(meshes[mesh].0.times().first().copied().unwrap_or(0.0))
+                reader.mesh_at(archive.start(mesh))
             }
             Stored::Hdf5(file, _) if file.link_exists("uv_values") => {
                 let read = || -> hdf5::Result<Uvs> {
@@ -427,21 +458,12 @@ impl CacheFrames {
         }
     }
 
-    fn open_alembic(path: &Path, root: Option<u64>) -> Result<Self, IoError> {
+    fn open_alembic(path: &Path, root: Option<u64>, rate: Option<f64>) -> Result<Self, IoError> {
         let archive = root.map_or_else(|| Archive::open(path), |root| Archive::open_at(path, root))?;
         let word = |key: &str| archive.metadata().get(key).unwrap_or_default().to_owned();
         let units = units(&word("lengthUnit"), &word("upAxis"));
-        let mut stored = PolyMesh::all(&archive)?;
-        stored.sort_by(|a, b| a.object().path().cmp(b.object().path()));
-        if stored.is_empty() {
-            return Err(IoError::data(path, "objects", "it holds no mesh", "give a cache of a garment"));
-        }
-        let fps = archive.frames_per_second_hint();
-        let described = stored.iter().map(|mesh| alembic::described(mesh, fps)).collect::<Result<Vec<_>, IoError>>()?;
-        let (meshes, samples): (Vec<_>, Vec<_>) = described.into_iter().unzip();
-        let stored = stored.into_iter().zip(samples).collect();
-        let bounds = archive.bounds()?;
-        Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(archive, stored, bounds) })
+        let (archive, meshes) = alembic::ArchiveFrames::of(archive, rate)?;
+        Ok(Self { path: path.to_owned(), units, meshes, stored: Stored::Alembic(Box::new(archive)) })
     }
 
     #[cfg(feature = "usd")]

@@ -15,7 +15,7 @@ use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 
 use crate::cache::{CacheFrame, CachePlan};
-use crate::cache_frames::CacheFrames;
+use crate::cache_frames::{CacheFrames, rates};
 use crate::error::IoError;
 use crate::formats::{self, CreateCache, ResumeCache, ShotFiles, folder_of, remove_folder};
 use crate::garment_mesh::GarmentMesh;
@@ -25,14 +25,8 @@ use crate::units::{LengthUnit, Units, UpAxis};
 
 use samples::Chosen;
 
-/// Frame rates with a numerator that is a multiple of this over [`NTSC`] are those of television.
-const THOUSAND: f64 = 1000.0;
-
-/// The denominator of the frame rates of television.
-const NTSC: u32 = 1001;
-
-/// A frame rate this close to a fraction is that fraction.
-const SAME_RATE: f64 = 1e-6;
+/// Frame rates that differ by less than this share are one.
+const SAME_RATE: f64 = 1e-5;
 
 /// What is to become of a cache.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -49,7 +43,8 @@ pub struct Conversion {
     pub length: Option<LengthUnit>,
     /// Up axis of the new cache; that of the old one when left out.
     pub up: Option<UpAxis>,
-    /// Frame rate as a fraction, where the cache does not tell it.
+    /// Frame rate as a fraction, where the cache does not tell it; the samples of an Alembic file, which have times, are in frames
+    /// of this rate whatever the file says.
     pub fps: Option<(u32, u32)>,
     /// Whether a file that is there is replaced.
     pub overwrite: bool,
@@ -64,7 +59,7 @@ pub struct Converted {
     pub points: usize,
     /// Unit and axis of the new cache.
     pub units: Units,
-    /// What the old cache holds and the new one does not, a sentence each.
+    /// What the old cache holds of these meshes and the new one does not, a sentence each.
     pub left_out: Vec<String>,
 }
 
@@ -104,15 +99,32 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
         return single::convert(conversion, wrote);
     }
     let open = target(conversion)?;
-    let source = CacheFrames::open(&conversion.from)?;
+    let source = opened(conversion)?;
     let mesh = chosen(&source, conversion.object.as_deref())?;
-    let (samples, left_out) = samples::chosen(&source, mesh, conversion.frames, &conversion.to)?;
+    rate(&source, conversion.fps)?;
+    let (samples, mut left_out) = samples::chosen(&source, mesh, conversion.frames, &conversion.to)?;
+    left_out.extend(source.left_out(mesh)?);
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
-    let kept = GarmentMesh::kept(described(&source, mesh, samples.all[0].0)?);
+    let data = described(&source, mesh, samples.all[0].0)?;
+    left_out.extend(without_place(&data, &conversion.to));
+    let kept = GarmentMesh::kept(data);
     let work = Work { source: &source, mesh, plan: plan(conversion, (&source, mesh), &samples, (&garment, &kept))? };
     work.write(&conversion.to, open, &samples, wrote)?;
     let frames = [work.plan.first_frame, work.plan.last_frame];
     Ok(Converted { frames, points: source.meshes()[mesh].points, units: work.plan.units, left_out })
+}
+
+/// What of a mesh the new format has no place for, a sentence each.
+fn without_place(data: &MeshData, to: &Path) -> Vec<String> {
+    let is_usd = to.extension().is_some_and(|extension| extension.to_string_lossy().to_lowercase().starts_with("usd"));
+    let materials = data.material.is_some() || data.face_sets.iter().any(|set| set.material.is_some());
+    let all = [
+        (data.double_sided.is_some(), "doubleSided"),
+        (materials, "material:binding"),
+        (data.purpose.is_some(), "the purpose"),
+    ];
+    let left = all.iter().filter(|(there, _)| *there && !is_usd);
+    left.map(|(_, what)| format!("{}: {what} is left out: the format has no place for it", data.object_path)).collect()
 }
 
 /// What becomes of the samples of a mesh.
@@ -198,6 +210,22 @@ fn chosen(source: &CacheFrames, object: Option<&str>) -> Result<usize, IoError> 
     Err(IoError::data(source.path(), "objects", what, format!("choose one with --object: {names}")))
 }
 
+/// The cache that is converted. Its frames follow from its times and the rate that is said, or its own.
+fn opened(conversion: &Conversion) -> Result<CacheFrames, IoError> {
+    let Some((numerator, denominator)) = conversion.fps else { return CacheFrames::open(&conversion.from) };
+    let said = f64::from(numerator) / f64::from(denominator);
+    let source = CacheFrames::open_at_rate(&conversion.from, said)?;
+    let differs = |fps: &f64| (fps - said).abs() > SAME_RATE * said;
+    match source.fps().filter(differs) {
+        Some(fps) => {
+            let what = format!("the frames of this file are at {fps} fps, and --fps says {numerator}/{denominator}");
+            let advice = "leave --fps out: at another rate every frame would be at another time";
+            Err(IoError::data(&conversion.from, "frame rate", what, advice))
+        }
+        None => Ok(source),
+    }
+}
+
 /// The frame rate as a fraction.
 fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), IoError> {
     let refused = |what: String| {
@@ -207,15 +235,7 @@ fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), Io
         return Ok(said);
     }
     let fps = source.fps().ok_or_else(|| refused("the file does not tell it".to_owned()))?;
-    let fraction = |denominator: u32, numerator: f64| {
-        let is_near = (numerator / f64::from(denominator) - fps).abs() < SAME_RATE * fps;
-        (is_near && (1.0..=f64::from(u32::MAX)).contains(&numerator)).then_some((numerator as u32, denominator))
-    };
-    let television = (fps * f64::from(NTSC) / THOUSAND).round() * THOUSAND;
-    let found = fraction(1, fps.round()).or_else(|| fraction(NTSC, television));
-    found
-        .or_else(|| fraction(THOUSAND as u32, (fps * THOUSAND).round()))
-        .ok_or_else(|| refused(format!("{fps} is no fraction that films use")))
+    rates::fraction(fps).ok_or_else(|| refused(format!("{fps} is no fraction that films use")))
 }
 
 /// The mesh with everything that is handed through; points are those of a sample [m].

@@ -31,8 +31,19 @@ pub struct FaceSet {
     pub name: String,
     /// Face numbers, ascending.
     pub faces: Vec<u32>,
-    /// Path of the material that they are bound to, in a format that has such paths.
-    pub material: Option<String>,
+    /// The material that they are bound to, in a format that has such bindings.
+    pub material: Option<BoundMaterial>,
+}
+
+/// A material that a mesh or a face set is bound to.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct BoundMaterial {
+    /// Its path.
+    pub path: String,
+    /// Where it only stands for another one: the path of that in the file that the mesh was first read from.
+    pub source: Option<String>,
+    /// Whether it wins over what is bound further down.
+    pub is_stronger: bool,
 }
 
 /// An attribute of a mesh that is handed through from the source file to the output, value by value.
@@ -67,8 +78,14 @@ pub struct MeshData {
     pub face_sets: Vec<FaceSet>,
     /// Other attributes, passed through as they are.
     pub params: Vec<MeshParam>,
-    /// Path of the material that the mesh is bound to, in a format that has such paths.
-    pub material: Option<String>,
+    /// The material that the mesh is bound to, in a format that has such bindings.
+    pub material: Option<BoundMaterial>,
+    /// What the mesh is for, in USD's words (`render`, `proxy`, `guide`), where a cache says so.
+    pub purpose: Option<String>,
+    /// Whether both sides of the mesh are rendered, in a format that says so.
+    pub double_sided: Option<bool>,
+    /// The garment that the mesh follows to be rendered in its place, where a cache says so.
+    pub render_mesh_of: Option<String>,
     /// How the mesh is subdivided where it is rendered, in USD's words (`none`, `catmullClark`, …); `None` where the format does
     /// not say.
     pub subdivision: Option<String>,
@@ -154,6 +171,11 @@ pub trait MeshReader: Send {
 
     /// What somebody may want to know of the chosen objects, a sentence each.
     fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// What the chosen objects have and [`MeshReader::mesh_at`] does not hand through, a sentence each.
+    fn left_out(&self) -> Vec<String> {
         Vec::new()
     }
 }

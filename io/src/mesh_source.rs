@@ -85,6 +85,16 @@ impl MeshSource {
         self.reader.notes()
     }
 
+    /// Whether the file itself says which axis is up.
+    pub fn states_up_axis(&self) -> bool {
+        self.reader.stated_units().is_some_and(|stated| stated.up.is_some())
+    }
+
+    /// What the chosen objects have and is not handed through, a sentence each.
+    pub fn left_out(&self) -> Vec<String> {
+        self.reader.left_out()
+    }
+
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path

@@ -44,7 +44,7 @@ pub static RULES: [Rule; 11] = [
     Rule {
         name: "frame_rate",
         finds: "`shot.fps` other than the rate of the archive that a body or a pin follows",
-        exactly: "The rate of a file is what it states (`DCC_FPS` of an Alembic archive, `timeCodesPerSecond` of a stage), or else that \
+        exactly: "The rate of a file is what it states (`DCC_FPS` or `FramesPerTimeUnit` of an Alembic archive, `timeCodesPerSecond` of a stage), or else that \
                   of its samples, if they are evenly spaced and neither several to a frame nor several frames apart.",
         line: "fps = \"25\"",
     },

@@ -8,7 +8,7 @@ use drapery_core::scene::SceneDescription;
 use crate::garment_mesh::GarmentMesh;
 use crate::input_motion::{InputMotion, Preroll};
 use crate::memory_mesh::MemoryMeshes;
-use crate::units::Units;
+use crate::units::{InputUnits, Units};
 use crate::wind_file::WindFile;
 
 /// Frame numbers that there can be: far more than any shot has, and far from where sums of them would overflow.
@@ -26,6 +26,8 @@ pub struct RenderMeshDescription {
     pub name: String,
     /// The file that it comes from.
     pub file: PathBuf,
+    /// Unit and up axis that it is read in.
+    pub units: InputUnits,
     /// The mesh at the rest shape of the garment, with everything to hand through.
     pub mesh: GarmentMesh,
     /// Distance from the cloth at rest above which points are warned of [m].
@@ -43,6 +45,8 @@ pub struct ShotDescription {
     pub scene_path: PathBuf,
     /// All files that are read, so that none is overwritten.
     pub input_files: Vec<PathBuf>,
+    /// Those of them that the scene does not name: other files refer to them, from whatever folder.
+    pub referred_files: Vec<PathBuf>,
     /// Meshes in memory that it may name beside files.
     pub meshes: MemoryMeshes,
     /// What is simulated.

@@ -55,7 +55,7 @@ impl LengthUnit {
     }
 
     /// Its name in a sentence.
-    const fn plural(self) -> &'static str {
+    pub const fn plural(self) -> &'static str {
         match self {
             Self::Metre => "metres",
             Self::Centimetre => "centimetres",
@@ -146,8 +146,8 @@ impl InputUnits {
         turned_up(vector, self.up) * self.metres
     }
 
-    /// The word for its unit of length, if there is one.
-    fn named(self) -> Option<LengthUnit> {
+    /// Its unit of length, if it is one that scenes know.
+    pub fn named(self) -> Option<LengthUnit> {
         LengthUnit::ALL.into_iter().find(|unit| same_length(unit.metres(), self.metres))
     }
 
@@ -241,6 +241,24 @@ impl fmt::Display for Units {
     }
 }
 
+/// How far the sizes of two meshes that belong together may be apart, as a factor, before one looks as if it were in another unit.
+const OTHER_UNIT: f64 = 5.0;
+
+/// How far from a unit the factor between two sizes may be, as a factor.
+const NEAR_UNIT: f64 = 1.5;
+
+/// The unit in which a mesh that is `size` metres across, read in `units`, has about the size of `other`; `None` where it has that in
+/// its own unit, or in none that scenes know.
+pub fn likely_unit(size: f64, units: InputUnits, other: f64) -> Option<LengthUnit> {
+    let factor = size / other;
+    if !factor.is_finite() || (1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&factor) {
+        return None;
+    }
+    let miss = |unit: &LengthUnit| (factor * unit.metres() / units.metres).ln().abs();
+    let likely = LengthUnit::ALL.into_iter().min_by(|a, b| miss(a).total_cmp(&miss(b)))?;
+    (miss(&likely) < NEAR_UNIT.ln()).then_some(likely)
+}
+
 /// Heights that a body from a file may have without anyone asking [m]: from a doll's arm to a four-storey creature.
 const PLAUSIBLE_BODY: std::ops::RangeInclusive<f64> = 0.2..=20.0;
 
@@ -300,6 +318,18 @@ mod tests {
         assert_eq!(guess_problem(body(1.72), Units::SI.into()), None);
         assert_eq!(guess_problem(body(19.0), Units::SI.into()), None);
         assert!(guess_problem(body(1.0e7), Units::SI.into()).is_some_and(|text| text.contains("check units.length")));
+    }
+
+    #[test]
+    fn a_mesh_that_is_a_hundred_times_as_large_as_another_is_in_centimetres() {
+        let metres = InputUnits::from(Units::SI);
+        assert_eq!(likely_unit(149.0, metres, 1.6), Some(LengthUnit::Centimetre));
+        let centimetres = Units { length: LengthUnit::Centimetre, up: UpAxis::Y };
+        assert_eq!(likely_unit(0.016, centimetres.into(), 1.5), Some(LengthUnit::Metre));
+        assert_eq!(likely_unit(1.9, metres, 1.6), None);
+        // Ten times as large is no unit's fault.
+        assert_eq!(likely_unit(16.0, metres, 1.6), None);
+        assert_eq!(likely_unit(1.0, metres, 0.0), None);
     }
 
     #[test]

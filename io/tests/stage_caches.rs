@@ -167,3 +167,124 @@ fn what_cannot_be_a_cache_is_refused_by_name_and_nothing_is_left() {
     let cache = CacheFrames::open(&folder.path().join("both.usdc")).unwrap();
     assert_eq!(cache.meshes().iter().map(|mesh| mesh.name.as_str()).collect::<Vec<_>>(), ["/set/cloth", "/set/other"]);
 }
+
+/// A sheet for everything, one for viewports and one that nobody sees, bound to materials of which one is not there.
+const PURPOSES: &str = r#"#usda 1.0
+(
+    defaultPrim = "char"
+    metersPerUnit = 1
+    upAxis = "Y"
+    startTimeCode = 1
+    endTimeCode = 2
+)
+def Xform "char"
+{
+    def Mesh "cape" (
+        prepend apiSchemas = ["MaterialBindingAPI"]
+    )
+    {
+        point3f[] points.timeSamples = { 1: [(0, 0, 0), (1, 0, 0), (0, 1, 0)], 2: [(0, 0, 1), (1, 0, 1), (0, 1, 1)] }
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        uniform token subdivisionScheme = "none"
+        uniform bool doubleSided = true
+        int[] creaseIndices = [0, 1]
+        int[] creaseLengths = [2]
+        float[] creaseSharpnesses = [2]
+        normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1)] ( interpolation = "faceVarying" )
+        float[] primvars:wet.timeSamples = { 1: [0, 0, 0], 2: [1, 1, 1] }
+        float[] primvars:wet ( interpolation = "vertex" )
+        matrix4d[] primvars:frame = [((1, 2, 3, 4), (5, 6, 7, 8), (9, 10, 11, 12), (13, 14, 15, 16))] ( interpolation = "constant" )
+        texCoord2f[] primvars:second = [(0, 0), (1, 0), (0, 1)] ( interpolation = "vertex" )
+        rel material:binding = </char/mtl/red> ( bindMaterialAs = "strongerThanDescendants" )
+        def GeomSubset "hem" (
+            prepend apiSchemas = ["MaterialBindingAPI"]
+        )
+        {
+            uniform token elementType = "face"
+            uniform token familyName = "materialBind"
+            int[] indices = [0]
+            rel material:binding = </looks/blue>
+        }
+    }
+    def Mesh "rough"
+    {
+        uniform token purpose = "proxy"
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+    }
+    def Mesh "nobody"
+    {
+        token visibility = "invisible"
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+    }
+}
+"#;
+
+#[test]
+fn meshes_of_all_purposes_are_converted_with_theirs_and_what_is_hidden_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let from = written(folder.path(), "char.usda", PURPOSES);
+    let to = folder.path().join("all.usdc");
+    let told = converted(&from, &to).unwrap().left_out;
+    assert!(told.iter().any(|what| what == "/char/nobody is left out: it is invisible"), "{told:?}");
+    for path in [&from, &to] {
+        let cache = CacheFrames::open(path).unwrap();
+        let meshes: Vec<_> =
+            cache.meshes().iter().map(|mesh| mesh.name.as_str()).zip((0..).map(|k| cache.purpose(k))).collect();
+        assert_eq!(meshes, [("/char/cape", None), ("/char/rough", Some("proxy"))]);
+    }
+}
+
+#[test]
+fn what_a_mesh_has_and_is_not_handed_through_is_told_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let from = written(folder.path(), "char.usda", PURPOSES);
+    for to in ["abc", "usd", "usdc"] {
+        let object = Some("/char/cape".to_owned());
+        let to = folder.path().join(format!("cape.{to}"));
+        let conversion = Conversion { from: from.clone(), to: to.clone(), object, ..Conversion::default() };
+        let told = convert(&conversion, &mut |_| {}).unwrap().left_out;
+        let left = ["creaseIndices", "creaseLengths", "creaseSharpnesses", "normals (faceVarying)"];
+        let mut expected: Vec<String> =
+            left.iter().map(|name| format!("/char/cape: {name} is left out: it is not handed through")).collect();
+        expected.push("/char/cape: primvars:wet moves, and has its first value in all frames".to_owned());
+        if to.ends_with("cape.abc") {
+            let missing = ["doubleSided", "material:binding"];
+            let told = |what: &str| format!("/char/cape: {what} is left out: the format has no place for it");
+            expected.extend(missing.map(told));
+        }
+        assert_eq!(told, expected);
+        let data = CacheFrames::open(&to).unwrap().attributes(0).unwrap();
+        let param = |name: &str| data.params.iter().find(|param| param.name == name).unwrap();
+        let numbers: Vec<f64> = param("frame").values.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        assert_eq!(numbers, (1..=16).map(f64::from).collect::<Vec<_>>(), "{}", to.display());
+        assert_eq!(data.double_sided, Some(true).filter(|_| !to.ends_with("cape.abc")));
+        let second = data.uvs.iter().map(|uvs| uvs.values.len()).next();
+        let texture = data.params.iter().any(|param| param.name == "second" && param.interpretation == "vector");
+        assert!(second == Some(3) || texture, "{}: {data:?}", to.display());
+    }
+}
+
+#[test]
+fn materials_are_bound_where_the_mesh_is_and_say_which_they_stand_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut from = written(folder.path(), "char.usda", PURPOSES);
+    // What was written is written again: the same places, the same sources.
+    for to in ["cape.usd", "again.usdc", "once more.usd"] {
+        let object = Some("/char/cape".to_owned());
+        let to = folder.path().join(to);
+        convert(&Conversion { from, to: to.clone(), object, ..Conversion::default() }, &mut |_| {}).unwrap();
+        let data = CacheFrames::open(&to).unwrap().attributes(0).unwrap();
+        let of_mesh = data.material.unwrap();
+        assert_eq!((of_mesh.path.as_str(), of_mesh.source.as_deref()), ("/char/mtl/red", Some("/char/mtl/red")));
+        assert!(of_mesh.is_stronger);
+        let of_hem = data.face_sets[0].material.clone().unwrap();
+        assert_eq!((of_hem.path.as_str(), of_hem.source.as_deref()), ("/char/looks/blue", Some("/looks/blue")));
+        assert!(!of_hem.is_stronger);
+        from = to;
+    }
+}

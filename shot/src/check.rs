@@ -1,6 +1,7 @@
 //! What can be wrong with moving inputs, frame by frame: everything is reported at once, before anything is simulated.
 
 mod poses;
+pub(crate) mod rates;
 
 use std::collections::BTreeSet;
 
@@ -187,13 +188,20 @@ fn outside(motion: &InputMotion, span: Span) -> Option<Problem> {
     let (first, last) = (times.first()?, times.last()?);
     let (first, last) = (span.frame_at(*first), span.frame_at(*last));
     let fps = 1.0 / span.timeline.frame_duration();
+    let own = rates::other_rate(motion, fps);
+    let advice = match &own {
+        Some((_, line)) => format!("write {line}, or choose frames inside it with shot.frames or --frames"),
+        None => "export the whole range, or choose frames inside it with shot.frames or --frames; check shot.fps too"
+            .to_owned(),
+    };
+    let own = own.map_or(String::new(), |(how, _)| format!("; {how} frames per second"));
     Some(Problem::data(
         format!("{} ({})", motion.label, motion.source.path().display()),
         format!(
-            "its samples reach from frame {first} to {last} at {fps:.6} fps, but frames {} to {} are to be simulated",
+            "its samples reach from frame {first} to {last} at {fps:.6} fps, but frames {} to {} are to be simulated{own}",
             span.timeline.origin, span.last_frame
         ),
-        "export the whole range, or choose frames inside it with shot.frames or --frames; check shot.fps too",
+        advice,
     ))
 }
 

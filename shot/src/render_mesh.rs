@@ -11,7 +11,7 @@ use drapery_io::garment_mesh::{GarmentMesh, triangles_of};
 use drapery_io::mesh_data::Connectivity;
 use drapery_io::normals;
 use drapery_io::shot_description::RenderMeshDescription;
-use drapery_io::units::Units;
+use drapery_io::units::{LengthUnit, Units, UpAxis, likely_unit};
 
 /// Share of a mesh's area that faces against the cloth above which it is taken to be turned inside out; of a shell it is a half.
 const TURNED: f64 = 0.9;
@@ -41,6 +41,8 @@ pub(crate) struct JudgedBinding {
     pub(crate) far: usize,
     /// The farthest of them, and its distance [m].
     pub(crate) farthest: Option<(usize, f64)>,
+    /// The unit in which it would have the size of the garment, where it is far from that.
+    pub(crate) unit: Option<(LengthUnit, UpAxis)>,
     /// Edges whose ends are bound to different layers of the cloth.
     pub(crate) torn: Vec<[u32; 2]>,
     /// Whether its faces look to the other side than those of the cloth.
@@ -74,7 +76,9 @@ impl RenderMesh {
         (garment, name): (&GarmentMesh, &str),
     ) -> Result<(Self, JudgedBinding), IoError> {
         let broken = |what: String| {
-            IoError::data(&described.file, described.mesh.object_path(), what, "export the render mesh again")
+            // An OBJ has no paths.
+            let object = Some(described.mesh.object_path()).filter(|path| !path.is_empty()).unwrap_or("render mesh");
+            IoError::data(&described.file, object, what, "export the render mesh again")
         };
         let cloth = garment.read()?;
         let mesh = described.mesh.read()?.mesh;
@@ -88,7 +92,7 @@ impl RenderMesh {
         };
         // Judged is where each point is, also those that move with the middle of their part.
         let own = bind(&[])?;
-        let judged = judged(&described, (&mesh, name), &own);
+        let judged = judged(&described, (&mesh, name), (&own, &cloth.mesh.points));
         let binding = if described.rigid.is_empty() { own } else { bind(&described.rigid)? };
         let faces = Connectivity { face_counts: mesh.face_counts, face_indices: mesh.face_indices };
         let RenderMeshDescription { garment, name, mesh, .. } = described;
@@ -127,7 +131,7 @@ impl RenderMesh {
 fn judged(
     described: &RenderMeshDescription,
     (mesh, garment): (&PolygonMesh, &str),
-    binding: &SurfaceBinding,
+    (binding, cloth): (&SurfaceBinding, &[Vec3]),
 ) -> JudgedBinding {
     let limit = described.max_distance;
     let distances = judged_distances(described, binding);
@@ -143,10 +147,18 @@ fn judged(
         max_distance: limit,
         far,
         farthest: worst.filter(|_| far > 0),
+        unit: likely_unit(size(&mesh.points), described.units, size(cloth)).map(|unit| (unit, described.units.up)),
         torn: binding.torn(&mesh.points, edges.into_iter().filter(is_near)),
         is_flipped: binding.facing_against(&mesh.points, &triangles) > TURNED,
         loose: mesh.points.len() - used.len(),
     }
+}
+
+/// Largest extent of points [m].
+fn size(points: &[Vec3]) -> f64 {
+    let first = points.first().copied().unwrap_or_default();
+    let (low, high) = points.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
+    (high - low).max()
 }
 
 /// Distance of each point from the cloth; of a point of a rigid part that of its closest point, however large the part is.

@@ -45,6 +45,7 @@ pub(crate) struct About {
     pub(crate) name: String,
     pub(crate) scene_path: PathBuf,
     pub(crate) input_files: Vec<PathBuf>,
+    pub(crate) referred_files: Vec<PathBuf>,
     /// Meshes in memory that it may name beside files.
     pub(crate) meshes: MemoryMeshes,
     pub(crate) timeline: Timeline,
@@ -111,6 +112,7 @@ impl Shot {
             name: description.name,
             scene_path: description.scene_path,
             input_files: description.input_files,
+            referred_files: description.referred_files,
             meshes: description.meshes,
             timeline,
             first_frame,
@@ -200,6 +202,11 @@ impl Shot {
     /// What positions in the caches are counted from [m].
     pub fn origin(&self) -> Vec3 {
         self.simulation().scene().origin()
+    }
+
+    /// Files that are read and that the scene does not name: layers that others refer to, from whatever folder.
+    pub fn referred_files(&self) -> &[PathBuf] {
+        &self.about.referred_files
     }
 
     /// The scene with every default written out.

@@ -43,6 +43,7 @@ fn render_mesh(mesh: PolygonMesh, rigid: Vec<Vec<u32>>) -> RenderMeshDescription
         garment: 0,
         name: "sheet_render".to_owned(),
         file: PathBuf::from("fine.obj"),
+        units: Units::SI.into(),
         mesh: GarmentMesh::kept(MeshData::new(mesh)),
         max_distance: 0.02,
         rigid,

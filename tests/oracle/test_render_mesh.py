@@ -242,3 +242,27 @@ def test_velocities_are_those_of_the_motion(coat):
     # As well as those of the cloth itself.
     assert np.median(off) < 1.5 * np.median(of_cloth) + 1e-3
     assert np.percentile(off, 99) < 1.5 * np.percentile(of_cloth, 99) + 1e-2
+
+
+def test_what_a_render_mesh_crosses_is_told_and_breaks_no_rule(coat):
+    caches = sorted(path for path in coat.iterdir() if path.suffix in (".abc", ".usd", ".usda"))
+    assert len(caches) >= 2
+    together = [path for path in caches if path.suffix == ".abc"]
+    for files in [*([path] for path in caches), together, ["--record", coat, *together]]:
+        done = subprocess.run([program("DRAPERY", "drapery"), "verify", *map(str, files)], capture_output=True, text=True)
+        assert done.returncode == 0, f"{files}: {done.stderr}"
+        if any("render" in str(path) for path in files):
+            assert "(render mesh of coat, not judged as cloth): its layers cross in " in done.stdout, done.stdout
+
+
+def test_a_stage_is_converted_with_garment_and_render_mesh(coat, tmp_path):
+    if not has_usd():
+        pytest.skip("the program is built without USD")
+    drapery = program("DRAPERY", "drapery")
+    stage, layer = coat / "coat.usda", tmp_path / "all.usdc"
+    done = subprocess.run([drapery, "convert", stage, layer], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    told = subprocess.run([drapery, "info", layer], capture_output=True, text=True).stdout
+    assert "(not read: its purpose is proxy)" in told and told.count(": mesh") == 2, told
+    same = subprocess.run([drapery, "diff", stage, layer], capture_output=True, text=True)
+    assert same.returncode == 0 and ": equal" in same.stdout, same.stdout

@@ -220,3 +220,44 @@ def test_other_samples_make_another_run(shot, tmp_path):
     scene(tmp_path).run(tmp_path / "out", last=1003)
     said = scene(tmp_path, "samples = 5").run(tmp_path / "out", code=CANNOT_CREATE)
     assert "output.samples" in said, said
+
+
+def with_formats(folder, formats):
+    run = scene(folder)
+    text = (folder / "scene.toml").read_text()
+    (folder / "scene.toml").write_text(text.replace('["abc", "h5", "usd"]', formats))
+    return run
+
+
+def test_a_format_that_is_added_takes_the_samples_over_from_one_that_has_them(shot, tmp_path):
+    out = tmp_path / "out"
+    with_formats(tmp_path, '["h5", "abc"]').run(out, last=1003)
+    with_formats(tmp_path, '["abc", "h5", "usd"]').run(out)
+    for name in ("flag.abc", "flag.usd"):
+        said = subprocess.run([DRAPERY, "diff", shot / name, out / name], capture_output=True, text=True)
+        assert said.returncode == 0 and "equal" in said.stdout, said
+    # Of whole frames there is nothing to take over.
+    out = tmp_path / "whole"
+    with_formats(tmp_path, '["h5"]').run(out, last=1003)
+    said = with_formats(tmp_path, '["h5", "abc"]').run(out, code=65)
+    assert "flag.h5" in said and "holds whole frames, and no other cache" in said and "1001.25" in said, said
+
+
+def test_samples_between_frames_are_compared(shot, tmp_path):
+    cache = tmp_path / "flag.abc"
+    shutil.copy(shot / "flag.abc", cache)
+    stored = official(cache)["positions"][8].astype("<f4")
+    good = cache.read_bytes()
+    moved = stored.copy()
+    moved[5, 0] += 5.0
+    assert good.count(stored.tobytes()) == 1
+    cache.write_bytes(good.replace(stored.tobytes(), moved.tobytes()))
+    said = subprocess.run([DRAPERY, "diff", shot / "flag.abc", cache], capture_output=True, text=True)
+    assert said.returncode == 1 and "farthest: vertex 5" in said.stdout and "frame 1003.75, 5.000e0 m" in said.stdout, said
+    # What a format cannot hold is no difference; what a cache lacks is.
+    whole = subprocess.run([DRAPERY, "diff", shot / "flag.abc", shot / "flag.h5"], capture_output=True, text=True)
+    assert whole.returncode == 0, whole
+    shorter = tmp_path / "frames.abc"
+    assert subprocess.run([DRAPERY, "convert", shot / "flag.h5", shorter], capture_output=True).returncode == 0
+    lacks = subprocess.run([DRAPERY, "diff", shot / "flag.abc", shorter], capture_output=True, text=True)
+    assert lacks.returncode == 1 and "only the first has 14 samples between frames, the first at frame 1001.25" in lacks.stdout

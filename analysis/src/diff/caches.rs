@@ -1,30 +1,47 @@
 //! Two caches, frame by frame and vertex by vertex.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use drapery_core::Vec3;
-use drapery_io::cache_frames::{CacheFrames, CacheMesh};
+use drapery_io::cache_frames::{Between, CacheFrames, CacheMesh};
 use drapery_io::error::IoError;
+use drapery_io::formats;
 
 use super::{FrameDistance, PartComparison, Verdict, WorstVertex};
 
 /// Frames that are named one by one when a side lacks them.
 const NAMED_FRAMES: usize = 3;
 
+/// Samples between frames that lie closer to each other are one, as a part of a frame.
+const PARTS_OF_FRAME: f64 = 1e6;
+
+/// A frame, and how far behind it a sample is, in these parts of a frame.
+type Moment = (i64, i64);
+
 /// Two opened caches, and what was found so far.
 struct Pair {
     a: CacheFrames,
     b: CacheFrames,
     notes: Vec<String>,
-    frames: BTreeMap<i64, FrameDistance>,
+    frames: BTreeMap<Moment, FrameDistance>,
     /// Sum of squared distances [m²] and number of vertices of each frame.
-    squares: BTreeMap<i64, (f64, usize)>,
+    squares: BTreeMap<Moment, (f64, usize)>,
 }
 
-/// Compares all meshes of two caches in all frames that both have.
-pub(super) fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<PartComparison, IoError> {
+/// Two caches. Where one does not tell its frame rate, its times are taken in frames of the other.
+fn opened(a: &Path, b: &Path) -> Result<(CacheFrames, CacheFrames), IoError> {
     let (a_frames, b_frames) = (CacheFrames::open(a)?, CacheFrames::open(b)?);
+    Ok(match (a_frames.fps(), b_frames.fps()) {
+        (None, Some(fps)) => (CacheFrames::open_at_rate(a, fps)?, b_frames),
+        (Some(fps), None) => (a_frames, CacheFrames::open_at_rate(b, fps)?),
+        _ => (a_frames, b_frames),
+    })
+}
+
+/// Compares all meshes of two caches in all frames that both have, and in all samples between them.
+pub(super) fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<PartComparison, IoError> {
+    let (a_frames, b_frames) = opened(a, b)?;
     a_frames.check_complete(None)?;
     b_frames.check_complete(None)?;
     let mut pair =
@@ -32,8 +49,8 @@ pub(super) fn compare(a: &Path, b: &Path, tolerance: f64) -> Result<PartComparis
     for (index_a, index_b) in pair.match_meshes() {
         pair.compare_mesh(index_a, index_b)?;
     }
-    for (frame, (sum, count)) in &pair.squares {
-        if let Some(distance) = pair.frames.get_mut(frame) {
+    for (moment, (sum, count)) in &pair.squares {
+        if let Some(distance) = pair.frames.get_mut(moment) {
             distance.rms = (sum / (*count).max(1) as f64).sqrt();
         }
     }
@@ -61,8 +78,13 @@ fn worst(frames: &[FrameDistance]) -> Option<WorstVertex> {
             found = Some(frame);
         }
     }
-    let name =
-        |f: &FrameDistance| WorstVertex { mesh: f.mesh.clone(), vertex: f.vertex, frame: f.frame, distance: f.max };
+    let name = |f: &FrameDistance| WorstVertex {
+        mesh: f.mesh.clone(),
+        vertex: f.vertex,
+        frame: f.frame,
+        behind: f.behind,
+        distance: f.max,
+    };
     found.map(name)
 }
 
@@ -101,6 +123,10 @@ impl Pair {
         let (mesh_a, mesh_b) = (self.a.meshes()[index_a].clone(), self.b.meshes()[index_b].clone());
         let name = &mesh_a.name;
         self.notes.extend(missing_frames(name, &mesh_a.frames, &mesh_b.frames));
+        // What a format cannot hold is not missing in its files.
+        if ![&self.a, &self.b].iter().any(|side| formats::holds_whole_frames(side.path())) {
+            self.notes.extend(missing_between(name, &mesh_a.between, &mesh_b.between));
+        }
         if mesh_a.points != mesh_b.points {
             self.notes.push(format!(
                 "{name}: {} points in the first and {} in the second: not the same mesh",
@@ -113,7 +139,15 @@ impl Pair {
         }
         for (sample_a, frame) in mesh_a.frames.iter().enumerate() {
             if let Ok(sample_b) = mesh_b.frames.binary_search(frame) {
-                self.compare_frame(name, *frame, (index_a, sample_a), (index_b, sample_b))?;
+                self.compare_frame(name, (*frame, 0.0), (index_a, sample_a), (index_b, sample_b))?;
+            }
+        }
+        let places: BTreeMap<Moment, usize> =
+            (0..).zip(&mesh_b.between).map(|(place, at)| (moment(at), place)).collect();
+        for (place_a, at) in mesh_a.between.iter().enumerate() {
+            if let Some(place_b) = places.get(&moment(at)) {
+                let samples = (mesh_a.frames.len() + place_a, mesh_b.frames.len() + place_b);
+                self.compare_frame(name, (at.frame, at.behind), (index_a, samples.0), (index_b, samples.1))?;
             }
         }
         Ok(())
@@ -122,7 +156,7 @@ impl Pair {
     fn compare_frame(
         &mut self,
         name: &str,
-        frame: i64,
+        (frame, behind): (i64, f64),
         (mesh_a, sample_a): (usize, usize),
         (mesh_b, sample_b): (usize, usize),
     ) -> Result<(), IoError> {
@@ -130,17 +164,19 @@ impl Pair {
         let b = self.b.positions(mesh_b, sample_b)?;
         if a.len() != b.len() {
             let (first, second) = (a.len(), b.len());
-            self.notes.push(format!("{name}, frame {frame}: {first} points in the first and {second} in the second"));
+            let at = frame as f64 + behind;
+            self.notes.push(format!("{name}, frame {at}: {first} points in the first and {second} in the second"));
             return Ok(());
         }
         let (vertex, max, sum) = farthest(&a, &b);
         let rates = self.a.velocities(mesh_a, sample_a)?.zip(self.b.velocities(mesh_b, sample_b)?);
         let max_velocity = rates.map(|(a, b)| farthest(&a, &b).1);
-        let squares = self.squares.entry(frame).or_default();
+        let moment = moment(&Between { frame, behind });
+        let squares = self.squares.entry(moment).or_default();
         *squares = (squares.0 + sum, squares.1 + a.len());
-        let fresh = FrameDistance { frame, max, rms: 0.0, max_velocity, vertex, mesh: name.to_owned() };
-        match self.frames.get_mut(&frame) {
-            None => drop(self.frames.insert(frame, fresh)),
+        let fresh = FrameDistance { frame, behind, max, rms: 0.0, max_velocity, vertex, mesh: name.to_owned() };
+        match self.frames.get_mut(&moment) {
+            None => drop(self.frames.insert(moment, fresh)),
             Some(known) => {
                 let velocity = known.max_velocity.zip(max_velocity).map(|(x, y)| x.max(y)).or(max_velocity);
                 if max > known.max {
@@ -167,6 +203,23 @@ fn farthest(a: &[Vec3], b: &[Vec3]) -> (usize, f64, f64) {
         }
     }
     (vertex, max, sum)
+}
+
+/// When a sample is.
+fn moment(at: &Between) -> Moment {
+    (at.frame, (at.behind * PARTS_OF_FRAME).round() as i64)
+}
+
+/// Says how many samples between frames only one side has.
+fn missing_between(name: &str, a: &[Between], b: &[Between]) -> Vec<String> {
+    let only = |these: &[Between], others: &[Between], side: &str| {
+        let others: BTreeSet<Moment> = others.iter().map(moment).collect();
+        let mut lone = these.iter().filter(|at| !others.contains(&moment(at))).peekable();
+        let first = lone.peek().map(|at| at.frame as f64 + (at.behind * PARTS_OF_FRAME).round() / PARTS_OF_FRAME)?;
+        let number = lone.count();
+        Some(format!("{name}: only the {side} has {number} samples between frames, the first at frame {first}"))
+    };
+    [only(a, b, "first"), only(b, a, "second")].into_iter().flatten().collect()
 }
 
 /// Says which frames only one side has.
@@ -203,6 +256,10 @@ mod tests {
     fn frames_of_one_side_are_named() {
         assert_eq!(missing_frames("m", &[1, 2, 3], &[1, 2, 3]), Vec::<String>::new());
         assert_eq!(missing_frames("m", &[1, 2, 3], &[1]), ["m: only the first has frame 2, 3"]);
+        let between =
+            |behind: &[f64]| behind.iter().map(|behind| Between { frame: 7, behind: *behind }).collect::<Vec<_>>();
+        let told = missing_between("m", &between(&[0.25, 0.75]), &between(&[0.250_000_000_1]));
+        assert_eq!(told, ["m: only the first has 1 samples between frames, the first at frame 7.75"]);
         let many: Vec<i64> = (1..=9).collect();
         assert_eq!(missing_frames("m", &[1], &many), ["m: only the second has frame 2 to 9 (8 frames)"]);
     }

@@ -105,7 +105,7 @@ fn farthest(name: &str, a: &[f64], b: &[f64], frame: i64) -> Option<WorstVertex>
     // What is not a number is farther than anything.
     let distances = distances.map(|(vertex, d)| (vertex, if d.is_nan() { f64::INFINITY } else { d }));
     let (vertex, distance) = distances.reduce(|best, next| if next.1 > best.1 { next } else { best })?;
-    Some(WorstVertex { mesh: name.to_owned(), vertex, frame, distance })
+    Some(WorstVertex { mesh: name.to_owned(), vertex, frame, behind: 0.0, distance })
 }
 
 /// How many values differ, the first of them, and by how much at most; without a name. `None` for other types.

@@ -69,7 +69,7 @@ pub struct PartComparison {
     pub notes: Vec<String>,
     /// Vertex that is farthest from its like, if any is away from it at all.
     pub worst: Option<WorstVertex>,
-    /// Distances in every frame that both sides have; empty for files with the same bytes, and for checkpoints.
+    /// Distances in every frame that both sides have, and in every sample between frames; empty for files with the same bytes, and for checkpoints.
     pub frames: Vec<FrameDistance>,
     /// Arrays that differ; only of checkpoints.
     pub datasets: Vec<DatasetDifference>,
@@ -80,6 +80,8 @@ pub struct PartComparison {
 pub struct FrameDistance {
     /// The frame.
     pub frame: i64,
+    /// How far behind it the sample is, in frames: 0 for the frame itself.
+    pub behind: f64,
     /// Largest distance between a vertex and its like [m].
     pub max: f64,
     /// Root of the mean square distance over all vertices [m].
@@ -101,6 +103,8 @@ pub struct WorstVertex {
     pub vertex: usize,
     /// Frame; that of the checkpoint, for one.
     pub frame: i64,
+    /// How far behind it the sample is, in frames.
+    pub behind: f64,
     /// Distance [m].
     pub distance: f64,
 }

@@ -1,6 +1,7 @@
 //! Does cloth pass through cloth? Exactly, on the stored positions, in every frame.
 //!
-//! Each mesh against itself, and against every other of all files given. Positions are taken as they are stored, so
+//! Each mesh against itself, and against every other of all files given. What render meshes cross is told and not judged: they are
+//! no cloth, but follow it. Positions are taken as they are stored, so
 //! nothing is rounded; only meshes under different transforms have to be brought together in the world, where their
 //! points are rounded as `f64`. Faces are cut into the triangles that were simulated where the file tells them, and
 //! otherwise by the solver's rule at the first sample.
@@ -12,7 +13,7 @@ use drapery_core::Vec3;
 use drapery_core::geometry::crossings::{Crossing, CrossingSearch, find, find_between};
 use drapery_io::cache_frames::{CacheFrames, triangles_of};
 use drapery_io::error::IoError;
-use drapery_io::formats::alembic::sample_times;
+use drapery_io::formats::alembic::{render_mesh_of, sample_times};
 use drapery_io::mesh_data::MeshReader;
 
 use super::{Cache, Verification};
@@ -50,6 +51,10 @@ struct Sheet<'a> {
     search: CrossingSearch,
     /// Times at which it or a parent is stored [s]; empty when nothing moves.
     times: Vec<f64>,
+    /// The garment that it follows to be rendered in its place: it is no cloth, and may go through itself.
+    render_mesh_of: Option<String>,
+    /// What it is for, if not for everything.
+    purpose: Option<String>,
 }
 
 /// Where samples come from.
@@ -141,19 +146,34 @@ impl<'a> Sheet<'a> {
         let triangles = triangles_of(mesh, &points)?;
         let times = sample_times(std::slice::from_ref(mesh)).ok()?;
         let search = CrossingSearch::new(triangles, points);
-        Some(Self { name: cache.name_of(mesh), mesh: Mesh::Archive(mesh), search, times })
+        let render_mesh_of = render_mesh_of(mesh);
+        Some(Self {
+            name: cache.name_of(mesh),
+            mesh: Mesh::Archive(mesh),
+            search,
+            times,
+            render_mesh_of,
+            purpose: None,
+        })
     }
 
     /// A mesh of a stage; `None` if its first frame cannot be read, which breaks other rules.
     fn of_stage(cache: &Cache, stage: &'a CacheFrames, mesh: usize) -> Option<Self> {
         let described = &stage.meshes()[mesh];
+        // Guides are no surfaces that anybody sees.
+        if stage.purpose(mesh) == Some("guide") {
+            return None;
+        }
         let duration = 1.0 / cache.fps?;
         let origin = stage.stored_positions(mesh, 0).ok()?.map(|stored| stored.origin);
         let points = Mesh::Stage(StageMesh { stage, mesh, duration, origin });
         let search = CrossingSearch::new(described.triangles.clone(), points.stored(0)?);
         let shown = if stage.moves(mesh) { described.frames.as_slice() } else { &[] };
         let times = shown.iter().map(|frame| *frame as f64 * duration).collect();
-        Some(Self { name: format!("{}{}", cache.prefix, described.name), mesh: points, search, times })
+        let name = format!("{}{}", cache.prefix, described.name);
+        let render_mesh_of = stage.attributes(mesh).ok()?.render_mesh_of;
+        let purpose = stage.purpose(mesh).map(str::to_owned);
+        Some(Self { name, mesh: points, search, times, render_mesh_of, purpose })
     }
 
     /// Takes the positions stored at a time; whether there are any.
@@ -259,6 +279,9 @@ fn check_moment(
     for (k, &(i, _)) in present.iter().enumerate() {
         for &(j, _) in &present[k + 1..] {
             let (a, b) = (&sheets[i], &sheets[j]);
+            if never_together(a, b) {
+                continue;
+            }
             let lists = [between(&a.search, &b.search), between(&b.search, &a.search)];
             let names = [format!(" of {}", a.name), format!(" of {}", b.name)];
             let lists: [(&[Crossing], _); 2] =
@@ -274,6 +297,14 @@ fn check_moment(
         tallies.entry(Subject::Body(i)).or_default().add(frame, &lists);
     }
     Ok(())
+}
+
+/// Whether two meshes are seen one in the place of the other.
+fn never_together(a: &Sheet<'_>, b: &Sheet<'_>) -> bool {
+    matches!(
+        (a.purpose.as_deref(), b.purpose.as_deref()),
+        (Some("proxy"), Some("render")) | (Some("render"), Some("proxy"))
+    )
 }
 
 /// Every time at which something is stored, ascending; the first time if nothing moves.
@@ -300,10 +331,21 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
                 let triangles = sheets[i].search.surface().triangles.len();
                 found.facts.push(format!("{}: {triangles} triangles, no crossings in {all} frames", name(i)));
             }
+            Subject::Cloth(i, j) if i == j && sheets[i].render_mesh_of.is_some() => {
+                found.facts.push(format!("{}: its layers cross {where_and_how}", render_mesh(&sheets[i])));
+            }
             Subject::Cloth(i, j) if i == j => {
                 found.failures.push(format!("{}: the cloth crosses itself {where_and_how}", name(i)));
             }
             Subject::Cloth(..) if frames == 0 => clean_pairs += 1,
+            // It is around its own garment, and thicker than that where it meets another.
+            Subject::Cloth(i, j) if [i, j].iter().any(|k| sheets[*k].render_mesh_of.is_some()) => {
+                let told = |k: usize| match sheets[k].render_mesh_of {
+                    Some(_) => render_mesh(&sheets[k]),
+                    None => sheets[k].name.clone(),
+                };
+                found.facts.push(format!("{} and {} cross {where_and_how}", told(i), told(j)));
+            }
             Subject::Cloth(i, j) => {
                 found.failures.push(format!("{} and {} cross {where_and_how}", name(i), name(j)));
             }
@@ -322,10 +364,16 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
     report_times(sheets, tallies, found);
 }
 
+/// A render mesh by its name, and that it is one.
+fn render_mesh(sheet: &Sheet<'_>) -> String {
+    let garment = sheet.render_mesh_of.as_deref().unwrap_or_default();
+    format!("{} (render mesh of {garment}, not judged as cloth)", sheet.name)
+}
+
 /// Meshes can be compared only where both are stored.
 fn report_times(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
     for (i, a) in sheets.iter().enumerate() {
-        for (j, b) in sheets.iter().enumerate().skip(i + 1) {
+        for (j, b) in sheets.iter().enumerate().skip(i + 1).filter(|(_, b)| !never_together(a, b)) {
             let common = tallies.get(&Subject::Cloth(i, j)).map_or(0, |tally| tally.looked_at);
             let expected = a.times.len().min(b.times.len());
             if common == 0 {

@@ -14,6 +14,9 @@ use crate::say;
 /// Checks the scene and every frame of its inputs.
 pub(crate) fn check(args: &CheckArgs, around: &Environment) -> Result<ExitCode, Failure> {
     let (shot, _) = plan::prepare(&args.scene, around, &Ranks::default())?;
+    for file in shot.referred_files() {
+        tracing::info!("reads {}, which a file of the scene refers to", file.display());
+    }
     patience::at(format!("{}: following the pins through all frames", args.scene.scene.display()));
     let of_pins = shot.check_pins()?;
     if let Some(warning) = &of_pins {

@@ -44,7 +44,8 @@ fn part_text(part: &PartComparison, tolerance: f64) -> String {
     };
     part.notes.iter().for_each(|note| line(note.clone()));
     if let Some(worst) = &part.worst {
-        let (mesh, vertex, frame, distance) = (&worst.mesh, worst.vertex, worst.frame, worst.distance);
+        let (mesh, vertex, distance) = (&worst.mesh, worst.vertex, worst.distance);
+        let frame = at(worst.frame, worst.behind);
         line(format!("farthest: vertex {vertex} of {mesh} in frame {frame}, {distance:.3e} m"));
         if tolerance > 0.0 {
             line(format!("tolerance: {tolerance:e} m"));
@@ -52,12 +53,13 @@ fn part_text(part: &PartComparison, tolerance: f64) -> String {
     }
     let differing: Vec<_> = part.frames.iter().filter(|frame| frame.max > 0.0).collect();
     if let Some(first) = differing.first() {
-        let (count, all, frame) = (differing.len(), part.frames.len(), first.frame);
+        let (count, all, frame) = (differing.len(), part.frames.len(), at(first.frame, first.behind));
         line(format!("{count} of {all} frames differ, first {frame}"));
         line(format!("{:>8} {:>12} {:>12} {:>9}  mesh", "frame", "max [m]", "rms [m]", "vertex"));
     }
     for frame in differing.iter().take(LISTED) {
-        let (number, max, rms, vertex, mesh) = (frame.frame, frame.max, frame.rms, frame.vertex, &frame.mesh);
+        let (max, rms, vertex, mesh) = (frame.max, frame.rms, frame.vertex, &frame.mesh);
+        let number = at(frame.frame, frame.behind);
         line(format!("{number:>8} {max:>12.3e} {rms:>12.3e} {vertex:>9}  {mesh}"));
     }
     if differing.len() > LISTED {
@@ -68,4 +70,10 @@ fn part_text(part: &PartComparison, tolerance: f64) -> String {
         line(format!("{name}: {count} of {values} values differ, first at {first}, by up to {max:.3e}"));
     }
     text
+}
+
+/// A frame, or a sample behind it.
+fn at(frame: i64, behind: f64) -> String {
+    // As many digits as tell samples apart.
+    (((frame as f64 + behind) * 1e6).round() / 1e6).to_string()
 }

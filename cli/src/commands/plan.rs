@@ -63,6 +63,9 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     text += &format!("memory: {} state and scratch, {} effects\n", mebibytes(state), mebibytes(effects));
     text += &format!("longest elastic step: {:.3e} s\n", shot.simulation().elastic_step());
     text += &output_text(shot);
+    for file in shot.referred_files() {
+        text += &format!("reads {}, which a file of the scene refers to\n", file.display());
+    }
     text += "\nwhere it comes from\n";
     for Provenance { what, text: value, source, .. } in said {
         text += &format!("  {what:<20} {value:<24} {source}\n");
@@ -152,6 +155,7 @@ fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
         "bytes": {"state": state, "effects": of_effects},
         "formats": shot.output().formats,
         "origin": <[f64; 3]>::from(shot.origin()),
+        "referred_files": shot.referred_files().iter().map(|file| file.display().to_string()).collect::<Vec<_>>(),
         "warnings": crate::plan::warnings_json(shot),
         "resolved": shot.resolved(),
     });

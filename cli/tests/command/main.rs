@@ -4,6 +4,8 @@ mod bad_input;
 mod effects;
 mod farm;
 mod files;
+#[cfg(feature = "usd")]
+mod from_usd;
 mod inspection;
 mod replay;
 mod run;

@@ -1,10 +1,16 @@
 //! Meshes of Alembic files as caches: their frames, and what is stored of one.
 
-use drapery_alembic::{Bounds, DataType, GeomParam, PodType, PolyMesh, SamplingKind, Scope};
+use drapery_alembic::{
+    Archive, Bounds, DataType, GeomParam, IDENTITY, Matrix, PodType, PolyMesh, Samples, Scope, TopologyVariance,
+    transform_point,
+};
 use drapery_core::Vec3;
 
+use super::rates::film_rate;
+use super::transforms::in_world;
 use super::{Between, CacheMesh, StoredFrame, cut};
 use crate::error::IoError;
+use crate::formats::alembic::{SAME_TIME, merge_times, transform_times};
 use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
 use crate::mesh_data::Connectivity;
 
@@ -14,30 +20,243 @@ const WHOLE_FRAME: f64 = 1e-3;
 /// Times of samples between frames are given in this many parts of a frame: what is finer is rounding of seconds.
 const PARTS_OF_FRAME: f64 = 1e9;
 
-/// A mesh, and which sample belongs to each of its frames, and to those between them.
-pub(super) fn described(mesh: &PolyMesh, fps: Option<f64>) -> Result<(CacheMesh, Vec<usize>), IoError> {
-    let times = mesh.times();
-    let Sorted { frames, between, samples } = match (mesh.time_sampling().kind(), fps) {
-        (SamplingKind::Cyclic, Some(fps)) => sorted(&times, fps),
-        _ => Sorted { frames: frame_numbers(&times, fps), between: Vec::new(), samples: (0..times.len()).collect() },
-    };
-    let mut described = CacheMesh {
-        name: mesh.object().path().to_owned(),
-        points: 0,
-        faces: Connectivity::default(),
-        triangles: Vec::new(),
-        frames,
-        between,
-    };
-    if !times.is_empty() {
-        let mut faces = mesh.faces(0)?;
-        reverse(&faces.face_counts, &mut faces.face_indices);
-        let first: Vec<Vec3> = mesh.world_positions(0)?.into_iter().map(Vec3::from).collect();
-        described.points = first.len();
-        described.triangles = triangles_of(mesh, &first).unwrap_or_default();
-        described.faces = Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices };
+/// Where points are counted from, and the points.
+type Shifted = ([f64; 3], Vec<[f32; 3]>);
+
+/// An archive whose meshes are read sample by sample.
+#[derive(Debug)]
+pub(super) struct ArchiveFrames {
+    archive: Archive,
+    meshes: Vec<ArchiveMesh>,
+    /// Bounds of everything.
+    bounds: Option<Samples>,
+    /// Frames a second, if the file tells or somebody says.
+    pub(super) fps: Option<f64>,
+}
+
+/// A mesh and its samples: those of its frames, then those between them.
+#[derive(Debug)]
+struct ArchiveMesh {
+    mesh: PolyMesh,
+    samples: Vec<Sample>,
+    /// Whether its frames are numbers of samples.
+    counted: bool,
+}
+
+/// A time at which points, or a transform above them, are stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Sample {
+    /// When [s].
+    time: f64,
+    /// The stored points around it, and the share of the second.
+    around: (usize, usize, f64),
+}
+
+impl ArchiveFrames {
+    /// All meshes of an archive, in the order of their paths; frames are at `rate`, or else at the rate that the file tells.
+    pub(super) fn of(archive: Archive, rate: Option<f64>) -> Result<(Self, Vec<CacheMesh>), IoError> {
+        let mut stored = PolyMesh::all(&archive)?;
+        stored.sort_by(|a, b| a.object().path().cmp(b.object().path()));
+        if stored.is_empty() {
+            return Err(IoError::data(archive.path(), "objects", "it holds no mesh", "give a cache of a garment"));
+        }
+        let fps = rate.or(archive.frames_per_second_hint());
+        let described = stored.into_iter().map(|mesh| ArchiveMesh::of(mesh, (&archive, fps)));
+        let (meshes, described) = described.collect::<Result<Vec<_>, IoError>>()?.into_iter().unzip();
+        let bounds = archive.bounds()?;
+        Ok((Self { archive, meshes, bounds, fps }, described))
     }
-    Ok((described, samples))
+
+    /// Whether anything of a mesh changes.
+    pub(super) fn moves(&self, mesh: usize) -> bool {
+        self.meshes[mesh].samples.len() > 1
+    }
+
+    /// Whether the frames of a mesh are numbers of samples.
+    pub(super) fn counts_samples(&self, mesh: usize) -> bool {
+        self.meshes[mesh].counted
+    }
+
+    /// When the first sample of a mesh is [s].
+    pub(super) fn start(&self, mesh: usize) -> f64 {
+        self.meshes[mesh].samples.first().map_or(0.0, |sample| sample.time)
+    }
+
+    /// Points of a sample in the world.
+    pub(super) fn world(&self, mesh: usize, sample: usize) -> Result<Vec<[f64; 3]>, IoError> {
+        self.meshes[mesh].world(&self.archive, sample)
+    }
+
+    /// What is stored of a sample, and what it is counted from, where transforms only shift it.
+    pub(super) fn shifted(&self, mesh: usize, sample: usize) -> Result<Option<Shifted>, IoError> {
+        let mesh = &self.meshes[mesh];
+        let mut matrix = mesh.to_world(sample)?;
+        let origin = [matrix[12], matrix[13], matrix[14]];
+        matrix[12..15].fill(0.0);
+        Ok(if matrix == IDENTITY { Some((origin, mesh.points(&self.archive, sample)?)) } else { None })
+    }
+
+    /// All that is stored of a sample.
+    pub(super) fn stored_frame(&self, mesh: usize, sample: usize) -> Result<StoredFrame, IoError> {
+        let mesh = &self.meshes[mesh];
+        let (number, _, share) = mesh.samples[sample].around;
+        if share > 0.0 {
+            let (positions, velocities) = (mesh.points(&self.archive, sample)?, mesh.velocities(sample)?);
+            let (normals, crossings) = (None, None);
+            return Ok(StoredFrame { positions, velocities, normals, crossings, has_bounds_of_points: true });
+        }
+        let bounds = self.bounds.as_ref().filter(|bounds| number < bounds.len());
+        let of_file = bounds.map(|bounds| bounds.elements::<f64, 6>(number)).transpose()?;
+        stored(&mesh.mesh, number, of_file.and_then(|all| all.first().copied()))
+    }
+
+    /// Faces of a sample, where they may be others than those of the first.
+    pub(super) fn faces(&self, mesh: usize, sample: usize) -> Result<Option<Connectivity>, IoError> {
+        let ArchiveMesh { mesh, samples, .. } = &self.meshes[mesh];
+        if mesh.topology_variance() != TopologyVariance::Heterogeneous {
+            return Ok(None);
+        }
+        let mut faces = mesh.faces(samples[sample].around.0)?;
+        reverse(&faces.face_counts, &mut faces.face_indices);
+        Ok(Some(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices }))
+    }
+
+    /// Velocities in the world, in the units and axes of the file.
+    pub(super) fn velocities(&self, mesh: usize, sample: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
+        let found = &self.meshes[mesh];
+        let Some(rates) = found.velocities(sample)? else { return Ok(None) };
+        let (time, frame) = (found.samples[sample].time, 1.0 / self.fps.unwrap_or(24.0));
+        let at = |time| found.mesh.world_matrix_at(time);
+        let around = ([at(time - frame / 2.0)?, at(time + frame / 2.0)?], frame);
+        Ok(Some(in_world(rates, &found.points(&self.archive, sample)?, &at(time)?, Some(around))))
+    }
+
+    /// What of a mesh is not handed through, a sentence each.
+    pub(super) fn left_out(&self, mesh: usize) -> Result<Vec<String>, IoError> {
+        let mesh = &self.meshes[mesh].mesh;
+        let name = mesh.object().path();
+        let mut told = Vec::new();
+        if let Some(normals) = mesh.normals().filter(|normals| normals.scope() != Scope::Vertex) {
+            let of = match normals.scope() {
+                Scope::FaceVarying => "of face corners",
+                Scope::Uniform => "of faces",
+                _ => "of another kind",
+            };
+            told.push(format!("{name}: normals {of} are left out: a cache has them at points"));
+        }
+        let moving = |param: &GeomParam| param.sample_count() > 1 && !param.is_constant();
+        let moving = mesh.attributes().into_iter().chain(mesh.uv()).filter(moving);
+        told.extend(
+            moving.map(|param| format!("{name}: {} moves, and has its first value in all frames", param.name())),
+        );
+        let creases = [".creaseIndices", ".creaseSharpnesses", ".cornerIndices", ".holes"];
+        for crease in creases.iter().filter(|name| mesh.geom().samples(name).is_some_and(|samples| !samples.is_empty()))
+        {
+            told.push(format!("{name}: {crease} is left out: it is not handed through"));
+        }
+        Ok(told)
+    }
+
+    /// Checks what is the same in all frames by the digests in the file.
+    pub(super) fn check_constants(&self) -> Result<(), IoError> {
+        Ok(self.archive.check_constants()?)
+    }
+}
+
+impl ArchiveMesh {
+    /// A mesh of an archive, whose frames are at `fps` if that is known, and what a cache says of it.
+    fn of(mesh: PolyMesh, (archive, fps): (&Archive, Option<f64>)) -> Result<(Self, CacheMesh), IoError> {
+        let times = times_of(&mesh)?;
+        let Sorted { frames, between, samples, counted } = sorted(&times, fps);
+        let sample = |number: usize| Sample { time: times[number], around: around(&mesh, times[number]) };
+        let samples = samples.into_iter().map(sample).collect();
+        let found = Self { mesh, samples, counted };
+        let mut described = CacheMesh {
+            name: found.mesh.object().path().to_owned(),
+            points: 0,
+            faces: Connectivity::default(),
+            triangles: Vec::new(),
+            frames,
+            between,
+        };
+        if let Some(first) = found.samples.first() {
+            let mut faces = found.mesh.faces(first.around.0)?;
+            reverse(&faces.face_counts, &mut faces.face_indices);
+            let points: Vec<Vec3> = found.world(archive, 0)?.into_iter().map(Vec3::from).collect();
+            described.points = points.len();
+            described.triangles = triangles_of(&found.mesh, &points).unwrap_or_default();
+            described.faces = Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices };
+        }
+        Ok((found, described))
+    }
+
+    /// From its own space to the world.
+    fn to_world(&self, sample: usize) -> Result<Matrix, IoError> {
+        Ok(self.mesh.world_matrix_at(self.samples[sample].time)?)
+    }
+
+    /// Its points as stored; linear between two of them.
+    fn points(&self, archive: &Archive, sample: usize) -> Result<Vec<[f32; 3]>, IoError> {
+        let Sample { time, around: (below, above, share) } = self.samples[sample];
+        let mut points = self.mesh.positions(below)?;
+        if share > 0.0 {
+            let next = self.mesh.positions(above)?;
+            if next.len() != points.len() {
+                let object = format!("object {}, time {time:.6} s", self.mesh.object().path());
+                let what = format!("the number of points changes from {} to {}", points.len(), next.len());
+                let advice = "export it with constant topology (no modifiers that change it)";
+                return Err(IoError::data(archive.path(), object, what, advice));
+            }
+            blend(&mut points, &next, share);
+        }
+        Ok(points)
+    }
+
+    fn world(&self, archive: &Archive, sample: usize) -> Result<Vec<[f64; 3]>, IoError> {
+        let matrix = self.to_world(sample)?;
+        Ok(self.points(archive, sample)?.into_iter().map(|p| transform_point(p.map(f64::from), &matrix)).collect())
+    }
+
+    /// Velocities as stored; linear between two of them.
+    fn velocities(&self, sample: usize) -> Result<Option<Vec<[f32; 3]>>, IoError> {
+        let (below, above, share) = self.samples[sample].around;
+        let Some(mut rates) = self.mesh.velocities(below)? else { return Ok(None) };
+        if share > 0.0 {
+            let next = self.mesh.velocities(above)?.filter(|next| next.len() == rates.len());
+            let Some(next) = next else { return Ok(None) };
+            blend(&mut rates, &next, share);
+        }
+        Ok(Some(rates))
+    }
+}
+
+/// Goes a share of the way to other vectors.
+fn blend(vectors: &mut [[f32; 3]], others: &[[f32; 3]], share: f64) {
+    for (v, other) in vectors.iter_mut().zip(others) {
+        let between = |a: f32, b: f32| (f64::from(a) + (f64::from(b) - f64::from(a)) * share) as f32;
+        *v = std::array::from_fn(|axis| between(v[axis], other[axis]));
+    }
+}
+
+/// Times at which a mesh is stored, or a transform above it that moves, ascending.
+fn times_of(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
+    let mut times = transform_times(mesh)?;
+    if times.is_empty() {
+        return Ok(mesh.times());
+    }
+    // The time of a mesh that has but one sample says nothing.
+    if mesh.sample_count() > 1 {
+        times.extend(mesh.times());
+    }
+    merge_times(&mut times);
+    Ok(times)
+}
+
+/// The stored points around a time [s], and the share of the second.
+fn around(mesh: &PolyMesh, time: f64) -> (usize, usize, f64) {
+    let (sampling, count) = (mesh.time_sampling(), mesh.sample_count());
+    let near = sampling.near_index(time, count);
+    if (sampling.time(near) - time).abs() < SAME_TIME { (near, near, 0.0) } else { sampling.bracket(time, count) }
 }
 
 /// The triangles that were simulated, if the file tells them, or the faces cut by the solver's rule.
@@ -64,6 +283,7 @@ pub(super) fn stored(mesh: &PolyMesh, sample: usize, of_file: Option<Bounds>) ->
     let in_world = shifted(bounds, [matrix[12], matrix[13], matrix[14]]);
     let same = |stored: Option<Bounds>, bounds: Bounds| stored.is_none_or(|stored| stored == bounds);
     let counts = mesh.user_properties().and_then(|properties| properties.samples(CROSSINGS));
+    let counts = counts.filter(|counts| sample < counts.len());
     let crossings = counts.map(|counts| counts.values::<u32>(sample)).transpose()?;
     Ok(StoredFrame {
         has_bounds_of_points: same(mesh.bounds(sample)?, bounds) && same(of_file, in_world),
@@ -85,35 +305,38 @@ fn normals_at_points(mesh: &PolyMesh, sample: usize, points: usize) -> Result<Op
     Ok(Some(normals.samples().elements::<f32, 3>(sample)?).filter(|all| all.len() == points))
 }
 
-/// Frame numbers of samples, or sample numbers where times are not those of whole frames.
-fn frame_numbers(times: &[f64], fps: Option<f64>) -> Vec<i64> {
-    let numbers: Option<Vec<i64>> = times.iter().map(|time| whole_frame(*time, fps?)).collect();
-    numbers.unwrap_or_else(|| (0..times.len() as i64).collect())
-}
-
-/// Samples of a file that has several a frame.
+/// Samples by their frames.
 #[derive(Debug, PartialEq)]
 struct Sorted {
     frames: Vec<i64>,
     between: Vec<Between>,
     /// The numbers of the samples in the file: of the frames, then of those between.
     samples: Vec<usize>,
+    /// Whether the frames are just these numbers.
+    counted: bool,
 }
 
-/// Whole frames and the samples between them; all samples by their numbers where none is a whole frame.
-fn sorted(times: &[f64], fps: f64) -> Sorted {
-    let (whole, others): (Vec<usize>, Vec<usize>) =
-        (0..times.len()).partition(|sample| whole_frame(times[*sample], fps).is_some());
-    if whole.is_empty() {
-        let frames = (0..times.len() as i64).collect();
-        return Sorted { frames, between: Vec::new(), samples: (0..times.len()).collect() };
+/// Whole frames and the samples between them; all samples by their numbers where none is a whole frame or nobody says the frame
+/// rate. What stands still is in the frame that is nearest.
+fn sorted(times: &[f64], fps: Option<f64>) -> Sorted {
+    let fps = fps.map(film_rate);
+    if let (&[time], Some(fps)) = (times, fps) {
+        let frames = vec![(time * fps).round() as i64];
+        return Sorted { frames, between: Vec::new(), samples: vec![0], counted: false };
     }
+    let is_whole = |sample: &usize| fps.is_some_and(|fps| whole_frame(times[*sample], fps).is_some());
+    let (whole, others): (Vec<usize>, Vec<usize>) = (0..times.len()).partition(is_whole);
+    let Some(fps) = fps.filter(|_| !whole.is_empty()) else {
+        let frames = (0..times.len() as i64).collect();
+        return Sorted { frames, between: Vec::new(), samples: (0..times.len()).collect(), counted: true };
+    };
     let between =
         others.iter().map(|sample| Between::at((times[*sample] * fps * PARTS_OF_FRAME).round() / PARTS_OF_FRAME));
     Sorted {
         frames: whole.iter().filter_map(|sample| whole_frame(times[*sample], fps)).collect(),
         between: between.collect(),
         samples: whole.iter().chain(&others).copied().collect(),
+        counted: false,
     }
 }
 
@@ -129,15 +352,20 @@ mod tests {
 
     #[test]
     fn frames_are_whole_numbers_or_else_samples_are_counted() {
+        let numbers = |times: &[f64], fps| sorted(times, fps).frames;
         let times = [1001.0 / 24.0, 1002.0 / 24.0];
-        assert_eq!(frame_numbers(&times, Some(24.0)), [1001, 1002]);
-        assert_eq!(frame_numbers(&times, None), [0, 1]);
-        assert_eq!(frame_numbers(&[0.0, 0.25 / 24.0], Some(24.0)), [0, 1]);
+        assert_eq!(numbers(&times, Some(24.0)), [1001, 1002]);
+        assert_eq!((numbers(&times, None), sorted(&times, None).counted), (vec![0, 1], true));
         let shutter = [1010.0, 1010.25, 1010.75, 1011.0, 1011.25].map(|frame: f64| frame / 24.0);
         let between = [(1010, 0.25), (1010, 0.75), (1011, 0.25)].map(|(frame, behind)| Between { frame, behind });
-        let expected = Sorted { frames: vec![1010, 1011], between: between.into(), samples: vec![0, 3, 1, 2, 4] };
-        assert_eq!(sorted(&shutter, 24.0), expected);
-        let none = Sorted { frames: vec![0, 1], between: Vec::new(), samples: vec![0, 1] };
-        assert_eq!(sorted(&shutter[1..3], 24.0), none);
+        let expected =
+            Sorted { frames: vec![1010, 1011], between: between.into(), samples: vec![0, 3, 1, 2, 4], counted: false };
+        assert_eq!(sorted(&shutter, Some(24.0)), expected);
+        let none = Sorted { frames: vec![0, 1], between: Vec::new(), samples: vec![0, 1], counted: true };
+        assert_eq!(sorted(&shutter[1..3], Some(24.0)), none);
+        // What stands still is in the nearest frame, and a rate in few digits is the one that is meant.
+        assert_eq!(numbers(&[1.0 / 24.0], Some(25.0)), [1]);
+        let television = [1001.0, 1002.0].map(|frame| frame * 1001.0 / 24_000.0);
+        assert_eq!(numbers(&television, Some(23.976)), [1001, 1002]);
     }
 }

@@ -9,7 +9,7 @@ use drapery_usd::read::{About, Stage, Stored, UsdError};
 use super::transforms::in_world;
 use super::{Between, CacheMesh, StoredFrame, cut};
 use crate::error::IoError;
-use crate::formats::usd_reader::{frame_rate, mesh_data, rendered, stated_units};
+use crate::formats::usd_reader::{frame_rate, left_out, mesh_data, seen, stated_units};
 use crate::mesh_data::{Connectivity, MeshData};
 use crate::units::{InputUnits, decide};
 
@@ -29,7 +29,7 @@ const BOUNDS_TOLERANCE: f32 = 1e-5;
 /// Where points are counted from, and the points.
 type Shifted = ([f64; 3], Vec<[f32; 3]>);
 
-/// A stage whose rendered meshes are read frame by frame.
+/// A stage whose meshes are read frame by frame.
 pub(super) struct StageFrames {
     path: PathBuf,
     stage: Stage,
@@ -45,6 +45,10 @@ pub(super) struct StageFrames {
 }
 
 struct Mesh {
+    /// What it is for, if not for everything.
+    purpose: Option<String>,
+    /// What of it is not handed through, a sentence each.
+    left_out: Vec<String>,
     frames: Vec<i64>,
     /// Time codes of the samples between these.
     between: Vec<f64>,
@@ -63,10 +67,10 @@ impl fmt::Debug for StageFrames {
 }
 
 impl StageFrames {
-    /// Opens all meshes that are rendered.
+    /// Opens all meshes that are to be seen, whatever their purpose.
     pub(super) fn open(path: &Path) -> Result<(Self, Vec<CacheMesh>), IoError> {
         let stage = Stage::open(path)?;
-        let places = rendered(path, &stage)?;
+        let places = seen(path, &stage)?;
         let chosen = stage.choose(&places)?;
         let about = stage.about();
         let (units, unit_note) = decide(stated_units(path, about)?, None, None);
@@ -79,10 +83,17 @@ impl StageFrames {
         for (mesh, place) in places.iter().enumerate() {
             let about = found.stage.about();
             let (name, range, codes) = (about.meshes[*place].path.clone(), about.range, &chosen.codes_of_each[mesh]);
+            let purpose = about.meshes[*place].purpose.clone();
+            let names = chosen.left_out_of_each[mesh].iter().map(|left| left_out(&name, left));
+            let moving = chosen.moving_primvars_of_each[mesh].iter();
+            let moving = moving.map(|moving| format!("{name}: {moving} moves, and has its first value in all frames"));
+            let left_out = names.chain(moving).collect();
             let frames = found.frames_of(&name, range, codes)?;
             let fixed = found.stage.fixed_to_world(mesh)?;
             let faces_move = found.stage.faces_move(mesh)?;
             found.meshes.push(Mesh {
+                purpose,
+                left_out,
                 between: found.between(&frames, codes),
                 frames,
                 moves: !codes.is_empty(),
@@ -202,11 +213,11 @@ impl StageFrames {
         let crossings = self.stage.integers(mesh, CROSSINGS, self.code(mesh, sample))?;
         let crossings = crossings.and_then(|all| u32::try_from(*all.first()?).ok());
         Ok(match self.stored(mesh, sample)? {
-            Some(Stored { points, velocities, extent, .. }) => StoredFrame {
+            Some(Stored { points, velocities, normals, extent, .. }) => StoredFrame {
                 has_bounds_of_points: extent.is_none_or(|extent| contains(extent, &points)),
                 positions: points,
                 velocities,
-                normals: None,
+                normals,
                 crossings,
             },
             None => {
@@ -227,7 +238,23 @@ impl StageFrames {
 
     /// Faces and what is handed through, of the first frame.
     pub(super) fn attributes(&self, mesh: usize, name: &str) -> Result<MeshData, IoError> {
-        Ok(mesh_data(name.to_owned(), self.stage.mesh(mesh, self.code(mesh, 0))?))
+        let data = mesh_data(name.to_owned(), self.stage.mesh(mesh, self.code(mesh, 0))?);
+        Ok(MeshData { purpose: self.meshes[mesh].purpose.clone(), ..data })
+    }
+
+    /// What a mesh is for, if not for everything.
+    pub(super) fn purpose(&self, mesh: usize) -> Option<&str> {
+        self.meshes[mesh].purpose.as_deref()
+    }
+
+    /// What of a mesh is not handed through, a sentence each.
+    pub(super) fn left_out(&self, mesh: usize) -> Vec<String> {
+        self.meshes[mesh].left_out.clone()
+    }
+
+    /// Meshes that nothing is to be seen of, a sentence each.
+    pub(super) fn hidden(&self) -> Vec<String> {
+        hidden(self.stage.about()).map(|(path, why)| format!("{path} is left out: {why}")).collect()
     }
 }
 
@@ -240,9 +267,13 @@ fn notes_on(about: &About) -> Vec<String> {
     if about.range.is_none() {
         notes.push("the stage does not say its first and last time code; frames are those of the samples".to_owned());
     }
-    let skipped = about.meshes.iter().filter_map(|mesh| Some((&mesh.path, mesh.skipped.as_ref()?)));
-    notes.extend(skipped.map(|(path, why)| format!("{path} is not looked at: {why}")));
+    notes.extend(hidden(about).map(|(path, why)| format!("{path} is not looked at: {why}")));
     notes
+}
+
+/// Meshes that nothing is to be seen of, and why.
+fn hidden(about: &About) -> impl Iterator<Item = (&String, &String)> {
+    about.meshes.iter().filter_map(|mesh| Some((&mesh.path, mesh.hidden.as_ref()?)))
 }
 
 /// The shift that a matrix is, if it is no more.

@@ -26,6 +26,9 @@ pub(super) fn chosen(
     to: &Path,
 ) -> Result<(Chosen, Vec<String>), IoError> {
     let described = &source.meshes()[mesh];
+    if source.counts_samples(mesh) && source.fps().is_some() {
+        return Err(no_frames(source, described));
+    }
     let range = range(source, described, asked)?;
     let frames = &described.frames[range.clone()];
     let whole = || range.clone().zip(frames).map(|(sample, frame)| (sample, *frame, 0)).collect();
@@ -63,6 +66,14 @@ pub(super) fn chosen(
     );
     all.sort_by_key(|(_, frame, sub_frame)| (*frame, *sub_frame));
     Ok((Chosen { all, sub_frames }, around.into_iter().collect()))
+}
+
+/// Says that times are those of no frame.
+fn no_frames(source: &CacheFrames, mesh: &CacheMesh) -> IoError {
+    let fps = source.fps().unwrap_or_default();
+    let what = format!("none of its {} samples is at a whole frame at {fps} frames per second", mesh.frames.len());
+    let advice = "say the frame rate of the file with --fps, or export it with samples at whole frames";
+    IoError::data(source.path(), mesh.name.clone(), what, advice)
 }
 
 /// Without samples between frames: one of what does not move.

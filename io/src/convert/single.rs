@@ -9,7 +9,7 @@ use drapery_usd::write::{
 };
 
 use super::samples::{self, Chosen};
-use super::{Conversion, Converted, Work, aside, chosen, described, plan, rate};
+use super::{Conversion, Converted, Work, aside, chosen, described, opened, plan, rate};
 use crate::cache::{APPLICATION, CachePlan};
 use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
@@ -42,7 +42,8 @@ struct Part<'a> {
 
 /// Writes the layer under another name, and gives it its own when it is whole.
 pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Converted, IoError> {
-    let source = CacheFrames::open(&conversion.from)?;
+    let source = opened(conversion)?;
+    let (numerator, denominator) = rate(&source, conversion.fps)?;
     let meshes = match &conversion.object {
         Some(object) => vec![chosen(&source, Some(object))?],
         None => (0..source.meshes().len()).collect(),
@@ -51,7 +52,11 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
     for mesh in meshes {
         let (samples, lacking) = shown(&source, mesh, conversion)?;
         left_out.extend(lacking);
+        left_out.extend(source.left_out(mesh)?);
         kept.push((mesh, GarmentMesh::kept(described(&source, mesh, samples.all[0].0)?), samples));
+    }
+    if conversion.object.is_none() {
+        left_out.extend(source.hidden());
     }
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
     let mut parts: Vec<Part<'_>> = Vec::new();
@@ -61,7 +66,6 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
         parts.push(Part { work: Work { source: &source, mesh: *mesh, plan }, samples, path });
     }
     refuse_too_much(conversion, &parts)?;
-    let (numerator, denominator) = rate(&source, conversion.fps)?;
     let units = layer_units(parts[0].work.plan.units, f64::from(numerator) / f64::from(denominator));
     let fps = format!("{numerator}/{denominator}");
     let properties = [("application", APPLICATION.to_owned()), ("fps", fps)];

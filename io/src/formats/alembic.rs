@@ -14,7 +14,7 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::{GlobBuilder, GlobMatcher};
 
-use super::alembic_writer::reverse;
+use super::alembic_writer::{RENDER_MESH_OF, reverse};
 use crate::error::IoError;
 use crate::input_file;
 use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, Uvs};
@@ -23,7 +23,7 @@ use crate::mesh_data::{Connectivity, FaceSet, MeshData, MeshParam, MeshReader, U
 const PIECE: usize = 8192;
 
 /// Times closer than this are one sample [s]: archives round frame / fps differently for points and transforms.
-const SAME_TIME: f64 = 1e-6;
+pub(crate) const SAME_TIME: f64 = 1e-6;
 
 /// A time this close to a stored one, in sample steps, is that sample and not a blend of two.
 const SAME_SAMPLE: f64 = 1e-3;
@@ -239,20 +239,32 @@ pub fn sample_times(meshes: &[PolyMesh]) -> Result<Vec<f64>, IoError> {
         if mesh.topology_variance() != TopologyVariance::Constant {
             times.extend(mesh.times());
         }
-        let mut parent = mesh.object().parent();
-        while let Some(object) = parent {
-            if object.schema() == Schema::Xform {
-                let xform = Xform::of(&object)?;
-                if !xform.is_constant() {
-                    times.extend((0..xform.sample_count()).map(|index| xform.time(index)));
-                }
-            }
-            parent = object.parent();
-        }
+        times.extend(transform_times(mesh)?);
     }
+    merge_times(&mut times);
+    Ok(times)
+}
+
+/// Times at which transforms above a mesh are stored, of those that change.
+pub(crate) fn transform_times(mesh: &PolyMesh) -> Result<Vec<f64>, IoError> {
+    let mut times = Vec::new();
+    let mut parent = mesh.object().parent();
+    while let Some(object) = parent {
+        if object.schema() == Schema::Xform {
+            let xform = Xform::of(&object)?;
+            if !xform.is_constant() {
+                times.extend((0..xform.sample_count()).map(|index| xform.time(index)));
+            }
+        }
+        parent = object.parent();
+    }
+    Ok(times)
+}
+
+/// Puts times in order, each once.
+pub(crate) fn merge_times(times: &mut Vec<f64>) {
     times.sort_by(f64::total_cmp);
     times.dedup_by(|b, a| *b - *a < SAME_TIME);
-    Ok(times)
 }
 
 /// One mesh without its points, faces turned counter-clockwise in the world.
@@ -280,6 +292,7 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
     };
     let point_count = mesh.vertex_count(sample)?;
     Ok(MeshData {
+        render_mesh_of: render_mesh_of(mesh),
         object_path: mesh.object().path().to_owned(),
         mesh: PolygonMesh {
             points: vec![Vec3::zeros(); point_count],
@@ -292,6 +305,12 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
         subdivision: (mesh.object().schema() == Schema::SubD).then(|| "catmullClark".to_owned()),
         ..MeshData::default()
     })
+}
+
+/// The garment that a mesh follows to be rendered in its place, if the archive says so.
+pub fn render_mesh_of(mesh: &PolyMesh) -> Option<String> {
+    let told = mesh.user_properties()?.samples(RENDER_MESH_OF)?;
+    told.strings(0).ok()?.into_iter().next()
 }
 
 /// UVs as one index a face corner, in the file's order of corners; none when they do not fit the mesh.

@@ -34,6 +34,9 @@ use crate::units::Units;
 /// faces; who cuts those along other diagonals sees another surface.
 pub(crate) const TRIANGLES: &str = "triangles";
 
+/// The garment that a render mesh follows.
+pub(crate) const RENDER_MESH_OF: &str = "render_mesh_of";
+
 /// User property, one number a frame: how many edges of cloth pass through triangles of cloth in all garments of the
 /// shot.
 pub(crate) const CROSSINGS: &str = "crossings";
@@ -69,6 +72,8 @@ struct Still {
     uvs: Option<Uvs>,
     face_sets: Vec<FaceSet>,
     params: Vec<MeshParam>,
+    /// The garment that it follows.
+    render_mesh_of: Option<String>,
     /// None where they are just the faces.
     triangles: Option<Vec<[u32; 3]>>,
 }
@@ -259,6 +264,9 @@ impl AlembicWriter {
             archive.write_static_string(properties, name, text)?;
         }
         archive.write_static_scalar(properties, "metres_per_unit", &[self.units.length.metres()])?;
+        if let Some(garment) = &still.render_mesh_of {
+            archive.write_static_string(properties, RENDER_MESH_OF, garment)?;
+        }
         if let Some(triangles) = &still.triangles {
             let (kind, none) = (DataType::new(PodType::I32, 3), MetaData::new());
             let property = archive.add_array_property(properties, TRIANGLES, &none, kind, 0)?;
@@ -386,9 +394,9 @@ impl Still {
             reverse(&mesh.face_counts, &mut uvs.indices);
         }
         let signed = |list: Vec<u32>| list.into_iter().map(|number| number as i32).collect();
-        let MeshData { mesh, uvs, face_sets, params, .. } = data;
+        let MeshData { mesh, uvs, face_sets, params, render_mesh_of, .. } = data;
         let (face_counts, face_indices) = (signed(mesh.face_counts), signed(mesh.face_indices));
-        Self { face_counts, face_indices, uvs, face_sets, params, triangles }
+        Self { face_counts, face_indices, uvs, face_sets, params, render_mesh_of, triangles }
     }
 
     /// A frame with everything that is written with the first one only.

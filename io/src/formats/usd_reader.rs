@@ -16,7 +16,9 @@ use super::alembic_writer::reverse;
 use crate::error::IoError;
 use crate::file_summary::{FileSummary, MeshSummary, bounds, face_kinds};
 use crate::input_file;
-use crate::mesh_data::{Connectivity, DataType, FaceSet, MeshData, MeshParam, MeshReader, PodType, Scope, Uvs};
+use crate::mesh_data::{
+    BoundMaterial, Connectivity, DataType, FaceSet, MeshData, MeshParam, MeshReader, PodType, Scope, Uvs,
+};
 use crate::units::{StatedUnits, UpAxis};
 
 /// A code this close to a stored one, in sample steps, is that sample: 1001/24 s times 24 is not 1001.
@@ -50,7 +52,7 @@ impl UsdMesh {
         input_file::open(path)?;
         let stage = Stage::open(path)?;
         let about = stage.about();
-        let places = choose(path, pattern, &stage)?;
+        let places = choose(path, pattern, &stage, Entry::skipped)?;
         let objects: Vec<String> = places.iter().map(|place| about.meshes[*place].path.clone()).collect();
         let needs = |prim: &str| {
             let below = |object: &String| {
@@ -181,6 +183,21 @@ impl MeshReader for UsdMesh {
     fn notes(&self) -> Vec<String> {
         self.notes.clone()
     }
+
+    fn left_out(&self) -> Vec<String> {
+        let each = self.objects.iter().zip(&self.chosen.left_out_of_each);
+        // Normals and accelerations belong to a pose, and whatever is made of the mesh has others.
+        let stays = |name: &&String| !name.starts_with("normals") && *name != "accelerations";
+        let of = |(object, names): (&String, &Vec<String>)| {
+            names.iter().filter(stays).map(|name| left_out(object, name)).collect::<Vec<_>>()
+        };
+        each.flat_map(of).collect()
+    }
+}
+
+/// Says that something of an object is not handed through.
+pub(crate) fn left_out(object: &str, name: &str) -> String {
+    format!("{object}: {name} is left out: it is not handed through")
 }
 
 /// What a stage says about its units.
@@ -216,21 +233,26 @@ pub(crate) fn frame_rate(path: &Path, about: &About) -> Result<(f64, f64), IoErr
     Ok((frames, codes / frames))
 }
 
-/// Places of all meshes that are rendered.
+/// Places of all meshes that are to be seen, whatever they are for.
 ///
 /// # Errors
 /// There are none.
-pub(crate) fn rendered(path: &Path, stage: &Stage) -> Result<Vec<usize>, IoError> {
-    choose(path, None, stage)
+pub(crate) fn seen(path: &Path, stage: &Stage) -> Result<Vec<usize>, IoError> {
+    choose(path, None, stage, |entry| entry.hidden.clone())
 }
 
-/// Places of the meshes that fit a pattern and are rendered.
-fn choose(path: &Path, pattern: Option<&str>, stage: &Stage) -> Result<Vec<usize>, IoError> {
+/// Places of the meshes that fit a pattern and are not skipped.
+fn choose(
+    path: &Path,
+    pattern: Option<&str>,
+    stage: &Stage,
+    skipped: impl Fn(&Entry) -> Option<String>,
+) -> Result<Vec<usize>, IoError> {
     let about = stage.about();
     let fits = pattern.map(|pattern| fitting(path, pattern)).transpose()?;
     let fitting = |entry: &Entry| fits.as_ref().is_none_or(|fits| fits.is_match(&entry.path));
     let all = || about.meshes.iter().enumerate().filter(|(_, entry)| fitting(entry));
-    let places: Vec<usize> = all().filter(|(_, entry)| entry.skipped.is_none()).map(|(place, _)| place).collect();
+    let places: Vec<usize> = all().filter(|(_, entry)| skipped(entry).is_none()).map(|(place, _)| place).collect();
     if !places.is_empty() {
         return Ok(places);
     }
@@ -239,13 +261,14 @@ fn choose(path: &Path, pattern: Option<&str>, stage: &Stage) -> Result<Vec<usize
         return Err(flaw.clone().into());
     }
     let rendered: Vec<&str> =
-        about.meshes.iter().filter(|entry| entry.skipped.is_none()).map(|entry| entry.path.as_str()).collect();
+        about.meshes.iter().filter(|entry| skipped(entry).is_none()).map(|entry| entry.path.as_str()).collect();
     let advice = match rendered.is_empty() {
         true => "export the meshes themselves".to_owned(),
         false => format!("its meshes are {}", rendered.join(", ")),
     };
-    let what = match (all().next(), pattern) {
-        (Some((_, Entry { path, skipped: Some(why), .. })), _) => format!("the mesh {path} is not rendered: {why}"),
+    let first = all().next().and_then(|(_, entry)| Some((&entry.path, skipped(entry)?)));
+    let what = match (first, pattern) {
+        (Some((path, why)), _) => format!("the mesh {path} is not rendered: {why}"),
         (_, Some(pattern)) if !about.meshes.is_empty() => format!("no mesh has a path like {pattern}"),
         _ => without_meshes(&about.others),
     };
@@ -260,7 +283,8 @@ fn without_meshes(others: &[(String, String)]) -> String {
 
 /// A mesh of a stage as the rest of the program knows it.
 pub(crate) fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
-    let MeshSample { points, faces, subsets, mut primvars, subdivision, material } = sample;
+    let MeshSample { points, faces, subsets, mut primvars, subdivision, material, double_sided, render_mesh_of } =
+        sample;
     let counts = faces.counts;
     let found = primvars.iter().position(|primvar| primvar.name == UV && is_uv(primvar));
     let found = found.or_else(|| {
@@ -279,17 +303,26 @@ pub(crate) fn mesh_data(object_path: String, sample: MeshSample) -> MeshData {
         params,
         face_sets: subsets
             .into_iter()
-            .map(|subset| FaceSet { name: subset.name, faces: subset.faces, material: subset.material })
+            .map(|subset| FaceSet { name: subset.name, faces: subset.faces, material: subset.material.map(bound) })
             .collect(),
         mesh: PolygonMesh {
             points: points.into_iter().map(Vec3::from).collect(),
             face_counts: counts,
             face_indices: faces.indices,
         },
-        material,
+        material: material.map(bound),
+        purpose: None,
+        double_sided,
+        render_mesh_of,
         subdivision: Some(subdivision),
         triangles: None,
     }
+}
+
+/// A binding as the rest of the program knows it.
+fn bound(material: drapery_usd::BoundMaterial) -> BoundMaterial {
+    let drapery_usd::BoundMaterial { path, source, is_stronger } = material;
+    BoundMaterial { path, source, is_stronger }
 }
 
 fn is_uv(primvar: &Primvar) -> bool {
@@ -351,6 +384,8 @@ fn param(mut primvar: Primvar, face_counts: &[u32]) -> MeshParam {
         Meaning::Normal => "normal",
         Meaning::Vector => "vector",
         Meaning::Token => TOKEN,
+        // Alembic has it for UVs alone.
+        Meaning::TextureCoordinate if primvar.extent == 2 => "vector",
         Meaning::Numbers | Meaning::TextureCoordinate => "",
     };
     MeshParam {
@@ -389,6 +424,13 @@ pub(super) fn summary(path: &Path) -> Result<FileSummary, IoError> {
     tell("time codes", range.unwrap_or_else(|| "not said".to_owned()));
     tell("defaultPrim", about.default_prim.clone().unwrap_or_else(|| "not said".to_owned()));
     tell("layers", about.layers.len().to_string());
+    let own = path.canonicalize().ok();
+    let folder = own.as_deref().and_then(Path::parent);
+    let whole = |layer: &PathBuf| layer.canonicalize().unwrap_or_else(|_| layer.clone());
+    let outside = |layer: &PathBuf| folder.is_some_and(|folder| !layer.starts_with(folder));
+    for layer in about.layers.iter().map(whole).filter(outside) {
+        tell("layer outside of its folder", layer.display().to_string());
+    }
     for (_, flaw) in &about.flaws {
         tell("broken", format!("{}: {}", flaw.place, flaw.what));
     }
@@ -408,7 +450,7 @@ fn unreadable(path: String, error: UsdError) -> MeshSummary {
 }
 
 fn mesh_summary(stage: &Stage, entry: &Entry, chosen: &Chosen) -> Result<MeshSummary, IoError> {
-    let path = match &entry.skipped {
+    let path = match entry.skipped() {
         Some(why) => format!("{} (not read: {why})", entry.path),
         None => entry.path.clone(),
     };

@@ -72,7 +72,9 @@ impl FromFile {
 
 impl GarmentReader for FromFile {
     fn read(&self) -> Result<MeshData, IoError> {
-        self.open()?.mesh_at(self.time)
+        let data = self.open()?.mesh_at(self.time)?;
+        // What a cache was for says nothing of what is simulated from it.
+        Ok(MeshData { purpose: None, render_mesh_of: None, ..data })
     }
 
     fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
@@ -98,7 +100,8 @@ impl Resolver<'_> {
         if !garment.pin.is_empty() {
             let looks = garment.pin.iter().any(|pin| pin.region.is_some());
             let Some(places) = self.places(path, &mesh, start.as_deref(), looks) else { return };
-            let read = ReadGarment { points: mesh.point_count(), places: &places, grid, units: garment.units };
+            let read =
+                ReadGarment { points: mesh.point_count(), mesh: &mesh, places: &places, grid, units: garment.units };
             for (number, pin) in garment.pin.iter().enumerate() {
                 let pin = self.pin(pin, &path.clone().key("pin").index(number), index, &read);
                 self.description.pins.extend(pin);
@@ -182,6 +185,7 @@ impl Resolver<'_> {
             self.has_room(&here, mesh.point_count() as f64)?;
             // They are read again with the first frame, which would be late for bad news.
             self.of_file(&here, source.check_attributes_at(time))?;
+            source.left_out().into_iter().for_each(|what| self.warn(&file, &what));
             return Some((mesh, None));
         }
         for (key, written) in [("path", garment.path.is_some()), ("units", garment.units.is_some())] {

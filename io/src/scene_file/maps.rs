@@ -1,5 +1,6 @@
 //! Painted maps of garments: attributes of the rest shape, or lists of numbers in files.
 
+use drapery_core::mesh::MeshStream;
 use drapery_core::scene::vertex_maps::{PaintedMap, PaintedMaps};
 
 use crate::error::IoError;
@@ -13,7 +14,10 @@ use super::resolve::Resolver;
 use super::tree::Path;
 
 /// What a name of a map begins with that is a file.
-const FILE: &str = "file:";
+pub(super) const FILE: &str = "file:";
+
+/// A map holds vertices where it is above this.
+const HELD: f64 = 0.5;
 
 impl Resolver<'_> {
     /// Resolves the maps of a garment with so many points. Problems are recorded, and the map is then left out.
@@ -43,6 +47,35 @@ impl Resolver<'_> {
             }
         }
         maps
+    }
+
+    /// The vertices of a garment where a map is above one half. Problems are recorded.
+    pub(super) fn painted_vertices(&mut self, path: &Path, name: &str, mesh: &GarmentMesh) -> Option<Vec<u32>> {
+        let values = match name.strip_prefix(FILE) {
+            Some(file) => self.map_file(path, file)?,
+            None => {
+                let data = self.of_file(path, mesh.read())?;
+                self.check(path, attribute(&data, name))?
+            }
+        };
+        self.same_count(path, "this map", values.len(), "the garment", mesh.point_count())?;
+        if let Some(vertex) = values.iter().position(|value| !value.is_finite()) {
+            self.error(path, format!("the map `{name}` is not a finite number at vertex {vertex}"));
+            return None;
+        }
+        let painted: Vec<u32> =
+            (0..).zip(&values).filter(|(_, value)| **value > HELD).map(|(vertex, _)| vertex).collect();
+        if painted.is_empty() {
+            let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let help = format!("paint the vertices to be held with 1; its largest value is {most}");
+            self.error_with(
+                path,
+                format!("the map `{name}` is nowhere above {HELD}, so this pin holds no vertex"),
+                help,
+            );
+            return None;
+        }
+        Some(painted)
     }
 
     /// The numbers of a text file, separated by commas, blanks or lines; a list in brackets, as of JSON, is one too.

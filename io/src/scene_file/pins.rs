@@ -108,19 +108,24 @@ pub(super) fn existing(chosen: Vec<u32>, count: usize, what: &str) -> Result<Vec
 ///
 /// # Errors
 /// Not exactly one way of naming them, names that fit no panel, or no vertex at all.
-fn vertices(pin: &Pin, garment: &ReadGarment<'_>, file: Option<&PinFile>) -> Result<Vec<u32>, String> {
+fn vertices(
+    pin: &Pin,
+    garment: &ReadGarment<'_>,
+    (file, painted): (Option<&PinFile>, Option<Vec<u32>>),
+) -> Result<Vec<u32>, String> {
     let named = Named {
         vertices: pin.vertices.as_deref(),
         corners: pin.corners.as_deref(),
         nodes: pin.nodes.as_deref(),
         region: pin.region,
     };
-    if named.ways() + usize::from(pin.file.is_some()) != 1 {
-        return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where` and `file`".to_owned());
+    if named.ways() + usize::from(pin.file.is_some()) + usize::from(pin.map.is_some()) != 1 {
+        return Err("a pin needs exactly one of `vertices`, `corners`, `nodes`, `where`, `map` and `file`".to_owned());
     }
-    let chosen = match file {
-        Some(file) => file.pins.iter().map(|p| p.vertex).collect(),
-        None => {
+    let chosen = match (file, painted) {
+        (Some(file), _) => file.pins.iter().map(|p| p.vertex).collect(),
+        (_, Some(painted)) => painted,
+        (None, None) => {
             let mut chosen = named.find(garment.places, garment.grid)?;
             chosen.sort_unstable();
             chosen.dedup();
@@ -165,7 +170,11 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        let mut chosen = vertices(pin, garment, file.as_ref());
+        let painted = match &pin.map {
+            Some(name) => Some(self.painted_vertices(&path.clone().key("map"), name, garment.mesh)?),
+            None => None,
+        };
+        let mut chosen = vertices(pin, garment, (file.as_ref(), painted));
         if let (Some(_), Err(message)) = (pin.region, &mut chosen)
             && self.scene.document.units.is_some_and(|units| written(units) != Units::SI)
         {

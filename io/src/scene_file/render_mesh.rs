@@ -27,22 +27,26 @@ const LONGEST_NAME: usize = 235 - RENDER.len();
 /// Attributes that the moving normals take the place of.
 const NORMALS: [&str; 2] = ["N", "normals"];
 
-/// A mesh of a file without its normals, which are those of one pose.
-struct WithoutNormals(FromFile);
+/// A mesh of a file that follows a garment: without its normals, which are those of one pose.
+struct Following {
+    file: FromFile,
+    garment: String,
+}
 
-impl GarmentReader for WithoutNormals {
+impl GarmentReader for Following {
     fn read(&self) -> Result<MeshData, IoError> {
-        let mut data = self.0.read()?;
+        let mut data = self.file.read()?;
         data.params.retain(|param| !NORMALS.contains(&param.name.as_str()));
+        data.render_mesh_of = Some(self.garment.clone());
         Ok(data)
     }
 
     fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
-        self.0.points(take)
+        self.file.points(take)
     }
 
     fn faces(&self, take: &mut dyn FnMut(&[u32], &[u32])) -> Result<(), IoError> {
-        self.0.faces(take)
+        self.file.faces(take)
     }
 }
 
@@ -62,9 +66,11 @@ impl Resolver<'_> {
         let source = self.open(&file, &named, written.path.as_deref(), written.units)?;
         let time = time.unwrap_or_else(|| source.first_time());
         let object = source.object_path();
-        let path_of_file = source.path().to_owned();
+        let (path_of_file, units) = (source.path().to_owned(), source.units());
+        source.left_out().into_iter().for_each(|what| self.warn(&named, &what));
         let reader = FromFile::of(&source, written.path.clone(), time);
-        let mesh = GarmentMesh::new(&path_of_file, object, WithoutNormals(reader));
+        let reader = Following { file: reader, garment: garment.name.clone() };
+        let mesh = GarmentMesh::new(&path_of_file, object, reader);
         let mesh = self.of_file(&file, mesh)?;
         if mesh.face_count() == 0 {
             let help = "export it with polygons, or choose another object with `path`".to_owned();
@@ -75,7 +81,8 @@ impl Resolver<'_> {
         let data = self.of_file(&file, mesh.read())?;
         let rigid = self.rigid_parts(&data, written, &here)?;
         let garment = self.description.garments.len();
-        Some(RenderMeshDescription { garment, name, file: path_of_file, mesh, max_distance: max_distance?, rigid })
+        let max_distance = max_distance?;
+        Some(RenderMeshDescription { garment, name, file: path_of_file, units, mesh, max_distance, rigid })
     }
 
     /// The name of its caches, which no garment may have.

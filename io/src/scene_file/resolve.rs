@@ -27,6 +27,8 @@ use super::{SceneFile, effects, fields, file_names, ranges, resolved};
 /// What pins have to know of a garment.
 pub(super) struct ReadGarment<'a> {
     pub(super) points: usize,
+    /// Its rest shape.
+    pub(super) mesh: &'a GarmentMesh,
     /// Where they start, if a pin looks.
     pub(super) places: &'a [Vec3],
     pub(super) grid: Option<[u32; 2]>,
@@ -49,6 +51,7 @@ pub(super) struct Resolver<'a> {
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
+    referred_files: Vec<PathBuf>,
     /// What is worth saying about files that can be read.
     warnings: Vec<String>,
     /// What the garments so far need.
@@ -71,6 +74,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         tracks: Vec::new(),
         wind: None,
         input_files: scene.material_files.clone(),
+        referred_files: Vec::new(),
         warnings: Vec::new(),
         memory: Memory::new(scene, ranks),
     };
@@ -109,6 +113,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         name: document.shot.name.clone(),
         scene_path: scene.path.clone(),
         input_files: resolver.input_files,
+        referred_files: resolver.referred_files,
         meshes: scene.meshes.clone(),
         scene: resolver.description,
         bodies: resolver.bodies,
@@ -238,14 +243,24 @@ impl Resolver<'_> {
             self.error_with(path, "the units of this file are not known", help.to_owned());
             return None;
         };
-        source.other_files().into_iter().for_each(|file| self.takes(file));
-        for note in warning.into_iter().chain(source.notes()) {
-            let text = format!("{}: {note}", file.display());
-            if !self.warnings.contains(&text) {
-                self.warnings.push(text);
+        for file in source.other_files() {
+            if !self.referred_files.contains(&file) {
+                self.referred_files.push(file.clone());
             }
+            self.takes(file);
+        }
+        for note in warning.into_iter().chain(source.notes()) {
+            self.warn(&file.display().to_string(), &note);
         }
         Some(source)
+    }
+
+    /// Takes note of what somebody should know of a file.
+    pub(super) fn warn(&mut self, file: &str, note: &str) {
+        let text = format!("{file}: {note}");
+        if !self.warnings.contains(&text) {
+            self.warnings.push(text);
+        }
     }
 
     /// Takes note of a file that the shot reads.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::memory_mesh::MEMORY;
 
 use super::SceneFile;
+use super::maps::FILE;
 use super::tree::{Node, Origin, Table, Value};
 
 /// Sections in the order in which a reader looks for them; tables of effects come before the bodies.
@@ -16,6 +17,10 @@ const TABLES: usize = 5;
 
 /// Keys that name files relative to the scene file.
 pub const FILES: [&str; 4] = ["file", "rest", "start", "track"];
+
+/// Keys that name a map or hold maps, which may be files.
+const MAP: &str = "map";
+const MAPS: &str = ".maps";
 
 /// Column of the comments.
 const COMMENT_COLUMN: usize = 44;
@@ -57,6 +62,10 @@ fn section(out: &mut String, scene: &SceneFile, table: &Table, path: &str) {
             Value::Text(text) if FILES.contains(&entry.key.as_str()) && !path.is_empty() => {
                 Value::Text(absolute(scene, text).to_string_lossy().into_owned())
             }
+            Value::Text(text) if entry.key == MAP || path.ends_with(MAPS) => match text.strip_prefix(FILE) {
+                Some(file) => Value::Text(format!("{FILE}{}", absolute(scene, file).to_string_lossy())),
+                None => entry.node.value.clone(),
+            },
             other => other.clone(),
         };
         let line = format!("{} = {}", entry.key, inline(&value));

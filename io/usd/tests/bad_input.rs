@@ -221,8 +221,8 @@ fn meshes_that_are_not_rendered_are_told_with_the_reason() {
     ];
     fs::write(&path, usda(&text.concat())).unwrap();
     let stage = Stage::open(&path).unwrap();
-    let messages: Vec<(&str, Option<&str>)> =
-        stage.about().meshes.iter().map(|entry| (entry.path.as_str(), entry.skipped.as_deref())).collect();
+    let messages: Vec<(&str, Option<String>)> =
+        stage.about().meshes.iter().map(|entry| (entry.path.as_str(), entry.skipped())).collect();
     let expected = [
         ("/a", None),
         ("/b", Some("its purpose is guide")),
@@ -231,7 +231,7 @@ fn meshes_that_are_not_rendered_are_told_with_the_reason() {
         ("/g/h", Some("it is below a PointInstancer, and none of its prototypes")),
         ("/i", None),
     ];
-    assert_eq!(messages, expected);
+    assert_eq!(messages, expected.map(|(path, why)| (path, why.map(str::to_owned))));
 }
 
 #[test]
@@ -290,4 +290,19 @@ fn names_with_spaces_and_letters_of_any_language_and_paths_out_of_the_folder_are
     assert!(stage.about().flaws.is_empty(), "{:?}", stage.about().flaws);
     assert_eq!(stage.about().meshes[0].path, "/held");
     assert_eq!(stage.about().layers.len(), 2);
+}
+
+#[test]
+fn a_number_that_begins_with_its_point_is_an_error_that_says_what_to_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("layer.usda");
+    fs::write(&path, usda(&triangle("a", "float primvars:wet = .3"))).unwrap();
+    let stage = folder.path().join("stage.usda");
+    fs::write(&stage, "#usda 1.0\n(\n    subLayers = [@./layer.usda@]\n)\n").unwrap();
+    let alone = Stage::open(&path).map(|_| ()).unwrap_err();
+    let below = Stage::open(&stage).unwrap().about().flaws[0].1.clone();
+    for error in [alone, below] {
+        assert!(error.advice.contains("(.3) is right in USD") && error.advice.contains("write 0.3"), "{error}");
+        assert!(error.what.contains("layer.usda:"), "{error}");
+    }
 }

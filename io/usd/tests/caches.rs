@@ -3,18 +3,22 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use drapery_usd::Interpolation;
 use drapery_usd::cache::{Cache, CacheError};
 use drapery_usd::write::{
     CacheLayer, FaceSubset, Members, MeshPath, Moving, Primvar, StillMesh, Subdivision, Units, Values, cache_layer,
     clip, clip_manifest, topology,
 };
+use drapery_usd::{BoundMaterial, Interpolation};
 
 const UNITS: Units = Units { metres_per_unit: 0.01, z_up: true, time_codes_per_second: 24000.0 / 1001.0 };
 
 fn points(frame: i64) -> Vec<[f32; 3]> {
     let z = frame as f32 * 0.5;
     vec![[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, -z], [0.0, 1.0, z], [2.0, 0.5, f32::MIN_POSITIVE]]
+}
+
+fn bound(path: &str) -> BoundMaterial {
+    BoundMaterial { path: path.to_owned(), ..BoundMaterial::default() }
 }
 
 fn still(path: &MeshPath) -> StillMesh<'_> {
@@ -34,10 +38,13 @@ fn still(path: &MeshPath) -> StillMesh<'_> {
             indices: None,
         }],
         subsets: vec![
-            FaceSubset { name: "front".to_owned(), faces: vec![0], material: Some("/mtl/denim".to_owned()) },
+            FaceSubset { name: "front".to_owned(), faces: vec![0], material: Some(bound("/mtl/denim")) },
             FaceSubset { name: "none".to_owned(), faces: Vec::new(), material: None },
         ],
-        material: Some("/mtl/lining".to_owned()),
+        material: Some(bound("/hero/mtl/lining")),
+        purpose: None,
+        double_sided: Some(true),
+        render_mesh_of: None,
         triangles: Some(vec![[0, 1, 2], [0, 2, 3], [1, 4, 2]]),
         velocities: true,
         normals: true,

@@ -15,7 +15,16 @@ pub(super) fn find_distance(bindings: &[JudgedBinding]) -> Vec<Finding> {
             millimetres(*max_distance),
             millimetres(distance),
         );
-        let line = format!("max_distance = \"{} mm\" in [garment.render_mesh]", (distance * 1e3).ceil());
+        let (message, line) = match binding.unit {
+            Some((unit, up)) => {
+                let size =
+                    format!("in {} it would have the size of the garment: its unit is likely the fault", unit.plural());
+                let line =
+                    format!("units = {{ length = \"{}\", up = \"{up:?}\" }} in [garment.render_mesh]", unit.word());
+                (format!("{message}; {size}"), line)
+            }
+            None => (message, format!("max_distance = \"{} mm\" in [garment.render_mesh]", (distance * 1e3).ceil())),
+        };
         Some(Finding { object: binding.object.clone(), message, line })
     };
     bindings.iter().filter_map(found).collect()

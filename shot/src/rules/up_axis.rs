@@ -43,8 +43,15 @@ fn of_body(motion: &InputMotion, [low, high]: [Vec3; 2]) -> Option<Finding> {
          {depth:.2} m along {up:?}",
         motion.source.path().display()
     );
-    let table = if motion.own_units { "`units` of this body" } else { "[units]" };
-    Some(Finding { object: motion.label.clone(), message, line: format!("up = \"{other:?}\" in {table}") })
+    let up = format!("up = \"{other:?}\"");
+    let line = match (motion.own_units, motion.source.states_up_axis(), units.named()) {
+        (true, ..) => format!("{up} in `units` of this body"),
+        (false, false, _) => format!("{up} in [units]"),
+        // Over what a file says of itself goes only what is said of that very file.
+        (false, true, Some(length)) => format!("units = {{ length = \"{}\", {up} }} at this body", length.word()),
+        (false, true, None) => format!("upAxis = \"{other:?}\" in the file, which says otherwise itself"),
+    };
+    Some(Finding { object: motion.label.clone(), message, line })
 }
 
 fn of_gravity(facts: &Facts<'_>) -> Option<Finding> {

@@ -13,7 +13,7 @@ use drapery_io::cache::{APPLICATION, CacheFrame, CacheMark, CachePlan, CacheWrit
 use drapery_io::checkpoint::Head;
 use drapery_io::convert::SINGLE_LAYER;
 use drapery_io::error::IoError;
-use drapery_io::formats::{self, CreateCache, Part, ResumeCache, ShotCache, ShotFiles};
+use drapery_io::formats::{self, CreateCache, Part, ResumeCache, ShotCache, ShotFiles, holds_whole_frames};
 use drapery_io::units::Units;
 use serde_json::{Value, json};
 
@@ -130,8 +130,12 @@ impl Output {
                 (own, Some(last)) => {
                     // Its own file first: a cache of another format may have been left out for a while.
                     let stem = cache.path.file_stem();
-                    let other = marks.iter().rfind(|mark| Path::new(&mark.file).file_stem() == stem);
+                    let others = || marks.iter().filter(|mark| Path::new(&mark.file).file_stem() == stem);
+                    // Then one that has the samples between frames too.
+                    let has_all = |mark: &&CacheMark| !holds_whole_frames(Path::new(&mark.file));
+                    let other = others().rfind(has_all).or(others().next_back());
                     let source = own.or(other).map(|mark| folder.join(&mark.file));
+                    let last = (last, others().map(|mark| mark.sub_frame).max().unwrap_or(0));
                     let source = source.unwrap_or_else(|| cache.path.clone());
                     let open = (cache.create, cache.resume);
                     let garment = plan.garment.to_owned();

@@ -7,15 +7,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use drapery_io::cache::{CacheFrame, CachePlan, CacheWriter};
-use drapery_io::cache_frames::CacheFrames;
+use drapery_io::cache_frames::{Between, CacheFrames};
 use drapery_io::error::IoError;
-use drapery_io::formats::{CreateCache, ResumeCache};
+use drapery_io::formats::{CreateCache, ResumeCache, holds_whole_frames};
 use drapery_io::normals;
 
 use crate::frame_digest::GarmentDigests;
 use crate::quality::CROSSINGS_WRITTEN;
 use crate::run_record::RECORD;
 use crate::run_record::reader::frame_counts;
+
+/// Samples that lie closer to each other behind a frame are one [frames].
+const ALIKE: f64 = 1e-6;
 
 /// A cache in its new form.
 pub(super) struct NewForm<'a> {
@@ -28,15 +31,15 @@ pub(super) struct NewForm<'a> {
 }
 
 impl NewForm<'_> {
-    /// Writes the frames up to `last` from the cache `source`, puts the file in its place and goes on with it; `take` is given each
-    /// frame with the digests of what was written of it.
+    /// Writes the frames up to `last`, a frame and a number of samples behind it, from the cache `source`, puts the file in its
+    /// place and goes on with it; `take` is given each frame with the digests of what was written of it.
     ///
     /// # Errors
-    /// The source cannot be read, lacks a frame or the velocities that are asked for; the disk refuses.
+    /// The source cannot be read, lacks a frame, a sample between frames or the velocities that are asked for; the disk refuses.
     pub(super) fn write(
         &self,
         source: &Path,
-        last: i64,
+        last: (i64, usize),
         take: &mut dyn FnMut(i64, GarmentDigests),
     ) -> Result<Box<dyn CacheWriter>, IoError> {
         let (create, resume) = self.open;
@@ -54,39 +57,61 @@ impl NewForm<'_> {
     fn copy_frames(
         &self,
         source: &Path,
-        last: i64,
+        last: (i64, usize),
         (writer, take): (&mut dyn CacheWriter, &mut dyn FnMut(i64, GarmentDigests)),
     ) -> Result<(), IoError> {
         let lacks = |what: String| {
             let advice = "leave [output] as it was, or start anew with --overwrite";
             IoError::data(source, "the frames so far", what, advice)
         };
-        if !self.plan.sub_frames.is_empty() {
-            return Err(lacks("samples between frames are not taken over into caches of another form".to_owned()));
-        }
         let frames = CacheFrames::open(source)?;
         let folder = source.parent().unwrap_or(Path::new("."));
         let crossings = if self.plan.crossings { crossings_of(folder) } else { BTreeMap::new() };
-        for frame in self.plan.first_frame..=last {
-            let sample = frames.meshes()[0].frames.binary_search(&frame);
-            let sample = sample.map_err(|_| lacks(format!("frame {frame} is missing in it")))?;
+        // A format of whole frames passes over the samples between them.
+        let between = if holds_whole_frames(self.path) { 0 } else { self.plan.sub_frames.len() };
+        let samples_of = |frame: i64| 0..=if frame < last.0 { between } else { between.min(last.1) };
+        let samples = (self.plan.first_frame..=last.0).flat_map(|frame| samples_of(frame).map(move |k| (frame, k)));
+        for (frame, sub_frame) in samples {
+            let sample = self.sample(&frames, (frame, sub_frame)).map_err(lacks)?;
             let positions = self.positions(&frames, sample)?;
             let velocities = match frames.velocities(0, sample)? {
                 Some(velocities) => velocities,
                 None if self.plan.velocities => return Err(lacks("it holds no velocities".to_owned())),
                 None => Vec::new(),
             };
-            let crossings = self.plan.crossings.then(|| crossings.get(&frame).copied().unwrap_or(0));
+            // The record counts whole frames alone.
+            let counted = if sub_frame > 0 { frames.stored_frame(0, sample)?.crossings } else { None };
+            let counted = counted.or_else(|| crossings.get(&frame).copied());
+            let crossings = self.plan.crossings.then(|| counted.unwrap_or(0));
             let velocities = self.plan.units.stored_all(&velocities);
             let (positions, velocities) = (&positions[..], &velocities[..]);
             let faces = &frames.meshes()[0].faces;
             let of_points = || normals::at_points(&faces.face_counts, &faces.face_indices, positions);
             let normals = if self.plan.normals { of_points() } else { Vec::new() };
-            writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities, normals: &normals, crossings })?;
+            writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals: &normals, crossings })?;
             let stored = if self.plan.velocities { velocities } else { &[] };
-            take(frame, GarmentDigests::of(positions, stored));
+            if sub_frame == 0 {
+                take(frame, GarmentDigests::of(positions, stored));
+            }
         }
         Ok(())
+    }
+
+    /// The number in a cache of the sample that lies so many samples behind a frame, or what it lacks.
+    fn sample(&self, frames: &CacheFrames, (frame, sub_frame): (i64, usize)) -> Result<usize, String> {
+        let mesh = &frames.meshes()[0];
+        let Some(number) = sub_frame.checked_sub(1) else {
+            return mesh.frames.binary_search(&frame).map_err(|_| format!("frame {frame} is missing in it"));
+        };
+        let behind = self.plan.sub_frames[number];
+        if holds_whole_frames(frames.path()) {
+            let what = "it holds whole frames, and no other cache of this garment is there to take over the samples between them \
+                        from";
+            return Err(format!("{what}: the first is at frame {}", frame as f64 + behind));
+        }
+        let is_it = |at: &Between| at.frame == frame && (at.behind - behind).abs() < ALIKE;
+        let found = mesh.between.iter().position(is_it).map(|place| mesh.frames.len() + place);
+        found.ok_or_else(|| format!("the sample at frame {} is missing in it", frame as f64 + behind))
     }
 
     /// Positions of a frame as the new form stores them.

@@ -17,6 +17,7 @@ pub(crate) fn described(scene: SceneDescription, frames: [i64; 2], formats: &[&s
         name: scene.name.clone(),
         scene_path: PathBuf::new(),
         input_files: Vec::new(),
+        referred_files: Vec::new(),
         meshes: MemoryMeshes::default(),
         garments: scene.garments.iter().map(|g| GarmentMesh::kept(MeshData::new(g.mesh.clone()))).collect(),
         bodies: scene.bodies.iter().map(|_| None).collect(),

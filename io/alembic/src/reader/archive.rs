@@ -106,9 +106,12 @@ impl Archive {
         self.shared.metadata.get("_ai_Application").unwrap_or_default()
     }
 
-    /// Frames per second as noted by the writer. Sample times are in seconds and do not depend on it.
+    /// Frames per second as noted by the writer: as `DCC_FPS`, or as `FramesPerTimeUnit`, which Blender writes. Sample times are in
+    /// seconds and do not depend on it.
     pub fn frames_per_second_hint(&self) -> Option<f64> {
-        self.shared.metadata.get("_ai_DCC_FPS")?.trim().parse().ok().filter(|rate: &f64| *rate > 0.0)
+        let keys = ["_ai_DCC_FPS", "DCC_FPS", "_ai_FramesPerTimeUnit", "FramesPerTimeUnit"];
+        let rate = |key: &str| self.shared.metadata.get(key)?.trim().parse().ok();
+        keys.into_iter().filter_map(rate).find(|rate: &f64| rate.is_finite() && *rate > 0.0)
     }
 
     /// Version of the writing library as major·10000 + minor·100 + patch.

@@ -5,7 +5,7 @@ use drapery_usd::write::{FaceSubset, Primvar, Subdivision, Values};
 
 use crate::formats::alembic_writer::reverse;
 use crate::formats::usd_reader::TOKEN;
-use crate::mesh_data::{FaceSet, MeshParam, PodType, Scope};
+use crate::mesh_data::{BoundMaterial, FaceSet, MeshParam, PodType, Scope};
 
 /// How renderers take the faces; as they are where nobody says.
 pub(super) fn subdivision(word: Option<&str>) -> Subdivision {
@@ -23,7 +23,13 @@ pub(super) fn subset(set: FaceSet, faces: usize) -> FaceSubset {
         set.faces.iter().filter(|face| (**face as usize) < faces).map(|face| *face as i32).collect();
     there.sort_unstable();
     there.dedup();
-    FaceSubset { name: set.name, faces: there, material: set.material }
+    FaceSubset { name: set.name, faces: there, material: set.material.map(bound) }
+}
+
+/// A binding as USD writes it.
+pub(super) fn bound(material: BoundMaterial) -> drapery_usd::BoundMaterial {
+    let BoundMaterial { path, source, is_stronger } = material;
+    drapery_usd::BoundMaterial { path, source, is_stronger }
 }
 
 /// An attribute that is handed through; values of face corners are turned counter-clockwise.
@@ -185,7 +191,9 @@ mod tests {
 
     #[test]
     fn face_sets_name_only_faces_that_are_there() {
-        let set = FaceSet { name: "hem".into(), faces: vec![2, 0, 9, 2], material: Some("/m".into()) };
-        assert_eq!(subset(set, 3), FaceSubset { name: "hem".into(), faces: vec![0, 2], material: Some("/m".into()) });
+        let material = BoundMaterial { path: "/m".into(), is_stronger: true, ..BoundMaterial::default() };
+        let set = FaceSet { name: "hem".into(), faces: vec![2, 0, 9, 2], material: Some(material.clone()) };
+        let material = Some(bound(material));
+        assert_eq!(subset(set, 3), FaceSubset { name: "hem".into(), faces: vec![0, 2], material });
     }
 }

@@ -407,7 +407,7 @@ pub(in crate::scene_file) enum Axis {
     Z,
 }
 
-/// Vertices that are held. Say which (`vertices`, `corners`, `nodes`, `where` or `file`), and what they follow.
+/// Vertices that are held. Say which (`vertices`, `corners`, `nodes`, `where`, `map` or `file`), and what they follow.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct Pin {
@@ -424,6 +424,10 @@ pub(in crate::scene_file) struct Pin {
     /// A region: vertices that start inside are held.
     #[serde(rename = "where", skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) region: Option<Region>,
+    /// A painted map: vertices where it is above one half are held. The name of an attribute of the rest shape with one value for
+    /// each point (a primvar, without `primvars:`), or `"file:pins.txt"`, as in `maps` of the garment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::scene_file) map: Option<String>,
     /// A JSON file of pins: vertices, and where on a body they are attached.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) file: Option<String>,

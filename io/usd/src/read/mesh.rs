@@ -6,17 +6,20 @@ use openusd::usd::{AttributeQuery, Prim};
 use super::error::UsdError;
 use super::instancer::{Instances, repeat_faces, repeat_primvar, repeat_subset};
 use super::matrix::{Matrix, determinant, transform_point};
-use super::primvars;
+use super::primvars::{self, metadata};
 use super::session::Reading;
 use super::skin::Skin;
 use super::transform::{Transform, transform_all};
-use super::values::{integers, vectors};
+use super::values::{integers, vectors, word};
 use super::{Entry, Faces, MeshSample, Stored, Subset};
+use crate::RENDER_MESH_OF;
+use crate::material::{BINDING, BoundMaterial, SOURCE_PATH, STRENGTH, STRONGER};
 
 /// Attributes of meshes that clips may hold.
-const IN_CLIPS: [(&str, &str); 5] = [
+const IN_CLIPS: [(&str, &str); 6] = [
     ("points", "point3f[]"),
     ("velocities", "vector3f[]"),
+    ("normals", "normal3f[]"),
     ("extent", "float3[]"),
     ("faceVertexCounts", "int[]"),
     ("faceVertexIndices", "int[]"),
@@ -82,6 +85,11 @@ impl Mesh {
             skin,
             instances,
         })
+    }
+
+    /// Its prim.
+    pub(crate) fn prim(&self) -> &Prim {
+        &self.prim
     }
 
     /// Codes at which something of it is stored.
@@ -160,9 +168,14 @@ impl Mesh {
         let points = reading.value_at(&self.points, code)?;
         let points = list(points).ok_or_else(|| self.bad(reading, format!("it has no points at time code {code}")))?;
         let velocities = list(reading.value_at(&self.prim.attribute("velocities").query(), code)?);
+        let normals = self.prim.attribute("normals");
+        let interpolation = metadata(reading, &normals, "interpolation")?.as_ref().and_then(word);
+        let at_points = matches!(interpolation.as_deref(), None | Some("vertex" | "varying"));
+        let normals = if at_points { list(reading.value_at(&normals.query(), code)?) } else { None };
+        let normals = normals.filter(|normals| normals.len() == points.len());
         let extent = list(reading.value_at(&self.prim.attribute("extent").query(), code)?);
         let extent = extent.and_then(|extent| <[[f32; 3]; 2]>::try_from(extent).ok());
-        Ok(Some(Stored { points, velocities, extent, to_world: self.to_world(reading, code)? }))
+        Ok(Some(Stored { points, velocities, normals, extent, to_world: self.to_world(reading, code)? }))
     }
 
     /// From its own space to the world.
@@ -265,6 +278,11 @@ impl Mesh {
             primvars: primvars.filter_map(|primvar| repeat_primvar(primvar, &stored.counts, &turned)).collect(),
             subdivision: reading.word(&self.prim, "subdivisionScheme")?.unwrap_or_else(|| "catmullClark".to_owned()),
             material: material(reading, &self.prim, true)?,
+            double_sided: match reading.value(&self.prim.attribute("doubleSided"))? {
+                Some(Value::Bool(both)) => Some(both),
+                _ => None,
+            },
+            render_mesh_of: reading.word(&self.prim, RENDER_MESH_OF)?,
         })
     }
 
@@ -292,16 +310,24 @@ impl Mesh {
     }
 }
 
-/// The material that a prim is bound to, or one of its ancestors.
-fn material(reading: &Reading, prim: &Prim, inherited: bool) -> Result<Option<String>, UsdError> {
+/// The material that a prim is bound to, or one of its ancestors: the nearest one, unless one above is stronger.
+fn material(reading: &Reading, prim: &Prim, inherited: bool) -> Result<Option<BoundMaterial>, UsdError> {
+    let mut found: Option<BoundMaterial> = None;
     let mut next = Some(prim.clone());
     while let Some(prim) = next.filter(|prim| prim.path().as_str() != "/") {
-        if let Some(bound) = reading.targets(&prim, "material:binding")?.first() {
-            return Ok(Some(bound.as_str().to_owned()));
+        if let Some(bound) = reading.targets(&prim, BINDING)?.first() {
+            let strength = reading.ok(prim.relationship(BINDING).get_metadata::<Value>(STRENGTH), &prim)?;
+            let is_stronger = strength.as_ref().and_then(word).is_some_and(|word| word == STRONGER);
+            if found.is_none() || is_stronger {
+                // A path that leads nowhere is a binding all the same.
+                let at = reading.stage.prim(bound.as_str()).ok();
+                let source = at.and_then(|at| reading.word(&at, SOURCE_PATH).ok().flatten());
+                found = Some(BoundMaterial { path: bound.as_str().to_owned(), source, is_stronger });
+            }
         }
         next = if inherited { prim.parent() } else { None };
     }
-    Ok(None)
+    Ok(found)
 }
 
 /// Puts the corners of every face in the opposite order.

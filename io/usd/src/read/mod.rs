@@ -15,6 +15,7 @@ mod blend_shapes;
 mod error;
 mod guard;
 mod instancer;
+mod left_out;
 mod matrix;
 mod mesh;
 mod primvars;
@@ -32,6 +33,7 @@ pub use error::{UsdError, UsdErrorKind};
 pub use worker::answers_panics;
 
 use crate::Interpolation;
+use crate::material::BoundMaterial;
 use session::{Failure, Session};
 use worker::{Panicked, Worker};
 
@@ -40,12 +42,24 @@ use worker::{Panicked, Worker};
 pub struct Entry {
     /// Path of its prim; of a prototype that lies elsewhere, behind the path of its `PointInstancer`.
     pub path: String,
-    /// Why it is not part of what is rendered: its purpose, its visibility, or that it is only a prototype.
-    pub skipped: Option<String>,
+    /// Why nothing is to be seen of it: its visibility, or that it is only a prototype.
+    pub hidden: Option<String>,
+    /// What it is for, if not for everything: `render`, `proxy` or `guide`.
+    pub purpose: Option<String>,
     /// Whose prototype it is a part of, to be seen at all places of that.
     pub(crate) prototype: Option<instancer::Prototype>,
     /// Whether it is under a `SkelRoot`, so that a skeleton may move it.
     pub(crate) skinnable: bool,
+}
+
+impl Entry {
+    /// Why it is not part of what is rendered, if it is not: its purpose, or that it is hidden.
+    pub fn skipped(&self) -> Option<String> {
+        match self.purpose.as_deref() {
+            Some(purpose @ ("proxy" | "guide")) => Some(format!("its purpose is {purpose}")),
+            _ => self.hidden.clone(),
+        }
+    }
 }
 
 /// What a stage says about itself.
@@ -84,6 +98,10 @@ pub struct Chosen {
     pub codes_of_each: Vec<Vec<f64>>,
     /// What somebody may want to know.
     pub notes: Vec<String>,
+    /// What each of them has and nothing of is read, a few words each.
+    pub left_out_of_each: Vec<Vec<String>>,
+    /// Primvars of each of them that move, by their names.
+    pub moving_primvars_of_each: Vec<Vec<String>>,
     /// Files that the stage is made of.
     pub layers: Vec<PathBuf>,
 }
@@ -104,8 +122,8 @@ pub struct Subset {
     pub name: String,
     /// Faces, ascending.
     pub faces: Vec<u32>,
-    /// Path of the material that it is bound to.
-    pub material: Option<String>,
+    /// The material that it is bound to.
+    pub material: Option<BoundMaterial>,
 }
 
 /// Type of a number, or a text.
@@ -182,8 +200,12 @@ pub struct MeshSample {
     pub primvars: Vec<Primvar>,
     /// USD's word for how it is rendered: `none`, `catmullClark`, `loop`, `bilinear`.
     pub subdivision: String,
-    /// Path of the material that it is bound to.
-    pub material: Option<String>,
+    /// The material that it is bound to.
+    pub material: Option<BoundMaterial>,
+    /// Whether both sides of it are rendered, where that is said.
+    pub double_sided: Option<bool>,
+    /// The garment that it follows to be rendered in its place, if a cache of this program says so.
+    pub render_mesh_of: Option<String>,
 }
 
 /// What a mesh stores at a time code, before anything is made of it.
@@ -193,6 +215,8 @@ pub struct Stored {
     pub points: Vec<[f32; 3]>,
     /// Velocities in its own space [units per second].
     pub velocities: Option<Vec<[f32; 3]>>,
+    /// Normals in its own space, if there is one for each point.
+    pub normals: Option<Vec<[f32; 3]>>,
     /// Bounds that the file promises for the points, in its own space.
     pub extent: Option<[[f32; 3]; 2]>,
     /// From its own space to the world, for row vectors, row by row.

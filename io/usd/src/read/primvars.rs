@@ -17,10 +17,10 @@ const OF_SKELETONS: &str = "skel:";
 pub(crate) fn read(reading: &Reading, prim: &Prim, code: f64) -> Result<Vec<Primvar>, UsdError> {
     let mut primvars = Vec::new();
     for attribute in reading.ok(prim.authored_attributes_in_namespace("primvars"), prim)? {
-        let name = attribute.name().trim_start_matches("primvars:").to_owned();
-        if name.starts_with(OF_SKELETONS) || name.ends_with(":indices") {
+        if !is_primvar(attribute.name()) {
             continue;
         }
+        let name = attribute.name().trim_start_matches("primvars:").to_owned();
         let Some(value) = reading.value_at(&attribute.query(), code)? else { continue };
         let Some((element, extent, values)) = bytes(&value) else { continue };
         let size = metadata(reading, &attribute, "elementSize")?.as_ref().and_then(number).unwrap_or(1.0);
@@ -39,6 +39,12 @@ pub(crate) fn read(reading: &Reading, prim: &Prim, code: f64) -> Result<Vec<Prim
         primvars.push(Primvar { name, interpolation, element, extent, meaning, values, indices });
     }
     Ok(primvars)
+}
+
+/// Whether an attribute of this name is a primvar of its own, and none of those that skeletons need.
+pub(crate) fn is_primvar(name: &str) -> bool {
+    let name = name.trim_start_matches("primvars:");
+    !name.starts_with(OF_SKELETONS) && !name.ends_with(":indices")
 }
 
 impl Primvar {
@@ -91,6 +97,11 @@ fn meaning(reading: &Reading, attribute: &Attribute) -> Result<Meaning, UsdError
     })
 }
 
+/// How many numbers or texts make a value; `None` for what is neither.
+pub(crate) fn numbers_of(value: &Value) -> Option<usize> {
+    bytes(value).map(|(_, extent, _)| extent)
+}
+
 /// Numbers or texts as bytes: the type of one, how many make a value. `None` for what is neither.
 fn bytes(value: &Value) -> Option<(Element, usize, Vec<u8>)> {
     fn all<T: Copy, const N: usize, const B: usize>(
@@ -120,6 +131,13 @@ fn bytes(value: &Value) -> Option<(Element, usize, Vec<u8>)> {
         Value::FloatVec(v) => all(v, |v| [v.to_le_bytes()], F32),
         Value::Double(v) => all(&[*v], |v| [v.to_le_bytes()], F64),
         Value::DoubleVec(v) => all(v, |v| [v.to_le_bytes()], F64),
+        Value::Vec2f(v) => all(&[*v], |v| [v.x, v.y].map(f32::to_le_bytes), F32),
+        Value::Vec4f(v) => all(&[*v], |v| [v.x, v.y, v.z, v.w].map(f32::to_le_bytes), F32),
+        Value::Vec3d(v) => all(&[*v], |v| [v.x, v.y, v.z].map(f64::to_le_bytes), F64),
+        Value::Vec4iVec(v) => all(v, |v| [v.x, v.y, v.z, v.w].map(i32::to_le_bytes), I32),
+        Value::Vec4hVec(v) => all(v, |v| [v.x, v.y, v.z, v.w].map(|x| x.to_le_bytes()), F16),
+        Value::Matrix4d(v) => all(&[*v], |v| v.0.map(f64::to_le_bytes), F64),
+        Value::Matrix4dVec(v) => all(v, |v| v.0.map(f64::to_le_bytes), F64),
         Value::Vec2fVec(v) => all(v, |v| [v.x, v.y].map(f32::to_le_bytes), F32),
         Value::Vec2dVec(v) => all(v, |v| [v.x, v.y].map(f64::to_le_bytes), F64),
         Value::Vec2hVec(v) => all(v, |v| [v.x, v.y].map(|x| x.to_le_bytes()), F16),

@@ -11,6 +11,7 @@ use openusd::usd::{Attribute, AttributeQuery, Prim, PrimPredicate, Stage, TimeCo
 use super::error::{UsdError, UsdErrorKind};
 use super::guard::{Guard, Log, seen};
 use super::instancer::Prototype;
+use super::left_out;
 use super::mesh::Mesh;
 use super::values::{number, word};
 use super::worker::Panicked;
@@ -116,7 +117,21 @@ fn usd_error(path: &Path, place: &str, error: &openusd::Error, log: &Mutex<Log>)
         }
         cause = next.source();
     }
-    UsdError::bad(path, place, what, "the file is damaged, or of another kind; export it again")
+    let advice =
+        if begins_with_point(&what) { WRITE_ZERO } else { "the file is damaged, or of another kind; export it again" };
+    UsdError::bad(path, place, what, advice)
+}
+
+/// What the library says where a number of a text layer begins with its point, which USD allows and it does not read.
+const POINT_FIRST: &str = "got Punctuation('.')";
+
+/// What helps then.
+const WRITE_ZERO: &str = "a number that begins with its point (.3) is right in USD, and is not read here: write 0.3, or save the \
+                          layer as .usdc";
+
+/// Whether the library stumbled over a number that begins with its point.
+fn begins_with_point(what: &str) -> bool {
+    what.contains(POINT_FIRST)
 }
 
 fn refused(path: &Path, layer: &str, what: &str) -> UsdError {
@@ -152,8 +167,10 @@ struct Instancer {
     path: String,
     /// Paths of its prototypes.
     prototypes: Vec<String>,
-    /// Why it is not rendered.
-    skipped: Option<String>,
+    /// Why nothing is to be seen of it.
+    hidden: Option<String>,
+    /// What it is for.
+    purpose: Option<String>,
 }
 
 impl Session {
@@ -186,6 +203,8 @@ impl Session {
         let mut meshes = Vec::new();
         for entry in entries {
             let mesh = Mesh::open(&self.reading, entry, &mut chosen.notes)?;
+            chosen.left_out_of_each.push(left_out::of(&self.reading, mesh.prim())?);
+            chosen.moving_primvars_of_each.push(left_out::moving_primvars(&self.reading, mesh.prim())?);
             let mut codes = mesh.times(&self.reading)?;
             codes.sort_by(f64::total_cmp);
             codes.dedup();
@@ -257,13 +276,15 @@ fn walk(
             inherit(reading, &prim, &kind, &mut inherited)?;
             if kind == "PointInstancer" {
                 let within = || "it is within another PointInstancer, which is not read".to_owned();
-                let skipped = skipped(&inherited).or_else(|| in_instancer.then(within));
+                let hidden = hidden(&inherited).or_else(|| in_instancer.then(within));
                 let prototypes = reading.targets(&prim, "prototypes")?;
                 let prototypes = prototypes.iter().map(|path| path.as_str().to_owned()).collect();
-                instancers.push(Instancer { path: path.clone(), prototypes, skipped });
+                let purpose = inherited.purpose.clone();
+                instancers.push(Instancer { path: path.clone(), prototypes, hidden, purpose });
             }
             if kind == "Mesh" {
-                let entry = Entry { path, skipped: skipped(&inherited), prototype: None, skinnable: false };
+                let (hidden, purpose) = (hidden(&inherited), inherited.purpose.clone());
+                let entry = Entry { path, hidden, purpose, prototype: None, skinnable: false };
                 meshes.push(Found { entry, skel_root: inherited.skel_root, in_instancer });
             } else if others.len() < MOST_OTHERS && kind != "GeomSubset" {
                 others.push((path, if kind.is_empty() { "untyped".to_owned() } else { kind }));
@@ -279,7 +300,7 @@ fn inherit(reading: &Reading, prim: &Prim, kind: &str, inherited: &mut Inherited
     inherited.skel_root |= kind == "SkelRoot";
     inherited.instancer |= kind == "PointInstancer";
     if let Some(purpose) = reading.word(prim, "purpose")? {
-        inherited.purpose = Some(purpose);
+        inherited.purpose = Some(purpose).filter(|purpose| purpose != "default");
     }
     let visibility = prim.attribute("visibility");
     let invisible = |value: Option<Value>| value.as_ref().and_then(word).is_some_and(|word| word == "invisible");
@@ -297,14 +318,9 @@ fn inherit(reading: &Reading, prim: &Prim, kind: &str, inherited: &mut Inherited
     Ok(())
 }
 
-/// Why a mesh is not part of what is rendered.
-fn skipped(inherited: &Inherited) -> Option<String> {
-    match inherited.purpose.as_deref() {
-        Some(purpose @ ("proxy" | "guide")) => return Some(format!("its purpose is {purpose}")),
-        _ if inherited.invisible => return Some("it is invisible".to_owned()),
-        _ => {}
-    }
-    None
+/// Why nothing is to be seen of a mesh.
+fn hidden(inherited: &Inherited) -> Option<String> {
+    inherited.invisible.then(|| "it is invisible".to_owned())
 }
 
 /// Puts the meshes of prototypes where their instancers place them.
@@ -312,7 +328,7 @@ fn place(found: &mut Vec<Found>, instancers: &[Instancer]) {
     let below =
         |path: &str, root: &str| path.strip_prefix(root).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
     let mut placed = Vec::new();
-    for Instancer { path, prototypes, skipped } in instancers {
+    for Instancer { path, prototypes, hidden, purpose } in instancers {
         let first_of =
             |number: &usize| prototypes.iter().position(|root| *root == prototypes[*number]) == Some(*number);
         for root in (0..prototypes.len()).filter(first_of).map(|number| &prototypes[number]) {
@@ -320,10 +336,11 @@ fn place(found: &mut Vec<Found>, instancers: &[Instancer]) {
             for mesh in found.iter().filter(|mesh| below(&mesh.entry.path, root)) {
                 let own = mesh.entry.path.clone();
                 let character = || "a PointInstancer places characters (SkelRoot), which is not read".to_owned();
-                let why = mesh.entry.skipped.clone().or_else(|| skipped.clone());
+                let why = mesh.entry.hidden.clone().or_else(|| hidden.clone());
                 let entry = Entry {
                     path: if below(&own, path) { own.clone() } else { format!("{path}{own}") },
-                    skipped: why.or_else(|| mesh.skel_root.then(character)),
+                    hidden: why.or_else(|| mesh.skel_root.then(character)),
+                    purpose: mesh.entry.purpose.clone().or_else(|| purpose.clone()),
                     prototype: Some(Prototype {
                         instancer: path.clone(),
                         root: root.clone(),
@@ -340,7 +357,7 @@ fn place(found: &mut Vec<Found>, instancers: &[Instancer]) {
     found.retain(|mesh| !mesh.in_instancer || placed.iter().all(|other| other.entry.path != mesh.entry.path));
     for mesh in found.iter_mut().filter(|mesh| mesh.in_instancer) {
         let what = "it is below a PointInstancer, and none of its prototypes";
-        mesh.entry.skipped.get_or_insert_with(|| what.to_owned());
+        mesh.entry.hidden.get_or_insert_with(|| what.to_owned());
     }
     found.append(&mut placed);
 }
@@ -376,6 +393,7 @@ fn flaws(reading: &Reading) -> Vec<(String, UsdError)> {
         };
         let named = if place.is_empty() { "stage".to_owned() } else { place.clone() };
         let advice = match kind {
+            _ if begins_with_point(&text) => WRITE_ZERO,
             UsdErrorKind::Missing => "put the file where the layer looks for it, or export the stage as one file",
             UsdErrorKind::BadInput => "mend what the layer refers to, or export the stage as one file",
         };

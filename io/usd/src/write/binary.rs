@@ -76,6 +76,36 @@ impl BinaryLayer {
         Ok(Prim { path })
     }
 
+    /// Sets a field of a property that is declared.
+    pub(super) fn property_field(
+        &mut self,
+        prim: &Prim,
+        name: &str,
+        (field, value): (&str, Value),
+    ) -> Result<(), WriteError> {
+        let path = prim.path.append_property(name).map_err(|e| refused(name, &e))?;
+        self.data.set_field(&path, field, value);
+        Ok(())
+    }
+
+    /// Type of the prim at a path, if there is one.
+    pub(super) fn kind_at(&self, path: &str) -> Option<String> {
+        let path = Path::new(path).ok()?;
+        match self.data.spec(&path)?.get(FieldKey::TypeName.as_str()) {
+            Some(Value::Token(kind)) => Some(kind.as_str().to_owned()),
+            _ => Some(String::new()),
+        }
+    }
+
+    /// The text that an attribute of the prim at a path has for all times.
+    pub(super) fn text_at(&self, path: &str, name: &str) -> Option<String> {
+        let path = Path::new(path).ok()?.append_property(name).ok()?;
+        match self.data.spec(&path)?.get(FieldKey::Default.as_str()) {
+            Some(Value::String(text)) => Some(text.clone()),
+            _ => None,
+        }
+    }
+
     /// Names of the children of a prim.
     pub(super) fn children(&self, prim: &Prim) -> Vec<String> {
         let names = self.data.spec(&prim.path).and_then(|spec| spec.get(ChildrenKey::PrimChildren.as_str()));

@@ -9,6 +9,8 @@ use super::names::{Distinct, MeshPath};
 use super::primvars::{self, Primvar, Values};
 use super::subsets::{self, FaceSubset};
 use crate::Interpolation;
+use crate::RENDER_MESH_OF;
+use crate::material::BoundMaterial;
 
 /// Attributes that move, with their types; [`super::clip_manifest`] declares the same.
 pub(super) const POINTS: (&str, &str) = ("points", "point3f[]");
@@ -67,8 +69,14 @@ pub struct StillMesh<'a> {
     pub primvars: Vec<Primvar>,
     /// Face sets.
     pub subsets: Vec<FaceSubset>,
-    /// Path of the material of the whole mesh, if one is bound.
-    pub material: Option<String>,
+    /// The material of the whole mesh, if one is bound.
+    pub material: Option<BoundMaterial>,
+    /// What it is for, if that is said: `render`, `proxy` or `guide`.
+    pub purpose: Option<String>,
+    /// Whether both sides of it are rendered, where that is said.
+    pub double_sided: Option<bool>,
+    /// The garment that it follows to be rendered in its place, if it does.
+    pub render_mesh_of: Option<String>,
     /// The triangles that were simulated, where they are not just the faces.
     pub triangles: Option<Vec<[i32; 3]>>,
     /// Whether frames have velocities.
@@ -190,9 +198,19 @@ fn add_mesh(layer: &mut BinaryLayer, mesh: &Prim, still: StillMesh<'_>) -> Resul
         primvars::add(layer, mesh, &identifier, primvar)?;
     }
     if let Some(material) = &still.material {
-        subsets::bind(layer, mesh, material)?;
+        subsets::bind(layer, (mesh, still.path), material)?;
     }
-    subsets::add(layer, mesh, &still.subsets)
+    if let Some(both) = still.double_sided {
+        layer.attribute(mesh, ("doubleSided", "bool"), uniform(), Some(Value::Bool(both)))?;
+    }
+    if let Some(garment) = still.render_mesh_of {
+        let declared = Declared { custom: true, uniform: true, ..Declared::default() };
+        layer.attribute(mesh, (RENDER_MESH_OF, "string"), declared, Some(Value::String(garment)))?;
+    }
+    if let Some(purpose) = &still.purpose {
+        layer.attribute(mesh, ("purpose", "token"), uniform(), Some(token(purpose)))?;
+    }
+    subsets::add(layer, (mesh, still.path), &still.subsets)
 }
 
 /// The layer with one frame of what moves: a time sample of each attribute at the time code of the frame.

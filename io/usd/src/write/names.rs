@@ -38,6 +38,8 @@ impl Distinct {
 pub struct MeshPath {
     /// Identifiers, the mesh last; one at least.
     prims: Vec<String>,
+    /// How many of them stand for the root of the file that the mesh is from, and its name.
+    root: (usize, String),
 }
 
 impl MeshPath {
@@ -48,13 +50,34 @@ impl MeshPath {
         if prims.is_empty() {
             prims.push("mesh".to_owned());
         }
-        Self { prims }
+        let root = (1, prims[0].clone());
+        Self { prims, root }
     }
 
     /// The same mesh below the prims of a shot and of a part of it, which takes the place of the root.
     pub fn in_shot(&self, shot: &str, part: &str) -> Self {
         let above = [shot, part].map(str::to_owned).into_iter();
-        Self { prims: above.chain(self.prims[1..].iter().cloned()).collect() }
+        let prims = above.chain(self.prims[1..].iter().cloned()).collect();
+        Self { prims, root: (2, self.root.1.clone()) }
+    }
+
+    /// Where a material of this path goes: below what stands for the root of the mesh, so that both stay together wherever the layer
+    /// is referenced.
+    pub(super) fn material(&self, path: &str) -> Vec<String> {
+        let mut names: Vec<String> = path.split('/').filter(|name| !name.is_empty()).map(identifier).collect();
+        let (levels, root) = &self.root;
+        if names.len() > 1 && names[0] == *root {
+            names.remove(0);
+        }
+        if names.is_empty() {
+            names.push("material".to_owned());
+        }
+        self.prims[..*levels].iter().cloned().chain(names).collect()
+    }
+
+    /// Whether these prims are the mesh or stand above it.
+    pub(super) fn goes_through(&self, names: &[String]) -> bool {
+        self.prims.starts_with(names)
     }
 
     /// The prims from the root down to the mesh.
@@ -111,5 +134,18 @@ mod tests {
             ("hero", "/hero/geo/skirt_Shape", "/hero/geo")
         );
         assert_eq!(MeshPath::of("").mesh(), "/mesh");
+    }
+
+    #[test]
+    fn materials_are_below_what_stands_for_the_root_of_the_mesh() {
+        let mesh = MeshPath::of("/char/geo/cape");
+        let there = |path: &str| {
+            [mesh.material(path), mesh.in_shot("shot", "cape").material(path)].map(|names| names.join("/"))
+        };
+        assert_eq!(there("/char/mtl/red"), ["char/mtl/red", "shot/cape/mtl/red"]);
+        assert_eq!(there("/looks/red:1"), ["char/looks/red_1", "shot/cape/looks/red_1"]);
+        assert_eq!(there("/char"), ["char/char", "shot/cape/char"]);
+        assert_eq!(there("/"), ["char/material", "shot/cape/material"]);
+        assert!(mesh.goes_through(&mesh.material("/char/geo")) && !mesh.goes_through(&mesh.material("/geo/red")));
     }
 }

@@ -77,6 +77,10 @@ impl SingleLayer {
         let kind = if parts.is_empty() { "component" } else { "assembly" };
         self.layer.field(&prim, "kind", token(kind));
         for part in parts {
+            // What holds materials is no part.
+            if self.layer.kind_at(&format!("/{root}/{part}")).as_deref() == Some("Scope") {
+                continue;
+            }
             let part = self.layer.prim(&prim, &part, Some("Xform"))?;
             self.layer.field(&part, "kind", token("component"));
         }
