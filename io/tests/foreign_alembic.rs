@@ -99,8 +99,8 @@ fn samples_between_frames_stay_between_frames_and_what_is_behind_the_last_is_tol
         let to = folder.path().join(format!("to.{to}"));
         let done = converted(&from, &to, None).unwrap();
         assert_eq!(done.frames, [1001, 1004]);
-        let told = "/set/cloth: 1 samples before the first frame or behind the last are left out";
-        assert!(done.left_out.len() == 1 && done.left_out[0].starts_with(told), "{:?}", done.left_out);
+        let expected = "/set/cloth: 1 samples before the first frame or behind the last are left out";
+        assert!(done.left_out.len() == 1 && done.left_out[0].starts_with(expected), "{:?}", done.left_out);
         let expected: Vec<_> =
             (0..=6).map(|half| 1001.0 + f64::from(half) / 2.0).map(|at| (at, [0.0, at, 0.0])).collect();
         assert_eq!(places(&to), expected);

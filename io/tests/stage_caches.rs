@@ -229,8 +229,8 @@ fn meshes_of_all_purposes_are_converted_with_theirs_and_what_is_hidden_is_told()
     let folder = tempfile::tempdir().unwrap();
     let from = written(folder.path(), "char.usda", PURPOSES);
     let to = folder.path().join("all.usdc");
-    let told = converted(&from, &to).unwrap().left_out;
-    assert!(told.iter().any(|what| what == "/char/nobody is left out: it is invisible"), "{told:?}");
+    let messages = converted(&from, &to).unwrap().left_out;
+    assert!(messages.iter().any(|what| what == "/char/nobody is left out: it is invisible"), "{messages:?}");
     for path in [&from, &to] {
         let cache = CacheFrames::open(path).unwrap();
         let meshes: Vec<_> =
@@ -247,17 +247,17 @@ fn what_a_mesh_has_and_is_not_handed_through_is_told_by_name() {
         let object = Some("/char/cape".to_owned());
         let to = folder.path().join(format!("cape.{to}"));
         let conversion = Conversion { from: from.clone(), to: to.clone(), object, ..Conversion::default() };
-        let told = convert(&conversion, &mut |_| {}).unwrap().left_out;
+        let messages = convert(&conversion, &mut |_| {}).unwrap().left_out;
         let left = ["creaseIndices", "creaseLengths", "creaseSharpnesses", "normals (faceVarying)"];
         let mut expected: Vec<String> =
             left.iter().map(|name| format!("/char/cape: {name} is left out: it is not handed through")).collect();
         expected.push("/char/cape: primvars:wet moves, and has its first value in all frames".to_owned());
         if to.ends_with("cape.abc") {
             let missing = ["doubleSided", "material:binding"];
-            let told = |what: &str| format!("/char/cape: {what} is left out: the format has no place for it");
-            expected.extend(missing.map(told));
+            let no_place = |what: &str| format!("/char/cape: {what} is left out: the format has no place for it");
+            expected.extend(missing.map(no_place));
         }
-        assert_eq!(told, expected);
+        assert_eq!(messages, expected);
         let data = CacheFrames::open(&to).unwrap().attributes(0).unwrap();
         let param = |name: &str| data.params.iter().find(|param| param.name == name).unwrap();
         let numbers: Vec<f64> = param("frame").values.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();

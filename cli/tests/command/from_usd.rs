@@ -48,37 +48,37 @@ fn base(folder: &Path) -> String {
 #[test]
 fn the_line_for_a_wrong_up_axis_of_a_file_that_states_it_ends_the_warning() {
     let folder = written(SCENE);
-    let told = drapery(folder.path(), &["check", "scene.toml"]);
-    assert_eq!(told.code, Some(0), "{}", told.stderr);
+    let seen = drapery(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(seen.code, Some(0), "{}", seen.stderr);
     let line = "units = { length = \"cm\", up = \"Z\" }";
-    assert!(told.stderr.contains("up_axis: body \"hero\": "), "{}", told.stderr);
-    assert!(told.stderr.contains(&format!("help: write {line} at this body")), "{}", told.stderr);
+    assert!(seen.stderr.contains("up_axis: body \"hero\": "), "{}", seen.stderr);
+    assert!(seen.stderr.contains(&format!("help: write {line} at this body")), "{}", seen.stderr);
     let mended = written(&format!("{SCENE}{line}\n"));
-    let told = drapery(mended.path(), &["check", "scene.toml"]);
-    assert!(told.code == Some(0) && !told.stderr.contains("up_axis"), "{}", told.stderr);
+    let seen = drapery(mended.path(), &["check", "scene.toml"]);
+    assert!(seen.code == Some(0) && !seen.stderr.contains("up_axis"), "{}", seen.stderr);
 }
 
 #[test]
 fn layers_of_other_folders_are_shown() {
     let folder = written(SCENE);
     let base = base(folder.path());
-    let told = drapery(folder.path(), &["check", "-v", "scene.toml"]);
-    assert!(told.stderr.contains(&base), "{}", told.stderr);
-    let told = drapery(folder.path(), &["plan", "scene.toml"]);
-    assert!(told.stdout.contains(&format!("reads {base}, which a file of the scene refers to")), "{}", told.stdout);
-    let told = drapery(folder.path(), &["info", "shots/010/hero.usda"]);
-    assert!(told.stdout.contains(&format!("layer outside of its folder: {base}")), "{}", told.stdout);
-    let told = drapery(folder.path(), &["info", "base.usda"]);
-    assert!(!told.stdout.contains("outside of its folder"), "{}", told.stdout);
+    let seen = drapery(folder.path(), &["check", "-v", "scene.toml"]);
+    assert!(seen.stderr.contains(&base), "{}", seen.stderr);
+    let seen = drapery(folder.path(), &["plan", "scene.toml"]);
+    assert!(seen.stdout.contains(&format!("reads {base}, which a file of the scene refers to")), "{}", seen.stdout);
+    let seen = drapery(folder.path(), &["info", "shots/010/hero.usda"]);
+    assert!(seen.stdout.contains(&format!("layer outside of its folder: {base}")), "{}", seen.stdout);
+    let seen = drapery(folder.path(), &["info", "base.usda"]);
+    assert!(!seen.stdout.contains("outside of its folder"), "{}", seen.stdout);
 }
 
 #[test]
 fn samples_that_do_not_reach_are_told_with_the_rate_of_the_file() {
     let folder = written(&SCENE.replace("\"25\"", "\"24\"").replace("1-3", "1-4"));
-    let told = drapery(folder.path(), &["check", "scene.toml"]);
-    assert_eq!(told.code, Some(65), "{}", told.stderr);
-    assert!(told.stderr.contains("the file says 25 frames per second"), "{}", told.stderr);
-    assert!(told.stderr.contains("write fps = \"25\" in [shot]"), "{}", told.stderr);
+    let seen = drapery(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(seen.code, Some(65), "{}", seen.stderr);
+    assert!(seen.stderr.contains("the file says 25 frames per second"), "{}", seen.stderr);
+    assert!(seen.stderr.contains("write fps = \"25\" in [shot]"), "{}", seen.stderr);
 }
 
 #[test]
@@ -89,17 +89,17 @@ fn a_render_mesh_in_another_unit_or_without_a_place_is_told_as_such() {
     let folder = folder_with(scene);
     let square = |y: &str| format!("v -50 {y} -50\nv 50 100 -50\nv 50 100 50\nv -50 100 50\nf 1 4 3 2\n");
     fs::write(folder.path().join("fine.obj"), square("100")).unwrap();
-    let told = drapery(folder.path(), &["check", "scene.toml"]);
+    let seen = drapery(folder.path(), &["check", "scene.toml"]);
     let words = [
         "render_mesh_distance",
         "in centimetres it would have the size",
         "write units = { length = \"cm\", up = \"Y\" } in",
     ];
-    assert!(told.code == Some(0) && words.iter().all(|word| told.stderr.contains(word)), "{}", told.stderr);
+    assert!(seen.code == Some(0) && words.iter().all(|word| seen.stderr.contains(word)), "{}", seen.stderr);
     fs::write(folder.path().join("fine.obj"), square("nan")).unwrap();
-    let told = drapery(folder.path(), &["check", "scene.toml"]);
-    assert_eq!(told.code, Some(65), "{}", told.stderr);
-    assert!(told.stderr.contains("render mesh: point 0") && !told.stderr.contains(": : "), "{}", told.stderr);
+    let seen = drapery(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(seen.code, Some(65), "{}", seen.stderr);
+    assert!(seen.stderr.contains("render mesh: point 0") && !seen.stderr.contains(": : "), "{}", seen.stderr);
 }
 
 #[test]
@@ -109,6 +109,6 @@ fn one_frame_is_one_time_code_and_verify_says_what_that_means() {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let layer = fs::read_to_string(folder.path().join("out/sheet.usd")).unwrap();
     assert!(layer.contains("startTimeCode = 2\n") && layer.contains("endTimeCode = 2\n"), "{layer}");
-    let told = drapery(folder.path(), &["verify", "out/sheet.usd"]);
-    assert!(told.code == Some(0) && told.stdout.contains("a single time code"), "{}{}", told.stdout, told.stderr);
+    let seen = drapery(folder.path(), &["verify", "out/sheet.usd"]);
+    assert!(seen.code == Some(0) && seen.stdout.contains("a single time code"), "{}{}", seen.stdout, seen.stderr);
 }

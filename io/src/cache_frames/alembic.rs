@@ -135,26 +135,26 @@ impl ArchiveFrames {
     pub(super) fn left_out(&self, mesh: usize) -> Result<Vec<String>, IoError> {
         let mesh = &self.meshes[mesh].mesh;
         let name = mesh.object().path();
-        let mut told = Vec::new();
+        let mut sentences = Vec::new();
         if let Some(normals) = mesh.normals().filter(|normals| normals.scope() != Scope::Vertex) {
             let of = match normals.scope() {
                 Scope::FaceVarying => "of face corners",
                 Scope::Uniform => "of faces",
                 _ => "of another kind",
             };
-            told.push(format!("{name}: normals {of} are left out: a cache has them at points"));
+            sentences.push(format!("{name}: normals {of} are left out: a cache has them at points"));
         }
         let moving = |param: &GeomParam| param.sample_count() > 1 && !param.is_constant();
         let moving = mesh.attributes().into_iter().chain(mesh.uv()).filter(moving);
-        told.extend(
+        sentences.extend(
             moving.map(|param| format!("{name}: {} moves, and has its first value in all frames", param.name())),
         );
         let creases = [".creaseIndices", ".creaseSharpnesses", ".cornerIndices", ".holes"];
         for crease in creases.iter().filter(|name| mesh.geom().samples(name).is_some_and(|samples| !samples.is_empty()))
         {
-            told.push(format!("{name}: {crease} is left out: it is not handed through"));
+            sentences.push(format!("{name}: {crease} is left out: it is not handed through"));
         }
-        Ok(told)
+        Ok(sentences)
     }
 
     /// Checks what is the same in all frames by the digests in the file.

@@ -309,8 +309,8 @@ fn read_mesh(mesh: &PolyMesh, time: f64) -> Result<MeshData, IoError> {
 
 /// The garment that a mesh follows to be rendered in its place, if the archive says so.
 pub fn render_mesh_of(mesh: &PolyMesh) -> Option<String> {
-    let told = mesh.user_properties()?.samples(RENDER_MESH_OF)?;
-    told.strings(0).ok()?.into_iter().next()
+    let names = mesh.user_properties()?.samples(RENDER_MESH_OF)?;
+    names.strings(0).ok()?.into_iter().next()
 }
 
 /// UVs as one index a face corner, in the file's order of corners; none when they do not fit the mesh.
