@@ -139,8 +139,9 @@ fn a_render_mesh_is_no_cloth_and_what_it_crosses_is_told_and_not_judged() {
     assert_eq!(verified(&follows(None)).failures.len(), 2);
     let found = verified(&follows(Some("coat")));
     assert_eq!(found.failures, [] as [String; 0]);
-    let told = "/coat_render/shape (render mesh of coat, not judged as cloth)";
-    for expected in [format!("{told}: its layers cross in 1 of 2 frames"), format!("{told} and /coat/shape cross in ")]
+    let shell = "/coat_render/shape (render mesh of coat, not judged as cloth)";
+    for expected in
+        [format!("{shell}: its layers cross in 1 of 2 frames"), format!("{shell} and /coat/shape cross in ")]
     {
         assert!(found.facts.iter().any(|fact| fact.starts_with(&expected)), "{:?}", found.facts);
     }

@@ -258,8 +258,8 @@ mod tests {
         assert_eq!(missing_frames("m", &[1, 2, 3], &[1]), ["m: only the first has frame 2, 3"]);
         let between =
             |behind: &[f64]| behind.iter().map(|behind| Between { frame: 7, behind: *behind }).collect::<Vec<_>>();
-        let told = missing_between("m", &between(&[0.25, 0.75]), &between(&[0.250_000_000_1]));
-        assert_eq!(told, ["m: only the first has 1 samples between frames, the first at frame 7.75"]);
+        let named = missing_between("m", &between(&[0.25, 0.75]), &between(&[0.250_000_000_1]));
+        assert_eq!(named, ["m: only the first has 1 samples between frames, the first at frame 7.75"]);
         let many: Vec<i64> = (1..=9).collect();
         assert_eq!(missing_frames("m", &[1], &many), ["m: only the second has frame 2 to 9 (8 frames)"]);
     }

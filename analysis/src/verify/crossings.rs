@@ -1,10 +1,9 @@
 //! Does cloth pass through cloth? Exactly, on the stored positions, in every frame.
 //!
-//! Each mesh against itself, and against every other of all files given. What render meshes cross is told and not judged: they are
-//! no cloth, but follow it. Positions are taken as they are stored, so
-//! nothing is rounded; only meshes under different transforms have to be brought together in the world, where their
-//! points are rounded as `f64`. Faces are cut into the triangles that were simulated where the file tells them, and
-//! otherwise by the solver's rule at the first sample.
+//! Each mesh against itself, and against every other of all files given. What render meshes cross is reported and not judged:
+//! they are no cloth, but follow it. Positions are taken as they are stored, so nothing is rounded; only meshes under different
+//! transforms have to be brought together in the world, where their points are rounded as `f64`. Faces are cut into the triangles
+//! that were simulated where the file tells them, and otherwise by the solver's rule at the first sample.
 
 use std::collections::BTreeMap;
 
@@ -340,11 +339,11 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
             Subject::Cloth(..) if frames == 0 => clean_pairs += 1,
             // It is around its own garment, and thicker than that where it meets another.
             Subject::Cloth(i, j) if [i, j].iter().any(|k| sheets[*k].render_mesh_of.is_some()) => {
-                let told = |k: usize| match sheets[k].render_mesh_of {
+                let described = |k: usize| match sheets[k].render_mesh_of {
                     Some(_) => render_mesh(&sheets[k]),
                     None => sheets[k].name.clone(),
                 };
-                found.facts.push(format!("{} and {} cross {where_and_how}", told(i), told(j)));
+                found.facts.push(format!("{} and {} cross {where_and_how}", described(i), described(j)));
             }
             Subject::Cloth(i, j) => {
                 found.failures.push(format!("{} and {} cross {where_and_how}", name(i), name(j)));

@@ -9,12 +9,9 @@ use crate::input_file;
 use crate::mesh_data::{DataType, MeshData, MeshParam, Scope};
 
 use super::deserialize::suggestion;
-use super::raw::Garment;
+use super::raw::{FILE, Garment};
 use super::resolve::Resolver;
 use super::tree::Path;
-
-/// What a name of a map begins with that is a file.
-pub(super) const FILE: &str = "file:";
 
 /// A map holds vertices where it is above this.
 const HELD: f64 = 0.5;

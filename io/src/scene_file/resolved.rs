@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::memory_mesh::MEMORY;
 
 use super::SceneFile;
-use super::maps::FILE;
+use super::raw::FILE;
 use super::tree::{Node, Origin, Table, Value};
 
 /// Sections in the order in which a reader looks for them; tables of effects come before the bodies.

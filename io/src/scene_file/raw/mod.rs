@@ -22,6 +22,9 @@ pub(in crate::scene_file) use garment::{
 pub(in crate::scene_file) use seam::{PAIRING, Pairing, Seam, SeamSide};
 pub(in crate::scene_file) use values::{BodyPath, Origin, Quantity, Rotation};
 
+/// What a name of a painted map begins with that is a file.
+pub(in crate::scene_file) const FILE: &str = "file:";
+
 /// A scene for Drapery.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
