@@ -2,22 +2,22 @@
 
 use drapery_shot::fault::FaultKind;
 
-/// How the program ends.
+/// How the program ends; what is a fault has its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum ExitCode {
     Done = 0,
     Differences = 1,
-    Usage = 2,
-    BadInput = 65,
-    MissingInput = 66,
-    Internal = 70,
-    NoMemory = 71,
-    CannotCreate = 73,
-    Io = 74,
+    Usage = FaultKind::Usage as u8,
+    BadInput = FaultKind::BadInput as u8,
+    MissingInput = FaultKind::MissingInput as u8,
+    Internal = FaultKind::Internal as u8,
+    NoMemory = FaultKind::NoMemory as u8,
+    CannotCreate = FaultKind::CannotCreate as u8,
+    Io = FaultKind::Io as u8,
     Stopped = 75,
-    Scene = 78,
-    SolverGaveUp = 80,
+    Scene = FaultKind::Scene as u8,
+    SolverGaveUp = FaultKind::SolverGaveUp as u8,
     QualityLimits = 81,
     VerificationFailed = 82,
 }
