@@ -91,3 +91,8 @@ pub const STANDARD_GRAVITY: f64 = 9.81;
 /// By which share a thickness that short edges lower has to differ from what was asked for: edges of one length differ by their
 /// rounding. Guarded by `short_edges_lower_the_thickness_to_their_share_as_any_ranks_say`.
 pub const THICKNESS_ROUNDING: f64 = 1e-9;
+
+/// Stiffness that coarse levels give a vertex in the directions in which it is constrained, over the trace of its block: what is left of
+/// an aggregate there would be smaller than the rounding of its blocks, and might be negative. Guarded by
+/// `coarse_levels_are_the_matrix_of_vertices_that_move_as_one_where_constraints_let_them`.
+pub const CONSTRAINED_STIFFNESS: f64 = 1e-3;

@@ -72,3 +72,7 @@ pub(crate) const ZONE_FLAT: f64 = 1e-14;
 /// Speed above that with which a node stays on its body, relative to both, that may be rounding: thousands of roundings of the
 /// impulses that it has got. Guarded by `a_node_on_a_body_passes_impulses_on_and_the_body_bears_them`.
 pub(crate) const RESTING: f64 = 1e-12;
+
+/// Speed below which friction of a pair in a solve grows with the slip instead of being that of Coulomb's law [m/s]: a millimetre a
+/// second. Guarded by `friction_of_a_pair_is_that_of_coulomb_and_never_above_what_holds_it`.
+pub(crate) const SLOW_SLIP: f64 = 1e-3;

@@ -243,6 +243,11 @@ impl MovingSurface {
         &self.positions[1]
     }
 
+    /// Positions at the start and at the end of the step \[m\].
+    pub fn path(&self) -> [&[Vec3]; 2] {
+        [&self.positions[0], &self.positions[1]]
+    }
+
     /// Whether it is inside out at the end of the step, so that its sides are exchanged.
     pub fn is_turned(&self) -> bool {
         self.turned

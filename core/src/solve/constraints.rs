@@ -29,7 +29,7 @@ struct Constrained {
 }
 
 /// What becomes of the unit vectors of a free vertex.
-const FREE: [Vec3; 3] = [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)];
+pub(super) const FREE: [Vec3; 3] = [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)];
 
 /// The projections of a rank's local vertices.
 #[derive(Debug)]

@@ -6,4 +6,5 @@ mod constraints;
 pub mod force_evaluation;
 pub mod implicit_velocity;
 mod multilevel;
+pub mod pair_terms;
 pub mod preconditioned_cg;

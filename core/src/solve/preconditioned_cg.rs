@@ -19,6 +19,7 @@ use crate::solve::conjugate_gradient::{BREAKDOWN, Outcome, Reach, Stop};
 use crate::solve::constraints::Constraints;
 pub use crate::solve::constraints::Projection;
 use crate::solve::multilevel::Multilevel;
+use crate::solve::pair_terms::PairTerms;
 
 /// A system to be solved.
 #[derive(Debug)]
@@ -27,7 +28,7 @@ pub struct BlockSystem<'a, C> {
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg]; one without mass is held.
     pub masses: &'a [f64],
-    /// A [kg].
+    /// A [kg], but for the pairs.
     pub matrix: &'a BlockMatrix,
     /// P.
     pub constraints: &'a C,
@@ -41,6 +42,8 @@ pub struct PreconditionedCg {
     /// All others.
     coarse: Multilevel,
     constraints: Constraints,
+    /// What pairs in touch add to A.
+    pairs: PairTerms,
     /// Which own parts need vertices of other ranks.
     reaches_ghosts: Vec<bool>,
     r: Vec<Simd4>,
@@ -64,6 +67,7 @@ impl PreconditionedCg {
             inverses: parts.ranges().iter().map(|range| BlockInverses::new(range.len())).collect(),
             coarse: Multilevel::new(parts, matrix),
             constraints: Constraints::none(parts),
+            pairs: PairTerms::default(),
             reaches_ghosts: matrix.parts().iter().map(|rows| rows.reaches_beyond(&parts.own())).collect(),
             r: own.clone(),
             q: own,
@@ -82,6 +86,12 @@ impl PreconditionedCg {
             + self.inverses.iter().map(BlockInverses::bytes).sum::<usize>()
             + self.coarse.bytes()
             + self.constraints.bytes()
+            + self.pairs.bytes()
+    }
+
+    /// The pairs in touch, which are part of A.
+    pub(crate) fn pairs_mut(&mut self) -> &mut PairTerms {
+        &mut self.pairs
     }
 
     /// Makes the preconditioner that of this system. It may be kept while matrix and constraints change: solves then take more
@@ -89,12 +99,13 @@ impl PreconditionedCg {
     pub fn prepare(&mut self, system: &BlockSystem<'_, impl Projection>) {
         let parts = system.parts;
         self.constraints.update(parts, system.masses, system.constraints);
-        let constraints = &self.constraints;
+        let (constraints, pairs) = (&self.constraints, &self.pairs);
         parts.for_each(PerPart(&mut self.inverses), &|part, inverses| {
-            let blocks = system.matrix.parts()[part].diagonal_blocks();
+            let mut blocks = system.matrix.parts()[part].diagonal_blocks();
+            pairs.add_diagonal(part, &mut blocks);
             blocks.iter().enumerate().for_each(|(vertex, block)| inverses.0[0].set(vertex, block));
         });
-        self.coarse.prepare(parts, system.matrix, constraints);
+        self.coarse.prepare(parts, system.matrix, pairs, constraints);
     }
 
     /// Solves `P A P d = P b` from d = 0, `b` on the own vertices [N s]; the ghosts of `d` [m/s] are those of their owners
@@ -196,6 +207,7 @@ impl PreconditionedCg {
     /// `q = P A s`; returns `s·q`.
     fn product(&mut self, system: &BlockSystem<'_, impl Projection>) -> f64 {
         let parts = system.parts;
+        self.pairs.multiply(parts, &self.s);
         // Parts without neighbours on other ranks are worked on while the others' directions are on their way.
         let flight = parts.halo().start(parts.ranks(), &self.s);
         if !parts.halo().is_empty() {
@@ -209,12 +221,13 @@ impl PreconditionedCg {
     /// The product of some of the parts.
     fn product_of(&mut self, system: &BlockSystem<'_, impl Projection>, reach: Reach) {
         let (parts, s) = (system.parts, &self.s);
-        let (constraints, reaches_ghosts) = (&self.constraints, &self.reaches_ghosts);
+        let (constraints, pairs, reaches_ghosts) = (&self.constraints, &self.pairs, &self.reaches_ghosts);
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
             if !reach.includes(reaches_ghosts[part]) {
                 return;
             }
             system.matrix.parts()[part].multiply_padded(s, q.0);
+            pairs.add_product(part, q.0);
             constraints.project(part, q.0);
             let chunks = s[parts.ranges()[part].clone()].chunks(SUM_BLOCK).zip(q.0.chunks(SUM_BLOCK));
             for (dot, (s, q)) in dots.0.iter_mut().zip(chunks) {

@@ -138,6 +138,17 @@ fn note_moved(bodies: &mut Option<BodyCollision>, vertex: usize, by: f64) {
     }
 }
 
+/// Where self-repulsion acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RepulsionPlace {
+    /// By impulses in B.2 and B.8, as in the paper.
+    Impulses,
+    /// By forces in B.1 and B.5, the solves of a long step.
+    Solves,
+    /// In no line of the step: nowhere, or once per collision step.
+    Elsewhere,
+}
+
 /// Variants of the method, to compare with (`docs/theory/variants.md`): chosen once for a simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Variants {
@@ -145,8 +156,8 @@ pub struct Variants {
     pub integrator: Integrator,
     /// Where in the step friction with bodies acts.
     pub body_friction: BodyFriction,
-    /// Whether self-repulsion acts in B.2 and B.8, as in the paper, and not once per collision step, if it acts at all.
-    pub repels_in_steps: bool,
+    /// Where self-repulsion acts, if it acts at all.
+    pub self_repulsion: RepulsionPlace,
     /// Whether C comes after the position half of every step, as in the authors' later code, and not after K steps.
     pub collides_after_position: bool,
 }
@@ -158,7 +169,11 @@ impl Variants {
         Self {
             integrator,
             body_friction,
-            repels_in_steps: cloth.is_some_and(SelfContact::repels),
+            self_repulsion: match (cloth.is_some_and(SelfContact::repels), integrator) {
+                (false, _) => RepulsionPlace::Elsewhere,
+                (true, Integrator::TrBdf2) => RepulsionPlace::Solves,
+                (true, Integrator::SemiImplicit | Integrator::Implicit) => RepulsionPlace::Impulses,
+            },
             collides_after_position: cloth.is_some_and(SelfContact::collides_after_position),
         }
     }

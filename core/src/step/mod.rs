@@ -21,7 +21,7 @@ mod tr_bdf2;
 
 pub use stage_arrays::StageArrays;
 
-pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, Scratch, Variants};
+pub use groups::{Cloth, CollisionEnd, Contacts, Dynamics, Prescribed, RepulsionPlace, Scratch, Variants};
 
 use crate::Vec3;
 use crate::clock::Watch;
@@ -283,7 +283,9 @@ impl<'a> Step<'a> {
     fn repel_half_velocity(&mut self) {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
         let (x, v_half) = (&cloth.state.x, &mut cloth.scratch.v_half);
-        if let Some(contact) = contacts.cloth.as_mut().filter(|_| settings.variants.repels_in_steps) {
+        if let Some(contact) =
+            contacts.cloth.as_mut().filter(|_| settings.variants.self_repulsion == RepulsionPlace::Impulses)
+        {
             metrics.stage("B.2 self-repulsion", |m| contact.half_velocity(settings.dt, x, v_half, m));
             prescribed.apply_prescribed(parts, v_half);
         }
@@ -387,7 +389,8 @@ impl<'a> Step<'a> {
     fn repel_final_velocity(&mut self) {
         let Self { cloth, contacts, metrics, settings, .. } = self;
         let Contacts { bodies, cloth: contact } = &mut **contacts;
-        if let Some(contact) = contact.as_mut().filter(|_| settings.variants.repels_in_steps) {
+        if let Some(contact) = contact.as_mut().filter(|_| settings.variants.self_repulsion == RepulsionPlace::Impulses)
+        {
             let state = &mut cloth.state;
             metrics.stage("B.8 self-repulsion", |m| {
                 contact.final_velocity(settings.dt, &state.x, &mut state.v, bodies.as_ref(), m);

@@ -3,6 +3,7 @@
 use crate::Vec3;
 use crate::block_matrix::BlockMatrix;
 use crate::contact::bodies::active_set::ActiveSet;
+use crate::contact::repulsion::pair_forces::PairForce;
 use crate::parallel::parts::Parts;
 use crate::solve::implicit_velocity::PartForces;
 use crate::solve::preconditioned_cg::PreconditionedCg;
@@ -26,6 +27,8 @@ pub struct StageArrays {
     pub(super) residual: Vec<Vec3>,
     /// What a solve changes [m/s].
     pub(super) change: Vec<Vec3>,
+    /// Pairs of cloth in touch at the stage.
+    pub(super) pairs: Vec<PairForce>,
 }
 
 impl StageArrays {
@@ -51,12 +54,17 @@ impl StageArrays {
             f: own.clone(),
             residual: own,
             change: local,
+            pairs: Vec::new(),
         }
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
         let vectors = 5 * self.x.len() + 3 * self.f.len();
-        vectors * size_of::<Vec3>() + self.matrix.bytes() + self.cg.bytes() + self.active.bytes()
+        vectors * size_of::<Vec3>()
+            + self.pairs.capacity() * size_of::<PairForce>()
+            + self.matrix.bytes()
+            + self.cg.bytes()
+            + self.active.bytes()
     }
 }

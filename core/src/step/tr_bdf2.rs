@@ -14,20 +14,22 @@
 use super::Step;
 use crate::Vec3;
 use crate::clock::Watch;
+use crate::contact::bodies::Bodies;
 use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, Trust};
 use crate::contact::bodies::collision::CollisionStep;
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
+use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
 use crate::parallel::for_each_part::PerVertex;
-use crate::parallel::parts::{PART_SIZE, Parts};
+use crate::parallel::parts::Parts;
 use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::force_evaluation::ForceEvaluation;
 use crate::solve::implicit_velocity::{PartForces, stop_held};
 use crate::solve::preconditioned_cg::{BlockSystem, Projection};
 use crate::state::State;
-use crate::step::Prescribed;
 use crate::step::stage_arrays::StageArrays;
+use crate::step::{Prescribed, RepulsionPlace};
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -131,6 +133,9 @@ struct Stages<'a> {
     arrays: &'a mut StageArrays,
     forces: &'a mut PartForces,
     volumes: &'a mut Volumes,
+    /// Pairs of cloth that repel each other, and edges and faces of cloth that deforming bodies do.
+    repulsion: Option<&'a mut SelfContact>,
+    bodies: &'a Bodies,
 }
 
 /// Which solve it is.
@@ -140,6 +145,18 @@ enum Stage {
     Second,
     /// The second, in B.5.
     SecondAgain,
+}
+
+impl Stage {
+    /// Its end, as a fraction of the step.
+    fn fraction(self) -> f64 {
+        if self == Self::First { GAMMA } else { 1.0 }
+    }
+
+    /// What forces of pairs at its end weigh in it, over those of elements.
+    fn share_of_pairs(self) -> f64 {
+        if self == Self::First { 2.0 } else { 1.0 }
+    }
 }
 
 impl Stages<'_> {
@@ -159,15 +176,48 @@ impl Stages<'_> {
         }
     }
 
+    /// The forces of pairs in touch where the stage stands, at a fraction of the step, times `duration` [s], are added to `impulses`
+    /// of own vertices [N s].
+    fn add_pair_impulses(&mut self, fraction: f64, duration: f64, impulses: &mut [Vec3]) {
+        let Some(contact) = &mut self.repulsion else { return };
+        let StageArrays { x, v, pairs, .. } = &mut *self.arrays;
+        contact.pair_forces([x, v], self.bodies, (fraction, self.at.dt), pairs);
+        let own = contact.nodes().own();
+        for pair in &*pairs {
+            for (node, weight) in pair.nodes.iter().zip(pair.weights) {
+                if own.contains(&(*node as usize)) {
+                    impulses[*node as usize - own.start] += pair.force * (weight * duration);
+                }
+            }
+        }
+    }
+
+    /// Adds what pairs in touch give where the stage stands to its residual, and takes them into the matrix.
+    ///
+    /// A trapezoid that felt half of what pushed at its start would throw what is let go, so each stage feels the pairs of its end
+    /// alone, for all of its length.
+    fn add_pairs(&mut self, stage: Stage) {
+        let (share, alpha) = (stage.share_of_pairs(), ALPHA * self.at.dt);
+        let mut residual = std::mem::take(&mut self.arrays.residual);
+        self.add_pair_impulses(stage.fraction(), share * alpha, &mut residual);
+        self.arrays.residual = residual;
+        if let Some(contact) = &self.repulsion {
+            let StageArrays { cg, pairs, .. } = &mut *self.arrays;
+            cg.pairs_mut().set(self.at.parts, contact.nodes(), pairs, [share, alpha]);
+        }
+    }
+
     /// The start: velocities that contacts allow, and the forces.
     fn begin(&mut self) {
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
         self.arrays.x.copy_from_slice(&at.start.x);
         self.evaluate_start(&active);
+        let mut repelled = vec![Vec3::zeros(); self.arrays.f.len()];
+        self.add_pair_impulses(0.0, 1.0, &mut repelled);
         // Newton's second law says what bodies gave at the end of the step before.
         let given = |vertex: usize| {
-            let force = at.start.a[vertex] * at.masses[vertex] - self.arrays.f[vertex - at.parts.own().start];
-            (force, at.masses[vertex])
+            let own = vertex - at.parts.own().start;
+            (at.start.a[vertex] * at.masses[vertex] - self.arrays.f[own] - repelled[own], at.masses[vertex])
         };
         let changed = active.expect(at.dt, GAMMA * at.dt, given);
         if at.parts.ranks().any(changed) {
@@ -191,7 +241,7 @@ impl Stages<'_> {
 
     /// The trapezoid: x₁ and v₁.
     fn first_stage(&mut self) -> Outcome {
-        let (dt, alpha, own) = (self.at.dt, ALPHA * self.at.dt, self.at.parts.own());
+        let (dt, alpha) = (self.at.dt, ALPHA * self.at.dt);
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
         let StageArrays { v_start, x, v, .. } = &mut *self.arrays;
         for ((v, start), a) in v.iter_mut().zip(&*v_start).zip(&self.at.start.a) {
@@ -204,11 +254,7 @@ impl Stages<'_> {
         }
         prescription.set_positions(GAMMA, &self.at.start.x, x);
         self.evaluate(GAMMA, true);
-        let StageArrays { v_start, v, f, f_start, residual, .. } = &mut *self.arrays;
-        let ends = v_start[own.clone()].iter().zip(&v[own.clone()]).zip(&self.at.masses[own]);
-        for ((residual, ((start, v), m)), (f_start, f)) in residual.iter_mut().zip(ends).zip(f_start.iter().zip(&*f)) {
-            *residual = (start - v) * *m + (f_start + f) * alpha;
-        }
+        let v_start = &self.arrays.v_start;
         let earlier = |vertex: usize| (v_start[vertex] - self.at.start.v[vertex]) * self.at.masses[vertex];
         active.begin_stage(1.0, earlier);
         self.arrays.active = active;
@@ -239,7 +285,6 @@ impl Stages<'_> {
         // Of a constant reaction this stage has half of what the first one had.
         active.begin_stage(0.5, |_| Vec3::zeros());
         self.arrays.active = active;
-        self.set_second_residual();
         let outcome = self.solve(Stage::Second);
         let StageArrays { active, x, .. } = &mut *self.arrays;
         active.stop_reversed(x, |contact| self.at.start.x[contact.vertex] + contact.carried);
@@ -265,41 +310,45 @@ impl Stages<'_> {
         self.evaluate(1.0, false);
         active.begin_stage(1.0, |_| Vec3::zeros());
         self.arrays.active = active;
-        self.set_second_residual();
         let outcome = self.solve(Stage::SecondAgain);
         let StageArrays { active, v, .. } = &mut *self.arrays;
         active.stop_reversed(v, |contact| contact.velocity);
         outcome
     }
 
-    /// What the solve of the second stage is to balance.
-    fn set_second_residual(&mut self) {
+    /// What the solve of a stage is to balance where the stage stands: all but what pairs in touch give.
+    fn set_residual(&mut self, stage: Stage, active: &ActiveSet) {
         let (alpha, own) = (ALPHA * self.at.dt, self.at.parts.own());
-        let StageArrays { v_start, v_first, v, f, residual, .. } = &mut *self.arrays;
-        let ends =
-            v_start[own.clone()].iter().zip(&v_first[own.clone()]).zip(&v[own.clone()]).zip(&self.at.masses[own]);
-        for ((residual, (((start, first), v), m)), f) in residual.iter_mut().zip(ends).zip(&*f) {
-            *residual = (first + (first - start) * U - v) * *m + f * alpha;
+        let StageArrays { v_start, v_first, v, f_start, f, residual, .. } = &mut *self.arrays;
+        let starts = v_start[own.clone()].iter().zip(&v_first[own.clone()]);
+        let ends = v[own.clone()].iter().zip(&self.at.masses[own.clone()]).zip(f_start.iter().zip(&*f));
+        for ((residual, (start, first)), ((v, m), (f_start, f))) in residual.iter_mut().zip(starts).zip(ends) {
+            *residual = match stage {
+                Stage::First => (start - v) * *m + (f_start + f) * alpha,
+                Stage::Second | Stage::SecondAgain => (first + (first - start) * U - v) * *m + f * alpha,
+            };
         }
+        active.add_friction(own.start, residual);
     }
 
-    /// Solves a stage for its velocities, `v` and with them `x`, with contacts in modes that fit what they bear.
+    /// Solves a stage for its velocities, `v` and with them `x`, with contacts in modes that fit what they bear and with pairs that
+    /// are in touch where the solve comes to.
     fn solve(&mut self, stage: Stage) -> Outcome {
         let alpha = ALPHA * self.at.dt;
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
-        let own = self.at.parts.own();
-        active.add_friction(own.start, &mut self.arrays.residual);
+        self.set_residual(stage, &active);
+        self.add_pairs(stage);
         let mut total = Outcome { iterations: 0, converged: true, finite: true, worse: false };
-        let bears = at.parts.ranks().any(!active.contacts().is_empty());
+        let is_touched = !(active.contacts().is_empty() && self.arrays.pairs.is_empty());
+        let bears = at.parts.ranks().any(is_touched);
         for round in 1.. {
             let is_rough = bears && round == 1;
             let prescription = at.with(&active);
             let StageArrays { matrix, cg, residual, change, x, v, .. } = &mut *self.arrays;
             let (parts, masses, matrix) = (self.at.parts, self.at.masses, &*matrix);
             let system = BlockSystem { parts, masses, matrix, constraints: &prescription };
-            if stage != Stage::SecondAgain && round == 1 {
-                cg.prepare(&system);
-            }
+            // Contacts and pairs of another round ask for coarse levels of their own: with old ones it takes twice the iterations.
+            cg.prepare(&system);
             let tolerance = at.stop.tolerance * if is_rough { ROUGH } else { 1.0 };
             let outcome = cg.solve(&system, residual, change, Stop { tolerance, ..at.stop });
             total.iterations += outcome.iterations;
@@ -313,12 +362,10 @@ impl Stages<'_> {
             if !bears || !total.finite || round == MOST_ROUNDS {
                 break;
             }
-            parts.for_each(PerVertex(residual), &|part, residual| {
-                let mut product = [Vec3::zeros(); PART_SIZE];
-                let product = &mut product[..residual.0.len()];
-                matrix.parts()[part].multiply(change, product);
-                residual.0.iter_mut().zip(product).for_each(|(residual, product)| *residual -= *product);
-            });
+            // The forces where the solve has come to: another step of Newton's method.
+            self.evaluate(stage.fraction(), false);
+            self.set_residual(stage, &active);
+            self.add_pairs(stage);
             let StageArrays { residual, v_start, x, .. } = &mut *self.arrays;
             let restart = |contact: &ActiveContact| {
                 if stage != Stage::First {
@@ -333,7 +380,9 @@ impl Stages<'_> {
             // Modes that only a rough solve shows to be wrong are looked at again.
             let tolerance = if is_rough { tolerance } else { 0.0 };
             let trust = Trust { tolerance, masses, settled: SETTLED[stage as usize] };
-            if !active.update(parts, residual, trust, restart) && !is_rough {
+            let goes_on = active.update(parts, residual, trust, restart);
+            parts.halo().update(parts.ranks(), x);
+            if !(goes_on || is_rough) {
                 break;
             }
         }
@@ -378,6 +427,11 @@ impl Step<'_> {
         let outcome = self.stages().second_stage_again(&x_new, &v_star, met);
         (self.cloth.scratch.x_new, self.cloth.scratch.v_star) = (x_new, v_star);
         self.report.add(outcome, "B.5", parts, self.metrics);
+        if let Some(contact) =
+            self.contacts.cloth.as_ref().filter(|_| self.settings.variants.self_repulsion == RepulsionPlace::Solves)
+        {
+            contact.count_pair_forces(self.metrics);
+        }
         self.metrics.add_time("B.5 velocity".into(), watch.seconds(), 1);
     }
 
@@ -416,8 +470,9 @@ impl Step<'_> {
     }
 
     fn stages(&mut self) -> Stages<'_> {
-        let Self { parts, masses, cloth, dynamics, prescribed, settings, .. } = self;
-        let Prescribed { pins, targets, .. } = &**prescribed;
+        let Self { parts, masses, cloth, dynamics, prescribed, contacts, settings, .. } = self;
+        let Prescribed { pins, targets, bodies, .. } = &**prescribed;
+        let repels = settings.variants.self_repulsion == RepulsionPlace::Solves;
         let arrays = cloth.scratch.stages.as_mut().expect("a scene with this integrator has its arrays");
         let at = StageContext {
             parts,
@@ -431,6 +486,8 @@ impl Step<'_> {
             pins: pins.as_ref(),
             targets,
         };
-        Stages { at, arrays, forces: &mut dynamics.forces, volumes: &mut dynamics.volumes }
+        let (forces, volumes) = (&mut dynamics.forces, &mut dynamics.volumes);
+        let repulsion = contacts.cloth.as_mut().filter(|_| repels);
+        Stages { at, arrays, forces, volumes, repulsion, bodies }
     }
 }

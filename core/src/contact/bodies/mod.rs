@@ -232,6 +232,14 @@ impl Bodies {
         }
     }
 
+    /// Positions of a surface's points at the start and at the end of the step [m]; empty for analytic bodies.
+    pub fn surface_path(&self, body: usize) -> [&[Vec3]; 2] {
+        match &self.list[body].kind {
+            Kind::Surface(surface) => surface.mesh.path(),
+            Kind::Rigid(_) => [&[], &[]],
+        }
+    }
+
     /// Pairs of triangles of all bodies that cross each other at their latest samples.
     pub fn self_crossings(&self) -> usize {
         let crossings = |body: &Body| if let Kind::Surface(surface) = &body.kind { surface.crossings } else { 0 };
@@ -254,7 +262,7 @@ impl Bodies {
     }
 
     /// Length of the step [s].
-    fn dt(&self) -> f64 {
+    pub(crate) fn dt(&self) -> f64 {
         self.times[1] - self.times[0]
     }
 

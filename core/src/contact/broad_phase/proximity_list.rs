@@ -33,10 +33,21 @@ const CLOSE_AT_REST: f64 = 1.5;
 /// Nodes that one task moves.
 const CHUNK: usize = 4096;
 
+/// The order of the pairs in a list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PairOrder {
+    /// Nobody asks.
+    Any,
+    /// By their nodes: what is summed in this order is the same on any number of ranks.
+    Sorted,
+    /// By colours, no two pairs of which share a node, and by their nodes.
+    Coloured,
+}
+
 /// The list.
 #[derive(Debug)]
 pub(crate) struct ProximityList {
-    /// Points and triangles; then edges; each in the order of its colours if repulsions need one.
+    /// Points and triangles; then edges.
     lists: [Vec<CandidatePair>; 2],
     orders: [Order; 2],
     /// Positions of the nodes when the list was made [m]; none before.
@@ -57,12 +68,12 @@ pub(crate) struct ProximityList {
     common: [RigidFit; 2],
     /// What the paths between those two leave of every distance at least.
     shortening: f64,
-    coloured: bool,
+    order: PairOrder,
 }
 
 impl ProximityList {
-    /// An empty list over a surface. With `coloured` the pairs get colours.
-    pub(crate) fn new(surface: &ContactSurface, coloured: bool) -> Self {
+    /// An empty list over a surface, of which the pairs will have this order.
+    pub(crate) fn new(surface: &ContactSurface, order: PairOrder) -> Self {
         let (edge_length, skin) = (surface.edge_length().to_vec(), 0.0);
         let displacements = vec![0.0; surface.nodes().count()];
         let (lists, orders, density) = Default::default();
@@ -80,7 +91,7 @@ impl ProximityList {
             displacements,
             common,
             shortening,
-            coloured,
+            order,
         }
     }
 
@@ -133,7 +144,8 @@ impl ProximityList {
     ) {
         self.skin = reach;
         let around = |surface: &ContactSurface, x: &[Vec3], i: usize| {
-            Aabb::of_point(&x[i]).enlarged(ACTIVE * surface.thickness()[i] + reach * surface.edge_length()[i] + gap)
+            let kept = surface.kept_distance(i);
+            Aabb::of_point(&x[i]).enlarged(ACTIVE * kept + reach * surface.edge_length()[i] + gap)
         };
         let fetch = |renumber: &IndexMap, surface: &ContactSurface, x: &mut Vec<Vec3>| {
             renumber.apply(x, Vec3::zeros());
@@ -154,8 +166,10 @@ impl ProximityList {
         }
         self.lists.iter_mut().for_each(Vec::clear);
         found.into_iter().for_each(|n| self.lists[n.pair.kind as usize].push(n));
-        if self.coloured {
+        if self.order != PairOrder::Any {
             self.lists.par_iter_mut().for_each(|list| list.par_sort_unstable_by_key(|n| n.pair.nodes));
+        }
+        if self.order == PairOrder::Coloured {
             // One after the other, since ranks colour together.
             for (list, order) in self.lists.iter_mut().zip(&mut self.orders) {
                 *order = Order::of(list, surface.nodes(), |n| n.pair.nodes);
@@ -281,13 +295,15 @@ fn own_nodes(surface: &ContactSurface) -> Range<u32> {
 /// The entry of a pair, if it is close enough for the list.
 fn candidate(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: f64) -> Option<CandidatePair> {
     let [a, b] = pair.fold(surface.edge_length(), f64::max);
-    let thick = pair_thickness(&pair, surface.thickness());
+    let thick =
+        surface.body_of(&pair.nodes).map_or_else(|| pair_thickness(&pair, surface.thickness()), |b| b.thickness);
     let limit = ACTIVE * thick + reach * (a + b) + gap;
     let distance_squared = pair.closest(&pair.positions(x)).apart.norm_squared();
     if distance_squared > limit * limit {
         return None;
     }
-    let repels = surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
+    let repels =
+        surface.body_of(&pair.nodes).is_some() || surface.repels(&pair) && !is_close_at_rest(surface, &pair, thick);
     let thickness = if repels { thick as f32 } else { 0.0 };
     Some(CandidatePair { pair, distance: below(distance_squared.sqrt()), thickness })
 }

@@ -16,6 +16,7 @@ use crate::contact::broad_phase::proximity_list::{ACTIVE, ProximityList};
 use crate::contact::repulsion::active_contact::{ActiveContact, OrientedPair, PairsOfKind};
 use crate::contact::repulsion::atomic_vectors::AtomicVectors;
 use crate::contact::repulsion::colour_halo::HaloPerColour;
+use crate::contact::repulsion::pair_forces::{PairForce, PairStage, pair_forces};
 use crate::contact::tolerances::TRUSTED_SIDE;
 use crate::contact::topology::nodes::ContactNodes;
 use crate::contact::topology::pair::{KINDS, Pair, PairKind};
@@ -26,6 +27,7 @@ mod active_contact;
 pub(crate) mod atomic_vectors;
 mod colour_halo;
 pub(crate) mod ghost_constraints;
+pub(crate) mod pair_forces;
 
 /// Sweeps of the inelastic pass (`docs/theory/self_contact.md#repulsion-with-history`).
 const INELASTIC_SWEEPS: usize = 3;
@@ -209,6 +211,22 @@ impl Repulsions {
         if at.supports.is_some() {
             self.nodes.iter().for_each(|&node| v[node as usize] -= self.loads.get(node));
         }
+        self.count(metrics);
+    }
+
+    /// The forces of all pairs in touch at a stage of a long step, in an order that the scene fixes; those canonical here are
+    /// counted as the active ones.
+    pub(crate) fn pair_forces(&mut self, at: &PairStage<'_>, found: &mut Vec<PairForce>) {
+        pair_forces(&self.kinds, &self.laws, at, found);
+        (self.active, self.inverted) = (0, 0);
+        for pair in found.iter().filter(|pair| at.surface.nodes().is_canonical_rank(&pair.nodes)) {
+            self.active += 1;
+            self.inverted += u64::from(pair.distance < 0.0);
+        }
+    }
+
+    /// Counts the active pairs of the last pass.
+    pub(crate) fn count(&self, metrics: &mut Metrics) {
         metrics.count("repulsions", self.active - self.inverted);
         metrics.count("attractions", self.inverted);
     }
@@ -335,16 +353,22 @@ fn oriented(neighbour: &CandidatePair, x: &[Vec3], limit: f64) -> Option<Oriente
 }
 
 impl OrientedPair {
+    /// Weights, normal and signed distance [m] of the pair at `x`, if its two are in front of each other and no farther apart
+    /// than `reach` [m].
+    #[inline]
+    fn touch(&self, laws: &Laws, x: &[Vec3], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
+        let at = self.pair.positions(x);
+        match self.pair.kind {
+            PairKind::PointTriangle => self.point_triangle(laws, &at, reach),
+            PairKind::EdgeEdge => self.edges(laws, &at, reach),
+        }
+    }
+
     /// The pair at `x`, if it is within touching distance and in front of each other
     /// (`docs/theory/self_contact.md#repulsion-with-history`).
     #[inline]
     fn contacts(&self, laws: &Laws, moment: &RepulsionStep<'_>) -> Option<ActiveContact> {
-        let at = self.pair.positions(moment.x);
-        let reach = ACTIVE * self.thickness;
-        let (weights, normal, distance) = match self.pair.kind {
-            PairKind::PointTriangle => self.point_triangle(laws, &at, reach)?,
-            PairKind::EdgeEdge => self.edges(laws, &at, reach)?,
-        };
+        let (weights, normal, distance) = self.touch(laws, moment.x, ACTIVE * self.thickness)?;
         let nodes = self.pair.nodes;
         // A held node takes its share of the impulse and stays: the others would be thrown where their weights are
         // small.

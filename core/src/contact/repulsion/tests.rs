@@ -1,6 +1,7 @@
 use super::*;
 use crate::contact::bodies::constraints::BodyConstraint;
 use crate::contact::broad_phase::bvh_search::PairSearch;
+use crate::contact::broad_phase::proximity_list::PairOrder;
 use crate::contact::topology::surface::ContactSurface;
 use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
@@ -8,7 +9,7 @@ use crate::state::State;
 
 mod ranks;
 
-const LAWS: Laws = Laws {
+pub(super) const LAWS: Laws = Laws {
     stiffness: 30.0,
     limit: 0.1,
     friction: 0.4,
@@ -20,7 +21,7 @@ const LAWS: Laws = Laws {
 /// Pairs that approach until the next collision-free state, for tests in which nothing else is near.
 const SLACK: f64 = 0.05;
 
-const THICKNESS: f64 = 0.1;
+pub(super) const THICKNESS: f64 = 0.1;
 
 /// Two triangles, `second` above the first, as one scene.
 fn two_triangles(second: [[f64; 3]; 3]) -> Scene {
@@ -35,7 +36,7 @@ fn two_triangles(second: [[f64; 3]; 3]) -> Scene {
 }
 
 /// A corner over the inside of the triangle (scene 33), and an edge across one of its edges (scene 34).
-fn scenes() -> [Scene; 2] {
+pub(super) fn scenes() -> [Scene; 2] {
     let corner = [[0.225, 0.025, 0.0], [0.4, 0.8, 0.2], [0.4, 0.8, -0.2]];
     let edge = [[-0.45, 0.025, 0.0], [0.45, 0.025, 0.1], [0.0, 0.9, 0.05]];
     [corner, edge].map(two_triangles)
@@ -54,7 +55,7 @@ impl Pushed {
     fn new(scene: &Scene, laws: Laws) -> Self {
         let mut surface = ContactSurface::new(scene, 1.0);
         let mut state = State::at_start(scene);
-        let mut neighbours = ProximityList::new(&surface, true);
+        let mut neighbours = ProximityList::new(&surface, PairOrder::Coloured);
         neighbours.rebuild(&mut surface, &mut PairSearch::new(), &mut state.x, SLACK, 0.0);
         neighbours.update_displacements(&surface, &state.x, &state.x);
         let mut repulsions = Repulsions::new(laws);

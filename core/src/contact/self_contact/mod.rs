@@ -13,7 +13,7 @@ use crate::Vec3;
 use crate::contact::bodies::Bodies;
 use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::broad_phase::bvh_search::PairSearch;
-use crate::contact::broad_phase::proximity_list::ProximityList;
+use crate::contact::broad_phase::proximity_list::{PairOrder, ProximityList};
 use crate::contact::broad_phase::skin;
 use crate::contact::collisions::collision_loop::{CollisionLoop, Collisions, LoopOutcome, Strategy};
 use crate::contact::intersections::exact::ignored_pairs;
@@ -24,7 +24,7 @@ use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::{ContactSurface, NodePaths};
 use crate::geometry::crossings::Crossing;
 use crate::metrics::Metrics;
-use crate::scene::Scene;
+use crate::scene::{Integrator, Scene};
 use crate::snapshot::SnapshotError;
 use crate::snapshot::saved_section::{Field, SavedSection, SectionId};
 use crate::state::State;
@@ -119,7 +119,15 @@ impl SelfContact {
     /// the rest edges around a vertex.
     pub fn new(scene: &Scene, repulsion: Option<(Laws, f64)>, collision: Option<CollisionSettings>) -> Self {
         let surface = ContactSurface::new(scene, repulsion.map_or(0.0, |(_, clamp)| clamp));
-        let neighbours = ProximityList::new(&surface, repulsion.is_some());
+        let is_long = scene.description().solver.integrator == Integrator::TrBdf2;
+        let in_solves = is_long && repulsion.is_some_and(|(laws, _)| !laws.per_collision_step);
+        let surface = if in_solves { surface.with_repelling_bodies(scene) } else { surface };
+        let order = match repulsion {
+            None => PairOrder::Any,
+            Some(_) if in_solves => PairOrder::Sorted,
+            Some(_) => PairOrder::Coloured,
+        };
+        let neighbours = ProximityList::new(&surface, order);
         let geometric = collision.map(|settings| Geometric {
             after_position: settings.after_position,
             control: Substeps::new(settings.max_steps),

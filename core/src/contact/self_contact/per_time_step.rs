@@ -1,11 +1,14 @@
-//! Repulsions in every time step: B.2 and B.8.
+//! Repulsions in every time step: B.2 and B.8, or in the solves of a long one.
 
 use super::SelfContact;
 use crate::Vec3;
+use crate::contact::bodies::Bodies;
 use crate::contact::bodies::collision::BodyCollision;
 use crate::contact::bodies::constraints::BodyConstraints;
 use crate::contact::repulsion::ghost_constraints::tell_ghosts;
+use crate::contact::repulsion::pair_forces::{PairForce, PairStage};
 use crate::contact::repulsion::{Passes, RepulsionStep};
+use crate::contact::topology::nodes::ContactNodes;
 use crate::metrics::Metrics;
 
 impl SelfContact {
@@ -36,6 +39,31 @@ impl SelfContact {
             }
         }
         self.repel(Passes::WithoutSprings, dt, x, v, metrics);
+    }
+
+    /// The forces of pairs in touch at a stage of a long step, cloth at `x` with `v`, both over the scene's local vertices
+    /// [m], [m/s], and bodies at a fraction of the step of `dt` [s]. All ranks call it together.
+    pub(crate) fn pair_forces(
+        &mut self,
+        [x, v]: [&[Vec3]; 2],
+        bodies: &Bodies,
+        (fraction, dt): (f64, f64),
+        found: &mut Vec<PairForce>,
+    ) {
+        let Self { surface, repulsions: Some(repulsions), mobility, cloth, .. } = self else { return };
+        surface.gather_stage([x, v], bodies, fraction, cloth);
+        let [x, v] = cloth;
+        repulsions.pair_forces(&PairStage { surface, x, v, mobility, dt }, found);
+    }
+
+    /// The numbering of the nodes of pairs.
+    pub(crate) fn nodes(&self) -> &ContactNodes {
+        self.surface.nodes()
+    }
+
+    /// Counts the pairs in touch of the last stage.
+    pub(crate) fn count_pair_forces(&self, metrics: &mut Metrics) {
+        self.repulsions.iter().for_each(|repulsions| repulsions.count(metrics));
     }
 
     /// Whether B.8 has pressed an own vertex against a body, by its place among these.

@@ -31,6 +31,8 @@ pub(crate) struct ContactSurface {
     sides: [Sides; 2],
     /// Deforming bodies and their first points, counted over all of them, in their order.
     first_points: Vec<(usize, u32)>,
+    /// How they repel pairs in the solves, in the same order; none where they do not.
+    body_repulsion: Vec<BodyRepulsion>,
     /// Where own vertices stand in arrays over the scene's local vertices.
     place: Range<usize>,
     samples: Samples,
@@ -49,6 +51,18 @@ pub(crate) struct ContactSurface {
     /// What positions are counted from where single precision stores them [m].
     origin: Vec3,
 }
+
+/// How a deforming body repels edges and faces of cloth in the solves of long steps; its own contact keeps the vertices away.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct BodyRepulsion {
+    /// Distance that is kept [m].
+    pub thickness: f64,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+}
+
+/// Share of the thickness of a body that edges and faces keep. They cut corners where vertices lie on a round body at its thickness.
+const OF_BODY_THICKNESS: f64 = 2.0 / 3.0;
 
 /// Friction of what is not painted.
 const PLAIN: [f64; 2] = [1.0, 0.0];
@@ -80,6 +94,15 @@ impl ContactSurface {
         let surface = Self::of_share(LocalClothSurface::of(scene, clamp), &bodies);
         let starts = scene.parts().partition().starts().iter().map(|start| *start as u32);
         Self { nodes: surface.nodes.with_parts(starts), origin: scene.origin(), ..surface }
+    }
+
+    /// The same, with deforming bodies that repel edges and faces of cloth, as they do in the solves of long steps.
+    pub(crate) fn with_repelling_bodies(self, scene: &Scene) -> Self {
+        let repulsion = |(body, _): &(usize, u32)| {
+            let description = &scene.description().bodies[*body];
+            BodyRepulsion { thickness: OF_BODY_THICKNESS * description.thickness, friction: description.friction }
+        };
+        Self { body_repulsion: self.first_points.iter().map(repulsion).collect(), ..self }
     }
 
     /// The surfaces that a rank has. All ranks call it together.
@@ -121,6 +144,7 @@ impl ContactSurface {
             bodies: of_bodies,
             sides: [cloth_sides, body_sides],
             first_points,
+            body_repulsion: Vec::new(),
             place: share.place,
         };
         surface.refresh();
@@ -263,6 +287,30 @@ impl ContactSurface {
         self.nodes.update(nodes);
     }
 
+    /// Positions and velocities of all nodes at a fraction of a step [m], [m/s]: cloth has `x` and `v`, over the scene's local
+    /// vertices. All ranks call it together.
+    pub(crate) fn gather_stage(
+        &self,
+        [x, v]: [&[Vec3]; 2],
+        bodies: &Bodies,
+        fraction: f64,
+        [nodes, velocities]: &mut [Vec<Vec3>; 2],
+    ) {
+        for (all, own) in [(&mut *nodes, x), (&mut *velocities, v)] {
+            all.clear();
+            all.resize(self.nodes.cloth(), Vec3::zeros());
+            all[self.nodes.own()].copy_from_slice(&own[self.place.clone()]);
+            self.nodes.update(all);
+        }
+        for (body, _) in &self.first_points {
+            let (path, dt) = (bodies.surface_path(*body), bodies.dt());
+            for (start, end) in path[0].iter().zip(path[1]) {
+                nodes.push(start + (end - start) * fraction);
+                velocities.push((end - start) / dt);
+            }
+        }
+    }
+
     /// What positions are counted from where single precision stores them [m].
     pub(crate) fn origin(&self) -> Vec3 {
         self.origin
@@ -272,6 +320,26 @@ impl ContactSurface {
     pub(crate) fn is_one_garment(&self, pair: &Pair) -> bool {
         let [a, b, c, d] = pair.nodes.map(|node| self.garment[node as usize]);
         a == b && b == c && c == d
+    }
+
+    /// Distance that repulsions keep around a node [m].
+    pub(crate) fn kept_distance(&self, node: usize) -> f64 {
+        if node < self.nodes.cloth() {
+            return self.thickness[node];
+        }
+        self.body_at(node as u32).map_or(0.0, |body| body.thickness)
+    }
+
+    /// How the body repels that a pair has a point of, if it has one and the body repels in the solves.
+    pub(crate) fn body_of(&self, nodes: &[u32; 4]) -> Option<&BodyRepulsion> {
+        nodes.iter().find(|&&node| self.is_body(node)).and_then(|node| self.body_at(*node))
+    }
+
+    /// How the body of one of its points repels in the solves.
+    fn body_at(&self, node: u32) -> Option<&BodyRepulsion> {
+        let point = node - self.nodes.cloth() as u32;
+        let last = self.first_points.partition_point(|(_, first)| *first <= point) - 1;
+        self.body_repulsion.get(last)
     }
 
     /// Whether repulsions act on a pair: between cloth and cloth; bodies have their own contact.

@@ -13,11 +13,15 @@ mod tests;
 
 use std::ops::Range;
 
+use nalgebra::Matrix3;
+
 use crate::block_matrix::BlockMatrix;
+use crate::block_matrix::block::stored_block;
 use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::Parts;
 use crate::parallel::simd4::Simd4;
 use crate::solve::constraints::Constraints;
+use crate::solve::pair_terms::PairTerms;
 use coarsest::Coarsest;
 use level::Level;
 use part_aggregates::PartAggregates;
@@ -47,8 +51,14 @@ pub(super) struct Multilevel {
     coarsest: Coarsest,
     /// Nodes of each rank on the first level.
     node_counts: Vec<usize>,
-    /// Couplings in the rows of each rank on the first level.
+    /// Couplings in the rows of each rank on the first level, by elements.
     coupling_counts: Vec<usize>,
+    /// Lengths of the rows of the first level, and their columns, by elements.
+    by_elements: [Vec<u32>; 2],
+    /// Node of each local vertex.
+    nodes: Vec<u32>,
+    /// Whether the levels have couplings of pairs in touch.
+    with_pairs: bool,
 }
 
 impl Multilevel {
@@ -69,26 +79,54 @@ impl Multilevel {
         let lengths = ranks.all_gather(&lengths, &node_counts);
         let columns = ranks.all_gather_v(&columns);
         let coupling_counts = columns.iter().map(Vec::len).collect();
-        let mut levels = vec![Level::new(&lengths, columns.concat())];
-        while levels[levels.len() - 1].count() > DIRECT {
-            let last = levels.len() - 1;
-            let coarser = levels[last].coarsen(COARSER_AGGREGATE);
-            levels.push(coarser);
+        let by_elements = [lengths, columns.concat()];
+        Self {
+            parts: aggregates,
+            levels: levels_of(Level::new(&by_elements[0], by_elements[1].clone())),
+            coarsest: Coarsest::default(),
+            node_counts,
+            coupling_counts,
+            by_elements,
+            nodes,
+            with_pairs: false,
         }
-        Self { parts: aggregates, levels, coarsest: Coarsest::default(), node_counts, coupling_counts }
     }
 
-    /// Makes it that of this matrix and these constraints. All ranks call it together.
-    pub(super) fn prepare(&mut self, parts: &Parts, matrix: &BlockMatrix, constraints: &Constraints) {
+    /// Makes it that of this matrix with these pairs and constraints. All ranks call it together.
+    pub(super) fn prepare(
+        &mut self,
+        parts: &Parts,
+        matrix: &BlockMatrix,
+        pairs: &PairTerms,
+        constraints: &Constraints,
+    ) {
         let ranks = parts.ranks();
         let projections = constraints.of_local_vertices(parts);
-        parts.for_each(PerPart(&mut self.parts), &|part, aggregates| {
+        let around = pairs.nodes_around(parts, &self.nodes, &projections);
+        let mut of_pairs: Vec<Vec<([u32; 2], Matrix3<f64>)>> = vec![Vec::new(); parts.count()];
+        parts.for_each((PerPart(&mut self.parts), PerPart(&mut of_pairs)), &|part, (aggregates, of_pairs)| {
             aggregates.0[0].assemble(&matrix.parts()[part], parts.ranges()[part].start, &projections);
+            of_pairs.0[0] = aggregates.0[0].add_pairs(pairs, part, &around);
         });
         let own: Vec<[f32; 9]> = self.parts.iter().flat_map(PartAggregates::diagonal).collect();
         let diagonal = ranks.all_gather(&own, &self.node_counts);
         let own: Vec<[f32; 9]> = self.parts.iter().flat_map(PartAggregates::couplings).collect();
         let couplings = ranks.all_gather(&own, &self.coupling_counts);
+        let couplings = if pairs.is_empty() {
+            if self.with_pairs {
+                self.levels = levels_of(Level::new(&self.by_elements[0], self.by_elements[1].clone()));
+            }
+            couplings
+        } else {
+            let nodes: Vec<[u32; 2]> = of_pairs.iter().flatten().map(|(nodes, _)| *nodes).collect();
+            let blocks: Vec<[f32; 9]> = of_pairs.iter().flatten().map(|(_, block)| stored_block(block)).collect();
+            let (nodes, blocks) = (ranks.all_gather_v(&nodes).concat(), ranks.all_gather_v(&blocks).concat());
+            let rows = Rows { lengths: &self.by_elements[0], columns: &self.by_elements[1], couplings: &couplings };
+            let (lengths, columns, couplings) = rows.with(&nodes, &blocks);
+            self.levels = levels_of(Level::new(&lengths, columns));
+            couplings
+        };
+        self.with_pairs = !pairs.is_empty();
         self.levels[0].set(&diagonal, &couplings);
         for coarser in 1..self.levels.len() {
             let (finer, rest) = self.levels.split_at_mut(coarser);
@@ -128,7 +166,49 @@ impl Multilevel {
         self.parts.iter().map(PartAggregates::bytes).sum::<usize>()
             + self.levels.iter().map(Level::bytes).sum::<usize>()
             + self.coarsest.bytes()
+            + (self.by_elements.iter().map(Vec::len).sum::<usize>() + self.nodes.len()) * size_of::<u32>()
     }
+}
+
+/// Couplings of the first level, row by row.
+struct Rows<'a> {
+    lengths: &'a [u32],
+    columns: &'a [u32],
+    couplings: &'a [[f32; 9]],
+}
+
+impl Rows<'_> {
+    /// With others behind those of each row, given by row and column, ascending.
+    fn with(&self, nodes: &[[u32; 2]], blocks: &[[f32; 9]]) -> (Vec<u32>, Vec<u32>, Vec<[f32; 9]>) {
+        let mut lengths = Vec::with_capacity(self.lengths.len());
+        let mut columns = Vec::with_capacity(self.columns.len() + nodes.len());
+        let mut couplings = Vec::with_capacity(columns.capacity());
+        let (mut first, mut others) = (0, nodes.iter().zip(blocks).peekable());
+        for (row, length) in self.lengths.iter().enumerate() {
+            let own = first..first + *length as usize;
+            let before = columns.len();
+            columns.extend_from_slice(&self.columns[own.clone()]);
+            couplings.extend_from_slice(&self.couplings[own.clone()]);
+            while let Some((nodes, block)) = others.next_if(|(nodes, _)| nodes[0] as usize == row) {
+                columns.push(nodes[1]);
+                couplings.push(*block);
+            }
+            lengths.push((columns.len() - before) as u32);
+            first = own.end;
+        }
+        (lengths, columns, couplings)
+    }
+}
+
+/// A level and all coarser ones.
+fn levels_of(first: Level) -> Vec<Level> {
+    let mut levels = vec![first];
+    while levels[levels.len() - 1].count() > DIRECT {
+        let last = levels.len() - 1;
+        let coarser = levels[last].coarsen(COARSER_AGGREGATE);
+        levels.push(coarser);
+    }
+    levels
 }
 
 /// About `A⁻¹ b` on the first of these levels: a symmetric V-cycle.

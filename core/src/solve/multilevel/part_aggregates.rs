@@ -8,6 +8,8 @@ use crate::block_matrix::PartBlocks;
 use crate::block_matrix::block::stored_block;
 use crate::parallel::simd4::Simd4;
 use crate::solve::constraints::LocalProjections;
+use crate::solve::pair_terms::{NodesAround, PairTerms};
+use crate::tolerances::CONSTRAINED_STIFFNESS;
 
 /// The aggregates of a part.
 #[derive(Debug)]
@@ -101,7 +103,9 @@ impl PartAggregates {
         self.diagonal.fill(Matrix3::zeros());
         self.couplings.fill(Matrix3::zeros());
         for (vertex, block) in rows.own_diagonal().enumerate() {
-            let within = projections.of(start + vertex).map_or(block, |p| p * block * p);
+            let within = projections
+                .of(start + vertex)
+                .map_or(block, |p| p * block * p + (Matrix3::identity() - p) * (CONSTRAINED_STIFFNESS * block.trace()));
             self.diagonal[usize::from(self.of_vertices[vertex])] += within;
         }
         for (((a, b), places), block) in rows.inside_pairs().zip(&self.inside).zip(rows.inside_blocks()) {
@@ -121,6 +125,36 @@ impl PartAggregates {
             self.diagonal[i] += at_a;
             self.couplings[self.starts[i] as usize + usize::from(*place)] += across;
         }
+    }
+
+    /// Adds what pairs in touch have in the rows: to the diagonal, and as couplings of nodes that no element joins, which are returned
+    /// by row and column.
+    pub(super) fn add_pairs(
+        &mut self,
+        pairs: &PairTerms,
+        part: usize,
+        around: &NodesAround,
+    ) -> Vec<([u32; 2], Matrix3<f64>)> {
+        let mut couplings = Vec::new();
+        pairs.visit_aggregates(part, around, |row, coupling, block| {
+            self.diagonal[row as usize - self.first] += match coupling {
+                Some(column) => {
+                    couplings.push(([row, column], block));
+                    Matrix3::zeros()
+                }
+                None => block,
+            };
+        });
+        // Stable: the order of the pairs stays.
+        couplings.sort_by_key(|(nodes, _)| *nodes);
+        couplings.dedup_by(|next, sum| {
+            let is_same = next.0 == sum.0;
+            if is_same {
+                sum.1 += next.1;
+            }
+            is_same
+        });
+        couplings
     }
 
     /// Sums up a residual of the part's vertices.

@@ -8,6 +8,7 @@ use crate::block_matrix::testing::Sheet;
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
 use crate::solve::constraints::Projection;
+use crate::tolerances::CONSTRAINED_STIFFNESS;
 
 /// Every third vertex slides along a plane, every fourth is held.
 struct Constrained<'a>(&'a Parts);
@@ -45,18 +46,23 @@ fn coarse_levels_are_the_matrix_of_vertices_that_move_as_one_where_constraints_l
     let mut constraints = Constraints::none(&parts);
     constraints.update(&parts, &sheet.masses, &Constrained(&parts));
     let mut levels = Multilevel::new(&parts, &matrix);
-    levels.prepare(&parts, &matrix, &constraints);
+    levels.prepare(&parts, &matrix, &PairTerms::default(), &constraints);
     assert!(levels.levels.len() > 1);
     // Nodes of the vertices, level by level.
     let ends: Vec<Vec<u32>> = parts.ranges().iter().map(|range| runs(range.len(), AGGREGATE)).collect();
     let mut nodes = nodes_of_local_vertices(&parts, 0, &ends);
     let dense = sheet.dense();
+    let own_blocks: Vec<Matrix3<f64>> = matrix.parts().iter().flat_map(|rows| rows.own_diagonal()).collect();
     for level in &levels.levels {
         let mut together = DMatrix::zeros(dense.nrows(), 3 * level.count());
         for (vertex, node) in nodes.iter().enumerate() {
             together.fixed_view_mut::<3, 3>(3 * vertex, 3 * *node as usize).copy_from(&p_of(vertex));
         }
-        let expected = together.transpose() * &dense * together;
+        let mut expected = together.transpose() * &dense * together;
+        for (vertex, (node, diagonal)) in nodes.iter().zip(&own_blocks).enumerate() {
+            let mut view = expected.fixed_view_mut::<3, 3>(3 * *node as usize, 3 * *node as usize);
+            view += (Matrix3::identity() - p_of(vertex)) * (CONSTRAINED_STIFFNESS * diagonal.trace());
+        }
         // Blocks in single precision.
         assert!((level.dense() - &expected).amax() < 1e-6 * expected.amax());
         let aggregates = runs(level.count(), COARSER_AGGREGATE);
@@ -72,7 +78,7 @@ fn prepared(side: usize, stiffness: f64) -> Multilevel {
     let mut constraints = Constraints::none(&parts);
     constraints.update(&parts, &sheet.masses, &Constrained(&parts));
     let mut levels = Multilevel::new(&parts, &matrix);
-    levels.prepare(&parts, &matrix, &constraints);
+    levels.prepare(&parts, &matrix, &PairTerms::default(), &constraints);
     levels
 }
 
@@ -106,7 +112,7 @@ fn levels_of_a_part_with_one_vertex_work() {
         let parts = sheet.parts(&Ranks::default());
         let matrix = sheet.matrix(&parts);
         let mut levels = Multilevel::new(&parts, &matrix);
-        levels.prepare(&parts, &matrix, &Constraints::none(&parts));
+        levels.prepare(&parts, &matrix, &PairTerms::default(), &Constraints::none(&parts));
         levels.parts_mut()[0].restrict(&vec![Simd4::from(&Vec3::x()); parts.own().len()]);
         assert!(levels.solve(&parts) > 0.0);
     }
@@ -117,6 +123,6 @@ fn levels_of_no_vertices_work() {
     let parts = Parts::new(Ranks::default(), Partition::default(), vec![0, 0], Vec::new(), Vec::new());
     let matrix = BlockMatrix::new(&parts, &|_, _| {});
     let mut levels = Multilevel::new(&parts, &matrix);
-    levels.prepare(&parts, &matrix, &Constraints::none(&parts));
+    levels.prepare(&parts, &matrix, &PairTerms::default(), &Constraints::none(&parts));
     assert_eq!(levels.solve(&parts), 0.0);
 }

@@ -4,6 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::*;
 use crate::block_matrix::testing::Sheet;
+use crate::contact::repulsion::pair_forces::PairForce;
+use crate::contact::topology::nodes::ContactNodes;
 use crate::geometry::random::SplitMix64;
 use crate::parallel::local_ranks::LocalRanks;
 use crate::parallel::ranks::Ranks;
@@ -243,4 +245,124 @@ fn what_is_no_number_is_told_and_a_limit_of_iterations_is_kept() {
     // Nothing to be done takes no iteration.
     let nothing = cg.solve(&system, &vec![Vec3::zeros(); sheet.x.len()], &mut d, STOP);
     assert_eq!(nothing, Outcome { iterations: 0, converged: true, finite: true, worse: false });
+}
+
+/// Contacts between vertices of a sheet that no element joins: by their numbers in the scene, with two points of a body behind them.
+fn pairs_of(count: usize) -> Vec<PairForce> {
+    let mut random = SplitMix64::new(11);
+    let mut number = |below: usize| ((random.signed() + 1.0) * 0.5 * below as f64) as u32;
+    let corners: Vec<[u32; 4]> = (0..60).map(|_| [0; 4].map(|_| number(count))).collect();
+    let mut random = SplitMix64::new(12);
+    let distinct = corners.into_iter().filter(|nodes| (1..4).all(|i| !nodes[..i].contains(&nodes[i])));
+    let of_pair = |(place, mut nodes): (usize, [u32; 4])| {
+        let share = 0.5 + 0.4 * random.signed();
+        let weights = [1.0, -share, -0.7 * (1.0 - share), -0.3 * (1.0 - share)];
+        if place % 3 == 0 {
+            // Behind all cloth.
+            nodes[1..].copy_from_slice(&[count as u32, count as u32 + 1, count as u32 + 2]);
+        }
+        let normal = random.vector().normalize();
+        PairForce {
+            nodes,
+            weights,
+            normal,
+            distance: 0.0,
+            force: Vec3::zeros(),
+            stiffness: 40.0,
+            damping: [3.0, 1.0 + 0.5 * random.signed()],
+        }
+    };
+    distinct.enumerate().map(of_pair).collect()
+}
+
+/// What stiffness and damping of pairs weigh in the systems of these tests.
+const PAIR_FACTORS: [f64; 2] = [2.0, 0.5];
+
+/// The terms of a rank's own vertices.
+fn set_pairs(cg: &mut PreconditionedCg, parts: &Parts, sheet: &Sheet) {
+    let own = parts.own();
+    let starts: Vec<u32> = parts.rank_starts().to_vec();
+    let count = sheet.x.len() as u32;
+    let owned = starts[parts.ranks().rank()]..starts[parts.ranks().rank() + 1];
+    let held: Vec<PairForce> =
+        pairs_of(sheet.x.len()).into_iter().filter(|pair| pair.nodes.iter().any(|node| owned.contains(node))).collect();
+    let mut ghosts: Vec<u32> =
+        held.iter().flat_map(|pair| pair.nodes).filter(|node| *node < count && !owned.contains(node)).collect();
+    ghosts.sort_unstable();
+    ghosts.dedup();
+    let nodes = ContactNodes::new(parts.ranks(), &starts, ghosts, 3);
+    let local = |number: u32| nodes.local(number).expect("it is own, a ghost or of a body");
+    let held: Vec<PairForce> =
+        held.into_iter().map(|pair| PairForce { nodes: pair.nodes.map(local), ..pair }).collect();
+    assert_eq!(nodes.own().len(), own.len());
+    cg.pairs_mut().set(parts, &nodes, &held, PAIR_FACTORS);
+}
+
+/// A with the pairs.
+fn dense_with_pairs(sheet: &Sheet) -> DMatrix<f64> {
+    let mut dense = sheet.dense();
+    let [factor, alpha] = PAIR_FACTORS;
+    for pair in pairs_of(sheet.x.len()) {
+        let n = pair.normal * pair.normal.transpose();
+        let along = alpha * pair.damping[0] + alpha * alpha * pair.stiffness;
+        let block = (n * along + (nalgebra::Matrix3::identity() - n) * (alpha * pair.damping[1])) * factor;
+        for (a, of_a) in pair.nodes.iter().zip(pair.weights) {
+            for (b, of_b) in pair.nodes.iter().zip(pair.weights) {
+                if (*a.max(b) as usize) < sheet.x.len() {
+                    let mut view = dense.fixed_view_mut::<3, 3>(3 * *a as usize, 3 * *b as usize);
+                    view += block * (of_a * of_b);
+                }
+            }
+        }
+    }
+    dense
+}
+
+/// The solution with pairs of a rank's own vertices, and iterations.
+fn solve_with_pairs(sheet: &Sheet, ranks: &Ranks, what: What) -> (Outcome, Vec<Vec3>) {
+    let parts = sheet.parts(ranks);
+    let matrix = sheet.matrix(&parts);
+    let masses = Sheet::local(&parts, &sheet.masses);
+    let mut cg = PreconditionedCg::new(&parts, &matrix);
+    let constraints = Constrained { parts: &parts, what };
+    let system = BlockSystem { parts: &parts, masses: &masses, matrix: &matrix, constraints: &constraints };
+    // Twice, and without between: levels with couplings of pairs come and go.
+    cg.prepare(&system);
+    set_pairs(&mut cg, &parts, sheet);
+    cg.prepare(&system);
+    let mut d = vec![Vec3::zeros(); parts.local_count()];
+    let b = Sheet::local(&parts, &impulses(sheet.x.len()));
+    let outcome = cg.solve(&system, &b[parts.own()], &mut d, STOP);
+    (outcome, d[parts.own()].to_vec())
+}
+
+#[test]
+fn solutions_with_pairs_in_touch_are_those_of_a_direct_solve() {
+    for what in [What::Nothing, What::Some] {
+        let sheet = Sheet::new(10, 30.0, 4);
+        let (outcome, found) = solve_with_pairs(&sheet, &Ranks::default(), what);
+        assert!(outcome.converged && !outcome.worse, "{outcome:?}");
+        let count = sheet.x.len();
+        let p = projection(count, what);
+        let b = DVector::from_iterator(3 * count, impulses(count).into_iter().flat_map(|b| [b.x, b.y, b.z]));
+        let system = &p * dense_with_pairs(&sheet) * &p + DMatrix::identity(3 * count, 3 * count) - &p;
+        let expected = system.cholesky().expect("it is positive definite").solve(&(p * b));
+        let error = (0..count).map(|vertex| (found[vertex] - expected.fixed_rows::<3>(3 * vertex)).norm());
+        let error = error.fold(0.0, f64::max);
+        assert!(error < 5e-5, "{what:?}: {error}");
+    }
+}
+
+#[test]
+fn solutions_with_pairs_in_touch_are_the_same_bits_on_any_number_of_ranks() {
+    let sheet = Sheet::new(16, 30.0, 7);
+    let (alone, expected) = solve_with_pairs(&sheet, &Ranks::default(), What::Some);
+    for count in [2, 3, 7] {
+        let shares =
+            LocalRanks::run(count, 1, |communicator| solve_with_pairs(&sheet, &Ranks::new(communicator), What::Some));
+        let found = shares.expect("no rank ends early");
+        assert!(found.iter().all(|(outcome, _)| outcome.iterations == alone.iterations));
+        let together: Vec<Vec3> = found.into_iter().flat_map(|(_, own)| own).collect();
+        assert!(together == expected, "{count} ranks");
+    }
 }

@@ -51,7 +51,7 @@ fn a_list_of_neighbours_holds_all_that_brute_force_finds() {
         let (scene, x) = crumpled(&mut random);
         let mut surface = ContactSurface::new(&scene, 0.4);
         let mut search = PairSearch::new();
-        let mut neighbours = ProximityList::new(&surface, true);
+        let mut neighbours = ProximityList::new(&surface, PairOrder::Coloured);
         assert!(neighbours.update_displacements(&surface, &x, &x).is_infinite(), "there is no list yet");
         neighbours.rebuild(&mut surface, &mut search, &mut x.clone(), reach, 0.0);
         let all = all_pairs(&surface);

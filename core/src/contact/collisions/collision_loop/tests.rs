@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
+use crate::contact::broad_phase::proximity_list::PairOrder;
 use crate::contact::broad_phase::proximity_list::tests::ranks::Heap;
 use crate::contact::testing::on_ranks;
 use crate::geometry::random::SplitMix64;
@@ -52,7 +53,7 @@ fn resolve(heap: &Heap, ranks: &Ranks, starts: &[usize], displacement: f64, may_
             }
         }
     });
-    let (mut search, mut neighbours) = (PairSearch::new(), ProximityList::new(&surface, false));
+    let (mut search, mut neighbours) = (PairSearch::new(), ProximityList::new(&surface, PairOrder::Any));
     let mut start = heap.at(&surface, 0);
     neighbours.rebuild(&mut surface, &mut search, &mut start, 0.3, 1e-6);
     let end = start.iter().zip(heap.at(&surface, 1)).map(|(a, b)| a + (b - a) * displacement).collect();

@@ -168,7 +168,7 @@ fn search(heap: &Heap, ranks: &Ranks, starts: &[usize]) -> Found {
     let mut surface = heap.surface(ranks, starts);
     let corners = surface.nodes().ghosts().len();
     let mut search = PairSearch::new();
-    let mut neighbours = ProximityList::new(&surface, true);
+    let mut neighbours = ProximityList::new(&surface, PairOrder::Coloured);
     let (mut held, mut used) = ([Vec::new(), Vec::new()], Vec::new());
     for time in [0, 1] {
         let mut x = heap.at(&surface, time);

@@ -1,0 +1,114 @@
+//! The laws of pairs in the solves, against differences of the force and against Coulomb's law.
+
+use super::*;
+use crate::contact::repulsion::tests::{LAWS, THICKNESS, scenes};
+use crate::contact::topology::pair::{Pair, PairKind};
+
+/// A pair of two triangles of a scene, a corner over a face or an edge over an edge, at a distance, above by `overlap` of the
+/// thickness.
+struct Touching {
+    surface: ContactSurface,
+    pair: OrientedPair,
+    x: Vec<Vec3>,
+    v: Vec<Vec3>,
+    mobility: Vec<f64>,
+}
+
+impl Touching {
+    fn new(kind: PairKind) -> Self {
+        let scene = &scenes()[kind as usize];
+        let surface = ContactSurface::new(scene, 1.0);
+        let mut x: Vec<Vec3> = surface.rest().to_vec();
+        let upper: Vec<usize> = (0..6).filter(|node| x[*node].y > 0.0).collect();
+        let lower: Vec<usize> = (0..6).filter(|node| x[*node].y == 0.0).collect();
+        let by_height = |a: &usize, b: &usize| x[*a].y.total_cmp(&x[*b].y);
+        let (mut upper, mut lower) = (upper, lower);
+        upper.sort_by(by_height);
+        // The long edge of the lower triangle lies in x = 0.
+        lower.sort_by(|a, b| x[*a].x.total_cmp(&x[*b].x));
+        let nodes = match kind {
+            PairKind::PointTriangle => [upper[0], lower[0], lower[1], lower[2]],
+            PairKind::EdgeEdge => [upper[0], upper[1], lower[0], lower[1]],
+        };
+        let pair = Pair { kind, nodes: nodes.map(|node| node as u32) };
+        let up = Vec3::y();
+        let at = pair.positions(&x);
+        let side = match kind {
+            PairKind::PointTriangle => Vec3::x() * (at[2] - at[1]).cross(&(at[3] - at[1])).dot(&up).signum(),
+            PairKind::EdgeEdge => up,
+        };
+        let pair = OrientedPair { pair, thickness: THICKNESS, side };
+        let mobility: Vec<f64> = surface.mobility().iter().map(Vec3::max).collect();
+        x.iter_mut().filter(|x| x.y > 0.0).for_each(|x| x.y += 0.04);
+        Self { v: vec![Vec3::zeros(); x.len()], surface, pair, x, mobility }
+    }
+
+    fn force(&self) -> Option<PairForce> {
+        let Self { surface, x, v, mobility, .. } = self;
+        self.pair.force(&LAWS, &PairStage { surface, x, v, mobility, dt: 0.005 })
+    }
+
+    /// Moves the upper triangle.
+    fn shift(&mut self, by: Vec3) {
+        let rest = self.surface.rest();
+        self.x.iter_mut().zip(rest).filter(|(_, rest)| rest.y > 0.0).for_each(|(x, _)| *x += by);
+    }
+
+    /// Gives the upper triangle a velocity.
+    fn throw(&mut self, velocity: Vec3) {
+        let rest = self.surface.rest();
+        self.v.iter_mut().zip(rest).filter(|(_, rest)| rest.y > 0.0).for_each(|(v, _)| *v = velocity);
+    }
+}
+
+#[test]
+fn stiffness_and_damping_of_a_pair_are_the_differences_of_its_force() {
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        let mut touching = Touching::new(kind);
+        let found = touching.force().expect("it is in touch");
+        assert!(found.distance > 0.0 && found.distance < THICKNESS && found.force.dot(&found.normal) > 0.0);
+        assert!(found.weights.iter().sum::<f64>().abs() < 1e-12);
+        let step = 1e-6;
+        touching.shift(Vec3::y() * step);
+        let moved = touching.force().expect("it is in touch");
+        let difference = (found.force - moved.force).norm() / step;
+        assert!((difference - found.stiffness).abs() < 1e-3 * found.stiffness, "{difference} {}", found.stiffness);
+        touching.throw(Vec3::y() * step);
+        let thrown = touching.force().expect("it is in touch");
+        let difference = (moved.force - thrown.force).norm() / step;
+        assert!((difference - found.damping[0]).abs() < 1e-3 * found.damping[0], "{difference} {:?}", found.damping);
+    }
+}
+
+#[test]
+fn a_pair_pushes_and_never_pulls() {
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        let mut touching = Touching::new(kind);
+        touching.throw(Vec3::y() * 1e3);
+        assert_eq!(touching.force(), None, "what leaves fast enough");
+        touching.throw(Vec3::zeros());
+        touching.shift(Vec3::y() * THICKNESS);
+        assert_eq!(touching.force(), None, "what is farther apart than its thickness");
+        // Through the other: harder than in touch, and back to the side where it belongs.
+        touching.shift(Vec3::y() * -2.0 * THICKNESS);
+        let found = touching.force().expect("it has passed through");
+        assert!(found.distance < 0.0 && found.force.y > 0.0);
+    }
+}
+
+#[test]
+fn friction_of_a_pair_is_that_of_coulomb_and_never_above_what_holds_it() {
+    for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
+        let mut touching = Touching::new(kind);
+        for speed in [10.0, 0.5 * SLOW_SLIP] {
+            touching.throw(Vec3::x() * speed);
+            let found = touching.force().expect("it is in touch");
+            let push = found.force.dot(&found.normal);
+            let friction = found.force - found.normal * push;
+            let most = LAWS.friction * push;
+            assert!(friction.norm() <= most * (1.0 + 1e-12) && friction.x < 0.0, "{speed}: {friction:?} {most}");
+            let coulomb = (friction.norm() - most).abs() < 1e-9 * most;
+            assert_eq!(coulomb, speed > SLOW_SLIP, "{speed}: {} {most}", friction.norm());
+        }
+    }
+}
