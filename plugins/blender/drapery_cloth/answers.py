@@ -120,8 +120,7 @@ class Status:
 def status_of(answer):
     """The state of a run, from what `status --json` printed."""
     said = json.loads(answer)
-    lost = [entry if isinstance(entry, str) else ", ".join(f"{key} {value}" for key, value in entry.items())
-            for entry in said["degradations"] or []]
+    lost = [f"{each['meaning']}: {each['total']}, first at frame {each['first_frame']}" for each in said["degradations"]]
     return Status(said["state"], said["frames_done"], said["frames_total"], said["last_complete_frame"],
                   said["seconds_left"], said["error"] or "", lost)
 
