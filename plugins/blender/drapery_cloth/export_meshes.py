@@ -16,9 +16,9 @@ from pathlib import Path
 
 import bpy
 
-# Alembic stores when it was written. Without that the same scene gives the same bytes, and a run is not refused as changed.
-DATE = re.compile(rb"_ai_DateWritten=(.{24})")
-NO_DATE = b"_ai_DateWritten=Thu Jan  1 00:00:00 1970"
+# Blender stores when an archive was written, and from which file. Without these the same scene gives the same bytes, and a
+# run is not refused as changed. Their lengths stay, as all of the archive is found by where it stands.
+CIRCUMSTANCES = re.compile(rb"(?<=_ai_DateWritten=)[^;]{24}(?=;)|(?<=_ai_Description=)[^;]*(?=;)")
 
 
 def problem(message, help, thing=None, frame=None, vertex=None):
@@ -62,7 +62,7 @@ def write_alembic(thing, path, frames, scale, evaluation):
             evaluation_mode=evaluation, as_background_job=False)
         if not written.exists():
             raise RuntimeError("Blender wrote no file; is the disk full?")
-        put(path, DATE.sub(NO_DATE, written.read_bytes()))
+        put(path, CIRCUMSTANCES.sub(lambda found: b" " * len(found[0]), written.read_bytes()))
     finally:
         written.unlink(missing_ok=True)
 

@@ -100,6 +100,8 @@ def open_file(context, path):
     before = set(bpy.data.cache_files)
     bpy.ops.cachefile.open(filepath=str(path))
     (file,) = set(bpy.data.cache_files) - before
+    # The operator counts a user that it does not have; with it the file would stay after Unload.
+    file.user_clear()
     if bpy.data.filepath and context.preferences.filepaths.use_relative_paths:
         try:
             file.filepath = bpy.path.relpath(str(path))

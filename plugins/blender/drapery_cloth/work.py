@@ -269,8 +269,10 @@ def write(scene, view):
         raise Failed(*collected.problems)
     folder = collected.folder
     folder.mkdir(parents=True, exist_ok=True)
-    # Beside the meshes, so that a folder that cannot be written is found out before anything else.
-    between = Path(tempfile.mkdtemp(prefix=".export_", dir=folder))
+    # A folder that cannot be written is found out before anything else.
+    tempfile.TemporaryFile(dir=folder).close()
+    # Not below the scene folder: the archives hold a path of that length, and would change with the place of the folder.
+    between = Path(tempfile.mkdtemp(prefix="drapery_"))
     exporting = None
     try:
         job, answer, copy = between / "job.json", between / "answer.json", between / "copy.blend"
