@@ -7,9 +7,9 @@ FOLDER/ACT.npz. `bpy` can be loaded once in a process, hence a process of its ow
 the test, so that no add-on is left behind anywhere.
 """
 
+import json
 import math
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -238,6 +238,139 @@ def whole_path(folder):
 
 
 ACTS = {name: act for name, act in globals().items() if callable(act)}
+
+
+def problems(folder):
+    """What goes wrong before a simulation, one thing after the other; what the panel says."""
+    answer, scene = {}, bpy.context.scene
+    answer["unsaved"] = said(press("check"))
+    root, body, skirt = dressed(folder)
+    answer["no_solver"] = said(press("check"))
+    preferences().executable = str(folder / "shot.blend")
+    answer["no_program"] = said(press("check"))
+    preferences().executable = os.environ["DRAPERY"]
+    # Only in the file that is exported: the first problems prevent that, and are all named at once.
+    twin = garment(root, "skirt:001", 40.0)
+    mark(twin, "GARMENT")
+    wire = link(bpy.data.objects.new("wire", bpy.data.meshes.new("wire")))
+    wire.data.from_pydata([(0, 0, 0), (1, 0, 0)], [(0, 1)], [])
+    mark(wire, "BODY")
+    skirt.drapery.simulated, skirt.drapery.maps[0].name = "ALL", ""
+    skirt.modifiers.new("Fine", "SUBSURF").render_levels = 3
+    answer["together"] = said(press("check"))
+    for thing in (twin, wire):
+        mark(thing, "NONE")
+    skirt.drapery.simulated, skirt.drapery.maps[0].name = "BASE", "weight of nothing"
+    waist = skirt.vertex_groups["waist ☺"]
+    waist.add(range(len(skirt.data.vertices)), 0.5, "REPLACE")
+    topology = body.modifiers.new("Shrinking", "DECIMATE")
+    for frame, ratio in ((FIRST, 1.0), (FIRST + 2, 1.0), (FIRST + 3, 0.5)):
+        topology.ratio = ratio
+        topology.keyframe_insert("ratio", frame=frame)
+    answer["exported"] = said(press("check"))
+    body.modifiers.remove(topology)
+    skirt.drapery.maps[0].name = "heavy"
+    waist.add([vertex.index for vertex in skirt.data.vertices if vertex.co.z > 119.0], 1.0, "REPLACE")
+    # Into the body: what only the solver sees.
+    skirt.data.vertices[7].co.x = 0.0
+    skirt.data.vertices[7].co.y = 0.0
+    scene.frame_set(LAST)
+    answer["inside"] = said(press("check"))
+    found = view().problems[0]
+    bpy.ops.scene.drapery_show(thing=found.object, frame=found.frame or FIRST, has_frame=True, element=found.element, index=found.index)
+    matrix = np.array(skirt.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world)
+    answer["shown"] = [bpy.context.object.name, str(scene.frame_current), str([v.index for v in skirt.data.vertices if v.select])]
+    answer["cursor"], answer["vertex"] = np.array(scene.cursor.location), matrix[:3, :3] @ np.array(skirt.data.vertices[7].co) + matrix[:3, 3]
+    (folder / "file").write_text("")
+    scene.drapery.folder = str(folder / "file" / "below")
+    answer["no_folder"] = said(press("check"))
+    scene.drapery.folder = "/sys/drapery"
+    answer["read_only"] = said(press("check"))
+    scene.drapery.folder = "//drapery/"
+    bpy.ops.scene.drapery_load()
+    answer["nothing_to_load"] = said()
+    answer["too_old"] = sys.modules[MODULE].too_old((2, 93, 0))
+    answer["new_enough"] = sys.modules[MODULE].too_old(bpy.app.version)
+    # Names of the solver's messages are those of files; a frame from the middle of the shot brings no window to it.
+    answer["left_behind"] = sorted(path.name for path in (folder / "drapery").iterdir())
+    return answer
+
+
+def long_shot(folder):
+    """A shot that takes some seconds: finer cloth, more frames."""
+    root, body, skirt = dressed(folder)
+    bpy.data.objects.remove(skirt)
+    skirt = tube("dress", 30.0, 40.0, 120.0, 48, 40, root)
+    group = skirt.vertex_groups.new(name="top")
+    group.add([vertex.index for vertex in skirt.data.vertices if vertex.co.z > 119.0], 1.0, "REPLACE")
+    mark(skirt, "GARMENT")
+    bpy.ops.object.drapery_pin_add()
+    bpy.context.scene.frame_end = FIRST + 39
+    bpy.ops.wm.save_mainfile()
+    return skirt
+
+
+def until(found, seconds=60.0):
+    """Ticks until something is so; raises `TimeoutError`."""
+    end = time.monotonic() + seconds
+    while not found():
+        work().tick()
+        if time.monotonic() > end:
+            raise TimeoutError(repr(vars(view())))
+        time.sleep(0.02)
+
+
+def state_is(*states):
+    return lambda: view().status is not None and view().status.state in states
+
+
+def closed(folder):
+    """Simulates and closes Blender when some frames are done."""
+    long_shot(folder)
+    bpy.ops.scene.drapery_simulate()
+    until(lambda: view().status is not None and view().status.running and view().status.done >= 2)
+    return {"headline": part("answers").headline(view().status), "share": view().status.share}
+
+
+def pid_of_run(folder):
+    return int(json.loads((folder / "lock.json").read_text())["pid"])
+
+
+def reopened(folder):
+    """Opens the file while the simulation goes on: finds it, cancels it, continues it, kills it, continues it, loads."""
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "shot.blend"))
+    run = folder / "drapery" / "out" / "Scene"
+    until(lambda: view().status is not None)
+    answer = {"found": view().status.state, "busy_buttons": [bpy.ops.scene.drapery_simulate.poll(), bpy.ops.scene.drapery_cancel.poll()]}
+    bpy.ops.scene.drapery_cancel()
+    until(lambda: state_is("stopped")() and not work().busy)
+    answer["cancelled"], answer["frames_then"] = part("answers").headline(view().status), view().status.done
+    bpy.ops.scene.drapery_continue()
+    until(lambda: view().status is not None and view().status.running and view().status.done > answer["frames_then"])
+    os.kill(pid_of_run(run), 9)
+    until(lambda: state_is("killed")() and not work().watched)
+    answer["killed"] = part("answers").headline(view().status)
+    # A disk that is full, for this solver alone.
+    whole, preferences().executable = preferences().executable, str(folder / "full_disk")
+    bpy.ops.scene.drapery_continue()
+    until(lambda: not work().watched)
+    answer["full"], answer["full_state"] = said(), view().status.state
+    preferences().executable = whole
+    bpy.ops.scene.drapery_continue()
+    work().run_until_idle(200.0)
+    answer["done"], answer["problems"] = part("answers").headline(view().status), said()
+    # Another scene in the same folder is refused, and kept by a wish alone.
+    bpy.data.objects["dress"].drapery.fabric = "denim_11oz"
+    press("simulate")
+    answer["refused"] = [str(view().refused), *said()]
+    bpy.ops.scene.drapery_load()
+    skirt = bpy.data.objects["dress"]
+    bpy.ops.object.select_all(action="DESELECT")
+    answer["positions"] = [shown(skirt, frame)[0] for frame in (FIRST, FIRST + 39)]
+    skirt.data.vertices.add(1)
+    bpy.ops.scene.drapery_load()
+    answer["edited"] = said()
+    return answer
 
 
 def main():

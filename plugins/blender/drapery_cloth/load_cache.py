@@ -169,7 +169,5 @@ def unload(scene):
             files.add(modifier.cache_file)
             thing.modifiers.remove(modifier)
             count += 1
-    for file in files - {None}:
-        if file.users == 0:
-            bpy.data.cache_files.remove(file)
+    bpy.data.batch_remove([file for file in files - {None} if file.users == 0])
     return count
