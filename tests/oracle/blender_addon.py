@@ -237,20 +237,19 @@ def whole_path(folder):
     return answer
 
 
-ACTS = {name: act for name, act in globals().items() if callable(act)}
-
-
 def problems(folder):
     """What goes wrong before a simulation, one thing after the other; what the panel says."""
     answer, scene = {}, bpy.context.scene
+    preferences().executable = os.environ["DRAPERY"]
     answer["unsaved"] = said(press("check"))
+    preferences().executable = ""
     root, body, skirt = dressed(folder)
     answer["no_solver"] = said(press("check"))
     preferences().executable = str(folder / "shot.blend")
     answer["no_program"] = said(press("check"))
     preferences().executable = os.environ["DRAPERY"]
     # Only in the file that is exported: the first problems prevent that, and are all named at once.
-    twin = garment(root, "skirt:001", 40.0)
+    twin = garment(root, "SKIRT.001", 40.0)
     mark(twin, "GARMENT")
     wire = link(bpy.data.objects.new("wire", bpy.data.meshes.new("wire")))
     wire.data.from_pydata([(0, 0, 0), (1, 0, 0)], [(0, 1)], [])
@@ -376,7 +375,7 @@ def reopened(folder):
 def main():
     act, folder, archive, drapery = sys.argv[1], Path(sys.argv[2]), sys.argv[3], sys.argv[4]
     install(archive, "" if drapery == "none" else drapery)
-    np.savez(folder / f"{act}.npz", **{name: np.array(value) for name, value in ACTS[act](folder).items()})
+    np.savez(folder / f"{act}.npz", **{name: np.array(value) for name, value in globals()[act](folder).items()})
 
 
 if __name__ == "__main__":

@@ -144,10 +144,11 @@ def problems(tmp_path_factory, drapery):
 @pytest.mark.parametrize(
     "when, words",
     [
-        ("unsaved", "solver is missing"),
+        ("unsaved", "relative to a file that was not saved yet|save the file, or choose a folder"),
+        ("unsaved", "No object is marked as a garment|select a mesh"),
         ("no_solver", "this zip held no wheel for this machine. Install the zip of your platform, or choose a drapery executable"),
         ("no_program", "shot.blend is not a program"),
-        ("together", '2 garments would have one name, Skirt.001: "Skirt.001", "skirt:001"|rename them'),
+        ("together", '2 garments would have one name, SKIRT.001: "SKIRT.001", "Skirt.001"|rename them'),
         ("together", 'wire|None|None|None|"wire" has no faces'),
         ("together", "Fine gives other vertices in the render than in the window"),
         ("together", "the map for density is empty"),

@@ -58,7 +58,7 @@ def write_alembic(thing, path, frames, scale, evaluation):
     try:
         bpy.ops.wm.alembic_export(
             filepath=str(written), start=frames[0], end=frames[1], selected=True, flatten=True, uvs=True, face_sets=True,
-            normals=False, vcolors=False, export_hair=False, export_particles=False, global_scale=scale,
+            normals=False, vcolors=False, apply_subdiv=True, export_hair=False, export_particles=False, global_scale=scale,
             evaluation_mode=evaluation, as_background_job=False)
         if not written.exists():
             raise RuntimeError("Blender wrote no file; is the disk full?")

@@ -267,7 +267,9 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
             return
         found = evaluated[self.index]
         context.scene.cursor.location = shown.matrix_world @ (found.center if self.element == "face" else found.co)
-        if len(evaluated) != len(own):
+        # What the solver counted: vertices of the mesh itself, unless a modifier before it made others.
+        same = len(evaluated) == len(own) or (thing.drapery.role == "GARMENT" and thing.drapery.simulated == "BASE")
+        if not same or self.index >= len(own):
             return
         for collection in (thing.data.vertices, thing.data.edges, thing.data.polygons):
             collection.foreach_set("select", [False] * len(collection))
