@@ -97,7 +97,10 @@ def plan_lines(answer):
 
 @dataclass
 class Status:
-    """How far a run is, from `drapery status --json`. `state` is running, stopped, done, failed or killed."""
+    """How far a run is, from `drapery status --json`.
+
+    `state` is running, stopped, done, failed, killed, or silent: on a machine that was not heard of for minutes.
+    """
 
     state: str
     done: int = 0
@@ -109,7 +112,7 @@ class Status:
 
     @property
     def running(self):
-        return self.state.startswith("running")
+        return self.state in ("running", "silent")
 
     @property
     def share(self):
@@ -121,7 +124,12 @@ def status_of(answer):
     """The state of a run, from what `status --json` printed."""
     said = json.loads(answer)
     lost = [f"{each['meaning']}: {each['total']}, first at frame {each['first_frame']}" for each in said["degradations"]]
-    return Status(said["state"], said["frames_done"], said["frames_total"], said["last_complete_frame"],
+    state = said["state"]
+    if state == "running":
+        # The manifest of a process that was killed says so for ever; the lock knows.
+        presence = (said["process"] or {}).get("presence", "gone")
+        state = {"alive": state, "gone": "killed"}.get(presence, "silent")
+    return Status(state, said["frames_done"], said["frames_total"], said["last_complete_frame"],
                   said["seconds_left"], said["error"] or "", lost)
 
 
@@ -138,12 +146,12 @@ def headline(status):
     """One line about a run."""
     if status.running:
         left = "" if status.seconds_left is None else f", {duration(status.seconds_left)} left"
-        dead = " (or its machine is lost)" if "dead" in status.state else ""
+        dead = "; not heard of for minutes, its machine may be lost" if status.state == "silent" else ""
         return f"{status.done} of {status.total} frames{left}{dead}"
     frames = f"{status.done} of {status.total} frames"
     return {
         "done": f"Done: {frames}",
         "stopped": f"Stopped at a checkpoint: {frames}; Continue goes on",
-        "killed": f"The process was killed: {frames} are kept; Continue goes on from the last checkpoint",
+        "killed": f"The process ended without a word (killed, or no room on the disk): {frames} are kept; Continue goes on",
         "failed": f"Failed: {frames} are kept",
     }.get(status.state, f"{status.state}: {frames}")

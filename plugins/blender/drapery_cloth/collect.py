@@ -151,7 +151,8 @@ class Collected:
         file = f"{MESHES}/body_{name}.abc"
         rest_file = f"{MESHES}/rest_{name}.abc" if rest else None
         self.job["bodies"].append({"object": thing.name_full, "file": file, "rest_file": rest_file})
-        return Body(name, file, rest_file, own.thickness if own.own_thickness else None, own.friction if own.own_friction else None)
+        pose = f"{rest_file}@{self.job['rest_frame']}" if rest else None
+        return Body(name, file, pose, own.thickness if own.own_thickness else None, own.friction if own.own_friction else None)
 
     def garment(self, thing):
         own, name = thing.drapery, plain_name(thing.name)

@@ -8,17 +8,18 @@ points of every garment, go to the file that the job calls `answer`. Prints `fra
 The copy is thrown away, so modifiers are removed here that the artist keeps.
 """
 
+import array
+import hashlib
 import json
 import os
-import re
 import sys
 from pathlib import Path
 
 import bpy
 
-# Blender stores when an archive was written, and from which file. Without these the same scene gives the same bytes, and a
-# run is not refused as changed. Their lengths stay, as all of the archive is found by where it stands.
-CIRCUMSTANCES = re.compile(rb"(?<=_ai_DateWritten=)[^;]{24}(?=;)|(?<=_ai_Description=)[^;]*(?=;)")
+# What the meshes held when they were written, by file. Blender's archives of equal meshes differ in their bytes, by more than
+# the date, and a run whose inputs have other bytes is refused as changed: a file whose content is the same stays.
+CONTENT = "meshes/content.json"
 
 
 def problem(message, help, thing=None, frame=None, vertex=None):
@@ -42,8 +43,47 @@ def put(path, content):
     os.replace(beside, path)
 
 
-def write_alembic(thing, path, frames, scale, evaluation):
-    """One object, in the world, in metres, as evaluated in `frames`."""
+class Content:
+    """A digest of what an object is in all frames that are exported, and how many vertices, faces and corners it has in each."""
+
+    def __init__(self, thing, frames, scale):
+        self.thing, self.frames = thing, frames
+        self.sum = hashlib.sha256(repr((frames, scale)).encode())
+        self.shapes = {}
+
+    def look(self, scene, depsgraph):
+        frame = scene.frame_current
+        # Other frames come by when the export sets back what it found.
+        if not self.frames[0] <= frame <= self.frames[1] or frame in self.shapes:
+            return
+        shown = self.thing.evaluated_get(depsgraph)
+        mesh = shown.data
+        self.shapes[frame] = shape_of(mesh)
+        self.sum.update(repr(([list(row) for row in shown.matrix_world], [slot.name for slot in shown.material_slots])).encode())
+        self.add(mesh.vertices, "co", "f", 3)
+        self.add(mesh.loops, "vertex_index", "i", 1)
+        self.add(mesh.polygons, "loop_total", "i", 1)
+        self.add(mesh.polygons, "material_index", "i", 1)
+        for layer in mesh.uv_layers:
+            self.sum.update(layer.name.encode())
+            self.add(layer.data, "uv", "f", 2)
+
+    def add(self, collection, name, kind, width):
+        numbers = array.array(kind, bytes(4 * width * len(collection)))
+        collection.foreach_get(name, numbers)
+        self.sum.update(numbers)
+
+    @property
+    def digest(self):
+        return self.sum.hexdigest()
+
+
+def write_alembic(thing, path, content, scale, evaluation, known):
+    """One object, in the world, in metres, as evaluated in the frames of `content`, which is filled.
+
+    The file stays where `known`, its digest when it was written, is that of today.
+    """
+    frames = content.frames
     scene = bpy.context.scene
     for other in bpy.context.view_layer.objects:
         other.select_set(False)
@@ -53,8 +93,18 @@ def write_alembic(thing, path, frames, scale, evaluation):
     if not thing.select_get():
         raise RuntimeError("it is in no collection of this view layer, or in one that is excluded")
     scene.frame_set(frames[0])
-    written = Path(path).with_name(Path(path).name + ".new")
-    written.parent.mkdir(parents=True, exist_ok=True)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    written = path.with_name(path.name + ".new")
+
+    def look(scene, depsgraph=None):
+        content.look(scene, depsgraph)
+        print(f"frame {scene.frame_current}", flush=True)
+
+    if frames[0] == frames[1]:
+        # One frame is written as the scene stands, and no handler is called.
+        content.look(scene, bpy.context.evaluated_depsgraph_get())
+    bpy.app.handlers.frame_change_post.append(look)
     try:
         bpy.ops.wm.alembic_export(
             filepath=str(written), start=frames[0], end=frames[1], selected=True, flatten=True, uvs=True, face_sets=True,
@@ -62,8 +112,10 @@ def write_alembic(thing, path, frames, scale, evaluation):
             evaluation_mode=evaluation, as_background_job=False)
         if not written.exists():
             raise RuntimeError("Blender wrote no file; is the disk full?")
-        put(path, CIRCUMSTANCES.sub(lambda found: b" " * len(found[0]), written.read_bytes()))
+        if known != content.digest or not path.exists():
+            os.replace(written, path)
     finally:
+        bpy.app.handlers.frame_change_post.remove(look)
         written.unlink(missing_ok=True)
 
 
@@ -117,6 +169,10 @@ class Export:
         self.problems = []
         self.points = {}
         self.things = objects_by_name()
+        try:
+            self.digests = json.loads((self.folder / CONTENT).read_text("utf-8"))
+        except (OSError, ValueError):
+            self.digests = {}
 
     def find(self, name):
         thing = self.things.get(name)
@@ -125,12 +181,17 @@ class Export:
         return thing
 
     def write(self, thing, name, file, frames, evaluation):
+        """Writes an object and returns what it held."""
+        content = Content(thing, frames, self.job["scale"])
+        known = self.digests.pop(file, None)
         try:
-            write_alembic(thing, self.folder / file, frames, self.job["scale"], evaluation)
+            write_alembic(thing, self.folder / file, content, self.job["scale"], evaluation, known)
+            self.digests[file] = content.digest
         except (RuntimeError, OSError) as error:
             said = error.strerror if isinstance(error, OSError) and error.strerror else str(error).strip()
             self.problems.append(problem(f'"{name}" could not be written to {file}: {said}',
                                          "make room on the disk, or choose another folder", name))
+        return content
 
     def has_faces(self, thing, name):
         if len(evaluated(thing).data.polygons):
@@ -188,27 +249,16 @@ class Export:
         thing = self.find(body["object"])
         if thing is None:
             return
-        name, scene, [first, last] = thing.name, bpy.context.scene, self.job["frames"]
-        scene.frame_set(first)
+        name, [first, last] = thing.name, self.job["frames"]
+        bpy.context.scene.frame_set(first)
         if not self.has_faces(thing, name):
             return
-        shapes = {}
-
-        def look(_, depsgraph=None):
-            frame = scene.frame_current
-            if depsgraph is not None and first <= frame <= last:
-                shapes[frame] = shape_of(thing.evaluated_get(depsgraph).data)
-            print(f"frame {frame}", flush=True)
-
-        bpy.app.handlers.frame_change_post.append(look)
-        try:
-            self.write(thing, name, body["file"], [first, last], "RENDER")
-        finally:
-            bpy.app.handlers.frame_change_post.remove(look)
-        self.constant_topology(thing, name, shapes)
+        # Two frames at least: one alone is written as the window shows it, and bodies are as they are rendered.
+        content = self.write(thing, name, body["file"], [first, max(last, first + 1)], "RENDER")
+        self.constant_topology(thing, name, content.shapes)
         if body["rest_file"]:
             frame = self.job["rest_frame"]
-            self.write(thing, name, body["rest_file"], [frame, frame], "RENDER")
+            self.write(thing, name, body["rest_file"], [frame, frame + 1], "RENDER")
 
     def constant_topology(self, thing, name, shapes):
         frames = sorted(shapes)
@@ -230,6 +280,7 @@ class Export:
             self.body(body)
         for garment in self.job["garments"]:
             self.garment(garment)
+        put(self.folder / CONTENT, json.dumps(self.digests, indent=1, sort_keys=True).encode())
 
 
 def main():

@@ -39,7 +39,7 @@ class Pin:
 class Body:
     """An animated mesh that cloth collides with; `thickness` in mm and `friction` are Drapery's own choice where None.
 
-    `rest` is the file with the pose in which the cloth settles, or None.
+    `rest` is the pose in which the cloth settles, as a file and its frame, `body.abc@990`, or None.
     """
 
     name: str
