@@ -277,6 +277,7 @@ def problems(folder):
     answer["inside"] = said(press("check"))
     found = view().problems[0]
     bpy.ops.scene.drapery_show(thing=found.object, frame=found.frame or FIRST, has_frame=True, element=found.element, index=found.index)
+    bpy.ops.object.mode_set(mode="OBJECT")
     matrix = np.array(skirt.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world)
     answer["shown"] = [bpy.context.object.name, str(scene.frame_current), str([v.index for v in skirt.data.vertices if v.select])]
     answer["cursor"], answer["vertex"] = np.array(scene.cursor.location), matrix[:3, :3] @ np.array(skirt.data.vertices[7].co) + matrix[:3, 3]
@@ -299,12 +300,12 @@ def long_shot(folder):
     """A shot that takes some seconds: finer cloth, more frames."""
     root, body, skirt = dressed(folder)
     bpy.data.objects.remove(skirt)
-    skirt = tube("dress", 30.0, 40.0, 120.0, 48, 40, root)
+    skirt = tube("dress", 30.0, 40.0, 120.0, 40, 30, root)
     group = skirt.vertex_groups.new(name="top")
     group.add([vertex.index for vertex in skirt.data.vertices if vertex.co.z > 119.0], 1.0, "REPLACE")
     mark(skirt, "GARMENT")
     bpy.ops.object.drapery_pin_add()
-    bpy.context.scene.frame_end = FIRST + 39
+    bpy.context.scene.frame_end = FIRST + 29
     bpy.ops.wm.save_mainfile()
     return skirt
 
@@ -365,7 +366,7 @@ def reopened(folder):
     bpy.ops.scene.drapery_load()
     skirt = bpy.data.objects["dress"]
     bpy.ops.object.select_all(action="DESELECT")
-    answer["positions"] = [shown(skirt, frame)[0] for frame in (FIRST, FIRST + 39)]
+    answer["positions"] = [shown(skirt, frame)[0] for frame in (FIRST, FIRST + 29)]
     skirt.data.vertices.add(1)
     bpy.ops.scene.drapery_load()
     answer["edited"] = said()

@@ -1,5 +1,6 @@
 """The buttons."""
 
+import bmesh
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
@@ -269,15 +270,24 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
         context.scene.cursor.location = shown.matrix_world @ (found.center if self.element == "face" else found.co)
         # What the solver counted: vertices of the mesh itself, unless a modifier before it made others.
         same = len(evaluated) == len(own) or (thing.drapery.role == "GARMENT" and thing.drapery.simulated == "BASE")
-        if not same or self.index >= len(own):
-            return
-        for collection in (thing.data.vertices, thing.data.edges, thing.data.polygons):
-            collection.foreach_set("select", [False] * len(collection))
-        own[self.index].select = True
+        if same and self.index < len(own):
+            self.select(context, thing)
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "VIEW_3D" and window == context.window:
                     area.spaces.active.region_3d.view_location = context.scene.cursor.location
+
+    def select(self, context, thing):
+        """The element alone, in Edit Mode, where it is seen."""
+        bpy.ops.object.mode_set(mode="EDIT")
+        context.tool_settings.mesh_select_mode = (self.element != "face", False, self.element == "face")
+        edited = bmesh.from_edit_mesh(thing.data)
+        for each in (*edited.verts, *edited.edges, *edited.faces):
+            each.select = False
+        elements = edited.faces if self.element == "face" else edited.verts
+        elements.ensure_lookup_table()
+        elements[self.index].select_set(True)
+        bmesh.update_edit_mesh(thing.data, loop_triangles=False, destructive=False)
 
 
 CLASSES = (
