@@ -97,7 +97,7 @@ def steps():
     # The tab of a sidebar cannot be chosen by a script in 3.4; with all others gone it is the one that is shown.
     for panel in bpy.types.Panel.__subclasses__():
         place = [getattr(panel, key, "") for key in ("bl_space_type", "bl_region_type")]
-        if place == ["VIEW_3D", "UI"] and getattr(panel, "bl_category", "") != "Drapery" and getattr(panel, "is_registered", False):
+        if place == ["VIEW_3D", "UI"] and panel.__module__.startswith("bl_ui.") and getattr(panel, "is_registered", False):
             bpy.utils.unregister_class(panel)
     draw()
     yield

@@ -32,8 +32,8 @@ def seen(tmp_path_factory):
     exporter.write_text('#!/bin/sh\n# --background --disable-autoexec FILE --python-exit-code 1 --python SCRIPT -- JOB\n'
                         f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip
     exporter.chmod(0o755)
-    command = ["xvfb-run", "-a", "-s", "-screen 0 1600x1400x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "1600",
-               "1400", "--python", str(ROOT / "tests" / "oracle" / "blender_window.py"), "--", str(folder), str(folder / "add_ons"),
+    command = ["xvfb-run", "-a", "-s", "-screen 0 900x1300x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
+               "1300", "--python", str(ROOT / "tests" / "oracle" / "blender_window.py"), "--", str(folder), str(folder / "add_ons"),
                program("DRAPERY", "drapery"), str(exporter)]  # fmt: skip
     environment = os.environ | {"BLENDER_USER_CONFIG": str(folder / "config"), "BLENDER_USER_SCRIPTS": str(folder / "scripts"),
                                 "LIBGL_ALWAYS_SOFTWARE": "1"}  # fmt: skip

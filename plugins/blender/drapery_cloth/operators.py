@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from . import load_cache, state, work
-from .collect import run_folder
+from .collect import division, run_folder
 from .scene_text import plain_name
 
 
@@ -266,7 +266,9 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
         if self.index >= len(evaluated):
             self.report({"WARNING"}, f"{thing.name} has no {self.element} {self.index} now")
             return
-        found = evaluated[self.index]
+        # Where the modifiers all follow the cloth, the mesh itself is what was meant; they may move its vertices.
+        plain = thing.drapery.role == "GARMENT" and division(thing) == 0 and self.index < len(own)
+        found = (own if plain else evaluated)[self.index]
         context.scene.cursor.location = shown.matrix_world @ (found.center if self.element == "face" else found.co)
         # What the solver counted: vertices of the mesh itself, unless a modifier before it made others.
         same = len(evaluated) == len(own) or (thing.drapery.role == "GARMENT" and thing.drapery.simulated == "BASE")
