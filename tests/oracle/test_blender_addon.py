@@ -13,7 +13,7 @@ from conftest import program
 from judges import HERE, ROOT, official
 
 FRAMES = 6
-BUILD = ROOT / "plugins" / "blender" / "build"
+PACKAGE = ROOT / "plugins" / "blender" / "package"
 # Runs the command in the place of the solver in a wheel: which way it is called is what is tested.
 STAND_IN = "import os, sys\nos.execv(os.environ['DRAPERY'], ['drapery', *sys.argv[1:]])\n"
 
@@ -41,8 +41,8 @@ def wheel_in(folder):
     return path
 
 
-def build(out, *arguments):
-    done = subprocess.run([sys.executable, str(BUILD), "--out", str(out), *map(str, arguments)], capture_output=True, text=True)
+def package(*arguments):
+    done = subprocess.run([sys.executable, str(PACKAGE), *map(str, arguments)], capture_output=True, text=True)
     return done, Path(done.stdout.strip())
 
 
@@ -61,7 +61,8 @@ def act(name, folder, archive, drapery, executable=None):
 @pytest.fixture(scope="module")
 def whole_path(tmp_path_factory, drapery):
     folder = tmp_path_factory.mktemp("whole path")
-    done, archive = build(folder, wheel_in(folder))
+    wheel_in(folder)
+    done, archive = package(folder)
     assert done.returncode == 0, done.stderr
     return folder, act("whole_path", folder, archive, drapery)
 
@@ -137,7 +138,7 @@ def test_uninstalling_leaves_nothing(whole_path):
 @pytest.fixture(scope="module")
 def problems(tmp_path_factory, drapery):
     folder = tmp_path_factory.mktemp("problems")
-    _, archive = build(folder, "--without-solver")
+    _, archive = package("--without-solver", folder)
     return act("problems", folder, archive, drapery)
 
 
@@ -183,7 +184,7 @@ def test_problems_leave_no_scene_that_looks_valid(problems):
 @pytest.fixture(scope="module")
 def long_run(tmp_path_factory, drapery):
     folder = tmp_path_factory.mktemp("long")
-    _, archive = build(folder, "--without-solver")
+    _, archive = package("--without-solver", folder)
     library = folder / "faults.so"
     subprocess.run(["cc", "-shared", "-fPIC", str(HERE / "faults.c"), "-o", str(library), "-ldl"], check=True)
     script = folder / "full_disk"

@@ -32,8 +32,8 @@ def seen(tmp_path_factory):
     exporter.write_text('#!/bin/sh\n# --background --disable-autoexec FILE --python-exit-code 1 --python SCRIPT -- JOB\n'
                         f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip
     exporter.chmod(0o755)
-    command = ["xvfb-run", "-a", "-s", "-screen 0 900x1300x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
-               "1300", "--python", str(ROOT / "tests" / "oracle" / "blender_window.py"), "--", str(folder), str(folder / "add_ons"),
+    command = ["xvfb-run", "-a", "-s", "-screen 0 900x1900x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
+               "1900", "--python", str(ROOT / "tests" / "oracle" / "blender_window.py"), "--", str(folder), str(folder / "add_ons"),
                program("DRAPERY", "drapery"), str(exporter)]  # fmt: skip
     environment = os.environ | {"BLENDER_USER_CONFIG": str(folder / "config"), "BLENDER_USER_SCRIPTS": str(folder / "scripts"),
                                 "LIBGL_ALWAYS_SOFTWARE": "1"}  # fmt: skip
@@ -76,6 +76,11 @@ def test_a_blender_without_alembic_says_that_it_loads_nothing(seen):
 def test_disabling_leaves_nothing(seen):
     _, answer = seen
     assert answer["left"] == []
+
+
+def test_every_panel_is_drawn_to_its_end(seen):
+    _, answer = seen
+    assert set(answer["drawn"]) == set(answer["panels"])
 
 
 @pytest.mark.parametrize("before, after", [("empty", "marked"), ("marked", "planned"), ("planned", "problem"), ("problem", "running"),
