@@ -8,8 +8,8 @@ from .pictures import OTHER
 
 # Problems that are listed; a broken character may have thousands.
 SHOWN = 12
-# Characters of a line of the sidebar at its usual width; longer messages are wrapped.
-WIDTH = 38
+# Pixels of a sidebar that frames and an icon take, and those of a letter, before they are scaled for the screen.
+FRAME, LETTER = 64, 6
 
 
 class Panel:
@@ -20,9 +20,10 @@ def wrapped(layout, text, icon="NONE"):
     """A text over several lines: labels alone are cut off."""
     column = layout.column(align=True)
     column.scale_y = 0.8
+    width = max(16, int((bpy.context.region.width / bpy.context.preferences.system.ui_scale - FRAME) / LETTER))
     line = ""
     for word in text.split():
-        if line and len(line) + len(word) >= WIDTH:
+        if line and len(line) + len(word) >= width:
             column.label(text=line, icon=icon)
             line, icon = "", "BLANK1" if icon != "NONE" else "NONE"
         line = f"{line} {word}".strip()
@@ -48,7 +49,7 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
 
     def own(self, layout, own, key):
         row = layout.row()
-        row.prop(own, f"own_{key}", text="")
+        row.prop(own, f"own_{key}")
         sub = row.row()
         sub.active = getattr(own, f"own_{key}")
         sub.prop(own, key)
@@ -125,8 +126,8 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
         layout.prop(own, "own_rest")
         if own.own_rest:
             layout.prop(own, "rest_frame")
-        column = layout.column(align=True)
-        column.prop(own, "settle", text="Pre-roll Settle")
+        column = layout.column(align=True, heading="Pre-Roll")
+        column.prop(own, "settle")
         if own.own_rest:
             column.prop(own, "blend")
         layout.prop(own, "preset")
@@ -164,7 +165,7 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
         layout.prop(context.scene.drapery, "cache_folder", text="From")
         layout.operator("scene.drapery_write", icon="FILE_FOLDER")
         if not bpy.app.build_options.alembic:
-            wrapped(layout, "This Blender was built without Alembic: it loads no caches, and another Blender has to write the meshes", "ERROR")
+            wrapped(layout, "Built without Alembic: this Blender loads no caches, and another has to write the meshes", "ERROR")
 
     def progress(self, layout, view, context):
         if view.doing:

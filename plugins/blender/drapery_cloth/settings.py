@@ -67,8 +67,8 @@ class DraperyObject(bpy.types.PropertyGroup):
                ("BODY", "Body", "What cloth collides with: characters, props, floors")])
     fabric: EnumProperty(name="Fabric", items=fabric_entries, default=[fabric.name for fabric in FABRICS].index("cotton_shirting"))
     other_fabric: StringProperty(name="Material", description="Name of a material from the studio's material files")
-    own_thickness: BoolProperty(name="Own Thickness", description="Instead of that of the fabric")
-    thickness: FloatProperty(name="Thickness (mm)", default=0.5, min=0.01, max=100.0, precision=2,
+    own_thickness: BoolProperty(name="Thickness", description="Instead of that of the fabric")
+    thickness: FloatProperty(name="mm", default=0.5, min=0.01, max=100.0, precision=2,
                              description="Distance that layers of cloth keep, or that a body keeps from cloth")
     order: IntProperty(name="Wearing Order", default=1, min=1, max=99,
                        description="1 is worn closest to the skin. Garments are written in this order")
@@ -79,8 +79,8 @@ class DraperyObject(bpy.types.PropertyGroup):
                ("ALL", "After All Modifiers", "What the modifiers leave is simulated, and the cache comes last")])
     pins: CollectionProperty(type=DraperyPin)
     maps: CollectionProperty(type=DraperyMap)
-    own_friction: BoolProperty(name="Own Friction", description="Instead of the largest of the fabrics")
-    friction: FloatProperty(name="Friction", default=0.3, min=0.0, max=10.0, description="Coulomb friction of the body against cloth")
+    own_friction: BoolProperty(name="Friction", description="Instead of the largest of the fabrics")
+    friction: FloatProperty(name="", default=0.3, min=0.0, max=10.0, description="Coulomb friction of the body against cloth")
 
     @property
     def material(self):
@@ -91,9 +91,9 @@ class DraperyObject(bpy.types.PropertyGroup):
 class DraperyScene(bpy.types.PropertyGroup):
     """The shot."""
 
-    folder: StringProperty(name="Scene Folder", subtype="DIR_PATH", default="//drapery/",
+    folder: StringProperty(name="Folder", subtype="DIR_PATH", default="//drapery/",
                            description="Where the scene file, the meshes and the caches go. It can be copied to a farm")
-    own_range: BoolProperty(name="Own Frame Range", description="Instead of the scene's")
+    own_range: BoolProperty(name="Own Range", description="Instead of the scene's")
     first: IntProperty(name="Start", default=1, description="First frame that is written")
     last: IntProperty(name="End", default=250)
     own_rest: BoolProperty(name="Rest Frame", description="Garments fit the bodies at another frame than the first, for example "
@@ -108,7 +108,7 @@ class DraperyScene(bpy.types.PropertyGroup):
         items=[("preview", "Preview", "For blocking: larger steps"), ("production", "Production", "For shots"),
                ("hero", "Hero", "For close-ups: smaller steps, tighter solves")])
     gravity: BoolProperty(name="Gravity", default=True, description="9.81 m/s² downwards, whatever the unit scale is")
-    self_contact: BoolProperty(name="Cloth against Cloth", default=True,
+    self_contact: BoolProperty(name="Self Collision", default=True,
                                description="Layers and garments keep apart and never pass through each other")
     threads: IntProperty(name="Threads", default=0, min=0, max=1024, description="Of the solver; 0 takes all cores. Changes no result")
     cache_folder: StringProperty(name="Load from", subtype="DIR_PATH",
