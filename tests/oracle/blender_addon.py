@@ -345,6 +345,9 @@ def reopened(folder):
     bpy.ops.scene.drapery_cancel()
     until(lambda: state_is("stopped")() and not work().busy)
     answer["cancelled"], answer["frames_then"] = part("answers").headline(view().status), view().status.done
+    # What is there so far; loaded again when all is done, it has to be longer.
+    bpy.ops.scene.drapery_load()
+    shown(bpy.data.objects["dress"], FIRST)
     bpy.ops.scene.drapery_continue()
     until(lambda: view().status is not None and view().status.running and view().status.done > answer["frames_then"])
     os.kill(pid_of_run(run), 9)

@@ -94,8 +94,9 @@ def open_file(context, path):
     """The cache file of Blender for a path; one that is open already is read anew."""
     for file in bpy.data.cache_files:
         if Path(bpy.path.abspath(file.filepath)).resolve() == path.resolve():
-            # Setting the path reads the file again: it may be longer by now.
-            file.filepath = file.filepath
+            # It may be longer by now.
+            with context.temp_override(edit_cachefile=file):
+                bpy.ops.cachefile.reload()
             return file
     before = set(bpy.data.cache_files)
     bpy.ops.cachefile.open(filepath=str(path))
