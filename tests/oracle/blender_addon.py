@@ -206,7 +206,7 @@ def whole_path(folder):
     found = [shown(skirt, frame) for frame in frames]
     answer |= {"frames": frames, "positions": [each[0] for each in found], "velocities": [each[1] for each in found],
                "uvs": [each[2] for each in found], "materials": [each[3] for each in found], "own_uvs": own_uvs,
-               "own_materials": own_materials, "matrix": np.array(skirt.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world)}  # fmt: skip
+               "own_materials": own_materials}  # fmt: skip
     # A second Load finds its own modifier and file again.
     bpy.ops.scene.drapery_load()
     answer["loaded_twice"] = [modifier.name for modifier in skirt.modifiers] + [str(len(bpy.data.cache_files))]
@@ -221,10 +221,14 @@ def whole_path(folder):
     bpy.ops.ed.undo()
     bpy.ops.ed.undo()
     answer["undone_same"] = outline(bpy.data.objects["Skirt.001"]) == before
+    layouts = bpy.types.UILayout.bl_rna.functions
+    answer["progress"] = layouts["progress"].parameters.keys()
+    answer["icons"] = layouts["label"].parameters["icon"].enum_items.keys()
+    answer["entries"] = [entry[3] for entry in part("state").pictures().fabric_entries()[:-1]]
     # What is there after the add-on is gone.
     types = set(dir(bpy.types))
-    bpy.ops.extensions.package_uninstall(repo_index=[repo.module for repo in bpy.context.preferences.extensions.repos].index("user_default"),
-                                         pkg_id="drapery_cloth")  # fmt: skip
+    repositories = [repository.module for repository in bpy.context.preferences.extensions.repos]
+    bpy.ops.extensions.package_uninstall(repo_index=repositories.index("user_default"), pkg_id="drapery_cloth")
     answer["left"] = [
         *(f"type {name}" for name in set(dir(bpy.types)) if "drapery" in name.lower()),
         *(f"property {kind}" for kind in ("Object", "Scene") if hasattr(getattr(bpy.types, kind), "drapery")),
@@ -280,7 +284,8 @@ def problems(folder):
     bpy.ops.object.mode_set(mode="OBJECT")
     matrix = np.array(skirt.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world)
     answer["shown"] = [bpy.context.object.name, str(scene.frame_current), str([v.index for v in skirt.data.vertices if v.select])]
-    answer["cursor"], answer["vertex"] = np.array(scene.cursor.location), matrix[:3, :3] @ np.array(skirt.data.vertices[7].co) + matrix[:3, 3]
+    answer["cursor"] = np.array(scene.cursor.location)
+    answer["vertex"] = matrix[:3, :3] @ np.array(skirt.data.vertices[7].co) + matrix[:3, 3]
     (folder / "file").write_text("")
     scene.drapery.folder = str(folder / "file" / "below")
     answer["no_folder"] = said(press("check"))

@@ -1,8 +1,8 @@
 """Blender with a window and the add-on: every button is pressed and the panel is photographed.
 
-    blender --factory-startup --python blender_window.py -- FOLDER ADD_ON_PARENT DRAPERY EXPORTER
+    blender --factory-startup --python blender_window.py -- FOLDER ZIP DRAPERY EXPORTER
 
-For Blender 3.4, where an add-on is a folder of the scripts. A timer goes through the steps one by one, as fast as the work
+For Blender 3.4, which installs the zip as an add-on of its scripts. A timer goes through the steps one by one, as fast as the work
 gets done; the window is drawn in between. Writes FOLDER/answer.json and pictures; EXPORTER stands for a Blender with Alembic.
 """
 
@@ -14,14 +14,14 @@ from pathlib import Path
 
 import bpy
 
-FOLDER, PARENT, DRAPERY, EXPORTER = sys.argv[sys.argv.index("--") + 1 :]
+FOLDER, ZIP, DRAPERY, EXPORTER = sys.argv[sys.argv.index("--") + 1 :]
 FOLDER = Path(FOLDER)
 FIRST = 1001
 answer = {"presses": [], "drawn": {}}
 
 
 def add_on():
-    sys.path.insert(0, PARENT)
+    bpy.ops.preferences.addon_install(filepath=ZIP)
     from drapery_cloth import panels
 
     # The tab of a sidebar cannot be chosen by a script in 3.4: the panels go to the one that is open, and are open themselves.

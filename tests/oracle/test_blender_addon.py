@@ -1,6 +1,7 @@
 """The Blender add-on in real Blender: installed as an extension, the buttons pressed by a script, and nothing left behind."""
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -13,6 +14,7 @@ from conftest import program
 from judges import HERE, ROOT, official
 
 FRAMES = 6
+ADD_ON = ROOT / "plugins" / "blender" / "drapery_cloth"
 PACKAGE = ROOT / "plugins" / "blender" / "package"
 # Runs the command in the place of the solver in a wheel: which way it is called is what is tested.
 STAND_IN = "import os, sys\nos.execv(os.environ['DRAPERY'], ['drapery', *sys.argv[1:]])\n"
@@ -35,7 +37,8 @@ def wheel_in(folder):
         archive.writestr("drapery/__init__.py", "")
         archive.writestr("drapery/__main__.py", STAND_IN)
         archive.writestr(f"{info}/METADATA", "Metadata-Version: 2.1\nName: drapery\nVersion: 0.1.0\n")
-        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: false\nTag: cp310-abi3-manylinux_2_17_x86_64\n")
+        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: false\n"
+                         "Tag: cp310-abi3-manylinux_2_17_x86_64\n")  # fmt: skip
         names = ["drapery/__init__.py", "drapery/__main__.py", f"{info}/METADATA", f"{info}/WHEEL", f"{info}/RECORD"]
         archive.writestr(f"{info}/RECORD", "".join(f"{name},,\n" for name in names))
     return path
@@ -133,6 +136,18 @@ def test_uninstalling_leaves_nothing(whole_path):
     _, saw = whole_path
     assert saw["types_before"] > 15
     assert list(saw["left"]) == []
+
+
+def test_the_panel_asks_for_what_this_blender_has(whole_path):
+    # No panel is drawn without a window: test_blender_window.py draws them in an older Blender, which has no progress bars.
+    _, saw = whole_path
+    assert {"factor", "text"} <= set(saw["progress"])
+    source = (ADD_ON / "panels.py").read_text()
+    icons = set(re.findall(r'icon="([A-Z_0-9]+)"|, "([A-Z_0-9]+)"\)', source))
+    names = {name for pair in icons for name in pair if name}
+    assert len(names) > 10 and names <= set(saw["icons"]), names - set(saw["icons"])
+    # Every fabric has a picture of its own.
+    assert len(set(saw["entries"])) == 10 and 0 not in saw["entries"]
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,7 @@ from PIL import Image
 
 from conftest import program
 from judges import ROOT
-
-ADD_ON = ROOT / "plugins" / "blender" / "drapery_cloth"
+from test_blender_addon import package
 
 
 @pytest.fixture(scope="module")
@@ -26,14 +25,15 @@ def seen(tmp_path_factory):
         if shutil.which(needed) is None:
             pytest.skip(f"no {needed}; `make setup` installs it on Debian")
     folder = tmp_path_factory.mktemp("window")
-    shutil.copytree(ADD_ON, folder / "add_ons" / "drapery_cloth")
+    (folder / "scripts" / "addons").mkdir(parents=True)
+    _, archive = package("--without-solver", folder)
     # What a Blender is called with, answered by the module.
     exporter = folder / "blender_with_alembic"
     exporter.write_text('#!/bin/sh\n# --background --disable-autoexec FILE --python-exit-code 1 --python SCRIPT -- JOB\n'
                         f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip
     exporter.chmod(0o755)
     command = ["xvfb-run", "-a", "-s", "-screen 0 900x1900x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
-               "1900", "--python", str(ROOT / "tests" / "oracle" / "blender_window.py"), "--", str(folder), str(folder / "add_ons"),
+               "1900", "--python", str(ROOT / "tests" / "oracle" / "blender_window.py"), "--", str(folder), str(archive),
                program("DRAPERY", "drapery"), str(exporter)]  # fmt: skip
     environment = os.environ | {"BLENDER_USER_CONFIG": str(folder / "config"), "BLENDER_USER_SCRIPTS": str(folder / "scripts"),
                                 "LIBGL_ALWAYS_SOFTWARE": "1"}  # fmt: skip

@@ -23,6 +23,11 @@ class OBJECT_OT_drapery_mark(bpy.types.Operator):
 
     def execute(self, context):
         things = [thing for thing in context.selected_objects if thing.type == "MESH"]
+        linked = [thing.name for thing in things if thing.library is not None]
+        if linked:
+            self.report({"ERROR"}, f"{', '.join(linked)}: linked objects cannot be marked; make a library override (Object > Library "
+                        "Override > Make)")
+            return {"CANCELLED"}
         for thing in things:
             thing.drapery.role = self.role
         self.report({"INFO"}, f"{len(things)} objects marked")

@@ -256,8 +256,8 @@ def exporting_line(copy, job):
         return [sys.executable, script, "--", job, copy]
     if not os.access(blender, os.X_OK):
         raise Failed(Problem(f"{blender} is not a program", "choose another Blender for Export in the preferences"))
-    trusted = bpy.context.preferences.filepaths.use_scripts_auto_execute and not bpy.app.autoexec_fail
-    trust = "--enable-autoexec" if trusted else "--disable-autoexec"
+    # Drivers have to run as they do here: unless scripts of this file were blocked, what it evaluates to depends on them.
+    trust = "--disable-autoexec" if bpy.app.autoexec_fail else "--enable-autoexec"
     return [blender, "--background", trust, copy, "--python-exit-code", "1", "--python", script, "--", job]
 
 
