@@ -143,6 +143,7 @@ def dressed(folder):
     pin.group, pin.hold = "waist ☺", "BODY"
     bpy.ops.object.drapery_map_add()
     skirt.drapery.maps[0].quantity, skirt.drapery.maps[0].source, skirt.drapery.maps[0].name = "density", "ATTRIBUTE", "heavy"
+    bpy.context.scene.drapery.folder = "//drapery/"
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))
     return root, body, skirt
 
@@ -224,7 +225,7 @@ def whole_path(folder):
     layouts = bpy.types.UILayout.bl_rna.functions
     answer["progress"] = layouts["progress"].parameters.keys()
     answer["icons"] = layouts["label"].parameters["icon"].enum_items.keys()
-    answer["entries"] = [entry[3] for entry in part("state").pictures().fabric_entries()[:-1]]
+    answer["fabrics"] = [entry[0] for entry in part("state").pictures().fabric_entries()]
     # What is there after the add-on is gone.
     types = set(dir(bpy.types))
     repositories = [repository.module for repository in bpy.context.preferences.extensions.repos]
@@ -291,7 +292,14 @@ def problems(folder):
     answer["no_folder"] = said(press("check"))
     scene.drapery.folder = "/sys/drapery"
     answer["read_only"] = said(press("check"))
-    scene.drapery.folder = "//drapery/"
+    scene.drapery.folder = ""
+    answer["own_folder"] = str(part("collect").scene_folder(scene).relative_to(folder))
+    other = bpy.data.scenes.new("Scene 2")
+    other.collection.objects.link(skirt)
+    answer["own_folder_too"] = str(part("collect").scene_folder(other).relative_to(folder))
+    other.drapery.folder = scene.drapery.folder = "//drapery/"
+    answer["one_folder"] = said(press("check"))
+    bpy.data.scenes.remove(other)
     bpy.ops.scene.drapery_load()
     answer["nothing_to_load"] = said()
     answer["too_old"] = sys.modules[MODULE].too_old((2, 93, 0))

@@ -129,6 +129,7 @@ def steps():
     skirt.drapery.pins[0].hold = "SPRING"
     skirt.drapery.fabric = "denim_11oz"
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "window.blend"))
+    answer["icons"] = [entry[3] for entry in state().pictures().fabric_entries()[:-1]]
     yield
     photograph("marked")
     press("scene", "drapery_check")

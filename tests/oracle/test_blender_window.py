@@ -66,6 +66,11 @@ def test_what_can_be_pressed_does_its_work(seen):
     assert answer["cancelled"] in ("stopped", "done") and answer["done"] == "done"
 
 
+def test_every_fabric_has_a_picture(seen):
+    _, answer = seen
+    assert len(set(answer["icons"])) == 10 and 0 not in answer["icons"]
+
+
 def test_a_blender_without_alembic_says_that_it_loads_nothing(seen):
     _, answer = seen
     (load,) = presses(answer, "load")

@@ -33,8 +33,9 @@ def division(thing):
 
 def scene_folder(scene):
     """The folder of the scene; None where it is relative to a file that was never saved."""
-    path = scene.drapery.folder
-    if not path or (path.startswith("//") and not bpy.data.filepath):
+    # Files that lie side by side, and scenes of one file, do not get into each other's way.
+    path = scene.drapery.folder or f"//drapery/{plain_name(Path(bpy.data.filepath).stem)}/{shot_name(scene)}"
+    if path.startswith("//") and not bpy.data.filepath:
         return None
     return Path(bpy.path.abspath(path)).resolve()
 
@@ -83,6 +84,9 @@ class Collected:
             self.say("Blend frames lead from the rest frame to the first", "choose a rest frame, or set Blend to 0")
         if own.own_rest and own.rest_frame != first and not own.blend and self.bodies:
             self.say("Bodies would jump from the rest frame to the first", "set Blend to some frames, 10 for example")
+        for other in bpy.data.scenes:
+            if other != self.scene and self.folder and scene_folder(other) == self.folder and marked(other, "GARMENT"):
+                self.say(f'The scene "{other.name}" has the same folder, {self.folder}', "choose another for one of them")
         for things, what in ((self.garments, "garments"), (self.bodies, "bodies")):
             for group in names_taken_twice([thing.name for thing in things]):
                 first_of = next(thing for thing in things if thing.name == group[0])

@@ -3,6 +3,7 @@
 import bpy
 
 from . import answers, load_cache, state
+from .collect import scene_folder
 from .operators import runs
 from .pictures import OTHER
 
@@ -118,6 +119,9 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
         layout, own = self.layout, context.scene.drapery
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(own, "folder")
+        folder = scene_folder(context.scene)
+        if not own.folder and folder:
+            layout.label(text=bpy.path.relpath(str(folder)), icon="BLANK1")
         layout.prop(own, "own_range")
         if own.own_range:
             column = layout.column(align=True)

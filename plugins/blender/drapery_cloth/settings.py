@@ -29,7 +29,7 @@ SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
            ("ATTRIBUTE", "Attribute", "A named attribute; of a colour, its red")]
 
 
-def is_other_mesh(pin, thing):
+def is_body(pin, thing):
     return thing.type == "MESH" and thing.drapery.role == "BODY"
 
 
@@ -45,7 +45,7 @@ class DraperyPin(bpy.types.PropertyGroup):
         name="Held", default="BODY",
         items=[("FIXED", "Fixed", "Where they start"), ("BODY", "On the Body", "Bound to the nearest place of a body"),
                ("SPRING", "Spring", "Drawn by springs: to a body if one is chosen, otherwise to where they start")])
-    body: PointerProperty(name="Body", type=bpy.types.Object, poll=is_other_mesh,
+    body: PointerProperty(name="Body", type=bpy.types.Object, poll=is_body,
                           description="Which body; left empty, the first one (of springs: none)")
     stiffness: FloatProperty(name="Stiffness (N/m)", default=200.0, min=1e-3, max=1e7, description="Of each vertex's spring")
 
@@ -91,8 +91,9 @@ class DraperyObject(bpy.types.PropertyGroup):
 class DraperyScene(bpy.types.PropertyGroup):
     """The shot."""
 
-    folder: StringProperty(name="Folder", subtype="DIR_PATH", default="//drapery/",
-                           description="Where the scene file, the meshes and the caches go. It can be copied to a farm")
+    folder: StringProperty(name="Folder", subtype="DIR_PATH", 
+                           description="Where the scene file, the meshes and the caches go. It can be copied to a farm. Left "
+                           "empty: drapery/FILE/SCENE beside the file")
     own_range: BoolProperty(name="Own Range", description="Instead of the scene's")
     first: IntProperty(name="Start", default=1, description="First frame that is written")
     last: IntProperty(name="End", default=250)
