@@ -107,7 +107,7 @@ def steps():
     for thing in list(bpy.data.objects):
         bpy.data.objects.remove(thing)
     scene = bpy.context.scene
-    scene.frame_start, scene.frame_end = FIRST, FIRST + 11
+    scene.frame_start, scene.frame_end = FIRST, FIRST + 23
     scene.frame_set(FIRST)
     body, skirt = tube("body", 0.2, 0.0, 1.2, 16, 8), tube("skirt", 0.25, 0.5, 1.0, 32, 20)
     space = area().spaces.active

@@ -176,7 +176,8 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
             self.bar(layout, view.share, view.doing)
         elif view.status:
             if view.status.running:
-                self.bar(layout, view.status.share, answers.headline(view.status))
+                text = "stopping at a checkpoint" if view.stopping else answers.headline(view.status)
+                self.bar(layout, view.status.share, text)
             else:
                 wrapped(layout, answers.headline(view.status), "CHECKMARK" if view.status.state == "done" else "ERROR")
             for lost in view.status.degradations:

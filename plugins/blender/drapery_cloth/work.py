@@ -42,10 +42,7 @@ class View:
         self.lines = []
         self.status = None
         self.refused = False
-
-    @property
-    def errors(self):
-        return [found for found in self.problems if not found.warning]
+        self.stopping = False
 
 
 class Work:
@@ -211,6 +208,7 @@ class Work:
         view.doing = ""
         if question.code == 0:
             view.status = answers.status_of(question.output)
+            view.stopping = view.stopping and view.status.running
             going_on = view.status.running or simulation is not None
             if view.status.state == "failed" and not view.problems:
                 view.problems = answers.problems_of(f"Error: {view.status.error}")
@@ -359,7 +357,7 @@ def start_simulation(scene, *options):
     threads = scene.drapery.threads
     line = solver.line("run", SCENE_FILE, "--progress", "none", *(["--threads", threads] if threads else []), *options)
     view = work.view(scene)
-    view.status, view.doing, view.refused = None, "Starting", False
+    view.status, view.doing, view.refused, view.stopping = None, "Starting", False, False
     work.watched[scene.name] = Simulation(line, str(folder), solver.environment, folder / "simulate.log")
     work.asked.pop(scene.name, None)
     work.wake()
@@ -371,8 +369,9 @@ def stop_simulation(scene):
 
     def task():
         yield from ask_solver(solver, scene_folder(scene), "stop", folder)
+        work.view(scene).stopping = True
         work.look_at_folder(scene)
-        return ["Stopping at a checkpoint"]
+        return []
 
     work.start(scene, task())
 
