@@ -32,7 +32,7 @@ demo: build ## simulate a dressed character and render six frames of it; QUALITY
 	@.ci/demo $(QUALITY)
 
 .PHONY: test
-test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl), which try the Blender add-on too
+test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
 	cargo test --release --workspace $(FEATURES)
 	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
 	$(TARGET)/release/examples/write_demo $(TARGET)/alembic_demo

@@ -323,6 +323,35 @@ def long_shot(folder):
     return skirt
 
 
+def other_settings(folder):
+    """Garments that fit at another frame than the first, all modifiers simulated, springs to the body, a painted colour, NTSC."""
+    scene = bpy.context.scene
+    _, body, skirt = dressed(folder)
+    scene.render.fps, scene.render.fps_base = 24, 1.001
+    skirt.modifiers.remove(skirt.modifiers["Thickness"])
+    fine = skirt.modifiers.new("Fine", "SUBSURF")
+    fine.levels = fine.render_levels = 1
+    own, shot = skirt.drapery, scene.drapery
+    own.simulated, own.pins[0].hold, own.pins[0].body, own.pins[0].stiffness = "ALL", "SPRING", body, 50.0
+    colour = skirt.data.color_attributes.new("paint", "FLOAT_COLOR", "CORNER")
+    for entry in colour.data:
+        entry.color = (0.5, 0.0, 0.0, 1.0)
+    bpy.ops.object.drapery_map_add()
+    own.maps[1].quantity, own.maps[1].source, own.maps[1].name = "dihedral_bending", "ATTRIBUTE", "paint"
+    # Garments fit at the last frame; the shot is one frame long.
+    shot.own_range, shot.first, shot.last = True, FIRST, FIRST
+    shot.own_rest, shot.rest_frame, shot.settle = True, LAST, 1
+    answer = {"no_blend": said(press("check"))}
+    shot.blend = 4
+    answer["checked"] = said(press("check"))
+    press("simulate")
+    answer["status"], answer["problems"] = view().status.state, said()
+    bpy.ops.scene.drapery_load()
+    answer["loaded"] = [modifier.name for modifier in skirt.modifiers]
+    answer["positions"] = shown(skirt, FIRST)[0]
+    return answer
+
+
 def until(found, seconds=60.0):
     """Ticks until something is so; raises `TimeoutError`."""
     end = time.monotonic() + seconds

@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -198,6 +199,24 @@ def test_files_and_scenes_have_folders_of_their_own(problems):
 def test_problems_leave_no_scene_that_looks_valid(problems):
     assert "scene.toml" in problems["left_behind"]  # of the check that the solver made
     assert not [name for name in problems["left_behind"] if name.endswith((".part", ".new"))]
+
+
+def test_rest_frames_subdivided_cloth_springs_and_colours(tmp_path, drapery):
+    _, archive = package("--without-solver", tmp_path)
+    saw = act("other_settings", tmp_path, archive, drapery, drapery)
+    assert "set Blend to some frames" in saw["no_blend"][0]
+    assert not len(saw["checked"]) and not len(saw["problems"]) and saw["status"] == "done"
+    assert list(saw["loaded"]) == ["Fine", "Drapery Cache"]
+    scene = tomllib.loads((tmp_path / "drapery" / "scene.toml").read_text())
+    assert scene["shot"] == {"name": "Scene", "fps": "24000/1001", "frames": "1001-1001", "preroll": {"settle": 1, "blend": 4}}
+    assert scene["body"][0]["rest"] == "meshes/rest_b_dy.abc@1006"
+    (garment,) = scene["garment"]
+    assert garment["pin"][0]["mode"] == "spring" and garment["pin"][0]["to"] == "body:b_dy"
+    # Of the subdivided mesh: 16 x 9 vertices, 16 x 8 faces and the edges between them.
+    paint = np.loadtxt(tmp_path / "drapery" / garment["maps"]["dihedral_bending"].removeprefix("file:"))
+    assert paint.shape == (16 * 9 + 16 * 8 + 16 * 9 + 16 * 8,) and np.all(paint == 0.5)
+    cache = official(tmp_path / "drapery" / "out" / "Scene" / "Skirt.001.abc")
+    np.testing.assert_allclose(saw["positions"], 100.0 * z_up(cache["world_positions"][0]), atol=2e-5)
 
 
 @pytest.fixture(scope="module")

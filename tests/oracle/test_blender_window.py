@@ -36,7 +36,7 @@ def seen(tmp_path_factory):
                "1900", "--python", str(ROOT / "tests" / "oracle" / "blender_window.py"), "--", str(folder), str(archive),
                program("DRAPERY", "drapery"), str(exporter)]  # fmt: skip
     environment = os.environ | {"BLENDER_USER_CONFIG": str(folder / "config"), "BLENDER_USER_SCRIPTS": str(folder / "scripts"),
-                                "LIBGL_ALWAYS_SOFTWARE": "1"}  # fmt: skip
+                                "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}  # fmt: skip
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=400)
     said = done.stdout + done.stderr
     assert (folder / "answer.json").exists(), said[-4000:]
