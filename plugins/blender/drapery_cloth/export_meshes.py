@@ -3,8 +3,8 @@
     blender --background COPY.blend --python export_meshes.py -- JOB.json
     python export_meshes.py -- JOB.json COPY.blend          (Blender as a Python module)
 
-The job names objects, files, frames and how much of each garment's modifier stack is simulated; problems, and the number of
-points of every garment, go to the file that the job calls `answer`. Prints `frame F` for every frame of the bodies.
+The job names objects, files, frames and how much of each garment's modifier stack is simulated; problems go
+to the file that the job calls `answer`. Prints `frame F` for every frame of the bodies.
 The copy is thrown away, so modifiers are removed here that the artist keeps.
 """
 
@@ -161,13 +161,12 @@ def weights_of(thing, source, name):
 
 
 class Export:
-    """One job: what it finds on the way is in `problems` and `points`."""
+    """One job; what is wrong with it is in `problems` at its end."""
 
     def __init__(self, job):
         self.job = job
         self.folder = Path(job["folder"])
         self.problems = []
-        self.points = {}
         self.things = objects_by_name()
         try:
             self.digests = json.loads((self.folder / CONTENT).read_text("utf-8"))
@@ -213,7 +212,6 @@ class Export:
         bpy.context.scene.frame_set(self.job["rest_frame"])
         if not self.has_faces(thing, name):
             return
-        self.points[name] = len(evaluated(thing).data.vertices)
         # As the window shows it: that is what the cache is put on.
         frame = self.job["rest_frame"]
         self.write(thing, name, garment["file"], [frame, frame], "VIEWPORT")
@@ -290,7 +288,7 @@ def main():
         bpy.ops.wm.open_mainfile(filepath=arguments[1])
     export = Export(job)
     export.run()
-    Path(job["answer"]).write_text(json.dumps({"problems": export.problems, "points": export.points}), "utf-8")
+    Path(job["answer"]).write_text(json.dumps({"problems": export.problems}), "utf-8")
 
 
 main()
