@@ -19,7 +19,6 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Parser;
 use clap::error::ErrorKind;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_shot::Shot;

@@ -77,12 +77,11 @@ fn simulate(
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}_study")));
     let command: Vec<String> =
         args.words.iter().skip(1).filter(|word| *word != "--overwrite").map(|word| quoted(word)).collect();
+    let mut source = SceneSource::file(scene);
+    source.settings.clone_from(&args.settings);
+    source.search = around.search(&args.materials).value;
     let options = Options {
-        scene: SceneSource {
-            settings: args.settings.clone(),
-            search: around.search(&args.materials).value,
-            ..SceneSource::file(scene)
-        },
+        scene: source,
         out: out.clone(),
         asked: Asked {
             vary: args.vary.clone(),

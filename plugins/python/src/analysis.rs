@@ -21,8 +21,8 @@ use crate::on_thread::{Caller, on_thread};
 use crate::scene::Scene;
 
 /// Facts, warnings and broken rules of caches that belong together.
-#[pyfunction]
-pub(crate) fn verify(
+#[pyfunction(name = "verify")]
+pub(crate) fn verify_caches(
     py: Python<'_>,
     paths: Vec<PathBuf>,
     body: Option<PathBuf>,
@@ -67,8 +67,8 @@ pub(crate) struct Request {
 
 /// Makes a study, or goes on with the one that the folder holds; returns what follows from it as JSON. `hear` is called with the
 /// kind of what is heard and its parts.
-#[pyfunction]
-pub(crate) fn study(py: Python<'_>, scene: &Scene, request: Request, hear: Py<PyAny>) -> PyResult<String> {
+#[pyfunction(name = "study")]
+pub(crate) fn make_study(py: Python<'_>, scene: &Scene, request: Request, hear: Py<PyAny>) -> PyResult<String> {
     let limit = Duration::try_from_secs_f64(request.max_wall)
         .map_err(|_| crate::errors::usage(format!("`max_wall` is {} s, which is no time", request.max_wall)))?;
     let (source, hear) = (scene.source.clone(), Arc::new(hear));
@@ -155,8 +155,8 @@ impl Observer for Listener<'_> {
 }
 
 /// Presets, then materials of files in folders, with the file that each is from.
-#[pyfunction]
-pub(crate) fn materials<'py>(py: Python<'py>, folders: Vec<PathBuf>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+#[pyfunction(name = "materials")]
+pub(crate) fn list_materials<'py>(py: Python<'py>, folders: Vec<PathBuf>) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let mut all: Vec<(Material, Option<PathBuf>)> = PRESETS.iter().map(|preset| (preset.clone(), None)).collect();
     for file in material_files(&folders).map_err(raised)? {
         let material = read_material(&file).map_err(raised)?;

@@ -40,10 +40,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     module.add_function(wrap_pyfunction!(scene::toml_of, module)?)?;
-    module.add_function(wrap_pyfunction!(analysis::verify, module)?)?;
-    module.add_function(wrap_pyfunction!(analysis::study, module)?)?;
+    module.add_function(wrap_pyfunction!(analysis::verify_caches, module)?)?;
+    module.add_function(wrap_pyfunction!(analysis::make_study, module)?)?;
     module.add_function(wrap_pyfunction!(analysis::study_of, module)?)?;
-    module.add_function(wrap_pyfunction!(analysis::materials, module)?)?;
+    module.add_function(wrap_pyfunction!(analysis::list_materials, module)?)?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<scene::Shot>()?;
     module.add_class::<simulation::Simulation>()?;

@@ -55,7 +55,7 @@ pub(crate) fn on_thread<T: Send>(py: Python<'_>, work: impl FnOnce(&Caller) -> R
     let (calls, inbox) = mpsc::channel::<(Call, Sender<()>)>();
     let cancelled = Arc::new(AtomicBool::new(false));
     let caller = Caller { calls, cancelled: cancelled.clone() };
-    py.detach(|| {
+    py.detach(move || {
         thread::scope(|scope| {
             let build = thread::Builder::new().name("drapery".to_owned()).stack_size(STACK_BYTES);
             let worker = build.spawn_scoped(scope, move || work(&caller)).map_err(|error| {

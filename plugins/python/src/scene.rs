@@ -184,11 +184,12 @@ impl Shot {
     /// Follows the pins through all frames; what is suspicious of them.
     fn check_pins(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let mut held = self.prepared.try_lock().map_err(|error| in_use("shot", &error))?;
-        let shot = match held.take() {
+        let mut shot = match held.take() {
             Some(shot) => shot,
             None => on_thread(py, |_| self.source.prepare(self.frames))?,
         };
-        let found = on_thread(py, |_| Ok::<_, Fault>(shot.check_pins()?));
+        let checked = &mut shot;
+        let found = on_thread(py, move |_| Ok::<_, Fault>(checked.check_pins()?));
         *held = Some(shot);
         found
     }

@@ -157,10 +157,9 @@ impl Simulation {
     }
 
     fn save_file(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let session = self.session()?;
-        let session = &*session;
-        // It is read by this thread alone.
-        py.detach(|| session.save_file(&path)).map_err(raised)
+        let mut session = self.session()?;
+        let session = &mut *session;
+        on_thread(py, move |_| Ok(session.save_file(&path)?))
     }
 
     fn restore_file(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {

@@ -1,4 +1,6 @@
-from collections.abc import Callable
+"""What the compiled module offers to the package; the package is what programs use."""
+
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -7,50 +9,50 @@ import numpy.typing as npt
 
 __version__: str
 
-class DraperyError(Exception):
-    """What went wrong, in words."""
-
-    code: int
-    """Exit code of the command for the same fault."""
-    object: str | None
-    """Name of the garment or body, or path of the file."""
-    frame: int | None
-    """The frame."""
-    element: int | None
-    """Vertex, face, edge or corner, from 0; of a scene the line, from 1."""
-
-class SceneError(DraperyError):
-    """The scene is wrong."""
-
-class InputError(DraperyError):
-    """An input is missing, or holds what cannot be used."""
-
-class SolverError(DraperyError):
-    """The solver gave up."""
-
 def set_threads(count: int) -> None:
-    """Sets the number of threads of all simulations, once, before anything is simulated; it changes no bit of a result."""
+    """Sets the number of threads of all simulations of this process, 0 for one for each processor; once, before anything is
+    simulated. It changes no bit of a result. Raises UsageError where threads run already."""
+
+def command(words: Sequence[str], program: str | None) -> int: ...
+def toml_of(json: str) -> str: ...
+def verify(
+    paths: Sequence[str], body: str | None, record: str | None
+) -> tuple[list[str], list[str], list[str]]: ...
+def study(scene: Scene, request: dict[str, Any], hear: Callable[..., None]) -> str: ...
+def study_of(record: str) -> str: ...
+def materials(folders: Sequence[str]) -> list[dict[str, Any]]: ...
 
 class Scene:
     name: str
     path: Path | None
-    @staticmethod
-    def _load(path: str, settings: list[tuple[str, str]], materials: list[str]) -> Scene: ...
-    @staticmethod
-    def _parse(
-        text: str, name: str, folder: str, settings: list[tuple[str, str]], materials: list[str],
+    def __new__(
+        cls,
+        path: str | None,
+        text: tuple[str, str, str] | None,
+        settings: Sequence[tuple[str, str]],
+        materials: Sequence[str],
     ) -> Scene: ...
-    @staticmethod
-    def _toml_of(json: str) -> str: ...
-    def _set(self, key: str, value: str) -> None: ...
-    def _add_mesh(
-        self, name: str, positions: npt.NDArray[np.float64], face_counts: list[int], corners: list[int],
+    def set(self, key: str, value: str) -> None: ...
+    def add_mesh(
+        self,
+        name: str,
+        positions: npt.NDArray[np.float64],
+        face_counts: npt.NDArray[np.uint32],
+        corners: npt.NDArray[np.uint32],
     ) -> None: ...
-    def validate(self) -> list[str]: ...
+    def shot(self, frames: tuple[int, int] | None) -> Shot: ...
+
+class Shot:
+    name: str
+    frames: tuple[int, int, int]
+    fps: float
+    garments: list[str]
+    bodies: list[str]
+    warnings: list[tuple[str | None, str, str, str]]
+    plan: str
+    def check_pins(self) -> str | None: ...
     def simulate(self) -> Simulation: ...
-    def _run(
-        self, out: str, overwrite: bool, progress: Callable[[int, int, int, float], None] | None,
-    ) -> dict[str, Any]: ...
+    def run(self, out: str, overwrite: bool, command: str, hear: Callable[..., None]) -> dict[str, Any]: ...
 
 class State:
     """A state of a simulation, to go back to."""
@@ -61,15 +63,12 @@ class Simulation:
     name: str
     garments: list[str]
     bodies: list[str]
-    warnings: list[str]
-    start_frame: int
-    first_frame: int
-    last_frame: int
+    frames: tuple[int, int, int]
     fps: float
     frame: int
     summary: dict[str, Any] | None
-    def _move_body(self, body: str, positions: npt.NDArray[np.float64]) -> None: ...
-    def advance(self) -> dict[str, Any]: ...
+    def move_body(self, body: str, positions: npt.NDArray[np.float64]) -> None: ...
+    def advance(self) -> None: ...
     def positions(self, garment: str) -> npt.NDArray[np.float64]: ...
     def velocities(self, garment: str) -> npt.NDArray[np.float64]: ...
     def faces(self, garment: str) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]: ...
@@ -77,3 +76,21 @@ class Simulation:
     def restore(self, state: State) -> None: ...
     def save_file(self, path: str) -> None: ...
     def restore_file(self, path: str) -> None: ...
+
+class Cache:
+    objects: list[str]
+    fps: float | None
+    units: str
+    def __new__(cls, path: str, fps: float | None) -> Cache: ...
+    def frames(self, mesh: int) -> list[int]: ...
+    def point_count(self, mesh: int) -> int: ...
+    def positions(self, mesh: int, frame: int) -> npt.NDArray[np.float64]: ...
+    def velocities(self, mesh: int, frame: int) -> npt.NDArray[np.float64] | None: ...
+    def faces(self, mesh: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]: ...
+    def triangles(self, mesh: int) -> npt.NDArray[np.uint32]: ...
+    def uvs(self, mesh: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]] | None: ...
+
+class CacheWriter:
+    def __new__(cls, path: str, plan: dict[str, Any]) -> CacheWriter: ...
+    def write(self, positions: npt.NDArray[np.float64], velocities: npt.NDArray[np.float64] | None) -> int: ...
+    def close(self) -> None: ...
