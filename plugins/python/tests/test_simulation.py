@@ -25,7 +25,7 @@ def test_frames_have_the_bits_of_a_run(tmp_path: Path) -> None:
     assert report.outcome == "done" and (report.frame, report.frames) == (1004, 4)
     assert [progress.frame for progress in heard] == [1000, 1001, 1002, 1003, 1004]
     assert [progress.is_preroll for progress in heard] == [True, False, False, False, False]
-    assert report.files == [tmp_path / "run" / "cloth.abc"]
+    assert report.files == [tmp_path / "run" / name for name in ("cloth.abc", "cloth.h5")]
     stepped, restored = scene().simulate(), scene().simulate()
     stepped.advance_to(1004)
     restored.restore_file(tmp_path / "run" / "checkpoints" / "frame_01004.h5")
@@ -95,8 +95,9 @@ def test_exceptions_have_code_object_frame_and_element() -> None:
     with pytest.raises(drapery.SceneError):
         made.set("shot.fraems", "1-2")
     assert made.validate() == scene().validate(), "a key that is refused changes nothing"
-    with pytest.raises(drapery.UsageError, match="nowhere"):
-        drapery.Scene.from_dict({"drapery": 1, "nowhere": {1, 2}, "x": None})
+    for wrong in ({1, 2}, None, float("nan"), b"bytes", np.array([1j])):
+        with pytest.raises(drapery.UsageError, match=r"body\[0\].position"):
+            drapery.Scene.from_dict({"drapery": 1, "body": [{"position": wrong}]})
 
 
 def test_settings_are_those_of_the_command(tmp_path: Path) -> None:
@@ -106,7 +107,7 @@ def test_settings_are_those_of_the_command(tmp_path: Path) -> None:
     assert loaded.simulate().positions().shape == (36, 3) and loaded.path == file
     loaded.set("resolution", np.int64(7))
     assert loaded.simulate().positions().shape == (64, 3) and "sheet" in repr(loaded)
-    loaded.set("garment.sheet.panel", {"resolution": 2, "side": "50 cm", "aspect": 1})
+    loaded.set("garment.sheet.panel", {"resolution": 2, "side": 0.5, "aspect": 1})
     assert np.ptp(loaded.simulate().positions()[:, 0]) == pytest.approx(0.5)
     loaded.set("gravity.acceleration", [0, 0, 0])
     simulation = loaded.simulate()

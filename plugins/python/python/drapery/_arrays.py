@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Union
@@ -77,16 +78,19 @@ def faces(given: FacesLike) -> Faces:
     return Faces(indices([len(face) for face in given], "faces"), indices(corners, "faces"))
 
 
-def plain(value: Any) -> Any:
-    """Arrays and numbers of NumPy, and paths, as what JSON has."""
+def plain(value: Any, place: str = "") -> Any:
+    """Arrays and numbers of NumPy, and paths, as what a scene file has; `place` is where it stands, for messages."""
     if isinstance(value, np.ndarray):
-        return value.tolist()
+        return plain(value.tolist(), place)
     if isinstance(value, np.generic):
-        return value.item()
+        return plain(value.item(), place)
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if isinstance(value, Mapping):
-        return {str(key): plain(inner) for key, inner in value.items()}
+        return {str(key): plain(inner, f"{place}.{key}" if place else str(key)) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(inner) for inner in value]
-    return value
+        return [plain(inner, f"{place}[{number}]") for number, inner in enumerate(value)]
+    if isinstance(value, (str, bool, int)) or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    what = repr(value) if isinstance(value, float) else f"of the type {type(value).__name__}"
+    raise UsageError(f"`{place}` is {what}\n  help: a scene holds texts, finite numbers, lists and tables; leave out what is not set")

@@ -25,28 +25,19 @@ Setting = Union[bool, int, float, str, Sequence[Any], Mapping[str, Any]]
 """A value of a scene: what TOML has. A text is a text, and ``"2 mm"`` is a length."""
 
 
-def _json(value: Any) -> str:
-    try:
-        return json.dumps(plain(value))
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"{error}\n  help: a scene holds texts, numbers, lists and tables") from error
-
-
 def _toml(value: Setting) -> str:
     """The value as it stands behind ``--set KEY=``."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, Mapping):
-        inner = ", ".join(f"{json.dumps(str(key))} = {_inline(value[key])}" for key in value)
-        return "{ " + inner + " }"
-    return _inline(value)
+    return value if isinstance(value, str) else _inline(plain(value, "value"))
 
 
 def _inline(value: Any) -> str:
+    """A value of TOML on one line."""
     if isinstance(value, Mapping):
-        return _toml(value)
-    line = _native.toml_of(_json({"value": value}))
-    return line.removeprefix("value = ").rstrip("\n")
+        return "{ " + ", ".join(f"{json.dumps(key)} = {_inline(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    # Texts, numbers, `true` and `false` are the same in JSON.
+    return json.dumps(value)
 
 
 @dataclass(frozen=True)
@@ -217,7 +208,7 @@ class Scene:
 
         Raises SceneError; its line is one of the text that the mappings are turned into.
         """
-        return Scene.parse(_native.toml_of(_json(content)), name, folder, settings, materials)
+        return Scene.parse(_native.toml_of(json.dumps(plain(content))), name, folder, settings, materials)
 
     @property
     def name(self) -> str:
