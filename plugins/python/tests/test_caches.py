@@ -102,9 +102,9 @@ def test_a_cache_is_not_begun_in_the_wrong_place_or_of_the_wrong_thing(tmp_path:
     with pytest.raises(drapery.OutputError) as caught:
         drapery.CacheWriter(tmp_path / "there.abc", POINTS, FACES, (1, 2))
     assert caught.value.code == 73 and (tmp_path / "there.abc").read_text() == "precious"
-    for name in ("no/such/folder.abc", "no/such/folder.h5", "no/such/folder.usd"):
+    for extension in FORMATS:
         with pytest.raises(drapery.OutputError):
-            with drapery.CacheWriter(tmp_path / name, POINTS, FACES, (1, 2)) as writer:
+            with drapery.CacheWriter(tmp_path / "there.abc" / f"cloth.{extension}", POINTS, FACES, (1, 2)) as writer:
                 writer.write(moved(1))
     with pytest.raises(drapery.InputError, match=r"\.abc"):
         drapery.CacheWriter(tmp_path / "cloth.fbx", POINTS, FACES, (1, 2))

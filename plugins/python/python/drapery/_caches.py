@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
@@ -184,7 +185,7 @@ class CacheWriter:
         Raises OutputError if the file is there and ``overwrite`` is not set, or cannot be created; UsageError, InputError.
         """
         self._path = Path(path)
-        mesh, rate = _arguments(positions, faces), Fraction(fps).limit_denominator(1001)
+        mesh, rate = _arguments(positions, faces), _rate(fps)
         corners = None if uvs is None else (numbers(np.asarray(uvs[0]), "uvs", (None, 2), np.float32), indices(uvs[1], "uvs"))
         plan: dict[str, Any] = {
             "name": self._path.stem if name is None else name,
@@ -193,7 +194,7 @@ class CacheWriter:
             "corners": mesh[1].corners,
             "uvs": corners,
             "frames": frames,
-            "fps": (max(rate.numerator, 0), rate.denominator),
+            "fps": (rate.numerator, rate.denominator),
             "length": length,
             "up": up,
             "velocities": velocities,
@@ -227,6 +228,18 @@ class CacheWriter:
 
     def __repr__(self) -> str:
         return f"<drapery.CacheWriter {self.path}>"
+
+
+def _rate(fps: float | Fraction) -> Fraction:
+    """A frame rate as the fraction that is meant: 23.976 is 24000/1001."""
+    if not (math.isfinite(fps) and 0 < fps <= 1e6):
+        raise UsageError(f"`fps` is {fps}\n  help: give frames per second, as in 24 or 23.976")
+    if isinstance(fps, Fraction):
+        return fps
+    of_television = Fraction(round(fps * 1.001) * 1000, 1001)
+    if abs(fps - round(fps)) > 1e-3 and abs(fps - of_television) < 1e-3:
+        return of_television
+    return Fraction(fps).limit_denominator(1001)
 
 
 def _arguments(positions: npt.ArrayLike, given: FacesLike) -> tuple[Vectors, Faces]:

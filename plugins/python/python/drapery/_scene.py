@@ -11,6 +11,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, Union
 
+import numpy as np
 import numpy.typing as npt
 
 from . import _native
@@ -21,8 +22,8 @@ from ._native import State
 
 _log = logging.getLogger("drapery")
 
-Setting = Union[bool, int, float, str, Sequence[Any], Mapping[str, Any]]
-"""A value of a scene: what TOML has. A text is a text, and ``"2 mm"`` is a length."""
+Setting = Union[bool, int, float, str, Sequence[Any], Mapping[str, Any], "np.generic", "npt.NDArray[Any]"]
+"""A value of a scene: what TOML has, and numbers and arrays of NumPy. A text is a text, and ``"2 mm"`` is a length."""
 
 
 def _toml(value: Setting) -> str:
