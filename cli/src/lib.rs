@@ -107,6 +107,11 @@ fn started(invocation: &Invocation) -> u8 {
     ended.code
 }
 
+/// The command line as it is understood, for man pages and completions of shells.
+pub fn command_line() -> clap::Command {
+    <Cli as clap::CommandFactory>::command()
+}
+
 /// What `drapery plan --json` says of a shot, but for threads and how a run would be made.
 pub fn plan_json(shot: &Shot) -> Value {
     commands::plan::of_shot(shot, None)
