@@ -43,6 +43,12 @@ test: build ## Rust tests, then the outside judges (Alembic's own reader, Blende
 test-python: build ## the tests of the Python wheel alone
 	@.ci/test-python
 
+.PHONY: dist
+dist: setup ## what is given away: archive of the command, package for C, Python wheel, with checksums; tried in empty folders
+	@.ci/setup cmake
+	@.ci/dist $(TARGET)/dist
+	@.ci/test-dist $(TARGET)/dist
+
 .PHONY: test-full
 test-full: build bare ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
 	@.ci/test-full "$(ONLY)"
