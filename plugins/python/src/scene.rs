@@ -11,6 +11,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::about::{About, counts};
 use crate::arrays;
 use crate::errors::{in_use, raised, usage};
 use crate::on_thread::{Caller, on_thread};
@@ -94,35 +95,6 @@ pub(crate) struct Shot {
     about: About,
     /// Until somebody runs or steps it; it is prepared again for the next one.
     prepared: Mutex<Option<drapery_shot::Shot>>,
-}
-
-/// What never changes of a shot.
-#[derive(Clone)]
-pub(crate) struct About {
-    pub(crate) name: String,
-    /// Where the simulation starts, the first frame of the scene, and the last frame.
-    pub(crate) frames: [i64; 3],
-    pub(crate) fps: f64,
-    pub(crate) garments: Vec<String>,
-    pub(crate) bodies: Vec<String>,
-    warnings: Vec<Warning>,
-    plan: String,
-}
-
-impl About {
-    fn of(shot: &drapery_shot::Shot) -> Self {
-        let timeline = shot.timeline();
-        let description = shot.simulation().scene().description();
-        Self {
-            name: shot.name().to_owned(),
-            frames: [timeline.start, timeline.origin, shot.frames()[1]],
-            fps: f64::from(timeline.fps_numerator) / f64::from(timeline.fps_denominator),
-            garments: description.garments.iter().map(|garment| garment.name.clone()).collect(),
-            bodies: description.bodies.iter().map(|body| body.name.clone()).collect(),
-            warnings: shot.warnings().to_vec(),
-            plan: drapery_command::plan_json(shot).to_string(),
-        }
-    }
 }
 
 impl Shot {
@@ -232,13 +204,6 @@ impl Shot {
         found.set_item("exceeded", exceeded)?;
         Ok(found)
     }
-}
-
-/// Counts by their names.
-pub(crate) fn counts<'py, N: AsRef<str>>(py: Python<'py>, counts: &[(N, u64)]) -> PyResult<Bound<'py, PyDict>> {
-    let found = PyDict::new(py);
-    counts.iter().try_for_each(|(name, amount)| found.set_item(name.as_ref(), amount))?;
-    Ok(found)
 }
 
 /// Hands on what is heard of a run.

@@ -11,10 +11,10 @@ use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::about::{About, counts};
 use crate::arrays::{self, Faces};
 use crate::errors::{in_use, raised, usage};
 use crate::on_thread::on_thread;
-use crate::scene::{About, counts};
 
 /// A shot at some frame.
 #[pyclass(module = "drapery._native", frozen)]
