@@ -45,7 +45,6 @@ test-python: build ## the tests of the Python wheel alone
 
 .PHONY: dist
 dist: setup ## what is given away: archive of the command, package for C, Python wheel, with checksums; tried in empty folders
-	@.ci/setup cmake
 	@.ci/dist $(TARGET)/dist
 	@.ci/test-dist $(TARGET)/dist
 
