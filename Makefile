@@ -44,7 +44,7 @@ test-python: build ## the tests of the Python wheel alone
 	@.ci/test-python
 
 .PHONY: dist
-dist: setup ## what is given away: archive of the command, package for C, Python wheel, with checksums; tried in empty folders
+dist: build ## what is given away: archive of the command, package for C, Python wheel, with checksums; tried in empty folders
 	@.ci/dist $(TARGET)/dist
 	@.ci/test-dist $(TARGET)/dist
 
