@@ -1,0 +1,179 @@
+"""From what is marked in a Blender scene to the scene file and the job of the export; nothing is evaluated or written here."""
+
+from pathlib import Path
+
+import bpy
+
+from .answers import Problem
+from .pictures import OTHER
+from .scene_text import MAPS, MESHES, Body, Garment, Map, Pin, Shot, frame_rate, names_taken_twice, plain_name, scene_text
+from .settings import DEFORMING
+
+# What Load adds to an object, by name: it is taken off the copy that is exported, and off the object by Unload.
+CACHE = "Drapery Cache"
+CONSTRAINTS = ("Drapery Cache Rotation", "Drapery Cache Scale", "Drapery Cache Location")
+
+
+def marked(scene, role):
+    """Objects of the scene with a role, in a fixed order."""
+    things = [thing for thing in scene.objects if thing.type == "MESH" and thing.drapery.role == role]
+    return sorted(things, key=lambda thing: thing.name_full)
+
+
+def division(thing):
+    """How many modifiers of a garment, from the top, shape what is simulated. The cache comes after them."""
+    for index, modifier in enumerate(thing.modifiers):
+        if modifier.name == CACHE:
+            return index
+        deforms = modifier.type in DEFORMING or not (modifier.show_viewport or modifier.show_render)
+        if thing.drapery.simulated == "BASE" and not deforms:
+            return index
+    return len(thing.modifiers)
+
+
+def scene_folder(scene):
+    """The folder of the scene; None where it is relative to a file that was never saved."""
+    # Files that lie side by side, and scenes of one file, do not get into each other's way.
+    path = scene.drapery.folder or f"//drapery/{plain_name(Path(bpy.data.filepath).stem)}/{shot_name(scene)}"
+    if path.startswith("//") and not bpy.data.filepath:
+        return None
+    return Path(bpy.path.abspath(path)).resolve()
+
+
+def frames(scene):
+    own = scene.drapery
+    return (own.first, own.last) if own.own_range else (scene.frame_start, scene.frame_end)
+
+
+def shot_name(scene):
+    return plain_name(scene.name)
+
+
+def run_folder(scene):
+    """Where the command puts the run when it is called in the scene folder, here and on a farm; None as `scene_folder`."""
+    folder = scene_folder(scene)
+    return folder and folder / "out" / shot_name(scene)
+
+
+class Collected:
+    """A scene in three forms: `text`, the scene file; `job`, what the export is asked for; `problems` that prevent both."""
+
+    def __init__(self, scene):
+        self.scene = scene
+        self.folder = scene_folder(scene)
+        self.garments, self.bodies = marked(scene, "GARMENT"), marked(scene, "BODY")
+        self.problems = []
+        self.look()
+        self.text = self.job = None
+        if not self.problems:
+            self.describe()
+
+    def say(self, message, help, thing=None, frame=None):
+        self.problems.append(Problem(message, help, thing and plain_name(thing.name), frame))
+
+    def look(self):
+        """What can be told without evaluating anything."""
+        own, [first, last] = self.scene.drapery, frames(self.scene)
+        if self.folder is None:
+            self.say("The scene folder is relative to a file that was not saved yet", "save the file, or choose a folder")
+        if not self.garments:
+            self.say("No object is marked as a garment", "select a mesh and choose Garment under Object")
+        if last < first:
+            self.say(f"The frame range ends before it starts: {first} to {last}", "choose an end after the start")
+        if own.blend and not own.own_rest:
+            self.say("Blend frames lead from the rest frame to the first", "choose a rest frame, or set Blend to 0")
+        if own.own_rest and own.rest_frame != first and not own.blend and self.bodies:
+            self.say("Bodies would jump from the rest frame to the first", "set Blend to some frames, 10 for example")
+        for other in bpy.data.scenes:
+            if other != self.scene and self.folder and scene_folder(other) == self.folder and marked(other, "GARMENT"):
+                self.say(f'The scene "{other.name}" has the same folder, {self.folder}', "choose another for one of them")
+        for things, what in ((self.garments, "garments"), (self.bodies, "bodies")):
+            for group in names_taken_twice([thing.name for thing in things]):
+                first_of = next(thing for thing in things if thing.name == group[0])
+                self.say(f"{len(group)} {what} would have one name, {plain_name(group[0])}: " + ", ".join(f'"{name}"' for name in group),
+                         "rename them: letters and digits tell names apart, capitals and other signs do not", first_of)
+        for thing in self.garments + self.bodies:
+            if not thing.data.polygons and not thing.modifiers:
+                self.say(f'"{thing.name}" has no faces', "only surfaces are simulated: fill the edges with faces, or unmark it", thing)
+        for thing in self.garments:
+            self.look_at(thing)
+
+    def look_at(self, thing):
+        own = thing.drapery
+        if own.fabric == OTHER and not own.other_fabric:
+            self.say(f'"{thing.name}" has no fabric', "choose one, or write the name of the studio's material", thing)
+        for pin in own.pins:
+            if not pin.group:
+                self.say(f'"{thing.name}": a pin has no vertex group', "choose one, or remove the pin", thing)
+            if pin.hold == "BODY" and not self.body_of(pin):
+                self.say(f'"{thing.name}": a pin holds on to a body, and none is marked', "mark a body, or hold the vertices fixed",
+                         thing)
+            if pin.body and pin.body not in self.bodies:
+                self.say(f'"{thing.name}": the body of a pin, "{pin.body.name}", is not marked in this scene', "choose another", thing)
+        quantities = [painted.quantity for painted in own.maps]
+        for quantity in sorted(set(quantities)):
+            if quantities.count(quantity) > 1:
+                self.say(f'"{thing.name}": {quantity} is painted by {quantities.count(quantity)} maps', "keep one of them", thing)
+        for painted in own.maps:
+            if not painted.name:
+                self.say(f'"{thing.name}": the map for {painted.quantity} is empty', "choose a group or an attribute", thing)
+        if own.simulated == "ALL":
+            self.look_at_levels(thing)
+
+    def look_at_levels(self, thing):
+        for modifier in list(thing.modifiers)[: division(thing)]:
+            if modifier.type in DEFORMING:
+                continue
+            levels = modifier.type in ("SUBSURF", "MULTIRES") and modifier.levels != modifier.render_levels
+            if levels or modifier.show_viewport != modifier.show_render:
+                self.say(f'"{thing.name}": {modifier.name} gives other vertices in the render than in the window',
+                         "make both levels the same, or simulate before subdivision", thing)
+
+    def body_of(self, pin):
+        """The body that a pin is bound to: the chosen one, else the first; of springs the chosen one alone."""
+        if pin.hold == "FIXED":
+            return None
+        if pin.body or pin.hold == "SPRING":
+            return pin.body
+        return self.bodies[0] if self.bodies else None
+
+    def describe(self):
+        own, [first, last] = self.scene.drapery, frames(self.scene)
+        rest_frame = own.rest_frame if own.own_rest else first
+        rate = frame_rate(self.scene.render.fps, self.scene.render.fps_base)
+        shot = Shot(shot_name(self.scene), first, last, rate, own.settle, own.blend, own.preset, own.gravity, own.self_contact)
+        self.job = {
+            "scene": self.scene.name, "folder": str(self.folder), "frames": [first, last], "rest_frame": rest_frame,
+            "scale": self.scene.unit_settings.scale_length, "constraints": CONSTRAINTS, "bodies": [], "garments": [],
+        }  # fmt: skip
+        bodies = [self.body(thing, rest_frame != first) for thing in self.bodies]
+        garments = [self.garment(thing) for thing in self.garments]
+        self.text = scene_text(shot, bodies, garments)
+
+    def body(self, thing, rest):
+        own, name = thing.drapery, plain_name(thing.name)
+        file = f"{MESHES}/body_{name}.abc"
+        rest_file = f"{MESHES}/rest_{name}.abc" if rest else None
+        self.job["bodies"].append({"object": thing.name_full, "file": file, "rest_file": rest_file})
+        pose = f"{rest_file}@{self.job['rest_frame']}" if rest else None
+        return Body(name, file, pose, own.thickness if own.own_thickness else None, own.friction if own.own_friction else None)
+
+    def garment(self, thing):
+        own, name = thing.drapery, plain_name(thing.name)
+        weights = []
+
+        def written(source, of, pins):
+            # By number: names of groups may differ by signs that no file name has.
+            file = f"{MAPS}/{name}_{len(weights) + 1}_{plain_name(of)}.txt"
+            weights.append({"source": source, "name": of, "file": file, "pins": pins})
+            return file
+
+        garment = Garment(name, f"{MESHES}/garment_{name}.abc", own.material, own.thickness if own.own_thickness else None, own.order)
+        for pin in own.pins:
+            body = self.body_of(pin)
+            garment.pins.append(Pin(written("GROUP", pin.group, True), body and plain_name(body.name),
+                                    pin.stiffness if pin.hold == "SPRING" else None))
+        for painted in own.maps:
+            garment.maps.append(Map(painted.quantity, written(painted.source, painted.name, False)))
+        self.job["garments"].append({"object": thing.name_full, "file": garment.file, "division": division(thing), "weights": weights})
+        return garment

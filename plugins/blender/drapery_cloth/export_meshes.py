@@ -1,0 +1,294 @@
+"""Writes the meshes of a scene folder: run by Blender in the background on a copy of the file, so that no window waits.
+
+    blender --background COPY.blend --python export_meshes.py -- JOB.json
+    python export_meshes.py -- JOB.json COPY.blend          (Blender as a Python module)
+
+The job names objects, files, frames and how much of each garment's modifier stack is simulated; problems go
+to the file that the job calls `answer`. Prints `frame F` for every frame of the bodies.
+The copy is thrown away, so modifiers are removed here that the artist keeps.
+"""
+
+import array
+import hashlib
+import json
+import os
+import sys
+from pathlib import Path
+
+import bpy
+
+# What the meshes held when they were written, by file. Blender's archives of equal meshes differ in their bytes, by more than
+# the date, and a run whose inputs have other bytes is refused as changed: a file whose content is the same stays.
+CONTENT = "meshes/content.json"
+
+
+def problem(message, help, thing=None, frame=None, vertex=None):
+    return {"message": message, "help": help, "object": thing, "frame": frame, "element": None if vertex is None else "vertex",
+            "index": vertex}
+
+
+def objects_by_name():
+    # Linked objects may have the names of others; with their library they do not.
+    return {thing.name_full: thing for thing in bpy.data.objects}
+
+
+def put(path, content):
+    """Replaces a file as a whole, and leaves it alone where it holds the same."""
+    path = Path(path)
+    if path.exists() and path.read_bytes() == content:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(path.name + ".part")
+    beside.write_bytes(content)
+    os.replace(beside, path)
+
+
+class Content:
+    """A digest of what an object is in all frames that are exported, and how many vertices, faces and corners it has in each."""
+
+    def __init__(self, thing, frames, scale):
+        self.thing, self.frames = thing, frames
+        self.sum = hashlib.sha256(repr((frames, scale)).encode())
+        self.shapes = {}
+
+    def look(self, scene, depsgraph):
+        frame = scene.frame_current
+        # Other frames come by when the export sets back what it found.
+        if not self.frames[0] <= frame <= self.frames[1] or frame in self.shapes:
+            return
+        shown = self.thing.evaluated_get(depsgraph)
+        mesh = shown.data
+        self.shapes[frame] = shape_of(mesh)
+        self.sum.update(repr(([list(row) for row in shown.matrix_world], [slot.name for slot in shown.material_slots])).encode())
+        self.add(mesh.vertices, "co", "f", 3)
+        self.add(mesh.loops, "vertex_index", "i", 1)
+        self.add(mesh.polygons, "loop_total", "i", 1)
+        self.add(mesh.polygons, "material_index", "i", 1)
+        for layer in mesh.uv_layers:
+            self.sum.update(layer.name.encode())
+            self.add(layer.data, "uv", "f", 2)
+
+    def add(self, collection, name, kind, width):
+        numbers = array.array(kind, bytes(4 * width * len(collection)))
+        collection.foreach_get(name, numbers)
+        self.sum.update(numbers)
+
+    @property
+    def digest(self):
+        return self.sum.hexdigest()
+
+
+def write_alembic(thing, path, content, scale, evaluation, known):
+    """One object, in the world, in metres, as evaluated in the frames of `content`, which is filled.
+
+    The file stays where `known`, its digest when it was written, is that of today.
+    """
+    frames = content.frames
+    scene = bpy.context.scene
+    for other in bpy.context.view_layer.objects:
+        other.select_set(False)
+    thing.hide_set(False)
+    thing.hide_viewport = thing.hide_select = thing.hide_render = False
+    thing.select_set(True)
+    if not thing.select_get():
+        raise RuntimeError("it is in no collection of this view layer, or in one that is excluded")
+    scene.frame_set(frames[0])
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    written = path.with_name(path.name + ".new")
+
+    def look(scene, depsgraph=None):
+        content.look(scene, depsgraph)
+        print(f"frame {scene.frame_current}", flush=True)
+
+    if frames[0] == frames[1]:
+        # One frame is written as the scene stands, and no handler is called.
+        content.look(scene, bpy.context.evaluated_depsgraph_get())
+    bpy.app.handlers.frame_change_post.append(look)
+    try:
+        bpy.ops.wm.alembic_export(
+            filepath=str(written), start=frames[0], end=frames[1], selected=True, flatten=True, uvs=True, face_sets=True,
+            normals=False, vcolors=False, apply_subdiv=True, export_hair=False, export_particles=False, global_scale=scale,
+            evaluation_mode=evaluation, as_background_job=False)
+        if not written.exists():
+            raise RuntimeError("Blender wrote no file; is the disk full?")
+        if known != content.digest or not path.exists():
+            os.replace(written, path)
+    finally:
+        bpy.app.handlers.frame_change_post.remove(look)
+        written.unlink(missing_ok=True)
+
+
+def evaluated(thing):
+    return thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+
+
+def shape_of(mesh):
+    return len(mesh.vertices), len(mesh.polygons), len(mesh.loops)
+
+
+def weights_of(thing, source, name):
+    """The numbers of a vertex group or an attribute, one a vertex; raises `KeyError` where there is none."""
+    shown = evaluated(thing)
+    mesh = shown.data
+    if source == "GROUP":
+        group = thing.vertex_groups.get(name)
+        if group is None:
+            raise KeyError(name)
+        numbers = [0.0] * len(mesh.vertices)
+        for vertex in mesh.vertices:
+            for entry in vertex.groups:
+                if entry.group == group.index:
+                    numbers[vertex.index] = entry.weight
+        return numbers
+    attribute = mesh.attributes.get(name)
+    if attribute is None or attribute.domain not in ("POINT", "CORNER"):
+        raise KeyError(name)
+    if attribute.data_type in ("FLOAT_COLOR", "BYTE_COLOR"):
+        numbers = [entry.color[0] for entry in attribute.data]
+    elif attribute.data_type in ("FLOAT", "INT", "INT8", "BOOLEAN"):
+        numbers = [float(entry.value) for entry in attribute.data]
+    else:
+        raise KeyError(name)
+    if attribute.domain == "POINT":
+        return numbers
+    # Corners of a vertex are painted alike; where they are not, their mean counts.
+    sums, counts = [0.0] * len(mesh.vertices), [0] * len(mesh.vertices)
+    for loop in mesh.loops:
+        sums[loop.vertex_index] += numbers[loop.index]
+        counts[loop.vertex_index] += 1
+    return [total / count if count else 0.0 for total, count in zip(sums, counts)]
+
+
+class Export:
+    """One job; what is wrong with it is in `problems` at its end."""
+
+    def __init__(self, job):
+        self.job = job
+        self.folder = Path(job["folder"])
+        self.problems = []
+        self.things = objects_by_name()
+        try:
+            self.digests = json.loads((self.folder / CONTENT).read_text("utf-8"))
+        except (OSError, ValueError):
+            self.digests = {}
+
+    def find(self, name):
+        thing = self.things.get(name)
+        if thing is None:
+            self.problems.append(problem(f'"{name}" is not in the file', "mark the object again", name))
+        return thing
+
+    def write(self, thing, name, file, frames, evaluation):
+        """Writes an object and returns what it held."""
+        content = Content(thing, frames, self.job["scale"])
+        known = self.digests.pop(file, None)
+        try:
+            write_alembic(thing, self.folder / file, content, self.job["scale"], evaluation, known)
+            self.digests[file] = content.digest
+        except (RuntimeError, OSError) as error:
+            said = error.strerror if isinstance(error, OSError) and error.strerror else str(error).strip()
+            self.problems.append(problem(f'"{name}" could not be written to {file}: {said}',
+                                         "make room on the disk, or choose another folder", name))
+        return content
+
+    def has_faces(self, thing, name):
+        if len(evaluated(thing).data.polygons):
+            return True
+        self.problems.append(problem(f'"{name}" has no faces', "only surfaces are simulated and collided with: fill the edges "
+                                     "with faces, or unmark the object", name))
+        return False
+
+    def garment(self, garment):
+        thing = self.find(garment["object"])
+        if thing is None:
+            return
+        name = thing.name
+        # Everything from there on follows the cloth, and is for the artist's file.
+        for modifier in list(thing.modifiers)[garment["division"] :]:
+            thing.modifiers.remove(modifier)
+        for constraint in [found for found in thing.constraints if found.name in self.job["constraints"]]:
+            thing.constraints.remove(constraint)
+        bpy.context.scene.frame_set(self.job["rest_frame"])
+        if not self.has_faces(thing, name):
+            return
+        # As the window shows it: that is what the cache is put on.
+        frame = self.job["rest_frame"]
+        self.write(thing, name, garment["file"], [frame, frame], "VIEWPORT")
+        bpy.context.scene.frame_set(frame)
+        for painted in garment["weights"]:
+            self.weights(thing, name, painted)
+
+    def weights(self, thing, name, painted):
+        what = "vertex group" if painted["source"] == "GROUP" else "attribute"
+        try:
+            numbers = weights_of(thing, painted["source"], painted["name"])
+        except KeyError:
+            self.problems.append(problem(
+                f'"{name}" has no {what} "{painted["name"]}" with numbers of vertices where it is simulated',
+                "choose one that is there, and that the modifiers before the cloth keep", name))
+            return
+        bad = next((index for index, value in enumerate(numbers) if value != value or abs(value) == float("inf")), None)
+        if bad is not None:
+            self.problems.append(problem(f'"{name}": {what} "{painted["name"]}" is no number at vertex {bad}', "paint it again",
+                                         name, None, bad))
+            return
+        if painted["pins"] and not any(value > 0.5 for value in numbers):
+            self.problems.append(problem(f'"{name}": no vertex of {what} "{painted["name"]}" is above one half, so that it pins '
+                                         "nothing", "paint the vertices that are held with more than 0.5", name))
+            return
+        try:
+            put(self.folder / painted["file"], "".join(f"{value:.9g}\n" for value in numbers).encode())
+        except OSError as error:
+            self.problems.append(problem(f'{painted["file"]} could not be written: {error.strerror}',
+                                         "make room on the disk, or choose another folder", name))
+
+    def body(self, body):
+        thing = self.find(body["object"])
+        if thing is None:
+            return
+        name, [first, last] = thing.name, self.job["frames"]
+        bpy.context.scene.frame_set(first)
+        if not self.has_faces(thing, name):
+            return
+        # Two frames at least: one alone is written as the window shows it, and bodies are as they are rendered.
+        content = self.write(thing, name, body["file"], [first, max(last, first + 1)], "RENDER")
+        self.constant_topology(thing, name, content.shapes)
+        if body["rest_file"]:
+            frame = self.job["rest_frame"]
+            self.write(thing, name, body["rest_file"], [frame, frame + 1], "RENDER")
+
+    def constant_topology(self, thing, name, shapes):
+        frames = sorted(shapes)
+        changed = next((frame for frame in frames if shapes[frame] != shapes[frames[0]]), None)
+        if changed is None:
+            return
+        before, after = shapes[frames[0]], shapes[changed]
+        modifiers = ", ".join(modifier.name for modifier in thing.modifiers if modifier.show_render) or "none"
+        self.problems.append(problem(
+            f'"{name}" changes its topology at frame {changed}: {after[0]} vertices and {after[1]} faces, at frame {frames[0]} '
+            f"{before[0]} and {before[1]}", f"find the modifier whose settings are animated (its modifiers: {modifiers}), and "
+            "keep the number of vertices and faces the same over the shot", name, changed))
+
+    def run(self):
+        if bpy.context.scene.name != self.job["scene"]:
+            bpy.context.window.scene = bpy.data.scenes[self.job["scene"]]
+        # Bodies first: frames of garments are looked at where their modifiers are still needed by nothing.
+        for body in self.job["bodies"]:
+            self.body(body)
+        for garment in self.job["garments"]:
+            self.garment(garment)
+        put(self.folder / CONTENT, json.dumps(self.digests, indent=1, sort_keys=True).encode())
+
+
+def main():
+    arguments = sys.argv[sys.argv.index("--") + 1 :]
+    job = json.loads(Path(arguments[0]).read_text("utf-8"))
+    if len(arguments) > 1:
+        bpy.ops.wm.open_mainfile(filepath=arguments[1])
+    export = Export(job)
+    export.run()
+    Path(job["answer"]).write_text(json.dumps({"problems": export.problems}), "utf-8")
+
+
+main()

@@ -1,0 +1,314 @@
+"""The buttons."""
+
+import bmesh
+import bpy
+from bpy.props import EnumProperty, IntProperty, StringProperty
+
+from . import load_cache, state, work
+from .collect import division, run_folder
+from .scene_text import plain_name
+
+
+class OBJECT_OT_drapery_mark(bpy.types.Operator):
+    """Mark the selected meshes for the simulation"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_mark", "Mark for Drapery", {"REGISTER", "UNDO"}
+
+    role: EnumProperty(name="Role", items=[("NONE", "None", "Take no part in the simulation"),
+                                           ("GARMENT", "Garment", "Simulate as cloth"), ("BODY", "Body", "Let cloth collide with it")])
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode == "OBJECT" and any(thing.type == "MESH" for thing in context.selected_objects)
+
+    def execute(self, context):
+        things = [thing for thing in context.selected_objects if thing.type == "MESH"]
+        linked = [thing.name for thing in things if thing.library is not None]
+        if linked:
+            self.report({"ERROR"}, f"{', '.join(linked)}: linked objects cannot be marked; make a library override (Object > Library "
+                        "Override > Make)")
+            return {"CANCELLED"}
+        for thing in things:
+            thing.drapery.role = self.role
+        self.report({"INFO"}, f"{len(things)} objects marked")
+        return {"FINISHED"}
+
+
+class ActiveGarment:
+    """Poll of what needs an active garment."""
+
+    @classmethod
+    def poll(cls, context):
+        thing = context.object
+        return thing is not None and thing.type == "MESH" and thing.drapery.role == "GARMENT"
+
+
+class OBJECT_OT_drapery_pin_add(ActiveGarment, bpy.types.Operator):
+    """Hold vertices of a group"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_pin_add", "Add Pin", {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        thing = context.object
+        pin = thing.drapery.pins.add()
+        if thing.vertex_groups.active:
+            pin.group = thing.vertex_groups.active.name
+        return {"FINISHED"}
+
+
+class OBJECT_OT_drapery_map_add(ActiveGarment, bpy.types.Operator):
+    """Let a painted map change a quantity over the garment"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_map_add", "Add Map", {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        context.object.drapery.maps.add()
+        return {"FINISHED"}
+
+
+class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
+    """Remove this row"""
+
+    bl_idname, bl_label, bl_options = "object.drapery_remove", "Remove", {"REGISTER", "UNDO"}
+
+    rows: EnumProperty(items=[("pins", "Pins", ""), ("maps", "Maps", "")])
+    index: IntProperty(min=0)
+
+    def execute(self, context):
+        rows = getattr(context.object.drapery, self.rows)
+        if self.index >= len(rows):
+            return {"CANCELLED"}
+        rows.remove(self.index)
+        return {"FINISHED"}
+
+
+class Idle:
+    """Poll and start of what begins a task."""
+
+    @classmethod
+    def poll(cls, context):
+        return not state.work().busy
+
+    def begin(self, context, task, *options):
+        state.work().start(context.scene, task(context.scene, state.work().view(context.scene), *options))
+        return {"FINISHED"}
+
+
+def runs(context):
+    status = state.work().view(context.scene).status
+    return context.scene.name in state.work().watched or bool(status and status.running)
+
+
+class Free(Idle):
+    """Poll of what a simulation that runs must not be disturbed by."""
+
+    @classmethod
+    def poll(cls, context):
+        if runs(context):
+            cls.poll_message_set("The simulation runs; Cancel stops it at a checkpoint")
+            return False
+        return not state.work().busy
+
+
+class SCENE_OT_drapery_write(Free, bpy.types.Operator):
+    """Write the scene folder, for a farm or by hand: drapery run scene.toml"""
+
+    bl_idname, bl_label = "scene.drapery_write", "Write Scene Folder"
+
+    def execute(self, context):
+        return self.begin(context, work.write_task)
+
+
+class SCENE_OT_drapery_check(Free, bpy.types.Operator):
+    """Name every problem of the scene and of every frame of its inputs; simulate nothing"""
+
+    bl_idname, bl_label = "scene.drapery_check", "Check"
+
+    def execute(self, context):
+        return self.begin(context, work.check_task)
+
+
+class SCENE_OT_drapery_plan(Free, bpy.types.Operator):
+    """Show what would run: vertices, steps, memory"""
+
+    bl_idname, bl_label = "scene.drapery_plan", "Plan"
+
+    def execute(self, context):
+        return self.begin(context, work.plan_task)
+
+
+HOW = [("GO_ON", "Go On", "After what is there already"),
+       ("ANEW", "Start Anew", "Replace the run in the folder: its caches and checkpoints are deleted"),
+       ("CHANGED", "Continue with Changes", "Keep the frames so far, and go on from the last checkpoint with the changed scene")]
+OPTIONS = {"GO_ON": (), "ANEW": ("--overwrite",), "CHANGED": ("--resume-with-changes",)}
+
+
+class SCENE_OT_drapery_simulate(Free, bpy.types.Operator):
+    """Write, check and simulate, in a process of its own: it goes on when Blender is closed"""
+
+    bl_idname, bl_label = "scene.drapery_simulate", "Simulate"
+
+    how: EnumProperty(items=HOW, options={"SKIP_SAVE"})
+
+    def execute(self, context):
+        return self.begin(context, work.simulate_task, *OPTIONS[self.how])
+
+
+class SCENE_OT_drapery_continue(Free, bpy.types.Operator):
+    """Continue the simulation from its last checkpoint, with the scene folder as it is"""
+
+    bl_idname, bl_label = "scene.drapery_continue", "Continue"
+
+    @classmethod
+    def poll(cls, context):
+        folder = run_folder(context.scene)
+        return super().poll(context) and bool(folder) and (folder / "manifest.json").exists()
+
+    def execute(self, context):
+        view = state.work().view(context.scene)
+        view.problems, view.lines = [], []
+        try:
+            work.start_simulation(context.scene)
+        except work.Failed as failed:
+            view.problems, view.doing = failed.problems, ""
+        except OSError as error:
+            view.problems, view.doing = [work.Problem(f"{error.filename}: {error.strerror}", "choose a folder that can be written")], ""
+        return {"FINISHED"}
+
+
+class SCENE_OT_drapery_cancel(bpy.types.Operator):
+    """Stop: a simulation at a checkpoint, from which Continue goes on; anything else at once"""
+
+    bl_idname, bl_label = "scene.drapery_cancel", "Cancel"
+
+    @classmethod
+    def poll(cls, context):
+        return state.work().busy or runs(context)
+
+    def execute(self, context):
+        if state.work().busy:
+            state.work().stop_task()
+            return {"FINISHED"}
+        try:
+            work.stop_simulation(context.scene)
+        except work.Failed as failed:
+            state.work().view(context.scene).problems = failed.problems
+        return {"FINISHED"}
+
+
+class SCENE_OT_drapery_load(bpy.types.Operator):
+    """Put the caches on the garments. Materials, UVs and modifiers stay; Undo takes the caches off again"""
+
+    bl_idname, bl_label, bl_options = "scene.drapery_load", "Load", {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode == "OBJECT" and load_cache.cache_folder(context.scene) is not None
+
+    def execute(self, context):
+        view = state.work().view(context.scene)
+        try:
+            remarks = load_cache.load(context)
+        except load_cache.CannotLoad as error:
+            # In the panel too: a report is gone after a few seconds.
+            view.problems = [work.Problem(str(error))]
+            self.report({"WARNING"}, str(error))
+            return {"CANCELLED"}
+        view.problems = [work.Problem(remark, warning=True) for remark in remarks]
+        view.lines = ["Caches loaded"]
+        return {"FINISHED"}
+
+
+class SCENE_OT_drapery_unload(bpy.types.Operator):
+    """Take the caches off the garments: they are as they were before Load"""
+
+    bl_idname, bl_label, bl_options = "scene.drapery_unload", "Unload", {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode == "OBJECT" and any(load_cache.is_loaded(thing) for thing in context.scene.objects)
+
+    def execute(self, context):
+        count = load_cache.unload(context.scene)
+        state.work().view(context.scene).lines = [f"{count} caches taken off"]
+        return {"FINISHED"}
+
+
+class SCENE_OT_drapery_show(bpy.types.Operator):
+    """Go to the object, frame and vertex"""
+
+    bl_idname, bl_label, bl_options = "scene.drapery_show", "Show Problem", {"REGISTER", "UNDO"}
+
+    thing: StringProperty()
+    frame: IntProperty()
+    has_frame: bpy.props.BoolProperty()
+    element: StringProperty()
+    index: IntProperty(default=-1)
+
+    def execute(self, context):
+        if self.has_frame:
+            context.scene.frame_set(self.frame)
+        things = [thing for thing in context.scene.objects if thing.type == "MESH" and thing.drapery.role != "NONE"]
+        thing = next((thing for thing in things if plain_name(thing.name) == self.thing), None)
+        if thing is None:
+            return {"FINISHED"}
+        if context.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        for other in context.view_layer.objects:
+            other.select_set(False)
+        thing.hide_set(False)
+        thing.select_set(True)
+        context.view_layer.objects.active = thing
+        if self.index >= 0:
+            self.point_at(context, thing)
+        return {"FINISHED"}
+
+    def point_at(self, context, thing):
+        """The 3D cursor goes to the element; it is selected too where the artist's mesh has it under the same number."""
+        shown = thing.evaluated_get(context.evaluated_depsgraph_get())
+        rows = "polygons" if self.element == "face" else "vertices"
+        evaluated, own = getattr(shown.data, rows), getattr(thing.data, rows)
+        if self.index >= len(evaluated):
+            self.report({"WARNING"}, f"{thing.name} has no {self.element} {self.index} now")
+            return
+        # Where the modifiers all follow the cloth, the mesh itself is what was meant; they may move its vertices.
+        plain = thing.drapery.role == "GARMENT" and division(thing) == 0 and self.index < len(own)
+        found = (own if plain else evaluated)[self.index]
+        context.scene.cursor.location = shown.matrix_world @ (found.center if self.element == "face" else found.co)
+        # What the solver counted: vertices of the mesh itself, unless a modifier before it made others.
+        same = len(evaluated) == len(own) or (thing.drapery.role == "GARMENT" and thing.drapery.simulated == "BASE")
+        if same and self.index < len(own):
+            self.select(context, thing)
+        for window in context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D" and window == context.window:
+                    area.spaces.active.region_3d.view_location = context.scene.cursor.location
+
+    def select(self, context, thing):
+        """The element alone, in Edit Mode, where it is seen."""
+        bpy.ops.object.mode_set(mode="EDIT")
+        context.tool_settings.mesh_select_mode = (self.element != "face", False, self.element == "face")
+        edited = bmesh.from_edit_mesh(thing.data)
+        for each in (*edited.verts, *edited.edges, *edited.faces):
+            each.select = False
+        elements = edited.faces if self.element == "face" else edited.verts
+        elements.ensure_lookup_table()
+        elements[self.index].select_set(True)
+        bmesh.update_edit_mesh(thing.data, loop_triangles=False, destructive=False)
+
+
+CLASSES = (
+    OBJECT_OT_drapery_mark, OBJECT_OT_drapery_pin_add, OBJECT_OT_drapery_map_add, OBJECT_OT_drapery_remove, SCENE_OT_drapery_write,
+    SCENE_OT_drapery_check, SCENE_OT_drapery_plan, SCENE_OT_drapery_simulate, SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel,
+    SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
+)  # fmt: skip
+
+
+def register():
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+
+
+def unregister():
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

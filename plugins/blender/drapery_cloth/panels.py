@@ -1,0 +1,222 @@
+"""The tab Drapery in the sidebar of the 3D view."""
+
+import bpy
+
+from . import answers, load_cache, state
+from .collect import scene_folder
+from .operators import runs
+from .pictures import OTHER
+
+# Problems that are listed; a broken character may have thousands.
+SHOWN = 12
+# Pixels of a sidebar that frames and an icon take, and those of a letter, before they are scaled for the screen.
+FRAME, LETTER = 64, 6
+
+
+class Panel:
+    bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "Drapery"
+
+
+def wrapped(layout, text, icon="NONE"):
+    """A text over several lines: labels alone are cut off."""
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    width = max(16, int((bpy.context.region.width / bpy.context.preferences.system.ui_scale - FRAME) / LETTER))
+    line = ""
+    for word in text.split():
+        if line and len(line) + len(word) >= width:
+            column.label(text=line, icon=icon)
+            line, icon = "", "BLANK1" if icon != "NONE" else "NONE"
+        line = f"{line} {word}".strip()
+    column.label(text=line, icon=icon)
+
+
+class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
+    bl_idname, bl_label = "VIEW3D_PT_drapery_object", "Object"
+
+    def draw(self, context):
+        layout, thing = self.layout, context.object
+        row = layout.row(align=True)
+        current = thing.drapery.role if thing and thing.type == "MESH" else None
+        for role, label, icon in (("GARMENT", "Garment", "MATCLOTH"), ("BODY", "Body", "ARMATURE_DATA"), ("NONE", "None", "X")):
+            row.operator("object.drapery_mark", text=label, icon=icon, depress=role == current).role = role
+        if current is None:
+            layout.label(text="Select a mesh", icon="INFO")
+        elif current == "GARMENT":
+            self.garment(layout, thing)
+        elif current == "BODY":
+            self.own(layout, thing.drapery, "thickness")
+            self.own(layout, thing.drapery, "friction")
+
+    def own(self, layout, own, key):
+        row = layout.row()
+        row.prop(own, f"own_{key}")
+        sub = row.row()
+        sub.active = getattr(own, f"own_{key}")
+        sub.prop(own, key)
+
+    def garment(self, layout, thing):
+        own = thing.drapery
+        layout.template_icon_view(own, "fabric", show_labels=True, scale=4.0, scale_popup=3.5)
+        layout.prop(own, "fabric")
+        if own.fabric == OTHER:
+            layout.prop(own, "other_fabric")
+        self.own(layout, own, "thickness")
+        layout.prop(own, "order")
+        if len(thing.modifiers) > 0:
+            layout.prop(own, "simulated")
+
+
+class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id, bl_options = "VIEW3D_PT_drapery_pins", "Pins", "VIEW3D_PT_drapery_object", {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == "MESH" and context.object.drapery.role == "GARMENT"
+
+    def draw(self, context):
+        thing = context.object
+        for index, pin in enumerate(thing.drapery.pins):
+            box = self.layout.box()
+            row = box.row()
+            row.prop_search(pin, "group", thing, "vertex_groups", text="")
+            button = row.operator("object.drapery_remove", text="", icon="X")
+            button.rows, button.index = "pins", index
+            box.prop(pin, "hold")
+            if pin.hold != "FIXED":
+                box.prop(pin, "body")
+            if pin.hold == "SPRING":
+                box.prop(pin, "stiffness")
+        self.layout.operator("object.drapery_pin_add", icon="ADD")
+
+
+class VIEW3D_PT_drapery_maps(Panel, bpy.types.Panel):
+    bl_idname, bl_label, bl_parent_id = "VIEW3D_PT_drapery_maps", "Painted Maps", "VIEW3D_PT_drapery_object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    poll = VIEW3D_PT_drapery_pins.poll
+
+    def draw(self, context):
+        thing = context.object
+        for index, painted in enumerate(thing.drapery.maps):
+            box = self.layout.box()
+            row = box.row()
+            row.prop(painted, "quantity", text="")
+            button = row.operator("object.drapery_remove", text="", icon="X")
+            button.rows, button.index = "maps", index
+            box.prop(painted, "source", expand=False)
+            if painted.source == "GROUP":
+                box.prop_search(painted, "name", thing, "vertex_groups")
+            else:
+                box.prop_search(painted, "name", thing.data, "attributes")
+        self.layout.operator("object.drapery_map_add", icon="ADD")
+
+
+class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
+    bl_idname, bl_label = "VIEW3D_PT_drapery_shot", "Shot"
+
+    def draw(self, context):
+        layout, own = self.layout, context.scene.drapery
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop(own, "folder")
+        folder = scene_folder(context.scene)
+        if not own.folder and folder:
+            layout.label(text=bpy.path.relpath(str(folder)), icon="BLANK1")
+        layout.prop(own, "own_range")
+        if own.own_range:
+            column = layout.column(align=True)
+            column.prop(own, "first")
+            column.prop(own, "last")
+        layout.prop(own, "own_rest")
+        if own.own_rest:
+            layout.prop(own, "rest_frame")
+        column = layout.column(align=True, heading="Pre-Roll")
+        column.prop(own, "settle")
+        if own.own_rest:
+            column.prop(own, "blend")
+        layout.prop(own, "preset")
+        layout.prop(own, "gravity")
+        layout.prop(own, "self_contact")
+        layout.prop(own, "threads")
+
+
+class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
+    bl_idname, bl_label = "VIEW3D_PT_drapery_simulation", "Simulation"
+
+    def draw(self, context):
+        layout, view = self.layout, state.work().view(context.scene)
+        row = layout.row(align=True)
+        row.operator("scene.drapery_check", icon="CHECKMARK")
+        row.operator("scene.drapery_plan", icon="VIEWZOOM")
+        row = layout.row(align=True)
+        row.scale_y = 1.4
+        if state.work().busy or runs(context):
+            row.operator("scene.drapery_cancel", icon="CANCEL")
+        else:
+            row.operator("scene.drapery_simulate", icon="PLAY").how = "GO_ON"
+            row.operator("scene.drapery_continue", icon="FF")
+        self.progress(layout, view, context)
+        if view.refused:
+            column = layout.column(align=True)
+            column.operator("scene.drapery_simulate", text="Start Anew", icon="TRASH").how = "ANEW"
+            column.operator("scene.drapery_simulate", text="Continue with Changes", icon="FF").how = "CHANGED"
+        for line in view.lines:
+            wrapped(layout, line, "INFO")
+        self.problems(layout, view)
+        row = layout.row(align=True)
+        row.operator("scene.drapery_load", icon="IMPORT")
+        row.operator("scene.drapery_unload", icon="LOOP_BACK")
+        layout.prop(context.scene.drapery, "cache_folder", text="From")
+        layout.operator("scene.drapery_write", icon="FILE_FOLDER")
+        if not bpy.app.build_options.alembic:
+            wrapped(layout, "Built without Alembic: this Blender loads no caches, and another has to write the meshes", "ERROR")
+
+    def progress(self, layout, view, context):
+        if view.doing:
+            self.bar(layout, view.share, view.doing)
+        elif view.status:
+            if view.status.running:
+                text = "stopping at a checkpoint" if view.stopping else answers.headline(view.status)
+                self.bar(layout, view.status.share, text)
+            else:
+                wrapped(layout, answers.headline(view.status), "CHECKMARK" if view.status.state == "done" else "ERROR")
+            for lost in view.status.degradations:
+                wrapped(layout, lost, "ERROR")
+
+    def bar(self, layout, share, text):
+        if share is None:
+            layout.label(text=text, icon="TIME")
+        elif hasattr(layout, "progress"):
+            layout.progress(factor=share, text=f"{share:.0%}, {text}")
+        else:
+            # Before Blender 4.0.
+            layout.label(text="█" * round(16 * share) + "░" * round(16 * (1.0 - share)))
+            layout.label(text=f"{share:.0%}, {text}", icon="TIME")
+
+    def problems(self, layout, view):
+        for found in view.problems[:SHOWN]:
+            box = layout.box()
+            wrapped(box, found.message, "INFO" if found.warning else "ERROR")
+            if found.help:
+                wrapped(box, found.help, "BLANK1")
+            if found.object is not None or found.frame is not None:
+                button = box.operator("scene.drapery_show", text="Show", icon="RESTRICT_SELECT_OFF")
+                button.thing, button.has_frame = found.object or "", found.frame is not None
+                button.frame = found.frame or 0
+                button.element, button.index = found.element or "", -1 if found.index is None else found.index
+        if len(view.problems) > SHOWN:
+            layout.label(text=f"and {len(view.problems) - SHOWN} more")
+
+
+CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
+           VIEW3D_PT_drapery_simulation)
+
+
+def register():
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+
+
+def unregister():
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

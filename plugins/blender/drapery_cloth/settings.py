@@ -1,0 +1,153 @@
+"""What the artist sets: of the scene, of objects that are marked, and the preferences of the add-on."""
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from . import state
+from .fabrics import FABRICS
+from .pictures import OTHER
+
+# Modifiers that leave every vertex what it was. All others may add or take away some.
+DEFORMING = {
+    "ARMATURE", "CAST", "CLOTH", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LAPLACIANSMOOTH", "LATTICE",
+    "MESH_CACHE", "MESH_DEFORM", "NORMAL_EDIT", "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "SOFT_BODY", "SURFACE", "SURFACE_DEFORM",
+    "UV_PROJECT", "UV_WARP", "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY", "WARP", "WAVE",
+    "WEIGHTED_NORMAL", "DATA_TRANSFER",
+}  # fmt: skip
+
+QUANTITIES = [
+    ("density", "Weight", "Mass per area"),
+    ("thickness", "Thickness", "Distance that layers keep"),
+    ("friction", "Friction on Bodies", "How the cloth grips bodies"),
+    ("self_friction", "Friction on Cloth", "How layers grip each other"),
+    ("stretch", "Stretch", "Resistance to being stretched"),
+    ("dihedral_bending", "Bending", "Resistance to being bent"),
+    ("pins", "Spring Pins", "Stiffness of pins that are springs"),
+]
+
+SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
+           ("ATTRIBUTE", "Attribute", "A named attribute; of a colour, its red")]
+
+
+def is_body(pin, thing):
+    return thing.type == "MESH" and thing.drapery.role == "BODY"
+
+
+def fabric_entries(self, context):
+    return state.pictures().fabric_entries()
+
+
+class DraperyPin(bpy.types.PropertyGroup):
+    """Vertices of a garment that are held."""
+
+    group: StringProperty(name="Vertex Group", description="Vertices with a weight above one half are held")
+    hold: EnumProperty(
+        name="Held", default="BODY",
+        items=[("FIXED", "Fixed", "Where they start"), ("BODY", "On the Body", "Bound to the nearest place of a body"),
+               ("SPRING", "Spring", "Drawn by springs: to a body if one is chosen, otherwise to where they start")])
+    body: PointerProperty(name="Body", type=bpy.types.Object, poll=is_body,
+                          description="Which body; left empty, the first one (of springs: none)")
+    stiffness: FloatProperty(name="Stiffness (N/m)", default=200.0, min=1e-3, max=1e7, description="Of each vertex's spring")
+
+
+class DraperyMap(bpy.types.PropertyGroup):
+    """A quantity that is painted."""
+
+    quantity: EnumProperty(name="Quantity", items=QUANTITIES, description="What the map multiplies")
+    source: EnumProperty(name="From", items=SOURCES)
+    name: StringProperty(name="Map", description="Vertex group or attribute; 1 is the garment's own number, 0.5 half of it")
+
+
+class DraperyObject(bpy.types.PropertyGroup):
+    """What an object is for Drapery."""
+
+    role: EnumProperty(
+        name="Role", default="NONE",
+        items=[("NONE", "None", "Not part of the simulation"), ("GARMENT", "Garment", "Cloth"),
+               ("BODY", "Body", "What cloth collides with: characters, props, floors")])
+    fabric: EnumProperty(name="Fabric", items=fabric_entries, default=[fabric.name for fabric in FABRICS].index("cotton_shirting"))
+    other_fabric: StringProperty(name="Material", description="Name of a material from the studio's material files")
+    own_thickness: BoolProperty(name="Thickness", description="Instead of that of the fabric")
+    thickness: FloatProperty(name="mm", default=0.5, min=0.01, max=100.0, precision=2,
+                             description="Distance that layers of cloth keep, or that a body keeps from cloth")
+    order: IntProperty(name="Wearing Order", default=1, min=1, max=99,
+                       description="1 is worn closest to the skin. Garments are written in this order")
+    simulated: EnumProperty(
+        name="Simulated Mesh", default="BASE",
+        items=[("BASE", "Before Subdivision", "Deforming modifiers at the top of the stack, such as Armature, shape the cloth at "
+                "rest; the first one that changes vertices (Subdivision, Solidify) and those below it follow the simulation"),
+               ("ALL", "After All Modifiers", "What the modifiers leave is simulated, and the cache comes last")])
+    pins: CollectionProperty(type=DraperyPin)
+    maps: CollectionProperty(type=DraperyMap)
+    own_friction: BoolProperty(name="Friction", description="Instead of the largest of the fabrics")
+    friction: FloatProperty(name="", default=0.3, min=0.0, max=10.0, description="Coulomb friction of the body against cloth")
+
+    @property
+    def material(self):
+        """The word for `material` in the scene file."""
+        return self.other_fabric if self.fabric == OTHER else self.fabric
+
+
+class DraperyScene(bpy.types.PropertyGroup):
+    """The shot."""
+
+    folder: StringProperty(name="Folder", subtype="DIR_PATH", 
+                           description="Where the scene file, the meshes and the caches go. It can be copied to a farm. Left "
+                           "empty: drapery/FILE/SCENE beside the file")
+    own_range: BoolProperty(name="Own Range", description="Instead of the scene's")
+    first: IntProperty(name="Start", default=1, description="First frame that is written")
+    last: IntProperty(name="End", default=250)
+    own_rest: BoolProperty(name="Rest Frame", description="Garments fit the bodies at another frame than the first, for example "
+                           "in the A-pose; bodies then move from there into the first pose")
+    rest_frame: IntProperty(name="Frame", default=1, description="At which garments have their rest shape and fit the bodies")
+    settle: IntProperty(name="Settle", default=0, min=0, max=1000, description="Pre-roll: frames in which the cloth comes to rest "
+                        "while bodies hold still")
+    blend: IntProperty(name="Blend", default=0, min=0, max=1000, description="Pre-roll: frames in which bodies then move from the "
+                       "rest frame to the first")
+    preset: EnumProperty(
+        name="Quality", default="production",
+        items=[("preview", "Preview", "For blocking: larger steps"), ("production", "Production", "For shots"),
+               ("hero", "Hero", "For close-ups: smaller steps, tighter solves")])
+    gravity: BoolProperty(name="Gravity", default=True, description="9.81 m/s² downwards, whatever the unit scale is")
+    self_contact: BoolProperty(name="Self Collision", default=True,
+                               description="Layers and garments keep apart and never pass through each other")
+    threads: IntProperty(name="Threads", default=0, min=0, max=1024, description="Of the solver; 0 takes all cores. Changes no result")
+    cache_folder: StringProperty(name="Load from", subtype="DIR_PATH",
+                                 description="Folder of a run that came back from a farm; empty for the scene folder's own")
+
+
+class DraperyPreferences(bpy.types.AddonPreferences):
+    bl_idname = __package__
+
+    executable: StringProperty(name="drapery Executable", subtype="FILE_PATH",
+                               description="Instead of the solver that came with the add-on")
+    exporter: StringProperty(name="Blender for Export", subtype="FILE_PATH",
+                             description="Blender that writes the meshes in the background, for builds without Alembic such as "
+                             "Debian's; empty for this one")
+
+    def draw(self, context):
+        self.layout.prop(self, "executable")
+        self.layout.prop(self, "exporter")
+
+
+CLASSES = (DraperyPin, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
+
+
+def preferences(context):
+    """The add-on's preferences; defaults where the add-on was registered by hand."""
+    addon = context.preferences.addons.get(__package__)
+    return addon.preferences if addon else None
+
+
+def register():
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+    bpy.types.Object.drapery = PointerProperty(type=DraperyObject)
+    bpy.types.Scene.drapery = PointerProperty(type=DraperyScene)
+
+
+def unregister():
+    del bpy.types.Scene.drapery
+    del bpy.types.Object.drapery
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

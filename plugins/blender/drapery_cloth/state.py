@@ -1,0 +1,21 @@
+"""What lives while the add-on is registered: the work in progress and the pictures. Nothing of it survives `clear`."""
+
+_live = {}
+
+
+def start(work, pictures):
+    _live.update(work=work, pictures=pictures)
+
+
+def work():
+    return _live["work"]
+
+
+def pictures():
+    return _live["pictures"]
+
+
+def clear():
+    for each in _live.values():
+        each.remove()
+    _live.clear()

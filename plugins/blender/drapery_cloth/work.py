@@ -1,0 +1,377 @@
+"""Work in progress: the export, check and plan as processes that are waited for, and simulations that are watched.
+
+Nothing waits: a timer calls `Work.tick`, which looks whether a process has ended and goes on with the generator that
+started it. Simulations belong to nobody: they are started in sessions of their own, and known by their folder alone.
+"""
+
+import json
+import os
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import bpy
+
+from . import answers, settings, state
+from .answers import Problem
+from .collect import Collected, run_folder, scene_folder
+from .process import NoSolver, Process, Simulation, find_solver
+from .scene_text import SCENE_FILE, plain_name
+
+# Seconds between two looks, and between two questions about a run.
+LOOK, ASK = 0.2, 1.0
+
+
+class Failed(Exception):
+    """A task ends here; `problems` say why."""
+
+    def __init__(self, *problems):
+        super().__init__(problems[0].message if problems else "")
+        self.problems = list(problems)
+
+
+class View:
+    """What the panel shows of a scene."""
+
+    def __init__(self):
+        self.doing = ""
+        self.share = None
+        self.problems = []
+        self.lines = []
+        self.status = None
+        self.refused = False
+        self.stopping = False
+
+
+class Work:
+    """All that goes on; one task at a time, and any number of simulations that are watched."""
+
+    def __init__(self):
+        self.views = {}
+        self.task = None
+        self.task_scene = None
+        self.process = None
+        self.folder = None
+        self.watched = {}
+        self.questions = {}
+        self.asked = {}
+
+    # What the panel and the operators call.
+
+    def view(self, scene):
+        return self.views.setdefault(scene.name, View())
+
+    @property
+    def busy(self):
+        return self.task is not None
+
+    def start(self, scene, task):
+        """Begins a task of a scene: the generator of one of the functions below."""
+        view = self.view(scene)
+        view.problems, view.lines, view.refused, view.share = [], [], False, None
+        self.task, self.task_scene = task, scene.name
+        self.go_on(None)
+        self.wake()
+
+    def stop_task(self):
+        """Ends the export or the check that goes on; files that were written stay."""
+        if self.process:
+            self.process.end()
+        if self.task:
+            self.task.close()
+            self.finish(["Stopped"])
+
+    def look_at_folder(self, scene):
+        """Asks about the run in the scene's folder, if there is one: it may go on since before Blender was opened."""
+        folder = run_folder(scene)
+        if folder and (folder / "manifest.json").exists():
+            self.watched.setdefault(scene.name, None)
+            self.asked.pop(scene.name, None)
+            self.wake()
+
+    def look_at_all(self):
+        for scene in bpy.data.scenes:
+            self.look_at_folder(scene)
+
+    def forget(self):
+        """Another file was opened: tasks of the old one end, simulations go on unwatched."""
+        self.stop_task()
+        for process in self.questions.values():
+            process.end()
+        self.views, self.watched, self.questions, self.asked = {}, {}, {}, {}
+
+    def remove(self):
+        """The add-on is unregistered."""
+        self.forget()
+        if bpy.app.timers.is_registered(self.timer):
+            bpy.app.timers.unregister(self.timer)
+
+    # The timer.
+
+    def wake(self):
+        if not bpy.app.timers.is_registered(self.timer):
+            bpy.app.timers.register(self.timer, first_interval=LOOK, persistent=True)
+
+    def timer(self):
+        alive = self.tick()
+        for window in getattr(bpy.context.window_manager, "windows", ()):
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D":
+                    area.tag_redraw()
+        return LOOK if alive else None
+
+    def tick(self):
+        """Looks at all processes; whether there is anything left to look at."""
+        if self.process and self.process.finished:
+            done, self.process = self.process, None
+            self.go_on(done)
+        elif self.process:
+            self.follow_export()
+        for name in list(self.watched):
+            self.watch(name)
+        return self.busy or bool(self.watched)
+
+    def go_on(self, done):
+        """Goes on with the task until it waits for another process."""
+        view = self.views.setdefault(self.task_scene, View())
+        try:
+            self.process = self.task.send(done)
+        except StopIteration as end:
+            self.finish(end.value or [])
+        except Failed as failed:
+            self.finish([])
+            view.problems = failed.problems
+        except OSError as error:
+            self.finish([])
+            where = error.filename or "a file"
+            view.problems = [Problem(f"{where}: {error.strerror}", "make room on the disk, or choose a folder that can be written")]
+
+    def finish(self, lines):
+        view = self.views.setdefault(self.task_scene, View())
+        view.doing, view.share, view.lines = "", None, lines
+        self.task = self.process = None
+
+    def follow_export(self):
+        """How far the export is, from the last frame that it printed."""
+        view = self.views.setdefault(self.task_scene, View())
+        frames = getattr(self.process, "frames", None)
+        if not frames:
+            return
+        count = self.process.output.count("\nframe ")
+        view.share = min(1.0, count / frames)
+
+    def watch(self, name):
+        """Asks about a run once a second, until it runs no more."""
+        scene = bpy.data.scenes.get(name)
+        folder = scene and run_folder(scene)
+        if not folder:
+            self.watched.pop(name)
+            return
+        view, simulation = self.view(scene), self.watched[name]
+        question = self.questions.get(name)
+        if question and question.finished:
+            self.answer(name, view, simulation, self.questions.pop(name))
+        elif not question and self.asked.get(name, 0) <= 0:
+            self.ask(name, scene, view, folder, simulation)
+        elif not question:
+            self.asked[name] -= LOOK
+
+    def ask(self, name, scene, view, folder, simulation):
+        ended = simulation is not None and simulation.code is not None
+        if simulation is not None and not ended and not (folder / "manifest.json").exists():
+            view.doing = "Reading inputs"
+            return
+        if ended and simulation.code not in (0, answers.STOPPED):
+            view.problems = answers.problems_of(simulation.errors, text_of(scene_folder(scene) / SCENE_FILE))
+            view.refused = simulation.code == answers.HOLDS_ANOTHER_RUN
+        if not (folder / "manifest.json").exists():
+            view.doing, view.status = "", None
+            self.watched.pop(name)
+            if simulation is not None and not view.problems:
+                view.problems = [Problem(f"The solver ended with code {simulation.code} before its first frame",
+                                         "the file simulate.log in the scene folder holds what it said")]
+            return
+        try:
+            solver = solver_of(bpy.context)
+        except NoSolver as error:
+            self.watched.pop(name)
+            view.doing, view.problems = "", [Problem(str(error))]
+            return
+        # The process whose end is known now is not asked about again.
+        self.watched[name] = None if ended else simulation
+        self.questions[name] = Process(solver.line("status", folder, "--json"), environment=solver.environment)
+
+    def answer(self, name, view, simulation, question):
+        self.asked[name] = ASK
+        view.doing = ""
+        if question.code == 0:
+            view.status = answers.status_of(question.output)
+            view.stopping = view.stopping and view.status.running
+            going_on = view.status.running or simulation is not None
+            if view.status.state == "failed" and not view.problems:
+                view.problems = answers.problems_of(f"Error: {view.status.error}")
+        else:
+            view.status = None
+            going_on = simulation is not None
+            view.problems = answers.problems_of(question.errors)
+        question.end()
+        if not going_on:
+            self.watched.pop(name, None)
+
+    def run_until_idle(self, seconds):
+        """Without a window there is no timer: works until nothing is left, for scripts. Raises `TimeoutError`."""
+        until = time.monotonic() + seconds
+        while self.tick():
+            if time.monotonic() > until:
+                raise TimeoutError(f"still at work after {seconds} s")
+            time.sleep(0.02)
+
+
+def text_of(path):
+    try:
+        return Path(path).read_text("utf-8", "replace")
+    except OSError:
+        return ""
+
+
+def solver_of(context):
+    preferences = settings.preferences(context)
+    return find_solver(bpy.path.abspath(preferences.executable) if preferences and preferences.executable else "")
+
+
+def exporting_line(copy, job):
+    """The command line that exports: this Blender once more, or the one of the preferences."""
+    script = str(Path(__file__).with_name("export_meshes.py"))
+    preferences = settings.preferences(bpy.context)
+    blender = (preferences and bpy.path.abspath(preferences.exporter)) or bpy.app.binary_path
+    if not (preferences and preferences.exporter) and not bpy.app.build_options.alembic:
+        raise Failed(Problem("This Blender was built without Alembic, as Debian's is, and cannot write meshes",
+                             "install Blender from blender.org, or choose one under Blender for Export in the preferences"))
+    if not blender:
+        # Blender as a Python module.
+        return [sys.executable, script, "--", job, copy]
+    if not os.access(blender, os.X_OK):
+        raise Failed(Problem(f"{blender} is not a program", "choose another Blender for Export in the preferences"))
+    # Drivers have to run as they do here: unless scripts of this file were blocked, what it evaluates to depends on them.
+    trust = "--disable-autoexec" if bpy.app.autoexec_fail else "--enable-autoexec"
+    return [blender, "--background", trust, copy, "--python-exit-code", "1", "--python", script, "--", job]
+
+
+def write(scene, view):
+    """Writes the scene folder. Raises `Failed`."""
+    view.doing = "Writing meshes"
+    collected = Collected(scene)
+    if collected.problems:
+        raise Failed(*collected.problems)
+    folder = collected.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    # A folder that cannot be written is found out before anything else.
+    tempfile.TemporaryFile(dir=folder).close()
+    # Not below the scene folder: the archives hold a path of that length, and would change with the place of the folder.
+    between = Path(tempfile.mkdtemp(prefix="drapery_"))
+    exporting = None
+    try:
+        job, answer, copy = between / "job.json", between / "answer.json", between / "copy.blend"
+        job.write_text(json.dumps(collected.job | {"answer": str(answer)}), "utf-8")
+        try:
+            bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, relative_remap=True, check_existing=False)
+        except RuntimeError as error:
+            raise Failed(Problem(f"The file could not be copied to {between}: {str(error).strip()}", "make room on the disk")) from error
+        exporting = Process(exporting_line(str(copy), str(job)), str(between))
+        [first, last] = collected.job["frames"]
+        exporting.frames = (last - first + 1) * len(collected.bodies)
+        done = yield exporting
+        if done.code != 0 or not answer.exists():
+            tail = [line for line in (done.output + done.errors).splitlines() if line.strip()][-1:]
+            raise Failed(Problem(f"Blender in the background ended with code {done.code}: {' '.join(tail)}",
+                                 "save the file, open it again and try once more"))
+        found = json.loads(answer.read_text("utf-8"))["problems"]
+        if found:
+            raise Failed(*(Problem(**(each | {"object": each["object"] and plain_name(each["object"])})) for each in found))
+    finally:
+        if exporting:
+            exporting.end()
+        shutil.rmtree(between, ignore_errors=True)
+    beside = folder / (SCENE_FILE + ".part")
+    beside.write_text(collected.text, "utf-8")
+    os.replace(beside, folder / SCENE_FILE)
+    return collected
+
+
+def ask_solver(solver, folder, *arguments):
+    """Runs a command in the scene folder to its end. Raises `Failed` with the problems that it names."""
+    done = yield Process(solver.line(*arguments), str(folder), solver.environment)
+    answer, errors, code = done.output, done.errors, done.code
+    done.end()
+    if code != 0:
+        problems = answers.problems_of(errors, text_of(folder / SCENE_FILE))
+        raise Failed(*(problems or [Problem(f"The solver ended with code {code} and said nothing")]))
+    return answer
+
+
+def solver_or_failed():
+    try:
+        return solver_of(bpy.context)
+    except NoSolver as error:
+        raise Failed(Problem(str(error))) from error
+
+
+def write_task(scene, view):
+    """Writes the scene folder and nothing else."""
+    collected = yield from write(scene, view)
+    return [f"Written: {collected.folder}"]
+
+
+def check_task(scene, view):
+    """Writes the scene folder and has every problem named."""
+    solver = solver_or_failed()
+    collected = yield from write(scene, view)
+    view.doing, view.share = "Checking every frame", None
+    answer = yield from ask_solver(solver, collected.folder, "check", SCENE_FILE, "--json")
+    view.problems = answers.warnings_of(answer)
+    return ["No problems" if not view.problems else "It can be simulated; the warnings may be meant"]
+
+
+def plan_task(scene, view):
+    """Writes the scene folder and shows what would run."""
+    solver = solver_or_failed()
+    collected = yield from write(scene, view)
+    view.doing, view.share = "Planning", None
+    answer = yield from ask_solver(solver, collected.folder, "plan", SCENE_FILE, "--json")
+    view.problems = answers.warnings_of(answer)
+    return answers.plan_lines(answer)
+
+
+def simulate_task(scene, view, *options):
+    """Writes the scene folder, checks it and starts the simulation."""
+    yield from check_task(scene, view)
+    start_simulation(scene, *options)
+    return []
+
+
+def start_simulation(scene, *options):
+    """Starts or continues the run of a scene folder that is written, and watches it. Raises `Failed` or `OSError`."""
+    work, folder, solver = state.work(), scene_folder(scene), solver_or_failed()
+    threads = scene.drapery.threads
+    line = solver.line("run", SCENE_FILE, "--progress", "none", *(["--threads", threads] if threads else []), *options)
+    view = work.view(scene)
+    view.status, view.doing, view.refused, view.stopping = None, "Starting", False, False
+    work.watched[scene.name] = Simulation(line, str(folder), solver.environment, folder / "simulate.log")
+    work.asked.pop(scene.name, None)
+    work.wake()
+
+
+def stop_simulation(scene):
+    """Asks the run of a scene to end at a checkpoint, on whatever machine it runs. Raises `Failed`."""
+    work, folder, solver = state.work(), run_folder(scene), solver_or_failed()
+
+    def task():
+        yield from ask_solver(solver, scene_folder(scene), "stop", folder)
+        work.view(scene).stopping = True
+        work.look_at_folder(scene)
+        return []
+
+    work.start(scene, task())
+

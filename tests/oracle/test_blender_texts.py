@@ -1,0 +1,221 @@
+"""What the Blender add-on does without Blender: scene files, answers of the command, fabrics, the zip."""
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+import tomllib
+import types
+import zipfile
+from fractions import Fraction
+
+import pytest
+
+from conftest import program
+from judges import ROOT
+from test_blender_addon import package, wheel_in
+
+ADD_ON = ROOT / "plugins" / "blender" / "drapery_cloth"
+
+SQUARE = "v 0 {y} 0\nv 1 {y} 0\nv 1 {y} 1\nv 0 {y} 1\nf 4 3 2 1\n"
+
+
+@pytest.fixture(scope="module")
+def parts():
+    """The modules that know nothing of Blender, without the package's own `__init__`, which does."""
+    package = types.ModuleType("drapery_cloth")
+    package.__path__ = [str(ADD_ON)]
+    sys.modules["drapery_cloth"] = package
+    yield types.SimpleNamespace(**{name: importlib.import_module(f"drapery_cloth.{name}")
+                                   for name in ("scene_text", "answers", "fabrics", "process")})  # fmt: skip
+    for name in [name for name in sys.modules if name.startswith("drapery_cloth")]:
+        del sys.modules[name]
+
+
+@pytest.fixture(scope="module")
+def drapery():
+    return program("DRAPERY", "drapery")
+
+
+def run(*command, folder=None):
+    return subprocess.run(list(map(str, command)), cwd=folder, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+
+
+def scene_in(folder, parts, **changes):
+    """A scene folder with all that the panel can ask for; the files are OBJ, which is all the same to the scene file."""
+    text = parts.scene_text
+    for name, y in (("floor", 0.0), ("cape", 1.0), ("coat", 1.2)):
+        (folder / f"{name}.obj").write_text(SQUARE.format(y=y))
+    for name, numbers in (("pins", "1 0 0 0"), ("heavy", "1 2 2 1"), ("springs", "0 1 1 0")):
+        (folder / f"{name}.txt").write_text(numbers.replace(" ", "\n") + "\n")
+    shot = text.Shot(**{"name": "a shot", "first": 1001, "last": 1003, "rate": Fraction(24000, 1001), "settle": 2, "blend": 1,
+                        "preset": "hero"} | changes)  # fmt: skip
+    floor = text.Body("floor", "floor.obj", "floor.obj@1", 2.5, 0.4)
+    pins = [text.Pin("pins.txt"), text.Pin("springs.txt", "floor", 123.0)]
+    maps = [text.Map("density", "heavy.txt"), text.Map("pins", "springs.txt")]
+    cape = text.Garment("cape", "cape.obj", "denim_11oz", 0.25, 1, pins, maps)
+    coat = text.Garment("coat", "coat.obj", "canvas", None, 2)
+    written = text.scene_text(shot, [floor], [coat, cape])
+    (folder / text.SCENE_FILE).write_text(written)
+    return written
+
+
+def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery, tmp_path):
+    scene_in(tmp_path, parts)
+    done = run(drapery, "plan", "scene.toml", "--json", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    plan = json.loads(done.stdout)
+    assert plan["frames"] == [1001, 1003] and plan["fps"] == [24000, 1001]
+    # In wearing order.
+    assert [garment["name"] for garment in plan["garments"]] == ["cape", "coat"]
+    resolved = tomllib.loads(plan["resolved"])
+    assert resolved["solver"]["preset"] == "hero" and resolved["shot"]["preroll"] == {"settle": 2, "blend": 1}
+    assert resolved["body"][0]["thickness"] == "2.5 mm" and resolved["body"][0]["friction"] == 0.4
+    cape, _ = resolved["garment"]
+    assert cape["thickness"] == "0.25 mm" and cape["maps"].keys() == {"density", "pins"}
+    assert [(pin["to"], pin["mode"]) for pin in cape["pin"]] == [("start", "hard"), ("body:floor", "spring")]
+    assert cape["pin"][1]["stiffness"] == "123 N/m"
+    assert {"gravity", "self_repulsion", "self_collision", "pins"} <= {effect["effect"] for effect in plan["effects"]}
+
+
+def test_cleared_boxes_ask_for_no_effect_and_give_no_warning(parts, drapery, tmp_path):
+    scene_in(tmp_path, parts, gravity=False, self_contact=False)
+    plan = json.loads(run(drapery, "plan", "scene.toml", "--json", folder=tmp_path).stdout)
+    assert not {"gravity", "self_repulsion", "self_collision"} & {effect["effect"] for effect in plan["effects"]}
+    assert not {"no_gravity", "no_self_collision"} & {warning["rule"] for warning in plan["warnings"]}
+
+
+@pytest.mark.parametrize("fps, base, rate", [(25, 1.0, "25"), (24, 1.0010000467300415, "24000/1001"), (24, 2.0, "12"),
+                                             (30, 1.0010000467300415, "30000/1001"), (60, 1.0, "60")])  # fmt: skip
+def test_frame_rates_are_those_of_cameras(parts, fps, base, rate):
+    assert str(parts.scene_text.frame_rate(fps, base)) == rate
+
+
+def test_names_that_files_cannot_tell_apart_are_found(parts):
+    text = parts.scene_text
+    assert text.plain_name("Röck 1") == "R_ck_1" and text.plain_name("..") == "_" and text.plain_name("$x") == "_x"
+    assert text.names_taken_twice(["a:b", "a b", "c", "A_B", "C.001"]) == [["a:b", "a b", "A_B"]]
+
+
+def test_texts_are_toml(parts):
+    for words in ('quote " and \\', "ünïcode ☺", "line\nbreak", "\x7f\x01"):
+        assert tomllib.loads(f"a = {parts.scene_text.quoted(words)}") == {"a": words}
+
+
+def test_fabrics_are_the_presets_of_the_command(parts, drapery):
+    listed = run(drapery, "materials").stdout.splitlines()
+    heads = [line.split(":")[0] for line in listed if not line.startswith(" ")]
+    assert heads == [fabric.name for fabric in parts.fabrics.FABRICS]
+    figures = [line.split() for line in listed if line.startswith("  density")]
+    for fabric, words in zip(parts.fabrics.FABRICS, figures, strict=True):
+        assert abs(float(words[1]) * 1000 - fabric.mass) < 0.5 and abs(float(words[4]) - fabric.thickness) < 1e-6, fabric.name
+
+
+def test_every_fabric_has_a_picture_of_its_own(parts):
+    size = parts.fabrics.PICTURE_SIZE
+    pictures = [parts.fabrics.picture(fabric) for fabric in parts.fabrics.FABRICS]
+    assert all(len(pixels) == 4 * size * size and 0.0 <= min(pixels) and max(pixels) <= 1.0 for pixels in pictures)
+    for index, pixels in enumerate(pictures):
+        for other in pictures[:index]:
+            assert sum(abs(a - b) for a, b in zip(pixels, other)) / len(pixels) > 0.02
+
+
+def test_problems_of_the_command_come_apart(parts, drapery, tmp_path):
+    # A garment of which two corners lie below the floor's other side, in a mesh without the third.
+    scene_in(tmp_path, parts)
+    (tmp_path / "cape.obj").write_text(SQUARE.format(y=1.0).replace("f 4 3 2 1", "f 4 3 2 1\nf 4 4 1"))
+    (tmp_path / "coat.obj").write_text(SQUARE.format(y=1.2).replace("v 1 1.2 1", "v nan 1.2 1"))
+    done = run(drapery, "check", "scene.toml", "--json", folder=tmp_path)
+    found = parts.answers.problems_of(done.stderr, (tmp_path / "scene.toml").read_text())
+    assert done.returncode != 0 and found and all(problem.message for problem in found)
+    assert any(problem.help for problem in found)
+
+
+def test_a_list_of_problems_names_object_frame_and_element(parts):
+    errors = ('Error: 2 problems\nbody "ball" (t.abc, /ball), frame 1002: the topology changes: 477 faces\n  help: export it again\n'
+              'garment "cloth", vertex 60: inside body "ball"\n  help: move it\n')  # fmt: skip
+    first, second = parts.answers.problems_of(errors)
+    assert (first.object, first.frame, first.element, first.help) == ("ball", 1002, None, "export it again")
+    assert (second.object, second.frame, second.element, second.index) == ("cloth", None, "vertex", 60)
+
+
+def test_an_excerpt_of_the_scene_names_the_object_of_its_table(parts, drapery, tmp_path):
+    written = scene_in(tmp_path, parts).replace('"canvas"', '"canvvas"')
+    (tmp_path / "scene.toml").write_text(written)
+    done = run(drapery, "check", "scene.toml", "--json", folder=tmp_path)
+    (problem,) = parts.answers.problems_of(done.stderr, written)
+    assert problem.object == "coat" and "canvvas" in problem.message and "canvas" in problem.help
+
+
+def test_a_missing_file_names_the_body(parts, drapery, tmp_path):
+    written = scene_in(tmp_path, parts)
+    (tmp_path / "floor.obj").unlink()
+    done = run(drapery, "check", "scene.toml", "--json", folder=tmp_path)
+    assert "floor" in {problem.object for problem in parts.answers.problems_of(done.stderr, written)}
+
+
+def test_what_a_run_says_becomes_a_line(parts, drapery, tmp_path):
+    scene = tmp_path / "sheet.toml"
+    scene.write_text((ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml").read_text())
+    assert run(drapery, "run", scene, "--frames", "1001-1003", "--out", tmp_path / "out", "--set", "resolution=4").returncode == 0
+    status = parts.answers.status_of(run(drapery, "status", tmp_path / "out", "--json").stdout)
+    assert parts.answers.headline(status) == "Done: 3 of 3 frames" and status.share == 1.0 and not status.running
+    for seconds, words in ((12.4, "12 s"), (150.0, "2 min"), (3600.0 * 3 + 125.0, "3 h 2 min")):
+        assert parts.answers.duration(seconds) == words
+
+
+@pytest.mark.parametrize("state, words", [("killed", "without a word (killed, or no room on the disk): 7 of 9 frames are kept"),
+                                          ("stopped", "Stopped at a checkpoint"), ("silent", "its machine may be lost")])  # fmt: skip
+def test_every_end_has_words(parts, state, words):
+    assert words in parts.answers.headline(parts.answers.Status(state, 7, 9, 1007, None))
+
+
+def test_the_solver_is_an_executable_or_a_wheel_or_a_sentence(parts, drapery, tmp_path, monkeypatch):
+    process = parts.process
+    assert process.find_solver(drapery).line("check", 1) == [drapery, "check", "1"]
+    with pytest.raises(process.NoSolver, match="is not a program"):
+        process.find_solver(str(tmp_path))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(process.NoSolver, match="no wheel for this machine"):
+        process.find_solver("")
+
+
+def test_a_simulation_has_a_session_of_its_own(parts, tmp_path):
+    simulation = parts.process.Simulation(["sh", "-c", "echo Error: it is $(ps -o sid= -p $$ | tr -d ' ') >&2; exit 3"], str(tmp_path),
+                                          dict(os.environ), tmp_path / "log")  # fmt: skip
+    simulation._popen.wait()
+    session = int(simulation.errors.split()[-1])
+    assert simulation.code == 3 and session != os.getsid(0)
+
+
+def test_the_zip_holds_the_add_on_and_its_wheel(tmp_path):
+    wheel_in(tmp_path)
+    done, path = package(tmp_path)
+    assert done.returncode == 0, done.stderr
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+        manifest = archive.read("drapery_cloth/blender_manifest.toml").decode()
+    said = tomllib.loads(manifest)
+    assert said["platforms"] == ["linux-x64"] and [f"drapery_cloth/{wheel[2:]}" in names for wheel in said["wheels"]] == [True]
+    assert path.name == f"drapery_cloth-{said['version']}-linux-x64.zip"
+    assert "drapery_cloth/LICENSE-MIT" in names and "drapery_cloth/__init__.py" in names
+    first = path.read_bytes()
+    package(tmp_path)
+    assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize("name, words", [("drapery-0.1.0-cp310-abi3-linux_aarch64.whl", "a platform that Blender does not run on"),
+                                         ("drapery-0.1.0-cp311-cp311-linux_x86_64.whl", "a wheel for abi3 is wanted"),
+                                         ("other-1.0-py3-none-any.whl", "is no wheel of the solver")])  # fmt: skip
+def test_a_wheel_that_would_not_run_makes_no_zip(tmp_path, name, words):
+    wheel_in(tmp_path).rename(tmp_path / name)
+    done, _ = package(tmp_path)
+    assert done.returncode == 1 and words in done.stderr
+    assert not list(tmp_path.glob("*.zip"))
+
+
+def test_a_missing_wheel_makes_no_zip(tmp_path):
+    done, _ = package(tmp_path)
+    assert done.returncode == 1 and "holds no wheel of the solver; `make dist` builds it" in done.stderr
+    assert not list(tmp_path.iterdir())
