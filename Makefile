@@ -32,11 +32,21 @@ demo: build ## simulate a dressed character and render six frames of it; QUALITY
 	@.ci/demo $(QUALITY)
 
 .PHONY: test
-test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl)
+test: build ## Rust tests, then the outside judges (Alembic's own reader, Blender, h5py, libigl), then the Python wheel
 	cargo test --release --workspace $(FEATURES)
 	@.ci/split-debug $(DRAPERY) $(DRAPERY_ASSETS)
 	$(TARGET)/release/examples/write_demo $(TARGET)/alembic_demo
 	DRAPERY_ALEMBIC_DEMO=$(TARGET)/alembic_demo .venv/bin/python -m pytest tests/oracle --numprocesses 2 --dist loadfile --no-loadscope-reorder
+	@.ci/test-python
+
+.PHONY: test-python
+test-python: build ## the tests of the Python wheel alone
+	@.ci/test-python
+
+.PHONY: dist
+dist: build ## what is given away: archive of the command, package for C, Python wheel, with checksums; tried in empty folders
+	@.ci/dist $(TARGET)/dist
+	@.ci/test-dist $(TARGET)/dist
 
 .PHONY: test-full
 test-full: build bare ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md

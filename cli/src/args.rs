@@ -15,7 +15,7 @@ use drapery_io::duration::parse_duration;
 use drapery_io::units::{LengthUnit, UpAxis};
 use drapery_shot::run::Resume;
 
-use crate::exit_code;
+use crate::{Invocation, exit_code};
 
 /// What `--version` says: the version, and what this build has beyond what every build has.
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -37,6 +37,22 @@ pub(crate) struct Cli {
     /// Site file: defaults of this place for run, plan, check and materials [default: DRAPERY_CONFIG]
     #[arg(long, value_name = "FILE", global = true)]
     pub(crate) config: Option<PathBuf>,
+}
+
+/// What was typed, with what the commands need to know of it besides.
+///
+/// # Errors
+/// The command line is not understood, or asks for help.
+pub(crate) fn parse(invocation: &Invocation) -> Result<Cli, clap::Error> {
+    let mut cli = Cli::try_parse_from(&invocation.words)?;
+    match &mut cli.command {
+        Command::Run(RunArgs { words, .. }) | Command::Study(StudyArgs { words, .. }) => {
+            words.clone_from(&invocation.words);
+        }
+        Command::Selftest(args) => args.program.clone_from(&invocation.program),
+        _ => {}
+    }
+    Ok(cli)
 }
 
 /// What is logged, and where.
@@ -153,6 +169,9 @@ pub(crate) struct RunSettingsArgs {
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub(crate) struct RunArgs {
+    /// All that was typed, for the command line that continues the run.
+    #[arg(skip)]
+    pub(crate) words: Vec<OsString>,
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
     #[command(flatten)]
@@ -311,6 +330,9 @@ pub(crate) struct DiffArgs {
 /// Arguments of `selftest`.
 #[derive(Debug, Args)]
 pub(crate) struct SelftestArgs {
+    /// A file that starts the command, which cases of the command need.
+    #[arg(skip)]
+    pub(crate) program: Option<PathBuf>,
     /// The hard cases: `quick` takes minutes, `full` takes larger scenes and combinations of cases, `soak` a weekend
     #[arg(long, value_enum, value_name = "TIER", num_args = 0..=1, default_missing_value = "quick")]
     pub(crate) hard: Option<HardTier>,
@@ -351,6 +373,9 @@ pub(crate) struct ReportArgs {
 /// Arguments of `study`.
 #[derive(Debug, Args)]
 pub(crate) struct StudyArgs {
+    /// All that was typed, for the record.
+    #[arg(skip)]
+    pub(crate) words: Vec<OsString>,
     /// Scene file
     #[arg(required_unless_present = "from")]
     pub(crate) scene: Option<PathBuf>,

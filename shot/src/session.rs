@@ -210,6 +210,16 @@ impl Session {
         Ok(kept.get_or_insert_with(|| shot.remote_simulation.field(garment, field)))
     }
 
+    /// As [`Session::field`], for whoever keeps it.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn take_field(&mut self, garment: usize, field: VertexField) -> Result<Vec<Vec3>, ShotError> {
+        self.field(garment, field)?;
+        let kept = &mut self.views[garment][usize::from(field == VertexField::Velocities)];
+        Ok(kept.take().unwrap_or_default())
+    }
+
     /// The present state.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use drapery_core::effects::LISTED;
 use crate::tree::{report, root};
 
 /// Folder of a crate, its dependencies, and what only its tests and benches use.
-const ALLOWED: [(&str, &[&str], &[&str]); 13] = [
+const ALLOWED: [(&str, &[&str], &[&str]); 14] = [
     ("core", &["bytemuck", "nalgebra", "rayon", "robust", "thiserror"], &[]),
     ("core/mpi", &["drapery-core", "mpi", "thiserror"], &["drapery-tests", "rayon"]),
     ("io/alembic", &["thiserror"], &["serde_json", "tempfile"]),
@@ -81,7 +81,7 @@ const ALLOWED: [(&str, &[&str], &[&str]); 13] = [
             "rayon",
             "signal-hook",
         ],
-        &["tempfile"],
+        &["clap_complete", "clap_mangen", "tempfile"],
     ),
     (
         "sample_assets",
@@ -98,6 +98,23 @@ const ALLOWED: [(&str, &[&str], &[&str]); 13] = [
         &["drapery-core", "drapery-io", "drapery-shot", "bytemuck", "rayon"],
         // Of a licence that asks for changed files back (MPL 2.0): it makes the header, and is linked to nothing that is given away.
         &["cbindgen", "tempfile"],
+    ),
+    (
+        "plugins/python",
+        &[
+            "drapery",
+            "drapery-core",
+            "drapery-io",
+            "drapery-shot",
+            "drapery-analysis",
+            "bytemuck",
+            "rayon",
+            "serde_json",
+            "toml",
+            "numpy",
+            "pyo3",
+        ],
+        &[],
     ),
     (
         "tests",

@@ -129,7 +129,7 @@ const HELD: [Held; 4] = [
 ];
 
 /// Crates, each with those of the project that it may import; what is not listed may import none.
-const CRATES: [(&str, &[&str]); 12] = [
+const CRATES: [(&str, &[&str]); 13] = [
     ("core", &[]),
     ("core/mpi", &["drapery_core"]),
     ("io/alembic", &[]),
@@ -140,6 +140,8 @@ const CRATES: [(&str, &[&str]); 12] = [
     ("cli", &["drapery_core", "drapery_io", "drapery_shot", "drapery_analysis", "drapery_mpi", "drapery_selftest"]),
     ("cli/selftest", &["drapery_core", "drapery_alembic", "drapery_io", "drapery_shot"]),
     ("plugins/capi", &["drapery_core", "drapery_io", "drapery_shot"]),
+    // And the command itself, which its module starts.
+    ("plugins/python", &["drapery_core", "drapery_io", "drapery_shot", "drapery_analysis"]),
     ("sample_assets", &["drapery_core", "drapery_alembic"]),
     (
         "tests",

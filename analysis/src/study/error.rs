@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use drapery_io::error::IoError;
 use drapery_io::scene_file::SceneFileError;
 use drapery_shot::ShotError;
+use drapery_shot::fault::{Fault, FaultKind};
 
 /// Why a study could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -33,4 +34,16 @@ pub enum StudyError {
         /// What differs.
         what: String,
     },
+}
+
+impl From<StudyError> for Fault {
+    fn from(error: StudyError) -> Self {
+        match error {
+            StudyError::Scene(errors) => errors.into(),
+            StudyError::Shot(error) => error.into(),
+            StudyError::Io(error) => error.into(),
+            StudyError::Asked(text) => Self::new(FaultKind::Usage, text),
+            StudyError::Other { .. } => Self::new(FaultKind::CannotCreate, error.to_string()),
+        }
+    }
 }

@@ -29,16 +29,18 @@ pub mod vary;
 mod verdict;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use drapery_io::atomic_file;
 use drapery_io::cache::APPLICATION;
 use drapery_io::error::IoError;
-use drapery_io::scene_file::SearchPaths;
 use drapery_io::shot_description::ShotDescription;
 use drapery_shot::Shot;
 use drapery_shot::farm::lock::RunLock;
 use drapery_shot::farm::process::Owner;
+use drapery_shot::scene_source::SceneSource;
 
 use crate::study::error::StudyError;
 use crate::study::record::{Asked, FORMAT, Machine, RECORD, Role, SceneFacts, Study};
@@ -53,12 +55,8 @@ pub(crate) const CSV: &str = "study.csv";
 /// How a study is made.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Scene file.
-    pub scene: PathBuf,
-    /// `--set` arguments for all runs.
-    pub settings: Vec<(String, String)>,
-    /// Where files are found.
-    pub search: SearchPaths,
+    /// The scene, with what is set in it for all runs.
+    pub scene: SceneSource,
     /// Folder of the study.
     pub out: PathBuf,
     /// What is studied.
@@ -73,6 +71,8 @@ pub struct Options {
     pub threads: usize,
     /// The command line, for the record.
     pub command: String,
+    /// Once it is set, the study ends as if its time were up.
+    pub cancelled: Arc<AtomicBool>,
 }
 
 /// Makes a study, or goes on with the one that the folder holds, until it is complete or its time is up.
@@ -88,8 +88,7 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
     let before = study.seconds;
     let bench = Bench {
         scene: &options.scene,
-        settings: &options.settings,
-        search: &options.search,
+        cancelled: &options.cancelled,
         size: study.scene.size,
         thickness: study.scene.thickness,
         threads: options.threads,
@@ -100,8 +99,10 @@ pub fn run(options: &Options, observer: &mut dyn Observer) -> Result<Study, Stud
     let schedule =
         schedule::Schedule { bench: &bench, folder: &options.out, begun, limit: options.limit, before, times };
     schedule.run_base(&wishes, &mut study, observer)?;
-    let wishes = space::wishes(&options.asked, &ground, study.fineness);
-    schedule.run_all(&wishes, &mut study, observer)?;
+    if !options.cancelled.load(Ordering::Relaxed) {
+        let wishes = space::wishes(&options.asked, &ground, study.fineness);
+        schedule.run_all(&wishes, &mut study, observer)?;
+    }
     lock.check()?;
     study.seconds = before + begun.elapsed().as_secs_f64();
     study.write(&options.out)?;
@@ -125,8 +126,7 @@ fn check(bench: &Bench<'_>, wishes: &[RunRequest], is_asked: bool) -> Result<(),
 fn begin(options: &Options, load: f64, observer: &mut dyn Observer) -> Result<(Study, BaseSettings), StudyError> {
     let bench = Bench {
         scene: &options.scene,
-        settings: &options.settings,
-        search: &options.search,
+        cancelled: &options.cancelled,
         size: 0.0,
         thickness: 0.0,
         threads: options.threads,
@@ -191,9 +191,9 @@ fn facts(options: &Options, description: &ShotDescription) -> Result<(SceneFacts
     let mut effects: Vec<String> = scene.effects.iter().map(|request| request.effect.clone()).collect();
     effects.dedup();
     let facts = SceneFacts {
-        path: options.scene.display().to_string(),
+        path: options.scene.path().map_or_else(|| description.name.clone(), |path| path.display().to_string()),
         shot: description.name.clone(),
-        settings: options.settings.clone(),
+        settings: options.scene.settings.clone(),
         points: points.len() as u64,
         frames: description.frames,
         start: scene.timeline.start,

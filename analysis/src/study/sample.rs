@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
-use std::sync::atomic::{AtomicI64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -12,12 +12,13 @@ use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::simulation::FrameSummary;
 use drapery_io::memory;
-use drapery_io::scene_file::{self, SceneFile, SearchPaths};
+use drapery_io::scene_file::SceneFile;
 use drapery_io::shot_description::ShotDescription;
 use drapery_shot::ShotError;
 use drapery_shot::farm::process;
 use drapery_shot::farm::stop::StopRequests;
 use drapery_shot::remote_simulation;
+use drapery_shot::scene_source::SceneSource;
 use drapery_shot::steps::{SteppedFrame, SteppedShot};
 use sha2::{Digest, Sha256};
 
@@ -40,12 +41,10 @@ const NOWHERE: i64 = i64::MIN;
 /// What all runs of a study have in common.
 #[derive(Debug)]
 pub(crate) struct Bench<'a> {
-    /// Scene file.
-    pub scene: &'a Path,
-    /// `--set` arguments for all runs.
-    pub settings: &'a [(String, String)],
-    /// Where files are found.
-    pub search: &'a SearchPaths,
+    /// The scene, with what is set in it for all runs.
+    pub scene: &'a SceneSource,
+    /// Whether the study is to end.
+    pub cancelled: &'a AtomicBool,
     /// Size of the cloth at the start [m].
     pub size: f64,
     /// Thickness of the thinnest garment [m].
@@ -88,8 +87,9 @@ pub(super) enum Ended {
 /// # Errors
 /// The scene does not take them.
 pub(super) fn load(bench: &Bench<'_>, wish: &RunRequest) -> Result<SceneFile, StudyError> {
-    let settings: Vec<_> = bench.settings.iter().chain(&wish.setting.settings).cloned().collect();
-    scene_file::load_with(bench.scene, &settings, bench.search).map_err(|error| StudyError::Scene(vec![error]))
+    let mut scene = bench.scene.clone();
+    scene.settings.extend(wish.setting.settings.iter().cloned());
+    scene.read().map_err(|error| StudyError::Scene(vec![error]))
 }
 
 /// The scene with the changes of a run.
@@ -171,7 +171,7 @@ pub(super) fn run(
         let mut shot = SteppedShot::start(ranks, description, wish.setting.body_frames)?;
         let cloth = whole.transpose()?.unwrap_or_else(|| of(&shot));
         let mut course = Course::new(cloth, pace);
-        course.run(&mut shot, deadline, &reached).map(|stop| (course, stop))
+        course.run(&mut shot, (deadline, bench.cancelled), &reached).map(|stop| (course, stop))
     };
     let guarded = catch_unwind(AssertUnwindSafe(|| on_ranks(&wish.setting, bench.threads, simulate)));
     let reached = reached.load(Relaxed);
@@ -236,7 +236,12 @@ impl<'a> Course<'a> {
     }
 
     /// Simulates to the end of the pace.
-    fn run(&mut self, shot: &mut SteppedShot, deadline: Instant, reached: &AtomicI64) -> Result<Stop, ShotError> {
+    fn run(
+        &mut self,
+        shot: &mut SteppedShot,
+        (deadline, cancelled): (Instant, &AtomicBool),
+        reached: &AtomicI64,
+    ) -> Result<Stop, ShotError> {
         let start = shot.timeline().start;
         reached.store(start, Relaxed);
         let last = match self.pace {
@@ -250,8 +255,10 @@ impl<'a> Course<'a> {
                 return Ok(Stop::Whole);
             }
             let before = process::processor_seconds();
-            let Some(SteppedFrame { summary, seconds }) = shot.next_frame(&mut || Instant::now() >= until)? else {
-                let enough = matches!(self.pace, Pace::Trial { .. }) && !self.kept.is_empty();
+            let over = &mut || cancelled.load(Relaxed) || Instant::now() >= until;
+            let Some(SteppedFrame { summary, seconds }) = shot.next_frame(over)? else {
+                let is_trial = matches!(self.pace, Pace::Trial { .. });
+                let enough = is_trial && !self.kept.is_empty() && !cancelled.load(Relaxed);
                 return Ok(if enough { Stop::Whole } else { Stop::OutOfTime });
             };
             let processor_seconds = process::processor_seconds() - before;
@@ -352,10 +359,8 @@ stiffness = "100 N/m"
     #[test]
     fn ranks_change_no_bit_and_no_figure_and_a_panic_of_one_is_told() {
         let folder = tempfile::tempdir().unwrap();
-        let scene = folder.path().join("scene.toml");
-        std::fs::write(&scene, FALLING).unwrap();
-        let search = SearchPaths::default();
-        let bench = Bench { scene: &scene, settings: &[], search: &search, size: 1.4, thickness: 0.001, threads: 2 };
+        let (scene, cancelled) = (SceneSource::text(FALLING, "scene.toml", folder.path()), AtomicBool::new(false));
+        let bench = Bench { scene: &scene, cancelled: &cancelled, size: 1.4, thickness: 0.001, threads: 2 };
         let sample = |ranks: u32, threads: u32| {
             let wish =
                 RunRequest { setting: Setting { ranks, threads, ..Setting::default() }, ..RunRequest::default() };

@@ -6,6 +6,7 @@
 //! and one that takes much longer than was foretold is given up.
 
 use std::path::Path;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use drapery_io::error::IoError;
@@ -87,7 +88,7 @@ impl Schedule<'_> {
         std::fs::create_dir_all(&folder).map_err(|error| IoError::creating(&folder, error))?;
         let mut comparison = Comparison::of(study, self.folder)?;
         self.run_wish(0, wishes, (study, &mut comparison), observer)?;
-        if study.fineness == 0 {
+        if study.fineness == 0 && !self.is_cancelled() {
             let base = study.base().map_or(0.0, |base| base.cost.with_overhead);
             let left = self.left(study);
             let times = |fineness: u32| space::reference_times(f64::from(fineness)).iter().sum::<f64>();
@@ -174,8 +175,15 @@ impl Schedule<'_> {
         Ok(None)
     }
 
+    fn is_cancelled(&self) -> bool {
+        self.bench.cancelled.load(Ordering::Relaxed)
+    }
+
     /// Seconds that are left for runs.
     fn left(&self, study: &Study) -> f64 {
+        if self.is_cancelled() {
+            return 0.0;
+        }
         let limit = self.limit.as_secs_f64();
         let compare = COMPARE * (study.scene.points as usize * study.compared.len()) as f64;
         let reserve = (RESERVE.0 * limit).max(RESERVE.1) + compare.min(limit / 4.0);

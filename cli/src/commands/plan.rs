@@ -124,6 +124,20 @@ fn output_text(shot: &Shot) -> String {
 fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: Option<&Costs>) -> Value {
     let said: serde_json::Map<String, Value> =
         said.iter().map(|s| (s.what.to_owned(), json!({"value": s.value, "from": s.source}))).collect();
+    let threads = json!({"value": threads.value, "from": threads.source});
+    with(of_shot(shot, costs), json!({"threads": threads, "run": said}))
+}
+
+/// Both together.
+fn with(mut object: Value, rest: Value) -> Value {
+    if let (Value::Object(object), Value::Object(rest)) = (&mut object, rest) {
+        object.extend(rest);
+    }
+    object
+}
+
+/// What is said of a shot, whoever runs it.
+pub(crate) fn of_shot(shot: &Shot, costs: Option<&Costs>) -> Value {
     let timeline = shot.timeline();
     let scene = shot.simulation().scene();
     let garments: Vec<Value> = scene
@@ -141,14 +155,11 @@ fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
         json!({"name": name, "garment": garment, "points": points, "triangles": triangles, "bytes_per_sample": bytes})
     });
     let (state, of_effects) = bytes(shot);
-    let mut plan = effects::as_json(shot.simulation(), costs);
     let rest = json!({
         "shot": shot.name(),
         "frames": shot.frames(),
         "start_frame": timeline.start,
         "fps": [timeline.fps_numerator, timeline.fps_denominator],
-        "threads": {"value": threads.value, "from": threads.source},
-        "run": said,
         "garments": garments,
         "render_meshes": render_meshes.collect::<Vec<_>>(),
         "bodies": scene.description().bodies.iter().map(|body| &body.name).collect::<Vec<_>>(),
@@ -159,8 +170,5 @@ fn as_json(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
         "warnings": crate::plan::warnings_json(shot),
         "resolved": shot.resolved(),
     });
-    if let (Value::Object(plan), Value::Object(rest)) = (&mut plan, rest) {
-        plan.extend(rest);
-    }
-    plan
+    with(effects::as_json(shot.simulation(), costs), rest)
 }

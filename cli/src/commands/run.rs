@@ -77,7 +77,7 @@ pub(crate) fn run(
                 (Ok(()), true) => settings.resumable_exit_code.value,
                 (Ok(()), false) => ExitCode::Done as u8,
             };
-            let last = last_line(&report, ranks.count());
+            let last = last_line(args, &report, ranks.count());
             tracing::info!(exit_code = code, "{last}");
             if !quiet && !matches!(style, ProgressStyle::Json | ProgressStyle::None) {
                 progress.clear();
@@ -94,7 +94,7 @@ pub(crate) fn run(
             tracing::info!(
                 exit_code = failure.code as u8,
                 "failed; when that is mended, continue with: {}",
-                command(ranks.count())
+                command(args, ranks.count())
             );
             Err(failure)
         }
@@ -109,7 +109,7 @@ fn run_shot(
 ) -> Result<RunReport, Failure> {
     // Before anything that takes long: a signal during the checks is a request, too.
     let by_term = settings.on_term.value == OnTerm::Signal;
-    let unasked = Unasked { code: settings.resumable_exit_code.value, by_term, command: command(ranks.count()) };
+    let unasked = Unasked { code: settings.resumable_exit_code.value, by_term, command: command(args, ranks.count()) };
     signals::listen(watcher.requests, &unasked)?;
     let (shot, (threads, of_ranks)) = plan::prepare(&args.scene, around, ranks)?;
     let out = args.settings.out.clone().unwrap_or_else(|| plan::default_folder(&shot));
@@ -137,7 +137,7 @@ fn run_shot(
         keep: settings.keep.value.into(),
         pinned: args.pin_checkpoint.clone(),
         requests: watcher.requests.clone(),
-        command: command(ranks.count()),
+        command: command(args, ranks.count()),
         dump: args.dump.clone(),
     };
     watcher.progress = Some(Progress::new(watcher.style, watcher.quiet, shot.frame_count()));
@@ -145,22 +145,22 @@ fn run_shot(
 }
 
 /// The command line that continues this run: without what would start it anew, or was meant for this once.
-fn command(ranks: usize) -> String {
-    let mut arguments = std::env::args_os().skip(1);
+fn command(args: &RunArgs, ranks: usize) -> String {
+    let mut arguments = args.words.iter().skip(1);
     let mut words = vec![launcher(ranks) + "drapery"];
     while let Some(argument) = arguments.next() {
         match argument.to_str() {
             Some("--overwrite" | "--steal-lock" | "--resume-with-changes") => {}
-            Some("--resume") => drop(arguments.next()),
+            Some("--resume") => _ = arguments.next(),
             Some(word) if word.starts_with("--resume=") => {}
-            _ => words.push(quoted(&argument)),
+            _ => words.push(quoted(argument)),
         }
     }
     words.join(" ")
 }
 
 /// Frame, time, warnings and what to do next.
-fn last_line(report: &RunReport, ranks: usize) -> String {
+fn last_line(args: &RunArgs, report: &RunReport, ranks: usize) -> String {
     let warnings = match log::warnings() {
         0 => "no warnings".to_owned(),
         1 => "1 warning".to_owned(),
@@ -171,7 +171,7 @@ fn last_line(report: &RunReport, ranks: usize) -> String {
         Outcome::Done => format!("done: frame {frame}, {time}, {warnings}"),
         Outcome::NothingToDo => format!("all frames up to {frame} are there already; nothing was done; {warnings}"),
         Outcome::Stopped(reason) => {
-            format!("stopped ({reason}): frame {frame}, {time}, {warnings}; continue with: {}", command(ranks))
+            format!("stopped ({reason}): frame {frame}, {time}, {warnings}; continue with: {}", command(args, ranks))
         }
     }
 }

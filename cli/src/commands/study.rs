@@ -1,6 +1,7 @@
 //! `drapery study`: what accuracy costs in time.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use drapery_analysis::study::record::{Asked, Study};
 use drapery_analysis::study::schedule::Observer;
@@ -11,6 +12,7 @@ use drapery_io::atomic_file;
 use drapery_io::error::IoError;
 use drapery_io::input_file;
 use drapery_shot::farm::command_line::quoted;
+use drapery_shot::scene_source::SceneSource;
 
 use crate::args::StudyArgs;
 use crate::config::Environment;
@@ -74,11 +76,12 @@ fn simulate(
     let name = scene.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}_study")));
     let command: Vec<String> =
-        std::env::args_os().skip(1).filter(|word| word != "--overwrite").map(|word| quoted(&word)).collect();
+        args.words.iter().skip(1).filter(|word| *word != "--overwrite").map(|word| quoted(word)).collect();
+    let mut source = SceneSource::file(scene);
+    source.settings.clone_from(&args.settings);
+    source.search = around.search(&args.materials).value;
     let options = Options {
-        scene: scene.to_owned(),
-        settings: args.settings.clone(),
-        search: around.search(&args.materials).value,
+        scene: source,
         out: out.clone(),
         asked: Asked {
             vary: args.vary.clone(),
@@ -93,6 +96,7 @@ fn simulate(
         overwrite: args.overwrite,
         threads: threads.value,
         command: format!("drapery {}", command.join(" ")),
+        cancelled: Arc::default(),
     };
     Ok((study::run(&options, &mut Watcher { quiet })?, out))
 }

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::mebibytes;
 
 /// What a frame costs, as frames have shown that were simulated for it.
-pub(super) struct Costs {
+pub(crate) struct Costs {
     pub(super) frame: FrameCost,
     /// Their number.
     pub(super) frames: u32,

@@ -25,9 +25,11 @@ pub(crate) fn run(args: &SelftestArgs, tier: HardTier) -> Result<ExitCode, Failu
         (None, false) => (chosen(&args.cases)?, 0..0),
         (None, true) => (CATALOGUE.iter().collect(), 0..combinations),
     };
-    // Cases of the command start this very program.
-    let drapery = std::env::current_exe()
-        .map_err(|e| Failure::new(ExitCode::Io, format!("this program's own file is not found: {e}")))?;
+    // Cases of the command start it again.
+    let drapery = args.program.as_deref().ok_or_else(|| {
+        let what = "no file is found that starts this command again, as cases of the command do";
+        Failure::new(ExitCode::Io, format!("{what}\n  help: install the program anew"))
+    })?;
     if !args.json {
         say::line(report::HEAD);
     }
@@ -39,8 +41,8 @@ pub(crate) fn run(args: &SelftestArgs, tier: HardTier) -> Result<ExitCode, Failu
         }
         verdicts.push(verdict);
     };
-    cases.into_iter().for_each(|case| see(judge(case, tier, &drapery)));
-    seeds.for_each(|seed| see(judge_combination(seed, tier, &drapery)));
+    cases.into_iter().for_each(|case| see(judge(case, tier, drapery)));
+    seeds.for_each(|seed| see(judge_combination(seed, tier, drapery)));
     if args.json {
         let all: Vec<_> = verdicts.iter().map(report::value).collect();
         // Texts and numbers always have a JSON form.

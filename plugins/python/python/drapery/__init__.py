@@ -1,0 +1,67 @@
+"""Drapery, an offline cloth solver for film-quality shots: scenes, simulations frame by frame, whole shots, caches, studies.
+
+Lengths are in metres with Y up, times in seconds, masses in kilograms; arrays of points have the shape (points, 3). What is stepped
+or run here has the bits of ``drapery run``. Messages go to the logger ``drapery``. ``python -m drapery`` is the command.
+
+>>> import drapery
+>>> simulation = drapery.Scene.load("hanging_sheet.toml").simulate()
+>>> simulation.advance().steps
+>>> simulation.positions("sheet")
+"""
+
+import logging as _logging
+
+from ._analysis import Material, Study, StudyRow, Verification, materials, read_study, study, verify
+from ._arrays import Faces
+from ._caches import Cache, CacheMesh, CacheWriter, Uvs, open_cache
+from ._errors import (
+    DraperyError,
+    InputError,
+    InternalError,
+    NoMemoryError,
+    OutputError,
+    SceneError,
+    SolverError,
+    UsageError,
+)
+from ._native import State, __version__, set_threads
+from ._scene import Frame, Plan, Progress, Report, Scene, SceneWarning, Shot, Simulation
+
+__all__ = [
+    "Cache",
+    "CacheMesh",
+    "CacheWriter",
+    "DraperyError",
+    "Faces",
+    "Frame",
+    "InputError",
+    "InternalError",
+    "Material",
+    "NoMemoryError",
+    "OutputError",
+    "Plan",
+    "Progress",
+    "Report",
+    "Scene",
+    "SceneError",
+    "SceneWarning",
+    "Shot",
+    "Simulation",
+    "SolverError",
+    "State",
+    "Study",
+    "StudyRow",
+    "UsageError",
+    "Uvs",
+    "Verification",
+    "__version__",
+    "materials",
+    "open_cache",
+    "read_study",
+    "set_threads",
+    "study",
+    "verify",
+]
+
+# What to do with messages is for the program to say.
+_logging.getLogger("drapery").addHandler(_logging.NullHandler())

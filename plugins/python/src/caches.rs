@@ -1,0 +1,299 @@
+//! Caches as arrays: read, and written frame by frame.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard};
+
+use drapery_core::Vec3;
+use drapery_core::scene::Timeline;
+use drapery_io::cache::{self, CacheFrame, CachePlan};
+use drapery_io::cache_frames::{CacheFrames, CacheMesh};
+use drapery_io::error::IoError;
+use drapery_io::formats;
+use drapery_io::garment_mesh::GarmentMesh;
+use drapery_io::mesh_data::{MeshData, Uvs};
+use drapery_io::units::{LengthUnit, Units, UpAxis};
+use drapery_shot::fault::{Fault, FaultKind};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use crate::arrays::{self, Faces};
+use crate::errors::{in_use, raised, usage};
+
+/// A cache, opened to be read.
+#[pyclass(module = "drapery._native", frozen)]
+pub(crate) struct Cache {
+    frames: Mutex<CacheFrames>,
+    path: PathBuf,
+}
+
+/// Values of texture coordinates, and the value of each corner.
+type UvArrays<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<u32>>);
+
+impl Cache {
+    fn opened(&self) -> PyResult<MutexGuard<'_, CacheFrames>> {
+        self.frames.try_lock().map_err(|error| in_use("cache", &error))
+    }
+}
+
+/// The sample of a frame.
+fn sample_of(path: &Path, mesh: &CacheMesh, frame: i64) -> PyResult<usize> {
+    mesh.frames.binary_search(&frame).map_err(|_| {
+        let advice = match mesh.frames.as_slice() {
+            [] => "it holds no frame yet".to_owned(),
+            [first, .., last] => format!("it holds frames {first} to {last}"),
+            [only] => format!("it holds frame {only} alone"),
+        };
+        let what = format!("{}: there is no such frame of {}", path.display(), mesh.name);
+        let mut fault = Fault::new(FaultKind::Usage, format!("frame {frame}: {what}\n  help: {advice}"));
+        (fault.object, fault.frame) = (Some(mesh.name.clone()), Some(frame));
+        raised(fault)
+    })
+}
+
+#[pymethods]
+impl Cache {
+    #[new]
+    fn new(py: Python<'_>, path: PathBuf, fps: Option<f64>) -> PyResult<Self> {
+        let open = || match fps {
+            Some(fps) => CacheFrames::open_at_rate(&path, fps),
+            None => CacheFrames::open(&path),
+        };
+        Ok(Self { frames: py.detach(open).map_err(raised)?.into(), path })
+    }
+
+    /// Paths of the objects.
+    #[getter]
+    fn objects(&self) -> PyResult<Vec<String>> {
+        Ok(self.opened()?.meshes().iter().map(|mesh| mesh.name.clone()).collect())
+    }
+
+    /// Whole frames of a mesh.
+    fn frames(&self, mesh: usize) -> PyResult<Vec<i64>> {
+        Ok(self.opened()?.meshes()[mesh].frames.clone())
+    }
+
+    fn point_count(&self, mesh: usize) -> PyResult<usize> {
+        Ok(self.opened()?.meshes()[mesh].points)
+    }
+
+    #[getter]
+    fn fps(&self) -> PyResult<Option<f64>> {
+        Ok(self.opened()?.fps())
+    }
+
+    /// Unit and axis of the file, in words.
+    #[getter]
+    fn units(&self) -> PyResult<String> {
+        Ok(self.opened()?.unit_in_words())
+    }
+
+    fn positions<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let cache = self.opened()?;
+        let sample = sample_of(&self.path, &cache.meshes()[mesh], frame)?;
+        arrays::vectors(py, cache.positions(mesh, sample).map_err(raised)?)
+    }
+
+    fn velocities<'py>(&self, py: Python<'py>, mesh: usize, frame: i64) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let cache = self.opened()?;
+        let sample = sample_of(&self.path, &cache.meshes()[mesh], frame)?;
+        cache.velocities(mesh, sample).map_err(raised)?.map(|values| arrays::vectors(py, values)).transpose()
+    }
+
+    fn faces<'py>(&self, py: Python<'py>, mesh: usize) -> PyResult<Faces<'py>> {
+        Ok(arrays::faces(py, self.opened()?.meshes()[mesh].faces.clone()))
+    }
+
+    fn triangles<'py>(&self, py: Python<'py>, mesh: usize) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let triangles = self.opened()?.meshes()[mesh].triangles.clone();
+        arrays::rows(py, triangles.into_flattened(), 3)
+    }
+
+    fn uvs<'py>(&self, py: Python<'py>, mesh: usize) -> PyResult<Option<UvArrays<'py>>> {
+        let Some(Uvs { values, indices, .. }) = self.opened()?.attributes(mesh).map_err(raised)?.uvs else {
+            return Ok(None);
+        };
+        Ok(Some((arrays::rows(py, values.into_flattened(), 2)?, PyArray1::from_vec(py, indices))))
+    }
+}
+
+/// A cache that is being written.
+#[pyclass(module = "drapery._native", frozen)]
+pub(crate) struct CacheWriter {
+    /// `None` once it is closed.
+    file: Mutex<Option<Box<dyn cache::CacheWriter>>>,
+    path: PathBuf,
+    points: usize,
+    next: Mutex<i64>,
+    frames: (i64, i64),
+    units: Units,
+    velocities: bool,
+}
+
+/// What a writer is made of, as Python hands it over.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Plan<'py> {
+    name: String,
+    positions: PyReadonlyArray2<'py, f64>,
+    face_counts: PyReadonlyArray1<'py, u32>,
+    corners: PyReadonlyArray1<'py, u32>,
+    uvs: Option<(PyReadonlyArray2<'py, f32>, PyReadonlyArray1<'py, u32>)>,
+    frames: (i64, i64),
+    fps: (u32, u32),
+    length: String,
+    up: String,
+    velocities: bool,
+    overwrite: bool,
+}
+
+impl Plan<'_> {
+    fn units(&self) -> PyResult<Units> {
+        let length = LengthUnit::ALL.into_iter().find(|unit| unit.word() == self.length).ok_or_else(|| {
+            let known = LengthUnit::ALL.map(LengthUnit::word).join(", ");
+            usage(format!("`length` is {:?}\n  help: give one of {known}", self.length))
+        })?;
+        let up = match self.up.as_str() {
+            "Y" => UpAxis::Y,
+            "Z" => UpAxis::Z,
+            other => return Err(usage(format!("`up` is {other:?}\n  help: give Y or Z"))),
+        };
+        Ok(Units { length, up })
+    }
+
+    /// The mesh, whose faces and points fit each other.
+    fn mesh(&self) -> PyResult<MeshData> {
+        let mesh = arrays::mesh(&self.positions, &self.face_counts, &self.corners)?;
+        let mut checked = drapery_io::memory_mesh::MemoryMeshes::default();
+        checked.insert(&self.name, mesh.clone()).map_err(raised)?;
+        let uvs = self.uvs.as_ref().map(|(values, indices)| {
+            let values = values.as_array().rows().into_iter().map(|row| [row[0], row[1]]).collect::<Vec<_>>();
+            Uvs { name: String::new(), values, indices: indices.as_array().to_vec() }
+        });
+        if let Some(uvs) = &uvs {
+            let fits = uvs.indices.len() == mesh.face_indices.len();
+            if !fits || uvs.indices.iter().any(|index| *index as usize >= uvs.values.len()) {
+                let corners = mesh.face_indices.len();
+                let what = format!("{} values for {} corners", uvs.indices.len(), corners);
+                return Err(usage(format!("`uvs`: {what}\n  help: give each corner the number of a value")));
+            }
+        }
+        Ok(MeshData { uvs, ..MeshData::new(mesh) })
+    }
+}
+
+#[pymethods]
+impl CacheWriter {
+    #[new]
+    fn new(path: PathBuf, plan: Plan<'_>) -> PyResult<Self> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+        let Some(create) = formats::by_extension(&extension).and_then(|format| format.create) else {
+            let written = formats::FORMATS.iter().filter(|format| format.create.is_some());
+            let known: Vec<String> = written.map(|format| format!(".{}", format.extension)).collect();
+            return Err(raised(IoError::Format {
+                path,
+                what: format!("caches are not written as .{extension} files"),
+                advice: format!("give a file that ends with {}", known.join(", ")),
+            }));
+        };
+        let (first, last) = plan.frames;
+        if last < first {
+            return Err(usage(format!("`frames` are {first} to {last}\n  help: give the first and the last frame")));
+        }
+        if plan.fps.0 == 0 || plan.fps.1 == 0 {
+            return Err(usage("`fps` is no rate\n  help: give frames per second, as in 24 or (24000, 1001)"));
+        }
+        let (units, data) = (plan.units()?, plan.mesh()?);
+        let points = data.mesh.points.len();
+        let (beside, mesh) = (formats::folder_of(&path), GarmentMesh::kept(data));
+        let taken = [Some(&path), beside.as_ref()].into_iter().flatten().find(|path| path.symlink_metadata().is_ok());
+        if let Some(taken) = taken {
+            if !plan.overwrite {
+                return Err(raised(IoError::FileExists { path: taken.clone() }));
+            }
+            let clear =
+                formats::remove_folder(&path).and_then(|()| beside.as_deref().map_or(Ok(()), formats::remove_folder));
+            clear.map_err(raised)?;
+        }
+        let (fps_numerator, fps_denominator) = plan.fps;
+        let file = create(
+            &path,
+            &CachePlan {
+                garment: &plan.name,
+                mesh: &mesh,
+                units,
+                origin: Vec3::zeros(),
+                timeline: Timeline { fps_numerator, fps_denominator, origin: first, start: first },
+                first_frame: first,
+                last_frame: last,
+                velocities: plan.velocities,
+                normals: false,
+                crossings: false,
+                sub_frames: &[],
+            },
+        );
+        let file = Mutex::new(Some(file.map_err(raised)?));
+        let (frames, velocities) = (plan.frames, plan.velocities);
+        Ok(Self { file, path, points, next: Mutex::new(first), frames, units, velocities })
+    }
+
+    /// Appends a frame: positions [m] and velocities [m/s], Y up.
+    fn write(
+        &self,
+        py: Python<'_>,
+        positions: PyReadonlyArray2<'_, f64>,
+        velocities: Option<PyReadonlyArray2<'_, f64>>,
+    ) -> PyResult<i64> {
+        let mut file = self.file.try_lock().map_err(|error| in_use("cache", &error))?;
+        let mut next = self.next.try_lock().map_err(|error| in_use("cache", &error))?;
+        let (frame, path) = (*next, self.path.display());
+        let Some(writer) = file.as_mut() else { return Err(usage(format!("{path}: this cache is closed"))) };
+        if frame > self.frames.1 {
+            let advice = "name a later last frame when the cache is begun";
+            return Err(usage(format!("{path}: all frames up to {} are written\n  help: {advice}", self.frames.1)));
+        }
+        if velocities.is_some() != self.velocities {
+            let what = if self.velocities { "needs velocities" } else { "was begun without velocities" };
+            return Err(usage(format!("{path}: this cache {what}\n  help: give them with every frame, or never")));
+        }
+        let positions = self.stored(&positions, "positions", frame)?;
+        let velocities = velocities.map(|values| self.stored(&values, "velocities", frame)).transpose()?;
+        let sample = CacheFrame {
+            frame,
+            sub_frame: 0,
+            positions: &positions,
+            velocities: velocities.as_deref().unwrap_or_default(),
+            normals: &[],
+            crossings: None,
+        };
+        py.detach(|| writer.write(&sample)).map_err(raised)?;
+        *next += 1;
+        Ok(frame)
+    }
+
+    /// Brings everything to the disk; nothing is written after that.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let taken = self.file.try_lock().map_err(|error| in_use("cache", &error))?.take();
+        taken.map_or(Ok(()), |mut file| py.detach(|| file.finish()).map_err(raised))
+    }
+}
+
+impl CacheWriter {
+    /// Vectors as the file stores them.
+    fn stored(&self, array: &PyReadonlyArray2<'_, f64>, name: &str, frame: i64) -> PyResult<Vec<[f32; 3]>> {
+        let vectors = arrays::points(array, name)?;
+        let place = |vertex: String| format!("frame {frame}{vertex}");
+        if vectors.len() != self.points {
+            let what = format!("{} {name} for {} points", vectors.len(), self.points);
+            let advice = "give one for each point of the mesh, in its order";
+            return Err(raised(IoError::data(&self.path, place(String::new()), what, advice)));
+        }
+        let stored = self.units.stored_all(&vectors);
+        if let Some(vertex) = stored.iter().position(|vector| !vector.iter().all(|x| x.is_finite())) {
+            let what =
+                format!("{:?} among the {name} is no number that the file can hold", <[f64; 3]>::from(vectors[vertex]));
+            let advice = "give finite numbers, in metres and seconds; no frame was written";
+            return Err(raised(IoError::data(&self.path, place(format!(", vertex {vertex}")), what, advice)));
+        }
+        Ok(stored)
+    }
+}
