@@ -6,7 +6,7 @@ use crate::contact::topology::pair::{Pair, PairKind};
 
 /// A pair of two triangles of a scene, a corner over a face or an edge over an edge, at a distance, above by `overlap` of the
 /// thickness.
-struct Touching {
+struct CloseTriangles {
     surface: ContactSurface,
     pair: OrientedPair,
     x: Vec<Vec3>,
@@ -14,7 +14,7 @@ struct Touching {
     mobility: Vec<f64>,
 }
 
-impl Touching {
+impl CloseTriangles {
     fn new(kind: PairKind) -> Self {
         let scene = &scenes()[kind as usize];
         let surface = ContactSurface::new(scene, 1.0);
@@ -64,7 +64,7 @@ impl Touching {
 #[test]
 fn stiffness_and_damping_of_a_pair_are_the_differences_of_its_force() {
     for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
-        let mut touching = Touching::new(kind);
+        let mut touching = CloseTriangles::new(kind);
         let found = touching.force().expect("it is in touch");
         assert!(found.distance > 0.0 && found.distance < THICKNESS && found.force.dot(&found.normal) > 0.0);
         assert!(found.weights.iter().sum::<f64>().abs() < 1e-12);
@@ -83,7 +83,7 @@ fn stiffness_and_damping_of_a_pair_are_the_differences_of_its_force() {
 #[test]
 fn a_pair_pushes_and_never_pulls() {
     for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
-        let mut touching = Touching::new(kind);
+        let mut touching = CloseTriangles::new(kind);
         touching.throw(Vec3::y() * 1e3);
         assert_eq!(touching.force(), None, "what leaves fast enough");
         touching.throw(Vec3::zeros());
@@ -99,7 +99,7 @@ fn a_pair_pushes_and_never_pulls() {
 #[test]
 fn friction_of_a_pair_is_that_of_coulomb_and_never_above_what_holds_it() {
     for kind in [PairKind::PointTriangle, PairKind::EdgeEdge] {
-        let mut touching = Touching::new(kind);
+        let mut touching = CloseTriangles::new(kind);
         for speed in [10.0, 0.5 * SLOW_SLIP] {
             touching.throw(Vec3::x() * speed);
             let found = touching.force().expect("it is in touch");
