@@ -19,10 +19,10 @@ fn main() -> Result<(), Error> {
     let manuals = folder.join("share/man/man1");
     fs::create_dir_all(&manuals)?;
     clap_mangen::generate_to(drapery_command::command_line(), &manuals)?;
-    for (shell, place) in SHELLS {
-        let place = folder.join(place);
-        fs::create_dir_all(&place)?;
-        clap_complete::generate_to(shell, &mut drapery_command::command_line(), "drapery", &place)?;
+    for (shell, subfolder) in SHELLS {
+        let pages = folder.join(subfolder);
+        fs::create_dir_all(&pages)?;
+        clap_complete::generate_to(shell, &mut drapery_command::command_line(), "drapery", &pages)?;
     }
     Ok(())
 }
