@@ -189,7 +189,9 @@ fn every_page_of_the_tour_is_followed() {
         .filter_map(|entry| entry.path().file_stem().map(|stem| stem.to_string_lossy().into_owned()))
         .collect();
     there.sort();
-    assert_eq!(there, PAGES);
+    // The page in Python is run from the wheel: `plugins/python/tests/test_analysis.py`.
+    assert_eq!(there[..PAGES.len()], PAGES);
+    assert_eq!(there[PAGES.len()..], ["05_python"]);
 }
 
 #[test]
