@@ -83,3 +83,14 @@ pub(super) fn add(sums: &mut [f32; 9], value: impl Fn(usize, usize) -> f64) {
         *sum += value(row, column) as f32;
     }
 }
+
+/// Adds `rows` `columns`ᵀ and what `diagonal` has on the diagonal to the block that begins with these values. The fourth lanes,
+/// which are zero, go to what stands behind each three.
+#[inline(always)]
+pub(super) fn add_outer_product(sums: &mut [f32], rows: Simd4, columns: Simd4, diagonal: Simd4) {
+    let threes = [columns, columns.turned(), columns.turned_back()].map(|columns| rows.component_mul(columns));
+    for (place, three) in [threes[0] + diagonal, threes[1], threes[2]].into_iter().enumerate() {
+        let sums = &mut sums[3 * place..3 * place + 4];
+        sums.iter_mut().zip(three.narrowed()).for_each(|(sum, value)| *sum += value);
+    }
+}

@@ -28,7 +28,7 @@ use nalgebra::Matrix3;
 use crate::Vec3;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
-use block::{Coefficients, add, full_block, full_symmetric, stored_symmetric, symmetric_product};
+use block::{Coefficients, add, add_outer_product, full_block, full_symmetric, stored_symmetric, symmetric_product};
 use pattern::Pattern;
 pub use pattern::Slot;
 
@@ -44,7 +44,8 @@ pub struct PartBlocks {
     pattern: Pattern,
     /// D of each vertex, and a value that is read behind the last.
     diagonal: Vec<f64>,
-    /// B of each pair, one that is read behind the last, and one that nobody reads: what is added for pairs of other parts.
+    /// B of each pair, one that is read behind the last, one that nobody reads, to which what is added for pairs of other parts
+    /// goes, and one behind that.
     blocks: Vec<[f32; 9]>,
 }
 
@@ -59,7 +60,7 @@ impl BlockMatrix {
             let pattern = Pattern::new(parts.ranges()[part].clone(), |visit| elements(part, visit));
             PartBlocks {
                 diagonal: vec![0.0; 6 * parts.ranges()[part].len() + 1],
-                blocks: vec![[0.0; 9]; pattern.pair_count() + 2],
+                blocks: vec![[0.0; 9]; pattern.pair_count() + 3],
                 pattern,
             }
         };
@@ -130,8 +131,8 @@ impl PartBlocks {
     /// pair.
     #[inline]
     pub fn add_spring(&mut self, slot: Slot, e: &Vec3, along: f64, across: f64) {
-        let scaled = e * (along - across);
-        add(self.block(slot), |row, column| scaled[row] * e[column] + if row == column { across } else { 0.0 });
+        let across_all = Simd4::new([across, across, across, 0.0]);
+        add_outer_product(self.values(slot), Simd4::from(&(e * (along - across))), Simd4::from(e), across_all);
     }
 
     /// Adds `scale` g gᵀ over the vertices of an element whose gradients g have the sum zero, as those of an angle or of a length
@@ -144,22 +145,31 @@ impl PartBlocks {
         gradients: &[Vec3; VERTICES],
     ) {
         const { assert!(PAIRS * 2 == VERTICES * (VERTICES - 1), "each pair has a slot") };
-        let mut slot = slots.iter();
-        for (a, g_a) in gradients.iter().enumerate() {
-            for g_b in &gradients[a + 1..] {
-                let slot = *slot.next().expect("as many slots as pairs");
-                let (rows, columns) = if slot.is_transposed() { (g_b, g_a) } else { (g_a, g_b) };
-                let scaled = rows * -scale;
-                add(self.block(slot), |row, column| scaled[row] * columns[column]);
-            }
+        let gradients = gradients.each_ref().map(Simd4::from);
+        let pairs = (0..VERTICES).flat_map(|a| (a + 1..VERTICES).map(move |b| (gradients[a], gradients[b])));
+        for (slot, (a, b)) in slots.iter().zip(pairs) {
+            let (rows, columns) = if slot.is_transposed() { (b, a) } else { (a, b) };
+            add_outer_product(self.values(*slot), rows * -scale, columns, Simd4::ZERO);
         }
     }
 
     #[inline]
     fn block(&mut self, slot: Slot) -> &mut [f32; 9] {
-        // Pairs of other parts share the last block, which no product reads.
-        let unread = self.blocks.len() - 1;
+        let unread = self.unread();
         &mut self.blocks[slot.place().min(unread)]
+    }
+
+    /// A block and three values more behind it.
+    #[inline]
+    fn values(&mut self, slot: Slot) -> &mut [f32] {
+        let first = 9 * slot.place().min(self.unread());
+        &mut self.blocks.as_flattened_mut()[first..first + 12]
+    }
+
+    /// The block that pairs of other parts share, which no product reads.
+    #[inline]
+    fn unread(&self) -> usize {
+        self.blocks.len() - 2
     }
 
     /// `q = A s` of the part's rows; `s` are those of all local vertices, `q` the part's own.

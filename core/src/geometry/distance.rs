@@ -39,6 +39,14 @@ pub struct SegmentPair {
     pub distance_squared: f64,
 }
 
+impl SegmentPair {
+    #[inline]
+    fn at(a: &[Vec3; 2], b: &[Vec3; 2], parameters: [f64; 2]) -> Self {
+        let points = [a[0] + (a[1] - a[0]) * parameters[0], b[0] + (b[1] - b[0]) * parameters[1]];
+        Self { parameters, points, distance_squared: (points[0] - points[1]).norm_squared() }
+    }
+}
+
 /// Parameter in \[0, 1\] of the point of segment `a`–`b` closest to `p`; 0 for a segment without length.
 #[inline]
 pub fn closest_on_segment(p: &Vec3, a: &Vec3, b: &Vec3) -> f64 {
@@ -118,11 +126,9 @@ fn closest_on_edges(p: &Vec3, corners: &[Vec3; 3], wanted: [bool; 3]) -> Triangl
     best
 }
 
-/// Closest points of the segments `a` and `b` (C. Ericson, "Real-Time Collision Detection", 2005, 5.1.9).
-///
-/// Parallel and shortened segments take the best of the four end-to-segment distances, in the order first end of `a`,
-/// second end of `a`, first end of `b`, second end of `b`; an earlier one wins a tie.
-pub fn closest_on_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> SegmentPair {
+/// Closest points of the segments `a` and `b` if both lie between the ends, and the segments are not parallel.
+#[inline]
+pub fn closest_within_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> Option<SegmentPair> {
     let (u, v, w) = (a[1] - a[0], b[1] - b[0], b[0] - a[0]);
     let (uu, vv, uv) = (u.norm_squared(), v.norm_squared(), u.dot(&v));
     let (uw, vw) = (u.dot(&w), v.dot(&w));
@@ -130,13 +136,19 @@ pub fn closest_on_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> SegmentPair {
     let d = u.cross(&v).norm_squared();
     let r1 = vv * uw - uv * vw;
     let r2 = uv * uw - uu * vw;
-    let pair = |parameters: [f64; 2]| {
-        let points = [a[0] + u * parameters[0], b[0] + v * parameters[1]];
-        SegmentPair { parameters, points, distance_squared: (points[0] - points[1]).norm_squared() }
-    };
-    if d > PARALLEL_SINE_SQUARED * uu * vv && 0.0 < r1 && r1 < d && 0.0 < r2 && r2 < d {
-        return pair([r1 / d, r2 / d]);
+    let is_within = d > PARALLEL_SINE_SQUARED * uu * vv && 0.0 < r1 && r1 < d && 0.0 < r2 && r2 < d;
+    is_within.then(|| SegmentPair::at(a, b, [r1 / d, r2 / d]))
+}
+
+/// Closest points of the segments `a` and `b` (C. Ericson, "Real-Time Collision Detection", 2005, 5.1.9).
+///
+/// Parallel and shortened segments take the best of the four end-to-segment distances, in the order first end of `a`,
+/// second end of `a`, first end of `b`, second end of `b`; an earlier one wins a tie.
+pub fn closest_on_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> SegmentPair {
+    if let Some(within) = closest_within_segments(a, b) {
+        return within;
     }
+    let pair = |parameters| SegmentPair::at(a, b, parameters);
     let mut best = pair([0.0, closest_on_segment(&a[0], &b[0], &b[1])]);
     for candidate in [
         pair([1.0, closest_on_segment(&a[1], &b[0], &b[1])]),

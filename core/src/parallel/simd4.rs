@@ -44,6 +44,13 @@ impl Simd4 {
         Self([x * f[0], y * f[1], z * f[2], w * f[3]])
     }
 
+    /// In single precision.
+    #[inline(always)]
+    pub fn narrowed(self) -> [f32; 4] {
+        let [x, y, z, w] = self.0;
+        [x as f32, y as f32, z as f32, w as f32]
+    }
+
     /// (y, z, x).
     #[inline(always)]
     pub fn turned(self) -> Self {

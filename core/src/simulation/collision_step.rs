@@ -208,6 +208,7 @@ impl Simulation {
             settings: StepSettings {
                 dt: choice.dt,
                 recovery_speed: self.limit.recovery_speed(settings, scene.mean_edge(), choice.dt),
+                mean_edge: scene.mean_edge(),
                 stop,
                 held: self.retry.held().or(scene.isolated()),
                 variants: self.variants,

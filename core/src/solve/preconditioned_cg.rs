@@ -34,6 +34,33 @@ pub struct BlockSystem<'a, C> {
     pub constraints: &'a C,
 }
 
+/// How far the solves of Newton's method go: errors that the next step makes anyway are not worth iterations (S. C. Eisenstat,
+/// H. F. Walker, "Choosing the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17, 1996, choice 2).
+#[derive(Debug)]
+pub struct Forcing {
+    /// Squared norm of the error with which the solve before began [J].
+    before: Option<f64>,
+    /// Changes of velocities up to here are linear enough for a solve to go to its end [m/s].
+    far: f64,
+}
+
+impl Forcing {
+    /// Most of an error that a solve leaves.
+    const MOST: f64 = 0.1;
+
+    /// For solves of which those that change no velocity by more than this [m/s] go to their end.
+    pub fn new(far: f64) -> Self {
+        Self { before: None, far }
+    }
+
+    /// Of the squared norm of the error, in the norm of the preconditioner, what this solve may leave. Where the steps before have
+    /// shown that forces are nearly linear it is small.
+    fn share(&mut self, error: f64) -> f64 {
+        let left = self.before.replace(error).map_or(Self::MOST, |before| Self::MOST.min(0.9 * error / before));
+        left * left
+    }
+}
+
 /// Scratch and preconditioner of the solver; made once for the elements of a matrix.
 #[derive(Debug)]
 pub struct PreconditionedCg {
@@ -117,6 +144,28 @@ impl PreconditionedCg {
         d: &mut [Vec3],
         stop: Stop,
     ) -> Outcome {
+        self.solve_until(system, (b, d), stop, None)
+    }
+
+    /// The same as a step of Newton's method, as far as `forcing` says.
+    pub fn newton_step(
+        &mut self,
+        system: &BlockSystem<'_, impl Projection>,
+        b: &[Vec3],
+        d: &mut [Vec3],
+        stop: Stop,
+        forcing: &mut Forcing,
+    ) -> Outcome {
+        self.solve_until(system, (b, d), stop, Some(forcing))
+    }
+
+    fn solve_until(
+        &mut self,
+        system: &BlockSystem<'_, impl Projection>,
+        (b, d): (&[Vec3], &mut [Vec3]),
+        stop: Stop,
+        forcing: Option<&mut Forcing>,
+    ) -> Outcome {
         self.constraints.update(system.parts, system.masses, system.constraints);
         self.d.fill(Simd4::ZERO);
         self.s.fill(Simd4::ZERO);
@@ -125,19 +174,29 @@ impl PreconditionedCg {
         let masses = &system.masses[system.parts.own()];
         let inverse = |mass: &f64| if *mass > 0.0 { mass.recip() } else { 0.0 };
         self.inverse_masses.iter_mut().zip(masses).for_each(|(to, mass)| *to = inverse(mass));
-        let outcome = self.iterate(system, stop);
+        let outcome = self.iterate(system, stop, forcing);
         d.iter_mut().zip(&self.d).for_each(|(d, found)| *d = Vec3::from(*found));
         outcome
     }
 
     /// The iterations, from d = 0, r = b and no direction.
-    fn iterate(&mut self, system: &BlockSystem<'_, impl Projection>, stop: Stop) -> Outcome {
+    fn iterate(
+        &mut self,
+        system: &BlockSystem<'_, impl Projection>,
+        stop: Stop,
+        forcing: Option<&mut Forcing>,
+    ) -> Outcome {
         let (mut rho, mut residual) = self.step(system, 0.0);
         let first = residual;
+        let (mut enough, far) = forcing.map_or((0.0, 0.0), |forcing| (rho * forcing.share(rho), forcing.far));
         let (mut rho_before, mut alpha) = (f64::INFINITY, 0.0);
         for iterations in 0.. {
             let finite = rho.is_finite();
-            let converged = residual <= stop.tolerance && (iterations >= 1 || residual < f64::EPSILON);
+            if rho <= enough && !self.has_moved(system.parts, alpha, far) {
+                enough = 0.0;
+            }
+            let is_small = residual <= stop.tolerance || rho <= enough;
+            let converged = is_small && (iterations >= 1 || residual < f64::EPSILON);
             if converged || rho <= 0.0 || !finite || iterations == stop.max_iterations {
                 self.d.iter_mut().zip(&self.s).for_each(|(d, s)| *d += *s * alpha);
                 let converged = finite && (converged || residual == 0.0);
@@ -150,6 +209,13 @@ impl PreconditionedCg {
             (rho, residual) = self.step(system, alpha);
         }
         unreachable!("the loop ends at the largest number of iterations")
+    }
+
+    /// Whether some vertex of `d + α s` has changed by more than `far` [m/s].
+    fn has_moved(&self, parts: &Parts, alpha: f64, far: f64) -> bool {
+        let own = parts.own();
+        let mut changes = self.d[own.clone()].iter().zip(&self.s[own]).map(|(d, s)| *d + *s * alpha);
+        parts.ranks().any(changes.any(|change| change.dot(change) > far * far))
     }
 
     /// `r = P (r - α q)`, and the correction of the coarse levels; returns `r·W r` with the preconditioner W, and the largest

@@ -70,6 +70,8 @@ pub struct StepSettings<'a> {
     pub dt: f64,
     /// How far vertices that are behind their pins, or too deep in bodies, are put right.
     pub recovery_speed: RecoverySpeed,
+    /// Mean edge of the cloth [m].
+    pub mean_edge: f64,
     /// When the damping solves stop.
     pub stop: Stop,
     /// Own vertices that stay where they are, ascending, if any rank has such.

@@ -26,7 +26,7 @@ use crate::pins::{HardPins, PinTargets};
 use crate::solve::conjugate_gradient::{Outcome, Stop};
 use crate::solve::force_evaluation::ForceEvaluation;
 use crate::solve::implicit_velocity::{PartForces, stop_held};
-use crate::solve::preconditioned_cg::{BlockSystem, Projection};
+use crate::solve::preconditioned_cg::{BlockSystem, Forcing, Projection};
 use crate::state::State;
 use crate::step::stage_arrays::StageArrays;
 use crate::step::{Prescribed, RepulsionPlace};
@@ -49,7 +49,12 @@ const MOST_ROUNDS: usize = 4;
 /// earlier ones leave is looked at again in the later.
 const SETTLED: [f64; 3] = [0.1, 0.05, 0.01];
 
-/// Tolerance of the first solve of a stage in which bodies are touched, over that of the last one: it has to say the modes.
+/// How far extrapolated accelerations may move a vertex within a stage, over the mean edge of the cloth: what has just been struck
+/// does not go on as the blow was, and forces far from where it goes say nothing of it.
+const EXTRAPOLATED: f64 = 0.04;
+
+/// A change of velocities below which a solve is the last of its stage, and the residual at contacts that is taken for what the first
+/// solve has left rather than for a wrong mode, over the tolerance of solves.
 const ROUGH: f64 = 10.0;
 
 /// What is prescribed in a stage.
@@ -118,9 +123,17 @@ struct StageContext<'a> {
     wind: &'a WindGrid,
     pins: Option<&'a HardPins>,
     targets: &'a PinTargets,
+    /// How far extrapolation may move a vertex [m].
+    extrapolated: f64,
 }
 
 impl<'a> StageContext<'a> {
+    /// What is taken of an extrapolated change of a velocity [m/s].
+    fn extrapolated(&self, change: Vec3) -> Vec3 {
+        let moved = change.norm() * ALPHA * self.dt;
+        if moved > self.extrapolated { change * (self.extrapolated / moved) } else { change }
+    }
+
     fn with(&self, active: &'a ActiveSet) -> Prescription<'a> {
         let Self { parts, pins, targets, recovery_speed, held, .. } = *self;
         Prescription { parts, pins, targets, recovery_speed, held, active }
@@ -245,7 +258,7 @@ impl Stages<'_> {
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
         let StageArrays { v_start, x, v, .. } = &mut *self.arrays;
         for ((v, start), a) in v.iter_mut().zip(&*v_start).zip(&self.at.start.a) {
-            *v = start + a * (GAMMA * dt);
+            *v = start + at.extrapolated(a * (GAMMA * dt));
         }
         let prescription = at.with(&active);
         prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity_at(GAMMA, dt)));
@@ -272,7 +285,7 @@ impl Stages<'_> {
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
         let StageArrays { v_start, v_first, x, v, .. } = &mut *self.arrays;
         for ((v, start), first) in v.iter_mut().zip(&*v_start).zip(&*v_first) {
-            *v = first + (first - start) * ((1.0 - GAMMA) / GAMMA);
+            *v = first + at.extrapolated((first - start) * ((1.0 - GAMMA) / GAMMA));
         }
         let prescription = at.with(&active);
         prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
@@ -307,7 +320,7 @@ impl Stages<'_> {
         active.add(self.at.parts, met);
         let prescription = at.with(&active);
         prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
-        self.evaluate(1.0, false);
+        self.evaluate(1.0, true);
         active.begin_stage(1.0, |_| Vec3::zeros());
         self.arrays.active = active;
         let outcome = self.solve(Stage::SecondAgain);
@@ -341,16 +354,20 @@ impl Stages<'_> {
         let mut total = Outcome { iterations: 0, converged: true, finite: true, worse: false };
         let is_touched = !(active.contacts().is_empty() && self.arrays.pairs.is_empty());
         let bears = at.parts.ranks().any(is_touched);
+        let rough = ROUGH * at.stop.tolerance;
+        let mut forcing = Forcing::new(rough);
         for round in 1.. {
-            let is_rough = bears && round == 1;
             let prescription = at.with(&active);
             let StageArrays { matrix, cg, residual, change, x, v, .. } = &mut *self.arrays;
             let (parts, masses, matrix) = (self.at.parts, self.at.masses, &*matrix);
             let system = BlockSystem { parts, masses, matrix, constraints: &prescription };
             // Contacts and pairs of another round ask for coarse levels of their own: with old ones it takes twice the iterations.
             cg.prepare(&system);
-            let tolerance = at.stop.tolerance * if is_rough { ROUGH } else { 1.0 };
-            let outcome = cg.solve(&system, residual, change, Stop { tolerance, ..at.stop });
+            let outcome = if bears {
+                cg.newton_step(&system, residual, change, at.stop, &mut forcing)
+            } else {
+                cg.solve(&system, residual, change, at.stop)
+            };
             total.iterations += outcome.iterations;
             total.converged &= outcome.converged;
             total.finite &= outcome.finite;
@@ -359,11 +376,13 @@ impl Stages<'_> {
                 *v += change;
                 *x += change * alpha;
             }
+            let is_close = change.iter().all(|change| change.norm_squared() < rough * rough);
+            let is_far = parts.ranks().any(!is_close);
             if !bears || !total.finite || round == MOST_ROUNDS {
                 break;
             }
-            // The forces where the solve has come to: another step of Newton's method.
-            self.evaluate(stage.fraction(), false);
+            // The forces and the matrix where the solve has come to: another step of Newton's method.
+            self.evaluate(stage.fraction(), true);
             self.set_residual(stage, &active);
             self.add_pairs(stage);
             let StageArrays { residual, v_start, x, .. } = &mut *self.arrays;
@@ -378,11 +397,11 @@ impl Stages<'_> {
                 change * masses[contact.vertex]
             };
             // Modes that only a rough solve shows to be wrong are looked at again.
-            let tolerance = if is_rough { tolerance } else { 0.0 };
+            let tolerance = if round == 1 { rough } else { 0.0 };
             let trust = Trust { tolerance, masses, settled: SETTLED[stage as usize] };
-            let goes_on = active.update(parts, residual, trust, restart);
+            let is_unsettled = active.update(parts, residual, trust, restart);
             parts.halo().update(parts.ranks(), x);
-            if !(goes_on || is_rough) {
+            if !(is_unsettled || is_far || round == 1) {
                 break;
             }
         }
@@ -485,6 +504,7 @@ impl Step<'_> {
             wind: &dynamics.wind,
             pins: pins.as_ref(),
             targets,
+            extrapolated: EXTRAPOLATED * settings.mean_edge,
         };
         let (forces, volumes) = (&mut dynamics.forces, &mut dynamics.volumes);
         let repulsion = contacts.cloth.as_mut().filter(|_| repels);

@@ -19,7 +19,7 @@ use crate::contact::repulsion::colour_halo::HaloPerColour;
 use crate::contact::repulsion::pair_forces::{PairForce, PairStage, pair_forces};
 use crate::contact::tolerances::TRUSTED_SIDE;
 use crate::contact::topology::nodes::ContactNodes;
-use crate::contact::topology::pair::{KINDS, Pair, PairKind};
+use crate::contact::topology::pair::{Closest, KINDS, Pair, PairKind};
 use crate::metrics::Metrics;
 use crate::tolerances::NO_DIRECTION;
 
@@ -413,9 +413,9 @@ impl OrientedPair {
 
     #[inline]
     fn edges(&self, laws: &Laws, x: &[Vec3; 4], reach: f64) -> Option<([f64; 4], Vec3, f64)> {
-        let found = self.pair.closest(x);
+        let found = Closest::inside_edges(x)?;
         let squared = found.apart.norm_squared();
-        if !found.inside || squared > reach * reach {
+        if squared > reach * reach {
             return None;
         }
         let distance = squared.sqrt();

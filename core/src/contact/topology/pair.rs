@@ -1,7 +1,7 @@
 //! A point and a triangle, or two edges: the pairs between which cloth touches, and where they are closest.
 
 use crate::Vec3;
-use crate::geometry::distance::{closest_on_segments, closest_on_triangle};
+use crate::geometry::distance::{SegmentPair, closest_on_segments, closest_on_triangle, closest_within_segments};
 use crate::parallel::message::codec;
 
 /// What the four nodes of a pair form.
@@ -39,6 +39,19 @@ pub(crate) struct Closest {
     pub inside: bool,
 }
 
+impl Closest {
+    fn of_edges(found: &SegmentPair, inside: bool) -> Self {
+        let [s, t] = found.parameters;
+        Self { apart: found.points[0] - found.points[1], weights: [1.0 - s, s, t - 1.0, -t], inside }
+    }
+
+    /// Where two edges with these ends are closest, if that is inside both.
+    #[inline]
+    pub(crate) fn inside_edges(x: &[Vec3; 4]) -> Option<Self> {
+        closest_within_segments(&[x[0], x[1]], &[x[2], x[3]]).map(|found| Self::of_edges(&found, true))
+    }
+}
+
 impl Pair {
     /// The positions of its nodes.
     #[inline]
@@ -59,8 +72,7 @@ impl Pair {
             PairKind::EdgeEdge => {
                 let found = closest_on_segments(&[x[0], x[1]], &[x[2], x[3]]);
                 let [s, t] = found.parameters;
-                let inside = s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0;
-                Closest { apart: found.points[0] - found.points[1], weights: [1.0 - s, s, t - 1.0, -t], inside }
+                Closest::of_edges(&found, s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)
             }
         }
     }

@@ -41,14 +41,42 @@ pub(super) struct Element {
     pub(super) row: Vec<(u32, f64)>,
 }
 
-/// The angle of four vertices [rad], positive where the opposite ones rise to the side that the first triangle faces; zero
-/// where a triangle has no area.
-pub(super) fn angle([i, j, k, l]: [Vec3; 4]) -> f64 {
-    let (n1, n2) = ((i - j).cross(&(i - k)), (l - k).cross(&(l - j)));
-    let edge = k - j;
-    let sine = n2.cross(&n1).dot(&edge);
-    let cosine = n1.dot(&n2) * edge.norm();
-    if sine == 0.0 && cosine == 0.0 { 0.0 } else { sine.atan2(cosine) }
+/// Two triangles at an edge.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shape {
+    /// The edge [m].
+    pub(super) edge: Vec3,
+    /// Its length [m].
+    pub(super) length: f64,
+    /// Normals of the triangles, twice as long as their areas [m²].
+    pub(super) normals: [Vec3; 2],
+    /// From the end of the edge to the opposite vertices [m].
+    pub(super) opposite: [Vec3; 2],
+}
+
+impl Shape {
+    /// Of the first opposite vertex, the two of the edge, and the other opposite one.
+    #[inline]
+    pub(super) fn at([i, j, k, l]: [Vec3; 4]) -> Self {
+        let (edge, opposite) = (k - j, [i - k, l - k]);
+        let normals = [(i - j).cross(&opposite[0]), opposite[1].cross(&(l - j))];
+        Self { edge, length: edge.norm(), normals, opposite }
+    }
+
+    /// The angle [rad], positive where the opposite vertices rise to the side that the first triangle faces; zero where a triangle
+    /// has no area.
+    #[inline]
+    pub(super) fn angle(&self) -> f64 {
+        let [n1, n2] = &self.normals;
+        let sine = n2.cross(n1).dot(&self.edge);
+        let cosine = n1.dot(n2) * self.length;
+        if sine == 0.0 && cosine == 0.0 { 0.0 } else { sine.atan2(cosine) }
+    }
+
+    /// Heights of the triangles over the edge [m]; zero without area.
+    pub(super) fn heights(&self) -> [f64; 2] {
+        self.normals.map(|n| if self.length == 0.0 { 0.0 } else { n.norm() / self.length })
+    }
 }
 
 /// All angles of a mesh, in the order of its hinges.
@@ -59,7 +87,8 @@ pub(super) fn of_mesh(mesh: &TriangleMesh, rigidity: impl Fn(usize) -> Option<Ri
     let element = |hinge: &Hinge| {
         let ([j, k], [i, l]) = (mesh.edges()[hinge.edge as usize].vertices, hinge.opposite);
         let vertices = [i, j, k, l];
-        Element { vertices, rest_angle: if flat { 0.0 } else { angle(vertices.map(at)) }, row: Vec::new() }
+        let rest_angle = if flat { 0.0 } else { Shape::at(vertices.map(at)).angle() };
+        Element { vertices, rest_angle, row: Vec::new() }
     };
     let mut elements: Vec<Element> = mesh.hinges().iter().map(element).collect();
     for (triangle, known) in angles_of_triangles(mesh).iter().enumerate() {

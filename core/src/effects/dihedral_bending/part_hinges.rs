@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::Yield;
-use super::elements::{Element, angle};
+use super::elements::{Element, Shape};
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
@@ -22,17 +22,16 @@ struct Gradient {
 }
 
 impl Gradient {
-    /// The gradient at these positions, and the heights of the two triangles over the edge [m]. Zero if one has no area.
-    fn at([i, j, k, l]: [Vec3; 4]) -> (Self, [f64; 2]) {
-        let edge = k - j;
-        let (n1, n2) = ((i - j).cross(&(i - k)), (l - k).cross(&(l - j)));
-        let (length, squared) = (edge.norm(), [n1.norm_squared(), n2.norm_squared()]);
-        if length == 0.0 || squared.contains(&0.0) {
-            return (Self::default(), [0.0; 2]);
+    /// The gradient of this shape. Zero if a triangle has no area.
+    #[inline]
+    fn of(Shape { edge, length, normals: [n1, n2], opposite: [i, l] }: &Shape) -> Self {
+        let squared = [n1.norm_squared(), n2.norm_squared()];
+        if *length == 0.0 || squared.contains(&0.0) {
+            return Self::default();
         }
-        let along = |to: Vec3| to.dot(&edge) / (length * length);
+        let along = |to: &Vec3| to.dot(edge) / (length * length);
         let u = [n1 * (length / squared[0]), n2 * (length / squared[1])];
-        (Self { u, p: along(i - k), q: along(l - k) }, squared.map(|n| n.sqrt() / length))
+        Self { u, p: along(i), q: along(l) }
     }
 
     /// The gradient at each of the four vertices [rad/m].
@@ -152,10 +151,11 @@ impl PartHinges {
             Err(_) => (own.len() + around.partition_point(|other| *other < number)) as u32,
         };
         let mesh = scene.meshes()[scene.parts().garment_of(range.start)].rest_positions();
-        let gradient = |number: u32| Gradient::at(elements[number as usize].vertices.map(|v| mesh[v as usize]));
+        let shape = |number: u32| Shape::at(elements[number as usize].vertices.map(|v| mesh[v as usize]));
+        let gradient = |number: u32| Gradient::of(&shape(number));
         for number in own.iter().chain(&around) {
             let element = &elements[*number as usize];
-            let heights = gradient(*number).1;
+            let heights = shape(*number).heights();
             let least_heights = heights.map(|height| SQUASHED * height);
             if let Some(yields) = &laws.yields {
                 let Yield { radius, hardening, largest } = yields[*number as usize];
@@ -170,8 +170,8 @@ impl PartHinges {
             let element = &elements[*number as usize];
             part.moments.extend(element.row.iter().map(|(other, moment)| (place(*other), *moment)));
             part.rows.push(part.moments.len() as u32);
-            let vectors = gradient(*number).0.at_vertices();
-            part.add_to_stiffness(element, first, vectors, &|other| gradient(other).0.at_vertices());
+            let vectors = gradient(*number).at_vertices();
+            part.add_to_stiffness(element, first, vectors, &|other| gradient(other).at_vertices());
             let masses = element.vertices.map(|v| scene.masses()[(first + v) as usize]);
             let softness: f64 = vectors.iter().zip(masses).map(|(u, m)| u.norm_squared() / m).sum();
             part.damping.push(2.0 * laws.damping_ratios[*number as usize] * (element.row[0].1 / softness).sqrt());
@@ -245,13 +245,14 @@ impl PartHinges {
 }
 
 /// What the hinge is off its angle at rest [rad], and its gradient; nothing where a triangle is squashed.
+#[inline]
 fn bent(hinge: &Hinge, x: &[Vec3]) -> (f64, Gradient) {
-    let corners = hinge.vertices.map(|v| x[v as usize]);
-    let (gradient, heights) = Gradient::at(corners);
-    if heights[0] <= hinge.least_heights[0] || heights[1] <= hinge.least_heights[1] {
+    let shape = Shape::at(hinge.vertices.map(|v| x[v as usize]));
+    let is_flat = |(normal, least): (&Vec3, f64)| normal.norm_squared() <= (least * shape.length).powi(2);
+    if shape.normals.iter().zip(hinge.least_heights).any(is_flat) {
         return (0.0, Gradient::default());
     }
-    (angle(corners) - hinge.rest_angle, gradient)
+    (shape.angle() - hinge.rest_angle, Gradient::of(&shape))
 }
 
 impl Force for PartHinges {

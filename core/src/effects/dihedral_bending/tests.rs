@@ -1,6 +1,6 @@
 //! Energy, forces and damping of hinges against geometry, finite differences and power iteration.
 
-use super::elements::{Rigidity, angle, of_mesh, triangle_energy};
+use super::elements::{Rigidity, Shape, of_mesh, triangle_energy};
 use crate::Vec3;
 use crate::effects::force::{ForceContext, PartForce, PartMotion, PartView};
 use crate::effects::registry::build_all;
@@ -85,7 +85,7 @@ fn a_sheet_of_any_mesh_bends_with_the_rigidity_that_was_asked_for() {
             let x: Vec<Vec3> = mesh.rest_positions().iter().map(lift).collect();
             let angles: Vec<f64> = of_mesh(&mesh, |_| Some(Rigidity::isotropic(RIGIDITY)), false)
                 .iter()
-                .map(|e| angle(e.vertices.map(|v| x[v as usize])))
+                .map(|e| Shape::at(e.vertices.map(|v| x[v as usize])).angle())
                 .collect();
             let by_area = 0.5 * RIGIDITY * (xx * xx + 2.0 * xz * xz + zz * zz);
             let mut inner = 0;

@@ -210,6 +210,44 @@ fn iterations_hardly_grow_with_stiffness_and_mesh() {
 }
 
 #[test]
+fn a_step_of_newtons_method_goes_as_far_as_its_forcing_says_and_small_corrections_to_their_end() {
+    let sheet = Sheet::new(12, 1e4, 2);
+    let ranks = Ranks::default();
+    let (parts, d) = (sheet.parts(&ranks), direct(&sheet, What::Some));
+    let (matrix, masses) = (sheet.matrix(&parts), Sheet::local(&parts, &sheet.masses));
+    let constraints = Constrained { parts: &parts, what: What::Some };
+    let system = BlockSystem { parts: &parts, masses: &masses, matrix: &matrix, constraints: &constraints };
+    let mut cg = PreconditionedCg::new(&parts, &matrix);
+    cg.prepare(&system);
+    let b = Sheet::local(&parts, &impulses(sheet.x.len()));
+    let mut step = |forcing: &mut Forcing| {
+        let mut found = vec![Vec3::zeros(); parts.local_count()];
+        let outcome = cg.newton_step(&system, &b[parts.own()], &mut found, STOP, forcing);
+        assert!(outcome.converged);
+        let error = DVector::from_iterator(
+            3 * d.len(),
+            found.iter().enumerate().flat_map(|(i, found)| {
+                let off = found - d[parts.number(i) as usize];
+                [off.x, off.y, off.z]
+            }),
+        );
+        (outcome.iterations, error.norm())
+    };
+    let length = d.iter().map(Vec3::norm_squared).sum::<f64>().sqrt();
+    let (all, exact) = step(&mut Forcing::new(f64::INFINITY));
+    assert!(exact < 1e-4 * length, "{exact} of {length}");
+    let mut forcing = Forcing::new(0.0);
+    let (some, rough) = step(&mut forcing);
+    assert!(2 * some < all && rough > 10.0 * exact && rough < 0.5 * length, "{some} of {all}: {rough} of {length}");
+    // The error is as large as before: the method has not converged, so the next step goes no farther.
+    assert_eq!(step(&mut forcing), (some, rough));
+    // After one with a hundred times the error it has to leave 0.9 times a hundredth of a hundredth.
+    forcing.before = forcing.before.map(|error| 1e4 * error);
+    let (more, fine) = step(&mut forcing);
+    assert!(some < more && more < all && fine < 0.1 * rough, "{more} of {all}: {fine} after {rough}");
+}
+
+#[test]
 fn what_has_neither_mass_nor_neighbours_is_held_and_disturbs_nothing() {
     let mut sheet = Sheet::new(10, 30.0, 2);
     let alone: Vec<usize> = sheet.lonely().to_vec();
