@@ -361,6 +361,47 @@ mod tests {
         assert!(at(&|wish| wish.role == Role::Reference) < at(&|wish| wish.role == Role::Without));
         assert!(at(&|wish| wish.role == Role::Without) < at(&|wish| wish.repeat > 0));
     }
+
+    #[test]
+    fn settings_of_both_integrators_are_compared_and_the_reference_keeps_that_of_the_scene() {
+        let long = BaseSettings { is_long: true, ..ground() };
+        let none = asked(&[], false);
+        for (ground, own, other) in [
+            (ground(), "cfl 2", "integrator tr_bdf2, steps_per_frame"),
+            (long, "steps_per_frame 16", "integrator semi_implicit"),
+        ] {
+            let accuracy: Vec<String> = wishes(&none, &ground, FINENESS[0])
+                .into_iter()
+                .filter(|wish| wish.role == Role::Accuracy)
+                .map(|wish| wish.setting.label)
+                .collect();
+            let with = |start: &str| accuracy.iter().filter(|label| label.starts_with(start)).count();
+            assert!(with(own) >= 2 && with(other) >= 2 && with("cg_tolerance") >= 2, "{accuracy:?}");
+            let references = references(&none, &ground, FINENESS[0]);
+            assert!(references.iter().all(|wish| !wish.setting.label.contains("integrator")), "{references:?}");
+        }
+        // A sixteenth of the step, or half of the shortest that is asked for.
+        let long = BaseSettings { is_long: true, ..super::super::vary::tests::ground() };
+        let finest = |asked: &Asked| references(asked, &long, FINENESS[0]).pop().unwrap().setting.changes[0].clone();
+        let steps = |count: &str| ("steps_per_frame".to_owned(), count.to_owned());
+        assert_eq!(finest(&none), steps("128"));
+        assert_eq!(finest(&asked(&["steps_per_frame=4,100"], false)), steps("200"));
+    }
+
+    #[test]
+    fn combinations_that_differ_in_nothing_that_counts_are_run_once() {
+        let asked = asked(&["integrator=semi_implicit,tr_bdf2", "steps_per_frame=4,8", "cfl=4,2"], true);
+        let labels: Vec<String> = asked_space(&asked, &ground()).into_iter().map(|wish| wish.setting.label).collect();
+        let expected = [
+            "integrator semi_implicit, cfl 4",
+            "integrator semi_implicit, cfl 2",
+            "integrator tr_bdf2, steps_per_frame 4",
+            "integrator tr_bdf2, steps_per_frame 8",
+        ];
+        assert_eq!(labels, expected);
+        assert!(asked_space(&asked, &ground()).iter().all(|wish| wish.role == Role::Accuracy));
+    }
+
     #[test]
     fn a_latin_hypercube_tries_every_value_equally_often() {
         let asked =
