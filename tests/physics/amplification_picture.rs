@@ -96,7 +96,7 @@ fn picture() -> String {
     let middle = 0.5 * (FRAME[0] + FRAME[1]);
     text([middle, FRAME[3] + 42.0], "middle", "#222", "dt ω; by how much a step multiplies a mode of this frequency");
     for (row, (name, colour, ..)) in CURVES.iter().enumerate() {
-        text([FRAME[1] - 12.0, FRAME[2] + 60.0 + 20.0 * row as f64], "end", colour, name);
+        text([FRAME[1] - 12.0, FRAME[2] + 80.0 + 20.0 * row as f64], "end", colour, name);
     }
     for (name, colour, integrator, damping_ratio) in CURVES {
         let points = curve(integrator, damping_ratio);
