@@ -80,7 +80,7 @@ measure-ranks: build ## what many ranks cost and bring, on the spinning ball; wr
 	@.ci/measure-ranks $(MEASURE)
 
 .PHONY: accuracy
-accuracy: build ## what repulsion with history, the integrator and friction cost and bring; writes docs/accuracy.md
+accuracy: build ## what repulsion with history, both integrators, the presets and friction cost and bring; writes docs/accuracy.md
 	@.venv/bin/python .ci/measure-accuracy $(MEASURE)
 
 .PHONY: study

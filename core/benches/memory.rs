@@ -245,7 +245,6 @@ fn springs(bench: &mut Bench, n: usize) {
         fraction: 0.0,
         reaches_ghosts: &vec![false; parts.count()],
         stop,
-        implicit_over: None,
         held: &[],
     };
     let system = DampingSystem::new(&problem, &forces);

@@ -84,7 +84,7 @@ const LONG_STEPS_VERSION: u32 = 2;
 /// Version of the results of scenes with this integrator.
 pub fn solver_version(integrator: scene::Integrator) -> u32 {
     match integrator {
-        scene::Integrator::SemiImplicit | scene::Integrator::Implicit => SOLVER_VERSION,
+        scene::Integrator::SemiImplicit => SOLVER_VERSION,
         scene::Integrator::TrBdf2 => SOLVER_VERSION + LONG_STEPS_VERSION,
     }
 }

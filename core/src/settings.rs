@@ -52,6 +52,8 @@ pub enum Default {
     Flag(bool),
     /// This one of some words.
     Choice(&'static str, &'static [Word]),
+    /// One of some words, if the scene says one.
+    Word(&'static [Word]),
     /// No number, unless the scene says it: everything works without.
     Absent,
     /// No keys, unless the scene says them.
@@ -59,6 +61,13 @@ pub enum Default {
     /// No file, unless the scene names one.
     File,
 }
+
+/// Words that fields took once, and what to write instead: the field, the word, the advice.
+const RETIRED: [(&str, &str, &str); 1] = [(
+    "integrator",
+    "implicit",
+    "write `tr_bdf2`, whose long steps are implicit in all forces and of second order, or a preset",
+)];
 
 /// The word in place of a number that is chosen while the scene runs.
 pub const AUTO: &str = "auto";
@@ -82,7 +91,7 @@ impl Default {
             Self::Auto => Some(SettingValue::Text(AUTO.into())),
             Self::Vector(vector) => Some(SettingValue::Vector(vector)),
             Self::Flag(flag) => Some(SettingValue::Flag(flag)),
-            Self::Required | Self::RequiredVector | Self::Absent | Self::Keys | Self::File => None,
+            Self::Required | Self::RequiredVector | Self::Absent | Self::Word(_) | Self::Keys | Self::File => None,
         }
     }
 
@@ -231,7 +240,9 @@ impl Field {
         match (self.default, written) {
             (Default::Flag(_), SettingValue::Flag(_)) | (Default::File, SettingValue::Text(_)) => {}
             (Default::Auto, SettingValue::Text(text)) if text == AUTO => {}
-            (Default::Choice(_, words), SettingValue::Text(text)) => self.check_word(words, text)?,
+            (Default::Choice(_, words) | Default::Word(words), SettingValue::Text(text)) => {
+                self.check_word(words, text)?
+            }
             (Default::Keys, SettingValue::Keys(keys)) => self.check_keys(keys)?,
             (Default::Vector(_) | Default::RequiredVector, SettingValue::Vector(value)) => {
                 value.iter().try_for_each(|v| self.check_number(*v))?;
@@ -252,7 +263,7 @@ impl Field {
         let form = match self.default {
             Default::Vector(_) | Default::RequiredVector => "three numbers",
             Default::Flag(_) => "true or false",
-            Default::Choice(..) => "a word",
+            Default::Choice(..) | Default::Word(_) => "a word",
             Default::Count(_) => "a whole number",
             Default::Keys => "[[seconds, [x, y, z]], …]",
             Default::File => "the name of a file",
@@ -267,9 +278,11 @@ impl Field {
         if names().any(|name| name == word) {
             return Ok(());
         }
-        let advice = match nearest(word, names()) {
-            Some(best) => format!("did you mean `{best}`?"),
-            None => format!("it takes {}", names().collect::<Vec<_>>().join(", ")),
+        let is_retired = |(field, gone, _): &&(&str, &str, &str)| *field == self.name && *gone == word;
+        let advice = match (RETIRED.iter().find(is_retired), nearest(word, names())) {
+            (Some((.., instead)), _) => (*instead).to_owned(),
+            (None, Some(best)) => format!("did you mean `{best}`?"),
+            (None, None) => format!("it takes {}", names().collect::<Vec<_>>().join(", ")),
         };
         Err(format!("`{}` cannot be `{word}`; {advice}", self.name))
     }

@@ -61,10 +61,8 @@ impl StepLimit {
         settings: &SolverSettings,
         frame: f64,
     ) -> Self {
-        // Without a limit of its own, implicit cloth takes no step longer than a frame.
         let mut elastic = match settings.integrator {
             Integrator::SemiImplicit => f64::INFINITY,
-            Integrator::Implicit => frame,
             Integrator::TrBdf2 => frame / settings.steps_per_frame as f64 * (1.0 + STEP_OF_A_FRAME),
         };
         let mut sums = Vec::new();

@@ -85,6 +85,10 @@ pub const FAR_BOUND: f64 = 0.05;
 /// step. Guarded by `a_square_that_falls_from_two_corners_converges_with_second_order_from_four_steps_a_frame_on`.
 pub const STEP_OF_A_FRAME: f64 = 1e-9;
 
+/// Residual at which solves of the preset `preview` stop [m/s]: twice the largest that the solver chooses by itself, below what its
+/// long steps are off. Guarded by `every_preset_is_what_the_solver_takes_and_each_is_finer_than_the_one_before`.
+pub const PREVIEW_TOLERANCE: f64 = 2e-2;
+
 /// The earth's acceleration [m/s²], with which automatic tolerances and first guesses compare; scenes have their own.
 pub const STANDARD_GRAVITY: f64 = 9.81;
 

@@ -184,15 +184,8 @@ fn self_contact_has_the_same_bits_on_any_number_of_threads() {
 
 #[test]
 fn every_variant_of_the_method_keeps_a_storm_free_of_crossings() {
-    let variants = [
-        "alone",
-        "every step",
-        "after position",
-        "repelled once",
-        "repelled once after position",
-        "implicit",
-        "tr_bdf2",
-    ];
+    let variants =
+        ["alone", "every step", "after position", "repelled once", "repelled once after position", "tr_bdf2"];
     for variant in variants {
         let mut description = storm(10, 20.0);
         description.effects.retain(|e| variant != "alone" || e.effect != "self_repulsion");
@@ -200,9 +193,6 @@ fn every_variant_of_the_method_keeps_a_storm_free_of_crossings() {
             let repulsion = description.effects.iter_mut().find(|e| e.effect == "self_repulsion");
             let repulsion = repulsion.expect("self_repulsion is asked for");
             *repulsion = repulsion.clone().with_flag("per_collision_step", true);
-        }
-        if variant == "implicit" {
-            description.solver.integrator = Integrator::Implicit;
         }
         if variant == "tr_bdf2" {
             description.solver.integrator = Integrator::TrBdf2;

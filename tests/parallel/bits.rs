@@ -395,7 +395,6 @@ fn a_seam_between_two_garments_and_one_across_a_garment() {
 fn variants_of_the_method_on_a_deforming_ball() {
     let ball = |frame| FrameInput { tracks: Vec::new(), ..ball_and_track(frame) };
     let mut description = two_sheets_on_a_ball();
-    description.solver.integrator = Integrator::Implicit;
     description.solver.max_dt = Some(1.0 / 480.0);
     description.solver.body_friction = BodyFriction::PositionHalf;
     let repulsion = description.effects.iter_mut().find(|e| e.effect == "self_repulsion").expect("it is asked for");

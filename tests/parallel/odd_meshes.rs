@@ -171,13 +171,6 @@ fn pieces_without_neighbours_are_simulated_as_a_membrane_with_angles_to_the_same
 }
 
 #[test]
-fn pieces_without_neighbours_are_simulated_with_implicit_springs_to_the_same_bits() {
-    let mut description = everything(&["membrane", "dihedral_bending", "plastic_wrinkles"]);
-    description.solver.integrator = Integrator::Implicit;
-    Shot { description, input: no_input, frames: 4 }.has_the_same_bits_everywhere();
-}
-
-#[test]
 fn pieces_without_neighbours_are_simulated_in_implicit_steps_to_the_same_bits() {
     for effects in [["stretch", "shear", "bending"], ["membrane", "dihedral_bending", "plastic_wrinkles"]] {
         let mut description = everything(&effects);

@@ -1,5 +1,6 @@
 //! Physics against closed forms.
 
+mod amplification_picture;
 mod bending;
 mod determinism;
 mod drag;

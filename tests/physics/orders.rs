@@ -43,28 +43,26 @@ fn ring(omega: f64, damping_ratio: f64, steps: u32, integrator: Integrator) -> f
 }
 
 #[test]
-fn a_ring_of_springs_breathes_with_the_order_of_its_integrator() {
+fn a_ring_of_springs_breathes_with_second_order() {
     let omega = 8.0_f64;
     let levels = [64, 128, 256, 512, 1024];
-    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0), (Integrator::TrBdf2, 2.0)]
-    {
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
         let error = |steps: u32| (f64::from(steps).recip(), (ring(omega, 0.0, steps, integrator) - omega.cos()).abs());
-        assert_order(&levels.map(error), order, &format!("{integrator:?}"));
+        assert_order(&levels.map(error), 2.0, &format!("{integrator:?}"));
     }
 }
 
 #[test]
-fn a_damped_ring_of_springs_comes_to_rest_with_the_order_of_its_integrator() {
+fn a_damped_ring_of_springs_comes_to_rest_with_second_order() {
     // The pairs' reduced mass is ½, so c = 2 ζ √(k/2), and the radial damping is 3 c as the stiffness is 3 k.
     let (omega, zeta) = (8.0_f64, 0.1_f64);
     let decay = 3.0 * zeta * (omega * omega / 6.0).sqrt();
     let damped = (omega * omega - decay * decay).sqrt();
     let exact = (-decay).exp() * (damped.cos() + decay / damped * damped.sin());
     let levels = [64, 128, 256, 512, 1024];
-    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0), (Integrator::TrBdf2, 2.0)]
-    {
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
         let error = |steps: u32| (f64::from(steps).recip(), (ring(omega, zeta, steps, integrator) - exact).abs());
-        assert_order(&levels.map(error), order, &format!("{integrator:?}"));
+        assert_order(&levels.map(error), 2.0, &format!("{integrator:?}"));
     }
 }
 
@@ -109,12 +107,11 @@ fn small_motion(simulation: &Simulation, time: f64) -> Vec<f64> {
 }
 
 #[test]
-fn a_taut_string_swings_with_the_order_of_its_integrator() {
+fn a_taut_string_swings_with_second_order() {
     // So small that what is not linear in it stays below the error of the finest step.
     let height = |s: f64| 1e-6 * ((std::f64::consts::PI * s).sin() + 0.5 * (3.0 * std::f64::consts::PI * s).sin());
     let levels = [64, 128, 256, 512];
-    for (integrator, order) in [(Integrator::SemiImplicit, 2.0), (Integrator::Implicit, 1.0), (Integrator::TrBdf2, 2.0)]
-    {
+    for integrator in [Integrator::SemiImplicit, Integrator::TrBdf2] {
         let error = |fps: u32| {
             let mut description = taut_ribbon(12, fps, height);
             one_step_a_frame(&mut description, integrator);
@@ -124,7 +121,7 @@ fn a_taut_string_swings_with_the_order_of_its_integrator() {
             let squares = simulation.state().x.iter().zip(&exact).map(|(x, y)| (x.y - y).powi(2));
             (f64::from(fps).recip(), squares.sum::<f64>().sqrt())
         };
-        assert_order(&levels.map(error), order, &format!("{integrator:?}"));
+        assert_order(&levels.map(error), 2.0, &format!("{integrator:?}"));
     }
 }
 
@@ -140,7 +137,7 @@ fn implicit_springs_stay_bounded_at_steps_that_explicit_ones_do_not_survive() {
         run(&mut simulation, 60);
         positions(&simulation).iter().map(|p| p.y.abs()).fold(0.0, f64::max) / before
     };
-    let (explicit, implicit) = (highest(Integrator::SemiImplicit), highest(Integrator::Implicit));
+    let (explicit, implicit) = (highest(Integrator::SemiImplicit), highest(Integrator::TrBdf2));
     assert!(implicit < 1.0 && explicit > 1e3, "implicit {implicit}, explicit {explicit} times the start");
 }
 
@@ -170,11 +167,7 @@ fn where_a_damped_strip_comes_to_rest_depends_neither_on_the_step_nor_on_the_int
     let stretched = reference.iter().map(|p| p.y).fold(f64::INFINITY, f64::min) + 0.15;
     assert!(stretched < -4e-3, "its weight stretches it by {stretched} m");
     let others = [(240, Integrator::SemiImplicit), (120, Integrator::SemiImplicit)];
-    for (fps, integrator) in others
-        .into_iter()
-        .chain([24, 120, 480].map(|fps| (fps, Integrator::Implicit)))
-        .chain([24, 120, 480].map(|fps| (fps, Integrator::TrBdf2)))
-    {
+    for (fps, integrator) in others.into_iter().chain([24, 120, 480].map(|fps| (fps, Integrator::TrBdf2))) {
         let at_rest = hanging_strip(fps, integrator);
         let off = at_rest.iter().zip(&reference).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
         assert!(off < 1e-7, "{integrator:?} at {fps} steps a second: {off} m");

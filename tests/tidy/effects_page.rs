@@ -84,7 +84,7 @@ fn default(field: &Field) -> String {
         Default::Auto => AUTO.to_owned(),
         Default::Vector(value) => format!("{value:?}"),
         Default::Flag(value) => format!("{value}"),
-        Default::Absent | Default::Keys | Default::File => "none".to_owned(),
+        Default::Absent | Default::Word(_) | Default::Keys | Default::File => "none".to_owned(),
     }
 }
 
@@ -92,7 +92,9 @@ fn range(field: &Field) -> String {
     match field.default {
         Default::Flag(_) => return "true or false".to_owned(),
         Default::File => return "a file name".to_owned(),
-        Default::Choice(_, words) => return words.iter().map(|word| word.name).collect::<Vec<_>>().join(", "),
+        Default::Choice(_, words) | Default::Word(words) => {
+            return words.iter().map(|word| word.name).collect::<Vec<_>>().join(", ");
+        }
         _ => {}
     }
     let (low, high) = field.range;

@@ -7,6 +7,7 @@ use drapery_shot::quality::LIMITS;
 
 use crate::study::fit::{self, Order};
 use crate::study::record::{Distance, Role, Sample, Study};
+use crate::study::vary::{CFL, MAX_DT, STEPS_PER_FRAME};
 
 /// The noise floor may be this share of the smallest error where errors are still given.
 const FLOOR_SHARE: f64 = 0.1;
@@ -291,7 +292,7 @@ fn ladders(study: &Study, rows: &mut [Row<'_>]) -> (Vec<Vec<usize>>, Vec<Ladder>
         if !matches!(row.sample.role, Role::Base | Role::Accuracy) || row.error.is_none() {
             continue;
         }
-        let is_step = |name: &str| name == "cfl" || name == "max_dt";
+        let is_step = |name: &str| [CFL, MAX_DT, STEPS_PER_FRAME].contains(&name);
         let others = row.sample.setting.changes.iter().filter(|(name, _)| !is_step(name));
         let common: Vec<String> = others.map(|(name, value)| format!("{name} {value}")).collect();
         groups.entry(common.join(", ")).or_default().push(index);

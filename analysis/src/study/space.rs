@@ -1,12 +1,13 @@
 //! Which runs make a study, and in what order.
 
-use drapery_core::effects::{body_collision, self_repulsion};
+use drapery_core::effects::{body_collision, pressure, self_repulsion};
+use drapery_core::scene::{PRESET, PRESETS, SolverPreset};
 
 use crate::study::random::Random;
 use crate::study::record::{Asked, Role, Setting};
 use crate::study::vary::{
-    BODY_FRAMES, BaseSettings, FRICTION, RANKS, RESOLUTION, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of,
-    rough_times,
+    BODY_FRAMES, BaseSettings, CFL, Change, FRICTION, INTEGRATOR, LONG_STEPS, MAX_DT, RANKS, RESOLUTION, SHORT_STEPS,
+    STEPS_PER_FRAME, THICKNESS, THREADS, WITHOUT, as_is, changed, role_of, rough_times,
 };
 
 /// How much finer in time than the scene the reference is, the finest that there is time for.
@@ -121,27 +122,41 @@ pub(crate) fn whole_times(asked: &Asked, ground: &BaseSettings) -> [f64; 2] {
 /// The reference and the runs that tell how far it has converged, the coarsest first.
 fn references(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunRequest> {
     let fineness = f64::from(fineness);
-    let finest = |name: &str, from: f64| {
-        let values = asked.vary.iter().filter(|(varied, _)| varied == name).flat_map(|(_, values)| values);
-        values.filter_map(|value| value.parse::<f64>().ok()).filter(|v| *v > 0.0).fold(from, f64::min)
-    };
+    let asked_for =
+        |name: &'static str| asked.vary.iter().filter(move |(varied, _)| varied == name).flat_map(|(_, values)| values);
+    let numbers =
+        |name: &'static str| asked_for(name).filter_map(|value| value.parse::<f64>().ok()).filter(|v| *v > 0.0);
+    let finest = |name: &'static str, from: f64| numbers(name).fold(from, f64::min);
     // At least twice as fine as anything that is compared with it.
-    let cfl = (ground.cfl / fineness).min(finest("cfl", ground.cfl) / 2.0);
+    let cfl = (ground.cfl / fineness).min(finest(CFL, ground.cfl) / 2.0);
     let longest = ground.max_dt.or_else(|| {
-        let asked = finest("max_dt", f64::INFINITY);
+        let asked = finest(MAX_DT, f64::INFINITY);
         asked.is_finite().then_some(asked * fineness / 2.0)
     });
+    let of_presets =
+        asked_for(PRESET.name).filter_map(|word| SolverPreset::find(word)).map(|p| p.steps_per_frame as f64);
+    let most = numbers(STEPS_PER_FRAME).chain(of_presets).fold(ground.steps_per_frame as f64, f64::max);
+    let steps = (ground.steps_per_frame as f64 * fineness).max(2.0 * most);
     let finer = |coarser: f64| {
-        let mut setting = changed(&as_is(), "cfl", &(cfl * coarser).to_string(), ground);
+        let mut setting = as_is();
+        if ground.is_long {
+            setting = changed(&setting, STEPS_PER_FRAME, &(steps / coarser).ceil().to_string(), ground);
+        }
+        if !ground.is_long || ground.has(pressure::SPEC.name) {
+            setting = changed(&setting, CFL, &(cfl * coarser).to_string(), ground);
+        }
         if let Some(dt) = longest {
-            let dt = (dt / fineness).min(finest("max_dt", f64::INFINITY) / 2.0) * coarser;
-            setting = changed(&setting, "max_dt", &dt.to_string(), ground);
+            let dt = (dt / fineness).min(finest(MAX_DT, f64::INFINITY) / 2.0) * coarser;
+            setting = changed(&setting, MAX_DT, &dt.to_string(), ground);
         }
         setting = changed(&setting, "cg_tolerance", REFERENCE_TOLERANCE, ground);
         setting.settings.push(("solver.cg_max_iterations".to_owned(), REFERENCE_ITERATIONS.to_owned()));
         setting
     };
-    let [fine, middle, coarse] = reference_times(ground.cfl / cfl);
+    let [fine, middle, coarse] = reference_times(match ground.is_long {
+        true => steps / ground.steps_per_frame.max(1) as f64,
+        false => ground.cfl / cfl,
+    });
     let mut all = vec![
         RunRequest::new(Role::ReferenceCoarse, finer(4.0), coarse),
         RunRequest::new(Role::ReferenceCheck, finer(2.0), middle),
@@ -160,19 +175,31 @@ pub(crate) fn reference_times(fineness: f64) -> [f64; 3] {
 /// What is varied when nobody says: steps and solves, then one at a time what else costs time or changes the picture.
 fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
     let mut space = Vec::new();
-    let cfl = |divisor: f64| (ground.cfl / divisor).to_string();
-    let one = |name: &str, value: &str| {
-        let times = rough_times(name, value, ground);
-        RunRequest::new(role_of(name), changed(&as_is(), name, value, ground), times)
+    let all_of = |changes: &[Change<'_>]| {
+        let none = RunRequest::new(Role::Accuracy, as_is(), 1.0);
+        changes.iter().fold(none, |wish, (name, value)| with(&wish, name, value, ground))
+    };
+    let one = |name: &str, value: &str| all_of(&[(name, value)]);
+    // Steps so many times as short.
+    let shorter = |times: usize| match ground.is_long {
+        true => (STEPS_PER_FRAME, (times * ground.steps_per_frame).to_string()),
+        false => (CFL, (ground.cfl / times as f64).to_string()),
     };
     space.push(one("cg_tolerance", &scientific(ground.cg_tolerance.map_or(LARGEST, |tolerance| LOOSE * tolerance))));
     space.push(one("cg_tolerance", TIGHT));
-    space.push(one("cfl", &cfl(2.0)));
-    space.push(one("cfl", &cfl(4.0)));
-    for divisor in [2.0, 4.0] {
-        let setting = changed(&changed(&as_is(), "cfl", &cfl(divisor), ground), "cg_tolerance", TIGHT, ground);
-        let times = rough_times("cfl", &cfl(divisor), ground) * rough_times("cg_tolerance", TIGHT, ground);
-        space.push(RunRequest::new(Role::Accuracy, setting, times));
+    if ground.is_long && ground.steps_per_frame > 1 {
+        space.push(one(STEPS_PER_FRAME, &(ground.steps_per_frame / 2).to_string()));
+    }
+    let finer = [2, 4].map(shorter);
+    space.extend(finer.iter().map(|(name, value)| one(name, value)));
+    space.extend(finer.iter().map(|(name, value)| all_of(&[(name, value), ("cg_tolerance", TIGHT)])));
+    // The other integrator, as it would be used.
+    if ground.is_long {
+        space.push(one(INTEGRATOR, SHORT_STEPS));
+        space.push(all_of(&[(INTEGRATOR, SHORT_STEPS), (CFL, &(ground.cfl / 2.0).to_string())]));
+    } else {
+        let steps = PRESETS.map(|preset| preset.steps_per_frame.to_string());
+        space.extend(steps.iter().map(|steps| all_of(&[(INTEGRATOR, LONG_STEPS), (STEPS_PER_FRAME, steps)])));
     }
     if ground.takes("max_steps") {
         space.push(one("max_steps", "1"));
@@ -194,7 +221,6 @@ fn default_space(ground: &BaseSettings) -> Vec<RunRequest> {
     space.push(one(THREADS, if ground.threads > 1 { "1" } else { "2" }));
     space.push(one(RANKS, "2"));
     // What the method's own choices bring.
-    space.push(one("integrator", "implicit"));
     if ground.takes("per_collision_step") {
         space.push(one("per_collision_step", "true"));
     }
@@ -218,37 +244,54 @@ fn can_go(effect: &str) -> bool {
     drapery_core::effects::find(effect).is_none_or(|spec| !spec.is_essential)
 }
 
-/// What was asked for: all combinations, some of them, or one change at a time.
-fn asked_space(asked: &Asked, ground: &BaseSettings) -> Vec<RunRequest> {
-    let none = RunRequest::new(Role::Accuracy, as_is(), 1.0);
-    let with = |wish: &RunRequest, name: &str, value: &str| {
-        let role = match (wish.role, role_of(name)) {
-            (Role::Accuracy, role) | (role, Role::Accuracy) => role,
-            (Role::Threads, Role::Threads) => Role::Threads,
-            _ => Role::Model,
-        };
-        let times = wish.times * rough_times(name, value, ground);
-        RunRequest::new(role, changed(&wish.setting, name, value, ground), times)
+/// A wish with one more change.
+fn with(wish: &RunRequest, name: &str, value: &str, ground: &BaseSettings) -> RunRequest {
+    let role = match (wish.role, role_of(name)) {
+        (Role::Accuracy, role) | (role, Role::Accuracy) => role,
+        (Role::Threads, Role::Threads) => Role::Threads,
+        _ => Role::Model,
     };
-    if asked.latin > 0 {
-        return latin(asked).iter().map(|row| row.iter().fold(none.clone(), |all, (n, v)| with(&all, n, v))).collect();
-    }
-    if !asked.grid {
-        let one = |(name, values): &(String, Vec<String>)| {
-            values.iter().map(|value| with(&none, name, value)).collect::<Vec<_>>()
-        };
-        return asked.vary.iter().flat_map(one).collect();
-    }
-    let mut all = vec![none];
-    for (name, values) in &asked.vary {
-        all = all.iter().flat_map(|wish| values.iter().map(|value| with(wish, name, value))).collect();
+    let times = wish.times * rough_times(name, value, ground);
+    RunRequest::new(role, changed(&wish.setting, name, value, ground), times)
+}
+
+/// What was asked for: all combinations, some of them, or one change at a time; each once.
+fn asked_space(asked: &Asked, ground: &BaseSettings) -> Vec<RunRequest> {
+    let mut all: Vec<RunRequest> = Vec::new();
+    for row in rows(asked) {
+        let none = RunRequest::new(Role::Accuracy, as_is(), 1.0);
+        let wish = ground.meant(row).iter().fold(none, |all, (name, value)| with(&all, name, value, ground));
+        let is_known = |other: &RunRequest| other.setting == wish.setting;
+        if !wish.setting.changes.is_empty() && !all.iter().any(is_known) {
+            all.push(wish);
+        }
     }
     all
 }
 
+/// The changes that are made together: every value alone, all combinations, or some of them.
+fn rows(asked: &Asked) -> Vec<Vec<Change<'_>>> {
+    if asked.latin > 0 {
+        return latin(asked);
+    }
+    if !asked.grid {
+        return asked
+            .vary
+            .iter()
+            .flat_map(|(name, values)| values.iter().map(|value| vec![(&**name, &**value)]))
+            .collect();
+    }
+    let mut rows: Vec<Vec<Change<'_>>> = vec![Vec::new()];
+    for (name, values) in &asked.vary {
+        let changes = || values.iter().map(|value| (&**name, &**value));
+        rows = rows.iter().flat_map(|row| changes().map(move |change| [&row[..], &[change]].concat())).collect();
+    }
+    rows
+}
+
 /// Combinations in which every value of every name occurs as often as any other of that name, or once more (Latin
 /// hypercube); the same ones every time, and none twice.
-fn latin(asked: &Asked) -> Vec<Vec<(&str, &str)>> {
+fn latin(asked: &Asked) -> Vec<Vec<Change<'_>>> {
     let count = asked.latin as usize;
     let columns: Vec<Vec<(&str, &str)>> = asked
         .vary
@@ -318,6 +361,47 @@ mod tests {
         assert!(at(&|wish| wish.role == Role::Reference) < at(&|wish| wish.role == Role::Without));
         assert!(at(&|wish| wish.role == Role::Without) < at(&|wish| wish.repeat > 0));
     }
+
+    #[test]
+    fn settings_of_both_integrators_are_compared_and_the_reference_keeps_that_of_the_scene() {
+        let long = BaseSettings { is_long: true, ..ground() };
+        let none = asked(&[], false);
+        for (ground, own, other) in [
+            (ground(), "cfl 2", "integrator tr_bdf2, steps_per_frame"),
+            (long, "steps_per_frame 16", "integrator semi_implicit"),
+        ] {
+            let accuracy: Vec<String> = wishes(&none, &ground, FINENESS[0])
+                .into_iter()
+                .filter(|wish| wish.role == Role::Accuracy)
+                .map(|wish| wish.setting.label)
+                .collect();
+            let with = |start: &str| accuracy.iter().filter(|label| label.starts_with(start)).count();
+            assert!(with(own) >= 2 && with(other) >= 2 && with("cg_tolerance") >= 2, "{accuracy:?}");
+            let references = references(&none, &ground, FINENESS[0]);
+            assert!(references.iter().all(|wish| !wish.setting.label.contains("integrator")), "{references:?}");
+        }
+        // A sixteenth of the step, or half of the shortest that is asked for.
+        let long = BaseSettings { is_long: true, ..super::super::vary::tests::ground() };
+        let finest = |asked: &Asked| references(asked, &long, FINENESS[0]).pop().unwrap().setting.changes[0].clone();
+        let steps = |count: &str| ("steps_per_frame".to_owned(), count.to_owned());
+        assert_eq!(finest(&none), steps("128"));
+        assert_eq!(finest(&asked(&["steps_per_frame=4,100"], false)), steps("200"));
+    }
+
+    #[test]
+    fn combinations_that_differ_in_nothing_that_counts_are_run_once() {
+        let asked = asked(&["integrator=semi_implicit,tr_bdf2", "steps_per_frame=4,8", "cfl=4,2"], true);
+        let labels: Vec<String> = asked_space(&asked, &ground()).into_iter().map(|wish| wish.setting.label).collect();
+        let expected = [
+            "integrator semi_implicit, cfl 4",
+            "integrator semi_implicit, cfl 2",
+            "integrator tr_bdf2, steps_per_frame 4",
+            "integrator tr_bdf2, steps_per_frame 8",
+        ];
+        assert_eq!(labels, expected);
+        assert!(asked_space(&asked, &ground()).iter().all(|wish| wish.role == Role::Accuracy));
+    }
+
     #[test]
     fn a_latin_hypercube_tries_every_value_equally_often() {
         let asked =

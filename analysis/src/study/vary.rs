@@ -1,7 +1,7 @@
 //! The names that a study varies, and what each of them changes in a scene.
 
-use drapery_core::effects::find;
-use drapery_core::scene::{Described, SolverSettings};
+use drapery_core::effects::{find, pressure};
+use drapery_core::scene::{Described, Integrator, PRESET, SolverPreset, SolverSettings};
 use drapery_core::settings::{self, Field};
 
 use crate::study::record::{Role, Setting};
@@ -30,6 +30,22 @@ pub(super) const FRICTION: &str = "friction";
 /// Parameter that is taken for the fineness of the mesh.
 pub(crate) const RESOLUTION: &str = "resolution";
 
+/// Name of the CFL number.
+pub(super) const CFL: &str = "cfl";
+
+/// Name of the longest step.
+pub(super) const MAX_DT: &str = "max_dt";
+
+/// Name of the number of long steps in a frame.
+pub(super) const STEPS_PER_FRAME: &str = "steps_per_frame";
+
+/// Name of the integrator.
+pub(super) const INTEGRATOR: &str = "integrator";
+
+/// The words of the integrators of short and of long steps.
+pub(super) const SHORT_STEPS: &str = Integrator::WORDS[Integrator::SemiImplicit as usize].name;
+pub(super) const LONG_STEPS: &str = Integrator::WORDS[Integrator::TrBdf2 as usize].name;
+
 /// Short names of keys of the scene, beside those of `[solver]`, which are named without their table.
 const SHORT: [(&str, &str); 2] =
     [("max_steps", "self_collision.max_steps"), ("per_collision_step", "self_repulsion.per_collision_step")];
@@ -41,6 +57,11 @@ const STEPS_POWER: f64 = 0.6;
 /// Time of a run with solves a hundred times as tight, measured likewise.
 const TIGHTER: f64 = 1.8;
 
+/// Time of a run with short steps by that of one with long ones, measured likewise, and the other way about: on fine cloth long
+/// ones save more, on a few thousand triangles hardly anything.
+const SHORT_BY_LONG: f64 = 4.0;
+const LONG_BY_SHORT: f64 = 1.0;
+
 /// Start of the keys of the time integration.
 const SOLVER: &str = "solver.";
 
@@ -50,6 +71,10 @@ const CHOICE: &str = "effects.";
 /// What of the scene the choice of variations depends on.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct BaseSettings {
+    /// Whether it takes long steps.
+    pub is_long: bool,
+    /// Long steps in a frame, also where it does not take them.
+    pub steps_per_frame: usize,
     /// CFL number.
     pub cfl: f64,
     /// Longest step that the scene allows [s], where it says so.
@@ -74,7 +99,38 @@ pub(crate) struct BaseSettings {
     pub threads: usize,
 }
 
+/// A name and the value that it gets.
+pub(super) type Change<'a> = (&'a str, &'a str);
+
 impl BaseSettings {
+    /// Whether the scene takes long steps with these changes.
+    pub(super) fn is_long_with(&self, changes: &[Change<'_>]) -> bool {
+        let chosen = changes.iter().rev().find_map(|(name, value)| match *name {
+            INTEGRATOR => Some(*value == LONG_STEPS),
+            _ if *name == PRESET.name => SolverPreset::find(value).map(|p| p.integrator == Integrator::TrBdf2),
+            _ => None,
+        });
+        chosen.unwrap_or(self.is_long)
+    }
+
+    /// Changes that are to be made together, without those that say nothing to their integrator; in a scene with short steps a
+    /// number of long ones asks for them.
+    pub(super) fn meant<'a>(&self, mut changes: Vec<Change<'a>>) -> Vec<Change<'a>> {
+        let names = |name: &str, changes: &[Change<'_>]| changes.iter().any(|(found, _)| *found == name);
+        if !self.is_long && names(STEPS_PER_FRAME, &changes) && !names(INTEGRATOR, &changes) {
+            changes.insert(0, (INTEGRATOR, LONG_STEPS));
+        }
+        let is_long = self.is_long_with(&changes);
+        // Nothing but pressure is explicit in long steps.
+        let says_nothing = |name: &str| match name {
+            STEPS_PER_FRAME => !is_long,
+            CFL => is_long && !self.has(pressure::SPEC.name),
+            _ => false,
+        };
+        changes.retain(|(name, _)| !says_nothing(name));
+        changes
+    }
+
     /// Whether an effect of the scene has a setting of this name.
     pub(super) fn takes(&self, setting: &str) -> bool {
         let has = |name: &String| find(name).is_some_and(|spec| spec.fields.iter().any(|field| field.name == setting));
@@ -157,7 +213,7 @@ fn leave_out(setting: &mut Setting, ground: &BaseSettings) {
 /// The row of `[solver]` with a name, alone or behind that of the table.
 fn row_of(name: &str) -> Option<&'static Field> {
     let name = name.strip_prefix(SOLVER).unwrap_or(name);
-    SolverSettings::FIELDS.iter().find(|field| field.name == name)
+    SolverSettings::FIELDS.iter().chain([&PRESET]).find(|field| field.name == name)
 }
 
 fn key_of(name: &str) -> String {
@@ -173,7 +229,8 @@ pub(super) fn role_of(name: &str) -> Role {
         (WITHOUT, _) => Role::Without,
         (THREADS | RANKS, _) => Role::Threads,
         (BODY_FRAMES, _) => Role::Accuracy,
-        // Words are another method, not another accuracy.
+        // Both integrators converge to the same motion; other words are another method.
+        (_, Some(Field { name: INTEGRATOR, .. })) => Role::Accuracy,
         (_, Some(Field { default: settings::Default::Choice(..), .. })) => Role::Model,
         (_, Some(_)) => Role::Accuracy,
         _ if name.starts_with(SOLVER) || key_of(name) == "self_collision.max_steps" => Role::Accuracy,
@@ -185,10 +242,13 @@ pub(super) fn role_of(name: &str) -> Role {
 pub(super) fn rough_times(name: &str, value: &str, ground: &BaseSettings) -> f64 {
     let number = value.parse::<f64>().ok().filter(|number| *number > 0.0);
     match (name, number) {
-        ("cfl", Some(cfl)) => (ground.cfl / cfl).powf(STEPS_POWER),
+        (CFL, Some(cfl)) => (ground.cfl / cfl).powf(STEPS_POWER),
+        (STEPS_PER_FRAME, Some(steps)) => (steps / ground.steps_per_frame.max(1) as f64).powf(STEPS_POWER),
+        (INTEGRATOR, _) if ground.is_long && value == SHORT_STEPS => SHORT_BY_LONG,
+        (INTEGRATOR, _) if !ground.is_long && value == LONG_STEPS => LONG_BY_SHORT,
         // A panel of n cells has n² vertices and takes n times as many steps.
         (RESOLUTION, Some(cells)) => ground.resolution.map_or(1.0, |base| (cells / base).powi(3)),
-        ("max_dt", Some(dt)) => ground.max_dt.map_or(4.0, |base| base / dt).max(1.0).powf(STEPS_POWER),
+        (MAX_DT, Some(dt)) => ground.max_dt.map_or(4.0, |base| base / dt).max(1.0).powf(STEPS_POWER),
         ("cg_tolerance", Some(tolerance)) if ground.cg_tolerance.is_none_or(|base| tolerance < base) => TIGHTER,
         ("max_steps", _) => 1.2,
         (THREADS, Some(count)) => (ground.threads as f64 / count).max(1.0),
@@ -202,6 +262,7 @@ pub(super) mod tests {
 
     pub(in crate::study) fn ground() -> BaseSettings {
         BaseSettings {
+            steps_per_frame: 8,
             cfl: 4.0,
             cg_tolerance: Some(1e-3),
             garments: vec!["shirt".into(), "skirt".into()],
@@ -246,11 +307,27 @@ pub(super) mod tests {
             assert_eq!(setting.settings, pairs(&[(&format!("solver.{}", row.name), "2")]));
             assert_eq!(role_of(row.name), role_of(&format!("solver.{}", row.name)));
         }
-        assert_eq!((role_of("min_dt"), role_of("integrator")), (Role::Accuracy, Role::Model));
+        assert_eq!((role_of("min_dt"), role_of("integrator")), (Role::Accuracy, Role::Accuracy));
+        assert_eq!((role_of("preset"), role_of("body_friction")), (Role::Accuracy, Role::Model));
         assert_eq!(
             (key_of("max_steps"), key_of("resolution")),
             ("self_collision.max_steps".into(), "resolution".into())
         );
+    }
+
+    #[test]
+    fn changes_that_say_nothing_to_an_integrator_are_not_made_and_a_number_of_long_steps_asks_for_them() {
+        let (short, long) = (ground(), BaseSettings { is_long: true, ..ground() });
+        let eight = (STEPS_PER_FRAME, "8");
+        assert_eq!(short.meant(vec![eight]), [(INTEGRATOR, LONG_STEPS), eight]);
+        assert_eq!(long.meant(vec![eight, (CFL, "2")]), [eight]);
+        assert_eq!(
+            long.meant(vec![(INTEGRATOR, SHORT_STEPS), eight, (CFL, "2")]),
+            [(INTEGRATOR, SHORT_STEPS), (CFL, "2")]
+        );
+        assert_eq!(short.meant(vec![(PRESET.name, "hero"), (CFL, "2")]), [(PRESET.name, "hero")]);
+        let blown = BaseSettings { effects: vec!["pressure".into()], ..long };
+        assert_eq!(blown.meant(vec![(CFL, "2")]), [(CFL, "2")]);
     }
 
     #[test]

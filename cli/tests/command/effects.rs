@@ -135,7 +135,10 @@ fn the_plan_names_the_source_of_every_setting() {
         assert!(text.lines().any(|printed| printed == line), "no `{line}` in\n{text}");
     }
     let resolved = |key: &str| text.lines().find(|line| line.starts_with(key)).unwrap_or_default().to_owned();
-    assert!(resolved("cfl = 2.8").ends_with("# preset hero") && resolved("min_dt = ").ends_with("# default"), "{text}");
+    assert!(
+        resolved("steps_per_frame = 16").ends_with("# preset hero") && resolved("min_dt = ").ends_with("# default"),
+        "{text}"
+    );
     let json = drapery(folder.path(), &[&arguments[..], &["--json"]].concat()).stdout;
     let plan: Value = serde_json::from_str(&json).unwrap();
     let settings = &plan["effects"][1]["settings"];

@@ -70,6 +70,40 @@ fn errors_of_a_smooth_scene_fall_with_the_step_and_come_out_the_same_again() {
 }
 
 #[test]
+fn settings_of_both_integrators_converge_to_one_motion_and_stand_on_one_front() {
+    let folder = folder_with(HANGING);
+    let tight = ["--repeats=1", "--set", "solver.cg_tolerance=1e-9"];
+    let vary = ["--vary", "steps_per_frame=4,8,16,32", "--budget=1000s/frame", "--write-preset", "p.toml"];
+    let study = drapery(folder.path(), &[&STUDY[..], &vary, &tight].concat());
+    assert_eq!(study.code, Some(0), "{}", study.stderr);
+    // The reference has short steps, as the scene has.
+    let found = record(folder.path());
+    let samples = found["samples"].as_array().unwrap();
+    let of = |label: &str| samples.iter().find(|sample| sample["setting"]["label"] == label).unwrap();
+    let last = |label: &str| of(label)["from_reference"].as_array().unwrap().last().unwrap()["rms"].as_f64().unwrap();
+    let long = ["4", "8", "16", "32"].map(|steps| format!("integrator tr_bdf2, steps_per_frame {steps}"));
+    let errors_of = long.each_ref().map(|label| last(label));
+    // Of second order: a quarter of the error for half the step, here at least less than half.
+    assert!(errors_of.windows(2).all(|pair| pair[1] < 0.5 * pair[0]), "{errors_of:?}");
+    assert!(long.iter().all(|label| of(label)["role"] == "accuracy"), "{found:#}");
+    // With all the time of the world the nearest to the reference is recommended, whatever its integrator.
+    let all = errors_of.iter().copied().chain([last("as the scene")]);
+    let nearest = all.fold(f64::INFINITY, f64::min);
+    let preset = std::fs::read_to_string(folder.path().join("p.toml")).unwrap();
+    let is_long = preset.contains("\"solver.steps_per_frame\" = \"32\"");
+    assert_eq!(is_long, errors_of[3] == nearest, "{errors_of:?}\n{preset}");
+    // A scene with long steps is compared with more of them.
+    let vary = ["--vary", "integrator=semi_implicit", "--set", "solver.preset=production", "--overwrite"];
+    let study = drapery(folder.path(), &[&STUDY[..], &vary, &tight].concat());
+    assert_eq!(study.code, Some(0), "{}", study.stderr);
+    let found = record(folder.path());
+    let samples = found["samples"].as_array().unwrap();
+    let reference = samples.iter().find(|sample| sample["role"] == "reference").unwrap();
+    assert_eq!(reference["setting"]["changes"][0], serde_json::json!(["steps_per_frame", "128"]));
+    assert!(samples.iter().any(|sample| sample["setting"]["label"] == "integrator semi_implicit"), "{found:#}");
+}
+
+#[test]
 fn pages_are_written_again_to_the_same_bytes_from_the_record_alone() {
     let folder = folder_with(HANGING);
     let study =

@@ -102,16 +102,6 @@ pub trait Force: Send + Sync {
     /// the positions are those of the last `update`.
     fn add_damping(&self, _motion: &PartMotion<'_>, _f: &mut [Simd4]) {}
 
-    /// Makes the force implicit until the next `update`, which came just before with the same view: the damping products
-    /// get `over · dF/dx` as well, made negative semidefinite, `over` in s. A force that does not know its derivative stays
-    /// explicit.
-    fn linearise(&mut self, _view: &PartView<'_>, _over: f64) {}
-
-    /// Whether `linearise` makes the force implicit, so that it sets no limit on the time step.
-    fn can_be_implicit(&self) -> bool {
-        false
-    }
-
     /// Calls `visit` with the local vertices of each element that couples its vertices in [`Force::add_blocks`].
     fn visit_elements(&self, _visit: &mut dyn FnMut(&[u32])) {}
 

@@ -14,7 +14,6 @@ pub(crate) fn longest_stable_step(
     let cfl = settings.cfl;
     let explicit = forces.iter().filter(|force| match settings.integrator {
         Integrator::SemiImplicit => true,
-        Integrator::Implicit => !force.can_be_implicit(),
         Integrator::TrBdf2 => !force.has_blocks(),
     });
     explicit.for_each(|f| f.add_stiffness(sums));

@@ -22,7 +22,7 @@ pub use described::Described;
 pub use origin::{FARTHEST, coarse_place, is_possible};
 pub use pin::{PinAnchor, PinDescription, PinHold, PinMode, PinTarget};
 pub use seam::SeamDescription;
-pub use solver::{BodyFriction, Integrator, SolverSettings};
+pub use solver::{BodyFriction, Integrator, PRESET, PRESETS, SolverPreset, SolverSettings};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,7 +1,8 @@
 //! Settings of the time integration.
 
 use crate::scene::described::described;
-use crate::settings::choice;
+use crate::settings::{self, Dimension, Field, Member, Word, Written, choice, written};
+use crate::tolerances::PREVIEW_TOLERANCE;
 
 /// Settings of the time integration (`docs/theory/step.md`): the table `[solver]`, whose rows are below.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +44,7 @@ described! { all of SolverSettings {
     cg_max_iterations => None, default Count(200), range (1.0, 1e6),
         "largest number of iterations of one damping solve";
     integrator => None, default Choice("semi_implicit", Integrator::WORDS), range (0.0, 0.0),
-        "how elastic forces enter a time step; only to compare";
+        "how elastic forces enter a time step";
     steps_per_frame => None, default Count(8), range (1.0, 1e4),
         "time steps of a frame with `tr_bdf2`; contact and fast strain may shorten them";
     body_friction => None, default Choice("whole_step", BodyFriction::WORDS), range (0.0, 0.0),
@@ -65,10 +66,6 @@ choice! {
     pub enum Integrator {
         /// The paper's step: explicit, with implicit damping. Of second order; elastic forces limit the time step.
         SemiImplicit = "semi_implicit",
-        // `docs/theory/variants.md#fully-implicit`: springs are linearised over the step; it loses energy like backward Euler.
-        /// Springs are implicit like damping, so that they do not limit the time step; other forces stay explicit. Of first
-        /// order only.
-        Implicit = "implicit",
         // `docs/theory/tr_bdf2.md`.
         /// Long steps: all that resists motion is implicit, so that stiffness does not limit the time step. Of second order,
         /// and stiff motion dies out.
@@ -84,5 +81,95 @@ choice! {
         WholeStep = "whole_step",
         /// In the position half alone: it loses the friction of resting contact.
         PositionHalf = "position_half",
+    }
+}
+
+/// What a word of `preset` in `[solver]` stands for: all that weighs error against time in long steps. What the words mean in
+/// measured error and time: `docs/accuracy.md`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolverPreset {
+    /// The word, and what it is for.
+    pub word: Word,
+    /// How elastic forces enter a time step.
+    pub integrator: Integrator,
+    /// Time steps of a frame.
+    pub steps_per_frame: usize,
+    /// Residual at which solves stop [m/s]; `None` as in [`SolverSettings::cg_tolerance`].
+    pub cg_tolerance: Option<f64>,
+}
+
+impl SolverPreset {
+    /// The keys that it sets, with their values.
+    pub fn written(&self) -> Written {
+        written([
+            ("integrator", self.integrator.value()),
+            ("steps_per_frame", self.steps_per_frame.value()),
+            ("cg_tolerance", self.cg_tolerance.value()),
+        ])
+    }
+
+    /// The preset of a word.
+    pub fn find(word: &str) -> Option<&'static Self> {
+        PRESETS.iter().find(|preset| preset.word.name == word)
+    }
+}
+
+// Steps decide the error and the time. Solves stop where what they leave is
+// small beside the error of the steps (`docs/decisions/0020-long-steps.md#presets`).
+/// The presets, the fastest first.
+pub const PRESETS: [SolverPreset; 3] = [
+    SolverPreset {
+        word: Word { name: "preview", help: "For blocking: 4 long steps a frame, solved less far." },
+        integrator: Integrator::TrBdf2,
+        steps_per_frame: 4,
+        cg_tolerance: Some(PREVIEW_TOLERANCE),
+    },
+    SolverPreset {
+        word: Word { name: "production", help: "For shots: 8 long steps a frame." },
+        integrator: Integrator::TrBdf2,
+        steps_per_frame: 8,
+        cg_tolerance: None,
+    },
+    SolverPreset {
+        word: Word { name: "hero", help: "For what is looked at closely: 16 long steps a frame." },
+        integrator: Integrator::TrBdf2,
+        steps_per_frame: 16,
+        cg_tolerance: None,
+    },
+];
+
+/// The row of `preset` in `[solver]`: whoever reads a scene puts in what it stands for, before the solver looks.
+pub const PRESET: Field = Field {
+    name: "preset",
+    dimension: Dimension::None,
+    default: settings::Default::Word(&[PRESETS[0].word, PRESETS[1].word, PRESETS[2].word]),
+    range: (0.0, 0.0),
+    help: "long steps, with all that weighs their error against time; keys that stand beside it go over it",
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Described;
+    use crate::settings::Settings;
+
+    #[test]
+    fn every_preset_is_what_the_solver_takes_and_each_is_finer_than_the_one_before() {
+        let settings = PRESETS.map(|preset| {
+            let checked = Settings::check(SolverSettings::FIELDS, &preset.written());
+            SolverSettings::of(&checked.unwrap_or_else(|texts| panic!("{}: {texts:?}", preset.word.name)))
+        });
+        for (preset, found) in PRESETS.iter().zip(&settings) {
+            let expected = (preset.integrator, preset.steps_per_frame, preset.cg_tolerance);
+            let kept = (found.integrator, found.steps_per_frame, found.cg_tolerance);
+            assert_eq!(kept, expected);
+            assert_eq!(SolverPreset::find(preset.word.name), Some(preset));
+            assert!(preset.word.help.contains(&preset.steps_per_frame.to_string()), "{}", preset.word.help);
+        }
+        assert!(settings.windows(2).all(|pair| pair[0].steps_per_frame < pair[1].steps_per_frame));
+        // What the solver chooses by itself is at most 1 cm/s, and less in shorter steps; far more would be seen.
+        assert!(settings[0].cg_tolerance.is_some_and(|tolerance| (1e-2..5e-2).contains(&tolerance)));
+        assert!(settings[1..].iter().all(|settings| settings.cg_tolerance.is_none()));
+        assert!(Settings::check(&[PRESET], &Written::new()).is_ok_and(|settings| settings.text("preset").is_none()));
     }
 }

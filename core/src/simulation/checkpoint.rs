@@ -63,7 +63,7 @@ impl Simulation {
             .with("velocities", of_own(&self.cloth.state.v));
         // Only the implicit step foresees with accelerations.
         let state = match self.variants.integrator {
-            Integrator::SemiImplicit | Integrator::Implicit => state,
+            Integrator::SemiImplicit => state,
             Integrator::TrBdf2 => state.with("accelerations", of_own(&self.cloth.state.a)),
         };
         let pins = (self.scene.pin_targets() > 0).then(|| self.prescribed.targets.save());

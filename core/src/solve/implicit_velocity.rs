@@ -1,7 +1,7 @@
 //! Half a step of velocity, B.1 and B.5: elastic forces explicit, damping implicit (`docs/theory/step.md`).
 //!
 //! `(I - h M⁻¹ G) v' = v + h M⁻¹ F` with h half the time step, F the forces that do not depend on velocity and G the damping
-//! matrix, both at given positions. In the fully implicit variant G has `dt · dF/dx` added to it (2.2 iii).
+//! matrix, both at given positions.
 
 use crate::Vec3;
 use crate::contact::bodies::collision::BodyCollision;
@@ -37,8 +37,6 @@ pub struct VelocityProblem<'a> {
     pub reaches_ghosts: &'a [bool],
     /// When to stop iterating.
     pub stop: Stop,
-    /// How far along the velocity that is looked for elastic forces are followed [s]; `None` leaves them explicit.
-    pub implicit_over: Option<f64>,
     /// Own vertices that stay where they are in this step, ascending.
     pub held: &'a [u32],
 }
@@ -116,9 +114,6 @@ impl VelocityProblem<'_> {
             let view = PartView { start: range.start, masses, x, fraction, around };
             let mut f = [Simd4::ZERO; PART_SIZE];
             let f = view.update(&mut forces.0[0], &mut f);
-            if let Some(over) = self.implicit_over {
-                forces.0[0].iter_mut().for_each(|force| force.linearise(&view, over));
-            }
             let sums = f.iter().zip(masses).zip(&v[range.clone()]).zip(explicit.0.iter_mut().zip(&mut *out.0));
             for (((f, m), v), (b, out)) in sums {
                 *b = v + Vec3::from(*f * (self.half_step / m));

@@ -172,7 +172,7 @@ impl Variants {
             self_repulsion: match (cloth.is_some_and(SelfContact::repels), integrator) {
                 (false, _) => RepulsionPlace::Elsewhere,
                 (true, Integrator::TrBdf2) => RepulsionPlace::Solves,
-                (true, Integrator::SemiImplicit | Integrator::Implicit) => RepulsionPlace::Impulses,
+                (true, Integrator::SemiImplicit) => RepulsionPlace::Impulses,
             },
             collides_after_position: cloth.is_some_and(SelfContact::collides_after_position),
         }

@@ -132,7 +132,7 @@ impl<'a> Solves<'a> {
         'a: 'b,
     {
         let Evaluation { fraction, x, v, prescribed, volumes, wind, reaches_ghosts, contacts } = at;
-        let StepSettings { dt, stop, held, variants, .. } = self.settings;
+        let StepSettings { dt, stop, held, .. } = self.settings;
         VelocityProblem {
             parts: self.parts,
             masses: self.masses,
@@ -144,7 +144,6 @@ impl<'a> Solves<'a> {
             fraction,
             reaches_ghosts,
             stop,
-            implicit_over: (variants.integrator == Integrator::Implicit).then_some(dt),
             held: held.unwrap_or_default(),
         }
     }
@@ -201,7 +200,7 @@ impl<'a> Step<'a> {
     pub fn listing(integrator: Integrator) -> &'a [Line<'a>] {
         match integrator {
             Integrator::TrBdf2 => &Self::IMPLICIT_LISTING,
-            Integrator::SemiImplicit | Integrator::Implicit => &Self::LISTING,
+            Integrator::SemiImplicit => &Self::LISTING,
         }
     }
 

@@ -87,7 +87,7 @@ mod tests {
         let defaults = Defaults::default();
         for (key, value) in [
             ("solver.steps_per_frame", toml::Value::Integer(8)),
-            ("solver.preset", "production".into()),
+            ("solver.integrator", "semi_implicit".into()),
             ("gravity.acceleration", vec![0.0, -9.81, 0.0].into()),
             ("garment[3].dihedral_bending.flat", false.into()),
             ("garment[0].pin[12].axes", "xyz".into()),
@@ -100,9 +100,14 @@ mod tests {
         ] {
             assert_eq!(defaults.of(key), Some(value), "{key}");
         }
-        for key in
-            ["garment[0].name", "body[0].shape.sphere.radius", "nowhere.at_all", "garment[0].panel", "shot.first_frame"]
-        {
+        for key in [
+            "solver.preset",
+            "garment[0].name",
+            "body[0].shape.sphere.radius",
+            "nowhere.at_all",
+            "garment[0].panel",
+            "shot.first_frame",
+        ] {
             assert_eq!(defaults.of(key), None, "{key}");
         }
         for (table, always) in [("solver", true), ("shot.preroll", true), ("output", true), ("gravity", false)] {

@@ -3,12 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use drapery_core::scene::{BodyDescription, Described, PinDescription, SeamDescription, SolverSettings};
+use drapery_core::scene::{BodyDescription, Described, PRESET, PinDescription, SeamDescription, SolverSettings};
 use drapery_core::settings::{Default, Field, SettingValue, Settings, Written};
 
 use super::deserialize::{dotted, suggestion};
 use super::diagnostics::SceneFileError;
-use super::raw::{BIND, PAIRING, PRESET};
+use super::raw::{BIND, PAIRING};
 use super::resolved::origin;
 use super::tree::{Node, Origin, Path, Segment, Sources, Value};
 

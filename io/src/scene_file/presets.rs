@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-use drapery_core::scene::names;
+use drapery_core::scene::{SolverPreset, names};
+use drapery_core::settings::SettingValue;
 
 use crate::materials::{self, Material, MaterialEffect, MaterialSetting, TakesPart};
 use crate::shot_description::Fabric;
@@ -43,26 +44,22 @@ fn fill_solver(root: &mut Node) {
         return;
     };
     // An unknown preset is reported when the table is read.
-    let values: Vec<(&str, Value)> = match name.as_str() {
-        // Strain and tolerance trade accuracy for time; the step stays where cloth at cfl 4 is known to behave.
-        "preview" => vec![
-            ("strain_per_step", Value::Float(0.2)),
-            ("cg_tolerance", Value::Float(2e-2)),
-            ("cg_max_iterations", Value::Integer(100)),
-        ],
-        // 2.8 is below 2.83, under which the elastic part is proven stable (`docs/theory/step.md#the-choice-of-dt`).
-        "hero" => vec![
-            ("cfl", Value::Float(2.8)),
-            ("strain_per_step", Value::Float(0.05)),
-            ("cg_tolerance", Value::Float(1e-4)),
-            ("cg_max_iterations", Value::Integer(500)),
-        ],
-        "production" => Vec::new(),
-        _ => return,
+    let Some(preset) = SolverPreset::find(&name) else {
+        return;
     };
     let origin = Origin::Preset(name);
-    for (key, value) in values {
-        table.fill(key, value, &place, origin.clone());
+    for (key, value) in preset.written() {
+        table.fill(&key, as_written(value), &place, origin.clone());
+    }
+}
+
+/// A value of a preset as a scene would write it.
+fn as_written(value: SettingValue) -> Value {
+    match value {
+        SettingValue::Number(number) if number.fract() == 0.0 => Value::Integer(number as i64),
+        SettingValue::Number(number) => Value::Float(number),
+        SettingValue::Text(text) => Value::Text(text),
+        other => unreachable!("presets hold numbers and words, not {other:?}"),
     }
 }
 

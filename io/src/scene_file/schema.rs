@@ -114,12 +114,16 @@ fn field(field: &Field) -> Value {
         Default::Flag(_) => json!({ "type": "boolean" }),
         Default::Keys => json!({ "type": "array", "items": { "type": "array", "minItems": 2, "maxItems": 2 } }),
         Default::File => json!({ "type": "string" }),
-        Default::Choice(_, words) => json!({ "oneOf": words.iter().map(word).collect::<Vec<_>>() }),
+        Default::Choice(_, words) | Default::Word(words) => {
+            json!({ "oneOf": words.iter().map(word).collect::<Vec<_>>() })
+        }
         Default::Count(_) => ranged(json!({ "type": "integer", "format": "uint" }), field),
         _ => ranged(number, field),
     };
     let words = match field.default {
-        Default::Choice(_, words) => words.iter().map(|word| format!(" \"{}\": {}", word.name, word.help)).collect(),
+        Default::Choice(_, words) | Default::Word(words) => {
+            words.iter().map(|word| format!(" \"{}\": {}", word.name, word.help)).collect()
+        }
         _ => String::new(),
     };
     form["description"] = json!(sentence(field.help) + &unit + &words);

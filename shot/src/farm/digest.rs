@@ -48,6 +48,10 @@ const LAST_FRAME: &str = "shot.last_frame";
 /// not hold them, so that it is that of the programs before. A new key with a default belongs here.
 const YOUNGER: [(&str, &str); 1] = [("solver.steps_per_frame", "8")];
 
+/// The preset of the solver, and its word in scenes of earlier programs that did not say one. What it stands for is written out
+/// beside it, so that the word itself decides nothing.
+const PRESET: (&str, &str) = ("solver.preset", "\"production\"");
+
 /// Key of the scene that says whether caches hold velocities.
 const VELOCITIES: &str = "output.velocities";
 
@@ -101,6 +105,7 @@ impl Fingerprint {
         flatten(&mut scene, "", &toml::Value::Table(table));
         split_frames(&mut scene);
         scene.retain(|key, value| !key.starts_with(WARNINGS) && !UNSAID.contains(&(key.as_str(), value.as_str())));
+        scene.insert(PRESET.0.to_owned(), PRESET.1.to_owned());
         let mut digests = Digests::new();
         for input in inputs.iter().filter(|input| input.as_path() != scene_path) {
             digests.insert(input_name(input), content_digest(input)?);
@@ -112,6 +117,7 @@ impl Fingerprint {
             all.update(format!("{key} {} {} {hash}{rest}\n", hash.len(), rest.len()));
         }
         digests.insert(SCENE.to_owned(), hex(&all.finalize()));
+        scene.remove(PRESET.0);
         digests.insert("solver".to_owned(), versions.solver.to_string());
         digests.insert("format".to_owned(), versions.format.to_string());
         digests.insert("application".to_owned(), versions.application.to_owned());
@@ -170,6 +176,10 @@ fn compare_scenes(old: &Fingerprint, new: &Fingerprint, changes: &mut Changes) -
     for key in keys {
         let (before, after) = (old.scene.get(key), new.scene.get(key));
         if before == after {
+            continue;
+        }
+        if key == PRESET.0 {
+            has_filled = true;
             continue;
         }
         let is_default = |side: &Fingerprint, value: &String| unsaid(&defaults, side, key).as_ref() == Some(value);

@@ -12,9 +12,7 @@ use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView
 use crate::effects::springs::SpringNetwork;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
-use crate::scene::{Integrator, Scene};
-
-mod implicit;
+use crate::scene::Scene;
 
 /// Longest row: vertices with more springs have several.
 const ROW: usize = 4;
@@ -62,8 +60,6 @@ struct PartSprings {
     damping: Vec<f64>,
     /// c / l² at the last update [N s/m³]; zero where the ends coincided.
     scaled_damping: Vec<f64>,
-    /// Damping across each spring [N s/m], where elastic forces are implicit; empty where they are explicit.
-    across: Vec<f64>,
     /// Where the block of each spring is in the matrix of the implicit step; empty in the others.
     slots: Vec<Slot>,
     /// Whether the strain of these springs is the strain of the cloth.
@@ -137,14 +133,8 @@ pub(super) fn build(scene: &Scene, garment: usize, network: &SpringNetwork<'_>) 
             }
         }
         springs.scaled_damping = vec![0.0; springs.damping.len()];
-        if scene.description().solver.integrator == Integrator::Implicit {
-            springs.across = vec![0.0; springs.damping.len()];
-        }
         springs.shortest = springs.rest_length.iter().copied().fold(f64::INFINITY, f64::min).max(shortest);
-        bytes += springs.damping.len() * (16 + 8 + 8)
-            + springs.across.len() * 8
-            + springs.inner.len() * 2
-            + springs.border.len() * 4;
+        bytes += springs.damping.len() * (16 + 8 + 8) + springs.inner.len() * 2 + springs.border.len() * 4;
         bytes += springs.rows.len() * 2 + springs.neighbours.len() * 4 + springs.border_groups.len() * 8;
         built.push((group[0].0, Box::new(springs)));
     }
@@ -414,18 +404,7 @@ impl Force for PartSprings {
         true
     }
 
-    fn linearise(&mut self, view: &PartView<'_>, over: f64) {
-        self.follow(view.x, over);
-    }
-
-    fn can_be_implicit(&self) -> bool {
-        true
-    }
-
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
-        if !self.across.is_empty() {
-            return self.add_implicit(motion, f);
-        }
         let (x, v) = (motion.own_x, motion.own_v);
         for (length, rows) in self.row_groups() {
             match length {

@@ -9,7 +9,6 @@ mod garment;
 mod seam;
 mod values;
 
-use drapery_core::settings::{self, Dimension, Field, choice};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -144,27 +143,6 @@ pub(in crate::scene_file) struct FileUnits {
     #[serde(default)]
     pub(in crate::scene_file) up: UpAxis,
 }
-
-choice! {
-    /// Quality presets of the solver.
-    pub(in crate::scene_file) enum SolverPreset {
-        /// For blocking: larger steps, looser solves.
-        Preview = "preview",
-        /// For shots.
-        Production = "production",
-        /// Below the proven bound of stability, tighter solves.
-        Hero = "hero",
-    }
-}
-
-/// The row of `preset` in `[solver]`: what it stands for is written out before the solver looks.
-pub(in crate::scene_file) const PRESET: Field = Field {
-    name: "preset",
-    dimension: Dimension::None,
-    default: settings::Default::Choice("production", SolverPreset::WORDS),
-    range: (0.0, 0.0),
-    help: "quality preset; the other keys override it",
-};
 
 // Every key of it has a row (`super::fields`).
 /// Time integration.
