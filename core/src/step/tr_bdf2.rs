@@ -338,7 +338,7 @@ impl Stages<'_> {
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
         self.set_residual(stage, &active);
         self.add_pairs(stage);
-        let mut total = Outcome { iterations: 0, converged: true, finite: true, worse: false };
+        let mut total = Outcome { solves: 0, iterations: 0, converged: true, finite: true, worse: false };
         let is_touched = !(active.contacts().is_empty() && self.arrays.pairs.is_empty());
         let bears = at.parts.ranks().any(is_touched);
         for round in 1.. {
@@ -351,6 +351,7 @@ impl Stages<'_> {
             cg.prepare(&system);
             let tolerance = at.stop.tolerance * if is_rough { ROUGH } else { 1.0 };
             let outcome = cg.solve(&system, residual, change, Stop { tolerance, ..at.stop });
+            total.solves += outcome.solves;
             total.iterations += outcome.iterations;
             total.converged &= outcome.converged;
             total.finite &= outcome.finite;

@@ -1,0 +1,203 @@
+//! What a frame is expected to cost before any was simulated.
+//!
+//! ```text
+//! iterations = solves × iterations of one,   the latter by how stiff the step's system is
+//! seconds    = Σ count × size × nanoseconds of one        over the stages
+//! ```
+//!
+//! Sizes are those of the scene. Counts follow from the length of the step and from whether cloth is expected to touch
+//! something; how it moves decides them too, and is not known. So an estimate is good within a factor of two, on the machine
+//! that the nanoseconds are from; `drapery plan --measure` simulates frames instead.
+//!
+//! Source of all numbers here: `make measure-plan`, of which docs/speed.md keeps what came out; AMD EPYC, one thread.
+
+use super::Simulation;
+use crate::effects::registry::PlannedEffect;
+use crate::effects::spec::{NANOSECONDS, Need};
+use crate::scene::{BodyShape, Integrator, SolverSettings};
+use crate::time_step::StepLimit;
+
+/// Stages of a step that take time, as parts of a frame: a name, and the stages of the record that belong to it.
+pub const PARTS_OF_A_FRAME: [(&str, &[&str]); 4] = [
+    ("solves", &["B.1 velocity", "B.5 velocity"]),
+    ("pairs", &["A neighbours", "B.2 self-repulsion", "B.8 self-repulsion", "C self-repulsion"]),
+    ("collisions", &["C collisions"]),
+    ("bodies", &["bodies and pins", "B.4 body collision", "B.7 body friction"]),
+];
+
+/// A frame as it is expected.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameEstimate {
+    /// Whether cloth is expected to touch bodies, other garments or itself in most frames.
+    pub in_contact: bool,
+    /// Time steps.
+    pub steps: f64,
+    /// Systems that are solved.
+    pub solves: f64,
+    /// Iterations of all of them.
+    pub iterations: f64,
+    /// Times that A and C run.
+    pub collision_steps: f64,
+    /// CPU seconds of [`PARTS_OF_A_FRAME`], in this order.
+    pub seconds: [f64; PARTS_OF_A_FRAME.len()],
+}
+
+impl FrameEstimate {
+    /// CPU seconds of all parts.
+    pub fn total(&self) -> f64 {
+        self.seconds.iter().sum()
+    }
+}
+
+/// What the forces of an effect take in the semi-implicit step [ns by element].
+struct ForceCost {
+    /// Once in a solve.
+    update: f64,
+    /// In each iteration.
+    product: f64,
+}
+
+/// Nanoseconds of the semi-implicit step, by effects with forces; others have none.
+const FORCES: &[(&str, ForceCost)] = &[
+    ("gravity", ForceCost { update: 1.0, product: 0.0 }),
+    ("stretch", ForceCost { update: 4.0, product: 1.0 }),
+    ("shear", ForceCost { update: 25.0, product: 8.0 }),
+    ("membrane", ForceCost { update: 40.0, product: 15.0 }),
+    ("bending", ForceCost { update: 4.0, product: 1.0 }),
+    ("dihedral_bending", ForceCost { update: 60.0, product: 13.0 }),
+    ("wind", ForceCost { update: 20.0, product: 6.0 }),
+    ("ether_drag", ForceCost { update: 2.0, product: 1.0 }),
+    ("pressure", ForceCost { update: 20.0, product: 0.0 }),
+    ("seams", ForceCost { update: 15.0, product: 5.0 }),
+    ("attachments", ForceCost { update: 15.0, product: 3.0 }),
+];
+
+/// The vectors of an iteration of the damping solve [ns by vertex].
+const DAMPING_ITERATION: f64 = 6.0;
+/// What a damping solve takes besides forces and iterations [ns by vertex].
+const DAMPING_SOLVE: f64 = 20.0;
+/// An iteration of the preconditioned solve [ns by vertex].
+const BLOCK_ITERATION: f64 = 70.0;
+/// A preconditioned solve without its iterations: forces, blocks, coarse levels [ns by vertex].
+const BLOCK_SOLVE: f64 = 550.0;
+/// A, the pairs near a collision-free state [ns by triangle of cloth and moving surfaces].
+const NEIGHBOURS: f64 = 500.0;
+/// Pairs in the steps between [ns by triangle of cloth].
+const REPULSION: f64 = 6.0;
+/// C, and the exact check of a frame [ns by triangle].
+const COLLISIONS: f64 = 500.0;
+/// Contact with a shape in a step [ns by vertex].
+const SHAPE: f64 = 40.0;
+/// Contact with a surface in a step [ns by vertex].
+const SURFACE: f64 = 900.0;
+/// A surface that moves, in a step [ns by its triangle].
+const MOVING_SURFACE: f64 = 120.0;
+
+/// Duration of a collision step [s]: cloth moves by a share of its edges in it.
+const COLLISION_STEP: f64 = 5e-3;
+
+/// Iterations of a damping solve: by the root of the condition number, which is this at a damping ratio of 1, cfl 4 and the longest
+/// step.
+const DAMPING_CONDITION: f64 = 7.0;
+const DAMPING_ITERATIONS: f64 = 1.6;
+
+/// Solves of a long step: where nothing touches, and where each stage has its rounds.
+const FREE_SOLVES: f64 = 3.0;
+const CONTACT_SOLVES: f64 = 8.0;
+/// Iterations of a preconditioned solve at r times the step that springs allow are a factor times r to this power: stiffness that is
+/// ten times larger doubles them ([`crate::solve::multilevel`]).
+const STIFFNESS_POWER: f64 = 0.6;
+const FREE_ITERATIONS: f64 = 1.2;
+const CONTACT_ITERATIONS: f64 = 3.4;
+
+/// What an estimate looks at.
+struct Sizes {
+    vertices: f64,
+    triangles: f64,
+    surface_triangles: f64,
+    shapes: f64,
+    surfaces: f64,
+}
+
+impl Simulation {
+    /// What a frame is expected to cost.
+    pub fn estimate(&self) -> FrameEstimate {
+        let description = self.scene.description();
+        let (solver, frame) = (&description.solver, description.timeline.frame_duration());
+        let sizes = self.sizes();
+        let has = |need: Need| self.plan.iter().any(|effect| effect.needs.contains(&need));
+        let (touches, repels) = (has(Need::Bodies) && sizes.shapes + sizes.surfaces > 0.0, has(Need::ClothSurface));
+        // Wind folds cloth, pins alone let it hang.
+        let is_blown = self.plan.iter().any(|effect| effect.name == "wind");
+        let in_contact = touches || (repels && (description.garments.len() > 1 || is_blown));
+        let steps = self.planned_steps().steps;
+        let collision_steps = if repels { (frame / COLLISION_STEP).clamp(1.0, steps.max(1.0)) } else { 0.0 };
+        let per_vertex = |nanoseconds: f64| nanoseconds * sizes.vertices;
+        let (solves, iterations, of_solves) = match solver.integrator {
+            Integrator::TrBdf2 => {
+                let stiffness = (frame / steps / self.spring_step()).max(1.0).powf(STIFFNESS_POWER);
+                let solves = steps * if in_contact { CONTACT_SOLVES } else { FREE_SOLVES };
+                let iterations = solves * stiffness * if in_contact { CONTACT_ITERATIONS } else { FREE_ITERATIONS };
+                (solves, iterations, per_vertex(solves * BLOCK_SOLVE + iterations * BLOCK_ITERATION))
+            }
+            Integrator::SemiImplicit | Integrator::Implicit => {
+                let solves = 2.0 * steps;
+                let share = frame / steps / self.limit.elastic.min(frame);
+                let condition = DAMPING_CONDITION * self.damping_ratio() * solver.cfl / 4.0 * share;
+                let iterations = solves * DAMPING_ITERATIONS * (1.0 + condition).sqrt();
+                let [update, product] = self.force_costs();
+                let vectors = per_vertex(solves * DAMPING_SOLVE + iterations * DAMPING_ITERATION);
+                (solves, iterations, vectors + solves * update + (iterations + solves) * product)
+            }
+        };
+        let of_pairs = (sizes.triangles + sizes.surface_triangles) * collision_steps * NEIGHBOURS
+            + if in_contact && repels { steps * sizes.triangles * REPULSION } else { 0.0 };
+        let of_collisions = (sizes.triangles + sizes.surface_triangles) * collision_steps * COLLISIONS;
+        let of_bodies = steps
+            * (sizes.vertices * (sizes.shapes * SHAPE + sizes.surfaces * SURFACE)
+                + sizes.surface_triangles * MOVING_SURFACE);
+        let seconds = [of_solves, of_pairs, of_collisions, of_bodies].map(|nanoseconds| nanoseconds / NANOSECONDS);
+        FrameEstimate { in_contact, steps, solves, iterations, collision_steps, seconds }
+    }
+
+    fn sizes(&self) -> Sizes {
+        let of_surface = |shape: &BodyShape| match shape {
+            BodyShape::Surface { triangles, .. } => Some(triangles.len() as f64),
+            BodyShape::Rigid(_) => None,
+        };
+        let bodies = &self.scene.description().bodies;
+        let surfaces: Vec<f64> = bodies.iter().filter_map(|body| of_surface(&body.shape)).collect();
+        Sizes {
+            vertices: self.scene.parts().partition().vertex_count() as f64,
+            triangles: self.scene.meshes().iter().map(|mesh| mesh.triangles().len() as f64).sum(),
+            surface_triangles: surfaces.iter().sum(),
+            shapes: (bodies.len() - surfaces.len()) as f64,
+            surfaces: surfaces.len() as f64,
+        }
+    }
+
+    /// Longest step that elastic forces would allow if all of them were explicit [s], at most a frame.
+    fn spring_step(&self) -> f64 {
+        let (description, parts) = (self.scene.description(), self.scene.parts());
+        let explicit = SolverSettings { integrator: Integrator::SemiImplicit, ..description.solver.clone() };
+        let frame = description.timeline.frame_duration();
+        let limit = StepLimit::new(parts, self.scene.masses(), &self.dynamics.forces, &explicit, frame);
+        limit.elastic.min(frame)
+    }
+
+    /// The largest damping ratio of the forces.
+    fn damping_ratio(&self) -> f64 {
+        let of_effect = |effect: &PlannedEffect| effect.settings.optional("damping_ratio").unwrap_or(0.0);
+        self.plan.iter().map(of_effect).fold(0.0, f64::max)
+    }
+
+    /// Nanoseconds of one update of all forces, and of one damping product.
+    fn force_costs(&self) -> [f64; 2] {
+        let of_effect = |effect: &PlannedEffect| {
+            let known = FORCES.iter().find(|(name, _)| *name == effect.name);
+            let elements = effect.elements as f64;
+            known.map_or([0.0; 2], |(_, cost)| [elements * cost.update, elements * cost.product])
+        };
+        self.plan.iter().map(of_effect).fold([0.0; 2], |[u, p], [update, product]| [u + update, p + product])
+    }
+}
