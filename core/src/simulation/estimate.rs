@@ -77,24 +77,28 @@ const DAMPING_ITERATION: f64 = 6.0;
 /// What a damping solve takes besides forces and iterations [ns by vertex].
 const DAMPING_SOLVE: f64 = 20.0;
 /// An iteration of the preconditioned solve [ns by vertex].
-const BLOCK_ITERATION: f64 = 70.0;
+const BLOCK_ITERATION: f64 = 45.0;
 /// A preconditioned solve without its iterations: forces, blocks, coarse levels [ns by vertex].
-const BLOCK_SOLVE: f64 = 550.0;
-/// A, the pairs near a collision-free state [ns by triangle of cloth and moving surfaces].
-const NEIGHBOURS: f64 = 500.0;
-/// Pairs in the steps between [ns by triangle of cloth].
-const REPULSION: f64 = 6.0;
-/// C, and the exact check of a frame [ns by triangle].
-const COLLISIONS: f64 = 500.0;
-/// Contact with a shape in a step [ns by vertex].
-const SHAPE: f64 = 40.0;
-/// Contact with a surface in a step [ns by vertex].
-const SURFACE: f64 = 900.0;
+const BLOCK_SOLVE: f64 = 600.0;
+/// What pairs with edges and faces of surfaces add to it [ns by vertex].
+const SURFACE_PAIRS: f64 = 400.0;
+/// A, the pairs near a collision-free state, in a collision step [ns by triangle of cloth and of moving surfaces].
+const NEIGHBOURS: f64 = 550.0;
+/// C in a collision step, with the exact check of a frame [ns by such a triangle].
+const COLLISIONS: f64 = 400.0;
+/// B.2 and B.8 in a short step in contact [ns by triangle of cloth].
+const REPULSION: f64 = 8.0;
+/// Contact with a shape in a step, short or long [ns by vertex].
+const SHAPE: [f64; 2] = [40.0, 70.0];
+/// Contact with a surface in a step, short or long [ns by vertex].
+const SURFACE: [f64; 2] = [100.0, 500.0];
 /// A surface that moves, in a step [ns by its triangle].
-const MOVING_SURFACE: f64 = 120.0;
+const MOVING_SURFACE: f64 = 45.0;
 
-/// Duration of a collision step [s]: cloth moves by a share of its edges in it.
-const COLLISION_STEP: f64 = 5e-3;
+/// Speed at which cloth is expected to move if it does not start faster [m/s], as if it had fallen for a tenth of a second.
+const SPEED: f64 = 1.0;
+/// Share of a mean edge that cloth moves in a collision step at this speed.
+const SHARE_OF_EDGE: f64 = 0.17;
 
 /// Iterations of a damping solve: by the root of the condition number, which is this at a damping ratio of 1, cfl 4 and the longest
 /// step.
@@ -123,41 +127,50 @@ impl Simulation {
     /// What a frame is expected to cost.
     pub fn estimate(&self) -> FrameEstimate {
         let description = self.scene.description();
-        let (solver, frame) = (&description.solver, description.timeline.frame_duration());
+        let frame = description.timeline.frame_duration();
         let sizes = self.sizes();
         let has = |need: Need| self.plan.iter().any(|effect| effect.needs.contains(&need));
-        let (touches, repels) = (has(Need::Bodies) && sizes.shapes + sizes.surfaces > 0.0, has(Need::ClothSurface));
+        let repels = has(Need::ClothSurface);
         // Wind folds cloth, pins alone let it hang.
         let is_blown = self.plan.iter().any(|effect| effect.name == "wind");
-        let in_contact = touches || (repels && (description.garments.len() > 1 || is_blown));
+        let in_contact = has(Need::Bodies) || (repels && (description.garments.len() > 1 || is_blown));
         let steps = self.planned_steps().steps;
-        let collision_steps = if repels { (frame / COLLISION_STEP).clamp(1.0, steps.max(1.0)) } else { 0.0 };
-        let per_vertex = |nanoseconds: f64| nanoseconds * sizes.vertices;
-        let (solves, iterations, of_solves) = match solver.integrator {
-            Integrator::TrBdf2 => {
-                let stiffness = (frame / steps / self.spring_step()).max(1.0).powf(STIFFNESS_POWER);
-                let solves = steps * if in_contact { CONTACT_SOLVES } else { FREE_SOLVES };
-                let iterations = solves * stiffness * if in_contact { CONTACT_ITERATIONS } else { FREE_ITERATIONS };
-                (solves, iterations, per_vertex(solves * BLOCK_SOLVE + iterations * BLOCK_ITERATION))
-            }
-            Integrator::SemiImplicit | Integrator::Implicit => {
-                let solves = 2.0 * steps;
-                let share = frame / steps / self.limit.elastic.min(frame);
-                let condition = DAMPING_CONDITION * self.damping_ratio() * solver.cfl / 4.0 * share;
-                let iterations = solves * DAMPING_ITERATIONS * (1.0 + condition).sqrt();
-                let [update, product] = self.force_costs();
-                let vectors = per_vertex(solves * DAMPING_SOLVE + iterations * DAMPING_ITERATION);
-                (solves, iterations, vectors + solves * update + (iterations + solves) * product)
-            }
+        let is_long = description.solver.integrator == Integrator::TrBdf2;
+        let counts = if is_long { self.long_solves(steps, in_contact) } else { self.short_solves(steps) };
+        let [solves, iterations] = counts;
+        let speed = self.cloth.state.v.iter().map(|v| v.norm()).fold(SPEED, f64::max);
+        let moved = frame * speed / (SHARE_OF_EDGE * self.scene.mean_edge());
+        let collision_steps = if repels { moved.clamp(1.0, steps.max(1.0)) } else { 0.0 };
+        let of_solves = if is_long {
+            sizes.of_long_solves(counts, repels)
+        } else {
+            sizes.of_short_solves(counts, self.force_costs())
         };
-        let of_pairs = (sizes.triangles + sizes.surface_triangles) * collision_steps * NEIGHBOURS
-            + if in_contact && repels { steps * sizes.triangles * REPULSION } else { 0.0 };
-        let of_collisions = (sizes.triangles + sizes.surface_triangles) * collision_steps * COLLISIONS;
-        let of_bodies = steps
-            * (sizes.vertices * (sizes.shapes * SHAPE + sizes.surfaces * SURFACE)
-                + sizes.surface_triangles * MOVING_SURFACE);
-        let seconds = [of_solves, of_pairs, of_collisions, of_bodies].map(|nanoseconds| nanoseconds / NANOSECONDS);
+        let near = (sizes.triangles + sizes.surface_triangles) * collision_steps;
+        let repulsions = if in_contact && repels && !is_long { steps * sizes.triangles * REPULSION } else { 0.0 };
+        let of_bodies = steps * sizes.of_bodies(is_long);
+        let nanoseconds = [of_solves, near * NEIGHBOURS + repulsions, near * COLLISIONS, of_bodies];
+        let seconds = nanoseconds.map(|nanoseconds| nanoseconds / NANOSECONDS);
         FrameEstimate { in_contact, steps, solves, iterations, collision_steps, seconds }
+    }
+
+    /// Solves and iterations of so many long steps.
+    fn long_solves(&self, steps: f64, in_contact: bool) -> [f64; 2] {
+        let frame = self.scene.description().timeline.frame_duration();
+        let stiffness = (frame / steps / self.spring_step()).max(1.0).powf(STIFFNESS_POWER);
+        let (solves, iterations) =
+            if in_contact { (CONTACT_SOLVES, CONTACT_ITERATIONS) } else { (FREE_SOLVES, FREE_ITERATIONS) };
+        [steps * solves, steps * solves * iterations * stiffness]
+    }
+
+    /// Solves and iterations of so many short steps.
+    fn short_solves(&self, steps: f64) -> [f64; 2] {
+        let description = self.scene.description();
+        let frame = description.timeline.frame_duration();
+        let share = frame / steps / self.limit.elastic.min(frame);
+        let condition = DAMPING_CONDITION * self.damping_ratio() * description.solver.cfl / 4.0 * share;
+        let solves = 2.0 * steps;
+        [solves, solves * DAMPING_ITERATIONS * (1.0 + condition).sqrt()]
     }
 
     fn sizes(&self) -> Sizes {
@@ -199,5 +212,46 @@ impl Simulation {
             known.map_or([0.0; 2], |(_, cost)| [elements * cost.update, elements * cost.product])
         };
         self.plan.iter().map(of_effect).fold([0.0; 2], |[u, p], [update, product]| [u + update, p + product])
+    }
+}
+
+impl Sizes {
+    /// Nanoseconds of so many solves and iterations of the implicit step.
+    fn of_long_solves(&self, [solves, iterations]: [f64; 2], repels: bool) -> f64 {
+        let of_solve = BLOCK_SOLVE + if repels { self.surfaces * SURFACE_PAIRS } else { 0.0 };
+        self.vertices * (solves * of_solve + iterations * BLOCK_ITERATION)
+    }
+
+    /// Nanoseconds of so many solves and iterations of the semi-implicit step, with forces that take these for an update and for a
+    /// product.
+    fn of_short_solves(&self, [solves, iterations]: [f64; 2], [update, product]: [f64; 2]) -> f64 {
+        let vectors = self.vertices * (solves * DAMPING_SOLVE + iterations * DAMPING_ITERATION);
+        // The first residual of a solve is a product more.
+        vectors + solves * update + (iterations + solves) * product
+    }
+
+    /// Nanoseconds of bodies in a step.
+    fn of_bodies(&self, is_long: bool) -> f64 {
+        let [shape, surface] = [SHAPE, SURFACE].map(|costs| costs[usize::from(is_long)]);
+        self.vertices * (self.shapes * shape + self.surfaces * surface) + self.surface_triangles * MOVING_SURFACE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::LISTED;
+
+    #[test]
+    fn every_effect_of_the_table_exists() {
+        for (name, _) in FORCES {
+            assert!(LISTED.iter().any(|(listed, _)| listed == name), "{name}");
+        }
+    }
+
+    #[test]
+    fn parts_of_a_frame_share_no_stage() {
+        let stages: Vec<&str> = PARTS_OF_A_FRAME.iter().flat_map(|(_, stages)| *stages).copied().collect();
+        assert!(stages.iter().enumerate().all(|(k, stage)| !stages[..k].contains(stage)), "{stages:?}");
     }
 }
