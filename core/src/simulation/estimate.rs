@@ -16,6 +16,7 @@ use crate::effects::registry::PlannedEffect;
 use crate::effects::spec::{NANOSECONDS, Need};
 use crate::scene::{BodyShape, Integrator, SolverSettings};
 use crate::time_step::StepLimit;
+use crate::tolerances::{CG_GRAVITY_FRACTION, STANDARD_GRAVITY};
 
 /// Stages of a step that take time, as parts of a frame: a name, and the stages of the record that belong to it.
 pub const PARTS_OF_A_FRAME: [(&str, &[&str]); 4] = [
@@ -81,7 +82,7 @@ const BLOCK_ITERATION: f64 = 45.0;
 /// A preconditioned solve without its iterations: forces, blocks, coarse levels [ns by vertex].
 const BLOCK_SOLVE: f64 = 600.0;
 /// What pairs with edges and faces of surfaces add to it [ns by vertex].
-const SURFACE_PAIRS: f64 = 400.0;
+const SURFACE_PAIRS: f64 = 1000.0;
 /// A, the pairs near a collision-free state, in a collision step [ns by triangle of cloth and of moving surfaces].
 const NEIGHBOURS: f64 = 550.0;
 /// C in a collision step, with the exact check of a frame [ns by such a triangle].
@@ -89,7 +90,7 @@ const COLLISIONS: f64 = 400.0;
 /// B.2 and B.8 in a short step in contact [ns by triangle of cloth].
 const REPULSION: f64 = 8.0;
 /// Contact with a shape in a step, short or long [ns by vertex].
-const SHAPE: [f64; 2] = [40.0, 70.0];
+const SHAPE: [f64; 2] = [50.0, 70.0];
 /// Contact with a surface in a step, short or long [ns by vertex].
 const SURFACE: [f64; 2] = [100.0, 500.0];
 /// A surface that moves, in a step [ns by its triangle].
@@ -98,21 +99,22 @@ const MOVING_SURFACE: f64 = 45.0;
 /// Speed at which cloth is expected to move if it does not start faster [m/s], as if it had fallen for a tenth of a second.
 const SPEED: f64 = 1.0;
 /// Share of a mean edge that cloth moves in a collision step at this speed.
-const SHARE_OF_EDGE: f64 = 0.17;
+const SHARE_OF_EDGE: f64 = 0.14;
 
 /// Iterations of a damping solve: by the root of the condition number, which is this at a damping ratio of 1, cfl 4 and the longest
 /// step.
 const DAMPING_CONDITION: f64 = 7.0;
 const DAMPING_ITERATIONS: f64 = 1.6;
 
-/// Solves of a long step: where nothing touches, and where each stage has its rounds.
+/// Solves of a long step: where nothing touches, and how many more rounds its stages have in contact. Where the tolerance is coarse
+/// against what gravity adds in a step, the later rounds have nothing left to do.
 const FREE_SOLVES: f64 = 3.0;
-const CONTACT_SOLVES: f64 = 8.0;
-/// Iterations of a preconditioned solve at r times the step that springs allow are a factor times r to this power: stiffness that is
-/// ten times larger doubles them ([`crate::solve::multilevel`]).
-const STIFFNESS_POWER: f64 = 0.6;
-const FREE_ITERATIONS: f64 = 1.2;
-const CONTACT_ITERATIONS: f64 = 3.4;
+const CONTACT_ROUNDS: f64 = 2.0;
+/// Iterations of a preconditioned solve at r times the step that springs allow are a factor times r to this power. Of solves from
+/// nothing to a fixed tolerance it is 0.6 ([`crate::solve::multilevel`]); later rounds have less to do.
+const STIFFNESS_POWER: f64 = 0.45;
+const FREE_ITERATIONS: f64 = 1.5;
+const CONTACT_ITERATIONS: f64 = 5.5;
 
 /// What an estimate looks at.
 struct Sizes {
@@ -140,7 +142,8 @@ impl Simulation {
         let [solves, iterations] = counts;
         let speed = self.cloth.state.v.iter().map(|v| v.norm()).fold(SPEED, f64::max);
         let moved = frame * speed / (SHARE_OF_EDGE * self.scene.mean_edge());
-        let collision_steps = if repels { moved.clamp(1.0, steps.max(1.0)) } else { 0.0 };
+        let least = steps / self.most_steps_between_collisions();
+        let collision_steps = if repels { moved.max(least).clamp(1.0, steps.max(1.0)) } else { 0.0 };
         let of_solves = if is_long {
             sizes.of_long_solves(counts, repels)
         } else {
@@ -158,9 +161,14 @@ impl Simulation {
     fn long_solves(&self, steps: f64, in_contact: bool) -> [f64; 2] {
         let frame = self.scene.description().timeline.frame_duration();
         let stiffness = (frame / steps / self.spring_step()).max(1.0).powf(STIFFNESS_POWER);
-        let (solves, iterations) =
-            if in_contact { (CONTACT_SOLVES, CONTACT_ITERATIONS) } else { (FREE_SOLVES, FREE_ITERATIONS) };
-        [steps * solves, steps * solves * iterations * stiffness]
+        if !in_contact {
+            return [steps * FREE_SOLVES, steps * FREE_SOLVES * FREE_ITERATIONS * stiffness];
+        }
+        let by_gravity = CG_GRAVITY_FRACTION * STANDARD_GRAVITY * frame / steps;
+        let rounds =
+            CONTACT_ROUNDS * (by_gravity / self.scene.description().solver.cg_tolerance.unwrap_or(by_gravity)).min(1.0);
+        let solves = steps * (FREE_SOLVES + rounds);
+        [solves, solves * CONTACT_ITERATIONS * stiffness]
     }
 
     /// Solves and iterations of so many short steps.
@@ -196,6 +204,12 @@ impl Simulation {
         let frame = description.timeline.frame_duration();
         let limit = StepLimit::new(parts, self.scene.masses(), &self.dynamics.forces, &explicit, frame);
         limit.elastic.min(frame)
+    }
+
+    /// The largest number of time steps in a collision step.
+    fn most_steps_between_collisions(&self) -> f64 {
+        let of_effect = |effect: &PlannedEffect| effect.settings.optional("max_steps");
+        self.plan.iter().find_map(of_effect).unwrap_or(f64::INFINITY)
     }
 
     /// The largest damping ratio of the forces.
