@@ -91,7 +91,7 @@ fn by_time(estimate: &FrameEstimate) -> impl Iterator<Item = (&'static str, f64)
 
 /// One digit, or two from one second on.
 fn about(seconds: f64) -> String {
-    let digits = if seconds >= 1.0 { 1 } else { (1.0 - seconds.max(1e-6).log10()).floor() as usize };
+    let digits = if seconds >= 1.0 { 1 } else { (1.0 - seconds.max(1e-3).log10()).floor() as usize };
     format!("{seconds:.digits$}")
 }
 
