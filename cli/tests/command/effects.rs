@@ -202,7 +202,15 @@ stiffness = "1000 N/m"
 stiffness = "10 µN·m"
 "#;
     let pins = "[[garment.pin]]\ncorners = [\"i0j0\", \"inj0\"]\n";
-    let ball = "[[body]]\nname = \"ball\"\nshape = { sphere = { radius = 0.25 } }\nposition = [0, 0.25, 0]\n";
+    let ball = r#"[[body]]
+name = "ground"
+shape = { half_space = {} }
+[[body]]
+name = "ball"
+shape = { sphere = { radius = 0.25 } }
+position = [0, 0.25, 0]
+friction = 0.3
+"#;
     [format!("{hung}{pins}"), hung.replace("[[garment]]", &format!("{ball}[[garment]]"))]
 }
 
