@@ -83,6 +83,14 @@ measure-ranks: build ## what many ranks cost and bring, on the spinning ball; wr
 accuracy: build ## what repulsion with history, both integrators, the presets and friction cost and bring; writes docs/accuracy.md
 	@.venv/bin/python .ci/measure-accuracy $(MEASURE)
 
+.PHONY: measure-speed
+measure-speed: build ## how much faster it is than commit 336fa90; writes docs/speed.md; MEASURE="--rows NAME,NAME" for some rows
+	@.ci/measure-speed $(MEASURE)
+
+.PHONY: measure-plan
+measure-plan: build ## how far the cost that `drapery plan` expects is from that of simulated frames; writes docs/speed.md
+	@.ci/measure-plan $(MEASURE)
+
 .PHONY: study
 study: build ## what accuracy costs in time on the spinning ball and the dressed woman; writes docs/study.md
 	@.venv/bin/python .ci/measure-study $(MEASURE)

@@ -46,6 +46,9 @@ fn advice(because: &str) -> String {
     if because == PlannedSteps::MAX_DT {
         return "raise it, or leave it out".to_owned();
     }
+    if because == PlannedSteps::STEPS_PER_FRAME {
+        return "lower it".to_owned();
+    }
     "lower that stiffness, make the cloth heavier or its edges longer, or look whether a number has the wrong unit"
         .to_owned()
 }
@@ -113,6 +116,8 @@ mod tests {
             said.contains("about 40000 time steps") && said.contains("solver.max_dt: raise it") && !refused,
             "{said}"
         );
+        let (said, refused) = judged(4e4, 1e-6, PlannedSteps::STEPS_PER_FRAME);
+        assert!(said.contains("solver.steps_per_frame: lower it") && !refused, "{said}");
         let (said, refused) = judged(4e8, 1e-7, "the stiffness of `membrane`");
         assert!(said.contains("`membrane`") && said.contains("help: lower that stiffness") && refused, "{said}");
         let (said, refused) = judged(100.0, 1e-12, "the stiffness of `membrane`");

@@ -186,3 +186,75 @@ fn the_long_version_lists_the_features_of_the_build() {
     let short = drapery(folder.path(), &["-V"]).stdout;
     assert_eq!(short.lines().count(), 1, "{short}");
 }
+
+/// A sheet that hangs by two corners, and one that lies on a ball.
+fn planned_scenes() -> [String; 2] {
+    let hung = r#"drapery = 1
+[shot]
+frames = "0-12"
+[gravity]
+[self_repulsion]
+[self_collision]
+[[garment]]
+name = "sheet"
+panel = { resolution = 20, side = 1.0, aspect = 1.0, center = [0, 0.52, 0] }
+density = 0.2
+[garment.stretch]
+stiffness = "1000 N/m"
+[garment.dihedral_bending]
+stiffness = "10 µN·m"
+"#;
+    let pins = "[[garment.pin]]\ncorners = [\"i0j0\", \"inj0\"]\n";
+    let ball = r#"[[body]]
+name = "ground"
+shape = { half_space = {} }
+[[body]]
+name = "ball"
+shape = { sphere = { radius = 0.25 } }
+position = [0, 0.25, 0]
+friction = 0.3
+"#;
+    [format!("{hung}{pins}"), hung.replace("[[garment]]", &format!("{ball}[[garment]]"))]
+}
+
+#[test]
+fn what_a_plan_expects_of_a_frame_is_what_runs_count_within_a_factor_of_three() {
+    for (scene, touches) in planned_scenes().iter().zip([false, true]) {
+        for integrator in ["tr_bdf2", "semi_implicit"] {
+            let folder = folder_with(scene);
+            let setting = format!("solver.integrator=\"{integrator}\"");
+            let plan = drapery(folder.path(), &["plan", "scene.toml", "--json", "--set", &setting]);
+            let plan: Value = serde_json::from_str(&plan.stdout).unwrap_or_else(|e| panic!("{e}\n{}", plan.stderr));
+            let expected = &plan["frame"]["estimate"];
+            let parts = expected["parts"].as_object().unwrap();
+            let sum: f64 = parts.values().map(|seconds| seconds.as_f64().unwrap()).sum();
+            assert!((sum / expected["seconds"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{expected:#}");
+            assert_eq!(expected["in_contact"], touches, "{expected:#}");
+            let cause = plan["frame"]["from"].as_str().unwrap();
+            assert_eq!(cause.contains("solver.steps_per_frame"), integrator == "tr_bdf2", "{cause}");
+            assert_eq!(parts.contains_key("bodies"), touches, "{expected:#}");
+
+            let run = drapery(folder.path(), &["run", "scene.toml", "--out", "out", "-q", "--set", &setting]);
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+            let record = std::fs::read_to_string(folder.path().join("out/run.jsonl")).unwrap();
+            let lines: Vec<Value> = record.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+            let frames: Vec<&Value> = lines.iter().filter(|line| line["record"] == "frame").collect();
+            let mean = |of: &dyn Fn(&Value) -> &Value| {
+                frames.iter().map(|frame| of(frame).as_f64().unwrap()).sum::<f64>() / frames.len() as f64
+            };
+            // A part of a frame that is expected to be the longest takes most of it: solves do, by far.
+            let longest = parts.iter().max_by(|a, b| a.1.as_f64().unwrap().total_cmp(&b.1.as_f64().unwrap())).unwrap();
+            assert_eq!(longest.0, "solves", "{expected:#}");
+            let found = [
+                ("steps", mean(&|frame| &frame["steps"])),
+                ("solves", mean(&|frame| &frame["counts"]["cg_solves"])),
+                ("iterations", mean(&|frame| &frame["cg_iterations"])),
+                ("collision_steps", mean(&|frame| &frame["counts"]["collision_steps"])),
+            ];
+            for (name, found) in found {
+                let factor = expected[name].as_f64().unwrap() / found;
+                assert!((1.0 / 3.0..=3.0).contains(&factor), "{integrator}, {touches}, {name}: {factor} of {found}");
+            }
+        }
+    }
+}

@@ -10,6 +10,7 @@ use crate::effects::spec::NANOSECONDS;
 use crate::error::Problems;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
+use crate::scene::Integrator;
 
 /// Times that each force is evaluated to see how long it takes.
 const REPEATS: u32 = 8;
@@ -34,6 +35,8 @@ pub struct PlannedSteps {
 impl PlannedSteps {
     /// The cause where the scene itself limits the step.
     pub const MAX_DT: &str = "solver.max_dt";
+    /// The cause where long steps are as long as they may be.
+    pub const STEPS_PER_FRAME: &str = "solver.steps_per_frame";
 }
 
 impl Simulation {
@@ -43,9 +46,11 @@ impl Simulation {
         let frame = description.timeline.frame_duration();
         let max_dt = description.solver.max_dt.unwrap_or(f64::INFINITY);
         let longest = self.limit.longest(&description.solver, 1.0);
+        let is_long = description.solver.integrator == Integrator::TrBdf2;
         let stiffest = self.plan.iter().min_by(|a, b| a.longest_step.total_cmp(&b.longest_step));
         let because = match stiffest {
             _ if max_dt <= longest => PlannedSteps::MAX_DT.to_owned(),
+            Some(effect) if is_long && effect.longest_step > longest => PlannedSteps::STEPS_PER_FRAME.to_owned(),
             Some(effect) => {
                 let of = effect.garment.as_ref().map_or(String::new(), |garment| format!(" of garment \"{garment}\""));
                 format!("the stiffness of `{}`{of}", effect.name)

@@ -64,6 +64,8 @@ pub struct Stop {
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {
+    /// Systems that were solved: one, or one for each round of a stage.
+    pub solves: usize,
     /// Iterations made.
     pub iterations: usize,
     /// Whether the tolerance was reached.
@@ -109,7 +111,8 @@ impl ConjugateGradient {
             let converged = residual <= stop.tolerance && (iterations >= 1 || residual < f64::EPSILON);
             if converged || rho == 0.0 || !finite || iterations == stop.max_iterations {
                 let converged = converged || rho == 0.0;
-                return Outcome { iterations, converged, finite, worse: !converged && residual > BREAKDOWN * first };
+                let worse = !converged && residual > BREAKDOWN * first;
+                return Outcome { solves: 1, iterations, converged, finite, worse };
             }
             if iterations > 0 {
                 self.direction(parts, rho / rho_before);

@@ -201,7 +201,7 @@ impl PreconditionedCg {
                 self.d.iter_mut().zip(&self.s).for_each(|(d, s)| *d += *s * alpha);
                 let converged = finite && (converged || residual == 0.0);
                 let worse = !converged && (residual > BREAKDOWN * first || rho < 0.0);
-                return Outcome { iterations, converged, finite, worse };
+                return Outcome { solves: 1, iterations, converged, finite, worse };
             }
             self.direction(system, alpha, rho / rho_before);
             let curvature = self.product(system);

@@ -153,6 +153,7 @@ impl StepReport {
     /// Counts a solve.
     fn add(&mut self, outcome: Outcome, line: &'static str, parts: &Parts, metrics: &mut Metrics) {
         self.cg_iterations += outcome.iterations;
+        metrics.count_once(parts.ranks(), "cg_solves", outcome.solves as u64);
         metrics.count_once(parts.ranks(), "cg_iterations", outcome.iterations as u64);
         metrics.count_once(parts.ranks(), "cg_short", u64::from(!outcome.converged));
         self.diverged |= outcome.worse;

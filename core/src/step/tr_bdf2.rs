@@ -351,7 +351,7 @@ impl Stages<'_> {
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
         self.set_residual(stage, &active);
         self.add_pairs(stage);
-        let mut total = Outcome { iterations: 0, converged: true, finite: true, worse: false };
+        let mut total = Outcome { solves: 0, iterations: 0, converged: true, finite: true, worse: false };
         let is_touched = !(active.contacts().is_empty() && self.arrays.pairs.is_empty());
         let bears = at.parts.ranks().any(is_touched);
         let rough = ROUGH * at.stop.tolerance;
@@ -368,6 +368,7 @@ impl Stages<'_> {
             } else {
                 cg.solve(&system, residual, change, at.stop)
             };
+            total.solves += outcome.solves;
             total.iterations += outcome.iterations;
             total.converged &= outcome.converged;
             total.finite &= outcome.finite;

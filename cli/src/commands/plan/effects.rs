@@ -4,7 +4,7 @@ use drapery_core::effects::cost::FrameCost;
 use drapery_core::effects::{Need, PlannedEffect, find};
 use drapery_core::scene::SceneDescription;
 use drapery_core::settings::{Origin, SettingValue};
-use drapery_core::simulation::{PlannedSteps, Simulation};
+use drapery_core::simulation::{FrameEstimate, PARTS_OF_A_FRAME, PlannedSteps, Simulation};
 use serde_json::{Value, json};
 
 use super::mebibytes;
@@ -61,12 +61,38 @@ fn frame_text(simulation: &Simulation, costs: Option<&Costs>) -> String {
     let Some(costs) = costs else {
         let PlannedSteps { steps, because, .. } = simulation.planned_steps();
         return format!(
-            "a frame: {steps:.0} time steps or more, because of {because}; --measure simulates frames to see what takes how long\n"
+            "a frame: {steps:.0} time steps or more, because of {because}; --measure simulates frames to see what takes how long\n{}",
+            estimate_text(&simulation.estimate())
         );
     };
     let FrameCost { steps, iterations, .. } = costs.frame;
     let (seconds, how) = (costs.frame.total(), costs.how());
     format!("a frame: {seconds:.3} s, {steps:.0} steps, {iterations:.0} iterations ({how})\n")
+}
+
+/// What a frame is expected to take, the longest part first.
+fn estimate_text(estimate: &FrameEstimate) -> String {
+    let parts: Vec<String> = by_time(estimate).map(|(name, seconds)| format!("{name} {}", about(seconds))).collect();
+    let (total, iterations) = (about(estimate.total()), estimate.iterations);
+    let touching = if estimate.in_contact { "in contact" } else { "while it touches nothing" };
+    format!(
+        "  expected {touching}, within a factor of two on one core: {total} CPU seconds ({}), {iterations:.0} iterations\n",
+        parts.join(", ")
+    )
+}
+
+/// Parts of a frame that take time, the longest first.
+fn by_time(estimate: &FrameEstimate) -> impl Iterator<Item = (&'static str, f64)> {
+    let mut parts: Vec<_> = PARTS_OF_A_FRAME.iter().map(|(name, _)| *name).zip(estimate.seconds).collect();
+    parts.retain(|(_, seconds)| *seconds > 0.0);
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+    parts.into_iter()
+}
+
+/// One digit, or two from one second on.
+fn about(seconds: f64) -> String {
+    let digits = if seconds >= 1.0 { 1 } else { (1.0 - seconds.max(1e-3).log10()).floor() as usize };
+    format!("{seconds:.digits$}")
 }
 
 fn effect_text(effect: &PlannedEffect, share: &str) -> String {
@@ -170,8 +196,25 @@ pub(super) fn as_json(simulation: &Simulation, costs: Option<&Costs>) -> Value {
             "steps": costs.map_or(planned.steps, |costs| costs.frame.steps),
             "iterations": costs.map(|costs| costs.frame.iterations),
             "method_share": share(|frame, _| frame.method, 0),
+            "estimate": estimate_json(&simulation.estimate()),
             "from": costs.map_or_else(|| format!("at least, because of {}", planned.because), Costs::how),
         },
+    })
+}
+
+/// What was expected beforehand, also where frames were measured.
+fn estimate_json(estimate: &FrameEstimate) -> Value {
+    let parts: serde_json::Map<String, Value> =
+        by_time(estimate).map(|(name, seconds)| (name.to_owned(), json!(seconds))).collect();
+    let FrameEstimate { in_contact, steps, solves, iterations, collision_steps, .. } = estimate;
+    json!({
+        "seconds": estimate.total(),
+        "parts": parts,
+        "in_contact": in_contact,
+        "steps": steps,
+        "solves": solves,
+        "iterations": iterations,
+        "collision_steps": collision_steps,
     })
 }
 

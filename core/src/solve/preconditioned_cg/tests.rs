@@ -272,7 +272,7 @@ fn what_is_no_number_is_told_and_a_limit_of_iterations_is_kept() {
     let mut b = impulses(sheet.x.len());
     let mut d = vec![Vec3::zeros(); sheet.x.len()];
     let few = cg.solve(&system, &b, &mut d, Stop { max_iterations: 3, ..STOP });
-    assert_eq!(few, Outcome { iterations: 3, converged: false, finite: true, worse: false });
+    assert_eq!(few, Outcome { solves: 1, iterations: 3, converged: false, finite: true, worse: false });
     b[17].y = f64::NAN;
     let broken = cg.solve(&system, &b, &mut d, STOP);
     assert!(!broken.finite && !broken.converged, "{broken:?}");
@@ -282,7 +282,7 @@ fn what_is_no_number_is_told_and_a_limit_of_iterations_is_kept() {
     assert!(again.converged && d.iter().all(|d| d.norm().is_finite()));
     // Nothing to be done takes no iteration.
     let nothing = cg.solve(&system, &vec![Vec3::zeros(); sheet.x.len()], &mut d, STOP);
-    assert_eq!(nothing, Outcome { iterations: 0, converged: true, finite: true, worse: false });
+    assert_eq!(nothing, Outcome { solves: 1, iterations: 0, converged: true, finite: true, worse: false });
 }
 
 /// Contacts between vertices of a sheet that no element joins: by their numbers in the scene, with two points of a body behind them.
