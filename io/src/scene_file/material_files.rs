@@ -14,6 +14,9 @@
 //! weft = "250 N/m"              # stretch_stiffness
 //! shear = "60 N/m"              # that of a sheet alike in all directions with a Poisson's ratio of 0.25
 //! strain_limit = "8 %"          # 10 %
+//! # The curve of force by strain in long steps: what it carries at the largest strain. Left out, it does not stiffen.
+//! load = "490 N/m"              # none
+//! linearity = 0.6               # 0.55
 //! ```
 
 use std::borrow::Cow;
@@ -37,6 +40,9 @@ const ENDING: &str = "toml";
 const POISSON: f64 = 0.25;
 const STRAIN_LIMIT: f64 = 0.1;
 
+/// Linearity of a curve of which only the load is said.
+const LINEARITY: f64 = 0.55;
+
 /// A material file as it is written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -54,6 +60,8 @@ struct MaterialFile {
     weft: Option<Quantity>,
     shear: Option<Quantity>,
     strain_limit: Option<Quantity>,
+    load: Option<Quantity>,
+    linearity: Option<Quantity>,
     /// Where the numbers come from.
     #[serde(default)]
     provenance: String,
@@ -149,6 +157,8 @@ pub(super) fn read(
         membrane,
         bending_rigidity: number("bending_rigidity", &file.bending_rigidity, Dimension::BendingRigidity, false)?,
         strain_limit: or("strain_limit", &file.strain_limit, Dimension::None, STRAIN_LIMIT)?,
+        load: file.load.as_ref().map(|load| number("load", load, Dimension::Stiffness, false)).transpose()?,
+        linearity: or("linearity", &file.linearity, Dimension::None, LINEARITY)?,
         damping_ratio: number("damping_ratio", &file.damping_ratio, Dimension::None, true)?,
         friction: number("friction", &file.friction, Dimension::None, true)?,
         summary: Cow::Owned(file.summary),
