@@ -220,6 +220,24 @@ mod tests {
     }
 
     #[test]
+    fn a_material_brings_its_curve_in_long_steps_alone_and_where_its_own_stiffness_counts() {
+        let stiffening = format!("{VELVET}load = \"490 N/m\"\nstrain_limit = \"8 %\"\n");
+        let brought = |material: &str, more: &str| {
+            let folder = folder(&format!("{SCENE}{more}"), &[("velvet.toml", material)]);
+            let shot = resolve(&folder, &["cloth"]).unwrap_or_else(|error| panic!("{error}"));
+            let has = |start: &str| shot.resolved.lines().any(|line| line.starts_with(start));
+            ["extension = 0.08 ", "load = 490.0 ", "linearity = 0.55 "].map(has)
+        };
+        let long = "[solver]\nintegrator = \"tr_bdf2\"\n";
+        assert_eq!(brought(&stiffening, long), [true; 3]);
+        assert_eq!(brought(&stiffening, &format!("[garment.membrane]\n{long}")), [true; 3]);
+        assert_eq!(brought(&stiffening, ""), [false; 3]);
+        assert_eq!(brought(VELVET, long), [false; 3]);
+        assert_eq!(brought(&stiffening, &format!("[garment.stretch]\nstiffness = 200\n{long}")), [false; 3]);
+        assert_eq!(brought(&stiffening, &format!("[garment.membrane]\nwarp = 200\n{long}")), [false; 3]);
+    }
+
+    #[test]
     fn presets_go_first_and_an_unknown_name_is_compared_with_files_too() {
         let scene = SCENE.replace("velvet", "paper");
         let shot = resolve(&folder(&scene, &[("paper.toml", VELVET)]), &["cloth"]).unwrap_or_else(|e| panic!("{e}"));
