@@ -202,7 +202,7 @@ pub const PRESETS: &[Material] = &[
             "C-IPC silk: 0.18 mm, 83 g/m², warp to weft as 774 to 895; stretch: drape, 60 N/m (C-IPC's mean of 835 N/m, \
              with 103 in shear, is that of cloth pulled taut; silk gives way far more easily at first), shear 3/8 of it; \
              bending: drape, 1.1 µN·m (solid would be 2.3); largest stretch of polyester, both are filament yarns; \
-             friction of silk",
+             friction of silk; load and linearity assumed",
         ),
     },
     Material {
@@ -222,7 +222,7 @@ pub const PRESETS: &[Material] = &[
             "Wang tango-red-jet-set: 0.113 kg/m², c11 43-227 and c22 171-405 N/m (mids 135 and \
              288, mean 212, rounded), c33 up to 63 N/m (mid 31), bending 8-36 µN·m (mean 19); \
              thickness and largest stretch of C-IPC polyester; friction as silk, both are \
-             filament yarns",
+             filament yarns; load and linearity assumed",
         ),
     },
     Material {
@@ -241,7 +241,7 @@ pub const PRESETS: &[Material] = &[
         provenance: Cow::Borrowed(
             "C-IPC isotropic cotton: 0.318 mm, E·h 261 N/m, Poisson's ratio 0.243 (shear 105 \
              N/m), 0.150 kg/m², largest stretch 6.1 %; bending: drape, 14 µN·m (solid would be \
-             2.2); friction of cotton",
+             2.2); friction of cotton; load and linearity assumed",
         ),
     },
     Material {
@@ -261,7 +261,7 @@ pub const PRESETS: &[Material] = &[
             "Wang gray-interlock (60/40 cotton/polyester): 0.187 kg/m², c11 17-140 and c22 34-414 \
              N/m (mids 79 and 224, mean 151, rounded), c33 up to 44 N/m (mid 22, one entry of \
              -174 left out), bending 7-39 µN·m (mean 22); thickness nominal; largest stretch of \
-             C-IPC wool with lycra; friction of cotton",
+             C-IPC wool with lycra; friction of cotton; load and linearity assumed",
         ),
     },
     Material {
@@ -280,7 +280,7 @@ pub const PRESETS: &[Material] = &[
         provenance: Cow::Borrowed(
             "C-IPC isotropic wool: 0.568 mm, E·h 97 N/m, Poisson's ratio 0.277 (shear 38 N/m), \
              0.235 kg/m², largest stretch 8.5 %; bending: drape, 11 µN·m (solid would be 2.8); \
-             friction of wool",
+             friction of wool; load and linearity assumed",
         ),
     },
     Material {
@@ -300,7 +300,7 @@ pub const PRESETS: &[Material] = &[
             "Wang camel-ponte-roma: 0.284 kg/m², c11 31-144 and c22 44-269 N/m (mids 88 and 157, \
              mean 122), c33 up to 45 N/m (mid 22), bending 10-50 µN·m (mean 33); thickness \
              nominal; largest stretch of C-IPC wool with lycra; friction as wool, of similar \
-             surface",
+             surface; load and linearity assumed",
         ),
     },
     Material {
@@ -340,7 +340,7 @@ pub const PRESETS: &[Material] = &[
         provenance: Cow::Borrowed(
             "C-IPC canvas: 0.53 mm, warp 2844, weft 1422 and shear 1065 N/m (mean 2133), 294 \
              g/m²; bending: solid, 50 µN·m; largest stretch of C-IPC cotton; friction as denim, \
-             of similar surface",
+             of similar surface; load and linearity assumed",
         ),
     },
     Material {
@@ -360,7 +360,7 @@ pub const PRESETS: &[Material] = &[
             "not measured: nominal 0.8 mm at 700 kg/m³; stretch as canvas, which is softer than \
              leather but gives way by 0.3 % only under one metre of its own weight, shear with a \
              Poisson's ratio of 0.3; bending: drape, 36 µN·m (solid would be 114); largest stretch nominal; friction \
-             as denim",
+             as denim; load and linearity assumed",
         ),
     },
     Material {
@@ -380,7 +380,7 @@ pub const PRESETS: &[Material] = &[
             "0.10 kg/m² and bending 400 µN·m as in Wang (computed); nominal 0.13 mm; its membrane \
              stiffness of 5e5 N/m is cut to 5000, which stretches by 0.02 % under one metre of \
              its own weight and allows ten times longer steps, shear with a Poisson's ratio of \
-             0.3; largest stretch of C-IPC paper; friction nominal",
+             0.3; largest stretch of C-IPC paper; friction nominal; load computed from 5e5 N/m, linearity assumed",
         ),
     },
 ];
