@@ -4,7 +4,7 @@
 //! [garment.stretch]
 //! stiffness = "500 N/m"     # membrane stiffness: the same cloth at every mesh density
 //! damping_ratio = 1.0
-//! extension = "6.1 %"       # stiffens up to 490 N/m at this strain and beyond (`tensile_curve`)
+//! extension = "6.1 %"       # stiffens up to 98 N/m at this strain and beyond (`tensile_curve`)
 //! ```
 //!
 //! The paper's scenes write `spring_stiffness = 4.142136` [N] instead: the force of one spring per unit strain, which makes

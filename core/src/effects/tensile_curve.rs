@@ -4,9 +4,9 @@
 //! ```toml
 //! [garment.stretch]
 //! stiffness = "261 N/m"     # Y, at small strains
-//! extension = "6.1 %"       # e, the strain at this load (EMT on Kawabata's instrument)
-//! load = "490 N/m"          # P, the largest load of that instrument, 500 gf/cm
-//! linearity = 0.55          # LT: the work up to the extension, by that of a straight line to the same point
+//! extension = "6.1 %"       # e, the strain at this load (E100 of SiroFAST; EMT of Kawabata's at 490 N/m)
+//! load = "98 N/m"           # P; SiroFAST reports the extension at this load, 100 gf/cm
+//! linearity = 0.6           # LT: the work up to the extension, by that of a straight line to the same point
 //! ```
 //!
 //! With R = P / (Y e), a strain ε > 0 makes the force per width `Y ε (1 + (R − 1) (ε/e)^q)`: its slope at rest is Y, it
@@ -34,8 +34,8 @@ pub const FIELDS: &[Field] = &[
         dimension: Dimension::Stiffness,
         default: Default::Absent,
         range: (1e-3, 1e8),
-        help: "force per width at `extension`; if that is given and this is not, 490 N/m, the largest load of Kawabata's \
-               instrument (500 gf/cm)",
+        help: "force per width at `extension`; if that is given and this is not, 98 N/m, at which SiroFAST reports it (100 \
+               gf/cm); Kawabata's instrument has 490 N/m",
     },
     Field {
         name: "linearity",
@@ -43,15 +43,15 @@ pub const FIELDS: &[Field] = &[
         default: Default::Absent,
         range: (0.0, 1.0),
         help: "work of stretching up to `extension` by that of a straight line to the same point (LT); 0.5 to 0.8 for \
-               woven cloth; 0.55 if `extension` is given and this is not",
+               woven cloth; 0.6 if `extension` is given and this is not",
     },
 ];
 
-/// Largest load of Kawabata's tensile tester, 500 gf/cm [N/m].
-const FULL_LOAD: f64 = 490.0;
+/// Largest load at which SiroFAST measures extension, 100 gf/cm [N/m].
+const FULL_LOAD: f64 = 98.0;
 
 /// Linearity where none is given.
-const LINEARITY: f64 = 0.55;
+const LINEARITY: f64 = 0.6;
 
 /// Exponents that a linearity may ask for: below, the slope rises like a step; above, cloth would meet a wall.
 const EXPONENTS: [f64; 2] = [0.5, 8.0];
