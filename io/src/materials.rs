@@ -82,7 +82,7 @@ pub struct MaterialSetting {
     pub key: &'static str,
     /// Keys that say the same otherwise: where a scene has one of these, the material's does not count.
     pub unless: &'static [&'static str],
-    /// Whether it counts in long steps alone (`integrator = "tr_bdf2"`).
+    /// Whether it counts in long steps alone (`integrator = "tr_bdf2"`), where the scene writes an `extension`.
     pub in_long_steps: bool,
     /// The material's number, in the SI unit; `None` if it has none.
     pub value: fn(&Material) -> Option<f64>,
@@ -122,10 +122,6 @@ pub struct MaterialEffect {
 
 const DAMPING: MaterialSetting = MaterialSetting::new("damping_ratio", |material| Some(material.damping_ratio));
 
-const fn extension(unless: &'static [&'static str]) -> MaterialSetting {
-    MaterialSetting::of_curve("extension", unless, |material| material.load.and(Some(material.strain_limit)))
-}
-
 const fn load(unless: &'static [&'static str]) -> MaterialSetting {
     MaterialSetting::of_curve("load", unless, |material| material.load)
 }
@@ -145,7 +141,6 @@ pub static EFFECTS: [MaterialEffect; 4] = [
         takes_part: TakesPart::IfAskedFor,
         settings: &[
             // Before what they look at.
-            extension(THREADS),
             load(THREADS),
             linearity(THREADS),
             MaterialSetting::new("warp", |material| Some(material.membrane[0])),
@@ -158,7 +153,6 @@ pub static EFFECTS: [MaterialEffect; 4] = [
         effect: "stretch",
         takes_part: TakesPart::Unless("membrane"),
         settings: &[
-            extension(SPRINGS),
             load(SPRINGS),
             linearity(SPRINGS),
             MaterialSetting {

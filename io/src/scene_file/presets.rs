@@ -152,8 +152,9 @@ fn fill_effect<'a>(
     let Some(table) = garment.get_mut(effect).and_then(Node::as_table_mut) else {
         return;
     };
-    for MaterialSetting { key, unless, value, .. } in settings {
-        let counts = unless.iter().all(|other| table.get(other).is_none());
+    for MaterialSetting { key, unless, in_long_steps, value } in settings {
+        let is_asked_for = !in_long_steps || table.get("extension").is_some();
+        let counts = is_asked_for && unless.iter().all(|other| table.get(other).is_none());
         if let Some(value) = value(material).filter(|_| counts) {
             table.fill(key, Value::Float(value), place, origin.clone());
         }
