@@ -248,7 +248,7 @@ fn materials() -> String {
 /// Force by strain of the presets at shares of their largest strain.
 fn curves() -> String {
     let mut text = String::from(
-        "\n### Force by strain\n\nIn long steps (`integrator = \"tr_bdf2\"`) materials stiffen as they are pulled, as springs: force \
+        "\n### Force by strain\n\nIn long steps (`integrator = \"tr_bdf2\"`) garments with an `extension` stiffen as they are pulled, here as springs: force \
          per width at shares of the\nlargest strain ([where it comes from](../materials.md#force-by-strain)).\n\n| word | largest \
          strain | at a quarter of it | at half | at three quarters | there | linearity |\n|---|---|---|---|---|---|---|\n",
     );
