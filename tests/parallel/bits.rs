@@ -74,7 +74,12 @@ impl Shot {
             for (a, b) in found.iter().zip(&summaries) {
                 assert_eq!((a.steps, a.cg_iterations), (b.steps, b.cg_iterations), "{count:?}, frame {}", a.frame);
                 let figures = |s: &FrameSummary| [s.kinetic_energy, s.potential_energy, s.dt_min].map(f64::to_bits);
-                assert_eq!((figures(a), &a.max_strain), (figures(b), &b.max_strain), "{count:?}, frame {}", a.frame);
+                assert_eq!(
+                    (figures(a), &a.max_strain, &a.strains),
+                    (figures(b), &b.max_strain, &b.strains),
+                    "{count:?}, frame {}",
+                    a.frame
+                );
                 for (name, amount) in b.metrics.counts() {
                     assert_eq!(a.metrics.counted(name), *amount, "{name}, {count:?}, frame {}", a.frame);
                 }

@@ -19,5 +19,6 @@ mod recovery;
 mod seams;
 mod shear;
 mod statics;
+mod stiffening;
 mod strain_limit;
 mod wind;

@@ -242,5 +242,29 @@ fn materials() -> String {
             m.friction
         );
     }
+    text + &curves()
+}
+
+/// Force by strain of the presets at shares of their largest strain.
+fn curves() -> String {
+    let mut text = String::from(
+        "\n### Force by strain\n\nIn long steps (`integrator = \"tr_bdf2\"`) garments with an `extension` stiffen as they are pulled, here as springs: force \
+         per width at shares of the\nlargest strain ([where it comes from](../materials.md#force-by-strain)).\n\n| word | largest \
+         strain | at a quarter of it | at half | at three quarters | there | linearity |\n|---|---|---|---|---|---|---|\n",
+    );
+    for m in PRESETS {
+        let Ok(Some(curve)) = m.curve() else { continue };
+        let at = |share: f64| {
+            let strain = share * m.strain_limit;
+            (m.stretch_stiffness * strain * curve.factor(strain) * 10.0).round() / 10.0
+        };
+        let [quarter, half, most, there] = [0.25, 0.5, 0.75, 1.0].map(at);
+        let percent = (m.strain_limit * 1e3).round() / 10.0;
+        let _ = writeln!(
+            text,
+            "| `{}` | {percent} % | {quarter} N/m | {half} N/m | {most} N/m | {there} N/m | {} |",
+            m.name, m.linearity
+        );
+    }
     text
 }

@@ -53,6 +53,7 @@ pub fn page(run: &RunFolder) -> String {
     body += &if rows.is_empty() { "<p>No frame is simulated yet.</p>".to_owned() } else { charts::charts(run, &rows) };
     body += "</section>";
     body += &tables::degradations(run, &found);
+    body += &tables::strains(&rows);
     body += &tables::stages(&rows);
     body += &tables::attempts(run);
     body += &tables::provenance(run);

@@ -41,6 +41,34 @@ pub(super) fn degradations(run: &RunFolder, found: &[Degradation]) -> String {
     section("Degradations", "", &heads, &found.iter().map(row).collect::<Vec<_>>())
 }
 
+/// How far each garment was stretched, in the order in which they appear; nothing for runs that do not say it.
+pub(super) fn strains(rows: &[FrameRow]) -> String {
+    let mut worst: Vec<(&str, [(f64, i64); 2])> = Vec::new();
+    for (frame, found) in rows.iter().flat_map(|row| row.strains.iter().map(|found| (row.frame, found))) {
+        let values = [found.largest, found.p99_9].map(|value| (value, frame));
+        match worst.iter_mut().find(|(garment, _)| *garment == found.garment) {
+            Some((_, most)) => {
+                most.iter_mut().zip(values).filter(|(most, value)| value.0 > most.0).for_each(|(m, v)| *m = v)
+            }
+            None => worst.push((&found.garment, values)),
+        }
+    }
+    if worst.is_empty() {
+        return String::new();
+    }
+    let percent = |value: f64| number(format!("{} %", text::digits(100.0 * value)));
+    let line = |(garment, [largest, most]): &(&str, [(f64, i64); 2])| {
+        let frames = [largest.1, most.1].map(|frame| number(frame.to_string()));
+        let [first, second] = frames;
+        vec![words(garment), percent(largest.0), first, percent(most.0), second]
+    };
+    let note = "<p>Extension of edges by their rest lengths at the ends of frames: the most stretched edge, and the one that one in a \
+                thousand exceeds, each in its worst frame.</p>";
+    let heads =
+        [words("garment"), number("largest"), number("in frame"), number("99.9 % stay below"), number("in frame")];
+    section("Strain by garment", note, &heads, &worst.iter().map(line).collect::<Vec<_>>())
+}
+
 /// Where the time went: in a run on several ranks the mean, and the least and the most of one.
 pub(super) fn stages(rows: &[FrameRow]) -> String {
     let mut totals: Vec<StageRow> = Vec::new();

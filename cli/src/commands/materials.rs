@@ -46,8 +46,39 @@ fn list(material: &Material, place: &str) {
         material.stretch_stiffness,
         (1e3 * material.strain_limit).round() / 10.0
     ));
+    plot_curve(material);
     if !material.provenance.is_empty() {
         say::line(format_args!("  {}", material.provenance));
     }
     say::line(format_args!("  from: {place}"));
+}
+
+/// Shares of the largest strain at which the curve is printed, and the length of the bar at the largest strain.
+const SHARES: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
+const BAR: f64 = 40.0;
+
+/// The curve of force by strain as bars, on which cloth that does not stiffen ends at the small line.
+fn plot_curve(material: &Material) {
+    let (Ok(Some(curve)), Some(load)) = (material.curve(), material.load) else { return };
+    say::line(format_args!(
+        "  force by strain in long steps (integrator = \"tr_bdf2\"), linearity {}; | is cloth that does not stiffen",
+        material.linearity
+    ));
+    for strain in SHARES.map(|share| share * material.strain_limit) {
+        let linear = material.stretch_stiffness * strain;
+        let force = linear * curve.factor(strain);
+        let [end, line] = [force, linear].map(|force| (BAR * force / load).round() as usize);
+        let bar: String = (0..=end.max(line))
+            .map(|at| {
+                if at == line {
+                    '|'
+                } else if at < end {
+                    '#'
+                } else {
+                    ' '
+                }
+            })
+            .collect();
+        say::line(format_args!("  {:>6.2} % {force:>7.1} N/m  {}", 100.0 * strain, bar.trim_end()));
+    }
 }

@@ -12,7 +12,7 @@
 #![cfg(feature = "effect-bending")]
 
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
-use crate::effects::springs::{self, FIELDS, SpringElement};
+use crate::effects::springs::{self, FIELDS, SpringElement, Springs};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::settings::Settings;
@@ -35,7 +35,11 @@ stiffness = "5 N/m""#,
 };
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
-    springs::build_effect(settings, context, "bending", across_hinges, false)
+    springs::build_effect(
+        settings,
+        context,
+        &Springs { name: "bending", elements: across_hinges, is_cloth: false, curve: None },
+    )
 }
 
 /// One spring per pair of triangles that share an edge; pairs whose opposite corners coincide have nothing to hold apart.

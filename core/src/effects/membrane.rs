@@ -18,6 +18,9 @@
 //! `β C` on the rate of ε, implicit; β makes `damping_ratio` the fraction of critical damping of a triangle's stiffest motion
 //! with the masses of its corners.
 //!
+//! With `extension` warp and weft stiffen as they are pulled ([`tensile_curve`]): the curve's part beyond the
+//! linear one is added to the stress of each, so that a strip cut along either has that curve exactly. Shear stays linear.
+//!
 //! The warp of a triangle is `grain` projected onto its plane in the rest shape, turned by `grain_angle` about its normal.
 //! Where the grain stands upright on a triangle, the next axis takes its place (z for y, x for z, y for x), so that a sheet
 //! that lies flat and says nothing has its warp along z.
@@ -35,9 +38,10 @@ use std::ops::Range;
 use crate::Vec3;
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
 use crate::effects::springs::smallest_but;
+use crate::effects::tensile_curve::{self, TensileCurve};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
-use element::{Gradients, Moduli, gradients, largest_stiffness};
+use element::{Gradients, Law, Moduli, gradients, largest_stiffness};
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -107,6 +111,9 @@ warp = "50 N/m""#,
             help: "share of the triangles, the thinnest ones, that are softened to the time step of the thickest among \
                    them, so that a few slivers do not set the step of all",
         },
+        tensile_curve::FIELDS[0],
+        tensile_curve::FIELDS[1],
+        tensile_curve::FIELDS[2],
     ],
     needs: &[Need::State],
     elements: "triangles",
@@ -150,20 +157,28 @@ fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Prob
     if grain == Vec3::zeros() {
         return Err(Problem::scene(place, "`grain` has no direction", "write for example grain = [0, 1, 0]"));
     }
-    let moduli = moduli(settings);
+    let (threads, moduli) = moduli(settings);
+    let curves = TensileCurve::of_garment(settings, context, SPEC.name, threads)?;
     let warp = |corners, angle| turned(warp_at_rest(grain, corners), corners, angle);
     let mut elements = elements(settings, context, garment, &moduli, warp);
     let (count, notes) = soften(&mut elements, context, settings.number("thin_triangles"));
     weigh(&mut elements, context, garment);
-    let (forces, bytes) = part_membrane::build(context.scene, &elements, moduli);
+    let (forces, bytes) =
+        part_membrane::build(context.scene, &elements, Law { moduli, curves: paired(threads, curves) });
     Ok(Effect { forces, elements: count, bytes, notes, ..Effect::default() })
 }
 
-fn moduli(settings: &Settings) -> Moduli {
+/// Curves with the stiffness that each is over.
+fn paired(threads: [f64; 2], curves: [Option<TensileCurve>; 2]) -> [Option<(f64, TensileCurve)>; 2] {
+    [0, 1].map(|axis| Some((threads[axis], curves[axis]?)))
+}
+
+/// The stiffness along warp and weft [N/m], and the moduli.
+fn moduli(settings: &Settings) -> ([f64; 2], Moduli) {
     let (warp, poisson) = (settings.number("warp"), settings.number("poisson"));
     let weft = settings.optional("weft").unwrap_or(warp);
     let shear = settings.optional("shear").unwrap_or((warp * weft).sqrt() / (2.0 * (1.0 + poisson)));
-    Moduli::new([warp, weft, shear], poisson)
+    ([warp, weft], Moduli::new([warp, weft, shear], poisson))
 }
 
 /// The direction in a triangle at rest that `grain` means: itself, or the next axis where it stands upright.

@@ -9,6 +9,7 @@ pub mod inputs;
 pub mod registry;
 pub mod spec;
 pub(crate) mod stability;
+pub mod tensile_curve;
 
 pub mod attachments;
 pub mod bending;

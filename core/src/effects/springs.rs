@@ -9,6 +9,7 @@
 mod part_springs;
 
 use crate::effects::spec::{BuildContext, Effect};
+use crate::effects::tensile_curve::TensileCurve;
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
 use crate::parallel::ranks::Ranks;
@@ -87,17 +88,28 @@ fn stiffness_setting(settings: &Settings) -> Result<Stiffness, String> {
     }
 }
 
-/// Makes the effect of the springs that `elements` finds in a garment's mesh; the body of stretch and bending alike.
+/// Which springs an effect has.
+pub(super) struct Springs<'a> {
+    /// The effect.
+    pub(super) name: &'a str,
+    /// What finds them in a garment's mesh.
+    pub(super) elements: fn(&TriangleMesh) -> Vec<SpringElement>,
+    /// Whether their strain is that of the cloth.
+    pub(super) is_cloth: bool,
+    /// How they stiffen as they are pulled, if they do.
+    pub(super) curve: Option<TensileCurve>,
+}
+
+/// Makes the effect of these springs of a garment; the body of stretch and bending alike.
 ///
 /// # Errors
 /// The stiffness is given twice or not at all.
-pub fn build_effect(
+pub(super) fn build_effect(
     settings: &Settings,
     context: &BuildContext<'_>,
-    name: &str,
-    elements: fn(&TriangleMesh) -> Vec<SpringElement>,
-    measures_strain: bool,
+    springs: &Springs<'_>,
 ) -> Result<Effect, Problem> {
+    let Springs { name, elements, is_cloth, curve } = *springs;
     let Some(garment) = context.garment else {
         return Err(Problem::scene(name, "this effect acts on one garment", "move its table under a [[garment]]"));
     };
@@ -115,7 +127,8 @@ pub fn build_effect(
         stiffnesses: &of_springs,
         damping_ratios: &damping_ratios(settings, context, name, &elements),
         shortest,
-        measures_strain,
+        measures_strain: is_cloth,
+        curve,
     };
     let (forces, bytes) = part_springs::build(context.scene, garment, &springs);
     Ok(Effect { forces, elements: lengths.len(), bytes, notes, ..Effect::default() })
@@ -144,6 +157,8 @@ struct SpringNetwork<'a> {
     shortest: f64,
     /// Whether their strain is that of the cloth.
     measures_strain: bool,
+    /// How they stiffen as they are pulled, if they do.
+    curve: Option<TensileCurve>,
 }
 
 /// What the settings make of some springs.

@@ -4,13 +4,15 @@
 //! [garment.stretch]
 //! stiffness = "500 N/m"     # membrane stiffness: the same cloth at every mesh density
 //! damping_ratio = 1.0
+//! extension = "6.1 %"       # stiffens up to 98 N/m at this strain and beyond (`tensile_curve`)
 //! ```
 //!
 //! The paper's scenes write `spring_stiffness = 4.142136` [N] instead: the force of one spring per unit strain, which makes
 //! a finer mesh of the same cloth stiffer. Limits: in-plane stiffness is isotropic and shear follows from the mesh.
 
 use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
-use crate::effects::springs::{self, FIELDS};
+use crate::effects::springs::{self, Springs};
+use crate::effects::tensile_curve::{self, TensileCurve};
 use crate::error::Problem;
 use crate::settings::Settings;
 
@@ -21,7 +23,15 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     example: r#"[garment.stretch]
 stiffness = "300 N/m""#,
-    fields: FIELDS,
+    fields: &[
+        springs::FIELDS[0],
+        springs::FIELDS[1],
+        springs::FIELDS[2],
+        springs::FIELDS[3],
+        tensile_curve::FIELDS[0],
+        tensile_curve::FIELDS[1],
+        tensile_curve::FIELDS[2],
+    ],
     needs: &[Need::State],
     elements: "springs",
     maps: &[MapSpec::of("stretch"), MapSpec::of("stretch_damping")],
@@ -33,5 +43,18 @@ stiffness = "300 N/m""#,
 };
 
 fn build(settings: &Settings, context: &BuildContext<'_>) -> Result<Effect, Problem> {
-    springs::build_effect(settings, context, "stretch", springs::along_edges, true)
+    let curve = match settings.optional("stiffness") {
+        Some(stiffness) => TensileCurve::of_garment(settings, context, "stretch", [stiffness])?[0],
+        None if settings.optional("extension").is_some() => {
+            let what = "`extension` belongs to the stiffness of cloth, not to that of single springs";
+            let advice = "give `stiffness` (N/m) in the place of `spring_stiffness`";
+            return Err(Problem::scene("stretch", what, advice));
+        }
+        None => None,
+    };
+    springs::build_effect(
+        settings,
+        context,
+        &Springs { name: "stretch", elements: springs::along_edges, is_cloth: true, curve },
+    )
 }

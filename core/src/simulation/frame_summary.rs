@@ -4,14 +4,18 @@ use std::cmp::Ordering;
 use std::sync::Arc;
 
 use super::recovery::is_finite;
-use super::{BrokenAttachment, FrameSummary, Simulation, StrainRecord};
+use super::{BrokenAttachment, FrameSummary, GarmentStrains, Simulation, StrainRecord};
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{ForceContext, PartView};
 use crate::error::StepError;
+use crate::mesh::TriangleMesh;
 use crate::parallel::message::codec;
 use crate::parallel::reduce::weighted_dot;
 use crate::state::State;
 use crate::step::Dynamics;
+
+/// One edge in so many is left out of [`GarmentStrains::p99_9`].
+const EDGES_FOR_ONE: u64 = 1000;
 
 /// A vertex whose attachment broke; ordered by the pin.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
@@ -49,6 +53,12 @@ struct BrokenVertex {
     vertex: u32,
 }
 
+/// Strain of an edge that is among the most stretched.
+struct LargeStrain {
+    strain: f64,
+}
+
+codec!(struct LargeStrain { strain });
 codec!(struct BrokenTarget { pin, garment, vertex });
 codec!(struct StrainedEdge { strain, numbers, garment, vertices });
 codec!(struct BrokenVertex { number, garment, vertex });
@@ -73,6 +83,9 @@ impl Simulation {
         }
         [summary.kinetic_energy, summary.potential_energy] = parts.join_parts(&[&kinetic, &potential]);
         summary.max_strain = self.largest_strain();
+        if summary.max_strain.is_some() {
+            summary.strains = self.garment_strains();
+        }
         summary.between_pins = self.strain_between_pins();
         self.crossings = self.find_crossings();
         if self.contacts.cloth.as_ref().is_some_and(SelfContact::keeps_free) {
@@ -129,6 +142,32 @@ impl Simulation {
     /// The most stretched edge of all ranks; among equal ones that with the smallest numbers.
     pub(super) fn largest_strain(&self) -> Option<StrainRecord> {
         self.largest_of(self.dynamics.forces.iter().flatten().filter_map(|f| f.largest_strain(&self.cloth.state.x)))
+    }
+
+    /// The largest strain of each garment's edges, and that which one edge in a thousand exceeds.
+    fn garment_strains(&self) -> Vec<GarmentStrains> {
+        let (scene, ranks, x) = (&self.scene, self.ranks(), &self.cloth.state.x);
+        let parts = scene.parts();
+        let strains = |(garment, mesh): (usize, &TriangleMesh)| {
+            let first = parts.garment(garment).start;
+            // Each edge counts at the rank that owns its first vertex.
+            let ends = mesh.edges().iter().map(|edge| (edge, edge.vertices.map(|v| first + v as usize)));
+            let own = ends.filter(|(_, ends)| parts.own().contains(&ends[0].min(ends[1])));
+            let strain = |(edge, [a, b]): (&_, [usize; 2])| (x[b] - x[a]).norm() / mesh.rest_length(*edge) - 1.0;
+            let mut here: Vec<f64> = own.map(strain).collect();
+            let [count] = ranks.sum_of([here.len() as u64]);
+            // Those that exceed the quantile, and itself.
+            let exceeding = (count / EDGES_FOR_ONE) as usize;
+            here.sort_unstable_by(|a, b| b.total_cmp(a));
+            here.truncate(exceeding + 1);
+            let here = here.into_iter().map(|strain| LargeStrain { strain }).collect();
+            let all = ranks.all_gather_encoded("largest strains", here);
+            let mut all: Vec<f64> = all.into_iter().map(|LargeStrain { strain }| strain).collect();
+            all.sort_unstable_by(|a, b| b.total_cmp(a));
+            let garment = scene.description().garments[garment].name.clone();
+            Some(GarmentStrains { garment, largest: *all.first()?, p99_9: *all.get(exceeding)? })
+        };
+        scene.meshes().iter().enumerate().filter_map(strains).collect()
     }
 
     /// The most stretched of these edges of all ranks, given by strain and local vertices; likewise.

@@ -85,6 +85,17 @@ pub struct StrainRecord {
     pub strain: f64,
 }
 
+/// How far a garment's edges are stretched at the end of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GarmentStrains {
+    /// Name of the garment.
+    pub garment: String,
+    /// Relative change of length of its most stretched edge.
+    pub largest: f64,
+    /// The same of the edge that one in a thousand exceeds.
+    pub p99_9: f64,
+}
+
 /// An attachment that broke.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BrokenAttachment {
@@ -113,6 +124,8 @@ pub struct FrameSummary {
     pub metrics: Metrics,
     /// The most stretched edge at the end of the frame.
     pub max_strain: Option<StrainRecord>,
+    /// Strains of each garment's edges at the end of the frame, if any effect resists stretching.
+    pub strains: Vec<GarmentStrains>,
     /// The most stretched edge between two vertices that hard pins hold in all directions, likewise.
     pub between_pins: Option<StrainRecord>,
     /// Kinetic energy at the end of the frame [J].
@@ -138,6 +151,7 @@ impl FrameSummary {
             cg_iterations: 0,
             metrics: Metrics::default(),
             max_strain: None,
+            strains: Vec::new(),
             between_pins: None,
             kinetic_energy: 0.0,
             potential_energy: 0.0,

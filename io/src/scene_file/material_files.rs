@@ -14,6 +14,9 @@
 //! weft = "250 N/m"              # stretch_stiffness
 //! shear = "60 N/m"              # that of a sheet alike in all directions with a Poisson's ratio of 0.25
 //! strain_limit = "8 %"          # 10 %
+//! # The curve of force by strain in long steps: what it carries at the largest strain. Left out, it does not stiffen.
+//! load = "490 N/m"              # none
+//! linearity = 0.65              # 0.6
 //! ```
 
 use std::borrow::Cow;
@@ -37,6 +40,9 @@ const ENDING: &str = "toml";
 const POISSON: f64 = 0.25;
 const STRAIN_LIMIT: f64 = 0.1;
 
+/// Linearity of a curve of which only the load is said.
+const LINEARITY: f64 = 0.6;
+
 /// A material file as it is written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -54,6 +60,8 @@ struct MaterialFile {
     weft: Option<Quantity>,
     shear: Option<Quantity>,
     strain_limit: Option<Quantity>,
+    load: Option<Quantity>,
+    linearity: Option<Quantity>,
     /// Where the numbers come from.
     #[serde(default)]
     provenance: String,
@@ -149,6 +157,8 @@ pub(super) fn read(
         membrane,
         bending_rigidity: number("bending_rigidity", &file.bending_rigidity, Dimension::BendingRigidity, false)?,
         strain_limit: or("strain_limit", &file.strain_limit, Dimension::None, STRAIN_LIMIT)?,
+        load: file.load.as_ref().map(|load| number("load", load, Dimension::Stiffness, false)).transpose()?,
+        linearity: or("linearity", &file.linearity, Dimension::None, LINEARITY)?,
         damping_ratio: number("damping_ratio", &file.damping_ratio, Dimension::None, true)?,
         friction: number("friction", &file.friction, Dimension::None, true)?,
         summary: Cow::Owned(file.summary),
@@ -207,6 +217,23 @@ mod tests {
         let again = resolve(&folder, &[]).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(format!("{:?}", again.scene.garments), format!("{:?}", shot.scene.garments));
         assert_eq!(format!("{:?}", again.scene.bodies), format!("{:?}", shot.scene.bodies));
+    }
+
+    #[test]
+    fn a_material_completes_the_curve_of_a_garment_that_asks_for_one_where_its_own_stiffness_counts() {
+        let stiffening = format!("{VELVET}load = \"490 N/m\"\n");
+        let brought = |material: &str, more: &str| {
+            let folder =
+                folder(&format!("{SCENE}{more}[solver]\nintegrator = \"tr_bdf2\"\n"), &[("velvet.toml", material)]);
+            let shot = resolve(&folder, &["cloth"]).unwrap_or_else(|error| panic!("{error}"));
+            let has = |start: &str| shot.resolved.lines().any(|line| line.starts_with(start));
+            ["load = 490.0 ", "linearity = 0.6 "].map(has)
+        };
+        assert_eq!(brought(&stiffening, "[garment.stretch]\nextension = 0.08\n"), [true; 2]);
+        assert_eq!(brought(&stiffening, "[garment.membrane]\nextension = 0.08\n"), [true; 2]);
+        assert_eq!(brought(&stiffening, ""), [false; 2]);
+        assert_eq!(brought(VELVET, "[garment.stretch]\nextension = 0.08\n"), [false; 2]);
+        assert_eq!(brought(&stiffening, "[garment.stretch]\nextension = 0.08\nstiffness = 200\n"), [false; 2]);
     }
 
     #[test]

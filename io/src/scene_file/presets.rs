@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-use drapery_core::scene::{SolverPreset, names};
+use drapery_core::scene::{Integrator, SolverPreset, names};
 use drapery_core::settings::SettingValue;
 
 use crate::materials::{self, Material, MaterialEffect, MaterialSetting, TakesPart};
@@ -69,21 +69,23 @@ type Used = (Vec<Option<Cow<'static, Material>>>, Vec<PathBuf>);
 /// Fills the garments and returns the materials they use.
 fn fill_materials(root: &mut Node, sources: &mut Sources, folders: &[PathBuf]) -> Result<Used, SceneFileError> {
     let (mut used, mut files) = (Vec::new(), Vec::new());
+    let integrator = root.as_table().and_then(|t| t.get("solver")?.as_table()?.get("integrator")?.as_text());
+    let long_steps = integrator == Some(Integrator::WORDS[Integrator::TrBdf2 as usize].name);
     let Some(Node { value: Value::Array(garments), .. }) = root.as_table_mut().and_then(|t| t.get_mut("garment"))
     else {
         return Ok((used, files));
     };
     for garment in garments {
-        used.push(fill_from_material(garment, sources, folders, &mut files)?);
+        used.push(fill_from_material(garment, sources, (folders, long_steps), &mut files)?);
     }
     Ok((used, files))
 }
 
-/// Fills a garment from its material and returns that; adds the file that it was read from.
+/// Fills a garment from its material, looked for in these folders, for long steps or short ones, and returns that; adds the file that it was read from.
 fn fill_from_material(
     garment: &mut Node,
     sources: &mut Sources,
-    folders: &[PathBuf],
+    (folders, long_steps): (&[PathBuf], bool),
     files: &mut Vec<PathBuf>,
 ) -> Result<Option<Cow<'static, Material>>, SceneFileError> {
     let place = garment.place.clone();
@@ -104,7 +106,7 @@ fn fill_from_material(
         }
         (None, None) => return Err(unknown_material(name, name_place, sources, folders)),
     };
-    fill_garment(table, &material, &place);
+    fill_garment(table, &material, long_steps, &place);
     Ok(Some(material))
 }
 
@@ -115,7 +117,7 @@ fn unknown_material(name: &str, place: &Place, sources: &Sources, folders: &[Pat
     sources.error(place, format!("there is no material `{name}`"), Some(suggestion(name, &names)))
 }
 
-fn fill_garment(table: &mut Table, material: &Material, place: &Place) {
+fn fill_garment(table: &mut Table, material: &Material, long_steps: bool, place: &Place) {
     let origin = Origin::Material(material.name.to_string());
     if table.get("total_mass").is_none() {
         table.fill("density", Value::Float(material.density), place, origin.clone());
@@ -123,6 +125,7 @@ fn fill_garment(table: &mut Table, material: &Material, place: &Place) {
     table.fill("thickness", Value::Float(material.thickness), place, origin);
     let has = |table: &Table, effect: &str| table.get(effect).is_some();
     for MaterialEffect { effect, takes_part, settings } in &materials::EFFECTS {
+        let settings = settings.iter().filter(|setting| long_steps || !setting.in_long_steps);
         let takes_part = match takes_part {
             TakesPart::IfAskedFor => has(table, effect),
             TakesPart::Unless(other) => !has(table, other),
@@ -134,15 +137,23 @@ fn fill_garment(table: &mut Table, material: &Material, place: &Place) {
 }
 
 /// Fills in settings of an effect of a garment, and asks for the effect.
-fn fill_effect(garment: &mut Table, effect: &str, settings: &[MaterialSetting], material: &Material, place: &Place) {
+fn fill_effect<'a>(
+    garment: &mut Table,
+    effect: &str,
+    settings: impl Iterator<Item = &'a MaterialSetting>,
+    material: &Material,
+    place: &Place,
+) {
     let origin = Origin::Material(material.name.to_string());
     garment.fill(effect, Value::Table(Table::default()), place, origin.clone());
     let Some(table) = garment.get_mut(effect).and_then(Node::as_table_mut) else {
         return;
     };
-    for MaterialSetting { key, unless, value } in settings {
-        if unless.is_none_or(|other| table.get(other).is_none()) {
-            table.fill(key, Value::Float(value(material)), place, origin.clone());
+    for MaterialSetting { key, unless, in_long_steps, value } in settings {
+        let is_asked_for = !in_long_steps || table.get("extension").is_some();
+        let counts = is_asked_for && unless.iter().all(|other| table.get(other).is_none());
+        if let Some(value) = value(material).filter(|_| counts) {
+            table.fill(key, Value::Float(value), place, origin.clone());
         }
     }
 }

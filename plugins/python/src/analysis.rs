@@ -181,6 +181,8 @@ fn as_dict<'py>(py: Python<'py>, material: Material, file: Option<PathBuf>) -> P
     found.set_item("shear", shear)?;
     found.set_item("bending_rigidity", material.bending_rigidity)?;
     found.set_item("strain_limit", material.strain_limit)?;
+    found.set_item("load", material.load)?;
+    found.set_item("linearity", material.linearity)?;
     found.set_item("damping_ratio", material.damping_ratio)?;
     found.set_item("friction", material.friction)?;
     found.set_item("provenance", &*material.provenance)?;

@@ -74,6 +74,8 @@ pub struct FrameRow {
     pub cg_iterations: u64,
     /// Most stretched edge.
     pub max_strain: Option<StrainRow>,
+    /// Strains of each garment's edges.
+    pub strains: Vec<GarmentStrainsRow>,
     /// Most stretched edge between two pinned vertices, if any are neighbours.
     pub strain_between_pins: Option<StrainRow>,
     /// Energy of motion [J].
@@ -105,6 +107,18 @@ pub struct StrainRow {
     pub vertices: Vec<u64>,
     /// Extension by rest length.
     pub strain: f64,
+}
+
+/// How far a garment's edges are stretched at the end of a frame.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct GarmentStrainsRow {
+    /// The garment.
+    pub garment: String,
+    /// Extension of its most stretched edge, by rest length.
+    pub largest: f64,
+    /// The same of the edge that one in a thousand exceeds.
+    pub p99_9: f64,
 }
 
 /// Seconds of a stage.

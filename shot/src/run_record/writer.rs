@@ -5,7 +5,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use drapery_core::metrics::Metrics;
-use drapery_core::simulation::{BrokenAttachment, FrameSummary, Recovery, StrainRecord};
+use drapery_core::simulation::{BrokenAttachment, FrameSummary, GarmentStrains, Recovery, StrainRecord};
 use drapery_io::error::IoError;
 use drapery_io::memory::resident_bytes;
 use serde_json::{Value, json};
@@ -113,6 +113,7 @@ pub(crate) fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
 /// Everything that was measured in one frame; `spent` is what reading and writing took and counted.
 pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64) -> Value {
     let strain = |strain: &StrainRecord| json!({"garment": strain.garment, "vertices": strain.vertices, "strain": strain.strain});
+    let strains = |of: &GarmentStrains| json!({"garment": of.garment, "largest": of.largest, "p99_9": of.p99_9});
     let mut all = summary.metrics.clone();
     spent.counts().iter().for_each(|(name, amount)| all.add_count(name.clone(), *amount));
     // What the solver took is in its own stages.
@@ -127,6 +128,7 @@ pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64
         "dt_max": summary.dt_max,
         "cg_iterations": summary.cg_iterations,
         "max_strain": summary.max_strain.as_ref().map(strain),
+        "strains": summary.strains.iter().map(strains).collect::<Vec<_>>(),
         "kinetic_energy": summary.kinetic_energy,
         "potential_energy": summary.potential_energy,
         "body_self_crossings": summary.body_self_crossings,

@@ -7,6 +7,7 @@
 use nalgebra::{Matrix2, Matrix3, SymmetricEigen, Vector2};
 
 use crate::Vec3;
+use crate::effects::tensile_curve::TensileCurve;
 use crate::parallel::simd4::Simd4;
 use crate::tolerances::FLAT_TRIANGLE;
 
@@ -42,6 +43,41 @@ impl Moduli {
     pub(super) fn energy(&self, strain: [f64; 3]) -> f64 {
         let stress = self.stress(strain);
         0.5 * (stress[0] * strain[0] + stress[1] * strain[1] + stress[2] * strain[2])
+    }
+}
+
+/// A membrane's law: what linear cloth resists with, and how it stiffens as it is pulled along warp and weft.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Law {
+    pub(super) moduli: Moduli,
+    /// For warp and weft: force by strain of a pulled strip [N/m], and its curve over that.
+    pub(super) curves: [Option<(f64, TensileCurve)>; 2],
+}
+
+impl Law {
+    /// Stress [N/m] along warp, weft and of shear, by the strains.
+    pub(super) fn stress(&self, strain: [f64; 3]) -> [f64; 3] {
+        let mut stress = self.moduli.stress(strain);
+        for ((stress, strain), curve) in stress.iter_mut().zip(strain).zip(&self.curves) {
+            if let Some((modulus, curve)) = curve.as_ref().filter(|_| strain > 0.0) {
+                *stress += modulus * strain * (curve.factor(strain) - 1.0);
+            }
+        }
+        stress
+    }
+
+    /// Energy by area [J/m²].
+    pub(super) fn energy(&self, strain: [f64; 3]) -> f64 {
+        let stiffened = self.curves.iter().zip(strain).filter_map(|(curve, strain)| {
+            let (modulus, curve) = curve.as_ref()?;
+            Some(modulus * curve.extra_energy(strain))
+        });
+        stiffened.fold(self.moduli.energy(strain), |energy, more| energy + more)
+    }
+
+    /// What the curves add to the slopes of stress by strain along warp and weft [N/m].
+    fn rises(&self, strain: [f64; 3]) -> [f64; 2] {
+        [0, 1].map(|axis| self.curves[axis].as_ref().map_or(0.0, |(modulus, curve)| modulus * curve.rise(strain[axis])))
     }
 }
 
@@ -154,11 +190,14 @@ pub(super) struct Blocks {
     normal: Vec3,
     /// Resistance of each pair of corners to displacements across the triangle [N/m³]: (0, 1), (0, 2), (1, 2).
     across: [f64; 3],
+    /// What stiffening adds to the moduli along warp and weft [N/m].
+    rises: [f64; 2],
 }
 
 impl Blocks {
     /// The blocks in the frame and strain of [`Frame::of`], where the stress is `stress` [N/m].
-    pub(super) fn new(frame: &Frame, gradients: &Gradients, strain: [f64; 3], stress: [f64; 3]) -> Self {
+    pub(super) fn new(frame: &Frame, gradients: &Gradients, strain: [f64; 3], law: &Law) -> Self {
+        let (stress, rises) = (law.stress(strain), law.rises(strain));
         let axis = |k: usize| Simd4::from(&Vec3::ith(k, 1.0));
         let of_corner = |moved: &dyn Fn(Simd4) -> [Simd4; 2]| {
             Matrix3::from_columns(&[0, 1, 2].map(|k| Vec3::from(frame.rates(gradients, moved(axis(k))))))
@@ -179,13 +218,14 @@ impl Blocks {
         let g = [-g1 - g2, g1, g2];
         let across = [[0, 1], [0, 2], [1, 2]].map(|[a, b]| g[a].dot(&(tension * g[b])));
         let normal = along.cross(&other).try_normalize(0.0).unwrap_or_default();
-        Self { strains: [-second - third, second, third], normal, across }
+        Self { strains: [-second - third, second, third], normal, across, rises }
     }
 
     /// Minus the blocks of the pairs (0, 1), (0, 2) and (1, 2): `elastic` times the moduli, and `tension` times what resists
-    /// across.
+    /// across and what stiffening adds.
     pub(super) fn couplings(&self, moduli: &Moduli, elastic: f64, tension: f64) -> [Matrix3<f64>; 3] {
-        let moduli = moduli.matrix() * -elastic;
+        let mut moduli = moduli.matrix() * -elastic;
+        self.rises.iter().enumerate().for_each(|(axis, rise)| moduli[(axis, axis)] -= tension * rise);
         let across = self.normal * self.normal.transpose() * -tension;
         let pairs = [[0, 1], [0, 2], [1, 2]].into_iter().zip(self.across);
         let mut blocks = [Matrix3::zeros(); 3];

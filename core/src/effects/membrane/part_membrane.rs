@@ -6,7 +6,7 @@ use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
 use crate::effects::membrane::TriangleElement;
-use crate::effects::membrane::element::{Blocks, Frame, Gradients, Moduli, largest_stiffness, rest_edges};
+use crate::effects::membrane::element::{Blocks, Frame, Gradients, Law, largest_stiffness, rest_edges};
 use crate::elements::corners::{add, by_part, gather, outside, own_fraction};
 use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
@@ -28,7 +28,7 @@ struct Triangle {
 struct PartMembrane {
     /// First vertex of the part.
     start: usize,
-    moduli: Moduli,
+    law: Law,
     triangles: Vec<Triangle>,
     /// Vertices of other parts, ascending.
     neighbours: Vec<u32>,
@@ -39,7 +39,7 @@ struct PartMembrane {
 }
 
 /// Sorts the triangles into this rank's parts.
-pub(super) fn build(scene: &Scene, elements: &[TriangleElement], moduli: Moduli) -> (Vec<PartForce>, usize) {
+pub(super) fn build(scene: &Scene, elements: &[TriangleElement], law: Law) -> (Vec<PartForce>, usize) {
     let (parts, masses) = (scene.parts(), scene.masses());
     let entries = by_part(parts, elements.iter().map(|element| element.corners));
     let mut bytes = 0;
@@ -61,7 +61,7 @@ pub(super) fn build(scene: &Scene, elements: &[TriangleElement], moduli: Moduli)
         let thinnest = triangles.iter().map(length).fold(0.0, f64::max);
         bytes += triangles.len() * size_of::<Triangle>() + neighbours.len() * size_of::<u32>();
         let (start, slots) = (range.start, Vec::new());
-        built.push((group[0].0, Box::new(PartMembrane { start, moduli, triangles, neighbours, thinnest, slots })));
+        built.push((group[0].0, Box::new(PartMembrane { start, law, triangles, neighbours, thinnest, slots })));
     }
     (built, bytes)
 }
@@ -91,7 +91,7 @@ impl Force for PartMembrane {
         for triangle in &mut self.triangles {
             let (frame, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
             triangle.frame = frame;
-            let stress = self.moduli.stress(strain).map(|stress| -stress * triangle.weight);
+            let stress = self.law.stress(strain).map(|stress| -stress * triangle.weight);
             add(self.start, triangle.corners, balanced(frame.forces(&triangle.gradients, stress)), f);
         }
     }
@@ -107,11 +107,10 @@ impl Force for PartMembrane {
     fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
         for (triangle, slots) in self.triangles.iter().zip(&self.slots) {
             let (frame, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
-            let stress = self.moduli.stress(strain);
-            let blocks = Blocks::new(&frame, &triangle.gradients, strain, stress);
+            let blocks = Blocks::new(&frame, &triangle.gradients, strain, &self.law);
             let tension = factors.stiffness * triangle.weight;
             let elastic = tension + factors.damping * triangle.damping;
-            let couplings = blocks.couplings(&self.moduli, elastic, tension);
+            let couplings = blocks.couplings(&self.law.moduli, elastic, tension);
             slots.iter().zip(&couplings).for_each(|(slot, coupling)| rows.add_coupling(*slot, coupling));
         }
     }
@@ -124,7 +123,7 @@ impl Force for PartMembrane {
         for triangle in &self.triangles {
             let [a, b, c] = gather(self.start, triangle.corners, motion.own_v, motion.v);
             let rates = triangle.frame.rates(&triangle.gradients, [b - a, c - a]);
-            let stress = self.moduli.stress(rates).map(|stress| -stress * triangle.damping);
+            let stress = self.law.moduli.stress(rates).map(|stress| -stress * triangle.damping);
             add(self.start, triangle.corners, balanced(triangle.frame.forces(&triangle.gradients, stress)), f);
         }
     }
@@ -133,7 +132,7 @@ impl Force for PartMembrane {
         // A quadratic form is no more than its largest eigenvalue times the square of the motion. Adding that up over the
         // triangles of a vertex bounds the whole cloth, with ω² ≤ max Σ / m: steps are proven stable up to a CFL number of 4.
         for triangle in &self.triangles {
-            let stiffness = triangle.weight * largest_stiffness(&triangle.gradients, &self.moduli);
+            let stiffness = triangle.weight * largest_stiffness(&triangle.gradients, &self.law.moduli);
             for corner in triangle.corners {
                 if let Some(sum) = sums.get_mut((corner as usize).wrapping_sub(self.start)) {
                     *sum += stiffness;
@@ -165,7 +164,7 @@ impl Force for PartMembrane {
         let own = view.start..view.start + view.masses.len();
         let energy = |triangle: &Triangle| {
             let (_, strain) = Frame::of(&triangle.gradients, edges(triangle, view.x));
-            self.moduli.energy(strain) * triangle.weight * own_fraction(&own, triangle.corners)
+            self.law.energy(strain) * triangle.weight * own_fraction(&own, triangle.corners)
         };
         self.triangles.iter().map(energy).sum()
     }

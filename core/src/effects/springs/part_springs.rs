@@ -10,6 +10,7 @@ use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
 use crate::effects::springs::SpringNetwork;
+use crate::effects::tensile_curve::TensileCurve;
 use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
@@ -64,6 +65,8 @@ struct PartSprings {
     slots: Vec<Slot>,
     /// Whether the strain of these springs is the strain of the cloth.
     measures_strain: bool,
+    /// How all of them stiffen as they are pulled, by their stiffness at rest; `None` where they do not.
+    curve: Option<TensileCurve>,
     /// The smallest rest length that counts for rates of strain [m]: softened springs count as the shortest of the others.
     shortest: f64,
 }
@@ -75,7 +78,7 @@ type Entry = (usize, usize, usize);
 
 /// Sorts the springs of a garment into its parts.
 pub(super) fn build(scene: &Scene, garment: usize, network: &SpringNetwork<'_>) -> (Vec<PartForce>, usize) {
-    let SpringNetwork { elements, stiffnesses, damping_ratios, shortest, measures_strain } = *network;
+    let SpringNetwork { elements, stiffnesses, damping_ratios, shortest, measures_strain, curve } = *network;
     let (parts, masses) = (scene.parts(), scene.masses());
     let first = parts.garment(garment).start;
     let part_of = |vertex: usize| parts.own().contains(&vertex).then(|| parts.part_of(vertex));
@@ -95,7 +98,7 @@ pub(super) fn build(scene: &Scene, garment: usize, network: &SpringNetwork<'_>) 
     for group in entries.chunk_by(|a, b| a.0 == b.0) {
         let range = parts.ranges()[group[0].0].clone();
         let (inner, border) = group.split_at(group.partition_point(|(_, across, _)| !across));
-        let mut springs = PartSprings { start: range.start, measures_strain, ..PartSprings::default() };
+        let mut springs = PartSprings { start: range.start, measures_strain, curve, ..PartSprings::default() };
         let mut add = |own: usize, other: usize, number: usize| {
             let element = &elements[number];
             let k = stiffnesses[number];
@@ -235,7 +238,7 @@ impl Fraction {
 
 impl Rows<'_, &mut [f64]> {
     /// Adds the tension of every spring to its ends and keeps c / l².
-    fn update<const N: usize>(&mut self, x: &[Simd4], f: &mut [Simd4]) {
+    fn update<const N: usize>(&mut self, curve: Option<&TensileCurve>, x: &[Simd4], f: &mut [Simd4]) {
         let x = &x[..f.len()];
         let others = self.others.as_chunks::<N>().0;
         let spans = self.vertices.chunks(SPAN).zip(others.chunks(SPAN)).enumerate();
@@ -255,8 +258,11 @@ impl Rows<'_, &mut [f64]> {
                 &self.stiffness[springs.clone()],
                 &self.rest_length[springs.clone()],
                 &self.damping[springs.clone()],
-                &mut self.scaled_damping[springs],
+                &mut self.scaled_damping[springs.clone()],
             );
+            if let Some(curve) = curve {
+                stiffen(curve, &mut pulls.as_flattened_mut()[..springs.len()], &self.stiffness[springs]);
+            }
             for ((i, others), pulls) in vertices.iter().zip(others).zip(&pulls) {
                 let i = usize::from(*i);
                 let xi = x[i];
@@ -290,6 +296,17 @@ fn pull(lengths: &mut [f64], stiffness: &[f64], rest: &[f64], damping: &[f64], s
         // k (l - l0) / l, without a second division.
         *length = k * (1.0 - rest * (squared.sqrt() * inverse));
         *scaled = c * inverse;
+    }
+}
+
+/// Takes springs that are pulled from the tension of linear ones over length [N/m] to that of the curve.
+fn stiffen(curve: &TensileCurve, pulls: &mut [f64], stiffness: &[f64]) {
+    for (pull, k) in pulls.iter_mut().zip(stiffness) {
+        // k (l − l0) / l says the strain. Ends that coincide pull along nothing, with k.
+        if *pull > 0.0 && *pull < *k {
+            let share = *pull / k;
+            *pull *= curve.factor(share / (1.0 - share));
+        }
     }
 }
 
@@ -343,6 +360,7 @@ impl Force for PartSprings {
 
     fn update(&mut self, view: &PartView<'_>, own: &[Simd4], f: &mut [Simd4]) {
         let (mut row, mut spring) = (0, 0);
+        let curve = self.curve.as_ref();
         for group in &self.groups {
             let (rows, springs) = (row..row + group.count, spring..spring + group.count * group.length);
             (row, spring) = (rows.end, springs.end);
@@ -355,10 +373,10 @@ impl Force for PartSprings {
                 scaled_damping: &mut self.scaled_damping[springs],
             };
             match group.length {
-                1 => rows.update::<1>(own, f),
-                2 => rows.update::<2>(own, f),
-                3 => rows.update::<3>(own, f),
-                _ => rows.update::<ROW>(own, f),
+                1 => rows.update::<1>(curve, own, f),
+                2 => rows.update::<2>(curve, own, f),
+                3 => rows.update::<3>(curve, own, f),
+                _ => rows.update::<ROW>(curve, own, f),
             }
         }
         let first = self.inner.len();
@@ -372,6 +390,9 @@ impl Force for PartSprings {
                 let [stiffness, rest, damping] =
                     [&self.stiffness, &self.rest_length, &self.damping].map(|all| &all[spring.clone()]);
                 pull(&mut length, stiffness, rest, damping, &mut scaled[spring]);
+                if let Some(curve) = curve {
+                    stiffen(curve, &mut length, stiffness);
+                }
                 f[i] += u * length[0];
             }
         }
@@ -393,8 +414,13 @@ impl Force for PartSprings {
             if squared > 0.0 {
                 let (length, stiffness) = (squared.sqrt(), factors.stiffness * self.stiffness[s]);
                 // Compressed springs push sideways: that part is negative, and left out.
-                let across = stiffness * (1.0 - self.rest_length[s] / length).max(0.0);
-                let along = stiffness + factors.damping * self.damping[s];
+                let mut across = stiffness * (1.0 - self.rest_length[s] / length).max(0.0);
+                let mut along = stiffness + factors.damping * self.damping[s];
+                if let Some(curve) = self.curve.as_ref().filter(|_| across > 0.0) {
+                    let strain = length / self.rest_length[s] - 1.0;
+                    across *= curve.factor(strain);
+                    along += stiffness * curve.rise(strain);
+                }
                 rows.add_spring(*slot, &(apart / length), along, across);
             }
         }
@@ -472,7 +498,8 @@ impl Force for PartSprings {
         let energy = |(i, j, s, across): (usize, usize, usize, bool)| {
             let (k, rest) = (self.stiffness[s], self.rest_length[s]);
             let stretch = (view.x[j] - view.x[i]).norm() - rest;
-            0.5 * k * stretch * stretch * if across { 0.5 } else { 1.0 }
+            let stiffened = self.curve.as_ref().map_or(0.0, |curve| curve.extra_energy(stretch / rest) * rest * rest);
+            (0.5 * k * stretch * stretch + k * stiffened) * if across { 0.5 } else { 1.0 }
         };
         self.ends().map(energy).sum()
     }

@@ -4,7 +4,7 @@ use super::*;
 use crate::effects::registry::build_all;
 use crate::mesh::PolygonMesh;
 use crate::pins::PinTargets;
-use crate::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
+use crate::scene::{EffectRequest, GarmentDescription, Integrator, Scene, SceneDescription};
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
 
@@ -19,6 +19,7 @@ fn scene(effects: &[EffectRequest]) -> Scene {
         corners.flat_map(|k| [[k, k + N as u32, k + 1], [k + 1, k + N as u32, k + 1 + N as u32]]).collect();
     let mesh = PolygonMesh::from_triangles((0..N * N).map(at).collect(), &triangles);
     let mut description = SceneDescription::new("matrix");
+    description.solver.integrator = Integrator::TrBdf2;
     description.garments.push(GarmentDescription::new("sheet", mesh, 0.2));
     description.effects.extend(effects.iter().cloned());
     Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
@@ -103,6 +104,62 @@ fn the_matrix_of_stretched_springs_is_the_slope_of_their_force() {
         assert!(scene.parts().count() > 1, "some springs cross a border");
         let (x, s) = (stretched(&scene), direction(N * N));
         assert_same(effect, &products(&scene, [&x, &vec![Vec3::zeros(); N * N], &s], STIFFNESS));
+    }
+}
+
+/// Cloth that stiffens up to 490 N/m at a strain of which a third to a half is reached, and at one that is far exceeded, where
+/// it goes straight on.
+fn stiffening(effect: &str, stiffness: &str) -> [EffectRequest; 2] {
+    let cloth = EffectRequest::of_garment(effect, 0).with(stiffness, 200.0).with("load", 490.0).with("linearity", 0.6);
+    [0.5, 0.1].map(|extension| cloth.clone().with("extension", extension))
+}
+
+#[test]
+fn the_matrix_of_springs_that_stiffen_is_the_slope_of_their_force() {
+    for effect in stiffening("stretch", "stiffness") {
+        let scene = scene(&[effect]);
+        let (x, s) = (stretched(&scene), direction(N * N));
+        assert_same("stretch", &products(&scene, [&x, &vec![Vec3::zeros(); N * N], &s], STIFFNESS));
+    }
+}
+
+#[test]
+fn the_matrix_of_a_membrane_that_stiffens_is_the_slope_of_its_force_where_it_is_stretched_and_not_turned() {
+    for effect in stiffening("membrane", "warp") {
+        let scene = scene(&[effect.with("weft", 90.0)]);
+        let map = |by: [f64; 3]| -> Vec<Vec3> {
+            scene.start_state()[0].iter().map(|x| x.component_mul(&Vec3::from(by))).collect()
+        };
+        let (x, s) = (map([1.3, 1.0, 1.4]), map([1.0, 0.0, -0.4]));
+        assert_same("membrane", &products(&scene, [&x, &vec![Vec3::zeros(); N * N], &s], STIFFNESS));
+    }
+}
+
+#[test]
+fn the_force_of_cloth_that_stiffens_is_the_slope_of_its_energy() {
+    let weft = |effect: EffectRequest| effect.with("weft", 90.0);
+    for effect in stiffening("stretch", "stiffness").into_iter().chain(stiffening("membrane", "warp").map(weft)) {
+        let scene = scene(&[effect]);
+        let (mut forces, _) = forces(&scene);
+        let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
+        let (x, s) = (stretched(&scene), direction(N * N));
+        let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
+        let (v, mut f) = (vec![Vec3::zeros(); N * N], vec![Vec3::zeros(); N * N]);
+        let (parts, masses) = (scene.parts(), scene.masses());
+        ForceEvaluation { parts, masses, x: &x, v: &v, fraction: 0.0, around }.forces(&mut forces, &mut f);
+        let energy = |by: f64| -> f64 {
+            let x: Vec<Vec3> = x.iter().zip(&s).map(|(x, s)| x + s * by).collect();
+            let of_part = |(range, forces): (&std::ops::Range<usize>, &Vec<_>)| -> f64 {
+                let masses = &masses[range.clone()];
+                let view = PartView { start: range.start, masses, x: &x, fraction: 0.0, around };
+                forces.iter().map(|force: &Box<dyn crate::effects::force::Force>| force.energy(&view)).sum()
+            };
+            parts.ranges().iter().zip(&forces).map(of_part).sum()
+        };
+        let slope = (energy(1e-7) - energy(-1e-7)) / 2e-7;
+        let work: f64 = f.iter().zip(&s).map(|(f, s)| f.dot(s)).sum();
+        // Rounding of an energy of some joules over that way.
+        assert!((slope + work).abs() < 1e-6 * f.iter().map(Vec3::norm).sum::<f64>(), "{slope} for {}", -work);
     }
 }
 

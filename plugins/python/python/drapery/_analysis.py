@@ -234,6 +234,10 @@ class Material:
     """Mean of all directions [N·m]."""
     strain_limit: float
     """Largest strain that it takes."""
+    load: float | None
+    """Force per width at the largest strain, up to which it stiffens [N/m]; None for one that does not."""
+    linearity: float
+    """Linearity of the curve of force by strain up to there."""
     damping_ratio: float
     """Damping as a fraction of critical."""
     friction: float
