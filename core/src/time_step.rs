@@ -101,7 +101,7 @@ impl StepLimit {
     /// of this length [m] changes in the longest stable step by what a step may change it (a part of the speed of sound in the
     /// cloth), or at which they are there in a frame, whichever is faster. Neither depends on how long steps are.
     pub fn recovery_speed(&self, settings: &SolverSettings, edge: f64, dt: f64) -> RecoverySpeed {
-        RecoverySpeed::new(dt, settings.strain_per_step() * edge / self.elastic.min(self.frame), self.frame)
+        RecoverySpeed::new(dt, settings.largest_strain_per_step() * edge / self.elastic.min(self.frame), self.frame)
     }
 
     /// Largest rate of strain of the state [1/s], zero where it is too small to limit a step, and infinite if a velocity is
@@ -126,7 +126,7 @@ impl StepLimit {
             // Mostly the bound already says that this part sets no limit; then no spring needs to be looked at.
             rate.0[0] = if !sum.is_finite() {
                 f64::INFINITY
-            } else if bound * longest <= settings.strain_per_step() {
+            } else if bound * longest <= settings.largest_strain_per_step() {
                 0.0
             } else {
                 PartMotion::with(range.clone(), x, v, |motion| {
@@ -139,7 +139,7 @@ impl StepLimit {
 
     /// The step from the start of `interval` towards its end [s] at this rate of strain [1/s].
     pub fn choose(&mut self, settings: &SolverSettings, rate: f64, interval: Range<f64>, shares: StepShares) -> Choice {
-        let strain = settings.strain_per_step() / rate;
+        let strain = settings.largest_strain_per_step() / rate;
         let whole = self.longest(settings, shares.of_longest).min(strain);
         let limit = if shares.of_allowed < 1.0 { shares.of_allowed * whole.min(self.frame) } else { whole };
         self.last = limit;

@@ -118,8 +118,10 @@ start = 0.0
 closed = 1.0
 "#;
 
-/// Membranes, angles and folds.
+/// Membranes that stiffen, angles and folds, in long steps.
 const MEMBRANE: &str = r#"
+[solver]
+integrator = "tr_bdf2"
 [[body]]
 name = "capsule"
 shape = { capsule = { radius = 0.1, half_length = 0.1 } }
@@ -148,6 +150,9 @@ damping_ratio = 1.0
 grain = [1.0, 0.0, 0.0]
 grain_angle = 0.1
 thin_triangles = 0.1
+extension = 0.05
+load = 98.0
+linearity = 0.6
 [garment.dihedral_bending]
 stiffness = 1e-5
 damping_ratio = 1.0

@@ -276,7 +276,7 @@ fn pins_that_pull_cloth_through_what_it_crosses_keep_their_velocity_where_it_can
 /// the longest stable step by what a step may change them.
 fn fastest_catch_up(simulation: &Simulation, distance: f64) -> f64 {
     let frame = 1.0 / 24.0;
-    let share = simulation.scene().description().solver.strain_per_step();
+    let share = simulation.scene().description().solver.largest_strain_per_step();
     (distance / frame).max(share * simulation.scene().mean_edge() / simulation.elastic_step().min(frame))
 }
 

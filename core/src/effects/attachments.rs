@@ -18,7 +18,7 @@
 
 use crate::block_matrix::PartBlocks;
 use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::pins;
@@ -48,6 +48,7 @@ stiffness = "20 N/m""#,
     shared_stages: &["bodies and pins"],
     is_essential: true,
     does_work: Some(SceneDescription::moves_pins),
+    force_cost: ForceCost { update: 15.0, product: 3.0 },
     build,
     ..EffectSpec::BARE
 };

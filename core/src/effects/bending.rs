@@ -11,7 +11,7 @@
 
 #![cfg(feature = "effect-bending")]
 
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
 use crate::effects::springs::{self, FIELDS, SpringElement, Springs};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
@@ -30,6 +30,7 @@ stiffness = "5 N/m""#,
     maps: &[MapSpec::of("bending"), MapSpec::of("bending_damping")],
     bytes_of_point: 130.0,
     is_internal: true,
+    force_cost: ForceCost { update: 4.0, product: 1.0 },
     build,
     ..EffectSpec::BARE
 };

@@ -26,7 +26,7 @@ mod part_hinges;
 mod tests;
 
 use crate::effects::registry::find;
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::settings::{Default, Dimension, Field, Settings};
 use elements::{Element, Rigidity};
@@ -46,6 +46,7 @@ stiffness = 1e-5",
     maps: &[MapSpec::of("dihedral_bending"), MapSpec::of("dihedral_bending_damping")],
     bytes_of_point: 1130.0,
     is_internal: true,
+    force_cost: ForceCost { update: 60.0, product: 13.0 },
     build,
     ..EffectSpec::BARE
 };

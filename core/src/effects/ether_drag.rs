@@ -16,7 +16,7 @@
 use crate::Vec3;
 use crate::block_matrix::PartBlocks;
 use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::settings::{Default, Dimension, Field, Settings};
@@ -47,6 +47,7 @@ rate = 1.0",
     needs: &[Need::State],
     elements: "vertices",
     maps: &[MapSpec::of("ether_drag")],
+    force_cost: ForceCost { update: 2.0, product: 1.0 },
     build,
     ..EffectSpec::BARE
 };

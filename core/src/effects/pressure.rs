@@ -24,7 +24,7 @@
 
 use crate::Vec3;
 use crate::effects::force::{Force, ForceContext, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, Need, Scope};
 use crate::elements::part_triangles::{PartTriangles, area_vector, at_corners};
 use crate::error::Problem;
 use crate::mesh::unpaired_edges;
@@ -48,6 +48,7 @@ open = true",
     // Gas and overpressure have an energy of their own.
     does_work: Some(|_| false),
     looks_at_sides: |_| Some("`pressure`"),
+    force_cost: ForceCost { update: 20.0, product: 0.0 },
     build,
     ..EffectSpec::BARE
 };

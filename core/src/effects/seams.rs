@@ -25,7 +25,7 @@
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, Need, Scope};
 use crate::error::Problem;
 use crate::parallel::simd4::Simd4;
 use crate::scene::{Scene, SeamDescription};
@@ -46,6 +46,7 @@ to = { garment = "sheet", corners = ["injn"] }"#,
     is_internal: true,
     is_essential: true,
     does_work: Some(|_| true),
+    force_cost: ForceCost { update: 15.0, product: 5.0 },
     build,
     ..EffectSpec::BARE
 };

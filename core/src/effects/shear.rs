@@ -23,7 +23,7 @@
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
-use crate::effects::spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};
+use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec, Need, Scope};
 use crate::effects::springs::{self, SpringElement, Stiffnesses};
 use crate::elements::corners::{add, by_part, gather, outside, own_fraction};
 use crate::error::Problem;
@@ -56,6 +56,7 @@ stiffness = "5 N/m""#,
     maps: &[MapSpec::of("shear"), MapSpec::of("shear_damping")],
     bytes_of_point: 520.0,
     is_internal: true,
+    force_cost: ForceCost { update: 25.0, product: 8.0 },
     build,
     ..EffectSpec::BARE
 };

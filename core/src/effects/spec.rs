@@ -82,12 +82,23 @@ pub struct EffectSpec {
     /// Memory that it is expected to take for each point of the garments that have it, measured with `drapery check` on panels
     /// of 40,000 and 250,000 points [bytes].
     pub bytes_of_point: f64,
+    /// What its forces are expected to take in the semi-implicit step.
+    pub force_cost: ForceCost,
     /// The section of a snapshot with what time changes in it; `None` if nothing does.
     pub section: Option<SectionId>,
     /// What it counts, besides the iterations of the solves; docs/reference/counts.md explains each.
     pub counts: &'static [&'static str],
     /// Makes the effect for one garment or for the whole scene.
     pub build: fn(&Settings, &BuildContext<'_>) -> Result<Effect, Problem>,
+}
+
+/// What the forces of an effect take in the semi-implicit step, by `make measure-plan` [ns by element].
+#[derive(Debug, Clone, Copy)]
+pub struct ForceCost {
+    /// Once in a solve.
+    pub update: f64,
+    /// In each iteration.
+    pub product: f64,
 }
 
 impl EffectSpec {
@@ -110,6 +121,7 @@ impl EffectSpec {
         looks_at_sides: |_| None,
         friction: None,
         bytes_of_point: 0.0,
+        force_cost: ForceCost { update: 0.0, product: 0.0 },
         section: None,
         counts: &[],
         build: |_, _| Ok(Effect::default()),

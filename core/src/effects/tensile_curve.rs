@@ -143,7 +143,7 @@ impl TensileCurve {
         if !(least..=most).contains(&linearity) {
             let what =
                 format!("a `linearity` of {linearity} is out of reach of cloth of {stiffness} N/m with this load");
-            return Err([what, format!("use one from {:.3} to {:.3}", least + 5e-4, most - 5e-4)]);
+            return Err([what, format!("use one above {least:.3} and below {most:.3}")]);
         }
         let exponent = 2.0 * (1.0 - straight) / (linearity - straight) - 2.0;
         Ok(Some(Self { extension, gain: 1.0 / straight - 1.0, exponent }))

@@ -13,9 +13,8 @@ pub struct SolverSettings {
     pub max_dt: Option<f64>,
     /// A step that would have to be shorter than this ends the run with an error [s].
     pub min_dt: f64,
-    /// Largest relative change of an edge's length in one step; `None` leaves it to the integrator
-    /// ([`SolverSettings::strain_per_step`]).
-    pub strain_per_step: Option<f64>,
+    /// Largest relative change of an edge's length in one step, of short ones ([`SolverSettings::largest_strain_per_step`]).
+    pub strain_per_step: f64,
     /// Largest nodal residual at which the damping solve stops [m/s]; `None` takes the smaller of 1e-2 m/s and a tenth
     /// of what gravity adds in one step, so that accuracy does not fade as steps get shorter
     /// (`docs/theory/step.md#the-damping-solve`).
@@ -37,8 +36,8 @@ described! { all of SolverSettings {
         "largest time step; \"auto\" leaves it to cfl and strain_per_step";
     min_dt => Time, default Number(1e-9), range (1e-15, 1.0),
         "a step that would have to be shorter ends the run";
-    strain_per_step => None, default Auto, range (1e-7, 1e9),
-        "largest relative change of an edge's length in one step; \"auto\" is 0.1, and 0.5 with `tr_bdf2`";
+    strain_per_step => None, default Number(0.1), range (1e-7, 1e9),
+        "largest relative change of an edge's length in one step; five times as much with `tr_bdf2`";
     cg_tolerance => Speed, default Auto, range (1e-18, 1e6),
         "residual at which the damping solve stops; \"auto\" takes the smaller of 1 cm/s and a tenth of what gravity adds in one step";
     cg_max_iterations => None, default Count(200), range (1.0, 1e6),
@@ -51,13 +50,15 @@ described! { all of SolverSettings {
         "where in a time step friction with bodies acts; only to compare";
 } }
 
+/// How many times as much an edge may change its length in a long step: it is shortened for motion that it could not follow, not for its
+/// stability.
+const STRAIN_OF_LONG_STEPS: f64 = 5.0;
+
 impl SolverSettings {
-    /// Largest relative change of an edge's length in one step. Explicit springs ask for 0.1 (R. Bridson, R. Fedkiw, J. Anderson,
-    /// "Robust treatment of collisions, contact and friction for cloth animation", SIGGRAPH 2002); where they are implicit a step
-    /// is shortened for motion that it could not follow, not for its stability.
-    pub fn strain_per_step(&self) -> f64 {
-        let automatic = if self.integrator == Integrator::TrBdf2 { 0.5 } else { 0.1 };
-        self.strain_per_step.unwrap_or(automatic)
+    /// Largest relative change of an edge's length in one step.
+    pub fn largest_strain_per_step(&self) -> f64 {
+        let times = if self.integrator == Integrator::TrBdf2 { STRAIN_OF_LONG_STEPS } else { 1.0 };
+        times * self.strain_per_step
     }
 }
 

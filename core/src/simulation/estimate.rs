@@ -12,8 +12,8 @@
 //! Source of all numbers here: `make measure-plan`, of which docs/speed.md keeps what came out; AMD EPYC, one thread.
 
 use super::Simulation;
-use crate::effects::registry::PlannedEffect;
-use crate::effects::spec::{NANOSECONDS, Need};
+use crate::effects::registry::{PlannedEffect, find};
+use crate::effects::spec::{ForceCost, NANOSECONDS, Need};
 use crate::scene::{BodyShape, Integrator, SolverSettings};
 use crate::time_step::StepLimit;
 use crate::tolerances::{CG_GRAVITY_FRACTION, STANDARD_GRAVITY};
@@ -49,29 +49,6 @@ impl FrameEstimate {
         self.seconds.iter().sum()
     }
 }
-
-/// What the forces of an effect take in the semi-implicit step [ns by element].
-struct ForceCost {
-    /// Once in a solve.
-    update: f64,
-    /// In each iteration.
-    product: f64,
-}
-
-/// Nanoseconds of the semi-implicit step, by effects with forces; others have none.
-const FORCES: &[(&str, ForceCost)] = &[
-    ("gravity", ForceCost { update: 1.0, product: 0.0 }),
-    ("stretch", ForceCost { update: 4.0, product: 1.0 }),
-    ("shear", ForceCost { update: 25.0, product: 8.0 }),
-    ("membrane", ForceCost { update: 40.0, product: 15.0 }),
-    ("bending", ForceCost { update: 4.0, product: 1.0 }),
-    ("dihedral_bending", ForceCost { update: 60.0, product: 13.0 }),
-    ("wind", ForceCost { update: 20.0, product: 6.0 }),
-    ("ether_drag", ForceCost { update: 2.0, product: 1.0 }),
-    ("pressure", ForceCost { update: 20.0, product: 0.0 }),
-    ("seams", ForceCost { update: 15.0, product: 5.0 }),
-    ("attachments", ForceCost { update: 15.0, product: 3.0 }),
-];
 
 /// The vectors of an iteration of the damping solve [ns by vertex].
 const DAMPING_ITERATION: f64 = 6.0;
@@ -221,9 +198,11 @@ impl Simulation {
     /// Nanoseconds of one update of all forces, and of one damping product.
     fn force_costs(&self) -> [f64; 2] {
         let of_effect = |effect: &PlannedEffect| {
-            let known = FORCES.iter().find(|(name, _)| *name == effect.name);
             let elements = effect.elements as f64;
-            known.map_or([0.0; 2], |(_, cost)| [elements * cost.update, elements * cost.product])
+            find(effect.name).map_or([0.0; 2], |spec| {
+                let ForceCost { update, product } = spec.force_cost;
+                [elements * update, elements * product]
+            })
         };
         self.plan.iter().map(of_effect).fold([0.0; 2], |[u, p], [update, product]| [u + update, p + product])
     }
@@ -254,14 +233,6 @@ impl Sizes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::LISTED;
-
-    #[test]
-    fn every_effect_of_the_table_exists() {
-        for (name, _) in FORCES {
-            assert!(LISTED.iter().any(|(listed, _)| listed == name), "{name}");
-        }
-    }
 
     #[test]
     fn parts_of_a_frame_share_no_stage() {

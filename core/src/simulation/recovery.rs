@@ -240,7 +240,7 @@ impl Simulation {
             return None;
         }
         let rate = self.rate_of_strain();
-        let allowed = self.scene.description().solver.strain_per_step();
+        let allowed = self.scene.description().solver.largest_strain_per_step();
         if !rate.is_finite() {
             Some(FailureKind::NotFinite("of the step"))
         } else if rate * self.retry.dt > MAX_STRAIN_PER_STEP_FACTOR * allowed {

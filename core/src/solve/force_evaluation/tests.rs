@@ -149,11 +149,12 @@ fn the_force_of_cloth_that_stiffens_is_the_slope_of_its_energy() {
         ForceEvaluation { parts, masses, x: &x, v: &v, fraction: 0.0, around }.forces(&mut forces, &mut f);
         let energy = |by: f64| -> f64 {
             let x: Vec<Vec3> = x.iter().zip(&s).map(|(x, s)| x + s * by).collect();
-            let of_part = |(range, forces): (&std::ops::Range<usize>, &Vec<_>)| -> f64 {
-                let masses = &masses[range.clone()];
-                let view = PartView { start: range.start, masses, x: &x, fraction: 0.0, around };
-                forces.iter().map(|force: &Box<dyn crate::effects::force::Force>| force.energy(&view)).sum()
-            };
+            let of_part =
+                |(range, forces): (&std::ops::Range<usize>, &Vec<Box<dyn crate::effects::force::Force>>)| -> f64 {
+                    let masses = &masses[range.clone()];
+                    let view = PartView { start: range.start, masses, x: &x, fraction: 0.0, around };
+                    forces.iter().map(|force| force.energy(&view)).sum()
+                };
             parts.ranges().iter().zip(&forces).map(of_part).sum()
         };
         let slope = (energy(1e-7) - energy(-1e-7)) / 2e-7;
