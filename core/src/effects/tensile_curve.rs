@@ -143,7 +143,8 @@ impl TensileCurve {
         if !(least..=most).contains(&linearity) {
             let what =
                 format!("a `linearity` of {linearity} is out of reach of cloth of {stiffness} N/m with this load");
-            return Err([what, format!("use one above {least:.3} and below {most:.3}")]);
+            let [least, most] = [(1000.0 * least).ceil() / 1000.0, (1000.0 * most).floor() / 1000.0];
+            return Err([what, format!("use one from {least:.3} to {most:.3}")]);
         }
         let exponent = 2.0 * (1.0 - straight) / (linearity - straight) - 2.0;
         Ok(Some(Self { extension, gain: 1.0 / straight - 1.0, exponent }))
