@@ -1,6 +1,6 @@
 //! Which runs make a study, and in what order.
 
-use drapery_core::effects::{body_collision, pressure, self_repulsion};
+use drapery_core::effects::{body_collision, self_repulsion};
 use drapery_core::scene::{PRESET, PRESETS, SolverPreset};
 
 use crate::study::random::Random;
@@ -142,7 +142,7 @@ fn references(asked: &Asked, ground: &BaseSettings, fineness: u32) -> Vec<RunReq
         if ground.is_long {
             setting = changed(&setting, STEPS_PER_FRAME, &(steps / coarser).ceil().to_string(), ground);
         }
-        if !ground.is_long || ground.has(pressure::SPEC.name) {
+        if !ground.is_long || ground.limits_long_steps() {
             setting = changed(&setting, CFL, &(cfl * coarser).to_string(), ground);
         }
         if let Some(dt) = longest {

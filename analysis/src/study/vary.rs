@@ -1,6 +1,6 @@
 //! The names that a study varies, and what each of them changes in a scene.
 
-use drapery_core::effects::{find, pressure};
+use drapery_core::effects::find;
 use drapery_core::scene::{Described, Integrator, PRESET, SolverPreset, SolverSettings};
 use drapery_core::settings::{self, Field};
 
@@ -121,10 +121,9 @@ impl BaseSettings {
             changes.insert(0, (INTEGRATOR, LONG_STEPS));
         }
         let is_long = self.is_long_with(&changes);
-        // Nothing but pressure is explicit in long steps.
         let says_nothing = |name: &str| match name {
             STEPS_PER_FRAME => !is_long,
-            CFL => is_long && !self.has(pressure::SPEC.name),
+            CFL => is_long && !self.limits_long_steps(),
             _ => false,
         };
         changes.retain(|(name, _)| !says_nothing(name));
@@ -140,6 +139,11 @@ impl BaseSettings {
     /// Whether the scene has an effect.
     pub(super) fn has(&self, effect: &str) -> bool {
         self.effects.iter().any(|name| name == effect)
+    }
+
+    /// Whether something in the scene limits long steps as it does short ones.
+    pub(super) fn limits_long_steps(&self) -> bool {
+        self.effects.iter().any(|name| find(name).is_some_and(|spec| spec.limits_long_steps))
     }
 }
 

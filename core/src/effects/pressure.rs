@@ -48,6 +48,7 @@ open = true",
     // Gas and overpressure have an energy of their own.
     does_work: Some(|_| false),
     looks_at_sides: |_| Some("`pressure`"),
+    limits_long_steps: true,
     force_cost: ForceCost { update: 20.0, product: 0.0 },
     build,
     ..EffectSpec::BARE

@@ -82,6 +82,8 @@ pub struct EffectSpec {
     /// Memory that it is expected to take for each point of the garments that have it, measured with `drapery check` on panels
     /// of 40,000 and 250,000 points [bytes].
     pub bytes_of_point: f64,
+    /// Whether its forces are explicit in long steps too and limit them as they do short ones.
+    pub limits_long_steps: bool,
     /// What its forces are expected to take in the semi-implicit step.
     pub force_cost: ForceCost,
     /// The section of a snapshot with what time changes in it; `None` if nothing does.
@@ -121,6 +123,7 @@ impl EffectSpec {
         looks_at_sides: |_| None,
         friction: None,
         bytes_of_point: 0.0,
+        limits_long_steps: false,
         force_cost: ForceCost { update: 0.0, product: 0.0 },
         section: None,
         counts: &[],
