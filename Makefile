@@ -5,7 +5,7 @@ SHELL := /bin/bash
 
 QUALITY ?= light
 TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
-# What the commands are built with. USD stands on a crate that asks for Rust 1.96 and is content with 1.95 (docs/decisions/0018-usd.md).
+# What the commands are built with. USD stands on a crate that asks for Rust 1.96 and is content with 1.95 (docs/dev/decisions/0018-usd.md).
 FEATURES := --features drapery/mpi,drapery/usd --ignore-rust-version
 export DRAPERY := $(TARGET)/release/drapery
 export DRAPERY_ASSETS := $(TARGET)/release/drapery-assets
@@ -48,8 +48,12 @@ dist: build ## what is given away: archive of the command, package for C, Python
 	@.ci/dist $(TARGET)/dist
 	@.ci/test-dist $(TARGET)/dist
 
+.PHONY: docs
+docs: setup ## the book, with rustdoc beside it, in target/book; links that lead nowhere are errors
+	@.ci/docs $(TARGET)/book
+
 .PHONY: test-full
-test-full: build bare ## the suites too long for CI, or those that ONLY selects; writes docs/test-full.md
+test-full: build bare ## the suites too long for CI, or those that ONLY selects; writes docs/dev/measurements/test-full.md
 	@.ci/test-full "$(ONLY)"
 
 .PHONY: bare
@@ -72,28 +76,40 @@ bench: setup ## benches of the solver's parts
 	cargo bench --manifest-path core/benches/Cargo.toml --target-dir $(TARGET)
 
 .PHONY: measure
-measure: build ## what self-contact costs, on the spinning ball and the twister; writes docs/self-contact.md
+measure: build ## what self-contact costs, on the spinning ball and the twister; writes docs/dev/measurements/self-contact.md
 	@.ci/measure-self-contact $(MEASURE)
 
 .PHONY: measure-ranks
-measure-ranks: build ## what many ranks cost and bring, on the spinning ball; writes docs/ranks.md
+measure-ranks: build ## what many ranks cost and bring, on the spinning ball; writes docs/dev/measurements/ranks.md
 	@.ci/measure-ranks $(MEASURE)
 
 .PHONY: accuracy
-accuracy: build ## what repulsion with history, both integrators, the presets and friction cost and bring; writes docs/accuracy.md
+accuracy: build ## what repulsion with history, both integrators, the presets and friction cost and bring; writes docs/dev/measurements/accuracy.md
 	@.venv/bin/python .ci/measure-accuracy $(MEASURE)
 
 .PHONY: measure-speed
-measure-speed: build ## how much faster it is than commit 336fa90; writes docs/speed.md; MEASURE="--rows NAME,NAME" for some rows
+measure-speed: build ## how much faster it is than commit 336fa90; writes docs/dev/measurements/speed.md; MEASURE="--rows NAME,NAME" for some rows
 	@.ci/measure-speed $(MEASURE)
 
 .PHONY: measure-plan
-measure-plan: build ## how far the cost that `drapery plan` expects is from that of simulated frames; writes docs/speed.md
+measure-plan: build ## how far the cost that `drapery plan` expects is from that of simulated frames; writes docs/dev/measurements/speed.md
 	@.ci/measure-plan $(MEASURE)
 
 .PHONY: study
-study: build ## what accuracy costs in time on the spinning ball and the dressed woman; writes docs/study.md
+study: build ## what accuracy costs in time on the spinning ball and the dressed mannequin; writes docs/guide/study.md
 	@.venv/bin/python .ci/measure-study $(MEASURE)
+
+.PHONY: measure-symptoms
+measure-symptoms: build ## tries the remedies of docs/guide/troubleshooting.md, before and after; writes its table
+	@.venv/bin/python .ci/measure-symptoms $(MEASURE)
+
+.PHONY: figures
+figures: ## the diagrams of the pages of theory, docs/pictures/collision_step.svg and coulomb.svg
+	@python3 .ci/figures
+
+.PHONY: pictures
+pictures: build ## simulate the scenes of the how-to pages and render docs/pictures/howto; ONLY="cape flag" for some of them
+	@.venv/bin/python .ci/pictures --drapery $(DRAPERY) --assets-program $(DRAPERY_ASSETS) --work $(TARGET)/pictures $(ONLY)
 
 CHECKOUT ?= .
 .PHONY: structure

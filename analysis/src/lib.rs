@@ -1,6 +1,12 @@
 //! What Drapery tells of results: what accuracy costs ([`study`]), how a run went ([`report`]), whether two results are the
 //! same ([`diff`]), and whether caches are sound ([`verify`]). Nothing here is needed to simulate a shot, and nothing that
 //! simulates or writes knows of it. The library never prints.
+//!
+//! ```
+//! // What `drapery study --vary cfl=4,2,1` takes.
+//! let (name, values) = drapery_analysis::study::vary::parse_vary("cfl=4,2,1").expect("a name and values");
+//! assert_eq!((name.as_str(), values.len()), ("cfl", 3));
+//! ```
 
 pub mod diff;
 pub(crate) mod page;

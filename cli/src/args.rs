@@ -34,7 +34,7 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
     #[command(flatten)]
     pub(crate) log: LogArgs,
-    /// Site file: defaults of this place for run, plan, check and materials [default: DRAPERY_CONFIG]
+    /// Site file: defaults of this place for run, plan, check, study and materials [default: DRAPERY_CONFIG]
     #[arg(long, value_name = "FILE", global = true)]
     pub(crate) config: Option<PathBuf>,
 }
@@ -340,6 +340,9 @@ pub(crate) struct SelftestArgs {
     /// each
     #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present = "hard", conflicts_with = "hard")]
     pub(crate) drape: Option<Vec<String>>,
+    /// What scenes of the hard cases are integrated with
+    #[arg(long, value_enum, value_name = "WORD", default_value_t = IntegratorChoice::SemiImplicit, conflicts_with = "drape")]
+    pub(crate) integrator: IntegratorChoice,
     /// Only these cases, for example H23; repeatable
     #[arg(long = "case", value_name = "ID")]
     pub(crate) cases: Vec<String>,
@@ -360,6 +363,17 @@ pub(crate) enum HardTier {
     Full,
     /// The longest
     Soak,
+}
+
+/// Integrators, by their words in scenes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub(crate) enum IntegratorChoice {
+    /// The paper's step
+    SemiImplicit,
+    /// Long steps
+    #[value(name = "tr_bdf2")]
+    TrBdf2,
 }
 
 /// Arguments of `report`.
@@ -386,7 +400,7 @@ pub(crate) struct StudyArgs {
     /// All combinations of what is varied, instead of one change at a time
     #[arg(long, requires = "vary")]
     pub(crate) grid: bool,
-    /// So many of the combinations, in which every value occurs equally often (Latin hypercube)
+    /// Run N of the combinations, chosen so that every value occurs equally often (Latin hypercube)
     #[arg(long, value_name = "N", requires = "vary", conflicts_with = "grid", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) latin: Option<u32>,
     /// Frames to study, from the first frame of the scene on; as many as the time allows when left out

@@ -14,6 +14,7 @@ use drapery_core::Vec3;
 use drapery_core::block_matrix::{BlockMatrix, Slot};
 use drapery_core::mesh::{PolygonMesh, TriangleMesh};
 use drapery_core::parallel::for_each_part::{PerPart, PerVertex};
+use drapery_core::parallel::simd4::Simd4;
 use drapery_core::scene::{EffectRequest, GarmentDescription, Scene, SceneDescription};
 use drapery_core::solve::conjugate_gradient::{Outcome, Stop};
 use drapery_core::solve::preconditioned_cg::{BlockSystem, PreconditionedCg, Projection};
@@ -162,7 +163,8 @@ impl Cloth {
                 let pairs = hinge.corners.iter().zip(&hinge.gradients);
                 let inverse = pairs.map(|(v, g)| g.norm_squared() / masses[*v as usize]).sum();
                 let slots = slots.as_ref().expect("the matrix is made first");
-                rows.add_outer(slots, implicit(hinge.stiffness, inverse), &hinge.gradients);
+                let root = implicit(hinge.stiffness, inverse).sqrt();
+                rows.add_outer(slots, &hinge.gradients.map(|g| Simd4::from(&(g * root))));
             }
         });
     }
@@ -261,7 +263,7 @@ fn pieces(name: &str, cloth: &mut Cloth) {
         parts.for_each(PerVertex(&mut q), &|part, q| matrix.parts()[part].multiply(&s, q.0));
         black_box(&q);
     });
-    let system = BlockSystem { parts, masses, matrix: &matrix, constraints: cloth };
+    let system = BlockSystem { parts, masses, solved: &vec![true; parts.count()], matrix: &matrix, constraints: cloth };
     let mut cg = PreconditionedCg::new(parts, &matrix);
     let prepare = fastest(|| cg.prepare(&system));
     let b = cloth.impulse(dt, membrane);
@@ -332,7 +334,8 @@ fn solves(name: &str, cloth: &mut Cloth) {
             let dt = 1.0 / FPS / f64::from(steps);
             cloth.assemble(&mut matrix, dt, membrane);
             let (parts, masses) = (cloth.scene.parts(), cloth.scene.masses());
-            let system = BlockSystem { parts, masses, matrix: &matrix, constraints: cloth };
+            let system =
+                BlockSystem { parts, masses, solved: &vec![true; parts.count()], matrix: &matrix, constraints: cloth };
             let mut cg = PreconditionedCg::new(parts, &matrix);
             let start = Instant::now();
             cg.prepare(&system);

@@ -15,6 +15,12 @@
 //!   ten iterations, with a tenth of the first residual's product;
 //! * elastic update: each spring's k, rest length, c (24) and other end (2) read, c/l² (8) written; x and mass read,
 //!   force written: `34 S + 56 V`;
+//! * blocks of an implicit step: each spring's k, rest length, c and place (28) read and its block (36) written; x read:
+//!   `64 S + 24 V`;
+//! * of H hinges: their gradients (64), c (8) and vertices (8) in the product, `80 H + 80 V`; in the update vertices, rest
+//!   angle, least heights, five moments and the numbers of four neighbours read, angle and gradient written, `156 H + 56 V`;
+//!   for the blocks gradient, stiffness, c and places read and P blocks written, one for each pair of vertices,
+//!   `104 H + 36 P`;
 //! * body contact: x, v, v½ and x' read: `96 V`. The records of contacts and the bodies are not counted: a vertex in the open
 //!   needs neither, nor is anything of it written;
 //! * step without contacts: choice of dt (v: `24 V`; springs are looked at only where cloth moves fast); two velocity
@@ -29,15 +35,16 @@ use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use drapery_core::Vec3;
+use drapery_core::block_matrix::{BlockMatrix, PartBlocks};
 use drapery_core::contact::bodies::Bodies;
 use drapery_core::contact::bodies::collision::{BodyCollision, CollisionStep};
 use drapery_core::contact::bodies::recovery_speed::RecoverySpeed;
-use drapery_core::effects::{PartView, ForceContext, build_all};
+use drapery_core::effects::{BlockFactors, ForceContext, PartView, build_all};
 use drapery_core::geometry::shapes::Shape;
 use drapery_core::mesh::PolygonMesh;
 use drapery_core::metrics::Metrics;
 use drapery_core::parallel::for_each_part::{PerPart, PerVertex};
-use drapery_core::parallel::parts::PART_SIZE;
+use drapery_core::parallel::parts::{PART_SIZE, Parts};
 use drapery_core::parallel::simd4::Simd4;
 use drapery_core::pins::PinTargets;
 use drapery_core::scene::{
@@ -196,42 +203,83 @@ fn spring_count(scene: &Scene) -> f64 {
     scene.meshes().iter().map(|m| m.edges().len() + m.hinges().len()).sum::<usize>() as f64
 }
 
+/// Positions [m] with ripples, so that no angle is zero.
+fn rippled(x: &[Vec3]) -> Vec<Vec3> {
+    x.iter().map(|p| p + Vec3::y() * 0.005 * (60.0 * p.x).sin() * (45.0 * p.z).cos()).collect()
+}
+
 /// A smooth field of velocities [m/s] with waves of many lengths.
 fn waves(x: &[Vec3]) -> Vec<Vec3> {
     let wave = |p: &Vec3| Vec3::new((9.0 * p.z).sin(), (31.0 * p.x).cos(), (17.0 * (p.x + p.z)).sin());
     x.iter().map(|p| 0.1 * wave(p)).collect()
 }
 
-/// Elastic update, damping product and CG iteration.
+/// Names of the kernels of internal forces, and what each moves: elastic update, blocks, damping product, CG iteration.
+type Kernels = [(&'static str, f64); 4];
+
+/// Springs along edges and across hinges.
 fn springs(bench: &mut Bench, n: usize) {
     let scene = checked(description(n));
+    let (vertices, springs) = (scene.parts().local_count() as f64, spring_count(&scene));
+    let kernels = [
+        ("elastic update", 34.0 * springs + 56.0 * vertices),
+        ("blocks", 64.0 * springs + 24.0 * vertices),
+        ("damping product", 10.0 * springs + 80.0 * vertices),
+        ("CG iteration", 1.1 * (10.0 * springs + 80.0 * vertices) + 168.0 * vertices),
+    ];
+    internal_forces(bench, &scene, &kernels);
+}
+
+/// Angles between triangles.
+fn hinges(bench: &mut Bench, n: usize) {
+    let mut description = SceneDescription::new("bench");
+    description.garments.push(GarmentDescription::new("sheet", sheet(n), 0.2));
+    description.effects.push(EffectRequest::of_garment("dihedral_bending", 0).with("stiffness", 1e-5));
+    let scene = checked(description);
+    let (vertices, blocks) = (scene.parts().local_count() as f64, spring_count(&scene));
+    let hinges = scene.meshes()[0].hinges().len() as f64;
+    let kernels = [
+        ("elastic update, hinges", 156.0 * hinges + 56.0 * vertices),
+        ("blocks, hinges", 104.0 * hinges + 36.0 * blocks),
+        ("damping product, hinges", 80.0 * hinges + 80.0 * vertices),
+        ("CG iteration, hinges", 1.1 * (80.0 * hinges + 80.0 * vertices) + 168.0 * vertices),
+    ];
+    internal_forces(bench, &scene, &kernels);
+}
+
+/// The kernels of the forces of a scene.
+fn internal_forces(bench: &mut Bench, scene: &Scene, kernels: &Kernels) {
+    let [(update, update_bytes), (blocks, block_bytes), (product, product_bytes), (iteration, iteration_bytes)] =
+        *kernels;
     let (parts, masses) = (scene.parts(), scene.masses());
     let count = parts.local_count();
-    let (vertices, springs) = (count as f64, spring_count(&scene));
-    let x = drapery_core::state::State::at_start(&scene).x;
+    let x = rippled(&drapery_core::state::State::at_start(scene).x);
     let (targets, wind) = (PinTargets::default(), WindGrid::default());
     let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &Volumes::default() };
     let mut forces: PartForces = (0..parts.count()).map(|_| Vec::new()).collect();
-    for (_, effect) in build_all(&scene).unwrap_or_else(|problems| panic!("{problems}")) {
+    for (_, effect) in build_all(scene).unwrap_or_else(|problems| panic!("{problems}")) {
         effect.forces.into_iter().for_each(|(part, force)| forces[part].push(force));
     }
+    let view = |part: usize| {
+        let range = parts.ranges()[part].clone();
+        PartView { start: range.start, masses: &masses[range], x: &x, fraction: 0.0, around }
+    };
     let mut f = vec![Vec3::zeros(); count];
     bench.kernel(
-        "elastic update",
+        update,
         count,
-        || 34.0 * springs + 56.0 * vertices,
+        || update_bytes,
         |iterations| {
             timed(iterations, || {
                 parts.for_each((PerVertex(&mut f), PerPart(&mut forces)), &|part, (f, forces)| {
-                    let range = parts.ranges()[part].clone();
-                    let view = PartView { start: range.start, masses: &masses[range], x: &x, fraction: 0.0, around };
                     let mut sums = [Simd4::ZERO; PART_SIZE];
-                    let sums = view.update(&mut forces.0[0], &mut sums);
+                    let sums = view(part).update(&mut forces.0[0], &mut sums);
                     f.0.iter_mut().zip(sums).for_each(|(f, sum)| *f = (*sum).into());
                 });
             })
         },
     );
+    assembly(bench, (blocks, block_bytes), (parts, &mut forces), &view);
     let v = waves(&x);
     let stop = Stop { tolerance: 0.0, max_iterations: 10 };
     let problem = VelocityProblem {
@@ -249,17 +297,17 @@ fn springs(bench: &mut Bench, n: usize) {
     };
     let system = DampingSystem::new(&problem, &forces);
     bench.kernel(
-        "damping product",
+        product,
         count,
-        || 10.0 * springs + 80.0 * vertices,
+        || product_bytes,
         |iterations| timed(iterations, || parts.for_each(PerVertex(&mut f), &|part, q| system.damping(part, &v, q.0))),
     );
     let mut cg = ConjugateGradient::new(parts);
     let mut solution = v.clone();
     bench.kernel(
-        "CG iteration",
+        iteration,
         count,
-        || 1.1 * (10.0 * springs + 80.0 * vertices) + 168.0 * vertices,
+        || iteration_bytes,
         |solves| {
             let mut seconds = 0.0;
             for _ in 0..solves {
@@ -270,6 +318,36 @@ fn springs(bench: &mut Bench, n: usize) {
                 seconds += start.elapsed().as_secs_f64() / outcome.iterations as f64;
             }
             Duration::from_secs_f64(seconds)
+        },
+    );
+}
+
+/// The blocks of forces that were updated where `view` has the cloth.
+fn assembly<'a>(
+    bench: &mut Bench,
+    (name, bytes): (&'static str, f64),
+    (parts, forces): (&Parts, &mut PartForces),
+    view: &(impl Fn(usize) -> PartView<'a> + Sync),
+) {
+    let mut matrix = BlockMatrix::new(parts, &|part, visit| {
+        forces[part].iter().for_each(|force| force.visit_elements(visit));
+    });
+    for (rows, forces) in matrix.parts().iter().zip(&mut *forces) {
+        forces.iter_mut().for_each(|force| force.find_blocks(rows));
+    }
+    let (forces, factors) = (&*forces, BlockFactors { damping: 1e-3, stiffness: 1e-6 });
+    let assemble = |part: usize, rows: &mut PartBlocks| {
+        rows.clear();
+        forces[part].iter().for_each(|force| force.add_blocks(&view(part), factors, rows));
+    };
+    bench.kernel(
+        name,
+        parts.local_count(),
+        || bytes,
+        |iterations| {
+            timed(iterations, || {
+                parts.for_each(PerPart(matrix.parts_mut()), &|part, rows| assemble(part, &mut rows.0[0]));
+            })
         },
     );
 }
@@ -418,6 +496,7 @@ fn main() {
             let mut bench = Bench { criterion: criterion(), triad, threads, rows: Vec::new() };
             for side in list("DRAPERY_BENCH_SIDES", &[100, 316, 1000]) {
                 springs(&mut bench, side);
+                hinges(&mut bench, side);
                 contact(&mut bench, side, false);
                 contact(&mut bench, side, true);
                 whole_step(&mut bench, side);

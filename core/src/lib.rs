@@ -25,7 +25,7 @@
 //! ```
 //!
 //! The modules stand in the order in which to read them: what is simulated, the two listings, what they call, and what all that
-//! stands on. What may import what is in `docs/architecture.md`.
+//! stands on. What may import what is in `docs/dev/architecture.md`.
 
 // What is simulated: plain data, and how it becomes a checked scene on its ranks.
 pub mod scene;
@@ -76,7 +76,7 @@ pub type Vec3 = nalgebra::Vector3<f64>;
 
 /// Raised with every change of the program that changes results, by however little. A run that another version began is
 /// not continued unasked: its frames would not be those of one program.
-pub const SOLVER_VERSION: u32 = 3;
+pub const SOLVER_VERSION: u32 = 5;
 
 /// Added to [`SOLVER_VERSION`] in scenes with the integrator `tr_bdf2`; raised where a change leaves all others' results alone.
 const LONG_STEPS_VERSION: u32 = 3;

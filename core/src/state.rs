@@ -6,7 +6,7 @@ use crate::scene::{Integrator, Scene};
 /// Positions [m] and velocities [m/s] of a rank's vertices and its ghosts.
 ///
 /// One array of 3-vectors each: springs gather whole vertices, so three arrays would touch three cache lines where one
-/// does (`docs/decisions/0001-state-layout.md`).
+/// does (`docs/dev/decisions/0001-state-layout.md`).
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Positions [m].

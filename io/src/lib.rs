@@ -2,6 +2,22 @@
 //!
 //! Everything inside the program is in metres, seconds and kilograms with Y up and faces counter-clockwise; files may
 //! differ, and are converted where they are read or written. The library never prints.
+//!
+//! ```
+//! let text = r#"
+//! drapery = 1
+//! [shot]
+//! frames = "1-24"
+//! [gravity]
+//! [[garment]]
+//! name = "sheet"
+//! material = "cotton_shirting"
+//! panel = { resolution = 4 }
+//! "#;
+//! let scene = drapery_io::scene_file::parse(text, "scene.toml", "".as_ref(), &[]).unwrap_or_else(|e| panic!("{e}"));
+//! let description = scene.resolve().unwrap_or_else(|errors| panic!("{}", errors[0]));
+//! assert_eq!(description.scene.garments[0].name, "sheet");
+//! ```
 
 pub mod atomic_file;
 pub mod cache;

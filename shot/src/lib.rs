@@ -3,6 +3,23 @@
 //!
 //! [`Shot::prepare`] checks a scene with its files, [`Shot::run`] simulates and writes it ([`run`]). On many ranks all this
 //! happens on rank 0; the others run a [worker loop](remote_simulation::worker_loop). The library never prints.
+//!
+//! ```
+//! let text = r#"
+//! drapery = 1
+//! [shot]
+//! frames = "1-24"
+//! [gravity]
+//! [[garment]]
+//! name = "sheet"
+//! material = "cotton_shirting"
+//! panel = { resolution = 4 }
+//! "#;
+//! let scene = drapery_io::scene_file::parse(text, "scene.toml", "".as_ref(), &[]).unwrap_or_else(|e| panic!("{e}"));
+//! let description = scene.resolve().unwrap_or_else(|errors| panic!("{}", errors[0]));
+//! let shot = drapery_shot::Shot::prepare(description, None).unwrap_or_else(|problem| panic!("{problem}"));
+//! assert!(shot.warnings().is_empty());
+//! ```
 
 mod check;
 mod checkpoints;

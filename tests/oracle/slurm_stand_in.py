@@ -1,6 +1,6 @@
 """A stand-in for Slurm: runs a batch script on this machine and delivers what Slurm would deliver.
 
-It is not Slurm. It knows the options that docs/farm/slurm.sbatch uses, as sbatch(1) describes them: `--signal=B:SIG@s`
+It is not Slurm. It knows the options that docs/guide/farm/slurm.sbatch uses, as sbatch(1) describes them: `--signal=B:SIG@s`
 (to the shell alone), `--requeue`, `--open-mode`; the variables SLURM_JOB_ID, SLURM_JOB_NAME, SLURM_RESTART_COUNT,
 SLURM_CPUS_PER_TASK and SLURM_JOB_END_TIME; and `scontrol requeue`. There is no queue, and no time limit passes: a test
 says at which frame the notice comes, the job is cancelled or the machine fails. A script may take its time to end, too:

@@ -1,4 +1,4 @@
-"""What docs/farm.md promises to schedulers: scripts, signals, exit codes and the lines that they parse.
+"""What docs/guide/farm.md promises to schedulers: scripts, signals, exit codes and the lines that they parse.
 
 The Slurm script runs against a stand-in (slurm_stand_in.py), not against Slurm.
 """
@@ -17,7 +17,7 @@ from farm import PATIENCE
 from judges import ROOT
 from slurm_stand_in import Slurm, frame_of, make_foreign, wait_for_frame
 
-FARM = ROOT / "docs" / "farm"
+FARM = ROOT / "docs" / "guide" / "farm"
 SCENE = ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml"
 FIRST, LAST = 1001, 1030
 RESOLUTION, SLOW = 30, 50
@@ -261,14 +261,14 @@ def test_differences_are_exit_code_1(tmp_path):
 
 def test_the_page_has_every_exit_code_that_the_help_has():
     printed = re.findall(r"^ {1,3}(\d+)  ", drapery("--help").stdout.split("Exit codes:")[1], re.MULTILINE)
-    page = (ROOT / "docs" / "farm.md").read_text()
+    page = (ROOT / "docs" / "guide" / "farm.md").read_text()
     assert len(printed) > 10 and printed == re.findall(r"^\| \*{0,2}(\d+)\*{0,2} \|", page, re.MULTILINE)
 
 
 def test_every_option_that_page_and_examples_name_exists():
     known = {option for command in ("run", "status", "stop", "diff", "report")
              for option in re.findall(r"--[a-z-]+", drapery(command, "--help").stdout)}
-    page = (ROOT / "docs" / "farm.md").read_text()
+    page = (ROOT / "docs" / "guide" / "farm.md").read_text()
     named = {(file.name, option) for file in FARM.rglob("*.*") if file.is_file()
              for line in file.read_text().splitlines() if not line.startswith("#")
              for option in re.findall(r"--[a-z][a-z-]+", line)}

@@ -187,7 +187,7 @@ const GRAVITY: f64 = 9.81;
 fn tapered(of: &str, held: usize) -> (SceneDescription, Vec<f64>) {
     let columns = STRIP[0] + held;
     let at = |i: usize, k: usize| (i + columns * k) as u32;
-    // All diagonals alike: where they alternate, a strip bends too softly (docs/decisions/0013-bending.md).
+    // All diagonals alike: where they alternate, a strip bends too softly (docs/dev/decisions/0013-bending.md).
     let cells = (0..STRIP[1])
         .flat_map(|k| (0..columns - 1).map(move |i| [at(i, k), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1)]));
     let triangles: Vec<[u32; 3]> = cells.flat_map(|[a, b, c, d]| [[a, c, b], [a, d, c]]).collect();

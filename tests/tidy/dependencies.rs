@@ -1,4 +1,4 @@
-//! What each crate may depend on. A new dependency is a decision: it needs a page in `docs/decisions/` and a word here.
+//! What each crate may depend on. A new dependency is a decision: it needs a page in `docs/dev/decisions/` and a word here.
 
 use drapery_core::effects::LISTED;
 

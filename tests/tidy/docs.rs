@@ -9,7 +9,7 @@ const FOLDERS: [&str; 9] =
     ["core/", "io/", "analysis/", "cli/", "tests/", "sample_assets/", "docs/", "plugins/", ".ci/"];
 
 /// Files that runs make; the pages may name them, the repository does not hold them.
-const MADE: [&str; 1] = ["docs/test-full.md"];
+const MADE: [&str; 1] = ["docs/dev/measurements/test-full.md"];
 
 fn pages() -> Vec<SourceFile> {
     text_files().into_iter().filter(|f| f.name.ends_with(".md")).collect()
@@ -135,4 +135,15 @@ fn paths_items_and_links_are_recognised() {
     assert!(complaint_about_path("core/src/step/mod.rs", Some("advance")).is_none());
     assert!(complaint_about_path("core/src/step.rs", Some("retreat")).is_some());
     assert!(complaint_about_path("core/src/stop.rs", None).is_some());
+}
+
+#[test]
+fn the_changelog_names_the_version_of_the_solver() {
+    let log = std::fs::read_to_string(root().join("CHANGELOG.md")).expect("the changelog");
+    let log = log.to_lowercase();
+    let named = log.match_indices("solver version ").filter_map(|(at, words)| {
+        let digits: String = log[at + words.len()..].chars().take_while(char::is_ascii_digit).collect();
+        digits.parse::<u32>().ok()
+    });
+    assert_eq!(named.max(), Some(drapery_core::SOLVER_VERSION), "CHANGELOG.md says what each solver version changed");
 }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use drapery_core::effects::{EffectSpec, REGISTRY, Scope};
 use drapery_core::settings::{AUTO, Default, Dimension, Field};
+use drapery_io::materials::{EFFECTS, MaterialEffect, TakesPart};
 
 /// The page.
 pub(crate) fn page() -> String {
@@ -19,12 +20,16 @@ const HEAD: &str = "# Effects
 Written by a test from the registry in `core/src/effects/mod.rs`; change it there.
 
 An effect exists only if the scene asks for it; what is not asked for allocates nothing and runs nothing. They run in the
-order of this page. A number without a unit is in the unit of the column; a text may carry another one, as in \"2 mm\".
+order of this page. A number without a unit is in the unit of the column; a text may carry another one, as in \"2 mm\", and a
+number that has none may be a percentage, as in \"5 %\".
 The settings of a garment's `material` are those of its effects; what its own tables say overrides them.
 ";
 
 fn section(spec: &EffectSpec) -> String {
     let mut text = format!("\n## {}\n\n{}.\n\nAsked for {}.\n", spec.name, sentence(spec.summary), asked_for(spec));
+    for other in spec.requires {
+        let _ = writeln!(text, "\nIt needs [`{other}`](#{other}): without it a scene is refused.");
+    }
     if !spec.example.is_empty() {
         let _ = write!(text, "\n```toml\n{}\n```\n", spec.example);
     }
@@ -34,14 +39,18 @@ fn section(spec: &EffectSpec) -> String {
     }
     text += "\n| setting | unit | default | range | |\n|---|---|---|---|---|\n";
     for field in spec.fields {
-        let (unit, default, range) = (unit(field.dimension), default(field), range(field));
+        let (unit, range) = (unit(field.dimension), range(field));
+        let default = match (default(field), brought_by_materials(spec.name, field.name)) {
+            (default, true) => format!("{default}, or the material's"),
+            (default, false) => default,
+        };
         // Writing to a String cannot fail.
         let _ = writeln!(text, "| `{}` | {unit} | {default} | {range} | {} |", field.name, field.help);
     }
     for field in spec.fields.iter().filter(|field| !matches!(field.default, Default::Flag(_))) {
-        let others = &field.dimension.units()[1..];
-        if !others.is_empty() {
-            let names: Vec<&str> = others.iter().map(|(name, _)| *name).collect();
+        let others = field.dimension.units()[1..].iter().map(|(name, _)| *name);
+        let names: Vec<&str> = others.filter(|name| *name != "%").collect();
+        if !names.is_empty() {
             let _ = write!(text, "\nOther units of `{}`: {}.", field.name, names.join(", "));
         }
     }
@@ -52,7 +61,16 @@ fn asked_for(spec: &EffectSpec) -> String {
     match (spec.scope, spec.name) {
         (Scope::Scene, name) => format!("by the table `[{name}]` of the scene"),
         (Scope::Garment, name) => {
-            format!("by the table `[garment.{name}]` under a `[[garment]]`, or by its `material`")
+            let table = format!("by the table `[garment.{name}]` under a `[[garment]]`");
+            match of_material(name).map(|effect| &effect.takes_part) {
+                None => format!("{table}; no material asks for it"),
+                Some(TakesPart::IfAskedFor) => {
+                    format!("{table}; a `material` has numbers for it, so that the table may be empty")
+                }
+                Some(TakesPart::Unless(other)) => {
+                    format!("{table}, or by its `material` where it has no `[garment.{other}]`")
+                }
+            }
         }
         (Scope::Implied, "pins") => "by any `[[garment.pin]]` with `mode = \"hard\"`, which is the default".to_owned(),
         (Scope::Implied, "attachments") => "by any `[[garment.pin]]` with `mode = \"spring\"`".to_owned(),
@@ -60,6 +78,16 @@ fn asked_for(spec: &EffectSpec) -> String {
         (Scope::Implied, "body_collision") => "by any `[[body]]`".to_owned(),
         (Scope::Implied, name) => panic!("say here what asks for {name}"),
     }
+}
+
+/// What materials bring for an effect.
+fn of_material(effect: &str) -> Option<&'static MaterialEffect> {
+    EFFECTS.iter().find(|brought| brought.effect == effect)
+}
+
+/// Whether materials say a number of an effect.
+fn brought_by_materials(effect: &str, field: &str) -> bool {
+    of_material(effect).is_some_and(|brought| brought.settings.iter().any(|setting| setting.key == field))
 }
 
 /// The summary with a capital letter.

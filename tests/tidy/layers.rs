@@ -8,7 +8,7 @@ use drapery_tests::structure::{Module, Modules};
 use crate::tree::{report, root};
 
 /// The rooms of the solver, lowest first: each may import those before it alone. Read upwards, this is how the solver is built
-/// (`docs/architecture.md`).
+/// (`docs/dev/architecture.md`).
 const ROOMS: [&str; 33] = [
     "tolerances",
     "clock",
@@ -233,7 +233,7 @@ const MAP_LINES: usize = 150;
 
 #[test]
 fn the_map_is_short_and_names_every_room_in_their_order() {
-    let page = std::fs::read_to_string(root().join("docs/architecture.md")).expect("the map");
+    let page = std::fs::read_to_string(root().join("docs/dev/architecture.md")).expect("the map");
     let map = page.split("\n## Invariants").next().unwrap_or_default();
     assert!(map.lines().count() <= MAP_LINES, "{} lines before the invariants", map.lines().count());
     for held in &HELD {

@@ -4,6 +4,7 @@
 mod citations;
 mod core_rules;
 mod counts;
+mod curves_picture;
 mod dependencies;
 mod docs;
 mod effects_page;

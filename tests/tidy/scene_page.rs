@@ -218,7 +218,7 @@ fn one_line(text: &str) -> String {
 fn materials() -> String {
     let mut text = String::from(
         "\n## Materials\n\nWords for `garment.material`, which asks for `stretch` and `dihedral_bending`. Where each number comes \
-         from\nis printed by `drapery materials`; what they make of a drape test is in [materials](../materials.md). \
+         from\nis printed by `drapery materials`; what they make of a drape test is in [materials](../guide/materials.md). \
          `[garment.membrane]`\ntakes warp, weft and shear in the place of stretch, and `[garment.strain_limit]` the \
          largest strain. A garment that\nwrites `[garment.bending]` has springs instead of `dihedral_bending`. Other \
          words are those of [material files](config.md).\n\n| word | | kg/m² | thickness | stretch | warp | weft | shear \
@@ -249,7 +249,7 @@ fn materials() -> String {
 fn curves() -> String {
     let mut text = String::from(
         "\n### Force by strain\n\nIn long steps (`integrator = \"tr_bdf2\"`) garments with an `extension` stiffen as they are pulled, here as springs: force \
-         per width at shares of the\nlargest strain ([where it comes from](../materials.md#force-by-strain)).\n\n| word | largest \
+         per width at shares of the\nlargest strain ([where it comes from](../guide/materials.md#force-by-strain)).\n\n| word | largest \
          strain | at a quarter of it | at half | at three quarters | there | linearity |\n|---|---|---|---|---|---|---|\n",
     );
     for m in PRESETS {

@@ -78,7 +78,7 @@ fn whole_words_are_found_and_parts_of_words_are_not() {
     assert_eq!(lines_with("a word\nwordy\nsword\n(word)", "word"), [1, 4]);
 }
 
-/// Words of our own that code once had where the field has a term (`docs/glossary.md`).
+/// Words of our own that code once had where the field has a term (`docs/guide/glossary.md`).
 const RETIRED: [&str; 47] = [
     "Around",
     "Borders",
@@ -151,7 +151,7 @@ const RETIRED_PHRASES: [&str; 10] = [
 const PLAIN: [&str; 3] = [" apart", " from", " to "];
 
 /// Pages that say how it was: decisions, and what has changed.
-const PAST: [&str; 2] = ["docs/decisions/", "CHANGELOG.md"];
+const PAST: [&str; 2] = ["docs/dev/decisions/", "CHANGELOG.md"];
 
 #[test]
 fn code_uses_the_terms_of_the_field() {
@@ -161,8 +161,9 @@ fn code_uses_the_terms_of_the_field() {
         let of_solver = RETIRED_IN_THE_SOLVER.iter().filter(|_| file.name.starts_with("core/src/"));
         for word in RETIRED.iter().chain(of_solver) {
             let lines = lines_with(&code, word).into_iter();
-            complaints
-                .extend(lines.map(|line| format!("{}:{line}: `{word}` is retired; see docs/glossary.md", file.name)));
+            complaints.extend(
+                lines.map(|line| format!("{}:{line}: `{word}` is retired; see docs/guide/glossary.md", file.name)),
+            );
         }
     }
     report(&complaints);
@@ -193,7 +194,7 @@ fn comments_and_pages_use_the_terms_of_the_field() {
         let prose = lines.filter(|(_, line)| is_page || line.trim_start().starts_with("//"));
         let found = private_phrases(prose);
         complaints.extend(found.iter().map(|(line, phrase)| {
-            format!("{}:{line}: \"{phrase}\" is a phrase of our own; see docs/glossary.md", file.name)
+            format!("{}:{line}: \"{phrase}\" is a phrase of our own; see docs/guide/glossary.md", file.name)
         }));
     }
     report(&complaints);

@@ -9,7 +9,7 @@ use drapery_core::Vec3;
 use drapery_core::parallel::communicator::Communicator;
 use drapery_core::parallel::local_ranks::LocalRanks;
 use drapery_core::parallel::ranks::Ranks;
-use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::scene::{Integrator, Scene, SceneDescription};
 use drapery_core::simulation::{FrameInput, FrameSummary, Simulation};
 use drapery_core::snapshot::Snapshot;
 use drapery_shot::quality::LIMITS;
@@ -152,32 +152,42 @@ impl Ended {
     }
 }
 
+/// How all cases are run.
+#[derive(Debug, Clone, Copy)]
+pub struct Conditions<'a> {
+    /// How much is asked for.
+    pub tier: Tier,
+    /// What scenes are integrated with.
+    pub integrator: Integrator,
+    /// The command.
+    pub drapery: &'a Path,
+}
+
 /// What a case works with.
 pub struct Bench<'a> {
-    drapery: &'a Path,
-    tier: Tier,
+    conditions: Conditions<'a>,
     folder: tempfile::TempDir,
     degradations: BTreeMap<String, u64>,
 }
 
 impl<'a> Bench<'a> {
-    /// A bench with an empty folder; `drapery` is the command.
+    /// A bench with an empty folder.
     ///
     /// # Errors
     /// There is no room for a folder.
-    pub fn new(drapery: &'a Path, tier: Tier) -> Result<Self, String> {
+    pub fn new(conditions: Conditions<'a>) -> Result<Self, String> {
         let folder = tempfile::tempdir().map_err(|e| format!("no folder for temporary files: {e}"))?;
-        Ok(Self { drapery, tier, folder, degradations: BTreeMap::new() })
+        Ok(Self { conditions, folder, degradations: BTreeMap::new() })
     }
 
     /// How much is asked for.
     pub fn tier(&self) -> Tier {
-        self.tier
+        self.conditions.tier
     }
 
     /// `quick` in the quick tier, `full` in the others.
     pub fn by_tier<T>(&self, quick: T, full: T) -> T {
-        if self.tier == Tier::Quick { quick } else { full }
+        if self.tier() == Tier::Quick { quick } else { full }
     }
 
     /// What was counted that should not have happened.
@@ -203,7 +213,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// It cannot be started.
     pub fn command(&self, arguments: &[&str]) -> Result<Ended, String> {
-        let mut command = Command::new(self.drapery);
+        let mut command = Command::new(self.conditions.drapery);
         command.args(arguments);
         self.wait(command)
     }
@@ -214,7 +224,9 @@ impl<'a> Bench<'a> {
     /// There is no shell.
     pub fn shell(&self, script: &str) -> Result<Ended, String> {
         let mut command = Command::new("sh");
-        command.args(["-c", &format!("drapery() {{ \"$DRAPERY\" \"$@\"; }}\n{script}")]).env("DRAPERY", self.drapery);
+        command
+            .args(["-c", &format!("drapery() {{ \"$DRAPERY\" \"$@\"; }}\n{script}")])
+            .env("DRAPERY", self.conditions.drapery);
         self.wait(command)
     }
 
@@ -223,7 +235,8 @@ impl<'a> Bench<'a> {
         for name in VARIABLES {
             command.env_remove(name);
         }
-        let output = command.output().map_err(|e| format!("{} cannot be started: {e}", self.drapery.display()))?;
+        let output =
+            command.output().map_err(|e| format!("{} cannot be started: {e}", self.conditions.drapery.display()))?;
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
         let ended = Ended { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) };
         if ended.code == Some(70) || ended.stderr.contains("panicked") {
@@ -240,11 +253,11 @@ impl<'a> Bench<'a> {
     /// energy grows.
     pub fn simulate(&mut self, trial: &Trial<'_>) -> Result<Record, String> {
         let [first, others @ ..] = &COUNTS;
-        let (record, snapshot) = run_on(trial, *first, trial.frames)?;
+        let (record, snapshot) = self.run_on(trial, *first, trial.frames)?;
         self.note(&record);
         judge_all(trial, &record)?;
         for count in others {
-            let (_, other) = run_on(trial, *count, 0)?;
+            let (_, other) = self.run_on(trial, *count, 0)?;
             if other != snapshot {
                 return Err(format!("{} ranks come to other bits than one", count[0]));
             }
@@ -257,10 +270,23 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// As [`Bench::simulate`].
     pub fn simulate_once(&mut self, trial: &Trial<'_>) -> Result<Record, String> {
-        let (record, _) = run_on(trial, COUNTS[0], trial.frames)?;
+        let (record, _) = self.run_on(trial, COUNTS[0], trial.frames)?;
         self.note(&record);
         judge_all(trial, &record)?;
         Ok(record)
+    }
+
+    /// One run: every frame up to `watched`, on one rank, and the state at the frame at which runs are compared.
+    fn run_on(
+        &self,
+        trial: &Trial<'_>,
+        [ranks, threads]: [usize; 2],
+        watched: i64,
+    ) -> Result<(Record, Snapshot), String> {
+        let work = |communicator| one_rank(trial, self.conditions.integrator, communicator, watched);
+        let all = LocalRanks::run(ranks, threads, work).map_err(|e| format!("on {ranks} ranks: panic: {e}"))?;
+        // There is a first rank.
+        all.into_iter().next().unwrap_or_else(|| Err("no rank has run".to_owned()))
     }
 
     fn note(&mut self, record: &Record) {
@@ -273,24 +299,21 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// One run: every frame up to `watched`, on one rank, and the state at the frame at which runs are compared.
-fn run_on(trial: &Trial<'_>, [ranks, threads]: [usize; 2], watched: i64) -> Result<(Record, Snapshot), String> {
-    let work = |communicator| one_rank(trial, communicator, watched);
-    let all = LocalRanks::run(ranks, threads, work).map_err(|e| format!("on {ranks} ranks: panic: {e}"))?;
-    // There is a first rank.
-    all.into_iter().next().unwrap_or_else(|| Err("no rank has run".to_owned()))
-}
-
 fn one_rank(
     trial: &Trial<'_>,
+    integrator: Integrator,
     communicator: Arc<dyn Communicator>,
     watched: i64,
 ) -> Result<(Record, Snapshot), String> {
     let ranks = Ranks::new(communicator);
     let first = || ranks.is_first();
     let start = trial.description.timeline.start;
-    let scene =
-        Scene::distribute(&ranks, first().then(|| trial.description.clone())).map_err(|e| format!("refused: {e}"))?;
+    let description = || {
+        let mut description = trial.description.clone();
+        description.solver.integrator = integrator;
+        description
+    };
+    let scene = Scene::distribute(&ranks, first().then(description)).map_err(|e| format!("refused: {e}"))?;
     let input = |scene: &Scene, frame: i64| scene.share_input(first().then(|| (trial.input)(frame)));
     let at_start = input(&scene, start);
     let mut simulation = Simulation::new(scene, &at_start).map_err(|e| format!("refused: {e}"))?;

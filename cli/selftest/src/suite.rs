@@ -1,11 +1,10 @@
 //! Running cases one after the other.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 use std::time::Instant;
 
-use crate::bench::Bench;
-use crate::case::{Case, Figure, Tier};
+use crate::bench::{Bench, Conditions};
+use crate::case::{Case, Figure};
 use crate::combine;
 
 /// What became of a case.
@@ -35,25 +34,25 @@ impl Verdict {
 }
 
 /// Runs a case.
-pub fn judge(case: &Case, tier: Tier, drapery: &Path) -> Verdict {
-    measured([case.id, case.title, case.must], (tier, drapery), case.judge)
+pub fn judge(case: &Case, conditions: Conditions<'_>) -> Verdict {
+    measured([case.id, case.title, case.must], conditions, case.judge)
 }
 
 /// Runs the combination of three cases of a seed.
-pub fn judge_combination(seed: u64, tier: Tier, drapery: &Path) -> Verdict {
+pub fn judge_combination(seed: u64, conditions: Conditions<'_>) -> Verdict {
     let (id, title) = (format!("seed {seed}"), combine::title(seed));
     let must = "what holds for every case holds for the three together";
-    measured([&id, &title, must], (tier, drapery), |bench| combine::judge(bench, seed))
+    measured([&id, &title, must], conditions, |bench| combine::judge(bench, seed))
 }
 
 /// Runs what judges. A panic is one of the ways to fail.
 fn measured(
     [id, title, must]: [&str; 3],
-    (tier, drapery): (Tier, &Path),
+    conditions: Conditions<'_>,
     judge: impl FnOnce(&mut Bench<'_>) -> Result<Vec<Figure>, String>,
 ) -> Verdict {
     let clock = Instant::now();
-    let (outcome, degradations) = match Bench::new(drapery, tier) {
+    let (outcome, degradations) = match Bench::new(conditions) {
         Err(trouble) => (Err(trouble), Vec::new()),
         Ok(mut bench) => {
             let outcome = catch_unwind(AssertUnwindSafe(|| judge(&mut bench)));

@@ -211,18 +211,6 @@ fn help_holds_the_exit_codes_and_the_log_can_be_json() {
 }
 
 #[test]
-fn the_readme_lists_every_command() {
-    let folder = folder_with(SHEET);
-    let help = drapery(folder.path(), &["--help"]).stdout;
-    let readme = include_str!("../../../README.md");
-    let commands = help.split("Commands:\n").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap();
-    let names = commands.lines().filter_map(|line| line.strip_prefix("  ")).filter(|line| !line.starts_with(' '));
-    for name in names.filter_map(|line| line.split(' ').next()).filter(|name| *name != "help") {
-        assert!(readme.contains(&format!("\n| `drapery {name}")), "{name}");
-    }
-}
-
-#[test]
 fn a_dump_of_frames_that_are_done_says_how_to_get_it() {
     let folder = folder_with(SHEET);
     let run = |arguments: &[&str]| {

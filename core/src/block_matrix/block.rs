@@ -84,13 +84,35 @@ pub(super) fn add(sums: &mut [f32; 9], value: impl Fn(usize, usize) -> f64) {
     }
 }
 
-/// Adds `rows` `columns`ᵀ and what `diagonal` has on the diagonal to the block that begins with these values. The fourth lanes,
-/// which are zero, go to what stands behind each three.
-#[inline(always)]
-pub(super) fn add_outer_product(sums: &mut [f32], rows: Simd4, columns: Simd4, diagonal: Simd4) {
-    let threes = [columns, columns.turned(), columns.turned_back()].map(|columns| rows.component_mul(columns));
-    for (place, three) in [threes[0] + diagonal, threes[1], threes[2]].into_iter().enumerate() {
-        let sums = &mut sums[3 * place..3 * place + 4];
-        sums.iter_mut().zip(three.narrowed()).for_each(|(sum, value)| *sum += value);
+/// A vector as a factor of outer products: what it brings to each of the first eight places of [`PLACES`], by rows and by columns.
+/// The ninth takes the third row and the second column, which are among them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OuterFactor {
+    rows: [f32; 8],
+    columns: [f32; 8],
+}
+
+impl OuterFactor {
+    #[inline(always)]
+    pub(super) fn new(vector: Simd4) -> Self {
+        let [x, y, z, _] = vector.narrowed();
+        Self { rows: [x, y, z, x, y, z, x, y], columns: [x, y, z, y, z, x, z, x] }
     }
+}
+
+/// Takes away `a` `b`ᵀ. The factors of each place change with `a` and `b`, but not their product: what a pair has at one part is
+/// to the last bit the transposed of what it has at another.
+#[inline(always)]
+pub(super) fn subtract_outer_product(sums: &mut [f32; 9], a: &OuterFactor, b: &OuterFactor) {
+    for (sum, (row, column)) in sums.iter_mut().zip(a.rows.iter().zip(&b.columns)) {
+        *sum -= row * column;
+    }
+    sums[8] -= a.rows[2] * b.columns[1];
+}
+
+/// Adds the symmetric block with these values on the diagonal, and these at xy, yz, zx.
+#[inline(always)]
+pub(super) fn add_symmetric(sums: &mut [f32; 9], diagonal: Simd4, beside: Simd4) {
+    let ([xx, yy, zz, _], [xy, yz, zx, _]) = (diagonal.narrowed(), beside.narrowed());
+    sums.iter_mut().zip([xx, yy, zz, xy, yz, zx, zx, xy, yz]).for_each(|(sum, value)| *sum += value);
 }

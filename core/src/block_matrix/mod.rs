@@ -28,7 +28,10 @@ use nalgebra::Matrix3;
 use crate::Vec3;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
-use block::{Coefficients, add, add_outer_product, full_block, full_symmetric, stored_symmetric, symmetric_product};
+use block::{
+    Coefficients, OuterFactor, add, add_symmetric, full_block, full_symmetric, stored_symmetric,
+    subtract_outer_product, symmetric_product,
+};
 use pattern::Pattern;
 pub use pattern::Slot;
 
@@ -131,25 +134,25 @@ impl PartBlocks {
     /// pair.
     #[inline]
     pub fn add_spring(&mut self, slot: Slot, e: &Vec3, along: f64, across: f64) {
-        let across_all = Simd4::new([across, across, across, 0.0]);
-        add_outer_product(self.values(slot), Simd4::from(&(e * (along - across))), Simd4::from(e), across_all);
+        let (across_all, e) = (Simd4::new([across, across, across, 0.0]), Simd4::from(e));
+        let along = e * (along - across);
+        add_symmetric(self.block(slot), along.mul_add(e, across_all), along.component_mul(e.turned()));
     }
 
-    /// Adds `scale` g gᵀ over the vertices of an element whose gradients g have the sum zero, as those of an angle or of a length
-    /// have: B_ab gets -`scale` g_a g_bᵀ. `slots` are those of [`PartBlocks::slots`].
+    /// Adds g gᵀ over the vertices of an element whose gradients g have the sum zero, as those of an angle or of a length
+    /// have: B_ab gets -g_a g_bᵀ, of components in single precision. `slots` are those of [`PartBlocks::slots`].
     #[inline]
     pub fn add_outer<const VERTICES: usize, const PAIRS: usize>(
         &mut self,
         slots: &[Slot; PAIRS],
-        scale: f64,
-        gradients: &[Vec3; VERTICES],
+        gradients: &[Simd4; VERTICES],
     ) {
         const { assert!(PAIRS * 2 == VERTICES * (VERTICES - 1), "each pair has a slot") };
-        let gradients = gradients.each_ref().map(Simd4::from);
-        let pairs = (0..VERTICES).flat_map(|a| (a + 1..VERTICES).map(move |b| (gradients[a], gradients[b])));
+        let factors = gradients.map(OuterFactor::new);
+        let pairs = (0..VERTICES).flat_map(|a| (a + 1..VERTICES).map(move |b| (a, b)));
         for (slot, (a, b)) in slots.iter().zip(pairs) {
-            let (rows, columns) = if slot.is_transposed() { (b, a) } else { (a, b) };
-            add_outer_product(self.values(*slot), rows * -scale, columns, Simd4::ZERO);
+            let (a, b) = if slot.is_transposed() { (b, a) } else { (a, b) };
+            subtract_outer_product(self.block(*slot), &factors[a], &factors[b]);
         }
     }
 
@@ -157,13 +160,6 @@ impl PartBlocks {
     fn block(&mut self, slot: Slot) -> &mut [f32; 9] {
         let unread = self.unread();
         &mut self.blocks[slot.place().min(unread)]
-    }
-
-    /// A block and three values more behind it.
-    #[inline]
-    fn values(&mut self, slot: Slot) -> &mut [f32] {
-        let first = 9 * slot.place().min(self.unread());
-        &mut self.blocks.as_flattened_mut()[first..first + 12]
     }
 
     /// The block that pairs of other parts share, which no product reads.

@@ -8,6 +8,7 @@ use crate::geometry::random::SplitMix64;
 use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::{Partition, Parts};
 use crate::parallel::ranks::Ranks;
+use crate::parallel::simd4::Simd4;
 
 /// Elements of a crumpled sheet, in numbers of the scene.
 #[derive(Debug, Clone)]
@@ -140,7 +141,7 @@ impl Sheet {
                 let at = locals(corners).filter(|at| at.iter().any(|v| range.contains(&(*v as usize))));
                 let Some(at) = at else { continue };
                 let slots = rows.slots::<4, 6>(&[at[0], at[1], at[2], at[3]]);
-                rows.add_outer(&slots, *k, gradients);
+                rows.add_outer(&slots, &gradients.map(|g| Simd4::from(&(g * k.sqrt()))));
             }
         });
         matrix

@@ -69,6 +69,23 @@ fn diagonal_blocks_are_those_of_the_matrix_of_all_elements() {
 }
 
 #[test]
+fn blocks_across_a_border_are_transposed_to_the_last_bit() {
+    let sheet = Sheet::new(9, 50.0, 3);
+    let parts = sheet.parts(&Ranks::default());
+    let matrix = sheet.matrix(&parts);
+    let mut blocks = Vec::new();
+    for (range, rows) in parts.ranges().iter().zip(matrix.parts()) {
+        let pairs = rows.outside_pairs().iter().map(|(vertex, other)| (range.start as u32 + vertex, *other));
+        blocks.extend(pairs.zip(rows.outside_blocks()));
+    }
+    assert!(blocks.len() > 60);
+    for ((a, b), block) in &blocks {
+        let other = blocks.iter().find(|(pair, _)| *pair == (*b, *a)).map(|(_, block)| block.transpose());
+        assert_eq!(other, Some(*block), "{a}, {b}");
+    }
+}
+
+#[test]
 fn products_have_the_same_bits_on_any_number_of_ranks() {
     let sheet = Sheet::new(12, 300.0, 7);
     let s = random_vectors(sheet.x.len());

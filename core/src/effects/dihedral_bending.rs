@@ -20,6 +20,7 @@
 
 #![cfg(feature = "effect-dihedral_bending")]
 
+mod arctangent;
 mod elements;
 mod part_hinges;
 #[cfg(test)]
@@ -46,7 +47,7 @@ stiffness = 1e-5",
     maps: &[MapSpec::of("dihedral_bending"), MapSpec::of("dihedral_bending_damping")],
     bytes_of_point: 1130.0,
     is_internal: true,
-    force_cost: ForceCost { update: 60.0, product: 13.0 },
+    force_cost: ForceCost { update: 20.0, product: 13.0 },
     build,
     ..EffectSpec::BARE
 };

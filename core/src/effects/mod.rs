@@ -32,7 +32,9 @@ pub mod stretch;
 pub mod wind;
 
 pub use crate::snapshot::saved_section::{ElementRows, SectionId};
-pub use force::{FilterStep, Force, ForceContext, PartForce, PartMotion, PartView, Purpose, VelocityFilter};
+pub use force::{
+    BlockFactors, FilterStep, Force, ForceContext, PartForce, PartMotion, PartView, Purpose, VelocityFilter,
+};
 pub use inputs::INPUTS;
 pub use registry::{PlannedEffect, build_all, find, lacking, maps};
 pub use spec::{BuildContext, Effect, EffectSpec, MapSpec, Need, Scope};

@@ -229,7 +229,7 @@ impl Force for PartShear {
             if let Some(acting) = acting {
                 let Altitude { stiffness, damping, .. } = altitudes[acting.corner];
                 let scale = factors.stiffness * stiffness + factors.damping * damping;
-                rows.add_outer(slots, scale, &acting.pull(1.0).map(Vec3::from));
+                rows.add_outer(slots, &acting.pull(scale.sqrt()));
             }
         }
     }

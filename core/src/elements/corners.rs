@@ -48,6 +48,7 @@ pub(crate) fn gather<const N: usize>(
 }
 
 /// Adds to the corners of an element that are the part's own.
+#[inline(always)]
 pub(crate) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Simd4; N], own: &mut [Simd4]) {
     for (corner, value) in corners.into_iter().zip(values) {
         if let Some(own) = own.get_mut((corner as usize).wrapping_sub(start)) {
@@ -57,7 +58,7 @@ pub(crate) fn add<const N: usize>(start: usize, corners: [u32; N], values: [Simd
 }
 
 /// The share of an element's corners that are a part's own: what the part counts of its energy.
-#[cfg(any(feature = "effect-membrane", feature = "effect-shear"))]
+#[cfg(any(feature = "effect-membrane", feature = "effect-shear", feature = "effect-dihedral_bending"))]
 pub(crate) fn own_fraction<const N: usize>(part: &Range<usize>, corners: [u32; N]) -> f64 {
     corners.into_iter().filter(|corner| part.contains(&(*corner as usize))).count() as f64 / N as f64
 }

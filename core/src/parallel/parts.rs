@@ -12,9 +12,10 @@ use crate::parallel::halo::Halo;
 use crate::parallel::ranks::Ranks;
 use crate::parallel::reduce::{ReductionTree, SUM_BLOCK};
 
-/// Largest number of vertices of a part. Small enough for one part's vectors to stay in a core's cache, large enough for
-/// the springs that cross a border (and are evaluated on both sides) to be few: 5 % of all at this size.
-pub const PART_SIZE: usize = 2048;
+/// Largest number of vertices of a part. Small enough for rounds of Newton's method to leave out what is done
+/// (`docs/dev/decisions/0020-long-steps.md`) and for dozens of ranks to have equal shares, large enough for the springs that cross a
+/// border (and are evaluated on both sides) to be one in ten.
+pub const PART_SIZE: usize = 512;
 
 /// The parts of all garments, alike on all ranks.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -44,6 +44,12 @@ impl Simd4 {
         Self([x * f[0], y * f[1], z * f[2], w * f[3]])
     }
 
+    /// The fourth lane in all lanes.
+    #[inline(always)]
+    pub fn last(self) -> Self {
+        Self([self.0[3]; 4])
+    }
+
     /// In single precision.
     #[inline(always)]
     pub fn narrowed(self) -> [f32; 4] {

@@ -86,7 +86,7 @@ choice! {
 }
 
 /// What a word of `preset` in `[solver]` stands for: all that weighs error against time in long steps. What the words mean in
-/// measured error and time: `docs/accuracy.md`.
+/// measured error and time: `docs/dev/measurements/accuracy.md`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverPreset {
     /// The word, and what it is for.
@@ -116,7 +116,7 @@ impl SolverPreset {
 }
 
 // Steps decide the error and the time. Solves stop where what they leave is
-// small beside the error of the steps (`docs/decisions/0020-long-steps.md#presets`).
+// small beside the error of the steps (`docs/dev/decisions/0020-long-steps.md#presets`).
 /// The presets, the fastest first.
 pub const PRESETS: [SolverPreset; 3] = [
     SolverPreset {

@@ -9,7 +9,7 @@
 //! something; how it moves decides them too, and is not known. So an estimate is good within a factor of two, on the machine
 //! that the nanoseconds are from; `drapery plan --measure` simulates frames instead.
 //!
-//! Source of all numbers here: `make measure-plan`, of which docs/speed.md keeps what came out; AMD EPYC, one thread.
+//! Source of all numbers here: `make measure-plan`, of which docs/dev/measurements/speed.md keeps what came out; AMD EPYC, one thread.
 
 use super::Simulation;
 use crate::effects::registry::{PlannedEffect, find};

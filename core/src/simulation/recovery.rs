@@ -1,4 +1,4 @@
-//! What happens when a collision step goes wrong (`docs/hard_cases.md#when-a-step-goes-wrong`): it is taken back to its
+//! What happens when a collision step goes wrong (`docs/dev/hard_cases.md#when-a-step-goes-wrong`): it is taken back to its
 //! collision-free state and tried again, each time more carefully, and every attempt is counted and named.
 //!
 //! A step has gone wrong where a number is not finite, where an edge would change its length several times over in the

@@ -76,6 +76,11 @@ pub struct Outcome {
     pub worse: bool,
 }
 
+impl Outcome {
+    /// That of no solve at all.
+    pub const NONE: Self = Self { solves: 0, iterations: 0, converged: true, finite: true, worse: false };
+}
+
 /// How many times its first residual a solve that has not converged may end with.
 pub(super) const BREAKDOWN: f64 = 10.0;
 

@@ -6,12 +6,7 @@ use crate::Vec3;
 use crate::parallel::for_each_part::PerPart;
 use crate::parallel::parts::{PART_SIZE, Parts};
 use crate::parallel::simd4::Simd4;
-
-/// Constraints of a solve: an orthogonal projection of each vertex' vector.
-pub trait Projection: Sync {
-    /// Removes the constrained directions of one part from `r`, the part's own slice.
-    fn project(&self, part: usize, r: &mut [Vec3]);
-}
+use crate::solve::block_system::{BlockSystem, Projection};
 
 /// The projections of the vertices that are constrained.
 #[derive(Debug)]
@@ -58,9 +53,13 @@ impl Constraints {
         Self { parts: vec![Vec::new(); parts.count()] }
     }
 
-    /// Takes over what `projection` does, and holds what has no mass: nothing says how it moves.
-    pub(super) fn update(&mut self, parts: &Parts, masses: &[f64], projection: &impl Projection) {
+    /// Takes over what constrains the parts that are solved, and holds what has no mass: nothing says how it moves.
+    pub(super) fn update(&mut self, system: &BlockSystem<'_, impl Projection>) {
+        let BlockSystem { parts, masses, solved, constraints, .. } = *system;
         parts.for_each(PerPart(&mut self.parts), &|part, list| {
+            if !solved[part] {
+                return;
+            }
             let list = &mut list.0[0];
             list.clear();
             let masses = &masses[parts.ranges()[part].clone()];
@@ -68,7 +67,7 @@ impl Constraints {
             let mut columns = [[Vec3::zeros(); PART_SIZE]; 3];
             for (axis, column) in columns.iter_mut().enumerate() {
                 column[..count].fill(Vec3::ith(axis, 1.0));
-                projection.project(part, &mut column[..count]);
+                constraints.project(part, &mut column[..count]);
             }
             for (vertex, mass) in masses.iter().enumerate() {
                 let columns = match *mass {

@@ -15,6 +15,8 @@ pub struct ForceEvaluation<'a> {
     pub parts: &'a Parts,
     /// Masses of the local vertices [kg].
     pub masses: &'a [f64],
+    /// Parts that are worked on; forces on the others and their rows of the matrix stay what they were.
+    pub solved: &'a [bool],
     /// Positions of the local vertices [m], ghosts like those of their owners.
     pub x: &'a [Vec3],
     /// Velocities, likewise [m/s].
@@ -29,7 +31,9 @@ impl ForceEvaluation<'_> {
     /// The forces on own vertices [N]: those that depend on positions and those that depend on velocities.
     pub fn forces(&self, forces: &mut PartForces, f: &mut [Vec3]) {
         self.parts.for_each((PerVertex(f), PerPart(forces)), &|part, (f, forces)| {
-            self.of_part(part, &mut forces.0[0], f.0, None);
+            if self.solved[part] {
+                self.of_part(part, &mut forces.0[0], f.0, None);
+            }
         });
     }
 
@@ -37,7 +41,9 @@ impl ForceEvaluation<'_> {
     pub fn linearise(&self, forces: &mut PartForces, f: &mut [Vec3], factors: BlockFactors, matrix: &mut BlockMatrix) {
         let slices = (PerVertex(f), PerPart(forces), PerPart(matrix.parts_mut()));
         self.parts.for_each(slices, &|part, (f, forces, rows)| {
-            self.of_part(part, &mut forces.0[0], f.0, Some((factors, &mut rows.0[0])));
+            if self.solved[part] {
+                self.of_part(part, &mut forces.0[0], f.0, Some((factors, &mut rows.0[0])));
+            }
         });
     }
 

@@ -1,6 +1,7 @@
 //! Velocity solves: conjugate gradients without a matrix for half a step, with an assembled matrix for a long one.
 
 mod block_jacobi;
+mod block_system;
 pub mod conjugate_gradient;
 mod constraints;
 pub mod force_evaluation;

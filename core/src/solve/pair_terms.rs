@@ -162,6 +162,11 @@ impl PairTerms {
         });
     }
 
+    /// What the last product has of each pair [N s]: T of its relative velocity.
+    pub(crate) fn products(&self) -> &[Simd4] {
+        &self.products
+    }
+
     /// Adds what the vertices of a part have of the last product to their rows.
     #[inline]
     pub(super) fn add_product(&self, part: usize, q: &mut [Simd4]) {

@@ -15,24 +15,11 @@ use crate::parallel::parts::Parts;
 use crate::parallel::reduce::{SUM_BLOCK, largest};
 use crate::parallel::simd4::Simd4;
 use crate::solve::block_jacobi::BlockInverses;
+pub use crate::solve::block_system::{BlockSystem, Projection};
 use crate::solve::conjugate_gradient::{BREAKDOWN, Outcome, Reach, Stop};
 use crate::solve::constraints::Constraints;
-pub use crate::solve::constraints::Projection;
 use crate::solve::multilevel::Multilevel;
 use crate::solve::pair_terms::PairTerms;
-
-/// A system to be solved.
-#[derive(Debug)]
-pub struct BlockSystem<'a, C> {
-    /// The split of the vertices.
-    pub parts: &'a Parts,
-    /// Masses of the local vertices [kg]; one without mass is held.
-    pub masses: &'a [f64],
-    /// A [kg], but for the pairs.
-    pub matrix: &'a BlockMatrix,
-    /// P.
-    pub constraints: &'a C,
-}
 
 /// How far the solves of Newton's method go: errors that the next step makes anyway are not worth iterations (S. C. Eisenstat,
 /// H. F. Walker, "Choosing the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17, 1996, choice 2).
@@ -116,7 +103,7 @@ impl PreconditionedCg {
             + self.pairs.bytes()
     }
 
-    /// The pairs in touch, which are part of A.
+    /// The pairs in touch, which are part of A; after a solve they have their products with the solution.
     pub(crate) fn pairs_mut(&mut self) -> &mut PairTerms {
         &mut self.pairs
     }
@@ -124,15 +111,22 @@ impl PreconditionedCg {
     /// Makes the preconditioner that of this system. It may be kept while matrix and constraints change: solves then take more
     /// iterations and come to the same result. All ranks call it together.
     pub fn prepare(&mut self, system: &BlockSystem<'_, impl Projection>) {
-        let parts = system.parts;
-        self.constraints.update(parts, system.masses, system.constraints);
-        let (constraints, pairs) = (&self.constraints, &self.pairs);
+        self.prepare_finest(system);
+        self.coarse.prepare(system.parts, system.matrix, &self.pairs, &self.constraints);
+    }
+
+    /// The same on the finest level alone, in the parts that are solved.
+    pub fn prepare_finest(&mut self, system: &BlockSystem<'_, impl Projection>) {
+        let (parts, pairs) = (system.parts, &self.pairs);
+        self.constraints.update(system);
         parts.for_each(PerPart(&mut self.inverses), &|part, inverses| {
+            if !system.solved[part] {
+                return;
+            }
             let mut blocks = system.matrix.parts()[part].diagonal_blocks();
             pairs.add_diagonal(part, &mut blocks);
             blocks.iter().enumerate().for_each(|(vertex, block)| inverses.0[0].set(vertex, block));
         });
-        self.coarse.prepare(parts, system.matrix, pairs, constraints);
     }
 
     /// Solves `P A P d = P b` from d = 0, `b` on the own vertices [N s]; the ghosts of `d` [m/s] are those of their owners
@@ -166,15 +160,28 @@ impl PreconditionedCg {
         stop: Stop,
         forcing: Option<&mut Forcing>,
     ) -> Outcome {
-        self.constraints.update(system.parts, system.masses, system.constraints);
+        self.constraints.update(system);
         self.d.fill(Simd4::ZERO);
         self.s.fill(Simd4::ZERO);
         self.q.fill(Simd4::ZERO);
-        self.r.iter_mut().zip(b).for_each(|(r, b)| *r = Simd4::from(b));
+        self.r.fill(Simd4::ZERO);
+        self.dots.fill(0.0);
+        self.residuals.fill(0.0);
+        let (parts, start) = (system.parts, system.parts.own().start);
+        let coarse = self.coarse.parts_mut();
+        for ((range, solved), coarse) in parts.ranges().iter().zip(system.solved).zip(coarse) {
+            let own = range.start - start..range.end - start;
+            if *solved {
+                self.r[own.clone()].iter_mut().zip(&b[own]).for_each(|(r, b)| *r = Simd4::from(b));
+            } else {
+                coarse.restrict(&self.r[own]);
+            }
+        }
         let masses = &system.masses[system.parts.own()];
         let inverse = |mass: &f64| if *mass > 0.0 { mass.recip() } else { 0.0 };
         self.inverse_masses.iter_mut().zip(masses).for_each(|(to, mass)| *to = inverse(mass));
         let outcome = self.iterate(system, stop, forcing);
+        self.pairs.multiply(system.parts, &self.d);
         d.iter_mut().zip(&self.d).for_each(|(d, found)| *d = Vec3::from(*found));
         outcome
     }
@@ -228,6 +235,9 @@ impl PreconditionedCg {
         let coarse = PerPart(self.coarse.parts_mut());
         let first = parts.own().start;
         parts.for_each((vectors, sums, coarse), &|part, ((r, q), (dots, residuals), coarse)| {
+            if !system.solved[part] {
+                return;
+            }
             r.0.iter_mut().zip(&*q.0).for_each(|(r, q)| *r -= *q * alpha);
             constraints.project(part, r.0);
             let Range { start, end } = parts.ranges()[part];
@@ -261,6 +271,9 @@ impl PreconditionedCg {
         }
         let vectors = (PerVertex(&mut self.s[own.clone()]), PerVertex(&mut self.d[own]), PerVertex(&mut self.r));
         parts.for_each(vectors, &|part, (s, d, r)| {
+            if !system.solved[part] {
+                return;
+            }
             let steps = s.0.iter_mut().zip(&mut *d.0).zip(&*r.0).zip(inverses[part].blocks());
             for ((((s, d), r), block), x) in steps.zip(coarse.corrections(part)) {
                 *d += *s * alpha;
@@ -289,7 +302,7 @@ impl PreconditionedCg {
         let (parts, s) = (system.parts, &self.s);
         let (constraints, pairs, reaches_ghosts) = (&self.constraints, &self.pairs, &self.reaches_ghosts);
         parts.for_each((PerVertex(&mut self.q), PerBlock(&mut self.dots)), &|part, (q, dots)| {
-            if !reach.includes(reaches_ghosts[part]) {
+            if !system.solved[part] || !reach.includes(reaches_ghosts[part]) {
                 return;
             }
             system.matrix.parts()[part].multiply_padded(s, q.0);

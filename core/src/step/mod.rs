@@ -18,6 +18,7 @@
 mod groups;
 mod stage_arrays;
 mod tr_bdf2;
+mod unconverged;
 
 pub use stage_arrays::StageArrays;
 

@@ -29,6 +29,8 @@ pub struct StageArrays {
     pub(super) change: Vec<Vec3>,
     /// Pairs of cloth in touch at the stage.
     pub(super) pairs: Vec<PairForce>,
+    /// Own parts that the solves work on.
+    pub(super) unconverged: Vec<bool>,
 }
 
 impl StageArrays {
@@ -55,6 +57,7 @@ impl StageArrays {
             residual: own,
             change: local,
             pairs: Vec::new(),
+            unconverged: vec![true; parts.count()],
         }
     }
 

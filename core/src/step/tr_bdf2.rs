@@ -29,6 +29,7 @@ use crate::solve::implicit_velocity::{PartForces, stop_held};
 use crate::solve::preconditioned_cg::{BlockSystem, Forcing, Projection};
 use crate::state::State;
 use crate::step::stage_arrays::StageArrays;
+use crate::step::unconverged::{PairsInTouch, parts_moved, parts_touched};
 use crate::step::{Prescribed, RepulsionPlace};
 use crate::volumes::Volumes;
 use crate::wind_grid::WindGrid;
@@ -173,14 +174,14 @@ impl Stage {
 }
 
 impl Stages<'_> {
-    /// The forces at the stage, and, `with_matrix`, the matrix there.
+    /// The forces on the parts that are worked on, at the stage, and, `with_matrix`, the matrix there.
     fn evaluate(&mut self, fraction: f64, with_matrix: bool) {
         let (dt, alpha) = (self.at.dt, ALPHA * self.at.dt);
-        let StageArrays { matrix, x, v, f, .. } = &mut *self.arrays;
+        let StageArrays { matrix, x, v, f, unconverged: solved, .. } = &mut *self.arrays;
         self.volumes.update(self.at.parts, x);
         let (targets, wind, volumes) = (self.at.targets, self.at.wind, &*self.volumes);
         let around = ForceContext { time: self.at.start.time + fraction * dt, targets, v, wind, volumes };
-        let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, x, v, fraction, around };
+        let at = ForceEvaluation { parts: self.at.parts, masses: self.at.masses, solved, x, v, fraction, around };
         if with_matrix {
             let factors = BlockFactors { damping: alpha, stiffness: alpha * alpha };
             at.linearise(self.forces, f, factors, matrix);
@@ -190,16 +191,17 @@ impl Stages<'_> {
     }
 
     /// The forces of pairs in touch where the stage stands, at a fraction of the step, times `duration` [s], are added to `impulses`
-    /// of own vertices [N s].
+    /// of the own vertices that are worked on [N s].
     fn add_pair_impulses(&mut self, fraction: f64, duration: f64, impulses: &mut [Vec3]) {
         let Some(contact) = &mut self.repulsion else { return };
-        let StageArrays { x, v, pairs, .. } = &mut *self.arrays;
-        contact.pair_forces([x, v], self.bodies, (fraction, self.at.dt), pairs);
-        let own = contact.nodes().own();
+        let StageArrays { x, v, pairs, unconverged, .. } = &mut *self.arrays;
+        *pairs = contact.pair_forces([x, v], self.bodies, (fraction, self.at.dt), pairs);
+        let (own, parts) = (contact.nodes().own(), self.at.parts);
         for pair in &*pairs {
             for (node, weight) in pair.nodes.iter().zip(pair.weights) {
-                if own.contains(&(*node as usize)) {
-                    impulses[*node as usize - own.start] += pair.force * (weight * duration);
+                let vertex = (*node as usize).wrapping_sub(own.start);
+                if vertex < own.len() && unconverged[parts.part_of(vertex + parts.own().start)] {
+                    impulses[vertex] += pair.force * (weight * duration);
                 }
             }
         }
@@ -224,6 +226,8 @@ impl Stages<'_> {
     fn begin(&mut self) {
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
         self.arrays.x.copy_from_slice(&at.start.x);
+        self.arrays.unconverged.fill(true);
+        self.arrays.pairs.clear();
         self.evaluate_start(&active);
         let mut repelled = vec![Vec3::zeros(); self.arrays.f.len()];
         self.add_pair_impulses(0.0, 1.0, &mut repelled);
@@ -283,7 +287,8 @@ impl Stages<'_> {
     fn second_stage(&mut self) -> Outcome {
         let alpha = ALPHA * self.at.dt;
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
-        let StageArrays { v_start, v_first, x, v, .. } = &mut *self.arrays;
+        let StageArrays { v_start, v_first, x, v, unconverged, .. } = &mut *self.arrays;
+        unconverged.fill(true);
         for ((v, start), first) in v.iter_mut().zip(&*v_start).zip(&*v_first) {
             *v = first + at.extrapolated((first - start) * ((1.0 - GAMMA) / GAMMA));
         }
@@ -308,16 +313,30 @@ impl Stages<'_> {
     /// v₂ once more, at the positions `x_new` and with the impacts of bodies at the start of the step.
     fn second_stage_again(&mut self, x_new: &[Vec3], v_star: &[Vec3], met: Vec<ActiveContact>) -> Outcome {
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
-        let StageArrays { v_start, v_first, x, v, .. } = &mut *self.arrays;
+        let StageArrays { v_start, v_first, x, v, change, .. } = &mut *self.arrays;
+        for ((change, x_new), x) in change.iter_mut().zip(x_new).zip(&*x) {
+            *change = (x_new - x) / at.dt;
+        }
         x.copy_from_slice(x_new);
         // What rested on a body has its velocity from the first solve on; others are struck.
         for vertex in if v_star.is_empty() { 0..0 } else { self.at.parts.own() } {
             let impact = v_star[vertex] - self.at.start.v[vertex];
             if impact != Vec3::zeros() && !active.holds(vertex) {
-                [&mut *v_start, v_first, v].into_iter().for_each(|v| v[vertex] += impact);
+                [&mut *v_start, v_first, v, change].into_iter().for_each(|v| v[vertex] += impact);
             }
         }
         active.add(self.at.parts, met);
+        at.parts.halo().update(at.parts.ranks(), change);
+        // What only rounding moves was not moved.
+        let moved = self.parts_moved(f64::EPSILON.sqrt() * at.stop.tolerance);
+        for (part, (unconverged, moved)) in self.arrays.unconverged.iter_mut().zip(moved).enumerate() {
+            *unconverged |= moved || !active.of_part(part).is_empty();
+        }
+        if !self.is_unconverged() {
+            self.arrays.active = active;
+            return Outcome::NONE;
+        }
+        let StageArrays { v, .. } = &mut *self.arrays;
         let prescription = at.with(&active);
         prescription.set_velocities(v, |contact, v| contact.prescribe(v, &contact.velocity));
         self.evaluate(1.0, true);
@@ -331,17 +350,41 @@ impl Stages<'_> {
 
     /// What the solve of a stage is to balance where the stage stands: all but what pairs in touch give.
     fn set_residual(&mut self, stage: Stage, active: &ActiveSet) {
-        let (alpha, own) = (ALPHA * self.at.dt, self.at.parts.own());
-        let StageArrays { v_start, v_first, v, f_start, f, residual, .. } = &mut *self.arrays;
-        let starts = v_start[own.clone()].iter().zip(&v_first[own.clone()]);
-        let ends = v[own.clone()].iter().zip(&self.at.masses[own.clone()]).zip(f_start.iter().zip(&*f));
-        for ((residual, (start, first)), ((v, m), (f_start, f))) in residual.iter_mut().zip(starts).zip(ends) {
-            *residual = match stage {
-                Stage::First => (start - v) * *m + (f_start + f) * alpha,
-                Stage::Second | Stage::SecondAgain => (first + (first - start) * U - v) * *m + f * alpha,
-            };
+        let (alpha, parts) = (ALPHA * self.at.dt, self.at.parts);
+        let StageArrays { v_start, v_first, v, f_start, f, residual, unconverged, .. } = &mut *self.arrays;
+        for (part, range) in parts.ranges().iter().enumerate().filter(|(part, _)| unconverged[*part]) {
+            let own = range.start - parts.own().start..range.end - parts.own().start;
+            let residual = &mut residual[own.clone()];
+            let starts = v_start[range.clone()].iter().zip(&v_first[range.clone()]);
+            let forces = f_start[own.clone()].iter().zip(&f[own]);
+            let ends = v[range.clone()].iter().zip(&self.at.masses[range.clone()]).zip(forces);
+            for ((residual, (start, first)), ((v, m), (f_start, f))) in residual.iter_mut().zip(starts).zip(ends) {
+                *residual = match stage {
+                    Stage::First => (start - v) * *m + (f_start + f) * alpha,
+                    Stage::Second | Stage::SecondAgain => (first + (first - start) * U - v) * *m + f * alpha,
+                };
+            }
+            active.add_friction(part, range.start, residual);
         }
-        active.add_friction(own.start, residual);
+    }
+
+    /// Whether some rank has a part to work on. All ranks call it together.
+    fn is_unconverged(&self) -> bool {
+        self.at.parts.ranks().any(self.arrays.unconverged.contains(&true))
+    }
+
+    /// The parts in which the last change of velocities was more than `far` [m/s].
+    fn parts_moved(&self, far: f64) -> Vec<bool> {
+        let StageArrays { matrix, change, pairs, .. } = &*self.arrays;
+        let touch = self.repulsion.as_deref().map(|contact| PairsInTouch { pairs, nodes: contact.nodes() });
+        parts_moved(self.at.parts, matrix, touch.as_ref(), (change, far))
+    }
+
+    /// The parts that touch something.
+    fn parts_touched(&self, active: &ActiveSet) -> Vec<bool> {
+        let nodes = self.repulsion.as_deref().map(SelfContact::nodes);
+        let touch = nodes.map(|nodes| PairsInTouch { pairs: &self.arrays.pairs, nodes });
+        parts_touched(self.at.parts, active, touch.as_ref())
     }
 
     /// Solves a stage for its velocities, `v` and with them `x`, with contacts in modes that fit what they bear and with pairs that
@@ -351,18 +394,24 @@ impl Stages<'_> {
         let (at, mut active) = (self.at, std::mem::take(&mut self.arrays.active));
         self.set_residual(stage, &active);
         self.add_pairs(stage);
-        let mut total = Outcome { solves: 0, iterations: 0, converged: true, finite: true, worse: false };
+        let mut total = Outcome::NONE;
+        let is_whole = stage != Stage::SecondAgain;
         let is_touched = !(active.contacts().is_empty() && self.arrays.pairs.is_empty());
         let bears = at.parts.ranks().any(is_touched);
         let rough = ROUGH * at.stop.tolerance;
         let mut forcing = Forcing::new(rough);
         for round in 1.. {
             let prescription = at.with(&active);
-            let StageArrays { matrix, cg, residual, change, x, v, .. } = &mut *self.arrays;
+            let StageArrays { matrix, cg, residual, change, x, v, unconverged, pairs, .. } = &mut *self.arrays;
             let (parts, masses, matrix) = (self.at.parts, self.at.masses, &*matrix);
-            let system = BlockSystem { parts, masses, matrix, constraints: &prescription };
-            // Contacts and pairs of another round ask for coarse levels of their own: with old ones it takes twice the iterations.
-            cg.prepare(&system);
+            let system = BlockSystem { parts, masses, solved: unconverged, matrix, constraints: &prescription };
+            // Coarse levels of the stage's first round serve the others: these solve for a share of the parts, and take up to half as
+            // many iterations more than with levels of their own, which would cost more than they do.
+            if is_whole && round == 1 {
+                cg.prepare(&system);
+            } else {
+                cg.prepare_finest(&system);
+            }
             let outcome = if bears {
                 cg.newton_step(&system, residual, change, at.stop, &mut forcing)
             } else {
@@ -373,41 +422,65 @@ impl Stages<'_> {
             total.converged &= outcome.converged;
             total.finite &= outcome.finite;
             total.worse |= outcome.worse;
+            // What each pair bears at the velocities that the solve has found.
+            for (pair, product) in pairs.iter_mut().zip(cg.pairs_mut().products()) {
+                pair.push -= Vec3::from(*product).dot(&pair.normal) / (stage.share_of_pairs() * alpha);
+            }
             for ((v, x), change) in v.iter_mut().zip(x.iter_mut()).zip(&*change) {
                 *v += change;
                 *x += change * alpha;
             }
-            let is_close = change.iter().all(|change| change.norm_squared() < rough * rough);
-            let is_far = parts.ranks().any(!is_close);
-            if !bears || !total.finite || round == MOST_ROUNDS {
+            if !bears {
+                self.arrays.unconverged.fill(false);
                 break;
             }
-            // The forces and the matrix where the solve has come to: another step of Newton's method.
-            self.evaluate(stage.fraction(), true);
-            self.set_residual(stage, &active);
-            self.add_pairs(stage);
-            let StageArrays { residual, v_start, x, .. } = &mut *self.arrays;
-            let restart = |contact: &ActiveContact| {
-                if stage != Stage::First {
-                    return Vec3::zeros();
-                }
-                let start = contact.start_velocity(at.start.v[contact.vertex], &contact.velocity_at(0.0, at.dt));
-                let change = start - v_start[contact.vertex];
-                v_start[contact.vertex] = start;
-                x[contact.vertex] += change * alpha;
-                change * masses[contact.vertex]
-            };
-            // Modes that only a rough solve shows to be wrong are looked at again.
-            let tolerance = if round == 1 { rough } else { 0.0 };
-            let trust = Trust { tolerance, masses, settled: SETTLED[stage as usize] };
-            let is_unsettled = active.update(parts, residual, trust, restart);
-            parts.halo().update(parts.ranks(), x);
-            if !(is_unsettled || is_far || round == 1) {
+            let moved = self.parts_moved(rough);
+            if !total.finite || round == MOST_ROUNDS {
+                self.arrays.unconverged = moved;
+                break;
+            }
+            self.go_on(stage, &mut active, moved, (round == 1).then_some(rough));
+            if !self.is_unconverged() {
                 break;
             }
         }
         self.arrays.active = active;
         total
+    }
+
+    /// Another step of Newton's method: the forces and the matrix where a solve has come to, and modes of contacts that fit what
+    /// they bear there. It is for the parts that have moved far, and for those whose contacts are not settled; after a first, rough
+    /// solve, which is right to `rough` [m/s], for all that touch something.
+    fn go_on(&mut self, stage: Stage, active: &mut ActiveSet, moved: Vec<bool>, rough: Option<f64>) {
+        let (at, alpha) = (self.at, ALPHA * self.at.dt);
+        let touched = self.parts_touched(active);
+        // What contacts bear has changed where they were solved for.
+        let solved = &mut self.arrays.unconverged;
+        for ((solved, moved), touched) in solved.iter_mut().zip(&moved).zip(&touched) {
+            *solved = *moved || (*solved && *touched);
+        }
+        self.evaluate(stage.fraction(), true);
+        self.set_residual(stage, active);
+        self.add_pairs(stage);
+        let StageArrays { residual, v_start, x, unconverged, .. } = &mut *self.arrays;
+        let restart = |contact: &ActiveContact| {
+            if stage != Stage::First {
+                return Vec3::zeros();
+            }
+            let start = contact.start_velocity(at.start.v[contact.vertex], &contact.velocity_at(0.0, at.dt));
+            let change = start - v_start[contact.vertex];
+            v_start[contact.vertex] = start;
+            x[contact.vertex] += change * alpha;
+            change * at.masses[contact.vertex]
+        };
+        // Modes that only a rough solve shows to be wrong are looked at again.
+        let trust = Trust { tolerance: rough.unwrap_or(0.0), masses: at.masses, settled: SETTLED[stage as usize] };
+        let unsettled = active.update(at.parts, residual, trust, restart);
+        at.parts.halo().update(at.parts.ranks(), x);
+        let next = moved.into_iter().zip(touched).zip(unsettled);
+        for (unconverged, ((moved, touched), unsettled)) in unconverged.iter_mut().zip(next) {
+            *unconverged &= moved || (rough.is_some() && touched) || unsettled;
+        }
     }
 }
 

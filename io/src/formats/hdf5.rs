@@ -3,7 +3,7 @@
 //! The file is created with room for every planned frame and closed at once; frames are then written with plain
 //! positioned writes into the places of the datasets, each followed by its mark in `committed`. So nobody holds the
 //! file open through the HDF5 library: readers meet no lock, and a killed run leaves a file that opens like any other
-//! (`docs/decisions/0002-hdf5-preallocated.md`). A frame whose mark is 0 reads as zeros.
+//! (`docs/dev/decisions/0002-hdf5-preallocated.md`). A frame whose mark is 0 reads as zeros.
 //!
 //! A cache is continued in place: the marks of later frames are cleared, the last one first, and their values are set
 //! back to zeros. Only when the planned range is another than before, the file is made anew beside the old one, its

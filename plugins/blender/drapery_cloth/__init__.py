@@ -1,5 +1,5 @@
 """Drapery in Blender: garments and bodies are marked in a panel, simulated by the solver in a process of its own, and loaded
-back onto the same objects. Works in Blender 4.2 and later as an extension; docs/blender.md says what works in older ones."""
+back onto the same objects. Works in Blender 4.2 and later as an extension; docs/howto/blender.md says what works in older ones."""
 
 # What Blender before 4.2 reads, and later ones leave alone.
 bl_info = {

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from .scene_text import object_at_line
 
-# Exit codes (docs/farm.md) that the panel explains in words of its own.
+# Exit codes (docs/guide/farm.md) that the panel explains in words of its own.
 STOPPED, HOLDS_ANOTHER_RUN = 75, 73
 
 

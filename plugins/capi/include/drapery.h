@@ -1,4 +1,4 @@
-/* Drapery, an offline cloth solver: its interface for C and C++. docs/c_api.md says how it is used.
+/* Drapery, an offline cloth solver: its interface for C and C++. docs/reference/c_api.md says how it is used.
 
    Every function may be called from any thread; one call at a time with the same handle. A handle that was freed, or is of
    another kind, is an error and nothing worse. All lengths are in metres with Y up, times in seconds, texts in UTF-8.

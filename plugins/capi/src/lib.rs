@@ -2,7 +2,7 @@
 //!
 //! Handles are numbers in the form of pointers, looked up at every call ([`handles`]): one that was freed, or is of another
 //! kind, is an error. No panic crosses the border: it becomes an error, and the handle is of no more use. What the functions do
-//! is that of `drapery_shot::session`; how to use them is described in `docs/c_api.md`.
+//! is that of `drapery_shot::session`; how to use them is described in `docs/reference/c_api.md`.
 
 // The names that C programs see.
 #![allow(non_camel_case_types)]

@@ -1,5 +1,5 @@
 //! Drapery for Python: the module `drapery._native`, of which the package `drapery` in `python/` is made. What it does is that of
-//! `drapery_shot`, `drapery_io` and `drapery_analysis`; how it is used is described in `docs/python.md`.
+//! `drapery_shot`, `drapery_io` and `drapery_analysis`; how it is used is described in `docs/reference/python.md`.
 
 mod about;
 mod analysis;

@@ -120,7 +120,7 @@ def test_everything_public_is_documented_with_units() -> None:
     assert "[m/s]" in (drapery.Simulation.velocities.__doc__ or "")
 
 
-@pytest.mark.parametrize("page", ["tour/05_python.md", "python.md"])
+@pytest.mark.parametrize("page", ["howto/from_python.md", "reference/python.md"])
 def test_the_code_of_the_pages_runs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
     text = (PAGES / page).read_text()

@@ -1,7 +1,7 @@
 //! HDF5 files of any well-formed layout: attributes, groups and arrays, changed by edits and written by the library.
 //!
 //! Damage inside the library's own structures is left out: the library does not survive it
-//! (`docs/decisions/0008-checkpoint-files.md`). What it can read of a file that is merely not as expected is ours.
+//! (`docs/dev/decisions/0008-checkpoint-files.md`). What it can read of a file that is merely not as expected is ours.
 
 use std::path::Path;
 

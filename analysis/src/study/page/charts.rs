@@ -246,5 +246,5 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
     let note = "Copies start with every vertex shifted by 1e-10 of the size of the cloth. Where they drift apart farther than \
                 a tenth of the smallest error or a quarter of the thickness, no trajectory can be told right from wrong: errors \
                 beyond are grey and in no table.";
-    section("How far trajectories can be told", &card("", note, &legend, &plot.finish("distances over time")))
+    section("Predictability horizon", &card("", note, &legend, &plot.finish("distances over time")))
 }

@@ -162,11 +162,11 @@ mod tests {
         let page = page(&study);
         for title in [
             "Settings",
-            "Whether these figures can be believed",
+            "Validity checks",
             "Error over seconds",
             "Error over time step",
             "Where the time goes",
-            "How far trajectories can be told",
+            "Predictability horizon",
             "What each effect and choice takes, and what it changes",
             "Losses of quality",
             "Runs that failed or are missing",

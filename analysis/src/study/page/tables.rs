@@ -143,12 +143,7 @@ pub(super) fn checked(study: &Study, analysis: &Analysis<'_>) -> String {
         vec![words(check.name), (answer.to_owned(), false), words(&check.why)]
     };
     let lines: Vec<Vec<Cell>> = checks(study, analysis).iter().map(line).collect();
-    section(
-        "Whether these figures can be believed",
-        "",
-        &[words("what should hold"), words("does it"), words("")],
-        &lines,
-    )
+    section("Validity checks", "", &[words("what should hold"), words("does it"), words("")], &lines)
 }
 
 /// What other models and left-out effects take and change.

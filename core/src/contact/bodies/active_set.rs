@@ -284,14 +284,14 @@ impl ActiveSet {
     ///
     /// `residual` is what the solve has left at each own vertex [N s]: minus the reaction. The friction that comes or goes is
     /// added to it, and what `restart` says of a contact whose mode has changed: by how much less the body gave its vertex before
-    /// the solve. Returns whether the solve has to go on, alike on all ranks, which call it together.
+    /// the solve. Returns the own parts in which the solve has to go on. All ranks call it together.
     pub(crate) fn update(
         &mut self,
         parts: &Parts,
         residual: &mut [Vec3],
         trust: Trust<'_>,
         mut restart: impl FnMut(&ActiveContact) -> Vec3,
-    ) -> bool {
+    ) -> Vec<bool> {
         let first = parts.own().start;
         // By part, so that their sums are the same on any number of ranks.
         let [mut differences, mut sizes] = [0, 1].map(|_| vec![0.0; parts.count()]);
@@ -314,7 +314,10 @@ impl ActiveSet {
             contact.applied = judgement.applied;
         }
         let [difference, size] = parts.join_parts(&[&differences, &sizes]);
-        difference > trust.settled * trust.settled * size
+        let most = trust.settled * trust.settled;
+        let is_settled = difference <= most * size;
+        let of_parts = differences.iter().zip(&sizes);
+        of_parts.map(|(difference, size)| !is_settled && *difference > most * size).collect()
     }
 
     /// Begins a stage with a share of the friction of the one before. `earlier` is what bodies have given vertices in it already
@@ -326,10 +329,10 @@ impl ActiveSet {
         }
     }
 
-    /// Adds the friction that the stage begins with to what its solve is to balance at own vertices [N s], from the local number
-    /// `first` on.
-    pub(crate) fn add_friction(&self, first: usize, residual: &mut [Vec3]) {
-        self.contacts.iter().for_each(|contact| residual[contact.vertex - first] += contact.applied);
+    /// Adds the friction that the stage begins with to what its solve is to balance at the vertices of a part [N s], from the local
+    /// number `first` on.
+    pub(crate) fn add_friction(&self, part: usize, first: usize, residual: &mut [Vec3]) {
+        self.of_part(part).iter().for_each(|contact| residual[contact.vertex - first] += contact.applied);
     }
 
     /// Whether a vertex goes with a body.

@@ -298,7 +298,11 @@ fn candidate(pair: Pair, surface: &ContactSurface, x: &[Vec3], reach: f64, gap: 
     let thick =
         surface.body_of(&pair.nodes).map_or_else(|| pair_thickness(&pair, surface.thickness()), |b| b.thickness);
     let limit = ACTIVE * thick + reach * (a + b) + gap;
-    let distance_squared = pair.closest(&pair.positions(x)).apart.norm_squared();
+    let positions = pair.positions(x);
+    if pair.is_beyond(&positions, limit) {
+        return None;
+    }
+    let distance_squared = pair.closest(&positions).apart.norm_squared();
     if distance_squared > limit * limit {
         return None;
     }

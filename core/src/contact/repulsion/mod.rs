@@ -216,13 +216,14 @@ impl Repulsions {
 
     /// The forces of all pairs in touch at a stage of a long step, in an order that the scene fixes; those canonical here are
     /// counted as the active ones.
-    pub(crate) fn pair_forces(&mut self, at: &PairStage<'_>, found: &mut Vec<PairForce>) {
-        pair_forces(&self.kinds, &self.laws, at, found);
+    pub(crate) fn pair_forces(&mut self, at: &PairStage<'_>, before: &[PairForce]) -> Vec<PairForce> {
+        let found = pair_forces(&self.kinds, &self.laws, at, before);
         (self.active, self.inverted) = (0, 0);
         for pair in found.iter().filter(|pair| at.surface.nodes().is_canonical_rank(&pair.nodes)) {
             self.active += 1;
             self.inverted += u64::from(pair.distance < 0.0);
         }
+        found
     }
 
     /// Counts the active pairs of the last pass.

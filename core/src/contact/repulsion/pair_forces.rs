@@ -10,6 +10,7 @@ use crate::Vec3;
 use crate::contact::repulsion::active_contact::{OrientedPair, PairsOfKind};
 use crate::contact::repulsion::{CHUNK, Laws};
 use crate::contact::tolerances::SLOW_SLIP;
+use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
 
 /// Pressure at which a pair that yields by all of its thickness would push if its spring were linear [Pa].
@@ -18,6 +19,10 @@ const PRESSURE: f64 = 1000.0;
 /// How many times that it pushes in truth: the spring stiffens with the square of the overlap, so that waistbands, which press
 /// with kilopascals, keep a distance too.
 const STIFFENING: f64 = 4.0;
+
+/// Overlap over the thickness up to which the spring's stiffness grows from nothing: with all of it at the first touch, pairs of sheets
+/// that slide on each other came and went from round to round of Newton's method.
+const ONSET: f64 = 0.1;
 
 /// Area of a vertex, over the square of its mean edge, in a mesh of equilateral triangles.
 const AREA: f64 = 0.866_025_403_784_438_6;
@@ -40,7 +45,9 @@ pub(crate) struct PairStage<'a> {
 /// What a pair in touch does to its nodes: node i is pushed by `weights[i]` times the force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PairForce {
-    /// Nodes of contact.
+    /// The pair, by the scene's numbers.
+    pub pair: Pair,
+    /// Its nodes of contact.
     pub nodes: [u32; 4],
     /// Weights of the point on one side, and minus those of the other.
     pub weights: [f64; 4],
@@ -50,26 +57,66 @@ pub(crate) struct PairForce {
     pub distance: f64,
     /// Force on the first side [N].
     pub force: Vec3,
+    /// What it bears along its normal [N]: as it is evaluated, and after a solve about there as much as that has found; negative where
+    /// the solve pulled at it.
+    pub push: f64,
+    /// What is remembered of it within a step.
+    pub history: PairHistory,
     /// Minus its derivative by the distance along the normal [N/m].
     pub stiffness: f64,
     /// Minus those by the relative velocity, along the normal and across it [N s/m].
     pub damping: [f64; 2],
 }
 
-/// The forces of all pairs in touch, in an order that the scene fixes: by kind, and as the list of pairs has them.
-pub(super) fn pair_forces(kinds: &[PairsOfKind; 2], laws: &Laws, at: &PairStage<'_>, found: &mut Vec<PairForce>) {
-    found.clear();
+/// What a pair in touch remembers within a step, from one evaluation to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PairHistory {
+    /// What it bore in the two solves before, the later first; nothing where it was not in touch [N].
+    pushes: [f64; 2],
+    /// How fast its sides slid on each other when it was first evaluated in this step [m/s].
+    first_slip: Option<f64>,
+}
+
+impl PairHistory {
+    /// That of a pair which was not in touch.
+    pub(crate) const NONE: Self = Self { pushes: [0.0; 2], first_slip: None };
+
+    /// What comes after an evaluation and its solve.
+    fn after(before: &PairForce) -> Self {
+        Self { pushes: [before.push, before.history.pushes[0]], first_slip: before.history.first_slip }
+    }
+
+    /// What friction may count on [N]. A guess overlaps by what its solve takes back and would rub a hundred times as hard as the pair
+    /// bears in the end; one that only some solves press together bears nothing for good.
+    fn load(&self) -> f64 {
+        self.pushes[0].min(self.pushes[1]).max(0.0)
+    }
+}
+
+/// The forces of all pairs in touch, by kind and nodes. `before` are those of the evaluation before in this step; none if it is the first.
+pub(super) fn pair_forces(
+    kinds: &[PairsOfKind; 2],
+    laws: &Laws,
+    at: &PairStage<'_>,
+    before: &[PairForce],
+) -> Vec<PairForce> {
+    let history = |pair: &Pair| {
+        let found = before.binary_search_by(|other| other.pair.cmp(pair));
+        found.map_or(PairHistory::NONE, |found| PairHistory::after(&before[found]))
+    };
+    let mut all = Vec::new();
     for of_kind in kinds {
         let chunks = of_kind.oriented.par_chunks(CHUNK);
-        let pieces: Vec<Vec<PairForce>> =
-            chunks.map(|pairs| pairs.iter().filter_map(|pair| pair.force(laws, at)).collect()).collect();
-        pieces.into_iter().for_each(|piece| found.extend(piece));
+        let of_pair = |pair: &OrientedPair| pair.force(laws, at, history);
+        let pieces: Vec<Vec<PairForce>> = chunks.map(|pairs| pairs.iter().filter_map(of_pair).collect()).collect();
+        pieces.into_iter().for_each(|piece| all.extend(piece));
     }
+    all
 }
 
 impl OrientedPair {
     /// What the pair does, if it is in touch and nothing pulls it.
-    fn force(&self, laws: &Laws, at: &PairStage<'_>) -> Option<PairForce> {
+    fn force(&self, laws: &Laws, at: &PairStage<'_>, history: impl Fn(&Pair) -> PairHistory) -> Option<PairForce> {
         let (weights, normal, distance) = self.touch(laws, at.x, self.thickness)?;
         let (nodes, surface) = (self.pair.nodes, at.surface);
         let overlap = self.thickness - distance;
@@ -86,13 +133,14 @@ impl OrientedPair {
             return None;
         }
         let edge: f64 = edges / count;
-        // p = P o/H (1 + (s - 1) (o/H)²)
+        // p = P o/H (1 + (s - 1) (o/H)²), less what the onset takes
         let linear = PRESSURE * AREA * edge * edge / self.thickness;
         let yielded = (overlap / self.thickness).min(1.0).powi(2) * (STIFFENING - 1.0);
-        let stiffness = linear * (1.0 + 3.0 * yielded);
-        let spring = linear * (1.0 + yielded) * overlap;
+        let begun = (overlap / (ONSET * self.thickness)).min(1.0);
+        let stiffness = linear * (begun + 3.0 * yielded);
+        let spring = linear * ((begun + yielded) * overlap - 0.5 * begun * begun * ONSET * self.thickness);
         // Critical for the two sides alone.
-        let normal_damping = 2.0 * (linear / response).sqrt();
+        let normal_damping = 2.0 * (stiffness / response).sqrt();
         let approach = velocity.dot(&normal);
         let push = spring - normal_damping * approach;
         if push <= 0.0 {
@@ -102,15 +150,22 @@ impl OrientedPair {
         let of_cloth =
             || surface.friction().map_or(laws.friction, |painted| laws.mean_friction(painted, nodes, weights));
         let friction = surface.body_of(&nodes).map_or_else(of_cloth, |body| body.friction);
-        let sliding = friction * push / slip.norm().max(SLOW_SLIP);
+        let (pair, speed) = (surface.nodes().numbered(&self.pair), slip.norm());
+        let mut history = history(&pair);
+        let first_slip = *history.first_slip.get_or_insert(speed);
+        // What slows down within the step has at most Coulomb's friction at its end.
+        let sliding = friction * history.load() / speed.max(first_slip).max(SLOW_SLIP);
         let tangential_damping = sliding.min(linear * at.dt);
         let force = normal * push - slip * tangential_damping;
         Some(PairForce {
+            pair,
             nodes,
             weights,
             normal,
             distance,
             force,
+            push,
+            history,
             stiffness,
             damping: [normal_damping, tangential_damping],
         })

@@ -42,18 +42,19 @@ impl SelfContact {
     }
 
     /// The forces of pairs in touch at a stage of a long step, cloth at `x` with `v`, both over the scene's local vertices
-    /// [m], [m/s], and bodies at a fraction of the step of `dt` [s]. All ranks call it together.
+    /// [m], [m/s], and bodies at a fraction of the step of `dt` [s]; `before` are those of the evaluation before in this step; none
+    /// if it is the first. All ranks call it together.
     pub(crate) fn pair_forces(
         &mut self,
         [x, v]: [&[Vec3]; 2],
         bodies: &Bodies,
         (fraction, dt): (f64, f64),
-        found: &mut Vec<PairForce>,
-    ) {
-        let Self { surface, repulsions: Some(repulsions), mobility, cloth, .. } = self else { return };
+        before: &[PairForce],
+    ) -> Vec<PairForce> {
+        let Self { surface, repulsions: Some(repulsions), mobility, cloth, .. } = self else { return Vec::new() };
         surface.gather_stage([x, v], bodies, fraction, cloth);
         let [x, v] = cloth;
-        repulsions.pair_forces(&PairStage { surface, x, v, mobility, dt }, found);
+        repulsions.pair_forces(&PairStage { surface, x, v, mobility, dt }, before)
     }
 
     /// The numbering of the nodes of pairs.

@@ -77,6 +77,19 @@ impl Pair {
         }
     }
 
+    /// Whether the direction between their middles alone proves that the two are farther apart than `distance` [m], as it does for
+    /// most pairs whose boxes overlap: along no direction are two convex sets farther apart than they are.
+    #[inline]
+    pub(crate) fn is_beyond(&self, x: &[Vec3; 4], distance: f64) -> bool {
+        let corners = match self.kind {
+            PairKind::PointTriangle => [x[0] - x[1], x[0] - x[2], x[0] - x[3], x[0] - x[3]],
+            PairKind::EdgeEdge => [x[0] - x[2], x[0] - x[3], x[1] - x[2], x[1] - x[3]],
+        };
+        let along = corners[0] + corners[1] + corners[2] + corners[3];
+        let least = corners.iter().map(|corner| corner.dot(&along)).fold(f64::INFINITY, f64::min);
+        least > 0.0 && least * least > distance * distance * along.norm_squared()
+    }
+
     /// `combine` of a value over the nodes of the first primitive, and of the second.
     #[inline]
     pub(crate) fn fold(&self, value: &[f64], combine: impl Fn(f64, f64) -> f64) -> [f64; 2] {

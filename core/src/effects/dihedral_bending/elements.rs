@@ -11,6 +11,7 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
+use super::arctangent::arctangent;
 use crate::Vec3;
 use crate::mesh::{Hinge, TriangleMesh};
 use crate::tolerances::CONIC_TRIANGLE;
@@ -42,6 +43,8 @@ pub(super) struct Element {
 }
 
 /// Two triangles at an edge.
+///
+/// Everything here is computed without branches, so that loops over hinges work on several at once.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape {
     /// The edge [m].
@@ -56,21 +59,24 @@ pub(super) struct Shape {
 
 impl Shape {
     /// Of the first opposite vertex, the two of the edge, and the other opposite one.
-    #[inline]
+    #[inline(always)]
     pub(super) fn at([i, j, k, l]: [Vec3; 4]) -> Self {
-        let (edge, opposite) = (k - j, [i - k, l - k]);
-        let normals = [(i - j).cross(&opposite[0]), opposite[1].cross(&(l - j))];
-        Self { edge, length: edge.norm(), normals, opposite }
+        Self::of(k - j, [i - k, l - k])
+    }
+
+    /// Of the edge and what leads from its end to the opposite vertices [m].
+    #[inline(always)]
+    pub(super) fn of(edge: Vec3, opposite: [Vec3; 2]) -> Self {
+        let normals = [edge.cross(&opposite[0]), opposite[1].cross(&edge)];
+        Self { edge, length: edge.norm_squared().sqrt(), normals, opposite }
     }
 
     /// The angle [rad], positive where the opposite vertices rise to the side that the first triangle faces; zero where a triangle
     /// has no area.
-    #[inline]
+    #[inline(always)]
     pub(super) fn angle(&self) -> f64 {
         let [n1, n2] = &self.normals;
-        let sine = n2.cross(n1).dot(&self.edge);
-        let cosine = n1.dot(n2) * self.length;
-        if sine == 0.0 && cosine == 0.0 { 0.0 } else { sine.atan2(cosine) }
+        arctangent(self.length * n1.dot(&self.opposite[1]), n1.dot(n2))
     }
 
     /// Heights of the triangles over the edge [m]; zero without area.

@@ -1,5 +1,10 @@
 //! The hinges of one part: those that have one of its vertices, and those around whose angles their moments depend on.
+//!
+//! Shapes are computed for a span of hinges at a time, number by number, so that processors work on several hinges at once;
+//! products of the gradients take a hinge at a time, with whole vectors. Both do the same with every hinge, so that one across a
+//! border has the same bits at all of its parts.
 
+use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::Yield;
@@ -7,43 +12,130 @@ use super::elements::{Element, Shape};
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
 use crate::effects::force::{BlockFactors, Force, PartForce, PartMotion, PartView};
+use crate::elements::corners;
+use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
 use crate::scene::Scene;
 use crate::snapshot::saved_section::ElementRows;
 use crate::tolerances::SQUASHED;
 
+/// Hinges whose shapes are computed together.
+const SPAN: usize = 16;
+
+/// Angles that a moment depends on beside the hinge's own: those at the other edges of its two triangles.
+const OTHERS: usize = 4;
+
+/// Hinges inside a part that follow each other without a vertex in common.
+const APART: usize = 3;
+
+/// How far is looked ahead for one.
+const AHEAD: usize = 64;
+
+const _: () = assert!(PART_SIZE <= u16::MAX as usize, "hinges number the vertices of a part by u16");
+
 /// How the angle of a hinge changes with its vertices [rad/m]: `u₁` at the first opposite vertex, `u₂` at the second,
 /// `p u₁ + q u₂` and `−(1 + p) u₁ − (1 + q) u₂` at the ends of the edge, as in Bridson, Marino and Fedkiw 2003.
-#[derive(Debug, Clone, Copy, Default)]
-struct Gradient {
-    u: [Vec3; 2],
-    p: f64,
-    q: f64,
-}
+///
+/// Kept as (u₁, p) and (u₂, q).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Gradient([Simd4; 2]);
 
 impl Gradient {
-    /// The gradient of this shape. Zero if a triangle has no area.
-    #[inline]
-    fn of(Shape { edge, length, normals: [n1, n2], opposite: [i, l] }: &Shape) -> Self {
-        let squared = [n1.norm_squared(), n2.norm_squared()];
-        if *length == 0.0 || squared.contains(&0.0) {
-            return Self::default();
-        }
-        let along = |to: &Vec3| to.dot(edge) / (length * length);
-        let u = [n1 * (length / squared[0]), n2 * (length / squared[1])];
-        Self { u, p: along(i), q: along(l) }
+    /// The gradient as eight numbers; zeros if the hinge `is_out`.
+    #[inline(always)]
+    fn numbers(shape: &Shape, is_out: bool) -> [f64; 8] {
+        let Shape { edge, length, normals: [n1, n2], opposite: [i, l] } = shape;
+        let unless_out = |number: f64| if is_out { 0.0 } else { number };
+        let [a, b] = [n1, n2].map(|n| unless_out(length / n.norm_squared()));
+        let inverse = unless_out(1.0 / (length * length));
+        let [p, q] = [i, l].map(|to| to.dot(edge) * inverse);
+        [n1.x * a, n1.y * a, n1.z * a, p, n2.x * b, n2.y * b, n2.z * b, q]
     }
 
-    /// The gradient at each of the four vertices [rad/m].
-    fn at_vertices(&self) -> [Vec3; 4] {
-        let [u1, u2] = self.u;
-        [u1, u1 * self.p + u2 * self.q, u1 * -(1.0 + self.p) - u2 * (1.0 + self.q), u2]
+    #[inline(always)]
+    fn new([x1, y1, z1, p, x2, y2, z2, q]: [f64; 8]) -> Self {
+        Self([Simd4::new([x1, y1, z1, p]), Simd4::new([x2, y2, z2, q])])
+    }
+
+    /// Whether the hinge was left out.
+    fn is_zero(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// `factor` times the gradient at each of the four vertices [rad/m].
+    #[inline(always)]
+    fn at_vertices(&self, factor: f64) -> [Simd4; 4] {
+        let Self([u1, u2]) = self;
+        // p and q are in the fourth lanes, which have to be zero in what leaves.
+        let factors = Simd4::new([factor, factor, factor, 0.0]);
+        let [a, b] = [u1.component_mul(factors), u2.component_mul(factors)];
+        let toward = a.mul_add(u1.last(), b.component_mul(u2.last()));
+        [a, toward, Simd4::ZERO - (toward + (a + b)), b]
     }
 
     /// Rate of the angle [rad/s] with these velocities of the vertices [m/s].
-    fn rate(&self, [i, j, k, l]: [Vec3; 4]) -> f64 {
-        let turning = k - j;
-        self.u[0].dot(&(i - k - turning * self.p)) + self.u[1].dot(&(l - k - turning * self.q))
+    #[inline(always)]
+    fn rate(&self, [i, j, k, l]: [Simd4; 4]) -> f64 {
+        let Self([u1, u2]) = self;
+        let turning = j - k;
+        let [a, b] = [(u1, i), (u2, l)].map(|(u, v)| turning.mul_add(u.last(), v - k));
+        u1.mul_add(a, u2.component_mul(b)).sum()
+    }
+}
+
+/// By how much a hinge is off its angle at rest [rad], and its gradient as numbers; nothing where a triangle is not higher than
+/// it has to be at least [m].
+#[inline(always)]
+fn bent(shape: &Shape, rest_angle: f64, least_heights: [f64; 2]) -> (f64, [f64; 8]) {
+    let squared_length = shape.length * shape.length;
+    let is_flat = |side: usize| shape.normals[side].norm_squared() <= least_heights[side].powi(2) * squared_length;
+    let is_out = is_flat(0) | is_flat(1);
+    let off = shape.angle() - rest_angle;
+    (if is_out { 0.0 } else { off }, Gradient::numbers(shape, is_out))
+}
+
+/// One number of each hinge of a span.
+type Span = [f64; SPAN];
+
+/// The shapes of the hinges of a span, and what follows of them.
+#[derive(Default)]
+struct Bends {
+    edges: [Span; 3],
+    opposite: [[Span; 3]; 2],
+    rest_angles: Span,
+    least_heights: [Span; 2],
+    /// By how much angles are off those at rest [rad].
+    off: Span,
+    /// The numbers of gradients.
+    gradients: [Span; 8],
+}
+
+impl Bends {
+    /// Takes up to [`SPAN`] hinges at these positions [m]. Behind them the last ones stay, which nobody asks for.
+    fn find(&mut self, hinges: &[Hinge], x: &[Vec3]) {
+        for (n, hinge) in hinges[..hinges.len().min(SPAN)].iter().enumerate() {
+            let [i, j, k, l] = hinge.vertices.map(|v| x[v as usize]);
+            for axis in 0..3 {
+                self.edges[axis][n] = k[axis] - j[axis];
+                self.opposite[0][axis][n] = i[axis] - k[axis];
+                self.opposite[1][axis][n] = l[axis] - k[axis];
+            }
+            self.rest_angles[n] = hinge.rest_angle;
+            [self.least_heights[0][n], self.least_heights[1][n]] = hinge.least_heights;
+        }
+        for n in 0..SPAN {
+            let vector = |[x, y, z]: &[Span; 3]| Vec3::new(x[n], y[n], z[n]);
+            let shape = Shape::of(vector(&self.edges), [vector(&self.opposite[0]), vector(&self.opposite[1])]);
+            let least_heights = [self.least_heights[0][n], self.least_heights[1][n]];
+            let (off, gradient) = bent(&shape, self.rest_angles[n], least_heights);
+            self.off[n] = off;
+            (0..8).for_each(|number| self.gradients[number][n] = gradient[number]);
+        }
+    }
+
+    /// The gradient of a hinge of the span.
+    fn gradient(&self, n: usize) -> Gradient {
+        Gradient::new(std::array::from_fn(|number| self.gradients[number][n]))
     }
 }
 
@@ -66,6 +158,49 @@ struct Hinge {
     least_heights: [f64; 2],
 }
 
+impl Hinge {
+    /// By how much it is off its angle at rest [rad].
+    fn off(&self, x: &[Vec3]) -> f64 {
+        bent(&Shape::at(self.vertices.map(|v| x[v as usize])), self.rest_angle, self.least_heights).0
+    }
+}
+
+/// What the moment of a hinge is made of.
+#[derive(Debug)]
+struct Moments {
+    /// Moment per own angle [N·m per rad].
+    own: f64,
+    /// Moment per angle of others.
+    of_others: [f64; OTHERS],
+    /// Which these are in the part; itself where there are fewer.
+    others: [u32; OTHERS],
+}
+
+impl Moments {
+    /// Of the element `place` of a part, which knows the places of others by their numbers.
+    fn new(element: &Element, place: u32, place_of: impl Fn(u32) -> u32) -> Self {
+        let [(_, own), others @ ..] = &element.row[..] else { unreachable!("a row begins with the element itself") };
+        assert!(others.len() <= OTHERS, "the two triangles of a hinge have four other edges");
+        let mut moments = Self { own: *own, of_others: [0.0; OTHERS], others: [place; OTHERS] };
+        for (n, (other, moment)) in others.iter().enumerate() {
+            (moments.others[n], moments.of_others[n]) = (place_of(*other), *moment);
+        }
+        moments
+    }
+
+    /// The moment of the hinge `place` [N·m] at these angles [rad].
+    #[inline]
+    fn moment(&self, place: usize, angle: impl Fn(usize) -> f64) -> f64 {
+        let others = self.others.iter().zip(&self.of_others);
+        others.fold(self.own * angle(place), |sum, (other, moment)| sum + moment * angle(*other as usize))
+    }
+
+    /// The sum of their sizes [N·m per rad].
+    fn size(&self) -> f64 {
+        self.of_others.iter().fold(self.own.abs(), |sum, moment| sum + moment.abs())
+    }
+}
+
 /// Where a hinge that can yield began, and what it has come to.
 #[derive(Debug, Clone, Copy)]
 struct Fold {
@@ -85,12 +220,12 @@ struct Fold {
 struct PartHinges {
     /// Vertices of the part.
     range: Range<usize>,
-    /// Hinges with a vertex of the part, then those whose angles alone matter.
+    /// Hinges inside the part, then those across its border, then those whose angles alone matter.
     hinges: Vec<Hinge>,
-    /// End of the moments of each hinge of the part.
-    rows: Vec<u32>,
-    /// Hinge, and moment per angle [N·m per rad].
-    moments: Vec<(u32, f64)>,
+    /// Vertices of those inside, counted from the part's first.
+    inside: Vec<[u16; 4]>,
+    /// Of each hinge of the part.
+    moments: Vec<Moments>,
     /// Damping of the angle of each hinge of the part [N·m·s].
     damping: Vec<f64>,
     /// Stiffness that counts for the time step, of each vertex [N/m].
@@ -113,47 +248,59 @@ struct PartHinges {
 pub(super) fn build(scene: &Scene, garment: usize, elements: &[Element], laws: &Laws) -> (Vec<PartForce>, usize) {
     let parts = scene.parts();
     let first = parts.garment(garment).start as u32;
-    let part_of = |vertex: u32| parts.own().contains(&(vertex as usize)).then(|| parts.part_of(vertex as usize));
-    let mut entries: Vec<(usize, u32)> = Vec::with_capacity(elements.len() * 9 / 8);
-    for (number, element) in elements.iter().enumerate() {
-        let mut of = element.vertices.map(|v| part_of(first + v));
-        of.sort_unstable();
-        entries.extend(
-            of.iter()
-                .enumerate()
-                .filter(|(n, part)| *n == 0 || of[n - 1] != **part)
-                .filter_map(|(_, part)| part.map(|part| (part, number as u32))),
-        );
-    }
-    entries.sort_unstable();
+    let entries = corners::by_part(parts, elements.iter().map(|e| e.vertices.map(|v| (first + v) as usize)));
     let (mut built, mut bytes): (Vec<PartForce>, usize) = (Vec::new(), 0);
     for group in entries.chunk_by(|a, b| a.0 == b.0) {
-        let own: Vec<u32> = group.iter().map(|(_, number)| *number).collect();
+        let own: Vec<u32> = group.iter().map(|(_, number)| *number as u32).collect();
         let range = parts.ranges()[group[0].0].clone();
-        let part = PartHinges::new(scene, first, range, elements, &own, laws);
+        let part = PartHinges::new(scene, first, range, elements, own, laws);
         bytes += part.bytes();
         built.push((group[0].0, Box::new(part)));
     }
     (built, bytes)
 }
 
+/// Hinges in an order in which those that share a vertex do not follow each other closely, where there is a choice: the sums of
+/// their vertices then need not wait for each other.
+pub(super) fn spread(numbers: Vec<u32>, vertices_of: impl Fn(u32) -> [u32; 4]) -> Vec<u32> {
+    let mut waiting: VecDeque<u32> = numbers.into();
+    let mut spread: Vec<u32> = Vec::with_capacity(waiting.len());
+    while !waiting.is_empty() {
+        let last = &spread[spread.len().saturating_sub(APART)..];
+        let meets = |a: u32, b: u32| vertices_of(a).iter().any(|v| vertices_of(b).contains(v));
+        let is_free = |number: &u32| !last.iter().any(|other| meets(*number, *other));
+        let next = waiting.iter().take(AHEAD).position(is_free).unwrap_or(0);
+        spread.extend(waiting.remove(next));
+    }
+    spread
+}
+
 impl PartHinges {
     /// The hinges `own` of the part with these vertices, and those around them.
-    fn new(scene: &Scene, first: u32, range: Range<usize>, elements: &[Element], own: &[u32], laws: &Laws) -> Self {
+    fn new(scene: &Scene, first: u32, range: Range<usize>, elements: &[Element], own: Vec<u32>, laws: &Laws) -> Self {
+        // Which of its vertices are the part's own.
+        let own_vertices =
+            |number: u32| elements[number as usize].vertices.map(|v| range.contains(&((first + v) as usize)));
+        let (inside, mut across): (Vec<u32>, Vec<u32>) =
+            own.iter().partition(|number| own_vertices(**number) == [true; 4]);
+        let inside = spread(inside, |number| elements[number as usize].vertices);
+        // Processors foresee what comes again and again.
+        across.sort_by_key(|number| own_vertices(*number));
         let mut around: Vec<u32> =
             own.iter().flat_map(|n| elements[*n as usize].row.iter().map(|(other, _)| *other)).collect();
         around.sort_unstable();
         around.dedup();
         around.retain(|number| own.binary_search(number).is_err());
+        let numbers = [inside.as_slice(), &across, &around].concat();
+        let mut places: Vec<(u32, u32)> = numbers.iter().copied().zip(0..).collect();
+        places.sort_unstable();
+        let place_of = |number: u32| places[places.partition_point(|(other, _)| *other < number)].1;
         let mut part = Self { range: range.clone(), stiffness: vec![0.0; range.len()], ..Self::default() };
-        let place = |number: u32| match own.binary_search(&number) {
-            Ok(place) => place as u32,
-            Err(_) => (own.len() + around.partition_point(|other| *other < number)) as u32,
-        };
         let mesh = scene.meshes()[scene.parts().garment_of(range.start)].rest_positions();
         let shape = |number: u32| Shape::at(elements[number as usize].vertices.map(|v| mesh[v as usize]));
-        let gradient = |number: u32| Gradient::of(&shape(number));
-        for number in own.iter().chain(&around) {
+        let gradient =
+            |number: u32| Gradient::new(bent(&shape(number), 0.0, [0.0; 2]).1).at_vertices(1.0).map(Vec3::from);
+        for number in &numbers {
             let element = &elements[*number as usize];
             let heights = shape(*number).heights();
             let least_heights = heights.map(|height| SQUASHED * height);
@@ -166,20 +313,18 @@ impl PartHinges {
             let vertices = element.vertices.map(|v| first + v);
             part.hinges.push(Hinge { vertices, rest_angle: element.rest_angle, least_heights });
         }
-        for number in own {
+        for (place, number) in (0..).zip(&numbers[..own.len()]) {
             let element = &elements[*number as usize];
-            part.moments.extend(element.row.iter().map(|(other, moment)| (place(*other), *moment)));
-            part.rows.push(part.moments.len() as u32);
-            let vectors = gradient(*number).at_vertices();
-            part.add_to_stiffness(element, first, vectors, &|other| gradient(other).at_vertices());
+            part.moments.push(Moments::new(element, place, place_of));
+            let vectors = gradient(*number);
+            part.add_to_stiffness(element, first, vectors, &gradient);
             let masses = element.vertices.map(|v| scene.masses()[(first + v) as usize]);
             let softness: f64 = vectors.iter().zip(masses).map(|(u, m)| u.norm_squared() / m).sum();
             part.damping.push(2.0 * laws.damping_ratios[*number as usize] * (element.row[0].1 / softness).sqrt());
         }
-        let outside = part.hinges.iter().flat_map(|hinge| hinge.vertices).filter(|v| !range.contains(&(*v as usize)));
-        part.neighbours = outside.collect();
-        part.neighbours.sort_unstable();
-        part.neighbours.dedup();
+        let in_part = |hinge: &Hinge| hinge.vertices.map(|v| (v as usize - range.start) as u16);
+        part.inside = part.hinges[..inside.len()].iter().map(in_part).collect();
+        part.neighbours = corners::outside(&range, part.hinges.iter().map(|hinge| hinge.vertices));
         part.angles = vec![0.0; part.hinges.len()];
         part.gradients = vec![Gradient::default(); own.len()];
         part
@@ -210,8 +355,9 @@ impl PartHinges {
 
     fn bytes(&self) -> usize {
         self.hinges.len() * (size_of::<Hinge>() + 8)
-            + self.moments.len() * size_of::<(u32, f64)>()
-            + self.gradients.len() * (size_of::<Gradient>() + 8 + 4)
+            + self.inside.len() * size_of::<[u16; 4]>()
+            + self.moments.len() * size_of::<Moments>()
+            + self.gradients.len() * (size_of::<Gradient>() + 8)
             + self.stiffness.len() * 8
             + self.neighbours.len() * 4
             + self.folds.len() * size_of::<Fold>()
@@ -222,37 +368,18 @@ impl PartHinges {
         self.hinges[hinge].vertices.iter().min().is_some_and(|first| self.index_of(*first as usize).is_some())
     }
 
-    /// Moment of a hinge of the part [N·m].
-    fn moment(&self, hinge: usize, angle: impl Fn(usize) -> f64) -> f64 {
-        let start = if hinge == 0 { 0 } else { self.rows[hinge - 1] };
-        let row = &self.moments[start as usize..self.rows[hinge] as usize];
-        row.iter().map(|(other, moment)| moment * angle(*other as usize)).sum()
-    }
-
-    /// Adds a pull along the gradient of a hinge to the part's own vertices.
-    #[inline]
-    fn pull(&self, hinge: usize, pull: f64, f: &mut [Simd4]) {
-        let Gradient { u: [u1, u2], p, q } = &self.gradients[hinge];
-        let [a, b] = [Simd4::from(u1) * pull, Simd4::from(u2) * pull];
-        let toward = a * *p + b * *q;
-        for (vertex, force) in self.hinges[hinge].vertices.iter().zip([a, toward, toward * -1.0 - a - b, b]) {
-            let place = (*vertex as usize).wrapping_sub(self.range.start);
-            if let Some(f) = f.get_mut(place) {
-                *f += force;
-            }
-        }
+    /// The hinges across the border of the part, by their places.
+    fn across(&self) -> Range<usize> {
+        self.inside.len()..self.gradients.len()
     }
 }
 
-/// What the hinge is off its angle at rest [rad], and its gradient; nothing where a triangle is squashed.
-#[inline]
-fn bent(hinge: &Hinge, x: &[Vec3]) -> (f64, Gradient) {
-    let shape = Shape::at(hinge.vertices.map(|v| x[v as usize]));
-    let is_flat = |(normal, least): (&Vec3, f64)| normal.norm_squared() <= (least * shape.length).powi(2);
-    if shape.normals.iter().zip(hinge.least_heights).any(is_flat) {
-        return (0.0, Gradient::default());
+/// Adds a pull along the gradient of a hinge to its vertices inside a part.
+#[inline(always)]
+fn pull(gradient: &Gradient, pull: f64, corners: [usize; 4], f: &mut [Simd4]) {
+    for (corner, force) in corners.into_iter().zip(gradient.at_vertices(pull)) {
+        f[corner] += force;
     }
-    (shape.angle() - hinge.rest_angle, Gradient::of(&shape))
 }
 
 impl Force for PartHinges {
@@ -261,17 +388,24 @@ impl Force for PartHinges {
     }
 
     fn update(&mut self, view: &PartView<'_>, _own: &[Simd4], f: &mut [Simd4]) {
-        for (n, hinge) in self.hinges.iter().enumerate() {
-            let (angle, gradient) = bent(hinge, view.x);
-            self.angles[n] = angle;
-            if let Some(kept) = self.gradients.get_mut(n) {
-                *kept = gradient;
-            }
+        let mut bends = Bends::default();
+        let mut gradients = self.gradients.chunks_mut(SPAN);
+        for (hinges, angles) in self.hinges.chunks(SPAN).zip(self.angles.chunks_mut(SPAN)) {
+            bends.find(hinges, view.x);
+            angles.copy_from_slice(&bends.off[..angles.len()]);
+            // Those of the part come first.
+            let kept = gradients.next().unwrap_or_default();
+            kept.iter_mut().enumerate().for_each(|(n, gradient)| *gradient = bends.gradient(n));
         }
-        let is_out = |hinge: &usize| self.gradients[*hinge].u[0] == Vec3::zeros() && self.counts(*hinge);
+        let is_out = |hinge: &usize| self.gradients[*hinge].is_zero() && self.counts(*hinge);
         self.left_out += (0..self.gradients.len()).filter(is_out).count() as u64;
-        for hinge in 0..self.gradients.len() {
-            self.pull(hinge, -self.moment(hinge, |other| self.angles[other]), f);
+        let moment = |place: usize| self.moments[place].moment(place, |other| self.angles[other]);
+        for (place, (corners, gradient)) in self.inside.iter().zip(&self.gradients).enumerate() {
+            pull(gradient, -moment(place), corners.map(usize::from), f);
+        }
+        for place in self.across() {
+            let forces = self.gradients[place].at_vertices(-moment(place));
+            corners::add(self.range.start, self.hinges[place].vertices, forces, f);
         }
     }
 
@@ -284,15 +418,13 @@ impl Force for PartHinges {
     }
 
     fn add_blocks(&self, _: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        for (n, (gradient, slots)) in self.gradients.iter().zip(&self.slots).enumerate() {
+        let laws = self.moments.iter().zip(&self.damping);
+        for ((gradient, slots), (moments, damping)) in self.gradients.iter().zip(&self.slots).zip(laws) {
             // Moments of neighbouring angles would couple vertices two edges away; the sum of their sizes on the diagonal is
             // never less (Gershgorin), and an element keeps to its four vertices. How the gradient turns is left out: it has
             // either sign.
-            let start = if n == 0 { 0 } else { self.rows[n - 1] };
-            let row = &self.moments[start as usize..self.rows[n] as usize];
-            let stiffness: f64 = row.iter().map(|(_, moment)| moment.abs()).sum();
-            let scale = factors.stiffness * stiffness + factors.damping * self.damping[n];
-            rows.add_outer(slots, scale, &gradient.at_vertices());
+            let scale = factors.stiffness * moments.size() + factors.damping * damping;
+            rows.add_outer(slots, &gradient.at_vertices(scale.sqrt()));
         }
     }
 
@@ -301,9 +433,18 @@ impl Force for PartHinges {
     }
 
     fn add_damping(&self, motion: &PartMotion<'_>, f: &mut [Simd4]) {
-        for (n, (gradient, damping)) in self.gradients.iter().zip(&self.damping).enumerate() {
-            let velocities = self.hinges[n].vertices.map(|v| motion.v[v as usize]);
-            self.pull(n, -damping * gradient.rate(velocities), f);
+        let own_v = &motion.own_v[..f.len()];
+        for ((corners, gradient), damping) in self.inside.iter().zip(&self.gradients).zip(&self.damping) {
+            let corners = corners.map(usize::from);
+            let rate = gradient.rate(corners.map(|corner| own_v[corner]));
+            pull(gradient, -damping * rate, corners, f);
+        }
+        for place in self.across() {
+            let (vertices, gradient) = (self.hinges[place].vertices, &self.gradients[place]);
+            // Written out: `map` of an array is not always inlined.
+            let at = |corner: usize| Simd4::from(&motion.v[vertices[corner] as usize]);
+            let rate = gradient.rate([at(0), at(1), at(2), at(3)]);
+            corners::add(self.range.start, vertices, gradient.at_vertices(-self.damping[place] * rate), f);
         }
     }
 
@@ -312,11 +453,11 @@ impl Force for PartHinges {
     }
 
     fn energy(&self, view: &PartView<'_>) -> f64 {
-        let angle = |hinge: usize| bent(&self.hinges[hinge], view.x).0;
-        let own = |n: usize| self.hinges[n].vertices.iter().filter(|v| self.index_of(**v as usize).is_some()).count();
+        let angle = |hinge: usize| self.hinges[hinge].off(view.x);
         // Half of angle times moment, of which each of the four vertices brings a quarter.
-        let quarter = |n: usize| 0.125 * own(n) as f64 * angle(n) * self.moment(n, angle);
-        (0..self.gradients.len()).map(quarter).sum()
+        let own = |n: usize| corners::own_fraction(&self.range, self.hinges[n].vertices);
+        let half = |n: usize| 0.5 * own(n) * angle(n) * self.moments[n].moment(n, angle);
+        (0..self.moments.len()).map(half).sum()
     }
 
     fn take_counts(&mut self, count: &mut dyn FnMut(&'static str, u64)) {
@@ -329,7 +470,7 @@ impl Force for PartHinges {
     fn update_plasticity(&mut self, x: &[Vec3]) {
         for n in 0..self.folds.len() {
             let (hinge, fold) = (&mut self.hinges[n], &mut self.folds[n]);
-            let (off, _) = bent(hinge, x);
+            let off = hinge.off(x);
             let beyond = off.abs() - fold.yield_angle;
             if beyond <= 0.0 {
                 continue;

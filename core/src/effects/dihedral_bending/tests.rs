@@ -1,10 +1,12 @@
 //! Energy, forces and damping of hinges against geometry, finite differences and power iteration.
 
 use super::elements::{Rigidity, Shape, of_mesh, triangle_energy};
+use super::part_hinges::spread;
 use crate::Vec3;
-use crate::effects::force::{ForceContext, PartForce, PartMotion, PartView};
+use crate::effects::force::{Force, ForceContext, PartForce, PartMotion, PartView};
 use crate::effects::registry::build_all;
 use crate::mesh::{PolygonMesh, TriangleMesh};
+use crate::parallel::parts::PART_SIZE;
 use crate::parallel::simd4::Simd4;
 use crate::pins::PinTargets;
 use crate::scene::vertex_maps::PaintedMap;
@@ -51,23 +53,50 @@ fn scene(mesh: PolygonMesh, wrinkles: bool) -> Scene {
     Scene::validate(description).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
-/// The forces of a scene, which has one part.
+/// The forces of a scene.
 fn forces(scene: &Scene) -> Vec<PartForce> {
     let built = build_all(scene).unwrap_or_else(|problems| panic!("{problems}"));
     built.into_iter().flat_map(|(_, effect)| effect.forces).collect()
 }
 
-/// Work on the scene's only part, with nothing around it.
-fn with_view<R>(scene: &Scene, x: &[Vec3], work: impl FnOnce(&PartView<'_>) -> R) -> R {
+/// Work on a part of the scene, with nothing around it.
+fn with_view<R>(scene: &Scene, part: usize, x: &[Vec3], work: impl FnOnce(&PartView<'_>) -> R) -> R {
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
     let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
-    work(&PartView { start: 0, masses: scene.masses(), x, fraction: 0.0, around })
+    let range = scene.parts().ranges()[part].clone();
+    work(&PartView { start: range.start, masses: &scene.masses()[range], x, fraction: 0.0, around })
+}
+
+/// What `work` on each force adds to the vertices of its part.
+fn sums(scene: &Scene, forces: &mut [PartForce], work: impl Fn(usize, &mut dyn Force, &mut [Simd4])) -> Vec<Vec3> {
+    let mut sums = vec![Vec3::zeros(); scene.masses().len()];
+    for (part, force) in forces {
+        let own = &mut sums[scene.parts().ranges()[*part].clone()];
+        let mut f = vec![Simd4::ZERO; own.len()];
+        work(*part, force.as_mut(), &mut f);
+        own.iter_mut().zip(f).for_each(|(sum, f)| *sum += Vec3::from(f));
+    }
+    sums
 }
 
 fn force_at(scene: &Scene, forces: &mut [PartForce], x: &[Vec3]) -> Vec<Vec3> {
-    let (own, mut f) = (x.iter().map(Simd4::from).collect::<Vec<_>>(), vec![Simd4::ZERO; x.len()]);
-    with_view(scene, x, |view| forces.iter_mut().for_each(|(_, force)| force.update(view, &own, &mut f)));
-    f.into_iter().map(Vec3::from).collect()
+    sums(scene, forces, |part, force, f| {
+        let own: Vec<Simd4> = x[scene.parts().ranges()[part].clone()].iter().map(Simd4::from).collect();
+        with_view(scene, part, x, |view| force.update(view, &own, f));
+    })
+}
+
+/// At the positions of the last update.
+fn damping_at(scene: &Scene, forces: &mut [PartForce], x: &[Vec3], v: &[Vec3]) -> Vec<Vec3> {
+    sums(scene, forces, |part, force, f| {
+        PartMotion::with(scene.parts().ranges()[part].clone(), x, v, |motion| force.add_damping(motion, f));
+    })
+}
+
+fn crumpled(scene: &Scene, seed: u32) -> Vec<Vec3> {
+    let (mut x, mut random) = (start(scene), random(seed));
+    x.iter_mut().for_each(|p| *p += Vec3::new(random(), 2.0 * random(), random()) * 0.004);
+    x
 }
 
 fn start(scene: &Scene) -> Vec<Vec3> {
@@ -106,12 +135,10 @@ fn a_sheet_of_any_mesh_bends_with_the_rigidity_that_was_asked_for() {
 #[test]
 fn forces_are_the_slope_of_the_energy_and_keep_momentum() {
     let scene = scene(uneven(7, 1), false);
-    let (mut forces, mut random) = (forces(&scene), random(5));
-    let mut x = start(&scene);
-    x.iter_mut().for_each(|p| *p += Vec3::new(random(), 2.0 * random(), random()) * 0.004);
+    let (mut forces, x) = (forces(&scene), crumpled(&scene, 5));
     let f = force_at(&scene, &mut forces, &x);
     let energy =
-        |x: &[Vec3]| with_view(&scene, x, |view| forces.iter().map(|(_, force)| force.energy(view)).sum::<f64>());
+        |x: &[Vec3]| with_view(&scene, 0, x, |view| forces.iter().map(|(_, force)| force.energy(view)).sum::<f64>());
     let largest = f.iter().map(Vec3::norm).fold(0.0, f64::max);
     for vertex in (0..x.len()).step_by(5) {
         for axis in 0..3 {
@@ -128,19 +155,11 @@ fn forces_are_the_slope_of_the_energy_and_keep_momentum() {
 #[test]
 fn damping_is_symmetric_and_never_adds_energy() {
     let scene = scene(uneven(7, 2), false);
-    let (mut forces, mut random) = (forces(&scene), random(7));
-    let mut x = start(&scene);
-    x.iter_mut().for_each(|p| *p += Vec3::new(random(), 2.0 * random(), random()) * 0.004);
+    let (mut forces, mut random, x) = (forces(&scene), random(7), crumpled(&scene, 8));
     force_at(&scene, &mut forces, &x);
     let mut velocities = || -> Vec<Vec3> { x.iter().map(|_| Vec3::new(random(), random(), random())).collect() };
     let (a, b) = (velocities(), velocities());
-    let damping = |v: &[Vec3]| -> Vec<Vec3> {
-        let mut f = vec![Simd4::ZERO; x.len()];
-        PartMotion::with(0..x.len(), &x, v, |motion| {
-            forces.iter().for_each(|(_, force)| force.add_damping(motion, &mut f))
-        });
-        f.into_iter().map(Vec3::from).collect()
-    };
+    let mut damping = |v: &[Vec3]| damping_at(&scene, &mut forces, &x, v);
     let dot = |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
     let (ga, gb) = (damping(&a), damping(&b));
     assert!((dot(&b, &ga) - dot(&a, &gb)).abs() < 1e-12 * dot(&a, &ga).abs());
@@ -148,6 +167,36 @@ fn damping_is_symmetric_and_never_adds_energy() {
     // Turning as one changes no angle.
     let turning: Vec<Vec3> = x.iter().map(|x| Vec3::new(0.3, -0.2, 0.9).cross(x)).collect();
     assert!(dot(&turning, &damping(&turning)).abs() < 1e-12 * dot(&a, &ga).abs());
+}
+
+#[test]
+fn both_sides_of_a_border_of_parts_feel_the_same_hinges() {
+    let scene = scene(uneven((2 * PART_SIZE).isqrt() + 1, 3), false);
+    assert!(scene.parts().count() > 2);
+    let (mut forces, x) = (forces(&scene), crumpled(&scene, 4));
+    let v: Vec<Vec3> = crumpled(&scene, 6).iter().zip(&x).map(|(a, b)| a - b).collect();
+    let f = force_at(&scene, &mut forces, &x);
+    let d = damping_at(&scene, &mut forces, &x, &v);
+    // A hinge that one side leaves out, or bends otherwise, would push the whole.
+    for f in [f, d] {
+        let largest = f.iter().map(Vec3::norm).fold(0.0, f64::max);
+        assert!(f.iter().sum::<Vec3>().norm() < 1e-12 * largest * x.len() as f64);
+        assert!(f.iter().zip(&x).map(|(f, x)| x.cross(f)).sum::<Vec3>().norm() < 1e-12 * largest * x.len() as f64);
+    }
+}
+
+#[test]
+fn hinges_that_follow_each_other_seldom_share_a_vertex() {
+    let mesh = TriangleMesh::new(&uneven(16, 1));
+    let elements = of_mesh(&mesh, |_| Some(Rigidity::isotropic(RIGIDITY)), false);
+    let vertices = |n: u32| elements[n as usize].vertices;
+    let spread = spread((0..elements.len() as u32).collect(), vertices);
+    let close =
+        spread.iter().zip(&spread[1..]).filter(|(a, b)| vertices(**a).iter().any(|v| vertices(**b).contains(v)));
+    assert!(close.count() * 20 < elements.len());
+    let mut sorted = spread.clone();
+    sorted.sort_unstable();
+    assert!(sorted.into_iter().eq(0..elements.len() as u32));
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! a second list, sorted by neighbour, that changes its own ends only. Each spring belongs to the row of one end, chosen
 //! so that rows have nearly the same length everywhere: loops of known length have no branches to mispredict. For the
 //! damping product a spring is `c / l²` and the number of its other end, 10 bytes; its direction is taken from the
-//! positions, which are shared by all springs of a vertex (`docs/decisions/0001-state-layout.md`).
+//! positions, which are shared by all springs of a vertex (`docs/dev/decisions/0001-state-layout.md`).
 
 use crate::Vec3;
 use crate::block_matrix::{PartBlocks, Slot};
@@ -61,8 +61,8 @@ struct PartSprings {
     damping: Vec<f64>,
     /// c / l² at the last update [N s/m³]; zero where the ends coincided.
     scaled_damping: Vec<f64>,
-    /// Where the block of each spring is in the matrix of the implicit step; empty in the others.
-    slots: Vec<Slot>,
+    /// Ends of each spring, local vertices, and where its block is in the matrix of the implicit step; empty in the others.
+    blocks: Vec<([u32; 2], Slot)>,
     /// Whether the strain of these springs is the strain of the cloth.
     measures_strain: bool,
     /// How all of them stiffen as they are pulled, by their stiffness at rest; `None` where they do not.
@@ -310,6 +310,60 @@ fn stiffen(curve: &TensileCurve, pulls: &mut [f64], stiffness: &[f64]) {
     }
 }
 
+/// Springs of a span on their way into the matrix of an implicit step.
+#[derive(Default)]
+struct SpanBlocks {
+    /// From one end to the other [m], then the same as a unit vector.
+    apart: [[f64; SPAN]; 3],
+    stiffness: [f64; SPAN],
+    rest_length: [f64; SPAN],
+    damping: [f64; SPAN],
+    length: [f64; SPAN],
+    /// What the blocks have along the springs and across them.
+    along: [f64; SPAN],
+    across: [f64; SPAN],
+}
+
+impl SpanBlocks {
+    /// Takes up to [`SPAN`] springs. Behind them the last ones stay, which nobody asks for.
+    fn take(&mut self, blocks: &[([u32; 2], Slot)], stiffness: &[f64], rest: &[f64], damping: &[f64], x: &[Vec3]) {
+        for (n, ([i, j], _)) in blocks[..blocks.len().min(SPAN)].iter().enumerate() {
+            let apart = x[*j as usize] - x[*i as usize];
+            (0..3).for_each(|axis| self.apart[axis][n] = apart[axis]);
+        }
+        self.stiffness[..stiffness.len()].copy_from_slice(stiffness);
+        self.rest_length[..rest.len()].copy_from_slice(rest);
+        self.damping[..damping.len()].copy_from_slice(damping);
+    }
+
+    /// Turns them into what linear springs bring; several share the time of a root and a division.
+    fn find(&mut self, factors: BlockFactors) {
+        for n in 0..SPAN {
+            let [x, y, z] = [0, 1, 2].map(|axis| self.apart[axis][n]);
+            let length = (x * x + y * y + z * z).sqrt();
+            // Coinciding ends have no direction.
+            let (inverse, stiffness, damping) =
+                if length > 0.0 { (1.0 / length, self.stiffness[n], self.damping[n]) } else { (0.0, 0.0, 0.0) };
+            // Compressed springs push sideways: that part is negative, and left out.
+            self.across[n] = factors.stiffness * stiffness * (1.0 - self.rest_length[n] * inverse).max(0.0);
+            self.along[n] = factors.stiffness * stiffness + factors.damping * damping;
+            self.length[n] = length;
+            (0..3).for_each(|axis| self.apart[axis][n] *= inverse);
+        }
+    }
+
+    /// Takes those that are pulled from linear springs to ones with this curve.
+    fn stiffen(&mut self, curve: &TensileCurve, factors: BlockFactors) {
+        for n in 0..SPAN {
+            if self.across[n] > 0.0 {
+                let strain = self.length[n] / self.rest_length[n] - 1.0;
+                self.across[n] *= curve.factor(strain);
+                self.along[n] += factors.stiffness * self.stiffness[n] * curve.rise(strain);
+            }
+        }
+    }
+}
+
 impl PartSprings {
     /// The groups of rows, each with its slices; `scaled_damping` is what a call reads or writes.
     fn row_groups(&self) -> impl Iterator<Item = (usize, Rows<'_, &[f64]>)> {
@@ -404,24 +458,22 @@ impl Force for PartSprings {
     }
 
     fn find_blocks(&mut self, rows: &PartBlocks) {
-        self.slots = self.ends().map(|(i, j, ..)| rows.slot(i as u32, j as u32)).collect();
+        let ends = self.ends().map(|(i, j, ..)| [i as u32, j as u32]);
+        self.blocks = ends.map(|[i, j]| ([i, j], rows.slot(i, j))).collect();
     }
 
     fn add_blocks(&self, view: &PartView<'_>, factors: BlockFactors, rows: &mut PartBlocks) {
-        for ((i, j, s, _), slot) in self.ends().zip(&self.slots) {
-            let apart = view.x[j] - view.x[i];
-            let squared = apart.norm_squared();
-            if squared > 0.0 {
-                let (length, stiffness) = (squared.sqrt(), factors.stiffness * self.stiffness[s]);
-                // Compressed springs push sideways: that part is negative, and left out.
-                let mut across = stiffness * (1.0 - self.rest_length[s] / length).max(0.0);
-                let mut along = stiffness + factors.damping * self.damping[s];
-                if let Some(curve) = self.curve.as_ref().filter(|_| across > 0.0) {
-                    let strain = length / self.rest_length[s] - 1.0;
-                    across *= curve.factor(strain);
-                    along += stiffness * curve.rise(strain);
-                }
-                rows.add_spring(*slot, &(apart / length), along, across);
+        let constants = self.stiffness.chunks(SPAN).zip(self.rest_length.chunks(SPAN)).zip(self.damping.chunks(SPAN));
+        let mut span = SpanBlocks::default();
+        for (blocks, ((stiffness, rest_length), damping)) in self.blocks.chunks(SPAN).zip(constants) {
+            span.take(blocks, stiffness, rest_length, damping, view.x);
+            span.find(factors);
+            if let Some(curve) = &self.curve {
+                span.stiffen(curve, factors);
+            }
+            for (n, (_, slot)) in blocks.iter().enumerate() {
+                let direction = Vec3::from(std::array::from_fn(|axis| span.apart[axis][n]));
+                rows.add_spring(*slot, &direction, span.along[n], span.across[n]);
             }
         }
     }

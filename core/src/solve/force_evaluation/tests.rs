@@ -51,7 +51,8 @@ fn products(scene: &Scene, [x, v, s]: [&[Vec3]; 3], factors: BlockFactors) -> [V
     let (targets, wind, volumes) = (PinTargets::default(), WindGrid::default(), Volumes::default());
     let mut force = |x: &[Vec3], v_at: &[Vec3], matrix: Option<&mut BlockMatrix>| {
         let around = ForceContext { time: 0.0, targets: &targets, v, wind: &wind, volumes: &volumes };
-        let at = ForceEvaluation { parts: scene.parts(), masses: scene.masses(), x, v: v_at, fraction: 0.0, around };
+        let (parts, masses, solved) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
+        let at = ForceEvaluation { parts, masses, solved, x, v: v_at, fraction: 0.0, around };
         let mut f = vec![Vec3::zeros(); x.len()];
         match matrix {
             Some(matrix) => at.linearise(&mut forces, &mut f, factors, matrix),
@@ -145,8 +146,8 @@ fn the_force_of_cloth_that_stiffens_is_the_slope_of_its_energy() {
         let (x, s) = (stretched(&scene), direction(N * N));
         let around = ForceContext { time: 0.0, targets: &targets, v: &[], wind: &wind, volumes: &volumes };
         let (v, mut f) = (vec![Vec3::zeros(); N * N], vec![Vec3::zeros(); N * N]);
-        let (parts, masses) = (scene.parts(), scene.masses());
-        ForceEvaluation { parts, masses, x: &x, v: &v, fraction: 0.0, around }.forces(&mut forces, &mut f);
+        let (parts, masses, solved) = (scene.parts(), scene.masses(), &*vec![true; scene.parts().count()]);
+        ForceEvaluation { parts, masses, solved, x: &x, v: &v, fraction: 0.0, around }.forces(&mut forces, &mut f);
         let energy = |by: f64| -> f64 {
             let x: Vec<Vec3> = x.iter().zip(&s).map(|(x, s)| x + s * by).collect();
             let of_part =

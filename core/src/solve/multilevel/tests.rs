@@ -7,7 +7,7 @@ use crate::Vec3;
 use crate::block_matrix::testing::Sheet;
 use crate::parallel::parts::Partition;
 use crate::parallel::ranks::Ranks;
-use crate::solve::constraints::Projection;
+use crate::solve::block_system::{BlockSystem, Projection};
 use crate::tolerances::CONSTRAINED_STIFFNESS;
 
 /// Every third vertex slides along a plane, every fourth is held.
@@ -43,10 +43,7 @@ fn coarse_levels_are_the_matrix_of_vertices_that_move_as_one_where_constraints_l
     let sheet = Sheet::new(24, 30.0, 3);
     let parts = sheet.parts(&Ranks::default());
     let matrix = sheet.matrix(&parts);
-    let mut constraints = Constraints::none(&parts);
-    constraints.update(&parts, &sheet.masses, &Constrained(&parts));
-    let mut levels = Multilevel::new(&parts, &matrix);
-    levels.prepare(&parts, &matrix, &PairTerms::default(), &constraints);
+    let levels = prepared(&sheet, &parts, &matrix);
     assert!(levels.levels.len() > 1);
     // Nodes of the vertices, level by level.
     let ends: Vec<Vec<u32>> = parts.ranges().iter().map(|range| runs(range.len(), AGGREGATE)).collect();
@@ -71,21 +68,21 @@ fn coarse_levels_are_the_matrix_of_vertices_that_move_as_one_where_constraints_l
 }
 
 /// The levels of a sheet with constraints.
-fn prepared(side: usize, stiffness: f64) -> Multilevel {
-    let sheet = Sheet::new(side, stiffness, 3);
-    let parts = sheet.parts(&Ranks::default());
-    let matrix = sheet.matrix(&parts);
-    let mut constraints = Constraints::none(&parts);
-    constraints.update(&parts, &sheet.masses, &Constrained(&parts));
-    let mut levels = Multilevel::new(&parts, &matrix);
-    levels.prepare(&parts, &matrix, &PairTerms::default(), &constraints);
+fn prepared(sheet: &Sheet, parts: &Parts, matrix: &BlockMatrix) -> Multilevel {
+    let mut constraints = Constraints::none(parts);
+    let (masses, solved) = (&*sheet.masses, &*vec![true; parts.count()]);
+    constraints.update(&BlockSystem { parts, masses, solved, matrix, constraints: &Constrained(parts) });
+    let mut levels = Multilevel::new(parts, matrix);
+    levels.prepare(parts, matrix, &PairTerms::default(), &constraints);
     levels
 }
 
 #[test]
 fn the_cycle_is_symmetric_and_positive_definite() {
     for stiffness in [1.0, 1e5] {
-        let mut levels = prepared(32, stiffness);
+        let sheet = Sheet::new(32, stiffness, 5);
+        let parts = sheet.parts(&Ranks::default());
+        let mut levels = prepared(&sheet, &parts, &sheet.matrix(&parts));
         assert!(levels.levels.len() > 1);
         let count = 3 * levels.levels[0].count();
         let mut of_all = DMatrix::zeros(count, count);

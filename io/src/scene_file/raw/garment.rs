@@ -95,7 +95,7 @@ pub(in crate::scene_file) struct Garment {
 
 /// The mesh that is rendered in the place of a garment: finer, with thickness, seams, buttons and layers, modelled on the rest shape
 /// of the garment. Every point is bound to the closest point of the cloth at rest and follows it with a frame that turns smoothly
-/// from place to place (docs/render_mesh.md). It takes no part in the simulation. Its caches are called "GARMENT_render", in every
+/// from place to place (docs/howto/render_mesh.md). It takes no part in the simulation. Its caches are called "GARMENT_render", in every
 /// format of `[output]`, with normals; what else the file says of the mesh is handed through.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -121,15 +121,13 @@ fn default_max_distance() -> Quantity {
     Quantity::Text("2 cm".to_owned())
 }
 
-/// Painted maps, one for each quantity that can differ from place to place. Stiffness, damping, drag, friction and the
-/// radius of folds are as if they were not asked for where they are painted zero; a limit of zero is a limit. There is
-/// none for what is one number of a whole: `[garment.pressure]`, because gas inside has the same pressure everywhere
-/// and a share of it would drive a closed garment by itself; gravity and the velocity of the air; `poisson`, which with
-/// the moduli has to stay positive, so that a map of the membrane multiplies them all; the three drags of the wind, of
-/// which a map is one share. Nor for what chooses how to calculate: `short_edges`, `thin_triangles`, `compressed_by`,
-/// `flat`, `sweeps`, `max_steps` and the numbers of `[self_repulsion]` besides thickness and friction. Seams say their
-/// numbers themselves, one `[[seam]]` for each; bodies are not painted; poses and velocities at the start come from
-/// files.
+/// Painted maps, one for each quantity that can differ from place to place. Painting 0 switches the quantity off at that
+/// vertex; exception: a limit of 0 allows no strain. There are no maps for quantities that belong to a whole:
+/// `[garment.pressure]` (gas has one pressure), gravity, the velocity of the air, `poisson` (a map of the membrane multiplies
+/// all its moduli), and each single drag of the wind (a map is a share of all three). Nor for what chooses how to calculate:
+/// `short_edges`, `thin_triangles`, `compressed_by`, `flat`, `sweeps`, `max_steps` and the numbers of `[self_repulsion]`
+/// besides thickness and friction. Each `[[seam]]` has numbers of its own. Bodies are not painted. Poses and velocities at the
+/// start come from files.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(in crate::scene_file) struct Maps {

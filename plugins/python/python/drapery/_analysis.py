@@ -39,7 +39,7 @@ class StudyRow:
     largest_error: float | None
     """Largest distance of a vertex [m]."""
     validity: str | None
-    """What can be said of the error: ``Yes``, ``BelowFloor``, ``NotConverged`` or ``Unchecked`` (docs/study.md)."""
+    """What can be said of the error: ``Yes``, ``BelowFloor``, ``NotConverged`` or ``Unchecked`` (docs/guide/study.md)."""
     order: float | None
     """Order of convergence from the next coarser setting to this one."""
     on_front: bool

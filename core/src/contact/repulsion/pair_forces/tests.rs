@@ -44,8 +44,12 @@ impl CloseTriangles {
     }
 
     fn force(&self) -> Option<PairForce> {
+        self.force_after(PairHistory::NONE)
+    }
+
+    fn force_after(&self, history: PairHistory) -> Option<PairForce> {
         let Self { surface, x, v, mobility, .. } = self;
-        self.pair.force(&LAWS, &PairStage { surface, x, v, mobility, dt: 0.005 })
+        self.pair.force(&LAWS, &PairStage { surface, x, v, mobility, dt: 0.005 }, |_| history)
     }
 
     /// Moves the upper triangle.
@@ -102,8 +106,11 @@ fn friction_of_a_pair_is_that_of_coulomb_and_never_above_what_holds_it() {
         let mut touching = CloseTriangles::new(kind);
         for speed in [10.0, 0.5 * SLOW_SLIP] {
             touching.throw(Vec3::x() * speed);
-            let found = touching.force().expect("it is in touch");
-            let push = found.force.dot(&found.normal);
+            let first = touching.force().expect("it is in touch");
+            let push = first.force.dot(&first.normal);
+            assert!((first.force - first.normal * push).norm() < 1e-12 * push, "nothing is known of what it bears");
+            let history = PairHistory { pushes: [push; 2], ..PairHistory::after(&first) };
+            let found = touching.force_after(history).expect("it is in touch");
             let friction = found.force - found.normal * push;
             let most = LAWS.friction * push;
             assert!(friction.norm() <= most * (1.0 + 1e-12) && friction.x < 0.0, "{speed}: {friction:?} {most}");
@@ -111,4 +118,23 @@ fn friction_of_a_pair_is_that_of_coulomb_and_never_above_what_holds_it() {
             assert_eq!(coulomb, speed > SLOW_SLIP, "{speed}: {} {most}", friction.norm());
         }
     }
+}
+
+#[test]
+fn friction_counts_on_what_both_solves_before_bore_and_on_the_speed_at_the_beginning() {
+    let mut touching = CloseTriangles::new(PairKind::EdgeEdge);
+    touching.throw(Vec3::x() * 10.0);
+    let friction = |history: PairHistory| {
+        let found = touching.force_after(history).expect("it is in touch");
+        (found.force - found.normal * found.force.dot(&found.normal)).norm()
+    };
+    let push = touching.force().expect("it is in touch").push;
+    let after = |pushes: [f64; 2], first_slip: f64| friction(PairHistory { pushes, first_slip: Some(first_slip) });
+    let whole = after([push, push], 10.0);
+    assert!((whole - LAWS.friction * push).abs() < 1e-9 * whole);
+    assert!((after([push, 0.25 * push], 10.0) - 0.25 * whole).abs() < 1e-9 * whole);
+    assert!((after([0.25 * push, push], 10.0) - 0.25 * whole).abs() < 1e-9 * whole);
+    assert!(after([push, -push], 10.0) < 1e-9 * whole, "what a solve has pulled at bears nothing");
+    // It has slowed down from twice its speed: a damper that is Coulomb's friction there.
+    assert!((after([push, push], 20.0) - 0.5 * whole).abs() < 1e-9 * whole);
 }
