@@ -10,6 +10,7 @@ the test, so that no add-on is left behind anywhere.
 import json
 import math
 import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -313,7 +314,7 @@ def long_shot(folder):
     """A shot that takes some seconds: finer cloth, more frames."""
     root, body, skirt = dressed(folder)
     bpy.data.objects.remove(skirt)
-    skirt = tube("dress", 30.0, 40.0, 120.0, 40, 30, root)
+    skirt = tube("dress", 30.0, 40.0, 120.0, 60, 45, root)
     group = skirt.vertex_groups.new(name="top")
     group.add([vertex.index for vertex in skirt.data.vertices if vertex.co.z > 119.0], 1.0, "REPLACE")
     mark(skirt, "GARMENT")
@@ -367,10 +368,12 @@ def state_is(*states):
 
 
 def closed(folder):
-    """Simulates and closes Blender when some frames are done."""
+    """Simulates and closes Blender when some frames are done. The solver waits, so that however fast it is it is not done
+    before Blender is open again."""
     long_shot(folder)
     bpy.ops.scene.drapery_simulate()
     until(lambda: view().status is not None and view().status.running and view().status.done >= 2)
+    os.kill(pid_of_run(folder / "drapery" / "out" / "Scene"), signal.SIGSTOP)
     return {"headline": part("answers").headline(view().status), "share": view().status.share}
 
 
@@ -385,6 +388,7 @@ def reopened(folder):
     until(lambda: view().status is not None)
     answer = {"found": view().status.state, "busy_buttons": [bpy.ops.scene.drapery_simulate.poll(), bpy.ops.scene.drapery_cancel.poll()]}
     bpy.ops.scene.drapery_cancel()
+    os.kill(pid_of_run(run), signal.SIGCONT)
     until(lambda: state_is("stopped")() and not work().busy)
     answer["cancelled"], answer["frames_then"] = part("answers").headline(view().status), view().status.done
     # What is there so far; loaded again when all is done, it has to be longer.
@@ -392,7 +396,7 @@ def reopened(folder):
     shown(bpy.data.objects["dress"], FIRST)
     bpy.ops.scene.drapery_continue()
     until(lambda: view().status is not None and view().status.running and view().status.done > answer["frames_then"])
-    os.kill(pid_of_run(run), 9)
+    os.kill(pid_of_run(run), signal.SIGKILL)
     until(lambda: state_is("killed")() and not work().watched)
     answer["killed"] = part("answers").headline(view().status)
     # A disk that is full, for this solver alone.

@@ -278,4 +278,4 @@ def test_a_changed_scene_is_refused_and_kept_only_by_a_wish(long_run):
 
 def test_an_edited_mesh_takes_no_cache(long_run):
     _, _, reopened = long_run
-    assert '"dress" has 1241 vertices, its cache 1240: the mesh or its modifiers were changed' in reopened["edited"][0]
+    assert '"dress" has 2761 vertices, its cache 2760: the mesh or its modifiers were changed' in reopened["edited"][0]
