@@ -76,7 +76,7 @@ pub type Vec3 = nalgebra::Vector3<f64>;
 
 /// Raised with every change of the program that changes results, by however little. A run that another version began is
 /// not continued unasked: its frames would not be those of one program.
-pub const SOLVER_VERSION: u32 = 5;
+pub const SOLVER_VERSION: u32 = 6;
 
 /// Added to [`SOLVER_VERSION`] in scenes with the integrator `tr_bdf2`; raised where a change leaves all others' results alone.
 const LONG_STEPS_VERSION: u32 = 3;

@@ -422,7 +422,7 @@ impl<'a> Step<'a> {
     /// Friction with bodies, with the full load, of all vertices or of those that repulsion has pressed against bodies.
     fn rub(&mut self, which: ContactSubset) {
         let Self { parts, cloth, prescribed, contacts, metrics, settings, .. } = self;
-        let v = &mut cloth.state.v;
+        let (x, v) = (&cloth.state.x, &mut cloth.state.v);
         // Friction may not spend itself on a direction in which a pin holds the vertex anyway.
         prescribed.apply_prescribed(parts, v);
         if let Some(collision) = &contacts.bodies {
@@ -430,7 +430,8 @@ impl<'a> Step<'a> {
             let contact = contacts.cloth.as_ref().filter(|_| which == ContactSubset::ByRepulsion);
             let concerns = |vertex| contact.is_none_or(|contact| contact.is_pressed(vertex));
             metrics.stage("B.7 body friction", |_| {
-                collision.final_velocity((&prescribed.bodies, settings.dt, rubs), &concerns, &mut v[parts.own()]);
+                let moving = (&x[parts.own()], &mut v[parts.own()]);
+                collision.final_velocity((&prescribed.bodies, settings.dt, rubs), &concerns, moving);
             });
             prescribed.apply_prescribed(parts, v);
         }
