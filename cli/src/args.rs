@@ -273,9 +273,8 @@ pub(crate) struct ConvertArgs {
 
 /// Arguments of `verify`.
 ///
-/// Intersections are decided without rounding, on the positions as they are stored: edges that pass through a triangle
-/// of the
-/// same mesh or of another, or touch one with which they share no point. Give the garments of a shot together.
+/// Intersections are decided without rounding, on the positions as they are stored: edges that pass through a triangle of
+/// the same mesh or of another, or touch one with which they share no point. Give the garments of a shot together.
 #[derive(Debug, Args)]
 pub(crate) struct VerifyArgs {
     /// Alembic files or USD stages that belong together; with --record also HDF5 caches

@@ -46,7 +46,7 @@ friction = 0.5",
             default: Default::Number(30.0),
             range: (0.0, 1e9),
             help: "repulsion modulus: how hard pairs closer than their thickness are pushed apart; not with `tr_bdf2`, \
-                   where contact is as stiff as 4 kPa asks for",
+                   where layers touch at a pressure of 4 kPa",
         },
         Field {
             name: "limit",

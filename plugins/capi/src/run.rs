@@ -38,8 +38,7 @@ pub struct drapery_frame_report {
 pub type drapery_progress = Option<unsafe extern "C" fn(report: *const drapery_frame_report, user: *mut c_void)>;
 
 /// Runs a whole shot into a folder: caches, checkpoints and the record of the run, with the bytes that `drapery run` writes. A
-/// run that the folder holds resumes after its last checkpoint, unless `flags` has DRAPERY_RUN_OVERWRITE. `progress`
-/// and `cancel`
+/// run that the folder holds resumes after its last checkpoint, unless `flags` has DRAPERY_RUN_OVERWRITE. `progress` and `cancel`
 /// may be null. Returns DRAPERY_CANCELLED, without an error, where it was cancelled: a checkpoint is written, and the next run
 /// goes on from there.
 ///

@@ -429,7 +429,7 @@ pub(in crate::scene_file) struct Pin {
     /// A JSON file of pins: vertices, and where on a body they are attached.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) file: Option<String>,
-    /// "start": the place where a vertex starts. "here": the place where it is when the pin takes hold. "body:NAME":
+    /// "start": the place where a vertex starts. "here": the place where it is when the pin becomes active. "body:NAME":
     /// the surface of a body from a file. "track": positions from the file in `track`.
     #[serde(default = "default_to")]
     pub(in crate::scene_file) to: String,
