@@ -101,10 +101,10 @@ fn a_mesh_that_passes_through_itself_is_found_with_frame_edge_and_triangle() {
     let faces: (&[i32], &[i32]) = (&[3, 3], &[0, 1, 2, 3, 4, 5]);
     let clean = verified(&[Mesh::new("cloth", &joined(&[0.5, 0.1, 1e-30, 0.2]), faces)]);
     assert!(clean.failures.is_empty(), "{:?}", clean.failures);
-    assert!(clean.facts.iter().any(|fact| fact == "/cloth/shape: 2 triangles, no crossings in 4 frames"));
+    assert!(clean.facts.iter().any(|fact| fact == "/cloth/shape: 2 triangles, no intersections in 4 frames"));
     let found = verified(&[Mesh::new("cloth", &joined(&[0.5, 0.1, 0.0, -0.1, 0.1]), faces)]);
     assert_eq!(found.failures.len(), 1);
-    let expected = "/cloth/shape: the cloth crosses itself in 2 of 5 frames, at most 2 crossings (frame 1003); first: \
+    let expected = "/cloth/shape: the cloth intersects itself in 2 of 5 frames, at most 2 intersections (frame 1003); first: \
                     frame 1003, edge 3-5 through triangle 2-1-0";
     assert_eq!(found.failures[0], expected);
 }
@@ -121,12 +121,12 @@ fn meshes_of_several_files_are_judged_together_where_their_parents_put_them() {
         let found = verify(&[&still, &moving], None).unwrap();
         assert_eq!(!found.failures.is_empty(), crosses, "{shift}: {:?}", found.failures);
         if crosses {
-            assert!(found.failures[0].starts_with("floor.abc: /floor/shape and spike.abc: /spike/shape cross in "));
+            assert!(found.failures[0].starts_with("floor.abc: /floor/shape and spike.abc: /spike/shape intersect in "));
         }
         // The same mesh as a body is reported, not judged.
         let found = verify(&[&moving], Some(&still)).unwrap();
         assert!(found.failures.is_empty());
-        assert_eq!(found.warnings.iter().any(|text| text.contains("and the body cross in")), crosses);
+        assert_eq!(found.warnings.iter().any(|text| text.contains("and the body intersect in")), crosses);
     }
 }
 
@@ -141,7 +141,7 @@ fn a_render_mesh_is_no_cloth_and_what_it_crosses_is_told_and_not_judged() {
     assert_eq!(found.failures, [] as [String; 0]);
     let shell = "/coat_render/shape (render mesh of coat, not judged as cloth)";
     for expected in
-        [format!("{shell}: its layers cross in 1 of 2 frames"), format!("{shell} and /coat/shape cross in ")]
+        [format!("{shell}: its layers intersect in 1 of 2 frames"), format!("{shell} and /coat/shape intersect in ")]
     {
         assert!(found.facts.iter().any(|fact| fact.starts_with(&expected)), "{:?}", found.facts);
     }
@@ -221,7 +221,7 @@ fn a_run_counts_the_crossings_of_what_it_writes_and_verify_agrees() {
         let found = verify(&files, None).unwrap();
         let crosses = counted != Some(false);
         assert_eq!(
-            found.failures.iter().any(|text| text.contains("second.abc: /second/secondShape cross in ")),
+            found.failures.iter().any(|text| text.contains("second.abc: /second/secondShape intersect in ")),
             crosses
         );
     }

@@ -74,7 +74,7 @@ pub(crate) struct LogArgs {
 pub(crate) enum Command {
     /// Simulate a scene and write the caches
     Run(RunArgs),
-    /// Report every problem of a scene and of each frame of its inputs; simulate nothing
+    /// Report every problem of a scene and of each frame of its inputs, without simulating
     Check(CheckArgs),
     /// Show what will run and why: effects, settings, memory, threads, formats
     Plan(PlanArgs),
@@ -82,7 +82,7 @@ pub(crate) enum Command {
     Info(FileArgs),
     /// Write a cache in another format, with other frames, or in another unit or axis
     Convert(ConvertArgs),
-    /// Check that caches can be loaded by other applications and that cloth does not pass through cloth
+    /// Check that caches can be loaded by other applications and have no self-intersections
     Verify(VerifyArgs),
     /// Show how far a run is: frames, rate, time left, last checkpoint; reads only
     Status(StatusArgs),
@@ -113,13 +113,13 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
-    /// Settings that `drapery study --write-preset` has written; --set goes over them
+    /// Settings that `drapery study --write-preset` has written; --set overrides them
     #[arg(long, value_name = "FILE")]
     pub(crate) preset: Option<PathBuf>,
-    /// Effects to do without, for example wind,self_collision; takes the place of `effects.without` of the scene
+    /// Effects to leave out, for example wind,self_collision; replaces `effects.without` of the scene
     #[arg(long, value_name = "NAMES", value_delimiter = ',', conflicts_with = "only")]
     pub(crate) without: Vec<String>,
-    /// The only effects to run, of those that the scene asks for; takes the place of `effects.only` of the scene
+    /// The only effects to run, of those that the scene asks for; replaces `effects.only` of the scene
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
     /// Number of threads of each process [default: DRAPERY_THREADS, OMP_NUM_THREADS, CUE_THREADS, SLURM_CPUS_PER_TASK,
@@ -158,7 +158,7 @@ pub(crate) struct RunSettingsArgs {
     /// Exit code when stopped early at a checkpoint (99 makes SGE start the job again) [default: the site file, or 75]
     #[arg(long, value_name = "N")]
     pub(crate) resumable_exit_code: Option<u8>,
-    /// How a run ends that SIGTERM has stopped, when its checkpoint is on the disk [default: the site file, or exit]
+    /// How a run ends after SIGTERM, once its checkpoint is written [default: the site file, or exit]
     #[arg(long, value_enum)]
     pub(crate) on_term: Option<OnTerm>,
     /// How progress is reported [default: DRAPERY_PROGRESS, the site file, or auto]
@@ -176,12 +176,13 @@ pub(crate) struct RunArgs {
     pub(crate) scene: SceneArgs,
     #[command(flatten)]
     pub(crate) settings: RunSettingsArgs,
-    /// Where to begin when the folder holds a run of this shot: `auto` goes on after its last good checkpoint, a frame
-    /// after the checkpoint of that frame, and `never` refuses such a folder
+    /// Where to resume when the folder holds a run of this shot: `auto` after its last good checkpoint, a frame number
+    /// after the checkpoint of that frame, `never` refuses such a folder
     #[arg(long, value_name = "auto|never|FRAME", default_value = "auto", value_parser = parse_resume)]
     #[arg(allow_hyphen_values = true)]
     pub(crate) resume: Resume,
-    /// Go on although the scene or its inputs have changed; what is simulated again is set aside, the change is recorded
+    /// Resume although the scene or its inputs have changed; frames that are simulated again are set aside, the change
+    /// is recorded
     #[arg(long)]
     pub(crate) resume_with_changes: bool,
     /// Replace the run that the folder holds, and start anew
@@ -193,15 +194,16 @@ pub(crate) struct RunArgs {
     /// Frames of which checkpoints are written and kept, for example 1040,1066
     #[arg(long, value_name = "FRAMES", value_delimiter = ',', allow_hyphen_values = true)]
     pub(crate) pin_checkpoint: Vec<i64>,
-    /// End with exit code 81 if a count that should stay zero did not, such as `crossings`; all frames are written
+    /// End with exit code 81 if a count that should stay zero did not, such as intersections (`crossings`); all frames
+    /// are written
     #[arg(long)]
     pub(crate) strict: bool,
-    /// Write the cloth after a line of a time step to DIR/dump, for example B.4 of every step, B.4@1005 of those to frame
-    /// 1005, or B.4@1005.3 of the third of them; lines are A, B.1 to B.8 and C (docs/reference/dump.md)
+    /// Write the cloth after a stage of a time step to DIR/dump, for example B.4 in every step, B.4@1005 in the steps
+    /// to frame 1005, or B.4@1005.3 in the third of them; stages are A, B.1 to B.8 and C (docs/reference/dump.md)
     #[arg(long, value_name = "LINE[@FRAME[.STEP]]", value_delimiter = ',')]
     pub(crate) dump: Vec<Tracepoint>,
-    /// SCENE is a bundle (DIR/debug/*.json) that a run left when the solver gave up: go on from its last good state to the
-    /// next frame, and write nothing but what --dump asks for
+    /// SCENE is a bundle (DIR/debug/*.json) that a run left when the solver gave up: resume from its last good state to
+    /// the next frame, and write nothing but what --dump asks for
     #[arg(long, conflicts_with_all = ["resume", "resume_with_changes", "overwrite", "steal_lock", "strict", "frames"])]
     pub(crate) replay: bool,
 }
@@ -271,8 +273,8 @@ pub(crate) struct ConvertArgs {
 
 /// Arguments of `verify`.
 ///
-/// Crossings are decided without rounding, on the positions as they are stored: edges that pass through a triangle of the
-/// same mesh or of another, or touch one with which they share no point. Give the garments of a shot together.
+/// Intersections are decided without rounding, on the positions as they are stored: edges that pass through a triangle of
+/// the same mesh or of another, or touch one with which they share no point. Give the garments of a shot together.
 #[derive(Debug, Args)]
 pub(crate) struct VerifyArgs {
     /// Alembic files or USD stages that belong together; with --record also HDF5 caches
@@ -282,7 +284,7 @@ pub(crate) struct VerifyArgs {
     /// caches
     #[arg(long, value_name = "DIR")]
     pub(crate) record: Option<PathBuf>,
-    /// Also count where the caches cross this mesh, in their own unit; a body is reported, not judged
+    /// Also count intersections of the caches with this mesh, in their own unit; they are reported, not judged
     #[arg(long, value_name = "FILE")]
     pub(crate) body: Option<PathBuf>,
 }
@@ -313,7 +315,7 @@ pub(crate) struct DiffArgs {
     pub(crate) a: PathBuf,
     /// What it is compared with; caches may be of different formats and units
     pub(crate) b: PathBuf,
-    /// Largest distance between a vertex and its like that is let pass, in metres; 0 lets no difference pass
+    /// Largest accepted distance between corresponding vertices, in metres; 0 accepts no difference
     #[arg(
         long,
         value_name = "M",
@@ -340,7 +342,7 @@ pub(crate) struct SelftestArgs {
     /// each
     #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present = "hard", conflicts_with = "hard")]
     pub(crate) drape: Option<Vec<String>>,
-    /// What scenes of the hard cases are integrated with
+    /// Integrator of the scenes of the hard cases
     #[arg(long, value_enum, value_name = "WORD", default_value_t = IntegratorChoice::SemiImplicit, conflicts_with = "drape")]
     pub(crate) integrator: IntegratorChoice,
     /// Only these cases, for example H23; repeatable
@@ -406,13 +408,13 @@ pub(crate) struct StudyArgs {
     /// Frames to study, from the first frame of the scene on; as many as the time allows when left out
     #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameRange>,
-    /// Time that the study may take, for example 2m; run it again to go on with it
+    /// Time that the study may take, for example 2m; run it again to resume it
     #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "10m")]
     pub(crate) max_wall: Duration,
     /// What a frame may take with the recommended setting, for example 10s/frame
     #[arg(long, value_name = "TIME/frame", value_parser = parse_frame_budget)]
     pub(crate) budget: Option<Duration>,
-    /// Copies with shifted positions that tell how far trajectories can be predicted
+    /// Copies with perturbed start positions, which give the predictability horizon
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(crate) copies: u32,
     /// Runs of every setting whose time is given, the first one included
@@ -462,7 +464,7 @@ pub(crate) enum ProgressStyle {
 /// How a run ends that SIGTERM has stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum OnTerm {
-    /// With the exit code of a run that goes on
+    /// With the exit code of a run that can be resumed
     Exit,
     /// By the signal, for sites where that means that a person has ended it
     Signal,

@@ -109,7 +109,7 @@ impl Environment {
             // OMP_NUM_THREADS may be a list, one number a nesting level.
             match text.split(',').next().unwrap_or_default().trim().parse() {
                 Ok(count) if count > 0 => return Some(Resolved::new(count, name)),
-                _ => tracing::warn!("{name}={text} is not a number of threads and is passed over"),
+                _ => tracing::warn!("{name}={text} is not a number of threads and is ignored"),
             }
         }
         self.site.threads.map(|count| Resolved::new(usize::from(count.get()), SITE_FILE))

@@ -169,7 +169,7 @@ pub(crate) fn start(args: &LogArgs) -> Result<FolderLogs, Failure> {
         .with(folder_lines)
         .init();
     if let (Some(error), Some(chosen)) = (not_levels, chosen) {
-        tracing::warn!("DRAPERY_LOG={chosen} names no levels and is passed over: {error}");
+        tracing::warn!("DRAPERY_LOG={chosen} names no log levels and is ignored: {error}");
     }
     Ok(logs)
 }

@@ -40,7 +40,7 @@ pub(crate) fn warn_of_loss() {
     if let Some(error) = LOST.get()
         && !REPORTED.swap(true, Ordering::Relaxed)
     {
-        tracing::warn!("standard output could not be written: {error}; the work goes on without it");
+        tracing::warn!("standard output could not be written: {error}; the command continues without it");
     }
 }
 

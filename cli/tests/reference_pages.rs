@@ -13,7 +13,7 @@ const VARIABLES: [(&str, &str); 17] = [
     ("DRAPERY_PROGRESS", "how progress is reported, as `--progress` does"),
     (
         "DRAPERY_LOG",
-        "what is logged, in the words of `tracing`: `info`, `debug`, `drapery_core=trace`; goes over `--verbose`",
+        "what is logged, in the words of `tracing`: `info`, `debug`, `drapery_core=trace`; overrides `--verbose`",
     ),
     ("DRAPERY_STOP_AT", "when the run is to have stopped at a checkpoint, in seconds since 1970"),
     ("DRAPERY_THREADS", "threads of each process, as `--threads` does; the first of the four that is set counts"),
@@ -122,7 +122,8 @@ fn the_page_of_exit_codes_and_environment_is_fresh() {
     for (code, meaning) in rows {
         let _ = writeln!(page, "| {code} | {} |", cell(meaning));
     }
-    page += "\n## Environment\n\nA flag goes over a variable, a variable over the site file. A variable that is empty counts as not \
+    page += "\n## Environment\n\nA flag overrides a variable, a variable the site file. A variable that is empty \
+             counts as not \
              set.\n\n| variable | says |\n|---|---|\n";
     for (name, says) in VARIABLES {
         let _ = writeln!(page, "| `{name}` | {says} |");

@@ -320,7 +320,7 @@ impl Work<'_> {
                 return Err(self.impossible((frame, sub_frame), point, "velocity"));
             }
             let crossings = match (stored.crossings, plan.crossings) {
-                (None, true) => return Err(self.lacks(frame, "a number of crossings")),
+                (None, true) => return Err(self.lacks(frame, "a number of intersections")),
                 (crossings, true) => crossings,
                 (_, false) => None,
             };

@@ -87,7 +87,7 @@ pub enum IoError {
     /// The disk has no room for a checkpoint.
     #[error(
         "{}: {} MB are needed on this disk and {} MB are free\n  \
-         help: make room and run the same command again; it goes on from the last checkpoint, which is intact",
+         help: make room and run the same command again; it resumes from the last checkpoint, which is intact",
         path.display(), needed / 1_000_000 + 1, free / 1_000_000
     )]
     NoRoom {
@@ -125,7 +125,7 @@ pub enum IoError {
     /// The output folder was taken over by another run.
     #[error(
         "{}: {taker} has taken this folder over; this run stops and writes nothing more\n  \
-         help: let that run go on; it continues from the last checkpoint",
+         help: let that run finish; it has resumed from the last checkpoint",
         path.display()
     )]
     LockLost {

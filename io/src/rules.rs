@@ -64,7 +64,8 @@ pub static RULES: [Rule; 11] = [
     Rule {
         name: "shape_units",
         finds: "sizes, places and paths of shapes and pins that look as if they were in the units of the files",
-        exactly: "Numbers of the scene are metres with Y up whatever `[units]` says, which is about files. Looked for where `[units]` says \
+        exactly: "Numbers of the scene are in metres with Y up, whatever `[units]` says of the files. Looked for where \
+                  `[units]` says \
                   something else: lengths more than five times as large as what the files hold (a person, if there are none) which \
                   are not as large in the unit of the files; ground that stands upright under `up = \"Z\"`. Gravity is compared with \
                   the earth's in each unit of length.",

@@ -250,7 +250,7 @@ fn what_a_mesh_has_and_is_not_handed_through_is_told_by_name() {
         let messages = convert(&conversion, &mut |_| {}).unwrap().left_out;
         let left = ["creaseIndices", "creaseLengths", "creaseSharpnesses", "normals (faceVarying)"];
         let mut expected: Vec<String> =
-            left.iter().map(|name| format!("/char/cape: {name} is left out: it is not handed through")).collect();
+            left.iter().map(|name| format!("/char/cape: {name} is left out: it is not copied to the cache")).collect();
         expected.push("/char/cape: primvars:wet moves, and has its first value in all frames".to_owned());
         if to.ends_with("cape.abc") {
             let missing = ["doubleSided", "material:binding"];

@@ -38,7 +38,7 @@ pub enum ShotError {
     /// A frame before the one that a run is told to go on after is not what was written.
     #[error(
         "{fault}\n  \
-         help: go on from a checkpoint before this frame with --resume FRAME, leave --resume {asked} out to let the run find \
+         help: resume from a checkpoint before this frame with --resume FRAME, leave --resume {asked} out to let the run find \
          it, or start anew with --overwrite"
     )]
     FrameChanged {

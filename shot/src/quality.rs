@@ -1,21 +1,26 @@
-//! Counts that mean a loss of quality: what `drapery run --strict` does not let pass.
+//! Counts that mean a loss of quality: what `drapery run --strict` does not accept.
 
 /// Counts that should stay zero, and what each of them means.
 pub const LIMITS: &[(&str, &str)] = &[
-    ("crossings", "edges through triangles of cloth or bodies at the end of a frame, in the solver's positions"),
-    (CROSSINGS_WRITTEN, "edges of cloth through triangles of cloth in the positions that the caches store"),
-    ("zone_fallbacks", "collisions that no impact zone could resolve: that cloth was put back to where it was before"),
-    ("cg_short", "velocity solves that ended above their tolerance"),
     (
-        "retried_held",
-        "collision steps in which vertices stayed where they were, because nothing else made the step finite",
+        "crossings",
+        "intersections (edges through triangles) of cloth with cloth or bodies at the end of a frame, in the \
+         solver's positions",
     ),
-    ("steps_accepted", "collision steps that were kept although something went wrong in them"),
-    ("pairs_pinched", "pairs of cloth left to pass because a body squeezes them together"),
-    ("pins_behind", "pinned vertices that were not where their pins have them, and came after them"),
-    ("pins_stretched", "edges between two pinned vertices that the pins tear apart, by more than 30 % of their length"),
-    ("strain_over_limit", "edges that a limit on strain could not keep, as bodies or pins pull them"),
-    ("body_pinched", "vertices that bodies squeeze from both sides, so that they are inside of one"),
+    (CROSSINGS_WRITTEN, "intersections of cloth with cloth in the positions stored in the caches"),
+    (
+        "zone_fallbacks",
+        "collisions that no impact zone could resolve: that cloth was reset to its last collision-free \
+         positions",
+    ),
+    ("cg_short", "velocity solves that did not converge to their tolerance"),
+    ("retried_held", "collision steps in which vertices were held in place, because nothing else kept the step finite"),
+    ("steps_accepted", "collision steps that were accepted in spite of a failure"),
+    ("pairs_pinched", "contacts of cloth dropped because a body or pinned vertices pinch the cloth"),
+    ("pins_behind", "pinned vertices that lagged behind their targets"),
+    ("pins_stretched", "edges between two pinned vertices that their pins stretch by more than 30 %"),
+    ("strain_over_limit", "edges above their strain limit, because bodies or pins pull them"),
+    ("body_pinched", "vertices pinched between bodies from both sides, inside of one of them"),
 ];
 
 /// Name of the count of crossings in the positions that the caches store.

@@ -121,7 +121,7 @@ fn fault_of(cache: &CacheFrames, sample: usize, digests: &GarmentDigests, counte
         () if found.velocities.is_some() && found.velocities != digests.velocities => differs("velocities are"),
         () if normals.is_some_and(|normals| normals != of_points()) => differs("normals are"),
         () if crossings.is_some_and(|stored| counted.is_some_and(|counted| u64::from(stored) != counted)) => {
-            Some("the number of crossings is not the one that was written".to_owned())
+            Some("the number of intersections is not the one that was written".to_owned())
         }
         () if !has_bounds_of_points => Some("the bounds are not those of the points".to_owned()),
         () => None,

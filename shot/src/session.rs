@@ -113,7 +113,8 @@ impl Session {
     /// there on straight lines, and stays until it is put elsewhere: the scene no longer moves it.
     ///
     /// # Errors
-    /// There is no such body, or it is an ideal shape; there are more or fewer places than points, or one is not finite or too
+    /// There is no such body, or it is an analytic shape; there are more or fewer places than points, or one is not
+    /// finite or too
     /// far away. A frame was cancelled on the way and is not finished.
     pub fn move_body(&mut self, body: usize, positions: &[Vec3]) -> Result<(), ShotError> {
         let next = self.frame()? + 1;
@@ -128,7 +129,7 @@ impl Session {
         };
         let place = format!("body \"{}\", frame {next}", described.name);
         let BodyShape::Surface { point_count, .. } = &described.shape else {
-            return refuse(place, "it is an ideal shape, which the scene moves".into(), "make it a mesh");
+            return refuse(place, "it is an analytic shape, which the scene moves".into(), "make it a mesh");
         };
         if positions.len() != *point_count {
             let what = format!("{} places are given for {point_count} points", positions.len());

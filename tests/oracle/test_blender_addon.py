@@ -252,7 +252,7 @@ def test_cancel_stops_at_a_checkpoint_and_continue_goes_on(long_run):
 
 def test_a_killed_process_is_named_and_loses_nothing(long_run):
     _, _, reopened = long_run
-    assert "killed" in str(reopened["killed"]) and "Continue goes on" in str(reopened["killed"])
+    assert "killed" in str(reopened["killed"]) and "Continue resumes it" in str(reopened["killed"])
     assert reopened["done"] == "Done: 30 of 30 frames" and not len(reopened["problems"])
 
 

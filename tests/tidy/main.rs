@@ -9,6 +9,7 @@ mod dependencies;
 mod docs;
 mod effects_page;
 mod layers;
+mod limits;
 mod pages;
 mod scene_page;
 mod size;

@@ -16,7 +16,7 @@ WARN frame_rate: body \"hero\": hero.abc: the file says 24 frames per second, an
 ```
 
 A scene that means it so silences the rule; a name that is none is an error with the nearest right one. What is silenced changes
-no result, and a run goes on with it:
+no result, and a run starts all the same:
 
 ```toml
 [check]

@@ -200,6 +200,77 @@ fn comments_and_pages_use_the_terms_of_the_field() {
     report(&complaints);
 }
 
+/// Phrases of our own that users met in messages, help texts and pages, with the word of the trade.
+const HOME_MADE: [(&str, &str); 12] = [
+    ("goes on", "resumes, continues"),
+    ("go on", "resume, continue"),
+    ("going on", "resuming, in progress"),
+    ("went on", "resumed, continued"),
+    ("the authors", "Selle et al. (2009)"),
+    ("authors'", "of Selle et al. (2009)"),
+    ("passed over", "ignored"),
+    ("let pass", "accepted"),
+    ("ideal shape", "analytic shape"),
+    ("takes hold", "is active from"),
+    ("lets go", "releases, is active until"),
+    ("who said", "source"),
+];
+
+/// Where texts for users stand: the program without what only tests hold, and their pages.
+fn is_for_users(name: &str) -> bool {
+    const PAGES: [&str; 6] =
+        ["README.md", "docs/README.md", "docs/start/", "docs/howto/", "docs/guide/", "docs/reference/"];
+    const CRATES: [&str; 7] = ["core/src/", "io/", "shot/", "analysis/", "cli/", "plugins/", "sample_assets/"];
+    let is_code =
+        (name.ends_with(".rs") || name.ends_with(".py")) && !name.contains("tests") && !name.contains("examples/");
+    name.ends_with(".md") && PAGES.iter().any(|page| name.starts_with(page))
+        || is_code && CRATES.iter().any(|folder| name.starts_with(folder))
+}
+
+/// Home-made phrases in the texts of a line, with the word of the trade; comments of code are not looked at.
+fn home_made(line: &str, is_page: bool) -> Vec<(&'static str, &'static str)> {
+    let trimmed = line.trim_start();
+    if !is_page && (trimmed.starts_with("//") || trimmed.starts_with('#')) {
+        return Vec::new();
+    }
+    let text = if is_page { line } else { line.split(" // ").next().unwrap_or_default() };
+    HOME_MADE.into_iter().filter(|(phrase, _)| !lines_with(text, phrase).is_empty()).collect()
+}
+
+/// Whether a line of a page says "crossing" in prose: the names of counts and fields stand in marks of code.
+fn says_crossing(line: &str) -> bool {
+    let prose = line.split('`').step_by(2).flat_map(|text| text.split(|c: char| !is_word(c)));
+    prose.into_iter().any(|word| ["crossing", "crossings"].contains(&word.to_lowercase().as_str()))
+}
+
+#[test]
+fn texts_for_users_use_the_words_of_the_trade() {
+    let mut complaints = Vec::new();
+    for file in text_files().into_iter().filter(|file| is_for_users(&file.name)) {
+        let is_page = file.name.ends_with(".md");
+        let mut is_example = false;
+        for (number, line) in (1..).zip(file.text.lines()) {
+            is_example ^= is_page && line.starts_with("```");
+            let found = home_made(line, is_page).into_iter();
+            complaints.extend(found.map(|(phrase, word)| format!("{}:{number}: \"{phrase}\": say {word}", file.name)));
+            if is_page && !is_example && says_crossing(line) {
+                complaints.push(format!("{}:{number}: say intersection", file.name));
+            }
+        }
+    }
+    report(&complaints);
+}
+
+#[test]
+fn home_made_words_are_found_in_texts_and_names_are_not() {
+    assert_eq!(home_made("say(\"the run goes on\");", false), [("goes on", "resumes, continues")]);
+    assert_eq!(home_made("// the run goes on", false), []);
+    assert_eq!(home_made("A run that goes on.", true), [("goes on", "resumes, continues")]);
+    assert!(says_crossing("| Crossings are counted |") && !says_crossing("`crossings` counts them"));
+    assert!(is_for_users("docs/guide/farm.md") && is_for_users("shot/src/quality.rs"));
+    assert!(!is_for_users("docs/dev/fuzzing.md") && !is_for_users("cli/tests/command/farm.rs"));
+}
+
 #[test]
 fn private_phrases_are_found_and_plain_english_is_not() {
     let found = |line: &'static str| private_phrases([(7, line)].into_iter());

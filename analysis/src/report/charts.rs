@@ -102,7 +102,7 @@ fn lanes(folder: &RunFolder, rows: &[FrameRow], columns: &[Column]) -> Vec<Lane>
         }
     }
     let mut checkpoints = Lane { name: "checkpoint", class: "m1", marks: Vec::new() };
-    let mut attempts = Lane { name: "stop, go on", class: "m2", marks: Vec::new() };
+    let mut attempts = Lane { name: "stop, resume", class: "m2", marks: Vec::new() };
     for event in &folder.record.events {
         let (lane, words) = match &event.kind {
             EventKind::Checkpoint { seconds, bytes } => {
@@ -111,7 +111,7 @@ fn lanes(folder: &RunFolder, rows: &[FrameRow], columns: &[Column]) -> Vec<Lane>
             }
             EventKind::Stop { reason } => (&mut attempts, format!("stopped after frame {}: {reason}", event.frame)),
             EventKind::Resume { attempt } => {
-                (&mut attempts, format!("attempt {attempt} went on after frame {}", event.frame))
+                (&mut attempts, format!("attempt {attempt} resumed after frame {}", event.frame))
             }
         };
         let column = at(event.frame);

@@ -87,7 +87,7 @@ fn header(run: &RunFolder, title: &str) -> String {
         header += &format!("<pre>{}</pre>", escape(error));
     }
     if let (Some(command), true) = (&manifest.command, manifest.state != "done") {
-        header += &format!("<p>To go on: <code>{}</code></p>", escape(command));
+        header += &format!("<p>To resume: <code>{}</code></p>", escape(command));
     }
     header + "</header>\n"
 }
@@ -178,7 +178,7 @@ mod tests {
     fn a_run_of_2400_frames_makes_a_page_of_less_than_a_megabyte_without_pictures() {
         let page = page(&run(2400));
         assert!(page.len() < 1 << 20, "{} bytes", page.len());
-        assert!(page.contains("1 GiB") && page.contains("To go on: <code>drapery run &#39;s.toml&#39;</code>"));
+        assert!(page.contains("1 GiB") && page.contains("To resume: <code>drapery run &#39;s.toml&#39;</code>"));
     }
 
     #[test]

@@ -134,7 +134,7 @@ pub(super) fn attempts(run: &RunFolder) -> String {
                 frame(Some(attempt.first_frame)),
                 frame(attempt.last_frame),
                 number(text::seconds(attempt.seconds)),
-                words(attempt.end.as_deref().unwrap_or("no word: it runs, or was killed")),
+                words(attempt.end.as_deref().unwrap_or("no message: it runs, or was killed")),
             ]
         })
         .collect();

@@ -14,13 +14,13 @@ pub(super) fn words(study: &Study) -> Vec<String> {
     let missing: f64 = study.omitted.iter().map(|omission| omission.seconds).sum();
     if study.reference().is_none() && !study.omitted.is_empty() {
         words.push(format!(
-            "There was no time for a reference, so no error is known. Run the study again with --max-wall {} to go on \
-             with it.",
+            "There was no time for a reference, so no error is known. Run the study again with --max-wall {} to resume \
+             it.",
             argument(ROOM * missing)
         ));
     } else if !study.omitted.is_empty() {
         words.push(format!(
-            "{} left out for lack of time, see below. Run the study again with --max-wall {} to go on with it.",
+            "{} left out for lack of time, see below. Run the study again with --max-wall {} to resume it.",
             runs(study),
             argument(ROOM * missing)
         ));

@@ -47,7 +47,7 @@ pub struct Row<'a> {
     pub error: Option<Error>,
     /// Order of convergence from the next coarser setting to this one.
     pub order: Option<f64>,
-    /// Whether no other setting is both faster and nearer to the reference.
+    /// Whether no other setting is both faster and closer to the reference.
     pub on_front: bool,
     /// Whether its counts let it be recommended.
     pub is_sound: bool,

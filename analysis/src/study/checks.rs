@@ -82,9 +82,9 @@ fn falling(study: &Study, analysis: &Analysis<'_>) -> Check {
         }
     }
     match pairs {
-        0 => Check::new(name, None, "no two such settings have an error that can be told".to_owned()),
-        1 => Check::new(name, Some(true), "in the one pair of settings that can be told apart".to_owned()),
-        some => Check::new(name, Some(true), format!("in all {some} pairs of settings that can be told apart")),
+        0 => Check::new(name, None, "no two such settings have an error that can be resolved".to_owned()),
+        1 => Check::new(name, Some(true), "in the one pair of settings whose errors can be resolved".to_owned()),
+        some => Check::new(name, Some(true), format!("in all {some} pairs of settings whose errors can be resolved")),
     }
 }
 

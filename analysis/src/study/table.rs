@@ -230,7 +230,7 @@ pub(crate) fn recommendation(study: &Study, analysis: &Analysis<'_>, budget: Opt
     let Some(row) = analysis.recommended(budget).map(|index| &analysis.rows[index]) else {
         return match budget {
             _ if study.reference().is_none() => "nothing can be recommended without a reference".to_owned(),
-            Some(_) => format!("no setting without crossings or unconverged solves was measured {within}"),
+            Some(_) => format!("no setting without intersections or unconverged solves was measured {within}"),
             None => "the front has no knee: give --budget, as in --budget 10s/frame, for a recommendation".to_owned(),
         };
     };

@@ -4,6 +4,7 @@
 
 use drapery_alembic::{Archive, PolyMesh};
 use drapery_io::cache_frames::CacheFrames;
+use drapery_io::units::LengthUnit;
 
 /// Frame rates differ by less than this from the whole number that they are.
 const WHOLE: f64 = 1e-9;
@@ -28,11 +29,12 @@ pub(super) fn of_archive(archive: &Archive, meshes: &[PolyMesh], prefix: &str) -
     let word = |key: &str| archive.metadata().get(key);
     facts.push(match (word("lengthUnit"), word("upAxis")) {
         (Some(length), Some(up)) => {
-            let turned = if up == "Y" { "Y as up, as it is" } else { "Y as up, so turn it by 90 degrees about X" };
-            let scale = if length == "m" { "as it is" } else { "so scale it" };
+            let turned = if up == "Y" { "" } else { " and rotate by -90 degrees about X" };
+            let unit = LengthUnit::ALL.into_iter().find(|unit| unit.word() == length);
+            let scale = unit.map_or("the length of a unit in metres".to_owned(), |unit| unit.metres().to_string());
             format!(
-                "{prefix}one unit is 1 {length}, {up} is up: Alembic has no place that applications heed for either; Blender takes \
-                 a unit as a metre, {scale}, and {turned}"
+                "{prefix}one unit is 1 {length}, {up} is up; applications read neither from Alembic: in Blender, import with \
+                 scale {scale}{turned}"
             )
         }
         _ => format!("{prefix}the file does not say its unit or axis; Blender takes a unit as a metre and Y as up"),
@@ -40,11 +42,12 @@ pub(super) fn of_archive(archive: &Archive, meshes: &[PolyMesh], prefix: &str) -
     facts
 }
 
-/// What a stage is to applications: time codes are their frames, and unit and axis are theirs to heed.
+/// What a stage is to applications: time codes are their frames, and they read unit and axis.
 pub(super) fn of_stage(stage: &CacheFrames, prefix: &str) -> String {
     let rate = stage.fps().map_or_else(String::new, |fps| format!("{} frames a second; ", rate(fps)));
     format!(
-        "{prefix}{rate}in {}, which applications of USD heed; Blender makes it metres with Z up, and a time code its frame of this \
+        "{prefix}{rate}in {}, which applications read from USD; Blender makes it metres with Z up, and a time code its \
+         frame of this \
          number",
         stage.unit_in_words()
     )

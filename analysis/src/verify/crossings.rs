@@ -323,18 +323,19 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
     for (subject, tally) in tallies {
         let (all, frames, first) = (tally.looked_at, tally.frames, &tally.first);
         let (count, worst) = &tally.worst;
-        let where_and_how = format!("in {frames} of {all} frames, at most {count} crossings ({worst}); first: {first}");
+        let where_and_how =
+            format!("in {frames} of {all} frames, at most {count} intersections ({worst}); first: {first}");
         let name = |i: usize| &sheets[i].name;
         match *subject {
             Subject::Cloth(i, j) if i == j && frames == 0 => {
                 let triangles = sheets[i].search.surface().triangles.len();
-                found.facts.push(format!("{}: {triangles} triangles, no crossings in {all} frames", name(i)));
+                found.facts.push(format!("{}: {triangles} triangles, no intersections in {all} frames", name(i)));
             }
             Subject::Cloth(i, j) if i == j && sheets[i].render_mesh_of.is_some() => {
-                found.facts.push(format!("{}: its layers cross {where_and_how}", render_mesh(&sheets[i])));
+                found.facts.push(format!("{}: its layers intersect {where_and_how}", render_mesh(&sheets[i])));
             }
             Subject::Cloth(i, j) if i == j => {
-                found.failures.push(format!("{}: the cloth crosses itself {where_and_how}", name(i)));
+                found.failures.push(format!("{}: the cloth intersects itself {where_and_how}", name(i)));
             }
             Subject::Cloth(..) if frames == 0 => clean_pairs += 1,
             // It is around its own garment, and thicker than that where it meets another.
@@ -343,22 +344,22 @@ fn report(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verification) {
                     Some(_) => render_mesh(&sheets[k]),
                     None => sheets[k].name.clone(),
                 };
-                found.facts.push(format!("{} and {} cross {where_and_how}", described(i), described(j)));
+                found.facts.push(format!("{} and {} intersect {where_and_how}", described(i), described(j)));
             }
             Subject::Cloth(i, j) => {
-                found.failures.push(format!("{} and {} cross {where_and_how}", name(i), name(j)));
+                found.failures.push(format!("{} and {} intersect {where_and_how}", name(i), name(j)));
             }
             Subject::Body(i) if frames == 0 => {
-                found.facts.push(format!("{}: no crossings with the body in {all} frames", name(i)));
+                found.facts.push(format!("{}: no intersections with the body in {all} frames", name(i)));
             }
             // Where a body squeezes or crosses itself, cloth has no right place: this is reported, not judged.
             Subject::Body(i) => {
-                found.warnings.push(format!("{} and the body cross {where_and_how}", name(i)));
+                found.warnings.push(format!("{} and the body intersect {where_and_how}", name(i)));
             }
         }
     }
     if clean_pairs > 0 {
-        found.facts.push(format!("no crossings between meshes, {clean_pairs} pairs of them"));
+        found.facts.push(format!("no intersections between meshes, {clean_pairs} pairs of them"));
     }
     report_times(sheets, tallies, found);
 }
@@ -376,10 +377,11 @@ fn report_times(sheets: &[Sheet<'_>], tallies: &Tallies, found: &mut Verificatio
             let common = tallies.get(&Subject::Cloth(i, j)).map_or(0, |tally| tally.looked_at);
             let expected = a.times.len().min(b.times.len());
             if common == 0 {
-                let what = "have no sample at the same time, so crossings between them cannot be judged";
+                let what = "have no sample at the same time, so intersections between them cannot be judged";
                 found.failures.push(format!("{} and {} {what}", a.name, b.name));
             } else if common < expected {
-                let what = format!("share {common} times of {expected}; crossings between them were judged there only");
+                let what =
+                    format!("share {common} times of {expected}; intersections between them were judged there only");
                 found.warnings.push(format!("{} and {} {what}", a.name, b.name));
             }
         }

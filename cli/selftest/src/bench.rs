@@ -374,7 +374,7 @@ fn judge_all(trial: &Trial<'_>, record: &Record) -> Result<(), String> {
             return Err(format!("frame {number}: not finite"));
         }
         if !trial.may_cross && frame.crossings > 0 {
-            return Err(format!("frame {number}: {} crossings", frame.crossings));
+            return Err(format!("frame {number}: {} intersections", frame.crossings));
         }
         // The start has no energies of its own.
         let (was, is) = (energy(before), energy(frame));

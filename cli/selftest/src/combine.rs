@@ -81,7 +81,7 @@ pub fn judge(bench: &mut Bench<'_>, seed: u64) -> Result<Vec<Figure>, String> {
     let may_cross = three.iter().any(|change| CHANGES[*change].0 == CROSSES);
     let record = bench.simulate(&Trial { may_cross, ..Trial::still(description, FRAMES) })?;
     let before = record.frames[0].crossings as f64;
-    Ok(vec![Figure::at_most("crossings at the end", record.last().crossings as f64, before)])
+    Ok(vec![Figure::at_most("intersections at the end", record.last().crossings as f64, before)])
 }
 
 /// Sets a setting of all stretch and bending effects.

@@ -36,7 +36,7 @@ fn list(material: &Material, place: &str) {
     say::line(format_args!(
         "  density {} kg/m², thickness {} mm, bending {} µN·m, damping {}, friction {}",
         material.density,
-        1e3 * material.thickness,
+        (1e6 * material.thickness).round() / 1e3,
         (1e7 * material.bending_rigidity).round() / 10.0,
         material.damping_ratio,
         material.friction

@@ -66,7 +66,7 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     for file in shot.referred_files() {
         text += &format!("reads {}, which a file of the scene refers to\n", file.display());
     }
-    text += "\nwhere it comes from\n";
+    text += "\nsource of each value\n";
     for Provenance { what, text: value, source, .. } in said {
         text += &format!("  {what:<20} {value:<24} {source}\n");
     }

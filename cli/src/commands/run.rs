@@ -211,9 +211,9 @@ impl Observer for Watcher<'_> {
     }
 
     fn resumed(&mut self, frame: i64, done: u64) {
-        tracing::info!(frame, done, "goes on from a checkpoint");
+        tracing::info!(frame, done, "resumes from a checkpoint");
         if !self.quiet && self.style == ProgressStyle::Auto {
-            say::line(format_args!("going on after frame {frame}"));
+            say::line(format_args!("resuming after frame {frame}"));
         }
     }
 

@@ -75,7 +75,7 @@ fn text(status: &Status, folder: &Path) -> String {
 
 fn state(status: &Status) -> String {
     if status.was_killed() {
-        return "killed (its process has ended without a word); run it again to go on".to_owned();
+        return "killed (its process ended without a message); run it again to resume".to_owned();
     }
     match status.process.as_ref().map(|process| process.presence) {
         Some("silent") if status.state == "running" => "running, or dead: it has been silent for minutes".to_owned(),

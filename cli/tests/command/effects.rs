@@ -93,7 +93,7 @@ fn the_plan_says_of_every_effect_why_it_is_there_what_it_holds_and_what_it_takes
         "body_collision: the scene has 1 body",
         "friction: on, because body ball has friction 0.4",
         "friction: on, because cloth on cloth has friction 0.4",
-        "without self_collision: the scene asks for it",
+        "without self_collision: left out of this run",
         "list of close pairs: for self_repulsion",
         "a frame: ",
         " time steps or more, because of the stiffness of `stretch` of garment \"sheet\"; --measure simulates",

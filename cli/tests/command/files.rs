@@ -277,7 +277,7 @@ fn a_command_that_cannot_print_does_not_end_as_if_it_had() {
     let folder = folder_with(SHEET);
     let run = on_full_device(folder.path(), &["run", "scene.toml", "--out", "out"]);
     assert_eq!(run.code, Some(74), "{}", run.stderr);
-    assert_eq!(run.stderr.matches("the work goes on").count(), 1, "{}", run.stderr);
+    assert_eq!(run.stderr.matches("the command continues").count(), 1, "{}", run.stderr);
     // The simulation is not lost.
     assert_eq!(drapery(folder.path(), &["verify", "out/sheet.abc"]).code, Some(0));
     let cache = "out/sheet.abc";

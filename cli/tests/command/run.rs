@@ -183,7 +183,7 @@ fn strict_runs_end_with_81_when_cloth_crosses_cloth_and_verify_with_82() {
     assert_eq!(drapery(folder.path(), &["run", "scene.toml", "--overwrite", "-q"]).code, Some(0));
     let verify = drapery(folder.path(), &["verify", "out/sheet/sheet.abc", "out/sheet/second.abc"]);
     assert_eq!(verify.code, Some(82));
-    assert!(verify.stderr.contains("cross in 4 of 4 frames"), "{}", verify.stderr);
+    assert!(verify.stderr.contains("intersect in 4 of 4 frames"), "{}", verify.stderr);
     assert_eq!(drapery(folder.path(), &["verify", "out/sheet/second.abc"]).code, Some(0));
 }
 

@@ -109,7 +109,7 @@ fn the_plan_says_where_everything_comes_from_and_the_flag_wins() {
         assert_eq!(from(&mixed, key), (value, source.into()), "{key}");
     }
     let text = drapery(folder.path(), &["plan", "scene.toml", "--config", "site.toml"]).stdout;
-    assert!(text.contains("\nwhere it comes from\n"), "{text}");
+    assert!(text.contains("\nsource of each value\n"), "{text}");
     let line = text.lines().find(|line| line.trim_start().starts_with("keep")).expect("a line for each");
     assert_eq!(line.split_whitespace().collect::<Vec<_>>(), ["keep", "7", "site", "file"]);
 }
@@ -178,7 +178,7 @@ fn a_run_goes_on_where_other_maps_find_the_same_files_and_notices_other_ones() {
     std::fs::remove_dir_all(folder.path().join("a")).expect("it can be removed");
     let second = drapery(folder.path(), &["run", "scene.toml", "--out", "out", "--config", "b.toml"]);
     assert_eq!(second.code, Some(0), "{}", second.stderr);
-    assert!(second.stdout.contains("going on after frame 1"), "{}", second.stdout);
+    assert!(second.stdout.contains("resuming after frame 1"), "{}", second.stdout);
     assert!(second.stderr.contains("patch.obj\" (the same content)"), "{}", second.stderr);
     // All at once gives the same bytes.
     let once = drapery(folder.path(), &["run", "scene.toml", "-q", "--out", "once", "--config", "b.toml"]);

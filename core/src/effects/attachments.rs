@@ -29,7 +29,7 @@ use crate::settings::Settings;
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "attachments",
-    summary: "springs that pull vertices to prescribed places",
+    summary: "soft pins: springs pull vertices to target positions",
     scope: Scope::Implied,
     example: r#"[[garment.pin]]
 corners = ["injn"]

@@ -15,7 +15,7 @@ use crate::effects::spec::{BuildContext, Effect, EffectSpec, ForceCost, MapSpec,
 use crate::effects::springs::{self, FIELDS, SpringElement, Springs};
 use crate::error::Problem;
 use crate::mesh::TriangleMesh;
-use crate::settings::Settings;
+use crate::settings::{Field, Settings};
 
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
@@ -24,7 +24,20 @@ pub static SPEC: EffectSpec = EffectSpec {
     scope: Scope::Garment,
     example: r#"[garment.bending]
 stiffness = "5 N/m""#,
-    fields: FIELDS,
+    fields: &[
+        Field {
+            help: "force per width and strain of the springs across inner edges, the same at every mesh density; not a \
+                   bending rigidity: a measured one belongs to `dihedral_bending`",
+            ..FIELDS[0]
+        },
+        Field {
+            help: "force of one spring per unit strain; refining the mesh stiffens the cloth; 0.83, a fifth of that of \
+                   `stretch`, in the scenes of Selle et al. (2009)",
+            ..FIELDS[1]
+        },
+        FIELDS[2],
+        FIELDS[3],
+    ],
     needs: &[Need::State],
     elements: "springs",
     maps: &[MapSpec::of("bending"), MapSpec::of("bending_damping")],

@@ -11,7 +11,7 @@ use crate::settings::Settings;
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "body_collision",
-    summary: "cloth stays outside bodies and feels their friction",
+    summary: "collision of cloth with bodies (colliders), and friction",
     scope: Scope::Implied,
     example: r#"[[body]]
 name = "ball"

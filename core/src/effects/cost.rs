@@ -5,8 +5,8 @@ use crate::effects::REGISTRY;
 use crate::effects::registry::PlannedEffect;
 use crate::metrics::Metrics;
 
-/// Effects that a stage of a step may belong to, those that have it as their own first; none if it is one of the method itself.
-/// The proximity list serves both halves of self-contact; its time goes to the first that is there.
+/// Effects that a stage of a step may belong to, those that have it as their own first; none if it is one of time
+/// integration. The proximity list serves both halves of self-contact; its time goes to the first that is there.
 pub fn owners(stage: &str) -> impl Iterator<Item = &'static str> {
     let own = REGISTRY.iter().filter(move |spec| spec.stages.contains(&stage));
     own.chain(REGISTRY.iter().filter(move |spec| spec.shared_stages.contains(&stage))).map(|spec| spec.name)
@@ -21,7 +21,7 @@ pub struct FrameCost {
     pub iterations: f64,
     /// Of each effect of the plan, in its order [s].
     pub effects: Vec<f64>,
-    /// Of the method itself [s].
+    /// Of time integration [s].
     pub method: f64,
 }
 

@@ -24,7 +24,7 @@ use crate::settings::{Default, Dimension, Field, Settings};
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "ether_drag",
-    summary: "a medium everywhere slows all motion through it at one rate",
+    summary: "global drag: slows all motion relative to the air, in proportion to the speed",
     scope: Scope::Scene,
     example: r"[ether_drag]
 rate = 1.0",
@@ -34,14 +34,15 @@ rate = 1.0",
             dimension: Dimension::Rate,
             default: Default::Required,
             range: (0.0, 1e6),
-            help: "share of the speed relative to the medium that is lost per second; 0.5 calms, 5 is like water",
+            help: "drag coefficient: fraction of the relative velocity that is lost per second; 0.5 calms, 5 is like \
+                   water",
         },
         Field {
             name: "velocity",
             dimension: Dimension::Speed,
             default: Default::Vector([0.0; 3]),
             range: (-1e4, 1e4),
-            help: "velocity of the medium in solver axes (y up)",
+            help: "velocity of the air in solver axes (y up), for this drag",
         },
     ],
     needs: &[Need::State],

@@ -71,14 +71,14 @@ warp = "50 N/m""#,
             default: Default::Absent,
             range: (0.0, 1e10),
             help: "force per width by change of the angle between warp and weft; woven cloth has a tenth of its stretch \
-                   stiffness; that of a sheet alike in all directions if it is left out",
+                   stiffness; that of an isotropic sheet if it is left out",
         },
         Field {
             name: "poisson",
             dimension: Dimension::None,
             default: Default::Number(0.2),
             range: (-0.95, 0.95),
-            help: "how much a pulled strip narrows, by its strain: the geometric mean of warp and weft",
+            help: "Poisson's ratio, geometric mean of warp and weft: how much a stretched strip narrows, by its strain",
         },
         Field {
             name: "damping_ratio",
@@ -108,8 +108,8 @@ warp = "50 N/m""#,
             dimension: Dimension::None,
             default: Default::Number(0.05),
             range: (0.0, 0.5),
-            help: "share of the triangles, the thinnest ones, that are softened to the time step of the thickest among \
-                   them, so that a few slivers do not set the step of all",
+            help: "fraction of the triangles, the thinnest ones, that are softened to the time step of the thickest \
+                   among them, so that a few slivers do not limit that of all",
         },
         tensile_curve::FIELDS[0],
         tensile_curve::FIELDS[1],

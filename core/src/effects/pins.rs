@@ -17,7 +17,7 @@ use crate::settings::Settings;
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "pins",
-    summary: "vertices that move as prescribed",
+    summary: "hard pins: kinematic vertices that follow their targets exactly",
     scope: Scope::Implied,
     example: r#"[[garment.pin]]
 corners = ["i0j0"]"#,

@@ -31,7 +31,7 @@ const SECTION: SectionId = SectionId { name: "plastic_wrinkles", version: 1 };
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "plastic_wrinkles",
-    summary: "sharp folds stay in the cloth",
+    summary: "plasticity in bending: sharp folds leave permanent creases",
     scope: Scope::Garment,
     example: r"[garment.dihedral_bending]
 stiffness = 1e-5
@@ -56,21 +56,21 @@ const FIELDS: &[Field] = &[
         dimension: Dimension::Length,
         default: Default::Required,
         range: (0.0, 1e3),
-        help: "radius of a bend below which it stays; linen keeps what is bent below 10 mm, wool hardly anything",
+        help: "bend radius below which a crease stays; linen keeps creases bent below 10 mm, wool hardly any",
     },
     Field {
         name: "hardening",
         dimension: Dimension::None,
         default: Default::Number(0.0),
         range: (0.0, 1.0),
-        help: "share of what a fold exceeds its yield angle by that this angle grows by; 0 gives way for ever",
+        help: "work hardening: by which fraction of the excess over it the yield angle grows; 0 is no hardening",
     },
     Field {
         name: "largest_angle",
         dimension: Dimension::None,
         default: Default::Number(2.5),
         range: (0.0, 3.0),
-        help: "largest angle that stays [rad], from that of the rest shape; pi is a fold flat onto itself",
+        help: "largest permanent change of a fold angle [rad]; pi is a fold flat onto itself",
     },
 ];
 

@@ -37,7 +37,7 @@ use crate::volumes::{Volume, own_in_mesh, volume_of};
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "pressure",
-    summary: "the inside of a closed garment pushes outwards",
+    summary: "pressure inside a closed garment pushes outwards",
     scope: Scope::Garment,
     example: r"[garment.pressure]
 overpressure = 1.0
@@ -60,28 +60,28 @@ const FIELDS: &[Field] = &[
         dimension: Dimension::Pressure,
         default: Default::Number(0.0),
         range: (-1e6, 1e6),
-        help: "pressure inside less that outside; a cushion has 100 Pa, a toy balloon 2 kPa; negative sucks",
+        help: "pressure inside minus pressure outside; a cushion has 100 Pa, a toy balloon 2 kPa; negative sucks",
     },
     Field {
         name: "gas",
         dimension: Dimension::None,
         default: Default::Flag(false),
         range: (0.0, 0.0),
-        help: "whether the amount of gas stays, so that squeezing raises the pressure; false keeps the pressure",
+        help: "true: a fixed amount of gas, so that squeezing raises the pressure; false: constant pressure",
     },
     Field {
         name: "ambient",
         dimension: Dimension::Pressure,
         default: Default::Number(101_325.0),
         range: (1.0, 1e7),
-        help: "with `gas`, the pressure outside: the larger, the stiffer the gas and the shorter the steps",
+        help: "with `gas`: pressure outside; the larger it is, the stiffer the gas and the shorter the time steps",
     },
     Field {
         name: "open",
         dimension: Dimension::None,
         default: Default::Flag(false),
         range: (0.0, 0.0),
-        help: "whether the garment may have edges; without `gas` only",
+        help: "true: the garment may have open edges; not with `gas`",
     },
 ];
 

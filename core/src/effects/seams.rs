@@ -34,7 +34,7 @@ use crate::settings::Settings;
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "seams",
-    summary: "vertices that are drawn together and stay together",
+    summary: "pairs of vertices are sewn together",
     scope: Scope::Implied,
     example: r#"[[seam]]
 strength = "20 N/m"

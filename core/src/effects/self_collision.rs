@@ -26,14 +26,15 @@ pub static SPEC: EffectSpec = EffectSpec {
             dimension: Dimension::None,
             default: Default::Number(16.0),
             range: (1.0, 64.0),
-            help: "largest number of time steps between two collision-free states; found by trying, up to this",
+            help: "maximum number of time steps (substeps) between two collision passes; adapted up to this",
         },
         Field {
             name: "after_position",
             dimension: Dimension::None,
             default: Default::Flag(false),
             range: (0.0, 0.0),
-            help: "resolve after the position half of every step, as the authors' later code does; for comparison",
+            help: "true: resolve collisions after the position half of every time step, as later code of Selle et al. \
+                   does; for comparison only",
         },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],

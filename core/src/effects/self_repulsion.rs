@@ -20,7 +20,7 @@ use crate::settings::{Default, Dimension, Field, Settings};
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "self_repulsion",
-    summary: "layers of cloth keep their distance and rub against each other",
+    summary: "repulsion and friction between layers of cloth",
     scope: Scope::Scene,
     example: r"[self_repulsion]
 friction = 0.5",
@@ -30,49 +30,52 @@ friction = 0.5",
             dimension: Dimension::None,
             default: Default::Number(0.4),
             range: (0.0, 100.0),
-            help: "Coulomb friction between cloth and cloth; the authors use 0.4 to 3.2",
+            help: "Coulomb friction between cloth and cloth; Selle et al. (2009) use 0.4 to 3.2",
         },
         Field {
             name: "thickness_clamp",
             dimension: Dimension::None,
             default: Default::Number(0.4),
             range: (0.001, 1.0),
-            help: "largest thickness of a vertex as a fraction of its shortest rest edge; the authors' cloth has 0.03",
+            help: "largest thickness of a vertex as a fraction of its shortest rest edge; the scenes of Selle et al. \
+                   (2009) have 0.03",
         },
         Field {
             name: "stiffness",
             dimension: Dimension::None,
             default: Default::Number(30.0),
             range: (0.0, 1e9),
-            help: "repulsion modulus: how hard pairs closer than their thickness are pushed apart; not with `tr_bdf2`, where all of it yields to 4 kPa",
+            help: "repulsion modulus: how hard pairs closer than their thickness are pushed apart; not with `tr_bdf2`, \
+                   where layers touch at a pressure of 4 kPa",
         },
         Field {
             name: "limit",
             dimension: Dimension::None,
             default: Default::Number(0.1),
             range: (0.0, 1.0),
-            help: "largest fraction of an overlap that one step restores; not with `tr_bdf2`",
+            help: "maximum fraction of the penetration corrected per time step; not with `tr_bdf2`",
         },
         Field {
             name: "edge_attraction",
             dimension: Dimension::None,
             default: Default::Number(-0.3),
             range: (-2.0, 1.0),
-            help: "cosine of the turn at which two edges count as passed through each other; -2 never",
+            help: "two edges count as passed through each other if the cosine between their direction and that in the \
+                   last intersection-free state is below this; -2: never",
         },
         Field {
             name: "attraction",
             dimension: Dimension::None,
             default: Default::Flag(true),
             range: (0.0, 0.0),
-            help: "whether what has passed through is pulled back; false only to compare",
+            help: "true: pairs that have passed through each other are pulled back; false is for comparison only",
         },
         Field {
             name: "per_collision_step",
             dimension: Dimension::None,
             default: Default::Flag(false),
             range: (0.0, 0.0),
-            help: "repel once per collision step, from its start to its end, instead of in every time step; only to compare",
+            help: "true: repulsion once per collision step instead of in every time step; for comparison only",
         },
     ],
     needs: &[Need::State, Need::ClothSurface, Need::PairList],

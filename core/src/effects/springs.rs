@@ -39,7 +39,7 @@ pub struct SpringElement {
     pub area: f64,
 }
 
-/// The settings that stretch and bending share.
+/// The settings of springs, with the help of those along edges (`stretch`); shear and bending have their own.
 pub const FIELDS: &[Field] = &[
     Field {
         name: "stiffness",
@@ -67,8 +67,9 @@ pub const FIELDS: &[Field] = &[
         dimension: Dimension::None,
         default: Default::Absent,
         range: (0.0, 0.5),
-        help: "share of the springs, the shortest ones, that are softened to the stiffness of the longest among them, so \
-               that a few slivers do not set the time step; 0.05 with `stiffness`, 0 with `spring_stiffness`",
+        help: "fraction of the springs, the shortest ones, that are softened to the stiffness of the longest among \
+               them, so that a few slivers do not limit the time step; 0.05 with `stiffness`, 0 with \
+               `spring_stiffness`",
     },
 ];
 

@@ -39,7 +39,7 @@ use part_edges::PartEdges;
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "strain_limit",
-    summary: "edges stop at a largest stretch, whatever pulls at them",
+    summary: "strain limiting: edges stop at a largest stretch",
     scope: Scope::Garment,
     example: r"[garment.strain_limit]
 limit = 0.01",
@@ -49,21 +49,23 @@ limit = 0.01",
             dimension: Dimension::None,
             default: Default::Number(0.1),
             range: (0.001, 10.0),
-            help: "largest change of an edge's length by its rest length; woven cloth stops at 3 % to 15 %",
+            help: "largest strain of an edge: change of its length by its rest length; woven cloth locks at 3 % \
+                   to 15 %",
         },
         Field {
             name: "compression",
             dimension: Dimension::None,
             default: Default::Absent,
             range: (0.0, 0.99),
-            help: "largest shortening, likewise; edges may be as short as they like if it is left out",
+            help: "largest compressive strain of an edge; no limit if it is left out",
         },
         Field {
             name: "sweeps",
             dimension: Dimension::None,
             default: Default::Number(100.0),
             range: (1.0, 1e5),
-            help: "largest number of passes over the edges, twice a step; few are needed unless load hangs on many rows",
+            help: "maximum number of iterations over the edges, twice a time step; few are needed unless load hangs on \
+                   many rows",
         },
     ],
     needs: &[Need::State],

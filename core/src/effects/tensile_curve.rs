@@ -26,8 +26,8 @@ pub const FIELDS: &[Field] = &[
         dimension: Dimension::None,
         default: Default::Absent,
         range: (1e-3, 10.0),
-        help: "strain at which the cloth carries `load`: it stiffens up to there and beyond; needs `integrator = \
-               \"tr_bdf2\"`; cloth that is left without it stays as it is at small strains",
+        help: "strain at which the tension is `load`: the cloth stiffens up to there and beyond; needs `integrator = \
+               \"tr_bdf2\"`; if it is left out, the stiffness is constant",
     },
     Field {
         name: "load",
@@ -93,8 +93,7 @@ impl TensileCurve {
         // The other integrators take springs to be as stiff all through a run as they are at rest: in their choice of dt, and in
         // the products of their solves.
         if settings.optional("extension").is_some() && description.solver.integrator != Integrator::TrBdf2 {
-            let what =
-                "`extension` asks for cloth that stiffens as it is pulled, which this integrator does not follow";
+            let what = "`extension` asks for strain stiffening, which this integrator does not have";
             let advice = "write integrator = \"tr_bdf2\" under [solver], or leave `extension` out and stop the cloth with a \
                           [garment.strain_limit]";
             return Err(Problem::scene(place, what, advice));

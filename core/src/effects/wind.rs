@@ -46,7 +46,7 @@ use crate::settings::{Default, Dimension, Field, Settings};
 /// Registry entry.
 pub static SPEC: EffectSpec = EffectSpec {
     name: "wind",
-    summary: "the air pushes and drags cloth that moves relative to it",
+    summary: "wind and air resistance: drag by the velocity of cloth relative to the air",
     scope: Scope::Scene,
     example: r"[wind]
 density = 1.2
@@ -89,21 +89,21 @@ const FIELDS: &[Field] = &[
         dimension: Dimension::Density,
         default: Default::Absent,
         range: (0.0, 1e4),
-        help: "pressure of the air that cloth stops, by the square of the speed; 0.77 for a plate in air, 1.2 at most",
+        help: "drag normal to the surface, by the square of the speed; 0.77 for a plate in air, 1.2 at most",
     },
     Field {
         name: "tangential",
         dimension: Dimension::Drag,
         default: Default::Absent,
         range: (0.0, 1e6),
-        help: "friction of the air along the surface, by the speed; about 0.01 for cloth in a breeze",
+        help: "drag along the surface, proportional to the speed; about 0.01 for cloth in a breeze",
     },
     Field {
         name: "normal",
         dimension: Dimension::Rate,
         default: Default::Absent,
         range: (0.0, 1e6),
-        help: "drag across the surface by mass and speed, as in the authors' scenes; there it is 2",
+        help: "drag normal to the surface, by mass and speed, as in the scenes of Selle et al. (2009), where it is 2",
     },
 ];
 

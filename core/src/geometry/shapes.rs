@@ -65,7 +65,7 @@ impl Shape {
     pub const SPECS: &'static [ShapeSpec; 5] = &[
         ShapeSpec {
             name: "half_space",
-            summary: "everything below the plane y = 0",
+            summary: "ground: everything below the plane y = 0",
             fields: &[],
             of: |_| Self::HalfSpace,
         },

@@ -400,7 +400,7 @@ mod tests {
             }
             ranks.barrier();
         });
-        ended.map(|_| ()).expect_err("a rank without its message does not go on").to_string()
+        ended.map(|_| ()).expect_err("a rank without its message does not continue").to_string()
     }
 
     #[test]

@@ -325,7 +325,7 @@ mod tests {
     /// What is said of ranks that do this.
     fn said_of(work: impl Fn(&Ranks) + Sync) -> String {
         let ended = LocalRanks::run(2, 1, |communicator| work(&Ranks::new(communicator)));
-        ended.map(|_| ()).expect_err("no rank goes on without its message").to_string()
+        ended.map(|_| ()).expect_err("no rank continues without its message").to_string()
     }
 
     #[test]

@@ -84,7 +84,8 @@ described! { BodyDescription as body {
     "friction", body.friction => None, default Number(0.3), range (0.0, 1e3),
         "Coulomb friction against cloth; left out, the largest of the garments' materials if there are any";
     "thickness", body.thickness => Length, default Quantity("1 mm"), range (0.0, 1e3),
-        "distance that cloth keeps; left out, the largest of the garments' materials if there are any";
+        "collision thickness: distance that cloth keeps from the surface; left out, the largest of the garments' \
+         materials if there are any";
     "max_push_speed", body.max_push_speed => Speed, default Number(f64::INFINITY), range (f64::MIN_POSITIVE, f64::INFINITY),
-        "fastest speed at which cloth that is too deep is pushed out; `inf` leaves it to the solver, which has it out within a frame";
+        "maximum depenetration speed; `inf`: no limit, penetration is resolved within a frame";
 } }

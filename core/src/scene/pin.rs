@@ -147,9 +147,9 @@ choice! {
 
 described! { PinDescription as pin {
     "from", pin.from => Time, default Number(f64::NEG_INFINITY), range (f64::NEG_INFINITY, f64::INFINITY),
-        "when it takes hold, since the first frame";
+        "active from this time on, since the first frame";
     "until", pin.until => Time, default Number(f64::INFINITY), range (f64::NEG_INFINITY, f64::INFINITY),
-        "when it lets go, since the first frame";
+        "active until this time, since the first frame";
     "mode", pin.hold.mode() => None, default Choice("hard", PinMode::WORDS), range (0.0, 0.0),
         "how it holds";
     "stiffness", pin.hold.spring().map(|[stiffness, _]| stiffness) => Stiffness, default Absent, range (1e-12, 1e10),
@@ -157,5 +157,5 @@ described! { PinDescription as pin {
     "damping_ratio", pin.hold.spring().map(|[_, damping_ratio]| damping_ratio) => None, default Conditional(1.0), range (0.0, 1e3),
         "with `mode = \"spring\"`: damping as a fraction of critical";
     "break_force", pin.hold.break_force() => Force, default Absent, range (1e-12, 1e12),
-        "with `mode = \"spring\"`: a vertex that is pulled with more is let go for good; left out, it holds whatever pulls";
+        "with `mode = \"spring\"`: the spring of a vertex breaks for good at a larger force; left out, it never breaks";
 } }

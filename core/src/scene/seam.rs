@@ -29,7 +29,8 @@ described! { SeamDescription as seam {
     "damping_ratio", seam.damping_ratio => None, default Number(1.0), range (0.0, 1e3),
         "damping as a fraction of critical";
     "rest_gap", seam.rest_gap => Length, default Absent, range (0.0, 1e3),
-        "what is left of the gap; left out, the larger thickness of the garments if cloth touches cloth in this scene, otherwise nothing";
+        "gap that is left when closed; left out, the larger thickness of the garments if cloth touches cloth in this \
+         scene, otherwise zero";
     "start", seam.from => Time, default Absent, range (-FARTHEST, FARTHEST),
         "when it starts to close, since the first frame; left out, when the simulation starts";
     "closed", seam.until => Time, default Absent, range (-FARTHEST, FARTHEST),

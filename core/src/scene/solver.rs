@@ -35,9 +35,9 @@ described! { all of SolverSettings {
     max_dt => Time, default Auto, range (1e-9, 1e3),
         "largest time step; \"auto\" leaves it to cfl and strain_per_step";
     min_dt => Time, default Number(1e-9), range (1e-15, 1.0),
-        "a step that would have to be shorter ends the run";
+        "smallest time step; a run that needs a shorter one ends";
     strain_per_step => None, default Number(0.1), range (1e-7, 1e9),
-        "largest relative change of an edge's length in one step; five times as much with `tr_bdf2`";
+        "largest change of strain of an edge in one time step; five times as much with `tr_bdf2`";
     cg_tolerance => Speed, default Auto, range (1e-18, 1e6),
         "residual at which the damping solve stops; \"auto\" takes the smaller of 1 cm/s and a tenth of what gravity adds in one step";
     cg_max_iterations => None, default Count(200), range (1.0, 1e6),
@@ -47,7 +47,7 @@ described! { all of SolverSettings {
     steps_per_frame => None, default Count(8), range (1.0, 1e4),
         "time steps of a frame with `tr_bdf2`; contact and fast strain may shorten them";
     body_friction => None, default Choice("whole_step", BodyFriction::WORDS), range (0.0, 0.0),
-        "where in a time step friction with bodies acts; only to compare";
+        "where in a time step friction with bodies acts; for comparison only";
 } }
 
 /// How many times as much an edge may change its length in a long step: it is shortened for motion that it could not follow, not for its
@@ -145,7 +145,7 @@ pub const PRESET: Field = Field {
     dimension: Dimension::None,
     default: settings::Default::Word(&[PRESETS[0].word, PRESETS[1].word, PRESETS[2].word]),
     range: (0.0, 0.0),
-    help: "long steps, with all that weighs their error against time; keys that stand beside it go over it",
+    help: "long time steps, with settings that weigh error against time; keys written beside it override it",
 };
 
 #[cfg(test)]

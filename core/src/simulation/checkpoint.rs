@@ -166,7 +166,7 @@ impl Simulation {
         }
         self.frame = frame;
         let elsewhere =
-            || SnapshotError { section: STATE.name.to_owned(), what: "another rank cannot go on from it".into() };
+            || SnapshotError { section: STATE.name.to_owned(), what: "another rank cannot resume from it".into() };
         match (scene.parts().ranks().any(problem.is_some()), problem) {
             (false, _) => Ok(()),
             (true, problem) => Err(problem.unwrap_or_else(elsewhere)),

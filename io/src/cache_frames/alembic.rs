@@ -152,7 +152,7 @@ impl ArchiveFrames {
         let creases = [".creaseIndices", ".creaseSharpnesses", ".cornerIndices", ".holes"];
         for crease in creases.iter().filter(|name| mesh.geom().samples(name).is_some_and(|samples| !samples.is_empty()))
         {
-            sentences.push(format!("{name}: {crease} is left out: it is not handed through"));
+            sentences.push(format!("{name}: {crease} is left out: it is not copied to the cache"));
         }
         Ok(sentences)
     }

@@ -224,7 +224,9 @@ impl AlembicWriter {
             return Err(AlembicError::Refused {
                 path: self.path.clone(),
                 place: self.object_path.clone(),
-                reason: format!("{held} samples are stored and {counted} counts of crossings, {samples} are expected"),
+                reason: format!(
+                    "{held} samples are stored and {counted} counts of intersections, {samples} are expected"
+                ),
             });
         }
         Ok(declared)

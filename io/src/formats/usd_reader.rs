@@ -197,7 +197,7 @@ impl MeshReader for UsdMesh {
 
 /// Says that something of an object is not handed through.
 pub(crate) fn left_out(object: &str, name: &str) -> String {
-    format!("{object}: {name} is left out: it is not handed through")
+    format!("{object}: {name} is left out: it is not copied to the cache")
 }
 
 /// What a stage says about its units.

@@ -335,7 +335,7 @@ pub(crate) struct Form {
     pub(crate) velocities: bool,
     /// Whether frames have normals.
     pub(crate) normals: bool,
-    /// Whether frames have a number of crossings.
+    /// Whether frames have a number of intersections.
     pub(crate) crossings: bool,
 }
 

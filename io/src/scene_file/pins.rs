@@ -267,7 +267,7 @@ impl Resolver<'_> {
                 let help = "use to = \"start\" with a `path` that moves as the body does".to_owned();
                 self.error_with(
                     &here,
-                    format!("body \"{name}\" is an ideal shape; pins hold on bodies from files"),
+                    format!("body \"{name}\" is an analytic shape; pins hold on bodies from files"),
                     help,
                 );
             }

@@ -90,7 +90,7 @@ fn shape() -> Value {
             "required": [spec.name], "additionalProperties": false,
         })
     };
-    json!({ "description": "An ideal shape.", "oneOf": Shape::SPECS.iter().map(form).collect::<Vec<_>>() })
+    json!({ "description": "An analytic shape.", "oneOf": Shape::SPECS.iter().map(form).collect::<Vec<_>>() })
 }
 
 /// A help as a sentence.

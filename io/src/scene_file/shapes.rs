@@ -165,8 +165,8 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// Points x, y on the parabola y = 1.5 x², x in [-1, 1], at `cells` equal arc lengths, scaled by 0.25 (scene 32 of the
-/// authors). Arc length from 0: with u = 3x, s = (u √(1+u²) + asinh u) / 6.
+/// Points x, y on the parabola y = 1.5 x², x in [-1, 1], at `cells` equal arc lengths, scaled by 0.25 (scene 32 of
+/// Selle et al.). Arc length from 0: with u = 3x, s = (u √(1+u²) + asinh u) / 6.
 fn parabola(cells: u32) -> Vec<[f64; 2]> {
     let arc = |x: f64| {
         let u = 3.0 * x;

@@ -174,7 +174,10 @@ fn values_with_rows_say_at_their_place_what_they_take_and_what_they_do() {
         ),
         (solver("integrator = \"euler\""), "it takes semi_implicit, tr_bdf2"),
         (solver("integrator = \"implicit\""), "sheet.toml:17:14: `integrator` cannot be `implicit`; write `tr_bdf2`"),
-        (body("max_push_speed = 0"), "sheet.toml:18:18: `max_push_speed` = 0 m/s has to be above 0: fastest speed"),
+        (
+            body("max_push_speed = 0"),
+            "sheet.toml:18:18: `max_push_speed` = 0 m/s has to be above 0: maximum depenetration speed",
+        ),
         (body("frction = 0.1"), "unknown key `frction` in `body.0`"),
         (body("frction = 0.1"), "did you mean `friction`?"),
         (pin("mode = \"sprng\""), "sheet.toml:15:8: `mode` cannot be `sprng`; did you mean `spring`?"),

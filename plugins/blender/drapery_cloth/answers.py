@@ -151,7 +151,7 @@ def headline(status):
     frames = f"{status.done} of {status.total} frames"
     return {
         "done": f"Done: {frames}",
-        "stopped": f"Stopped at a checkpoint: {frames}; Continue goes on",
-        "killed": f"The process ended without a word (killed, or no room on the disk): {frames} are kept; Continue goes on",
+        "stopped": f"Stopped at a checkpoint: {frames}; Continue resumes it",
+        "killed": f"The process ended without a message (killed, or the disk is full): {frames} are kept; Continue resumes it",
         "failed": f"Failed: {frames} are kept",
     }.get(status.state, f"{status.state}: {frames}")

@@ -137,14 +137,14 @@ class SCENE_OT_drapery_plan(Free, bpy.types.Operator):
         return self.begin(context, work.plan_task)
 
 
-HOW = [("GO_ON", "Go On", "After what is there already"),
+HOW = [("GO_ON", "Resume", "After the frames that are there already"),
        ("ANEW", "Start Anew", "Replace the run in the folder: its caches and checkpoints are deleted"),
-       ("CHANGED", "Continue with Changes", "Keep the frames so far, and go on from the last checkpoint with the changed scene")]
+       ("CHANGED", "Continue with Changes", "Keep the frames so far, and resume from the last checkpoint with the changed scene")]
 OPTIONS = {"GO_ON": (), "ANEW": ("--overwrite",), "CHANGED": ("--resume-with-changes",)}
 
 
 class SCENE_OT_drapery_simulate(Free, bpy.types.Operator):
-    """Write, check and simulate, in a process of its own: it goes on when Blender is closed"""
+    """Write, check and simulate, in a process of its own, which keeps running when Blender is closed"""
 
     bl_idname, bl_label = "scene.drapery_simulate", "Simulate"
 
@@ -177,7 +177,7 @@ class SCENE_OT_drapery_continue(Free, bpy.types.Operator):
 
 
 class SCENE_OT_drapery_cancel(bpy.types.Operator):
-    """Stop: a simulation at a checkpoint, from which Continue goes on; anything else at once"""
+    """Stop: a simulation at a checkpoint, from which Continue resumes; anything else at once"""
 
     bl_idname, bl_label = "scene.drapery_cancel", "Cancel"
 

@@ -1,6 +1,6 @@
 """Work in progress: the export, check and plan as processes that are waited for, and simulations that are watched.
 
-Nothing waits: a timer calls `Work.tick`, which looks whether a process has ended and goes on with the generator that
+Nothing waits: a timer calls `Work.tick`, which looks whether a process has ended and resumes the generator that
 started it. Simulations belong to nobody: they are started in sessions of their own, and known by their folder alone.
 """
 
@@ -46,7 +46,7 @@ class View:
 
 
 class Work:
-    """All that goes on; one task at a time, and any number of simulations that are watched."""
+    """All that runs; one task at a time, and any number of simulations that are watched."""
 
     def __init__(self):
         self.views = {}
@@ -76,7 +76,7 @@ class Work:
         self.wake()
 
     def stop_task(self):
-        """Ends the export or the check that goes on; files that were written stay."""
+        """Ends the export or the check that runs; files that were written stay."""
         if self.process:
             self.process.end()
         if self.task:
@@ -84,7 +84,7 @@ class Work:
             self.finish(["Stopped"])
 
     def look_at_folder(self, scene):
-        """Asks about the run in the scene's folder, if there is one: it may go on since before Blender was opened."""
+        """Asks about the run in the scene's folder, if there is one: it may have run since before Blender was opened."""
         folder = run_folder(scene)
         if folder and (folder / "manifest.json").exists():
             self.watched.setdefault(scene.name, None)
@@ -96,7 +96,7 @@ class Work:
             self.look_at_folder(scene)
 
     def forget(self):
-        """Another file was opened: tasks of the old one end, simulations go on unwatched."""
+        """Another file was opened: tasks of the old one end, simulations run on unwatched."""
         self.stop_task()
         for process in self.questions.values():
             process.end()

@@ -16,7 +16,7 @@
 
 /*
  Version of the interface that this header is of. Functions are added to a version and never taken away or changed; a program
- that was built with an older header of the same version goes on to work.
+ that was built with an older header of the same version keeps working.
  */
 #define DRAPERY_ABI_VERSION 1
 
@@ -61,7 +61,7 @@
 #define DRAPERY_IO 74
 
 /*
- A callback has cancelled it; called again, it goes on from there.
+ A callback has cancelled it; called again, it resumes there.
  */
 #define DRAPERY_CANCELLED 75
 
@@ -76,7 +76,7 @@
 #define DRAPERY_SOLVER_GAVE_UP 80
 
 /*
- Replaces a run that the folder holds, instead of going on with it.
+ Replaces a run that the folder holds, instead of resuming it.
  */
 #define DRAPERY_RUN_OVERWRITE 1
 
@@ -245,7 +245,7 @@ void drapery_error_free(struct drapery_error *error);
 
 /*
  Runs a whole shot into a folder: caches, checkpoints and the record of the run, with the bytes that `drapery run` writes. A
- run that the folder holds goes on after its last checkpoint, unless `flags` has DRAPERY_RUN_OVERWRITE. `progress` and `cancel`
+ run that the folder holds resumes after its last checkpoint, unless `flags` has DRAPERY_RUN_OVERWRITE. `progress` and `cancel`
  may be null. Returns DRAPERY_CANCELLED, without an error, where it was cancelled: a checkpoint is written, and the next run
  goes on from there.
 
@@ -341,7 +341,7 @@ int32_t drapery_scene_check(const struct drapery_scene *scene,
                             struct drapery_error **error);
 
 /*
- Frees a scene. Simulations of it go on to live. Returns DRAPERY_USAGE for what is no handle of a scene, or was freed before,
+ Frees a scene. Simulations of it stay valid. Returns DRAPERY_USAGE for what is no handle of a scene, or was freed before,
  and leaves it alone; null is allowed.
  */
 int32_t drapery_scene_free(struct drapery_scene *scene);
@@ -403,7 +403,7 @@ int32_t drapery_simulation_fps(const struct drapery_simulation *simulation,
  up, as many as the mesh has. All is copied. The body moves there on straight lines and stays until it is put elsewhere: the
  scene no longer moves it.
 
- Errors: there is no such body, or it is an ideal shape; points are missing, or are no place, with the vertex; a frame was
+ Errors: there is no such body, or it is an analytic shape; points are missing, or are no place, with the vertex; a frame was
  cancelled on the way and is not finished.
 
  What the caller promises:
@@ -416,8 +416,8 @@ int32_t drapery_simulation_move_body(struct drapery_simulation *simulation,
                                      struct drapery_error **error);
 
 /*
- Goes on to the next frame, or to where `cancel` says so; null never does. Arrays that were looked at before are gone. Returns
- DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it goes on with the bits of a frame that never was.
+ Simulates up to the next frame, or until `cancel` says so; null never does. Arrays that were looked at before are gone. Returns
+ DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes with the bits of a frame that never was.
 
  Errors: the last frame of the shot is reached; an input breaks; the solver gives up, which leaves the last good state.
 
@@ -480,7 +480,7 @@ int32_t drapery_simulation_save_file(const struct drapery_simulation *simulation
                                      struct drapery_error **error);
 
 /*
- Goes on from the state in a file, which a simulation of the same scene with the same inputs has saved, or a run of it as its
+ Resumes from the state in a file, which a simulation of the same scene with the same inputs has saved, or a run of it as its
  checkpoint: in any process, on any number of threads, with the same bits. Arrays that were looked at are gone.
 
  Errors: the file is missing, damaged or of another shot.

@@ -28,7 +28,7 @@ pub use state::*;
 pub use views::*;
 
 /// Version of the interface that this header is of. Functions are added to a version and never taken away or changed; a program
-/// that was built with an older header of the same version goes on to work.
+/// that was built with an older header of the same version keeps working.
 pub const DRAPERY_ABI_VERSION: u32 = 1;
 
 /// Everything is as it was asked for.
@@ -55,7 +55,7 @@ pub const DRAPERY_CANNOT_CREATE: i32 = 73;
 /// Reading or writing failed.
 pub const DRAPERY_IO: i32 = 74;
 
-/// A callback has cancelled it; called again, it goes on from there.
+/// A callback has cancelled it; called again, it resumes there.
 pub const DRAPERY_CANCELLED: i32 = 75;
 
 /// The scene is wrong.

@@ -13,7 +13,7 @@ use crate::scene::drapery_scene;
 use crate::simulation::{User, asks, drapery_cancel};
 use crate::{DRAPERY_CANCELLED, DRAPERY_DONE};
 
-/// Replaces a run that the folder holds, instead of going on with it.
+/// Replaces a run that the folder holds, instead of resuming it.
 pub const DRAPERY_RUN_OVERWRITE: u32 = 1;
 
 /// A frame that is on the disk.
@@ -38,7 +38,7 @@ pub struct drapery_frame_report {
 pub type drapery_progress = Option<unsafe extern "C" fn(report: *const drapery_frame_report, user: *mut c_void)>;
 
 /// Runs a whole shot into a folder: caches, checkpoints and the record of the run, with the bytes that `drapery run` writes. A
-/// run that the folder holds goes on after its last checkpoint, unless `flags` has DRAPERY_RUN_OVERWRITE. `progress` and `cancel`
+/// run that the folder holds resumes after its last checkpoint, unless `flags` has DRAPERY_RUN_OVERWRITE. `progress` and `cancel`
 /// may be null. Returns DRAPERY_CANCELLED, without an error, where it was cancelled: a checkpoint is written, and the next run
 /// goes on from there.
 ///

@@ -160,7 +160,7 @@ pub unsafe extern "C" fn drapery_scene_check(scene: *const drapery_scene, error:
     })
 }
 
-/// Frees a scene. Simulations of it go on to live. Returns DRAPERY_USAGE for what is no handle of a scene, or was freed before,
+/// Frees a scene. Simulations of it stay valid. Returns DRAPERY_USAGE for what is no handle of a scene, or was freed before,
 /// and leaves it alone; null is allowed.
 #[unsafe(no_mangle)]
 pub extern "C" fn drapery_scene_free(scene: *mut drapery_scene) -> i32 {

@@ -196,7 +196,7 @@ pub unsafe extern "C" fn drapery_simulation_fps(
 /// up, as many as the mesh has. All is copied. The body moves there on straight lines and stays until it is put elsewhere: the
 /// scene no longer moves it.
 ///
-/// Errors: there is no such body, or it is an ideal shape; points are missing, or are no place, with the vertex; a frame was
+/// Errors: there is no such body, or it is an analytic shape; points are missing, or are no place, with the vertex; a frame was
 /// cancelled on the way and is not finished.
 ///
 /// # Safety
@@ -219,8 +219,8 @@ pub unsafe extern "C" fn drapery_simulation_move_body(
     })
 }
 
-/// Goes on to the next frame, or to where `cancel` says so; null never does. Arrays that were looked at before are gone. Returns
-/// DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it goes on with the bits of a frame that never was.
+/// Simulates up to the next frame, or until `cancel` says so; null never does. Arrays that were looked at before are gone. Returns
+/// DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes with the bits of a frame that never was.
 ///
 /// Errors: the last frame of the shot is reached; an input breaks; the solver gives up, which leaves the last good state.
 ///

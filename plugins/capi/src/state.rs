@@ -89,7 +89,7 @@ pub unsafe extern "C" fn drapery_simulation_save_file(
     })
 }
 
-/// Goes on from the state in a file, which a simulation of the same scene with the same inputs has saved, or a run of it as its
+/// Resumes from the state in a file, which a simulation of the same scene with the same inputs has saved, or a run of it as its
 /// checkpoint: in any process, on any number of threads, with the same bits. Arrays that were looked at are gone.
 ///
 /// Errors: the file is missing, damaged or of another shot.

@@ -124,7 +124,7 @@ impl Simulation {
         self.session()?.move_body(body, &positions).map_err(raised)
     }
 
-    /// Goes on to the next frame.
+    /// Simulates up to the next frame.
     fn advance(&self, py: Python<'_>) -> PyResult<()> {
         let mut session = self.session()?;
         let session = &mut *session;

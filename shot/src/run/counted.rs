@@ -1,4 +1,4 @@
-//! What frames that are done have counted, from the record: what an attempt that goes on, or finds nothing to do, says of
+//! What frames that are done have counted, from the record: what an attempt that resumes, or finds nothing to do, says of
 //! the whole run.
 
 use drapery_io::checkpoint::Head;

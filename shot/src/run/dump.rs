@@ -129,7 +129,7 @@ pub(super) fn nothing_left(tracepoints: &[Tracepoint], last: i64) -> Option<Stri
 fn not_made_again(points: &str, done: i64) -> String {
     format!(
         "--dump {points}: nothing is written, for the frames to {done} are done and no step to them is made again\n  \
-         help: go on from a checkpoint before it with --resume FRAME, simulate into another folder with --out, or all anew with \
+         help: resume from a checkpoint before it with --resume FRAME, simulate into another folder with --out, or all anew with \
          --overwrite"
     )
 }

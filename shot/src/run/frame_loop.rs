@@ -1,7 +1,7 @@
 //! The frame loop: starts, goes on where an earlier attempt stopped, and stops when it is asked to.
 //!
 //! Frames come from inputs through the solver into the caches. At states free of collisions the loop looks for requests to
-//! stop and for checkpoints that are due; it goes on from a checkpoint with the same bits as if it had never stopped.
+//! stop and for checkpoints that are due; it resumes from a checkpoint with the same bits as if it had never stopped.
 
 use std::time::{Instant, SystemTime};
 

@@ -38,7 +38,7 @@ pub(super) fn changes(
     };
     let found = digest::compare(before, now);
     for change in found.allowed {
-        note(format!("changed since the run began, and let pass: {change}"));
+        note(format!("changed since the run began, and accepted: {change}"));
     }
     found.forbidden
 }
@@ -73,7 +73,7 @@ pub(super) fn refuse_others(shot: &Shot, options: &RunOptions, earlier: Option<&
     }
     match options.resume {
         Resume::Frame(_) => Err(ShotError::Resume(format!(
-            "{}: this folder holds no run to go on with\n  help: leave --resume out to start it",
+            "{}: this folder holds no run to resume\n  help: leave --resume out to start it",
             options.out.display()
         ))),
         Resume::Auto | Resume::Never => Ok(()),
@@ -137,7 +137,7 @@ fn no_checkpoint_at(frame: i64, store: &Store) -> ShotError {
     let there =
         if frames.is_empty() { "there are none".to_owned() } else { format!("there are {}", frames.join(", ")) };
     ShotError::Resume(format!(
-        "there is no good checkpoint of frame {frame} to go on from: {there}\n  \
+        "there is no good checkpoint of frame {frame} to resume from: {there}\n  \
          help: give one of these frames, or keep the checkpoints that you will need with --pin-checkpoint"
     ))
 }

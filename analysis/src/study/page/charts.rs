@@ -22,9 +22,9 @@ const BELOW_LINE: f64 = 0.85;
 const ROUNDING: f64 = 1e-12;
 
 /// What the letters of stages mean.
-const STAGE_NOTE: &str = "Seconds a frame of the first run of each setting. Letters are the lines of the paper's step: A looks \
-    for close pairs of cloth, B.1 and B.5 solve for velocities with the forces, B.2 and B.8 are self-repulsion, B.4 and B.7 \
-    contact and friction with bodies, C is self-collision.";
+const STAGE_NOTE: &str = "Seconds a frame of the first run of each setting. Stages are numbered as in the paper (Selle \
+                          et al. 2009): the neighbour search (A), the velocity solves (B.1, B.5), self-repulsion (B.2, \
+                          B.8), collision and friction with bodies (B.4, B.7), self-collision (C).";
 
 /// A line: its class, its name, its points.
 type Line = (&'static str, String, Vec<(f64, f64)>);
@@ -90,14 +90,14 @@ pub(super) fn error_over_seconds(study: &Study, analysis: &Analysis<'_>) -> Stri
     }
     let noise = floor.map_or(String::new(), |floor| format!(" Noise floor inside the window: {}.", millimetres(floor)));
     let note = format!(
-        "Numbers are those of the table. The staircase is the least error that any amount of time buys; what lies above it is \
-         beaten by something faster.{noise}"
+        "Numbers are those of the table. The staircase (Pareto front) is the least error for each amount of \
+         time.{noise}"
     );
     let legend = [
-        ("f1", "no other setting is both faster and nearer"),
-        ("f0", "beaten, or nearer than the reference can tell"),
+        ("f1", "no other setting is both faster and more accurate"),
+        ("f0", "not on the front, or closer than the reference resolves"),
         ("f3", "another mesh"),
-        ("f2", "crossings or unconverged solves"),
+        ("f2", "intersections or unconverged solves"),
     ];
     section("Error over seconds", &card("", &note, &legend, &plot.finish("error over seconds a frame")))
 }
@@ -211,7 +211,7 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
         let error = |row: &Row<'_>| row.error.map_or(f64::INFINITY, |error| error.rms);
         error(a).total_cmp(&error(b))
     });
-    errors(finest, "l4", "smallest error that can be told");
+    errors(finest, "l4", "smallest error that can be resolved");
     let values = lines.iter().flat_map(|(_, _, points)| points.iter().map(|point| point.1));
     let all: Vec<f64> = values.chain([study.scene.thickness]).filter(|value| *value > 0.0).collect();
     if lines.is_empty() {
@@ -227,7 +227,7 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
     let end = time(analysis.window.saturating_sub(1));
     if analysis.window < study.compared.len() {
         plot.beyond(end);
-        plot.at_x("dash", end, "errors are told up to here");
+        plot.at_x("dash", end, "errors are measured up to here");
     }
     if analysis.has_horizon {
         plot.at_x("limit", time(analysis.predictable), "T_p");
@@ -244,7 +244,7 @@ pub(super) fn horizon(study: &Study, analysis: &Analysis<'_>) -> String {
     let names = lines.iter().map(|(_, name, _)| name.as_str());
     let legend: Vec<(&str, &str)> = classes.iter().map(String::as_str).zip(names).collect();
     let note = "Copies start with every vertex shifted by 1e-10 of the size of the cloth. Where they drift apart farther than \
-                a tenth of the smallest error or a quarter of the thickness, no trajectory can be told right from wrong: errors \
-                beyond are grey and in no table.";
+                a tenth of the smallest error or a quarter of the thickness, the motion is no longer predictable: \
+                errors beyond are grey and in no table.";
     section("Predictability horizon", &card("", note, &legend, &plot.finish("distances over time")))
 }

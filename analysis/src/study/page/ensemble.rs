@@ -95,5 +95,5 @@ pub(super) fn section(study: &Study, analysis: &Analysis<'_>) -> String {
         "<p>Means over {over} ({beyond}). = is within a thousandth or two standard deviations of the shifted copies, which \
          cannot be told from them; elsewhere the difference from their mean is given.{same}</p>"
     );
-    table::section("What the cloth is like, whichever way its folds fall", &note, &heads, &lines)
+    table::section("Statistics of the cloth, independent of single folds", &note, &heads, &lines)
 }

@@ -106,8 +106,8 @@ fn tiles(study: &Study, analysis: &Analysis<'_>) -> String {
     }
     let faults = analysis.rows.iter().filter(|row| !row.is_sound).count();
     tiles += &match faults {
-        0 => tile("fine", "0", "settings with crossings or unconverged solves"),
-        some => tile("alarm", &some.to_string(), "settings with crossings or unconverged solves"),
+        0 => tile("fine", "0", "settings with intersections or unconverged solves"),
+        some => tile("alarm", &some.to_string(), "settings with intersections or unconverged solves"),
     };
     format!(
         "<div class=\"tiles\">{tiles}</div>\n<p>Reference: {}. {}.</p>",

@@ -50,14 +50,14 @@ pub(super) fn settings(study: &Study, analysis: &Analysis<'_>) -> String {
         number("99th percentile"),
         number("order"),
         number("max strain"),
-        number("crossings"),
+        number("intersections"),
         words("front"),
     ];
     let note = "<p>Error: distance from the reference, root mean square over the cloth and the frames. Processor time: of \
          all threads, a frame; it hardly depends on what else the machine does. Order: how fast the error falls with the \
-         time step. Crossings: edges that pass through triangles at the end of a frame. ● no other setting is both faster \
-         and nearer. <i>ref. not conv.</i>: so near to the reference that its own error hides the figure, which is at most \
-         what stands beside. <i>&lt;= floor</i>: no larger than what rounding grows to.</p>";
+         time step. Intersections: edges that pass through triangles at the end of a frame. ● no other setting is both \
+         faster and more accurate. <i>ref. not conv.</i>: so near to the reference that the reference's own error hides \
+         it; the figure beside is an upper bound. <i>&lt;= floor</i>: no larger than the growth of rounding errors.</p>";
     section("Settings", note, &heads, &lines) + &more(study, analysis)
 }
 
@@ -183,7 +183,7 @@ pub(super) fn changes(study: &Study) -> String {
         number("99th percentile"),
         number("drape area at the end"),
         number("folds over 60° at the end"),
-        words("crossings"),
+        words("intersections"),
     ];
     let note = "<p>Against the scene as it is, over all compared frames. The share is what the effect takes of the processor \
          time of a frame.</p>";

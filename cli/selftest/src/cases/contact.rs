@@ -101,7 +101,7 @@ pub(super) const H33: Case = Case {
 pub(super) const H24: Case = Case {
     id: "H24",
     title: "a sheet that stands through another at the start",
-    must: "it runs, crossings never get more, and none are left after two seconds",
+    must: "it runs, intersections never increase, and none are left after two seconds",
     judge: |bench| {
         let mut description = cloth(8, 0.02, 50.0);
         let mut other = description.garments[0].clone();
@@ -114,9 +114,9 @@ pub(super) const H24: Case = Case {
         let counts: Vec<usize> = record.frames.iter().map(|frame| frame.crossings).collect();
         let more = counts.windows(2).filter(|w| w[1] > w[0]).count();
         Ok(vec![
-            Figure::at_least("crossings at the start", counts[0] as f64, 10.0),
+            Figure::at_least("intersections at the start", counts[0] as f64, 10.0),
             Figure::exactly("frames in which they get more", more as f64, 0.0),
-            Figure::exactly("crossings at the end", record.last().crossings as f64, 0.0),
+            Figure::exactly("intersections at the end", record.last().crossings as f64, 0.0),
         ])
     },
 };
@@ -135,7 +135,7 @@ fn boxes(gap: f64, cells: i32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 pub(super) const H25: Case = Case {
     id: "H25",
     title: "cloth pinched between parts of a body that pass into each other",
-    must: "no flutter while it is pinched; no crossing is left 12 frames after it is let go",
+    must: "no flutter while it is pinched; no intersection is left 12 frames after it opens",
     judge: |bench| {
         let gap = |time: f64| 0.02 - 0.05 * (std::f64::consts::PI * time.min(1.0)).sin();
         let mut description = scene_of(upright(12, 0.033), 24);
@@ -148,9 +148,9 @@ pub(super) const H25: Case = Case {
         let record = bench.simulate(&Trial { input, may_cross: true, ..Trial::still(description, 40) })?;
         let left = record.frames.iter().filter(|f| f.summary.frame >= 36).map(|f| f.crossings).max().unwrap_or(0);
         Ok(vec![
-            Figure::at_least("vertices let go, in all steps", record.counted("body_pinched"), 1.0),
+            Figure::at_least("vertices released, in all steps", record.counted("body_pinched"), 1.0),
             Figure::at_most("largest kinetic energy [J]", record.kinetic(), 0.1),
-            Figure::exactly("crossings from 12 frames after it opens", left as f64, 0.0),
+            Figure::exactly("intersections from 12 frames after it opens", left as f64, 0.0),
         ])
     },
 };
@@ -188,7 +188,7 @@ pub(super) const H26: Case = Case {
 pub(super) const H27: Case = Case {
     id: "H27",
     title: "a tube twisted by 1080 degrees",
-    must: "no crossing through three turns",
+    must: "no intersection through three turns",
     judge: |bench| {
         let around = bench.by_tier(16, 64);
         let rows = around;
@@ -232,7 +232,7 @@ pub(super) const H27: Case = Case {
         let record = bench.simulate(&Trial { input: Box::new(input), ..Trial::still(description, frames) })?;
         let crossings: usize = record.frames.iter().map(|frame| frame.crossings).sum();
         Ok(vec![
-            Figure::exactly("crossings in all frames", crossings as f64, 0.0),
+            Figure::exactly("intersections in all frames", crossings as f64, 0.0),
             Figure::at_least(
                 "collisions, counted",
                 record.counted("collision_hits") + record.counted("repulsions"),

@@ -56,7 +56,7 @@ pub(super) const H12: Case = Case {
             let ended = run_mesh(bench, &format!("{SKIRT}{more}"))?;
             figures.push(Figure::exactly(format!("exit code, {what}"), ended.code(), 0.0));
             let lacking = ended.missing(&["garment \"skirt\"", "faces 1"]);
-            figures.push(Figure::exactly(format!("words that the message lacks, {what}"), lacking, 0.0));
+            figures.push(Figure::exactly(format!("expected words missing from the message, {what}"), lacking, 0.0));
         }
         let clean = bench.simulate(&Trial::still(hanging(|_, _| {}), 12))?;
         let odd = bench.simulate(&Trial::still(hanging(add_flat_faces), 12))?;
@@ -73,7 +73,7 @@ pub(super) const H12: Case = Case {
             record.kinetic(),
             1e-12,
         ));
-        figures.push(Figure::exactly("crossings of them", record.frames[0].crossings as f64, 0.0));
+        figures.push(Figure::exactly("intersections of them", record.frames[0].crossings as f64, 0.0));
         Ok(figures)
     },
 };
@@ -165,7 +165,7 @@ pub(super) const H14: Case = Case {
             let ended = run_mesh(bench, &format!("{SKIRT}{more}"))?;
             figures.push(Figure::exactly(format!("exit code, {what}"), ended.code(), 0.0));
             figures.push(Figure::exactly(
-                format!("words that the message lacks, {what}"),
+                format!("expected words missing from the message, {what}"),
                 ended.missing(&["faces 1"]),
                 0.0,
             ));
@@ -196,14 +196,14 @@ pub(super) const H15: Case = Case {
         Ok(vec![
             Figure::exactly("exit code, a loose point", loose.code(), 0.0),
             Figure::exactly(
-                "words that the message lacks, a loose point",
+                "expected words missing from the message, a loose point",
                 loose.missing(&["garment \"skirt\"", "vertices 4 belong to no face"]),
                 0.0,
             ),
             Figure::exactly("points in the cache of the skirt with a loose point", points, 5.0),
             Figure::exactly("exit code, no faces", empty.code(), 0.0),
             Figure::exactly(
-                "words that the message lacks, no faces",
+                "expected words missing from the message, no faces",
                 empty.missing(&["garment \"skirt\"", "no faces"]),
                 0.0,
             ),

@@ -21,7 +21,7 @@ fn run(bench: &Bench<'_>, scene: &str, body: &str, skirt: &str) -> Result<Ended,
 fn judged(what: &str, ended: &Ended, code: f64, words: &[&str]) -> [Figure; 2] {
     [
         Figure::exactly(format!("exit code, {what}"), ended.code(), code),
-        Figure::exactly(format!("words that the message lacks, {what}"), ended.missing(words), 0.0),
+        Figure::exactly(format!("expected words missing from the message, {what}"), ended.missing(words), 0.0),
     ]
 }
 

@@ -47,7 +47,7 @@ pub(super) const H50: Case = Case {
         figures.push(Figure::exactly("exit code of a run that is done", again.code(), 0.0));
         figures.push(Figure::exactly("its cache stays as it was", f64::from(u8::from(read()? == before)), 1.0));
         let lacking = again.missing(&["nothing was done"]);
-        figures.push(Figure::exactly("words that the message lacks", lacking, 0.0));
+        figures.push(Figure::exactly("expected words missing from the message", lacking, 0.0));
         Ok(figures)
     },
 };
@@ -71,7 +71,7 @@ pub(super) const H48: Case = Case {
 pub(super) const H49: Case = Case {
     id: "H49",
     title: "a disk that is full in the middle of a run, and a folder that cannot be made",
-    must: "exit codes 74 and 73; the run goes on from what is good when there is room",
+    must: "exit codes 74 and 73; the run resumes from what is good when there is room",
     judge: |bench| {
         bench.write(
             "scene.toml",

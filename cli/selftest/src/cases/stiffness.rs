@@ -66,7 +66,7 @@ pub(super) const H2: Case = Case {
         let lowest = record.last().positions[0].iter().map(|x| x.y).fold(f64::INFINITY, f64::min);
         let highest = record.last().positions[0].iter().map(|x| x.y).fold(0.0, f64::max);
         Ok(vec![
-            Figure::exactly("crossings in all frames", crossings as f64, 0.0),
+            Figure::exactly("intersections in all frames", crossings as f64, 0.0),
             Figure::at_least("lowest vertex [m]", lowest, 0.0),
             Figure::at_most("highest vertex, from 0.33 m [m]", highest, 0.1),
         ])

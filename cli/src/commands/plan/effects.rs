@@ -43,9 +43,9 @@ pub(super) fn text(simulation: &Simulation, costs: Option<&Costs>) -> String {
         text += &friction(effect, simulation.scene().description());
     }
     let vertices = simulation.scene().parts().partition().vertex_count();
-    text += &format!("  the method itself\n    {vertices} vertices{}\n", share(|frame, _| frame.method, 0));
+    text += &format!("  time integration\n    {vertices} vertices{}\n", share(|frame, _| frame.method, 0));
     for name in &simulation.scene().description().left_out {
-        text += &format!("  without {name}: the scene asks for it, and was told to do without\n");
+        text += &format!("  without {name}: left out of this run, although the scene asks for it\n");
     }
     text += "  an effect that is not here allocates nothing and runs nothing\n";
     text += &frame_text(simulation, costs);

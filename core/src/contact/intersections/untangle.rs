@@ -101,7 +101,7 @@ impl Known {
     ) -> Self {
         let own = Self::of_own(surface, crossings, x, velocity, v);
         let mut known = Self { points: BTreeMap::new(), edges: BTreeMap::new() };
-        for Self { points, edges } in surface.ranks().all_gather_encoded("what is known of crossings", vec![own]) {
+        for Self { points, edges } in surface.ranks().all_gather_encoded("what is known of intersections", vec![own]) {
             known.points.extend(points);
             known.edges.extend(edges);
         }

@@ -401,7 +401,7 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
         });
         check_values(&place, pin, problems);
         if pin.from >= pin.until {
-            problems.push(Problem::scene(&place, "it lets go before it holds", "make `from` smaller than `until`"));
+            problems.push(Problem::scene(&place, "it ends before it starts", "make `from` smaller than `until`"));
         }
         if pin.hold == PinHold::Hard {
             let axes = (0..3).filter(|axis| pin.axes[*axis]);
@@ -416,7 +416,7 @@ fn check_pins(description: &SceneDescription, problems: &mut Vec<Problem>) {
     for (garment, vertex, a, b) in clashes.into_iter().take(LISTED) {
         let place = format!("garment \"{}\", vertex {vertex}", description.garments[garment].name);
         let what = format!("pins {a} and {b} hold it at the same time");
-        problems.push(Problem::scene(place, what, "let one of them go before the other holds, or make one a spring"));
+        problems.push(Problem::scene(place, what, "end one of them before the other starts, or make one a spring"));
     }
 }
 

@@ -71,11 +71,11 @@ pub(in crate::scene_file) struct Garment {
     #[schemars(range(min = 1e-9, max = 1e3))]
     pub(in crate::scene_file) thickness: Quantity,
     /// Quantities that differ among the vertices, each the name of an attribute of the rest shape with one value for each
-    /// point (of a colour, its red), or "file:" and a text file with one number for each vertex. Values multiply the number for
-    /// the garment.
+    /// point (of a colour, its red), or "file:" and a text file with one number for each vertex. Values multiply the
+    /// number of the garment.
     #[serde(default, skip_serializing_if = "Maps::is_empty")]
     pub(in crate::scene_file) maps: Maps,
-    /// Maps whose values take the place of the number for the garment, in its SI unit.
+    /// Maps whose values replace the number of the garment, in its SI unit, instead of multiplying it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) absolute_maps: Vec<String>,
     /// Velocity at the start in m/s.
@@ -96,7 +96,7 @@ pub(in crate::scene_file) struct Garment {
 /// The mesh that is rendered in the place of a garment: finer, with thickness, seams, buttons and layers, modelled on the rest shape
 /// of the garment. Every point is bound to the closest point of the cloth at rest and follows it with a frame that turns smoothly
 /// from place to place (docs/howto/render_mesh.md). It takes no part in the simulation. Its caches are called "GARMENT_render", in every
-/// format of `[output]`, with normals; what else the file says of the mesh is handed through.
+/// format of `[output]`, with normals; other attributes of the mesh are copied to the caches.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene_file) struct RenderMesh {
@@ -108,7 +108,7 @@ pub(in crate::scene_file) struct RenderMesh {
     /// Units of the file, if they differ from `[units]`, or from what it says itself and is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) units: Option<FileUnits>,
-    /// Points that are farther from the cloth at rest are warned of, in metres or as "2 cm".
+    /// Points that are farther from the cloth at rest give a warning, in metres or as "2 cm".
     #[serde(default = "default_max_distance")]
     #[schemars(range(min = 1e-9, max = 1e3))]
     pub(in crate::scene_file) max_distance: Quantity,
@@ -429,7 +429,7 @@ pub(in crate::scene_file) struct Pin {
     /// A JSON file of pins: vertices, and where on a body they are attached.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::scene_file) file: Option<String>,
-    /// "start": the place where a vertex starts. "here": the place where it is when the pin takes hold. "body:NAME":
+    /// "start": the place where a vertex starts. "here": the place where it is when the pin becomes active. "body:NAME":
     /// the surface of a body from a file. "track": positions from the file in `track`.
     #[serde(default = "default_to")]
     pub(in crate::scene_file) to: String,
@@ -500,7 +500,7 @@ pub(in crate::scene_file) const BIND: Field = Field {
     default: settings::Default::Choice("auto", Bind::WORDS),
     range: (0.0, 0.0),
     help: "with `to = \"body:…\"`: how it is bound; a vertex that is farther from the body than three of its edges and ten \
-           thicknesses, or than 5 cm, is warned of",
+           thicknesses, or than 5 cm, gives a warning",
 };
 
 fn default_thickness() -> Quantity {

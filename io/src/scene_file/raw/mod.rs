@@ -38,7 +38,7 @@ pub(in crate::scene_file) struct Document {
     /// Time integration. Leave it out unless a shot needs it.
     #[serde(default)]
     pub(in crate::scene_file) solver: Solver,
-    /// Bodies that the garments collide with; the first has priority where bodies cross each other.
+    /// Bodies (colliders) that the garments collide with; the first has priority where bodies intersect.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) body: Vec<Body>,
     /// Garments, in the order of the output.
@@ -77,10 +77,10 @@ impl Check {
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(in crate::scene_file) struct EffectChoice {
-    /// All but these, as in ["self_collision"]; `--without` takes the place of this list.
+    /// All but these, as in ["self_collision"]; `--without` replaces this list.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) without: Vec<String>,
-    /// These and no others; `--only` takes the place of this list.
+    /// These and no others; `--only` replaces this list.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(in crate::scene_file) only: Vec<String>,
 }

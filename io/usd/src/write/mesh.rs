@@ -83,7 +83,7 @@ pub struct StillMesh<'a> {
     pub velocities: bool,
     /// Whether frames have normals, one for each point.
     pub normals: bool,
-    /// Whether frames have a number of crossings.
+    /// Whether frames have a number of intersections.
     pub crossings: bool,
 }
 

@@ -43,7 +43,7 @@ class StudyRow:
     order: float | None
     """Order of convergence from the next coarser setting to this one."""
     on_front: bool
-    """Whether no other setting is both faster and nearer."""
+    """Whether no other setting is both faster and more accurate."""
     is_sound: bool
     """Whether its counts let it be recommended."""
     steps: int
@@ -133,15 +133,14 @@ def study(
     repeats: int = 3,
     overwrite: bool = False,
 ) -> Study:
-    """Runs a scene with many settings and compares them with a converged run, as ``drapery study`` does, or goes on with the
-    study that the folder ``out`` holds.
+    """Runs a scene with many settings and compares them with a converged run, as ``drapery study`` does, or resumes the study that the folder ``out`` holds.
 
     ``vary`` says what is varied, by the names that ``drapery study --vary`` takes, such as ``{"cfl": [4, 2, 1]}``; when left out,
     steps and solves, and one at a time what else costs time. ``max_wall`` is what it may take [s], ``budget`` what a frame may
     take with the recommended setting [s]. ``grid`` takes all combinations, ``latin`` so many of them. ``copies`` are runs with
     shifted positions, ``repeats`` runs of every setting whose time is given.
 
-    Ctrl-C ends it and is raised; what was run is in the folder, and called again it goes on. Raises SceneError, InputError,
+    Ctrl-C ends it and is raised; what was run is in the folder, and called again it resumes. Raises SceneError, InputError,
     UsageError if there is too little time for one run, OutputError if the folder holds another study.
     """
 
@@ -200,7 +199,7 @@ class Verification:
 def verify(*caches: PathLike, body: PathLike | None = None, record: PathLike | None = None) -> Verification:
     """Whether other applications can load these caches and no cloth passes through cloth, as ``drapery verify`` says.
 
-    ``body`` is a mesh whose crossings with them are counted, ``record`` the folder of the run that wrote them: whether every
+    ``body`` is a mesh whose intersections with them are counted, ``record`` the folder of the run that wrote them: whether every
     frame is still what it wrote. Raises InputError for a cache that is missing or cannot be read as a whole.
     """
     if not caches and record is None:

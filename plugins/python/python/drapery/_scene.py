@@ -109,7 +109,7 @@ class Report:
 
     outcome: str
     """``"done"``, ``"nothing to do"`` where all frames were there, or ``"stopped"`` where somebody stopped it from outside
-    (``drapery stop``): the next call goes on."""
+    (``drapery stop``): the next call resumes."""
     frame: int
     """The last frame that is done."""
     frames: int
@@ -121,7 +121,7 @@ class Report:
     counts: dict[str, int]
     """What was counted in all frames, by the names of docs/reference/counts.md."""
     exceeded: dict[str, int]
-    """Counts that should have stayed zero, such as crossings that are written."""
+    """Counts that should have stayed zero, such as intersections in the caches."""
 
 
 class Plan(Mapping[str, Any]):
@@ -141,7 +141,7 @@ class Plan(Mapping[str, Any]):
 
     @property
     def effects(self) -> list[dict[str, Any]]:
-        """Everything that acts on the cloth, in the order of execution: each with its settings and who said them."""
+        """Everything that acts on the cloth, in the order of execution: each with its settings and their sources."""
         effects: list[dict[str, Any]] = self._content["effects"]
         return effects
 
@@ -322,10 +322,10 @@ class Shot:
     def run(
         self, out: PathLike, progress: Callable[[Progress], None] | None = None, overwrite: bool = False,
     ) -> Report:
-        """Runs the whole shot into a folder, as ``drapery run`` does, or goes on with the run that the folder holds.
+        """Runs the whole shot into a folder, as ``drapery run`` does, or resumes the run that the folder holds.
 
         ``progress`` is called after every frame, in the thread that called. Ctrl-C, or an exception of ``progress``, stops at a
-        checkpoint and is raised; called again, the run goes on, with the bytes of one that never stopped. ``overwrite`` replaces
+        checkpoint and is raised; called again, the run resumes, with the bytes of one that never stopped. ``overwrite`` replaces
         a run that the folder holds.
 
         Raises SolverError where the solver gives up, OutputError where the disk refuses or the folder holds something else.
@@ -340,7 +340,7 @@ class Shot:
             elif kind == "note":
                 _log.warning("%s", *parts)
             elif kind == "resumed":
-                _log.info("goes on after frame %d, with %d frames done", *parts)
+                _log.info("resumes after frame %d, with %d frames done", *parts)
             elif kind == "underway":
                 _log.info("frame %d takes long: %d states, %.0f %% of its time", parts[0], parts[1], 100 * parts[2])
 
@@ -413,10 +413,10 @@ class Simulation:
         return None if found is None else Frame(**found)
 
     def advance(self) -> Frame:
-        """Goes on to the next frame.
+        """Simulates up to the next frame.
 
         Raises UsageError at the last frame, SolverError where the solver gives up. Ctrl-C stops between two steps and is raised;
-        called again, it goes on with the bits of a frame that was never stopped.
+        called again, it resumes with the bits of a frame that was never stopped.
         """
         self._native.advance()
         frame = self.summary
@@ -425,7 +425,7 @@ class Simulation:
         return frame
 
     def advance_to(self, frame: int) -> None:
-        """Goes on until a frame is reached. Raises what ``advance`` raises."""
+        """Simulates until a frame is reached. Raises what ``advance`` raises."""
         if frame > self.last_frame:
             raise UsageError(f"frame {frame}: the shot ends at frame {self.last_frame}\n  help: raise shot.frames")
         while self.frame < frame:
@@ -467,7 +467,7 @@ class Simulation:
         self._native.save_file(os.fspath(path))
 
     def restore_file(self, path: PathLike) -> None:
-        """Goes on from a file of a simulation, or a checkpoint of a run, of the same scene with the same inputs."""
+        """Resumes from a file of a simulation, or a checkpoint of a run, of the same scene with the same inputs."""
         self._native.restore_file(os.fspath(path))
 
     def _garment(self, name: str | None) -> str:
