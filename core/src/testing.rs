@@ -41,8 +41,10 @@ impl Figure {
 
     /// Words at a place [px]; `anchor` is `start`, `middle` or `end`.
     pub(crate) fn words(&mut self, [x, y]: [f64; 2], anchor: &str, colour: &str, words: &str) {
-        let _ =
-            writeln!(self.text, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{words}</text>");
+        let _ = writeln!(
+            self.text,
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{words}</text>"
+        );
     }
 
     /// Fails unless the file of this name in `docs/pictures` is this figure; with `DRAPERY_BLESS` it is written first.

@@ -32,7 +32,8 @@ fn every_crate_begins_with_an_example_that_a_test_runs() {
                 complaints.push(format!("{member}: its documentation begins without an example that is run"));
             }
             Some((_, test)) if !text.contains("//! ```") || !text.contains(test) => {
-                complaints.push(format!("{member}: its documentation lacks an example, or the test that runs it ({test})"));
+                complaints
+                    .push(format!("{member}: its documentation lacks an example, or the test that runs it ({test})"));
             }
             _ => {}
         }

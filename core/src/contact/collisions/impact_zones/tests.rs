@@ -36,7 +36,7 @@ fn motions() -> Vec<Motion> {
 }
 
 /// The corners of layers that end closer to the plane of the one below than they may.
-fn hits(motions: &[Motion]) -> Vec<Collision> {
+fn collisions(motions: &[Motion]) -> Vec<Collision> {
     let mut found = Vec::new();
     for point in 3..3 * LAYERS {
         let first = 3 * (point / 3 - 1);
@@ -76,16 +76,16 @@ fn draw(figure: &mut Figure, left: f64, words: &[&str], zones: &Zones, motions: 
     }
 }
 
-/// Lets the zone of every hit act until nothing meets; draws each round.
+/// Lets the zone of every collision act until nothing meets; draws each round.
 fn grow(action: Action, mut see: impl FnMut(usize, &Zones, &[Motion])) -> (Zones, Vec<Motion>) {
     let (mut zones, mut motions) = (Zones::default(), motions());
     for round in 0..20 {
         see(round, &zones, &motions);
-        let hits = hits(&motions);
-        if hits.is_empty() {
+        let met = collisions(&motions);
+        if met.is_empty() {
             return (zones, motions);
         }
-        for place in zones.add(Vec::new(), round as u32, &hits) {
+        for place in zones.add(Vec::new(), round as u32, &met) {
             let zone = zones.zone_mut(place);
             let members = zone.members();
             let of_members: Vec<Motion> = members.iter().map(|node| motions[*node as usize]).collect();

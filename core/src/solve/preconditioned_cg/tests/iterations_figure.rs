@@ -11,8 +11,7 @@ use crate::solve::preconditioned_cg::{BlockSystem, PreconditionedCg};
 use crate::testing::{Axes, Figure};
 
 /// The same cloth with meshes of several densities: vertices along a side, stiffness over the mass of a vertex, parts, words.
-const SHEETS: [(usize, f64, usize, &str); 2] =
-    [(24, 1e4, 4, "24 by 24 vertices"), (96, 16e4, 24, "96 by 96 vertices")];
+const SHEETS: [(usize, f64, usize, &str); 2] = [(24, 1e4, 4, "24 by 24 vertices"), (96, 16e4, 24, "96 by 96 vertices")];
 
 /// Iterations that are drawn, and powers of ten that the residual falls by.
 const ITERATIONS: usize = 800;
