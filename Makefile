@@ -96,7 +96,7 @@ measure-plan: build ## how far the cost that `drapery plan` expects is from that
 	@.ci/measure-plan $(MEASURE)
 
 .PHONY: study
-study: build ## what accuracy costs in time on the spinning ball and the dressed mannequin; writes docs/guide/study.md
+study: build ## what accuracy costs in time on the spinning ball and the dressed mannequin; writes docs/dev/measurements/studies.md
 	@.venv/bin/python .ci/measure-study $(MEASURE)
 
 .PHONY: measure-symptoms
@@ -104,11 +104,13 @@ measure-symptoms: build ## tries the remedies of docs/guide/troubleshooting.md, 
 	@.venv/bin/python .ci/measure-symptoms $(MEASURE)
 
 .PHONY: figures
-figures: ## the diagrams of the pages of theory, docs/pictures/collision_step.svg and coulomb.svg
+figures: setup ## the figures of the pages of theory, in docs/pictures: those drawn, and those that the solver computes
 	@python3 .ci/figures
+	DRAPERY_BLESS=1 cargo test --release --package drapery-core --lib figure
+	DRAPERY_BLESS=1 cargo test --release --package drapery-tests --test physics amplification
 
 .PHONY: pictures
-pictures: build ## simulate the scenes of the how-to pages and render docs/pictures/howto; ONLY="cape flag" for some of them
+pictures: build ## simulate the scenes of the how-to pages and render docs/pictures/howto; ONLY="cape flag" for some, ONLY=sheet for the sheet alone
 	@.venv/bin/python .ci/pictures --drapery $(DRAPERY) --assets-program $(DRAPERY_ASSETS) --work $(TARGET)/pictures $(ONLY)
 
 CHECKOUT ?= .

@@ -1,4 +1,16 @@
 //! Shared pieces of Drapery's tests: small scenes built in code, and the closed-form truths.
+//!
+//! ```
+//! use drapery_core::scene::GarmentDescription;
+//! use drapery_tests::{add_gravity, centre, positions, run, scene_of, sheet, start};
+//!
+//! // A sheet falls freely for a second: g t²/2.
+//! let mut description = scene_of(GarmentDescription::new("sheet", sheet(2, 2, 0.1), 0.2), 24);
+//! add_gravity(&mut description, [0.0, -9.81, 0.0]);
+//! let mut simulation = start(description);
+//! run(&mut simulation, 24);
+//! assert!((centre(&positions(&simulation)).y + 0.5 * 9.81).abs() < 1e-12);
+//! ```
 
 pub mod conformance;
 pub mod effect_names;

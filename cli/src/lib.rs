@@ -1,5 +1,11 @@
 //! `drapery`, the command: what was typed, what will be done, what came of it. A library, so that whatever starts the command, the
 //! program `drapery` or `python -m drapery`, does the same.
+//!
+//! ```
+//! // What `drapery materials` prints; the process would end with this code.
+//! let words = ["drapery", "materials"].map(Into::into).to_vec();
+//! assert_eq!(drapery_command::command(&drapery_command::Invocation { words, program: None }), 0);
+//! ```
 
 mod args;
 mod commands;

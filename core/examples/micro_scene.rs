@@ -1,5 +1,5 @@
 //! A hundred steps of a small fixed scene on one thread, for counting instructions: what is not asked for costs nothing,
-//! whether the build has it or not (docs/guide/effects.md). Prints the number of steps and a digest of the positions.
+//! whether the build has it or not (docs/dev/measurements/effects.md). Prints the number of steps and a digest of the positions.
 
 use drapery_core::Vec3;
 use drapery_core::geometry::shapes::Shape;

@@ -71,6 +71,9 @@ pub mod clock;
 pub mod error;
 pub mod tolerances;
 
+#[cfg(test)]
+pub(crate) mod testing;
+
 /// A point, displacement, velocity or force; the unit is said where it is used.
 pub type Vec3 = nalgebra::Vector3<f64>;
 

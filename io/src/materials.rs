@@ -10,7 +10,7 @@
 //!   "densities" are areal (g/m²) and are used as such. It has no bending moduli; "solid" below is what a solid sheet of that
 //!   stiffness and thickness has, Y h²/12 with Y the mean of warp and weft.
 //! * *drape*: where no bending modulus was measured, the rigidity with which the Cusick test falls into the middle of the
-//!   published range of that cloth (docs/guide/materials.md): silk 20-40 %, plain cotton 60-76 % (68.4 % measured by Gan, Ly and
+//!   published range of that cloth (docs/dev/measurements/materials.md): silk 20-40 %, plain cotton 60-76 % (68.4 % by Gan, Ly and
 //!   Steven 1991), wool suiting 40-70 %, garment leather 47-70 %. Of silk the stretch too: a disc that hardly gives in its plane
 //!   cannot hang down by as much as silk does. Silk weaves are stretchy and shear very easily at small strains, and stiffen
 //!   with the strain (Matsudaira, "Characteristics of mechanical properties and handles of silk filament weaves", Kanazawa
@@ -27,7 +27,7 @@
 //! of gray-interlock has c22 34 N/m at rest and 206 to 414 N/m there; they reach no load at which a fabric stops.
 //!
 //! Damping ratios are not measured: 1 for woven cloth, 2 for knits and leather, which ring less. What the bending rigidities
-//! make of a Cusick drape test is in docs/guide/materials.md.
+//! make of a Cusick drape test is in docs/dev/measurements/materials.md.
 
 use std::borrow::Cow;
 

@@ -4,6 +4,7 @@
 mod citations;
 mod core_rules;
 mod counts;
+mod crate_examples;
 mod curves_picture;
 mod dependencies;
 mod docs;

@@ -270,7 +270,7 @@ mod tests {
     #[test]
     #[ignore = "takes long: make test-full"]
     fn exactly_those_presets_miss_their_range_that_the_page_names() {
-        let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/guide/materials.md");
+        let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/dev/measurements/materials.md");
         let page = std::fs::read_to_string(page).expect("the page of materials is there");
         let list = page.split("## Out of range").nth(1).expect("a list").split("\n## ").next().unwrap_or_default();
         let verdicts: Vec<Verdict> =

@@ -1,6 +1,6 @@
 //! Ranks as processes of an MPI job: [`World`] is a [`Communicator`] and nothing else.
 //!
-//! ```no_run
+//! ```
 //! use std::sync::Arc;
 //! use drapery_core::parallel::{communicator::Communicator, serial::Serial};
 //!
@@ -8,6 +8,7 @@
 //!     Some(world) => Arc::new(world),
 //!     None => Arc::new(Serial),
 //! };
+//! assert!(ranks.rank() < ranks.count()); // alone, unless a launcher such as mpirun has started this program
 //! # Ok::<(), drapery_mpi::StartError>(())
 //! ```
 //!

@@ -3,6 +3,17 @@
 //! Handles are numbers in the form of pointers, looked up at every call ([`handles`]): one that was freed, or is of another
 //! kind, is an error. No panic crosses the border: it becomes an error, and the handle is of no more use. What the functions do
 //! is that of `drapery_shot::session`; how to use them is described in `docs/reference/c_api.md`.
+//!
+//! ```c
+//! drapery_simulation_new(scene, &simulation, &error);
+//! while (frame < last) {
+//!     drapery_simulation_move_body(simulation, body, positions, point_count, &error);
+//!     drapery_simulation_advance(simulation, cancel, user, &error);
+//!     drapery_simulation_positions(simulation, garment, &points, &count, &error);
+//! }
+//! ```
+//!
+//! Doc tests are in Rust, so this one is not run; whole programs of it are, in C and C++, by `tests/c_programs.rs`.
 
 // The names that C programs see.
 #![allow(non_camel_case_types)]

@@ -1,5 +1,13 @@
 //! Drapery for Python: the module `drapery._native`, of which the package `drapery` in `python/` is made. What it does is that of
 //! `drapery_shot`, `drapery_io` and `drapery_analysis`; how it is used is described in `docs/reference/python.md`.
+//!
+//! ```python
+//! simulation = scene.simulate()
+//! while simulation.frame < simulation.last_frame:
+//!     frame = simulation.advance()
+//! ```
+//!
+//! Doc tests are in Rust, so this one is not run; the examples of the page are, by `plugins/python/tests/test_analysis.py`.
 
 mod about;
 mod analysis;

@@ -295,3 +295,6 @@ impl Zones {
         metrics.count("zone_nodes", sizes.iter().map(|size| *size as u64).sum());
     }
 }
+
+#[cfg(test)]
+mod tests;

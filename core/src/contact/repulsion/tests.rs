@@ -7,6 +7,7 @@ use crate::mesh::PolygonMesh;
 use crate::scene::{GarmentDescription, Scene, SceneDescription};
 use crate::state::State;
 
+mod history_figure;
 mod ranks;
 
 pub(super) const LAWS: Laws = Laws {

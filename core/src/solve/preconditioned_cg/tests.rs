@@ -11,6 +11,8 @@ use crate::geometry::random::SplitMix64;
 use crate::parallel::local_ranks::LocalRanks;
 use crate::parallel::ranks::Ranks;
 
+mod iterations_figure;
+
 /// Constraints by numbers of the scene.
 struct Constrained<'a> {
     parts: &'a Parts,
