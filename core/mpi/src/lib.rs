@@ -8,7 +8,7 @@
 //!     Some(world) => Arc::new(world),
 //!     None => Arc::new(Serial),
 //! };
-//! assert!(ranks.rank() < ranks.count()); // alone, unless a launcher such as mpirun has started this program
+//! assert!(ranks.rank() < ranks.ranks()); // alone, unless a launcher such as mpirun has started this program
 //! # Ok::<(), drapery_mpi::StartError>(())
 //! ```
 //!
