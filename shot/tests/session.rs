@@ -185,7 +185,7 @@ fn what_cannot_be_is_a_fault_with_object_frame_and_element_and_changes_nothing()
     let short = session.move_body(0, &far[..3]).unwrap_err();
     assert_eq!(fault(short), (FaultKind::BadInput, hero(), Some(1001), None));
     let ideal = session.move_body(1, &far).unwrap_err();
-    assert!(ideal.to_string().contains("ideal shape"), "{ideal}");
+    assert!(ideal.to_string().contains("analytic shape"), "{ideal}");
     assert!(session.move_body(2, &far).is_err() && session.field(1, VertexField::Positions).is_err());
     advance(&mut session, 1004, true);
     let end = session.next_frame(&mut || false).unwrap_err();
