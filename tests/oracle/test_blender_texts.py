@@ -165,7 +165,7 @@ def test_what_a_run_says_becomes_a_line(parts, drapery, tmp_path):
         assert parts.answers.duration(seconds) == words
 
 
-@pytest.mark.parametrize("state, words", [("killed", "without a word (killed, or no room on the disk): 7 of 9 frames are kept"),
+@pytest.mark.parametrize("state, words", [("killed", "without a message (killed, or the disk is full): 7 of 9 frames are kept"),
                                           ("stopped", "Stopped at a checkpoint"), ("silent", "its machine may be lost")])  # fmt: skip
 def test_every_end_has_words(parts, state, words):
     assert words in parts.answers.headline(parts.answers.Status(state, 7, 9, 1007, None))
