@@ -17,7 +17,9 @@ LONG = SHEET.replace('"1-6"', '"1-100000"').replace("resolution = 4", "resolutio
 """A run that nobody waits for."""
 
 RUN = """
-import drapery, resource, sys
+import drapery, resource, signal, sys
+# A shell starts what it leaves in the background with SIGINT ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 path, out, limit = sys.argv[1:]
 if int(limit):
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), int(limit)))
