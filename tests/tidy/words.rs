@@ -74,6 +74,15 @@ fn no_code_is_unfinished() {
 }
 
 #[test]
+fn no_page_holds_both_sides_of_a_merge() {
+    let sides = ["<<<<<<< ", ">>>>>>> "];
+    let is_side = |line: &str| sides.iter().any(|side| line.starts_with(side));
+    let unmerged = text_files().into_iter().filter(|file| file.text.lines().any(is_side));
+    let complaints: Vec<String> = unmerged.map(|file| file.name).collect();
+    report(&complaints);
+}
+
+#[test]
 fn whole_words_are_found_and_parts_of_words_are_not() {
     assert_eq!(lines_with("a word\nwordy\nsword\n(word)", "word"), [1, 4]);
 }
