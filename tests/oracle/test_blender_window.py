@@ -5,18 +5,14 @@ preference for such builds says, and Load has to say why it cannot. Loading is t
 """
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from blender_session import session
 from conftest import program
-from judges import ROOT
-from test_blender_addon import package
 
 
 @pytest.fixture(scope="module")
@@ -25,20 +21,7 @@ def seen(tmp_path_factory):
         if shutil.which(needed) is None:
             pytest.skip(f"no {needed}; `make setup` installs it on Debian")
     folder = tmp_path_factory.mktemp("window")
-    (folder / "scripts" / "addons").mkdir(parents=True)
-    _, archive = package("--without-solver", folder)
-    # What a Blender is called with, answered by the module.
-    exporter = folder / "blender_with_alembic"
-    exporter.write_text('#!/bin/sh\n# --background --disable-autoexec FILE --python-exit-code 1 --python SCRIPT -- JOB\n'
-                        f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip
-    exporter.chmod(0o755)
-    command = ["xvfb-run", "-a", "-s", "-screen 0 900x1900x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
-               "1900", "--python", str(ROOT / "tests" / "oracle" / "blender_window.py"), "--", str(folder), str(archive),
-               program("DRAPERY", "drapery"), str(exporter)]  # fmt: skip
-    environment = os.environ | {"BLENDER_USER_CONFIG": str(folder / "config"), "BLENDER_USER_SCRIPTS": str(folder / "scripts"),
-                                "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}  # fmt: skip
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=400)
-    said = done.stdout + done.stderr
+    said = session(folder, program("DRAPERY", "drapery"))
     assert (folder / "answer.json").exists(), said[-4000:]
     # A panel that fails while it is drawn says so here and nowhere else.
     assert "Traceback" not in said and "rna_uiItem" not in said, said[-4000:]

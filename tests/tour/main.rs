@@ -202,7 +202,7 @@ fn the_page_of_stopping_and_continuing_tells_the_truth() {
 }
 
 /// How-to pages without a scene that this test runs: another test does, or they ask for programs that are not here.
-const HOWTO_ELSEWHERE: [&str; 5] = ["README", "blender", "from_python", "houdini_maya", "two_machines"];
+const HOWTO_ELSEWHERE: [&str; 4] = ["README", "blender", "from_python", "two_machines"];
 
 #[test]
 fn the_scenes_of_the_how_to_pages_run() {
