@@ -3,22 +3,30 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 from judges import HERE, ROOT
+
+PACKAGE = ROOT / "plugins" / "blender" / "package"
+
+
+def package(*arguments):
+    """Makes the zip of the add-on; returns the process, which has ended, and the path of the zip."""
+    done = subprocess.run([sys.executable, str(PACKAGE), *map(str, arguments)], capture_output=True, text=True)
+    return done, Path(done.stdout.strip())
 
 
 def session(folder, drapery):
     """Presses every button in an empty folder; returns what Blender printed. The folder has answer.json and the pictures then."""
     (folder / "scripts" / "addons").mkdir(parents=True)
-    pack = [sys.executable, ROOT / "plugins" / "blender" / "package", "--without-solver", folder]
-    archive = subprocess.run(pack, check=True, capture_output=True, text=True).stdout.strip()
+    _, archive = package("--without-solver", folder)
     # What a Blender is called with, answered by the module.
     exporter = folder / "blender_with_alembic"
     exporter.write_text('#!/bin/sh\n# --background --disable-autoexec FILE --python-exit-code 1 --python SCRIPT -- JOB\n'
                         f'exec "{sys.executable}" "$7" -- "$9" "$3"\n')  # fmt: skip
     exporter.chmod(0o755)
     command = ["xvfb-run", "-a", "-s", "-screen 0 900x1900x24", "blender", "--factory-startup", "--window-geometry", "0", "0", "900",
-               "1900", "--python", str(HERE / "blender_window.py"), "--", str(folder), archive,
+               "1900", "--python", str(HERE / "blender_window.py"), "--", str(folder), str(archive),
                drapery, str(exporter)]  # fmt: skip
     environment = os.environ | {"BLENDER_USER_CONFIG": str(folder / "config"), "BLENDER_USER_SCRIPTS": str(folder / "scripts"),
                                 "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}  # fmt: skip

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from blender_session import package
 from conftest import program
 from judges import HERE, ROOT, official
 
 FRAMES = 6
 ADD_ON = ROOT / "plugins" / "blender" / "drapery_cloth"
-PACKAGE = ROOT / "plugins" / "blender" / "package"
 # Runs the command in the place of the solver in a wheel: which way it is called is what is tested.
 STAND_IN = "import os, sys\nos.execv(os.environ['DRAPERY'], ['drapery', *sys.argv[1:]])\n"
 
@@ -43,11 +43,6 @@ def wheel_in(folder):
         names = ["drapery/__init__.py", "drapery/__main__.py", f"{info}/METADATA", f"{info}/WHEEL", f"{info}/RECORD"]
         archive.writestr(f"{info}/RECORD", "".join(f"{name},,\n" for name in names))
     return path
-
-
-def package(*arguments):
-    done = subprocess.run([sys.executable, str(PACKAGE), *map(str, arguments)], capture_output=True, text=True)
-    return done, Path(done.stdout.strip())
 
 
 def act(name, folder, archive, drapery, executable=None):
