@@ -13,10 +13,46 @@ use crate::parallel::ranks::Ranks;
 
 mod iterations_figure;
 
-/// Constraints by numbers of the scene.
-struct Constrained<'a> {
-    parts: &'a Parts,
+/// The system of a sheet on a rank, whose vertices are constrained by their numbers in the scene.
+struct SheetSystem {
+    parts: Parts,
+    matrix: BlockMatrix,
+    masses: Vec<f64>,
+    solved: Vec<bool>,
     what: What,
+}
+
+impl SheetSystem {
+    fn new(sheet: &Sheet, ranks: &Ranks, what: What) -> Self {
+        let parts = sheet.parts(ranks);
+        let (matrix, masses) = (sheet.matrix(&parts), Sheet::local(&parts, &sheet.masses));
+        let solved = vec![true; parts.count()];
+        Self { parts, matrix, masses, solved, what }
+    }
+
+    fn blocks(&self) -> BlockSystem<'_, Self> {
+        let Self { parts, matrix, masses, solved, .. } = self;
+        BlockSystem { parts, masses, solved, matrix, constraints: self }
+    }
+
+    /// A solver with the preconditioner of this system.
+    fn solver(&self) -> PreconditionedCg {
+        let mut cg = PreconditionedCg::new(&self.parts, &self.matrix);
+        cg.prepare(&self.blocks());
+        cg
+    }
+
+    /// Solves for what this right-hand side of all vertices says: the local vertices.
+    fn solve(&self, cg: &mut PreconditionedCg, b: &[Vec3]) -> (Outcome, Vec<Vec3>) {
+        let mut d = vec![Vec3::repeat(f64::NAN); self.parts.local_count()];
+        let outcome = cg.solve(&self.blocks(), &Sheet::local(&self.parts, b)[self.parts.own()], &mut d, STOP);
+        (outcome, d)
+    }
+
+    /// A rank's own vertices of these.
+    fn own(&self, d: &[Vec3]) -> Vec<Vec3> {
+        d[self.parts.own()].to_vec()
+    }
 }
 
 /// Which vertices are constrained.
@@ -40,7 +76,7 @@ impl What {
     }
 }
 
-impl Projection for Constrained<'_> {
+impl Projection for SheetSystem {
     fn project(&self, part: usize, r: &mut [Vec3]) {
         let range = self.parts.ranges()[part].clone();
         range.zip(r).for_each(|(local, r)| self.what.project(self.parts.number(local), r));
@@ -58,32 +94,13 @@ fn impulses(count: usize) -> Vec<Vec3> {
 /// The solution of a rank's own vertices; the preconditioner is that of another sheet and other constraints. Each local vertex
 /// has the solution of its owner.
 fn solve_with(other: (&Sheet, What), sheet: &Sheet, ranks: &Ranks, what: What, b: &[Vec3]) -> (Outcome, Vec<Vec3>) {
-    let parts = sheet.parts(ranks);
-    let matrix = sheet.matrix(&parts);
-    let masses = Sheet::local(&parts, &sheet.masses);
-    let mut cg = PreconditionedCg::new(&parts, &matrix);
-    let old = BlockSystem {
-        parts: &parts,
-        masses: &masses,
-        solved: &vec![true; parts.count()],
-        matrix: &other.0.matrix(&parts),
-        constraints: &Constrained { parts: &parts, what: other.1 },
-    };
-    cg.prepare(&old);
-    let constraints = Constrained { parts: &parts, what };
-    let system = BlockSystem {
-        parts: &parts,
-        masses: &masses,
-        solved: &vec![true; parts.count()],
-        matrix: &matrix,
-        constraints: &constraints,
-    };
-    let mut d = vec![Vec3::repeat(f64::NAN); parts.local_count()];
-    let outcome = cg.solve(&system, &Sheet::local(&parts, b)[parts.own()], &mut d, STOP);
+    let mut cg = SheetSystem::new(other.0, ranks, other.1).solver();
+    let system = SheetSystem::new(sheet, ranks, what);
+    let (outcome, mut d) = system.solve(&mut cg, b);
     let copies = d.clone();
-    parts.halo().update(ranks, &mut d);
+    system.parts.halo().update(ranks, &mut d);
     assert!(copies == d || !outcome.finite, "ghosts are those of their owners");
-    (outcome, d[parts.own()].to_vec())
+    (outcome, system.own(&d))
 }
 
 /// The solution with the preconditioner that belongs to it.
@@ -98,23 +115,17 @@ fn is_solved(first: u32) -> bool {
 
 /// The change of a rank's own vertices when some parts alone are solved for, with coarse levels that are those of all.
 fn solve_some(sheet: &Sheet, ranks: &Ranks, what: What) -> (Outcome, Vec<Vec3>) {
-    let parts = sheet.parts(ranks);
-    let (matrix, masses) = (sheet.matrix(&parts), Sheet::local(&parts, &sheet.masses));
-    let mut cg = PreconditionedCg::new(&parts, &matrix);
-    let constraints = Constrained { parts: &parts, what };
-    let all = vec![true; parts.count()];
-    let system =
-        BlockSystem { parts: &parts, masses: &masses, solved: &all, matrix: &matrix, constraints: &constraints };
-    cg.prepare(&system);
-    let b = &Sheet::local(&parts, &impulses(sheet.x.len()))[parts.own()];
-    let mut d = vec![Vec3::zeros(); parts.local_count()];
+    let mut system = SheetSystem::new(sheet, ranks, what);
+    let mut cg = system.solver();
+    let b = impulses(sheet.x.len());
     // What another solve leaves behind must not matter.
-    assert!(cg.solve(&system, b, &mut d, STOP).converged);
-    let solved: Vec<bool> = parts.ranges().iter().map(|range| is_solved(parts.number(range.start))).collect();
-    let system = BlockSystem { solved: &solved, ..system };
-    cg.prepare_finest(&system);
-    let outcome = cg.solve(&system, b, &mut d, STOP);
-    (outcome, d[parts.own()].to_vec())
+    let (outcome, _) = system.solve(&mut cg, &b);
+    assert!(outcome.converged);
+    let parts = &system.parts;
+    system.solved = parts.ranges().iter().map(|range| is_solved(parts.number(range.start))).collect();
+    cg.prepare_finest(&system.blocks());
+    let (outcome, d) = system.solve(&mut cg, &b);
+    (outcome, system.own(&d))
 }
 
 #[test]
@@ -213,18 +224,8 @@ fn solutions_have_the_same_bits_on_any_number_of_ranks_and_threads() {
 
 /// `P W P` of the preconditioner W, column by column.
 fn preconditioner(sheet: &Sheet, what: What) -> DMatrix<f64> {
-    let parts = sheet.parts(&Ranks::default());
-    let matrix = sheet.matrix(&parts);
-    let constraints = Constrained { parts: &parts, what };
-    let system = BlockSystem {
-        parts: &parts,
-        masses: &sheet.masses,
-        solved: &vec![true; parts.count()],
-        matrix: &matrix,
-        constraints: &constraints,
-    };
-    let mut cg = PreconditionedCg::new(&parts, &matrix);
-    cg.prepare(&system);
+    let of_sheet = SheetSystem::new(sheet, &Ranks::default(), what);
+    let (mut cg, system) = (of_sheet.solver(), of_sheet.blocks());
     let count = sheet.x.len();
     let mut of_all = DMatrix::zeros(3 * count, 3 * count);
     for (column, mut out) in of_all.column_iter_mut().enumerate() {
@@ -280,23 +281,12 @@ fn iterations_hardly_grow_with_stiffness_and_mesh() {
 #[test]
 fn a_step_of_newtons_method_goes_as_far_as_its_forcing_says_and_small_corrections_to_their_end() {
     let sheet = Sheet::new(12, 1e4, 2);
-    let ranks = Ranks::default();
-    let (parts, d) = (sheet.parts(&ranks), direct(&sheet, What::Some));
-    let (matrix, masses) = (sheet.matrix(&parts), Sheet::local(&parts, &sheet.masses));
-    let constraints = Constrained { parts: &parts, what: What::Some };
-    let system = BlockSystem {
-        parts: &parts,
-        masses: &masses,
-        solved: &vec![true; parts.count()],
-        matrix: &matrix,
-        constraints: &constraints,
-    };
-    let mut cg = PreconditionedCg::new(&parts, &matrix);
-    cg.prepare(&system);
-    let b = Sheet::local(&parts, &impulses(sheet.x.len()));
+    let system = SheetSystem::new(&sheet, &Ranks::default(), What::Some);
+    let (parts, d, mut cg) = (&system.parts, direct(&sheet, What::Some), system.solver());
+    let b = Sheet::local(parts, &impulses(sheet.x.len()));
     let mut step = |forcing: &mut Forcing| {
         let mut found = vec![Vec3::zeros(); parts.local_count()];
-        let outcome = cg.newton_step(&system, &b[parts.own()], &mut found, STOP, forcing);
+        let outcome = cg.newton_step(&system.blocks(), &b[parts.own()], &mut found, STOP, forcing);
         assert!(outcome.converged);
         let error = DVector::from_iterator(
             3 * d.len(),
@@ -337,18 +327,8 @@ fn what_has_neither_mass_nor_neighbours_is_held_and_disturbs_nothing() {
 #[test]
 fn what_is_no_number_is_told_and_a_limit_of_iterations_is_kept() {
     let sheet = Sheet::new(10, 30.0, 2);
-    let parts = sheet.parts(&Ranks::default());
-    let matrix = sheet.matrix(&parts);
-    let constraints = Constrained { parts: &parts, what: What::Nothing };
-    let system = BlockSystem {
-        parts: &parts,
-        masses: &sheet.masses,
-        solved: &vec![true; parts.count()],
-        matrix: &matrix,
-        constraints: &constraints,
-    };
-    let mut cg = PreconditionedCg::new(&parts, &matrix);
-    cg.prepare(&system);
+    let of_sheet = SheetSystem::new(&sheet, &Ranks::default(), What::Nothing);
+    let (mut cg, system) = (of_sheet.solver(), of_sheet.blocks());
     let mut b = impulses(sheet.x.len());
     let mut d = vec![Vec3::zeros(); sheet.x.len()];
     let few = cg.solve(&system, &b, &mut d, Stop { max_iterations: 3, ..STOP });
@@ -441,26 +421,13 @@ fn dense_with_pairs(sheet: &Sheet) -> DMatrix<f64> {
 
 /// The solution with pairs of a rank's own vertices, and iterations.
 fn solve_with_pairs(sheet: &Sheet, ranks: &Ranks, what: What) -> (Outcome, Vec<Vec3>) {
-    let parts = sheet.parts(ranks);
-    let matrix = sheet.matrix(&parts);
-    let masses = Sheet::local(&parts, &sheet.masses);
-    let mut cg = PreconditionedCg::new(&parts, &matrix);
-    let constraints = Constrained { parts: &parts, what };
-    let system = BlockSystem {
-        parts: &parts,
-        masses: &masses,
-        solved: &vec![true; parts.count()],
-        matrix: &matrix,
-        constraints: &constraints,
-    };
+    let system = SheetSystem::new(sheet, ranks, what);
     // Twice, and without between: levels with couplings of pairs come and go.
-    cg.prepare(&system);
-    set_pairs(&mut cg, &parts, sheet);
-    cg.prepare(&system);
-    let mut d = vec![Vec3::zeros(); parts.local_count()];
-    let b = Sheet::local(&parts, &impulses(sheet.x.len()));
-    let outcome = cg.solve(&system, &b[parts.own()], &mut d, STOP);
-    (outcome, d[parts.own()].to_vec())
+    let mut cg = system.solver();
+    set_pairs(&mut cg, &system.parts, sheet);
+    cg.prepare(&system.blocks());
+    let (outcome, d) = system.solve(&mut cg, &impulses(sheet.x.len()));
+    (outcome, system.own(&d))
 }
 
 #[test]

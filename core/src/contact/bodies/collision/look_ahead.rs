@@ -34,6 +34,7 @@ impl BodyCollision {
         });
     }
 }
+
 impl BodyContact {
     /// Whether a vertex at `x` [m] with the velocity `v` [m/s], which meets the tangent plane of the nearest place, meets the body
     /// there too.

@@ -1,6 +1,6 @@
 //! The figure of the preconditioner in `docs/theory/linear_solver.md`: residuals by iteration.
 
-use super::{Constrained, What, impulses};
+use super::{SheetSystem, What, impulses};
 use crate::Vec3;
 use crate::block_matrix::testing::Sheet;
 use crate::parallel::ranks::Ranks;
@@ -20,7 +20,7 @@ const POWERS: f64 = 6.0;
 /// What the solves of the figure share.
 struct Solve<'a> {
     sheet: &'a Sheet,
-    system: &'a BlockSystem<'a, Constrained<'a>>,
+    system: &'a BlockSystem<'a, SheetSystem>,
     cg: PreconditionedCg,
 }
 
@@ -86,18 +86,8 @@ fn powers(residuals: &[f64]) -> Vec<[f64; 2]> {
 /// Both curves of a sheet: all levels, the diagonal blocks alone.
 fn curves(side: usize, stiffness: f64, parts: usize) -> [Vec<[f64; 2]>; 2] {
     let sheet = Sheet::new(side, stiffness, parts);
-    let parts = sheet.parts(&Ranks::default());
-    let matrix = sheet.matrix(&parts);
-    let system = BlockSystem {
-        parts: &parts,
-        masses: &sheet.masses,
-        solved: &vec![true; parts.count()],
-        matrix: &matrix,
-        constraints: &Constrained { parts: &parts, what: What::Nothing },
-    };
-    let mut cg = PreconditionedCg::new(&parts, &matrix);
-    cg.prepare(&system);
-    let mut solve = Solve { sheet: &sheet, system: &system, cg };
+    let system = SheetSystem::new(&sheet, &Ranks::default(), What::Nothing);
+    let mut solve = Solve { sheet: &sheet, system: &system.blocks(), cg: system.solver() };
     let residuals = [solve.with_all_levels(), solve.with_diagonal()];
     residuals.map(|residuals| powers(&residuals))
 }
