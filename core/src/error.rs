@@ -92,8 +92,8 @@ impl fmt::Display for ShortStep {
 pub enum StepError {
     /// A position or velocity became infinite or not a number.
     #[error(
-        "garment \"{garment}\", vertex {vertex}: not a finite number after stage {stage}, frame {frame}, time {time} s \
-         (last step {dt:e} s)\n  help: lower solver.cfl or solver.max_dt, or raise the damping of this garment"
+        "garment \"{garment}\", vertex {vertex}: not a finite number after stage {stage}, frame {frame}, time {time:.6} s \
+         (last step {dt:.2e} s)\n  help: lower solver.cfl or solver.max_dt, or raise the damping of this garment"
     )]
     NotFinite {
         /// Name of the garment.
@@ -111,7 +111,7 @@ pub enum StepError {
     },
     /// The step that stability asks for is shorter than the scene allows.
     #[error(
-        "frame {frame}, time {time} s: the time step fell to {dt:e} s, below solver.min_dt = {min_dt:e} s, because of \
+        "frame {frame}, time {time:.6} s: the time step fell to {dt:.2e} s, below solver.min_dt = {min_dt:e} s, because of \
          {because}\n  help: {}",
         because.remedy()
     )]
@@ -129,7 +129,7 @@ pub enum StepError {
     },
     /// A frame takes far more steps than the cloth asks for.
     #[error(
-        "frame {frame}, time {time} s: {steps} steps are done, and the frame is not; {planned:.0} were planned for all of it\n  \
+        "frame {frame}, time {time:.6} s: {steps} steps are done, and the frame is not; {planned:.0} were planned for all of it\n  \
          help: something in this frame is faster than cloth can follow; look at its bodies and pins (`drapery check` names jumps), \
          and at solver.strain_per_step if the scene sets it"
     )]

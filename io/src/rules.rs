@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 11] = [
+pub static RULES: [Rule; 12] = [
     Rule {
         name: "no_gravity",
         finds: "nothing pulls the cloth down",
@@ -70,6 +70,13 @@ pub static RULES: [Rule; 11] = [
                   are not as large in the unit of the files; ground that stands upright under `up = \"Z\"`. Gravity is compared with \
                   the earth's in each unit of length.",
         line: "shape = { sphere = { radius = \"25 cm\" } }",
+    },
+    Rule {
+        name: "wind_speed",
+        finds: "a wind that is faster than any gust that was ever measured, 113 m/s",
+        exactly: "Numbers of the scene are in metres a second, whatever `[units]` says of the files. `velocity` and `keys` are looked at, \
+                  and not the grid of a `file`.",
+        line: "velocity = [6, 0, 0]",
     },
     Rule {
         name: "unopened_format",

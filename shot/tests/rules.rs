@@ -105,6 +105,24 @@ fn a_scene_without_gravity_is_told_unless_it_decided_so() {
 }
 
 #[test]
+fn a_wind_faster_than_any_storm_is_warned_of() {
+    let wind = |velocity: &str| with(&format!("[wind]\ndensity = 1\n{velocity}\n"));
+    rule(
+        "wind_speed",
+        without_file,
+        &[
+            (&wind("velocity = [0, -600, 0]"), &["wind: `velocity` reaches 600 m/s", "help: write `velocity` in m/s"]),
+            (&wind("keys = [[0, [0, 0, 0]], [2, [300, 400, 0]]]"), &["wind: `keys` reaches 500 m/s"]),
+        ],
+        &[
+            &wind("velocity = [6, 0, 0]"),
+            &wind("velocity = [0, 0, 112]"),
+            &wind("keys = [[0, [0, 0, 0]], [2, [60, 0, 60]]]"),
+        ],
+    );
+}
+
+#[test]
 fn cloth_that_may_pass_through_itself_is_told_unless_it_cannot_fold() {
     let alone = SHEET.replace("[self_repulsion]\n[self_collision]\n", "");
     let small = alone.replace("resolution = 12", "resolution = 4");

@@ -3,7 +3,7 @@
 //! How a page is read:
 //!
 //! * A fenced block with the info string `sh run` holds commands, one a line (a line that ends with `\` goes on in the next
-//!   one). Each begins with `drapery` or `drapery-assets`, is run without a shell, and has to succeed. All commands of a page
+//!   one). Each begins with `drapery`, `mpirun … drapery` or `drapery-assets`, is run without a shell, and has to succeed. All commands of a page
 //!   run in one temporary folder that holds a copy of `sample_assets/scenes` and `sample_assets/howto`. The how-to pages share
 //!   one, in which `drapery-assets` makes the same files once.
 //! * A fenced block with the info string `text expect` holds lines that the commands of the last `sh run` block have to
@@ -14,6 +14,7 @@
 //! The programs are those that the environment variables `DRAPERY` and `DRAPERY_ASSETS` name, or those beside this test's
 //! own executable; if there are none, the test says so and ends.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -107,14 +108,24 @@ fn program(variable: &str, name: &str) -> Option<PathBuf> {
 
 /// Runs one command; returns what it printed.
 fn run(command: &str, folder: &Path) -> Result<String, String> {
+    let (launcher, command) = match command.split_once(" drapery ") {
+        Some((launcher, arguments)) if launcher.starts_with("mpirun ") => (launcher, format!("drapery {arguments}")),
+        _ => ("", command.to_owned()),
+    };
     let mut words = command.split_whitespace();
     let program = match words.next() {
         Some("drapery") => program("DRAPERY", "drapery"),
         Some("drapery-assets") => program("DRAPERY_ASSETS", "drapery-assets"),
-        other => panic!("the tour runs drapery and drapery-assets only, not {other:?}"),
+        other => panic!("the tour runs drapery, also by mpirun, and drapery-assets only, not {other:?}"),
     };
     let program = program.ok_or("it has not been built")?;
-    let output = Command::new(program).args(words).current_dir(folder).env_remove("DRAPERY_PROGRESS").output();
+    let mut line: Vec<&OsStr> = launcher.split_whitespace().map(OsStr::new).collect();
+    line.push(program.as_os_str());
+    let mut command = Command::new(line[0]);
+    command.args(&line[1..]).args(words).current_dir(folder).env_remove("DRAPERY_PROGRESS");
+    // Open MPI asks before it starts as root, as in a container.
+    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+    let output = command.output();
     let output = output.map_err(|e| e.to_string())?;
     let printed = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     if output.status.success() { Ok(printed) } else { Err(format!("{}\n{printed}", output.status)) }
@@ -202,7 +213,7 @@ fn the_page_of_stopping_and_continuing_tells_the_truth() {
 }
 
 /// How-to pages without a scene that this test runs: another test does, or they ask for programs that are not here.
-const HOWTO_ELSEWHERE: [&str; 4] = ["README", "blender", "from_python", "two_machines"];
+const HOWTO_ELSEWHERE: [&str; 3] = ["README", "blender", "from_python"];
 
 #[test]
 fn the_scenes_of_the_how_to_pages_run() {

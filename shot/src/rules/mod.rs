@@ -10,6 +10,7 @@ mod shape_units;
 mod thickness_lowered;
 mod unopened_format;
 mod up_axis;
+mod wind_speed;
 
 use std::fmt;
 
@@ -96,6 +97,7 @@ const LOOKS: [(&str, Look); RULES.len()] = [
     ("thickness_lowered", Look::Simulation(thickness_lowered::find)),
     ("body_friction", Look::Facts(body_friction::find)),
     ("shape_units", Look::Facts(shape_units::find)),
+    ("wind_speed", Look::Facts(wind_speed::find)),
     ("unopened_format", Look::Facts(unopened_format::find)),
     ("render_mesh_distance", Look::Bindings(render_mesh::find_distance)),
     ("render_mesh_layers", Look::Bindings(render_mesh::find_layers)),

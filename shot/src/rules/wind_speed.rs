@@ -1,0 +1,33 @@
+//! A wind that no storm has.
+
+use drapery_core::Vec3;
+use drapery_core::effects::wind;
+use drapery_core::settings::SettingValue;
+
+use super::{Facts, Finding};
+
+/// The fastest gust ever measured outside a tornado, over Barrow Island in 1996 [m/s] (World Meteorological Organization, archive of
+/// weather and climate extremes).
+const FASTEST_GUST: f64 = 113.0;
+
+pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
+    let settings = facts.request(wind::SPEC.name).map(|request| &request.settings);
+    settings.into_iter().flatten().filter_map(|(key, value)| of_setting(key, value)).collect()
+}
+
+/// What is wrong with `velocity` or `keys`; other settings are no velocities.
+fn of_setting(key: &str, value: &SettingValue) -> Option<Finding> {
+    let fastest = match value {
+        SettingValue::Vector(velocity) => Vec3::from(*velocity).norm(),
+        SettingValue::Keys(keys) => keys.iter().map(|(_, velocity)| Vec3::from(*velocity).norm()).fold(0.0, f64::max),
+        SettingValue::Number(_) | SettingValue::Text(_) | SettingValue::Flag(_) => return None,
+    };
+    (fastest > FASTEST_GUST).then(|| Finding {
+        object: "wind".to_owned(),
+        message: format!(
+            "`{key}` reaches {fastest:.0} m/s, faster than any gust that was ever measured ({FASTEST_GUST} m/s); numbers of the \
+             scene are in metres a second, whatever `[units]` says of the files"
+        ),
+        line: format!("`{key}` in m/s: a hundredth of what it is, if it was meant in cm/s"),
+    })
+}
