@@ -2,7 +2,8 @@
 //! collision-free state and tried again, each time more carefully, and every attempt is counted and named.
 //!
 //! A step has gone wrong where a number is not finite, where an edge would change its length several times over in the
-//! next step, where a solve has diverged, or where zones of collisions had to be stopped. The levels are: half the time
+//! next step, where a solve has diverged, where collisions have moved a vertex far in a long step, or where zones of collisions had
+//! to be stopped. The levels are: half the time
 //! step, up to six times; tighter solves; more attempts with impulses; zones at once; no repulsion around what is
 //! concerned; and at last these vertices stay where they are for this collision step. Finite states are accepted at
 //! the end, and counted; a state that is not finite ends the run, at the last good one.
@@ -17,6 +18,7 @@ use crate::contact::self_contact::Ending;
 use crate::error::StepError;
 use crate::parallel::message::codec;
 use crate::parallel::parts::Parts;
+use crate::scene::Integrator;
 use crate::solve::conjugate_gradient::Stop;
 use crate::state::State;
 use crate::step::{Cloth, Dynamics};
@@ -26,6 +28,13 @@ const HALVINGS: u32 = 6;
 
 /// Of these, how many are tried where zones had to be stopped: shorter steps seldom help there, and are many.
 const HALVINGS_FOR_ZONES: u32 = 2;
+
+/// The same where collisions have moved a vertex far, which is accepted then.
+const HALVINGS_FOR_BLOWS: u32 = 4;
+
+/// Farthest that collisions may move a vertex in a long step, over the edges around it: the velocities of a step that ended so far
+/// elsewhere do not go with its positions, and throw what lies on the vertex.
+const LARGEST_CORRECTION: f64 = 0.05;
 
 /// Collision steps without failure after which the time step is doubled again.
 const CALM: u32 = 3;
@@ -54,8 +63,10 @@ pub(super) enum FailureKind {
     NotFinite(&'static str),
     /// Edges change their lengths too fast.
     Wild,
-    /// A solve ended farther from its solution than it began.
+    /// A solve ended farther from its solution than it began, or Newton's method far from its.
     Diverged,
+    /// Collisions moved a vertex far in a long step.
+    Struck,
     /// Zones of collisions stayed where they were.
     Stopped,
 }
@@ -66,6 +77,7 @@ impl FailureKind {
             Self::NotFinite(_) => "not finite",
             Self::Wild => "rate of strain",
             Self::Diverged => "solve diverged",
+            Self::Struck => "blow",
             Self::Stopped => "collisions unresolved",
         }
     }
@@ -188,9 +200,13 @@ impl RetryState {
     /// The next level against a failure; `None` when there is none left.
     fn next(&self, failure: FailureKind, [collides, repels]: [bool; 2]) -> Option<RetryLevel> {
         let most = if failure == FailureKind::Stopped { HALVINGS_FOR_ZONES } else { HALVINGS };
+        let in_all = if failure == FailureKind::Struck { HALVINGS_FOR_BLOWS } else { HALVINGS };
         let after = self.level.map_or(0, |level| level as usize);
-        if after <= RetryLevel::Shorter as usize && self.halved < most && self.halvings < HALVINGS {
+        if after <= RetryLevel::Shorter as usize && self.halved < most && self.halvings < in_all {
             return Some(RetryLevel::Shorter);
+        }
+        if failure == FailureKind::Struck {
+            return None;
         }
         let is_finite = !matches!(failure, FailureKind::NotFinite(_));
         let by_contact = collides && matches!(failure, FailureKind::Stopped | FailureKind::NotFinite(_));
@@ -245,9 +261,18 @@ impl Simulation {
             Some(FailureKind::NotFinite("of the step"))
         } else if rate * self.retry.dt > MAX_STRAIN_PER_STEP_FACTOR * allowed {
             Some(FailureKind::Wild)
+        } else if ending == Ending::Resolved && self.was_struck() {
+            Some(FailureKind::Struck)
         } else {
             (ending == Ending::Stopped).then_some(FailureKind::Stopped)
         }
+    }
+
+    /// Whether the collisions of a long step have moved a vertex far, on any rank.
+    fn was_struck(&self) -> bool {
+        let is_long = self.scene.description().solver.integrator == Integrator::TrBdf2;
+        let contact = self.contacts.cloth.as_ref().filter(|contact| is_long && contact.keeps_free());
+        contact.is_some_and(|contact| self.ranks().any(contact.largest_correction().0 > LARGEST_CORRECTION))
     }
 
     /// After a collision step without failure, or one that is accepted.
@@ -350,6 +375,10 @@ impl Simulation {
             FailureKind::Stopped => {
                 self.contacts.cloth.as_ref().map_or_else(Vec::new, |c| c.frozen_vertices().to_vec())
             }
+            FailureKind::Struck => {
+                let largest = self.contacts.cloth.as_ref().map(|contact| contact.largest_correction());
+                largest.filter(|(share, _)| *share > LARGEST_CORRECTION).map(|(_, number)| number).into_iter().collect()
+            }
             FailureKind::Wild | FailureKind::Diverged => Vec::new(),
         };
         let mut all = ranks.all_gather_v(&own).concat();
@@ -418,6 +447,7 @@ mod tests {
         assert_eq!(levels(broken, [true; 2]), [vec![Shorter; 6], all].concat());
         let contact = vec![MoreAttempts, Zones, Thinner, Accepted];
         assert_eq!(levels(FailureKind::Stopped, [true; 2]), [vec![Shorter; 2], contact].concat());
+        assert_eq!(levels(FailureKind::Struck, [true; 2]), [Shorter; 4]);
         assert_eq!(levels(FailureKind::Wild, [false; 2]), [vec![Shorter; 6], vec![Tighter, Accepted]].concat());
     }
 

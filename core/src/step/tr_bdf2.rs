@@ -18,6 +18,7 @@ use crate::contact::bodies::Bodies;
 use crate::contact::bodies::active_set::{ActiveContact, ActiveSet, Trust};
 use crate::contact::bodies::collision::CollisionStep;
 use crate::contact::bodies::recovery_speed::RecoverySpeed;
+use crate::contact::repulsion::pair_forces::note_solution;
 use crate::contact::self_contact::SelfContact;
 use crate::effects::force::{BlockFactors, ForceContext};
 use crate::parallel::for_each_part::PerVertex;
@@ -45,6 +46,13 @@ const U: f64 = W - 1.0;
 /// Solves of a stage, each with the modes that the reactions of the one before have shown to be right. What is wrong after the
 /// last is so for this step: it is put right in the next one.
 const MOST_ROUNDS: usize = 4;
+
+/// Solves of a stage in which the last has changed the distance of some pair by more than this, over its thickness: how hard it pushes is
+/// not known then. A step whose stages have not come nearer after all of them has gone wrong, and is taken back.
+const MOST_ROUNDS_OF_PAIRS: usize = 8;
+
+/// See [`MOST_ROUNDS_OF_PAIRS`].
+const SETTLED_PAIR: f64 = 0.5;
 
 /// Fraction of what bodies give that may be wrong at the end of the first stage, of the second, and of that in B.5. What the
 /// earlier ones leave is looked at again in the later.
@@ -422,10 +430,8 @@ impl Stages<'_> {
             total.converged &= outcome.converged;
             total.finite &= outcome.finite;
             total.worse |= outcome.worse;
-            // What each pair bears at the velocities that the solve has found.
-            for (pair, product) in pairs.iter_mut().zip(cg.pairs_mut().products()) {
-                pair.push -= Vec3::from(*product).dot(&pair.normal) / (stage.share_of_pairs() * alpha);
-            }
+            let factors = [stage.share_of_pairs(), alpha];
+            let changed = note_solution(pairs, cg.pairs_mut().products(), factors) * at.dt;
             for ((v, x), change) in v.iter_mut().zip(x.iter_mut()).zip(&*change) {
                 *v += change;
                 *x += change * alpha;
@@ -435,7 +441,9 @@ impl Stages<'_> {
                 break;
             }
             let moved = self.parts_moved(rough);
-            if !total.finite || round == MOST_ROUNDS {
+            let settled = round < MOST_ROUNDS || !parts.ranks().any(changed > SETTLED_PAIR);
+            if !total.finite || (round >= MOST_ROUNDS && settled) || round == MOST_ROUNDS_OF_PAIRS {
+                total.worse |= !settled;
                 self.arrays.unconverged = moved;
                 break;
             }

@@ -12,6 +12,7 @@ use crate::contact::repulsion::{CHUNK, Laws};
 use crate::contact::tolerances::SLOW_SLIP;
 use crate::contact::topology::pair::Pair;
 use crate::contact::topology::surface::ContactSurface;
+use crate::parallel::simd4::Simd4;
 
 /// Pressure at which a pair that yields by all of its thickness would push if its spring were linear [Pa].
 const PRESSURE: f64 = 1000.0;
@@ -55,6 +56,8 @@ pub(crate) struct PairForce {
     pub normal: Vec3,
     /// Signed distance [m], negative where the two have passed through each other.
     pub distance: f64,
+    /// Distance that the pair keeps [m].
+    pub thickness: f64,
     /// Force on the first side [N].
     pub force: Vec3,
     /// What it bears along its normal [N]: as it is evaluated, and after a solve about there as much as that has found; negative where
@@ -91,6 +94,20 @@ impl PairHistory {
     fn load(&self) -> f64 {
         self.pushes[0].min(self.pushes[1]).max(0.0)
     }
+}
+
+/// After a solve of which these are the products of the pairs with its solution, in a system that weighs damping of pairs by
+/// `share alpha`: notes what each bears at the velocities that the solve has found. Returns the largest change of a pair's velocity
+/// along its normal, over its thickness [1/s].
+pub(crate) fn note_solution(pairs: &mut [PairForce], products: &[Simd4], [share, alpha]: [f64; 2]) -> f64 {
+    let mut largest = 0.0_f64;
+    for (pair, product) in pairs.iter_mut().zip(products) {
+        let taken = Vec3::from(*product).dot(&pair.normal) / (share * alpha);
+        pair.push -= taken;
+        let change = taken / (pair.damping[0] + alpha * pair.stiffness);
+        largest = largest.max(change.abs() / pair.thickness);
+    }
+    largest
 }
 
 /// The forces of all pairs in touch, by kind and nodes. `before` are those of the evaluation before in this step; none if it is the first.
@@ -163,6 +180,7 @@ impl OrientedPair {
             weights,
             normal,
             distance,
+            thickness: self.thickness,
             force,
             push,
             history,

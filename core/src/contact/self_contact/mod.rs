@@ -101,6 +101,8 @@ pub struct SelfContact {
     without_repulsion: Vec<u32>,
     /// Vertices of zones that stayed where they were in the last collision step, likewise; those that this rank has solved.
     frozen: Vec<u32>,
+    /// The farthest that an own vertex was moved in the last collision step, over the edges around it, and its number in the scene.
+    largest_correction: (f64, u32),
 }
 
 /// How a collision step ended.
@@ -154,6 +156,7 @@ impl SelfContact {
             effort: Strategy::Usual,
             without_repulsion: Vec::new(),
             frozen: Vec::new(),
+            largest_correction: (0.0, 0),
             surface,
         }
     }
@@ -213,6 +216,11 @@ impl SelfContact {
     /// rank has solved.
     pub fn frozen_vertices(&self) -> &[u32] {
         &self.frozen
+    }
+
+    /// The farthest that the last collision step has moved an own vertex, over the edges around it, and its number in the scene.
+    pub fn largest_correction(&self) -> (f64, u32) {
+        self.largest_correction
     }
 
     /// A: remembers the collision-free state and gives close pairs their sides; returns how many time steps of length `dt` [s]
@@ -322,10 +330,15 @@ impl SelfContact {
             geometric.control.succeeded()
         }
         let (place, first) = (self.surface.place(), self.surface.nodes().own().start);
-        for &node in &outcome.moved {
-            let node = node as usize;
+        self.largest_correction = (0.0, 0);
+        for &number in &outcome.moved {
+            let node = number as usize;
             let vertex = node - first + place.start;
             let change = self.paths.end[node] - x[vertex];
+            let share = change.norm() / self.surface.edge_length()[node];
+            if share > self.largest_correction.0 {
+                self.largest_correction = (share, self.surface.nodes().number(number));
+            }
             x[vertex] = self.paths.end[node];
             // Held velocities stay as prescribed: where a pin was ahead of its vertex, the way back may be of any length.
             v[vertex] += (change / duration).component_mul(&self.surface.free_axes(node));

@@ -366,6 +366,7 @@ fn pairs_of(count: usize) -> Vec<PairForce> {
             weights,
             normal,
             distance: 0.0,
+            thickness: 1e-3,
             force: Vec3::zeros(),
             push: 0.0,
             history: PairHistory::NONE,
