@@ -100,20 +100,14 @@ impl FolderLogs {
 /// With what each line of a log begins, and no scene, mesh or cache.
 const LINE: &[u8] = b"{\"timestamp\"";
 
-/// Makes sure that a program reads from a pipe, if a log is to go there: to open it would wait for one. Pipes are what shells make
-/// of `--log-json >(PROGRAM)`.
-fn refuse_pipe_without_reader(path: &Path) -> Result<(), Failure> {
-    if !input_file::is_pipe_without_reader(path) {
-        return Ok(());
-    }
-    let help = "start the program that reads it first, or give the name of a file";
-    let text = format!("{}: this is a pipe that no program reads\n  help: {help}", path.display());
-    Err(Failure::new(ExitCode::CannotCreate, text))
-}
-
-/// Creates a log, in the place of an earlier one. Another file of this name is one that was named by mistake, and is kept.
+/// Creates a log, in the place of an earlier one. Another file of this name is one that was named by mistake, and is kept. Pipes are what
+/// shells make of `--log-json >(PROGRAM)`.
 fn create(path: &Path) -> Result<File, Failure> {
-    refuse_pipe_without_reader(path)?;
+    if let Some(pipe) = input_file::open_pipe_to_write(path) {
+        let help = "start the program that reads it first, or give the name of a file";
+        let text = format!("{}: this is a pipe that no program reads\n  help: {help}", path.display());
+        return pipe.map_err(|_| Failure::new(ExitCode::CannotCreate, text));
+    }
     let mut start = Vec::new();
     if let Ok(file) = input_file::open(path) {
         file.take(LINE.len() as u64).read_to_end(&mut start).map_err(|e| IoError::reading(path, e))?;

@@ -2,7 +2,7 @@
 //! that nobody writes to would keep a run waiting for ever, a device has no end.
 
 use std::fs::{self, File, FileType};
-use std::io::{BufRead, Read};
+use std::io::{self, BufRead, Read};
 use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
@@ -41,12 +41,22 @@ pub fn open(path: &Path) -> Result<File, IoError> {
     File::open(path).map_err(|error| IoError::reading(path, error))
 }
 
-/// Whether a file is a pipe that no program reads, so that to open it for writing would wait for one.
-pub fn is_pipe_without_reader(path: &Path) -> bool {
-    // To open a pipe so fails at once where nobody reads.
+/// Opens a pipe for writing, without waiting for a program that reads it; `None` if the file is no pipe.
+///
+/// # Errors
+/// No program reads it.
+pub fn open_pipe_to_write(path: &Path) -> Option<io::Result<File>> {
+    if !fs::metadata(path).is_ok_and(|about| about.file_type().is_fifo()) {
+        return None;
+    }
+    // To open a pipe so fails at once where nobody reads. It is opened only once: a reader takes the end of a writer for the end of
+    // all, and the next opening would wait for another reader.
     let flags = OFlags::WRONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let is_pipe = fs::metadata(path).is_ok_and(|about| about.file_type().is_fifo());
-    is_pipe && rustix::fs::open(path, flags, Mode::empty()).is_err()
+    let opened = rustix::fs::open(path, flags, Mode::empty()).and_then(|pipe| {
+        rustix::fs::fcntl_setfl(&pipe, OFlags::WRONLY)?;
+        Ok(File::from(pipe))
+    });
+    Some(opened.map_err(Into::into))
 }
 
 /// Makes sure that the HDF5 library can open a file: it takes names in UTF-8 alone, and would wait for a pipe.
