@@ -1,7 +1,6 @@
 //! A wind that no storm has.
 
 use drapery_core::Vec3;
-use drapery_core::effects::wind;
 use drapery_core::settings::SettingValue;
 
 use super::{Facts, Finding};
@@ -10,8 +9,11 @@ use super::{Facts, Finding};
 /// weather and climate extremes).
 const FASTEST_GUST: f64 = 113.0;
 
+/// The effect's name; a build without wind has none of its items.
+const WIND: &str = "wind";
+
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
-    let settings = facts.request(wind::SPEC.name).map(|request| &request.settings);
+    let settings = facts.request(WIND).map(|request| &request.settings);
     settings.into_iter().flatten().filter_map(|(key, value)| of_setting(key, value)).collect()
 }
 
@@ -23,7 +25,7 @@ fn of_setting(key: &str, value: &SettingValue) -> Option<Finding> {
         SettingValue::Number(_) | SettingValue::Text(_) | SettingValue::Flag(_) => return None,
     };
     (fastest > FASTEST_GUST).then(|| Finding {
-        object: "wind".to_owned(),
+        object: WIND.to_owned(),
         message: format!(
             "`{key}` reaches {fastest:.0} m/s, faster than any gust that was ever measured ({FASTEST_GUST} m/s); numbers of the \
              scene are in metres a second, whatever `[units]` says of the files"
