@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use drapery_analysis::study::vary::parse_vary;
 use drapery_core::effects::{self, LISTED};
+use drapery_analysis::bits::Layout;
 use drapery_core::observe::Tracepoint;
 use drapery_io::checkpoint::Every;
 use drapery_io::duration::parse_duration;
@@ -340,8 +341,21 @@ pub(crate) struct SelftestArgs {
     pub(crate) hard: Option<HardTier>,
     /// The drape test of these preset materials, or of all: a disc hangs over its support at three mesh densities, six mountings
     /// each
-    #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present = "hard", conflicts_with = "hard")]
+    #[arg(long, value_name = "MATERIAL", num_args = 0.., required_unless_present_any = ["hard", "bits"], conflicts_with = "hard")]
     pub(crate) drape: Option<Vec<String>>,
+    /// The bits of this scene after every line of every step, on one rank and on the others that --ranks says; prints the first
+    /// line that differs
+    #[arg(long, value_name = "SCENE", conflicts_with_all = ["hard", "drape", "integrator", "cases", "seeds", "json"])]
+    pub(crate) bits: Option<PathBuf>,
+    /// Ranks to compare, with threads of each as in 3x2
+    #[arg(long, value_name = "N", value_delimiter = ',', requires = "bits", default_value = "2,3,4,7,2x2")]
+    pub(crate) ranks: Vec<Layout>,
+    /// Last frame to compare; the scene's own when left out
+    #[arg(long, value_name = "FRAME", requires = "bits", allow_hyphen_values = true)]
+    pub(crate) last: Option<i64>,
+    /// Set a parameter or any key of the scene, as for `run`; repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting, requires = "bits")]
+    pub(crate) settings: Vec<(String, String)>,
     /// Integrator of the scenes of the hard cases
     #[arg(long, value_enum, value_name = "WORD", default_value_t = IntegratorChoice::SemiImplicit, conflicts_with = "drape")]
     pub(crate) integrator: IntegratorChoice,
