@@ -332,7 +332,7 @@ fn a_pin_draws_its_vertex_from_behind_cloth_without_a_blow() {
     }
     assert!(all.counted("pins_behind") > 0 && all.counted("collision_hits") > 0, "nothing was in its way");
     assert_eq!(positions(&simulation)[0], home, "it has arrived");
-    for level in ["retried_shorter", "retried_tighter", "retried_thinner", "steps_accepted"] {
+    for level in ["retried_shorter", "retried_tighter", "retried_thinner", "retried_held"] {
         assert_eq!(all.counted(level), 0, "{level}");
     }
 }

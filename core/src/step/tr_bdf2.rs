@@ -47,12 +47,9 @@ const U: f64 = W - 1.0;
 /// last is so for this step: it is put right in the next one.
 const MOST_ROUNDS: usize = 4;
 
-/// Solves of a stage in which the last has changed the distance of some pair by more than this, over its thickness: how hard it pushes is
-/// not known then. A step whose stages have not come nearer after all of them has gone wrong, and is taken back.
+/// Most solves of a stage in which the last has left a pair unsettled ([`StageArrays::unsettled`]) or has ended above its tolerance. A
+/// step whose stages have not come nearer after all of them has gone wrong, and is taken back.
 const MOST_ROUNDS_OF_PAIRS: usize = 8;
-
-/// See [`MOST_ROUNDS_OF_PAIRS`].
-const SETTLED_PAIR: f64 = 0.5;
 
 /// Fraction of what bodies give that may be wrong at the end of the first stage, of the second, and of that in B.5. What the
 /// earlier ones leave is looked at again in the later.
@@ -427,11 +424,12 @@ impl Stages<'_> {
             };
             total.solves += outcome.solves;
             total.iterations += outcome.iterations;
-            total.converged &= outcome.converged;
+            // What a round has left is the next one's.
+            total.converged = outcome.converged;
             total.finite &= outcome.finite;
             total.worse |= outcome.worse;
             let factors = [stage.share_of_pairs(), alpha];
-            let changed = note_solution(pairs, cg.pairs_mut().products(), factors) * at.dt;
+            note_solution(pairs, cg.pairs_mut().products(), factors);
             for ((v, x), change) in v.iter_mut().zip(x.iter_mut()).zip(&*change) {
                 *v += change;
                 *x += change * alpha;
@@ -440,10 +438,16 @@ impl Stages<'_> {
                 self.arrays.unconverged.fill(false);
                 break;
             }
-            let moved = self.parts_moved(rough);
-            let settled = round < MOST_ROUNDS || !parts.ranks().any(changed > SETTLED_PAIR);
-            if !total.finite || (round >= MOST_ROUNDS && settled) || round == MOST_ROUNDS_OF_PAIRS {
-                total.worse |= !settled;
+            let mut moved = self.parts_moved(rough);
+            if !outcome.converged {
+                moved.iter_mut().zip(&self.arrays.unconverged).for_each(|(moved, solved)| *moved |= solved);
+            }
+            let is_unsettled = round >= MOST_ROUNDS && parts.ranks().any(self.arrays.unsettled(at.dt).next().is_some());
+            let is_last = round >= MOST_ROUNDS && !is_unsettled && outcome.converged;
+            if !total.finite || is_last || round == MOST_ROUNDS_OF_PAIRS {
+                if is_unsettled {
+                    self.note_unsettled();
+                }
                 self.arrays.unconverged = moved;
                 break;
             }
@@ -454,6 +458,15 @@ impl Stages<'_> {
         }
         self.arrays.active = active;
         total
+    }
+
+    /// Notes that pairs of the stage are unsettled, and their own vertices.
+    fn note_unsettled(&mut self) {
+        let Some(contact) = &self.repulsion else { return };
+        let nodes = contact.nodes();
+        let of_pairs = self.arrays.unsettled(self.at.dt).flat_map(|pair| pair.nodes);
+        let own = of_pairs.filter(|node| nodes.is_own(*node)).map(|node| nodes.number(node)).collect();
+        self.arrays.unsettled_vertices.get_or_insert_default().append(&mut { own });
     }
 
     /// Another step of Newton's method: the forces and the matrix where a solve has come to, and modes of contacts that fit what
@@ -508,7 +521,13 @@ impl Step<'_> {
         for ((v_half, end), x) in scratch.v_half.iter_mut().zip(ends).zip(x) {
             *v_half = (end - x) / dt;
         }
-        outcomes.into_iter().for_each(|outcome| report.add(outcome, "B.1", parts, metrics));
+        let stop = self.settings.stop;
+        if let Some(arrays) = &mut scratch.stages {
+            for outcome in outcomes {
+                report.add(outcome, "B.1", (parts, metrics), || arrays.cg.unsolved(parts, stop));
+            }
+            arrays.report_unsettled(report);
+        }
         metrics.add_time("B.1 velocity".into(), watch.seconds(), 1);
     }
 
@@ -527,7 +546,11 @@ impl Step<'_> {
         let [x_new, v_star] = [&mut self.cloth.scratch.x_new, &mut self.cloth.scratch.v_star].map(std::mem::take);
         let outcome = self.stages().second_stage_again(&x_new, &v_star, met);
         (self.cloth.scratch.x_new, self.cloth.scratch.v_star) = (x_new, v_star);
-        self.report.add(outcome, "B.5", parts, self.metrics);
+        let Self { cloth, metrics, report, settings, .. } = self;
+        if let Some(arrays) = &mut cloth.scratch.stages {
+            report.add(outcome, "B.5", (parts, metrics), || arrays.cg.unsolved(parts, settings.stop));
+            arrays.report_unsettled(report);
+        }
         if let Some(contact) =
             self.contacts.cloth.as_ref().filter(|_| self.settings.variants.self_repulsion == RepulsionPlace::Solves)
         {

@@ -341,14 +341,13 @@ impl ActiveSet {
         found.is_ok_and(|at| self.contacts[at].mode != ContactMode::Free)
     }
 
-    /// Adds contacts of vertices that do not go with a body yet.
+    /// Adds contacts of vertices that do not go with a body yet, and drops those that are free: on every rank, also where nothing is
+    /// met, since parts with a contact are solved again.
     pub(crate) fn add(&mut self, parts: &Parts, met: Vec<ActiveContact>) {
         let mut all: Vec<ActiveContact> = met.into_iter().filter(|contact| !self.holds(contact.vertex)).collect();
-        if !all.is_empty() {
-            all.extend(self.contacts.iter().filter(|contact| contact.mode != ContactMode::Free));
-            all.sort_by_key(|contact| contact.vertex);
-            self.set(parts, all);
-        }
+        all.extend(self.contacts.iter().filter(|contact| contact.mode != ContactMode::Free));
+        all.sort_by_key(|contact| contact.vertex);
+        self.set(parts, all);
     }
 
     /// Puts what friction has turned round in the step to rest on its body.
