@@ -6,6 +6,7 @@ use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use drapery_core::Vec3;
+use drapery_core::metrics::Metrics;
 use drapery_core::observe::{LINES, LineChecksums, Observation, Tracepoint};
 use drapery_shot::ShotError;
 use drapery_shot::fault::Fault;
@@ -97,6 +98,8 @@ pub struct BitsCheck<'a> {
     /// Last frame that is simulated.
     last: Option<i64>,
     alone: Trace,
+    /// Counts of all frames on one rank.
+    metrics: Metrics,
 }
 
 impl<'a> BitsCheck<'a> {
@@ -105,8 +108,8 @@ impl<'a> BitsCheck<'a> {
     /// # Errors
     /// The scene cannot be read or started; the solver gives up.
     pub fn new(scene: &'a SceneSource, last: Option<i64>) -> Result<Self, Fault> {
-        let mut check = Self { scene, last, alone: Vec::new() };
-        check.alone = check.trace(Layout::ALONE, None)?;
+        let mut check = Self { scene, last, alone: Vec::new(), metrics: Metrics::default() };
+        (check.alone, check.metrics) = check.trace(Layout::ALONE, None)?;
         Ok(check)
     }
 
@@ -115,12 +118,17 @@ impl<'a> BitsCheck<'a> {
         self.alone.len()
     }
 
+    /// A count of all frames, such as `collision_hits`.
+    pub fn counted(&self, name: &str) -> u64 {
+        self.metrics.counted(name)
+    }
+
     /// The first line after which this layout has other bits, with the vertices that differ there.
     ///
     /// # Errors
     /// As [`BitsCheck::new`].
     pub fn compare(&self, layout: Layout) -> Result<Option<Difference>, Fault> {
-        let found = self.trace(layout, Some(&self.alone))?;
+        let (found, _) = self.trace(layout, Some(&self.alone))?;
         let differs = |(at, (a, b)): (usize, (&LineChecksums, &LineChecksums))| (a != b).then_some(at);
         let Some(at) = self.alone.iter().zip(&found).enumerate().find_map(differs) else {
             let shorter = self.alone.len().min(found.len());
@@ -147,10 +155,10 @@ impl<'a> BitsCheck<'a> {
     }
 
     /// The checksums of a run; with those `expected` it ends after the frame in which they first differ.
-    fn trace(&self, layout: Layout, expected: Option<&Trace>) -> Result<Trace, Fault> {
+    fn trace(&self, layout: Layout, expected: Option<&Trace>) -> Result<(Trace, Metrics), Fault> {
         let trace = Arc::new(Mutex::new(Trace::new()));
         let sink = Arc::clone(&trace);
-        self.simulate(layout, self.last, |shot| {
+        let metrics = self.simulate(layout, self.last, |shot| {
             shot.observe_checksums(Box::new(move |line| lock(&sink).push(line)));
             let trace = Arc::clone(&trace);
             let mut compared = 0;
@@ -161,7 +169,7 @@ impl<'a> BitsCheck<'a> {
                 expected.is_none_or(|expected| expected.get(begun..compared) == Some(&trace[begun..]))
             }
         })?;
-        Ok(std::mem::take(&mut lock(&trace)))
+        Ok((std::mem::take(&mut lock(&trace)), metrics))
     }
 
     /// The values after a line.
@@ -175,26 +183,29 @@ impl<'a> BitsCheck<'a> {
         Ok(lock(&found).take())
     }
 
-    /// Simulates the scene up to a frame, or to its last one, as long as what `observe` returns says so after a frame.
+    /// Simulates the scene up to a frame, or to its last one, as long as the function that `observe` returns says so after a frame.
+    /// Returns the counts of all frames.
     fn simulate<F: FnMut() -> bool>(
         &self,
         layout: Layout,
         last: Option<i64>,
         observe: impl FnOnce(&mut SteppedShot) -> F + Send,
-    ) -> Result<(), Fault> {
+    ) -> Result<Metrics, Fault> {
         let description = self.scene.read()?.resolve()?;
         on_local_ranks(layout.ranks, layout.threads, |ranks| {
             let mut shot = SteppedShot::start(ranks, description, 1)?;
-            let mut goes_on = observe(&mut shot);
+            let (mut goes_on, mut metrics) = (observe(&mut shot), Metrics::default());
             while shot.simulation().frame() < last.unwrap_or(shot.last_frame()) {
-                shot.next_frame(&mut || false)?;
+                // Without a request to stop every frame is done.
+                let Some(frame) = shot.next_frame(&mut || false)? else { break };
+                metrics.add(&frame.summary.metrics);
                 if !goes_on() {
                     break;
                 }
             }
-            Ok::<(), ShotError>(())
-        })?;
-        Ok(())
+            Ok::<Metrics, ShotError>(metrics)
+        })
+        .map_err(Fault::from)
     }
 }
 

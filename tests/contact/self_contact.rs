@@ -36,7 +36,7 @@ fn sheets(count: usize, cells: usize, dx: f64, gap: f64) -> SceneDescription {
     description
 }
 
-fn with_contact(mut description: SceneDescription) -> SceneDescription {
+pub(crate) fn with_contact(mut description: SceneDescription) -> SceneDescription {
     description.effects.push(EffectRequest::of_scene("self_repulsion"));
     description.effects.push(EffectRequest::of_scene("self_collision"));
     description
@@ -55,12 +55,17 @@ fn all_positions(simulation: &Simulation) -> Vec<Vec3> {
 
 /// Crossings among all garments with their vertices where they are written, in single precision.
 fn crossings_as_written(simulation: &Simulation) -> usize {
+    crossings_as_stored(simulation, |x| f64::from(x as f32))
+}
+
+/// Crossings among all garments with every component of their positions as `store` has it.
+pub(crate) fn crossings_as_stored(simulation: &Simulation, store: impl Fn(f64) -> f64) -> usize {
     let mut triangles = Vec::new();
     for (garment, mesh) in simulation.scene().meshes().iter().enumerate() {
         let first = simulation.scene().parts().garment(garment).start as u32;
         triangles.extend(mesh.triangles().iter().map(|t| t.map(|v| v + first)));
     }
-    let x: Vec<Vec3> = simulation.state().x.iter().map(|p| p.map(|c| f64::from(c as f32))).collect();
+    let x: Vec<Vec3> = simulation.state().x.iter().map(|p| p.map(&store)).collect();
     let box_of = |t: &[u32; 3]| t.iter().fold(Aabb::EMPTY, |b, &v| b.union(&Aabb::of_point(&x[v as usize])));
     let tree = Bvh::build(&triangles.iter().map(box_of).collect::<Vec<_>>());
     let owners = EdgeOwners::new(&triangles);
