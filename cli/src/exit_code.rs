@@ -11,6 +11,8 @@ pub(crate) enum ExitCode {
     Usage = FaultKind::Usage as u8,
     BadInput = FaultKind::BadInput as u8,
     MissingInput = FaultKind::MissingInput as u8,
+    #[cfg_attr(not(feature = "mpi"), expect(dead_code, reason = "there are no other ranks"))]
+    RankLost = 69,
     Internal = FaultKind::Internal as u8,
     NoMemory = FaultKind::NoMemory as u8,
     CannotCreate = FaultKind::CannotCreate as u8,
@@ -29,6 +31,7 @@ pub(crate) const TABLE: &str = "Exit codes:
    2  the command line could not be understood
   65  an input file holds data that cannot be used, or is no file
   66  an input file is missing
+  69  a rank of several was lost (machine, network): run the same command again on machines that answer
   70  internal error
   71  the machine has too little memory for the shot
   73  an output could not be created, or holds another run

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Arg, ArgAction, Command};
 
 /// Environment variables that the programs read, who reads them, and what they say.
-const VARIABLES: [(&str, &str); 17] = [
+const VARIABLES: [(&str, &str); 18] = [
     ("DRAPERY_CONFIG", "the [site file](config.md), as `--config` does"),
     ("DRAPERY_MATERIALS", "folders of [material files](config.md), as `--materials` does"),
     ("DRAPERY_PROGRESS", "how progress is reported, as `--progress` does"),
@@ -16,6 +16,11 @@ const VARIABLES: [(&str, &str); 17] = [
         "what is logged, in the words of `tracing`: `info`, `debug`, `drapery_core=trace`; overrides `--verbose`",
     ),
     ("DRAPERY_STOP_AT", "when the run is to have stopped at a checkpoint, in seconds since 1970"),
+    (
+        "DRAPERY_RANK_TIMEOUT",
+        "silence of another rank after which it counts as lost (machine or network down, process frozen), as in `2m`; 30 s without it, \
+         0 for no heartbeats; that of rank 0 counts",
+    ),
     ("DRAPERY_THREADS", "threads of each process, as `--threads` does; the first of the four that is set counts"),
     ("OMP_NUM_THREADS", "the same; of a list the first number"),
     ("CUE_THREADS", "the same, set by OpenCue"),

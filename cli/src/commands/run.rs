@@ -18,7 +18,7 @@ use crate::exit_code::ExitCode;
 use crate::failure::Failure;
 use crate::log::{self, FolderLogs};
 use crate::progress::{Progress, duration};
-use crate::ranks::launcher;
+use crate::ranks::{self, launcher};
 use crate::signals::Unasked;
 use crate::{Ended, plan, say, signals};
 
@@ -141,6 +141,7 @@ fn run_shot(
         dump: args.dump.clone(),
     };
     watcher.progress = Some(Progress::new(watcher.style, watcher.quiet, shot.frame_count()));
+    ranks::writes_into(&options.out);
     Ok(shot.run(&options, watcher)?)
 }
 

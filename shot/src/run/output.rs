@@ -30,7 +30,7 @@ use crate::run::options::RunOptions;
 use crate::run::rewritten::NewForm;
 use crate::run::totals::Totals;
 use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, ManifestGarment, listed_layers};
-use crate::run_record::writer::{RunRecord, counts, digests_record, stages};
+use crate::run_record::writer::{RunRecord, counts, digests_record, failure_record, stages};
 use crate::run_record::{MANIFEST, RESOLVED};
 use crate::shot::Shot;
 
@@ -388,8 +388,7 @@ impl Output {
     /// Says that the run ended early, and why. The caches keep the frames before.
     pub(super) fn fail(&mut self, error: &ShotError) -> Result<(), IoError> {
         self.manifest.error = Some(error.to_string());
-        let end = json!({"record": "end", "state": "failed", "error": error.to_string()});
-        self.end("failed", "failed", &end)
+        self.end("failed", "failed", &failure_record(&error.to_string()))
     }
 
     fn end(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {

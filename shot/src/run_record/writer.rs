@@ -105,6 +105,23 @@ impl RunRecord {
     }
 }
 
+/// How a run ends that fails.
+pub(crate) fn failure_record(error: &str) -> Value {
+    json!({"record": "end", "state": "failed", "error": error})
+}
+
+/// Appends to the record in `folder` that the run failed, while another thread may have it open and will write no more.
+///
+/// # Errors
+/// The record is not there, or the disk refuses.
+pub(crate) fn record_failure(folder: &Path, error: &str) -> Result<(), IoError> {
+    let path = folder.join(RECORD);
+    let file = OpenOptions::new().read(true).append(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
+    let mut record = RunRecord { path, file };
+    record.end_half_line()?;
+    record.line(&failure_record(error))
+}
+
 /// The frame at which the simulation starts: nothing is simulated, `counts` holds what its writing counted.
 pub(crate) fn start_record(frame: i64, spent: &Metrics, seconds: f64) -> Value {
     json!({"record": "start", "frame": frame, "seconds": seconds, "counts": counts(spent)})
