@@ -113,7 +113,8 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
-    /// Settings that `drapery study --write-preset` has written; --set overrides them
+    /// File of settings that `drapery study --write-preset` has written; --set overrides them. A preset of the solver is set
+    /// by --set solver.preset=production
     #[arg(long, value_name = "FILE")]
     pub(crate) preset: Option<PathBuf>,
     /// Effects to leave out, for example wind,self_collision; replaces `effects.without` of the scene

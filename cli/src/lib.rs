@@ -137,7 +137,7 @@ pub fn pass_answers() {
 fn explain(message: &clap::Error, words: &[OsString]) {
     let printed = message.print();
     if !message.use_stderr() {
-        say::note_loss(printed);
+        say::note_loss(say::STANDARD_OUTPUT, printed);
     }
     if message.kind() == ErrorKind::InvalidUtf8 {
         let wrong = words.iter().filter(|word| word.to_str().is_none());

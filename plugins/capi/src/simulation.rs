@@ -118,7 +118,7 @@ pub unsafe extern "C" fn drapery_simulation_new(
 }
 
 /// Frees a simulation, and with it all arrays that were looked at. Returns DRAPERY_USAGE for what is no handle of a simulation,
-/// or was freed before, and leaves it alone; null is allowed.
+/// was freed before, or is used by a call that has not returned (a callback asks within one), and leaves it alone; null is allowed.
 #[unsafe(no_mangle)]
 pub extern "C" fn drapery_simulation_free(simulation: *mut drapery_simulation) -> i32 {
     freed(simulation, |object| matches!(object, Object::Simulation(_)))
@@ -196,7 +196,7 @@ pub unsafe extern "C" fn drapery_simulation_fps(
 /// up, as many as the mesh has. All is copied. The body moves there on straight lines and stays until it is put elsewhere: the
 /// scene no longer moves it.
 ///
-/// Errors: there is no such body, or it is an analytic shape; points are missing, or are no place, with the vertex; a frame was
+/// Errors: there is no such body (DRAPERY_USAGE), or it is an analytic shape; points are missing, or are no place, with the vertex; a frame was
 /// cancelled on the way and is not finished.
 ///
 /// # Safety

@@ -10,6 +10,7 @@ use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
 use drapery_io::checkpoint::{FORMAT_VERSION, Head};
 use drapery_io::error::IoError;
+use drapery_io::duration::utc;
 use drapery_io::input_file;
 use serde_json::json;
 
@@ -77,7 +78,7 @@ impl Shot {
             files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;
         }
         let fingerprint = self.fingerprint()?;
-        let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
+        let earlier = Earlier::unless_replaced(options)?;
         let (mut notes, mut changed) = (Vec::new(), Vec::new());
         if let Some(earlier) = &earlier {
             changed = resume::changes(earlier, &options.out, &fingerprint, &mut |text| notes.push(text));
@@ -170,7 +171,7 @@ impl<'a> Run<'a> {
         let out = &options.out;
         let Held { owner, lock, attempt, store } = Held::take(options, notes, observer)?;
         // Read again under the lock: another run may have gone on in the meantime.
-        let earlier = Earlier::read(out).filter(|_| !options.overwrite);
+        let earlier = Earlier::unless_replaced(options)?;
         let record = earlier.as_ref().map(|_| Record::read(&out.join(RECORD))).transpose()?;
         let note = &mut |text| observer.note(text);
         let mut found = resume::decide(&shot, options, (record.as_ref(), &fingerprint), &store, note)?;
@@ -199,6 +200,7 @@ impl<'a> Run<'a> {
             attempt: attempt.number,
             host: owner.host.clone(),
             pid: owner.pid,
+            began: utc(SystemTime::now()),
             threads: options.threads,
             ranks: shot.remote_simulation.ranks().count(),
             first_frame: found.as_ref().map_or(shot.about.timeline.start, |found| found.checkpoint.head.frame + 1),

@@ -249,6 +249,7 @@ impl Output {
 
     /// Brings the caches to the disk; returns what they are then, and the length of the record.
     pub(super) fn mark(&mut self) -> Result<(Vec<CacheMark>, u64), IoError> {
+        self.record.check()?;
         for writer in self.writers.iter_mut().flatten() {
             writer.sync()?;
         }
@@ -367,6 +368,8 @@ impl Output {
 
     /// Brings everything to the disk and says that the run is complete.
     pub(super) fn finish(&mut self, totals: &Totals, frames: u64) -> Result<(), IoError> {
+        // They are small: one that another program has removed is put back.
+        self.write_layers(self.manifest.last_complete_frame)?;
         self.write_single()?;
         let end = json!({
             "record": "end",
@@ -388,14 +391,21 @@ impl Output {
     /// Says that the run ended early, and why. The caches keep the frames before.
     pub(super) fn fail(&mut self, error: &ShotError) -> Result<(), IoError> {
         self.manifest.error = Some(error.to_string());
+        // One of them may be what failed; the others are brought to the disk all the same.
+        self.writers.iter_mut().flatten().for_each(|writer| _ = writer.finish());
         let end = json!({"record": "end", "state": "failed", "error": error.to_string()});
-        self.end("failed", "failed", &end)
+        self.close("failed", "failed", &end)
     }
 
     fn end(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
         for writer in self.writers.iter_mut().flatten() {
             writer.finish()?;
         }
+        self.record.check()?;
+        self.close(state, how, record)
+    }
+
+    fn close(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
         self.record.line(record)?;
         self.manifest.state = state.into();
         if let Some(attempt) = self.manifest.attempts.last_mut() {
@@ -527,6 +537,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
             name: name.to_owned(),
             object_path: plan.object_path(),
             points: plan.mesh.point_count(),
+            material: about.materials.get(index).cloned().flatten(),
             render_mesh_of,
             files: planned.iter().filter(|cache| cache.object == index).map(|cache| file_name(&cache.path)).collect(),
         }
