@@ -166,8 +166,9 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
     // A run has its own lines.
     let prepares = matches!(cli.command, Command::Check(_) | Command::Plan(_));
     let _patience = (prepares && !cli.log.quiet).then(Patience::start);
+    let loudness = (cli.log.quiet, cli.log.verbose > 0);
     let code = match &cli.command {
-        Command::Run(args) => return commands::run::run(args, ranks, around(), cli.log.quiet, &logs),
+        Command::Run(args) => return commands::run::run(args, ranks, around(), loudness, &logs),
         Command::Check(args) => commands::check::check(args, &around()?),
         Command::Plan(args) => commands::plan::plan(args, &around()?),
         Command::Info(args) => commands::info::info(&args.file),

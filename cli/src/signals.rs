@@ -131,7 +131,8 @@ mod tests {
     #[test]
     fn signals_become_requests_and_the_process_lives_on() {
         let unasked = Unasked { code: 75, by_term: false, command: "drapery run".to_owned() };
-        for (number, signal) in HEARD {
+        // Whoever has started the tests may have asked for some to be ignored.
+        for (number, signal) in HEARD.into_iter().filter(|(number, _)| *number != SIGHUP || !is_ignored(SIGHUP)) {
             let requests = StopRequests::default();
             // A run that has begun to step.
             assert_eq!(requests.poll(SystemTime::now()), None);

@@ -51,6 +51,86 @@ mod tests {
     use std::io::Write;
 
     use super::*;
+    use crate::cache::{CacheFrame, CachePlan, CacheWriter};
+    use crate::error::IoErrorKind;
+    use crate::formats::by_extension;
+    use crate::garment_mesh::GarmentMesh;
+    use crate::mesh_data::MeshData;
+    use crate::units::Units;
+    use drapery_core::Vec3;
+    use drapery_core::mesh::PolygonMesh;
+    use drapery_core::scene::Timeline;
+
+    const FORMATS: &[&str] = if cfg!(feature = "usd") { &["abc", "h5", "usd"] } else { &["abc", "h5"] };
+
+    /// A cache of which two frames are written, in a folder that it has for itself.
+    fn begun(folder: &Path, extension: &str) -> (Box<dyn CacheWriter>, std::path::PathBuf) {
+        let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y()];
+        let mesh = GarmentMesh::kept(MeshData::new(PolygonMesh::from_triangles(points, &[[0, 1, 2]])));
+        let plan = CachePlan {
+            sub_frames: &[],
+            garment: "sheet",
+            mesh: &mesh,
+            units: Units::SI,
+            origin: Vec3::zeros(),
+            timeline: Timeline::default(),
+            first_frame: 1,
+            last_frame: 9,
+            velocities: false,
+            normals: false,
+            crossings: false,
+        };
+        let path = folder.join(format!("sheet.{extension}"));
+        let create = by_extension(extension).and_then(|format| format.create).expect("caches are written");
+        let mut writer = create(&path, &plan).unwrap();
+        (1..=2).for_each(|frame| write(writer.as_mut(), frame).unwrap());
+        (writer, path)
+    }
+
+    fn write(writer: &mut dyn CacheWriter, frame: i64) -> Result<(), IoError> {
+        let positions = [[0.0, frame as f32, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]];
+        let (positions, none): (&[[f32; 3]], &[[f32; 3]]) = (&positions, &[]);
+        writer.write(&CacheFrame { frame, sub_frame: 0, positions, velocities: none, normals: none, crossings: None })
+    }
+
+    #[test]
+    fn a_cache_that_is_removed_or_cut_is_missed_by_the_next_frame_at_a_checkpoint_and_at_the_end() {
+        type Step = fn(&mut dyn CacheWriter) -> Result<(), IoError>;
+        let steps: [(&str, Step); 3] =
+            [("frame", |writer| write(writer, 3)), ("checkpoint", |w| w.sync()), ("end", |w| w.finish())];
+        let harms: [(&str, fn(&Path)); 2] = [
+            ("removed this file", |path| fs::remove_file(path).unwrap()),
+            ("cut this file", |path| File::options().write(true).open(path).unwrap().set_len(5).unwrap()),
+        ];
+        for extension in FORMATS {
+            for (when, step) in steps {
+                for (what, harm) in harms {
+                    let folder = tempfile::tempdir().unwrap();
+                    let (mut writer, path) = begun(folder.path(), extension);
+                    harm(&path);
+                    let error = step(writer.as_mut()).expect_err(&format!("{extension}, {when}, {what}"));
+                    assert_eq!(error.kind(), IoErrorKind::Io, "{error}");
+                    let words = error.to_string();
+                    assert!(words.contains(what) && words.contains(&format!("sheet.{extension}")), "{when}: {words}");
+                }
+                // Left alone, it is as it should be.
+                let folder = tempfile::tempdir().unwrap();
+                step(begun(folder.path(), extension).0.as_mut()).unwrap();
+            }
+        }
+    }
+
+    #[cfg(feature = "usd")]
+    #[test]
+    fn a_clip_that_is_removed_is_missed_at_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut writer, path) = begun(folder.path(), "usd");
+        let clips = fs::read_dir(path.with_extension("clips")).unwrap().next().unwrap().unwrap().path();
+        let clip = fs::read_dir(clips).unwrap().map(|entry| entry.unwrap().path());
+        let clip = clip.filter(|path| path.extension().is_some_and(|e| e == "usdc")).min().expect("a clip");
+        fs::remove_file(&clip).unwrap();
+        assert!(writer.finish().unwrap_err().to_string().contains("has removed this file"), "{}", clip.display());
+    }
 
     #[test]
     fn a_file_that_is_removed_replaced_or_cut_is_named_with_what_has_happened() {

@@ -206,7 +206,10 @@ mod tests {
         run.record.frames[0].counts.insert("retried_shorter".into(), 3);
         run.record.frames[0].recoveries = vec![event("retried_shorter")];
         let mended = page(&run);
-        assert!(mended.contains("every limit is kept") && mended.contains("all mended, first in frame 1001"), "{mended}");
+        assert!(
+            mended.contains("every limit is kept") && mended.contains("all mended, first in frame 1001"),
+            "{mended}"
+        );
         assert!(mended.contains("<code>retried_shorter</code>") && mended.contains("solve diverged"), "{mended}");
         // What was accepted in spite of it is a degradation, also where only its event is there.
         run.record.frames[1].recoveries = vec![event("steps_accepted")];
@@ -219,7 +222,8 @@ mod tests {
         use drapery_shot::run_record::manifest::{AttemptRecord, ManifestGarment};
         let of = |material: &str| {
             let mut run = run(2);
-            let garment = ManifestGarment { name: "sheet".into(), material: Some(material.into()), ..Default::default() };
+            let garment =
+                ManifestGarment { name: "sheet".into(), material: Some(material.into()), ..Default::default() };
             run.manifest.garments = vec![garment];
             run.manifest.command = Some(format!("drapery run s.toml --set fabric={material}"));
             run.manifest.state = "done".into();
@@ -228,7 +232,10 @@ mod tests {
             page(&run)
         };
         let (silk, wool) = (of("silk_light"), of("wool"));
-        assert!(silk.contains(", silk_light: Drapery run</title>") && wool.contains(", wool: Drapery run</title>"), "{silk}");
+        assert!(
+            silk.contains(", silk_light: Drapery run</title>") && wool.contains(", wool: Drapery run</title>"),
+            "{silk}"
+        );
         assert!(silk.contains("--set fabric=silk_light") && silk.contains("2026-05-04 09:30:00 UTC"), "{silk}");
     }
 

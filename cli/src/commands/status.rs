@@ -55,7 +55,8 @@ fn text(status: &Status, folder: &Path) -> String {
         line("", format!("{name} {count}, first in frame {first}, most in frame {worst}: {meaning}"));
     }
     if status.steps_tried_again > 0 {
-        let how_often = format!("{} attempts at steps that went wrong, with success in the end", status.steps_tried_again);
+        let how_often =
+            format!("{} attempts at steps that went wrong, with success in the end", status.steps_tried_again);
         line("tried again", how_often);
     }
     if !status.uncounted.is_empty() {

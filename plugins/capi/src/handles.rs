@@ -132,7 +132,11 @@ fn is_locked<T>(object: &Mutex<T>) -> bool {
 pub(crate) fn free<H>(handle: *mut H, is: fn(&Object) -> bool) -> bool {
     let mut table = table();
     let number = handle.addr();
-    let freed = if table.objects.get(&number).is_some_and(|object| is(object) && !object.is_used()) { table.objects.remove(&number) } else { None };
+    let freed = if table.objects.get(&number).is_some_and(|object| is(object) && !object.is_used()) {
+        table.objects.remove(&number)
+    } else {
+        None
+    };
     // Its memory is given back when others may already use the table.
     drop(table);
     freed.is_some()

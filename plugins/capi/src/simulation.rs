@@ -220,7 +220,8 @@ pub unsafe extern "C" fn drapery_simulation_move_body(
 }
 
 /// Simulates up to the next frame, or until `cancel` says so; null never does. Arrays that were looked at before are gone. Returns
-/// DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes with the bits of a frame that never was.
+/// DRAPERY_CANCELLED, without an error, where it was cancelled: called again, it resumes, and the result equals that of a frame that
+/// was never cancelled, bit for bit.
 ///
 /// Errors: the last frame of the shot is reached; an input breaks; the solver gives up, which leaves the last good state.
 ///

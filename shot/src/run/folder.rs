@@ -130,7 +130,7 @@ impl Held {
         let lock = RunLock::take(out, &owner, options.steal_lock, SystemTime::now())?;
         let attempt = Attempt::next(out)?;
         observer.logs(attempt.open()?);
-        notes.into_iter().for_each(|note| observer.note(note));
+        notes.into_iter().for_each(|note| observer.accepted(note));
         if let Some(former) = lock.former() {
             observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
         }

@@ -9,8 +9,8 @@ use drapery_core::error::StepError;
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
 use drapery_io::checkpoint::{FORMAT_VERSION, Head};
-use drapery_io::error::IoError;
 use drapery_io::duration::utc;
+use drapery_io::error::IoError;
 use drapery_io::input_file;
 use serde_json::json;
 
@@ -28,7 +28,9 @@ use crate::run::dump::{self, Dump};
 use crate::run::folder::{Earlier, Held, files_of_run};
 use crate::run::observer::{FrameReport, Observer, Outcome, RunReport};
 use crate::run::options::{Resume, RunOptions};
-use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, planned_outputs, refuse_inputs};
+use crate::run::output::{
+    From, Output, Start, manifest_checkpoint, planned_files, planned_layers, planned_outputs, refuse_inputs,
+};
 use crate::run::totals::{Partial, Totals};
 use crate::run::{bundle, resume};
 use crate::run_record::RECORD;
@@ -125,6 +127,7 @@ impl Shot {
             seconds: 0.0,
             frames: self.delivered_frames(),
             files: planned_files(self, &options.out).into_iter().chain(self.single_layer(&options.out)).collect(),
+            layers: planned_layers(self, &options.out),
             exceeded,
             uncounted,
             ranks: self.remote_simulation.ranks().count(),
@@ -463,6 +466,7 @@ impl<'a> Run<'a> {
             seconds: self.totals.seconds,
             frames,
             files: self.output.files(),
+            layers: self.output.layer_files(),
             exceeded: self.counted.exceeded,
             uncounted: self.counted.uncounted,
             ranks: self.shot.remote_simulation.ranks().count(),

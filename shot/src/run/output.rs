@@ -195,6 +195,11 @@ impl Output {
         caches.chain(self.single.clone().filter(|path| path.is_file())).collect()
     }
 
+    /// The files over the caches of all garments of a format.
+    pub(super) fn layer_files(&self) -> Vec<PathBuf> {
+        self.layers.iter().map(|layer| layer.path.clone()).filter(|path| path.is_file()).collect()
+    }
+
     /// Writes the state of the simulation as a frame of every cache, then tells the manifest; returns digests of what was written.
     pub(super) fn write_frame(
         &mut self,
@@ -457,6 +462,11 @@ pub(super) fn planned_outputs(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     let planned = planned(shot, folder);
     let over = layers(shot, &planned, folder).into_iter().map(|layer| layer.path);
     paths(&planned).into_iter().chain(over).chain(shot.single_layer(folder)).collect()
+}
+
+/// The files over the caches of all garments of a format that a shot writes into a folder.
+pub(super) fn planned_layers(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
+    layers(shot, &planned(shot, folder), folder).into_iter().map(|layer| layer.path).collect()
 }
 
 /// The caches that a shot writes into a folder.
