@@ -196,8 +196,8 @@ pub unsafe extern "C" fn drapery_simulation_fps(
 /// up, as many as the mesh has. All is copied. The body moves there on straight lines and stays until it is put elsewhere: the
 /// scene no longer moves it.
 ///
-/// Errors: there is no such body (DRAPERY_USAGE), or it is an analytic shape; points are missing, or are no place, with the vertex; a frame was
-/// cancelled on the way and is not finished.
+/// Errors: there is no such body (DRAPERY_USAGE), or it is an analytic shape; points are missing, or are no place, with the vertex;
+/// a frame was cancelled on the way and is not finished.
 ///
 /// # Safety
 /// The array is as long as it says; `error` is the address of a pointer or null.
