@@ -59,7 +59,7 @@ pub(crate) fn parse(invocation: &Invocation) -> Result<Cli, clap::Error> {
 /// What is logged, and where.
 #[derive(Debug, Args)]
 pub(crate) struct LogArgs {
-    /// Say more (twice: everything)
+    /// Say more (twice: everything); at the end of a run, where the time went and what was counted
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub(crate) verbose: u8,
     /// Say nothing but errors
@@ -98,7 +98,7 @@ pub(crate) enum Command {
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// List the materials: presets, and those in files
-    Materials(MaterialsArgs),
+    Materials(ListArgs),
     /// Test this build: what it has to withstand
     Selftest(SelftestArgs),
 }
@@ -114,7 +114,8 @@ pub(crate) struct SceneArgs {
     /// Set a parameter or any key of the scene, for example resolution=80 or solver.cfl=0.5; repeatable
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_setting)]
     pub(crate) settings: Vec<(String, String)>,
-    /// Settings that `drapery study --write-preset` has written; --set overrides them
+    /// File of settings that `drapery study --write-preset` has written; --set overrides them. A preset of the solver is set
+    /// by --set solver.preset=production
     #[arg(long, value_name = "FILE")]
     pub(crate) preset: Option<PathBuf>,
     /// Effects to leave out, for example wind,self_collision; replaces `effects.without` of the scene
@@ -137,6 +138,18 @@ pub(crate) struct MaterialsArgs {
     /// Folders of material files, as in A:B [default: DRAPERY_MATERIALS, or the site file]
     #[arg(long, value_name = "DIRS")]
     pub(crate) materials: Option<OsString>,
+}
+
+/// Arguments of `materials`.
+#[derive(Debug, Args)]
+pub(crate) struct ListArgs {
+    /// The material to show; all of them when left out
+    pub(crate) name: Option<String>,
+    #[command(flatten)]
+    pub(crate) materials: MaterialsArgs,
+    /// Print JSON, in SI units
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// How a run is made; nothing here changes a result.

@@ -147,7 +147,7 @@ pub fn pass_answers() {
 fn explain(message: &clap::Error, words: &[OsString]) {
     let printed = message.print();
     if !message.use_stderr() {
-        say::note_loss(printed);
+        say::note_loss(say::STANDARD_OUTPUT, printed);
     }
     if message.kind() == ErrorKind::InvalidUtf8 {
         let wrong = words.iter().filter(|word| word.to_str().is_none());
@@ -176,8 +176,9 @@ fn dispatch(cli: &Cli, ranks: &Ranks) -> Result<Ended, Failure> {
     // A run has its own lines.
     let prepares = matches!(cli.command, Command::Check(_) | Command::Plan(_));
     let _patience = (prepares && !cli.log.quiet).then(Patience::start);
+    let loudness = (cli.log.quiet, cli.log.verbose > 0);
     let code = match &cli.command {
-        Command::Run(args) => return commands::run::run(args, ranks, around(), cli.log.quiet, &logs),
+        Command::Run(args) => return commands::run::run(args, ranks, around(), loudness, &logs),
         Command::Check(args) => commands::check::check(args, &around()?),
         Command::Plan(args) => commands::plan::plan(args, &around()?),
         Command::Info(args) => commands::info::info(&args.file),

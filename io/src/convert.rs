@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use drapery_core::Vec3;
 use drapery_core::scene::Timeline;
 
+use crate::atomic_file::{check_name, put};
 use crate::cache::{CacheFrame, CachePlan};
 use crate::cache_frames::{CacheFrames, rates};
 use crate::error::IoError;
@@ -192,7 +193,7 @@ fn refuse_target(conversion: &Conversion) -> Result<(), IoError> {
     if let Some(path) = taken.filter(|_| !conversion.overwrite) {
         return Err(IoError::FileExists { path });
     }
-    Ok(())
+    check_name(to)
 }
 
 /// The mesh of this path, or the only one.
@@ -277,7 +278,7 @@ impl Work<'_> {
         let written = self.frames(samples, &mut write).and_then(|()| writer.finish());
         let mut mark = writer.mark();
         drop(writer);
-        let placed = written.and_then(|()| fs::rename(&aside, to).map_err(|e| IoError::writing(to, e)));
+        let placed = written.and_then(|()| put(&aside, to));
         if let Err(error) = placed {
             // Half a cache would only confuse; if it cannot be removed either, the first error says why.
             let _ = fs::remove_file(&aside);

@@ -45,3 +45,4 @@ pub mod shot_description;
 pub mod site_file;
 pub mod units;
 pub mod wind_file;
+pub mod written_file;

@@ -22,6 +22,23 @@ pub const LIMITS: &[(&str, &str)] = &[
     ("body_pinched", "vertices pinched between bodies from both sides, inside of one of them"),
 ];
 
+/// Counts of what is tried, one after the other, when a step goes wrong, and in words. Those that are [`LIMITS`] too leave a mark in
+/// the result; steps that the others have mended are as good as any.
+pub const RETRIES: &[(&str, &str)] = &[
+    ("retried_shorter", "tried again with half the time step"),
+    ("retried_tighter", "tried again with tighter solves"),
+    ("retried_more_attempts", "tried again with more attempts to resolve collisions"),
+    ("retried_zones", "tried again with impact zones at once"),
+    ("retried_thinner", "tried again without repulsions around the vertices concerned"),
+    ("retried_held", "tried again with the vertices concerned held in place"),
+    ("steps_accepted", "accepted as it was"),
+];
+
+/// Whether a count is one that a result answers for.
+pub fn is_limit(name: &str) -> bool {
+    LIMITS.iter().any(|(limit, _)| *limit == name)
+}
+
 /// Name of the count of crossings in the positions that the caches store.
 pub(crate) const CROSSINGS_WRITTEN: &str = "crossings_written";
 
@@ -62,6 +79,12 @@ pub fn watch(exceeded: &mut Vec<Exceeded>, frame: i64, counted: impl Fn(&str) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_tried_against_a_failure_ends_with_what_a_result_answers_for() {
+        let limits: Vec<&str> = RETRIES.iter().map(|(name, _)| *name).filter(|name| is_limit(name)).collect();
+        assert_eq!(limits, ["retried_held", "steps_accepted"]);
+    }
 
     #[test]
     fn the_first_frame_and_the_total_of_each_limit_are_kept() {

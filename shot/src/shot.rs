@@ -54,6 +54,8 @@ pub(crate) struct About {
     pub(crate) last_frame: i64,
     /// Names of the garments.
     pub(crate) garments: Vec<String>,
+    /// Names of their materials; `None` where the scene names none.
+    pub(crate) materials: Vec<Option<String>>,
     /// Whether the scene promises cloth without crossings.
     pub(crate) keeps_free: bool,
     pub(crate) output: OutputDescription,
@@ -98,7 +100,7 @@ impl Shot {
     ) -> Result<Self, ShotError> {
         let ShotDescription { scene, bodies, tracks, wind, garments, render_meshes, preroll, output, .. } = description;
         let mut warnings = description.warnings;
-        let last_frame = last_frame(description.frames, frames, &mut warnings)?;
+        let last_frame = last_frame(description.frames, frames)?;
         let timeline = scene.timeline;
         let first_frame = if output.preroll { timeline.start } else { timeline.origin };
         let sub_frames = (output.sub_frames.clone(), first_frame);
@@ -118,6 +120,7 @@ impl Shot {
             first_frame,
             last_frame,
             garments: scene.garments.iter().map(|garment| garment.name.clone()).collect(),
+            materials: check.fabrics.iter().map(|fabric| fabric.as_ref().map(|fabric| fabric.name.clone())).collect(),
             keeps_free: scene.effects.iter().any(|request| request.effect == self_collision::SPEC.name),
             output,
             resolved: description.resolved,
@@ -256,23 +259,29 @@ impl Shot {
     }
 }
 
-/// The last frame of a run. A range that ends after the scene's own is cut; one that starts elsewhere is refused.
-fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>, warnings: &mut Vec<String>) -> Result<i64, ShotError> {
+/// The last frame of a run. A range that starts elsewhere than the scene's own or ends after it is refused: whoever asks for frames
+/// that are not delivered has to hear of it.
+fn last_frame(scene: [i64; 2], asked: Option<[i64; 2]>) -> Result<i64, ShotError> {
     let [scene_first, scene_last] = scene;
     let Some([first, last]) = asked else {
         return Ok(scene_last);
     };
-    if first > scene_first || last < scene_first {
+    if first != scene_first || last < scene_first {
         return Err(ShotError::Frames(format!(
             "frames {first}-{last}: cloth depends on the frames before, so a run starts at frame {scene_first}\n  \
-             help: ask for {scene_first}-{}, and take what you need of it",
+             help: ask for {scene_first}-{}, and take what you need of it; other frames of the scene are set by \
+             --set shot.frames=A-B",
             last.clamp(scene_first, scene_last.max(scene_first))
         )));
     }
-    if first < scene_first || last > scene_last {
-        warnings.push(format!("frames {first}-{last} are cut to those of the shot, {scene_first}-{scene_last}"));
+    if last > scene_last {
+        return Err(ShotError::Frames(format!(
+            "frames {first}-{last}: the shot ends at frame {scene_last}\n  \
+             help: ask for {scene_first}-{scene_last}; if the scene is to be longer and its inputs are, make it so with \
+             --set shot.frames={first}-{last}"
+        )));
     }
-    Ok(last.min(scene_last))
+    Ok(last)
 }
 
 #[cfg(test)]
@@ -280,15 +289,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_range_is_cut_at_its_ends_but_always_starts_at_the_first_frame() {
-        let mut warnings = Vec::new();
-        assert_eq!(last_frame([1001, 1100], None, &mut warnings).unwrap(), 1100);
-        assert_eq!(last_frame([1001, 1100], Some([1001, 1010]), &mut warnings).unwrap(), 1010);
-        assert!(warnings.is_empty());
-        assert_eq!(last_frame([1001, 1100], Some([990, 1200]), &mut warnings).unwrap(), 1100);
-        assert_eq!(warnings.len(), 1);
-        let late = last_frame([1001, 1100], Some([1050, 1060]), &mut warnings).unwrap_err();
-        assert!(late.to_string().contains("1001-1060"), "{late}");
-        assert!(last_frame([1001, 1100], Some([900, 950]), &mut warnings).is_err());
+    fn a_range_starts_at_the_first_frame_and_asks_for_no_frame_that_the_shot_does_not_have() {
+        let of = |asked| last_frame([1001, 1100], asked);
+        let refused = |asked| of(Some(asked)).unwrap_err().to_string();
+        assert_eq!(of(None).unwrap(), 1100);
+        assert_eq!(of(Some([1001, 1010])).unwrap(), 1010);
+        assert_eq!(of(Some([1001, 1100])).unwrap(), 1100);
+        let long = refused([1001, 1200]);
+        assert!(long.contains("the shot ends at frame 1100") && long.contains("shot.frames=1001-1200"), "{long}");
+        let late = refused([1050, 1060]);
+        assert!(late.contains("1001-1060"), "{late}");
+        let early = refused([990, 1010]);
+        assert!(early.contains("starts at frame 1001") && early.contains("ask for 1001-1010"), "{early}");
+        assert!(of(Some([900, 950])).is_err());
     }
 }

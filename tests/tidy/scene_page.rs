@@ -40,7 +40,7 @@ the structs that read the rest (`io/src/scene_file/raw/mod.rs`); change it there
 times are in metres, metres per second and seconds with Y up; `[units]` are those of the mesh files. Where a key takes a
 number or a text, the text is a number with its unit (\"2 mm\", \"150 g/m²\"). Ranges are in the key's SI unit, both ends
 included; a number outside is an error that names the line. Any value may be \"$name\", which takes the
-parameter `name`. A key that is not here is an error that names the line and the nearest right word. Files are looked for
+parameter `name`. An unknown key is an error that names the line and suggests the right word. Files are looked for
 from the folder of the scene file.
 ";
 

@@ -15,7 +15,7 @@ WARN frame_rate: body \"hero\": hero.abc: the file says 24 frames per second, an
   help: write fps = \"24\" in [shot]
 ```
 
-A scene that means it so silences the rule; a name that is none is an error with the nearest right one. What is silenced changes
+A scene that means it so silences the rule; an unknown name is an error, with a suggestion. What is silenced changes
 no result, and a run starts all the same:
 
 ```toml

@@ -52,7 +52,8 @@ fn as_text(shot: &Shot, threads: &Resolved<usize>, said: &[Provenance], costs: O
     let timeline = shot.timeline();
     let [first, last] = shot.frames();
     let (numerator, denominator) = (timeline.fps_numerator, timeline.fps_denominator);
-    let mut text = format!("shot {}: frames {first}-{last} at {numerator}/{denominator} fps\n", shot.name());
+    let rate = if denominator == 1 { numerator.to_string() } else { format!("{numerator}/{denominator}") };
+    let mut text = format!("shot {}: frames {first}-{last} at {rate} fps\n", shot.name());
     if timeline.start < first {
         text += &format!("pre-roll: {} frames from frame {}\n", first - timeline.start, timeline.start);
     }

@@ -146,7 +146,7 @@ fn the_plan_says_what_runs_and_why() {
     let folder = folder_with(SHEET);
     let text = drapery(folder.path(), &["plan", "scene.toml", "--threads", "3"]).stdout;
     for part in
-        ["frames 1001-1004 at 24/1 fps", "threads: 3 (--threads)", "gravity:", "stretch of sheet:", "body_collision:"]
+        ["frames 1001-1004 at 24 fps", "threads: 3 (--threads)", "gravity:", "stretch of sheet:", "body_collision:"]
     {
         assert!(text.contains(part), "`{part}` is missing in\n{text}");
     }
@@ -193,7 +193,12 @@ fn a_strict_run_without_losses_is_done() {
     let run = drapery(folder.path(), &["run", "scene.toml", "--strict"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     // That nothing was found is said.
-    assert!(run.stdout.contains("\ncrossings_written                     0\n"), "{}", run.stdout);
+    assert!(run.stdout.contains("\ncrossings, crossings_written                   0\n"), "{}", run.stdout);
+    assert!(!run.stdout.contains("stage "), "{}", run.stdout);
+    let long = drapery(folder.path(), &["run", "scene.toml", "--overwrite", "-v"]);
+    for part in ["\ncrossings_written                     0\n", "\nB.1 velocity", "\ncg_solves "] {
+        assert!(long.stdout.contains(part), "{part}: {}", long.stdout);
+    }
 }
 
 #[test]

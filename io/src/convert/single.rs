@@ -10,6 +10,7 @@ use drapery_usd::write::{
 
 use super::samples::{self, Chosen};
 use super::{Conversion, Converted, Work, aside, chosen, described, opened, plan, rate};
+use crate::atomic_file::put;
 use crate::cache::{APPLICATION, CachePlan};
 use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
@@ -201,7 +202,7 @@ fn place(layer: &SingleLayer, to: &Path) -> Result<(), IoError> {
     let written = File::create(&aside)
         .map_err(|e| IoError::creating(&aside, e))
         .and_then(|mut file| layer.write(&mut file).and_then(|()| file.sync_all()).map_err(|e| IoError::writing(to, e)))
-        .and_then(|()| fs::rename(&aside, to).map_err(|e| IoError::writing(to, e)));
+        .and_then(|()| put(&aside, to));
     if written.is_err() {
         // Half a layer would only confuse; if it cannot be removed either, the first error says why.
         let _ = fs::remove_file(&aside);

@@ -21,7 +21,7 @@ use super::deserialize::dotted;
 use super::diagnostics::{SceneErrorKind, SceneFileError};
 use super::memory::{Memory, NoRoom};
 use super::raw::{self, FileUnits, Quantity};
-use super::tree::Path;
+use super::tree::{Path, Segment};
 use super::{SceneFile, effects, fields, file_names, ranges, resolved};
 
 /// What pins have to know of a garment.
@@ -195,7 +195,14 @@ impl Resolver<'_> {
 
     /// The value, or `None` after recording what is wrong with a file.
     pub(super) fn of_file<T>(&mut self, path: &Path, result: Result<T, IoError>) -> Option<T> {
-        let location = self.scene.sources.location(&path.place(&self.scene.root));
+        // What no object of the file has is `path`, which stands beside the name of the file.
+        let beside = || Path([&path.0[..path.0.len() - 1], &[Segment::Key("path".to_owned())]].concat());
+        let is_path = |error: &IoError| error.to_string().contains("no mesh has a path like");
+        let place = match &result {
+            Err(error) if is_path(error) && !path.0.is_empty() => beside().place(&self.scene.root),
+            _ => path.place(&self.scene.root),
+        };
+        let location = self.scene.sources.location(&place);
         result.map_err(|error| self.errors.push(SceneFileError::of_file(Some(location), &error))).ok()
     }
 

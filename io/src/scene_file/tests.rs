@@ -245,6 +245,28 @@ fn parameters_are_numbers_texts_and_simple_products() {
 }
 
 #[test]
+fn a_key_of_very_many_parts_is_refused() {
+    let key = vec!["a"; 20_000].join(".");
+    let error = read_with(SHEET, &[(&key, "1")]).unwrap_err().to_string();
+    assert!(error.contains("this key has 20000 parts"), "{}", &error[..200.min(error.len())]);
+    // In a file the parser has a limit of its own.
+    assert!(read(&format!("{SHEET}\n[{key}]\n")).is_err() && read(&format!("{key} = 1\n{SHEET}")).is_err());
+    let nested = format!("{}1{}", "[".repeat(20_000), "]".repeat(20_000));
+    assert!(read_with(SHEET, &[("shot.frames", &nested)]).is_err());
+}
+
+#[test]
+fn words_of_other_programs_and_words_cut_short_are_hinted_at() {
+    let hint = |key: &str, value: &str| read_with(SHEET, &[(key, value)]).unwrap_err().to_string();
+    assert!(hint("solver.substeps", "4").contains("did you mean `steps_per_frame`?"));
+    assert!(hint("solver.preset", "prod").contains("did you mean `production`?"));
+    assert!(hint("solver.preset", "tuned.toml").contains("--preset FILE"));
+    assert!(hint("preset", "production").contains("did you mean `solver.preset`?"));
+    assert!(hint("frames", "1-4").contains("did you mean `shot.frames`?"));
+    assert!(hint("resolutoin", "4").contains("did you mean `resolution`?"));
+}
+
+#[test]
 fn set_overrides_parameters_and_any_dotted_key() {
     let scene = read_with(
         SHEET,

@@ -49,11 +49,10 @@ impl Counted {
 
     /// Adds a frame; returns what is to be said of it.
     fn add(&mut self, row: &FrameRow) -> Vec<String> {
-        let count = |name: &str| row.counts.get(name).copied().unwrap_or(0);
-        let risen = quality::watch(&mut self.exceeded, row.frame, count);
+        let risen = quality::watch(&mut self.exceeded, row.frame, |name| row.amount(name));
         let limits = risen.iter().map(quality::first_rise);
         let torn = pinned::news(&mut self.told_strain, row);
-        recovery_line(&row.recoveries).into_iter().chain(limits).chain(torn).collect()
+        recovery_line(row).into_iter().chain(limits).chain(torn).collect()
     }
 }
 

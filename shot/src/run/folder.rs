@@ -36,12 +36,37 @@ pub(super) struct Earlier {
 
 impl Earlier {
     /// The run in a folder, if there is one.
-    pub(super) fn read(folder: &Path) -> Option<Self> {
-        let read = |name: &str| input_file::text(&folder.join(name)).ok();
-        let manifest: Value = serde_json::from_str(&read(MANIFEST)?).ok()?;
-        let fingerprint = read(FINGERPRINT).and_then(|text| serde_json::from_str(&text).ok());
+    ///
+    /// # Errors
+    /// There is a manifest that cannot be read.
+    pub(super) fn read(folder: &Path) -> Result<Option<Self>, IoError> {
+        let path = folder.join(MANIFEST);
+        let text = match input_file::text(&path) {
+            Err(IoError::Missing { .. }) => return Ok(None),
+            text => text?,
+        };
+        let damaged = |place: String, what: String| {
+            let advice = "it is damaged, and the run cannot be continued without it: restore it, or start anew with \
+                          --overwrite";
+            IoError::data(&path, place, what, advice)
+        };
+        let manifest: Value =
+            serde_json::from_str(&text).map_err(|e| damaged(format!("line {}", e.line()), e.to_string()))?;
+        if !manifest.is_object() {
+            return Err(damaged("line 1".to_owned(), "this is not a manifest".to_owned()));
+        }
+        let fingerprint = input_file::text(&folder.join(FINGERPRINT)).ok();
+        let fingerprint = fingerprint.and_then(|text| serde_json::from_str(&text).ok());
         let attempts = serde_json::from_value(manifest["attempts"].clone()).unwrap_or_default();
-        Some(Self { manifest, fingerprint, attempts })
+        Ok(Some(Self { manifest, fingerprint, attempts }))
+    }
+
+    /// The same, where a run that is there is not to be replaced.
+    ///
+    /// # Errors
+    /// As [`Earlier::read`].
+    pub(super) fn unless_replaced(options: &RunOptions) -> Result<Option<Self>, IoError> {
+        if options.overwrite { Ok(None) } else { Self::read(&options.out) }
     }
 
     /// Last frame that is complete in every cache.
@@ -105,7 +130,7 @@ impl Held {
         let lock = RunLock::take(out, &owner, options.steal_lock, SystemTime::now())?;
         let attempt = Attempt::next(out)?;
         observer.logs(attempt.open()?);
-        notes.into_iter().for_each(|note| observer.note(note));
+        notes.into_iter().for_each(|note| observer.accepted(note));
         if let Some(former) = lock.former() {
             observer.note(format!("the folder was held by {former}, which has ended without giving it back"));
         }

@@ -9,6 +9,7 @@ use drapery_core::error::StepError;
 use drapery_core::metrics::Metrics;
 use drapery_core::simulation::FrameSummary;
 use drapery_io::checkpoint::{FORMAT_VERSION, Head};
+use drapery_io::duration::utc;
 use drapery_io::error::IoError;
 use drapery_io::input_file;
 use serde_json::json;
@@ -27,7 +28,9 @@ use crate::run::dump::{self, Dump};
 use crate::run::folder::{Earlier, Held, files_of_run};
 use crate::run::observer::{FrameReport, Observer, Outcome, RunReport};
 use crate::run::options::{Resume, RunOptions};
-use crate::run::output::{From, Output, Start, manifest_checkpoint, planned_files, planned_outputs, refuse_inputs};
+use crate::run::output::{
+    From, Output, Start, manifest_checkpoint, planned_files, planned_layers, planned_outputs, refuse_inputs,
+};
 use crate::run::totals::{Partial, Totals};
 use crate::run::{bundle, resume};
 use crate::run_record::RECORD;
@@ -77,7 +80,7 @@ impl Shot {
             files_of_run(&options.out, &planned).iter().try_for_each(|file| input_file::check(file))?;
         }
         let fingerprint = self.fingerprint()?;
-        let earlier = Earlier::read(&options.out).filter(|_| !options.overwrite);
+        let earlier = Earlier::unless_replaced(options)?;
         let (mut notes, mut changed) = (Vec::new(), Vec::new());
         if let Some(earlier) = &earlier {
             changed = resume::changes(earlier, &options.out, &fingerprint, &mut |text| notes.push(text));
@@ -124,6 +127,7 @@ impl Shot {
             seconds: 0.0,
             frames: self.delivered_frames(),
             files: planned_files(self, &options.out).into_iter().chain(self.single_layer(&options.out)).collect(),
+            layers: planned_layers(self, &options.out),
             exceeded,
             uncounted,
             ranks: self.remote_simulation.ranks().count(),
@@ -170,7 +174,7 @@ impl<'a> Run<'a> {
         let out = &options.out;
         let Held { owner, lock, attempt, store } = Held::take(options, notes, observer)?;
         // Read again under the lock: another run may have gone on in the meantime.
-        let earlier = Earlier::read(out).filter(|_| !options.overwrite);
+        let earlier = Earlier::unless_replaced(options)?;
         let record = earlier.as_ref().map(|_| Record::read(&out.join(RECORD))).transpose()?;
         let note = &mut |text| observer.note(text);
         let mut found = resume::decide(&shot, options, (record.as_ref(), &fingerprint), &store, note)?;
@@ -199,6 +203,7 @@ impl<'a> Run<'a> {
             attempt: attempt.number,
             host: owner.host.clone(),
             pid: owner.pid,
+            began: utc(SystemTime::now()),
             threads: options.threads,
             ranks: shot.remote_simulation.ranks().count(),
             first_frame: found.as_ref().map_or(shot.about.timeline.start, |found| found.checkpoint.head.frame + 1),
@@ -461,6 +466,7 @@ impl<'a> Run<'a> {
             seconds: self.totals.seconds,
             frames,
             files: self.output.files(),
+            layers: self.output.layer_files(),
             exceeded: self.counted.exceeded,
             uncounted: self.counted.uncounted,
             ranks: self.shot.remote_simulation.ranks().count(),

@@ -195,6 +195,11 @@ impl Output {
         caches.chain(self.single.clone().filter(|path| path.is_file())).collect()
     }
 
+    /// The files over the caches of all garments of a format.
+    pub(super) fn layer_files(&self) -> Vec<PathBuf> {
+        self.layers.iter().map(|layer| layer.path.clone()).filter(|path| path.is_file()).collect()
+    }
+
     /// Writes the state of the simulation as a frame of every cache, then tells the manifest; returns digests of what was written.
     pub(super) fn write_frame(
         &mut self,
@@ -249,6 +254,7 @@ impl Output {
 
     /// Brings the caches to the disk; returns what they are then, and the length of the record.
     pub(super) fn mark(&mut self) -> Result<(Vec<CacheMark>, u64), IoError> {
+        self.record.check()?;
         for writer in self.writers.iter_mut().flatten() {
             writer.sync()?;
         }
@@ -367,6 +373,8 @@ impl Output {
 
     /// Brings everything to the disk and says that the run is complete.
     pub(super) fn finish(&mut self, totals: &Totals, frames: u64) -> Result<(), IoError> {
+        // They are small: one that another program has removed is put back.
+        self.write_layers(self.manifest.last_complete_frame)?;
         self.write_single()?;
         let end = json!({
             "record": "end",
@@ -388,13 +396,20 @@ impl Output {
     /// Says that the run ended early, and why. The caches keep the frames before.
     pub(super) fn fail(&mut self, error: &ShotError) -> Result<(), IoError> {
         self.manifest.error = Some(error.to_string());
-        self.end("failed", "failed", &failure_record(&error.to_string()))
+        // One of them may be what failed; the others are brought to the disk all the same.
+        self.writers.iter_mut().flatten().for_each(|writer| _ = writer.finish());
+        self.close("failed", "failed", &failure_record(&error.to_string()))
     }
 
     fn end(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
         for writer in self.writers.iter_mut().flatten() {
             writer.finish()?;
         }
+        self.record.check()?;
+        self.close(state, how, record)
+    }
+
+    fn close(&mut self, state: &'static str, how: &str, record: &Value) -> Result<(), IoError> {
         self.record.line(record)?;
         self.manifest.state = state.into();
         if let Some(attempt) = self.manifest.attempts.last_mut() {
@@ -446,6 +461,11 @@ pub(super) fn planned_outputs(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
     let planned = planned(shot, folder);
     let over = layers(shot, &planned, folder).into_iter().map(|layer| layer.path);
     paths(&planned).into_iter().chain(over).chain(shot.single_layer(folder)).collect()
+}
+
+/// The files over the caches of all garments of a format that a shot writes into a folder.
+pub(super) fn planned_layers(shot: &Shot, folder: &Path) -> Vec<PathBuf> {
+    layers(shot, &planned(shot, folder), folder).into_iter().map(|layer| layer.path).collect()
 }
 
 /// The caches that a shot writes into a folder.
@@ -526,6 +546,7 @@ fn manifest(shot: &Shot, options: &RunOptions, planned: &[Planned], attempts: Ve
             name: name.to_owned(),
             object_path: plan.object_path(),
             points: plan.mesh.point_count(),
+            material: about.materials.get(index).cloned().flatten(),
             render_mesh_of,
             files: planned.iter().filter(|cache| cache.object == index).map(|cache| file_name(&cache.path)).collect(),
         }

@@ -83,6 +83,8 @@ pub struct AttemptRecord {
     pub host: String,
     /// Process.
     pub pid: u32,
+    /// When it began, as in `2026-05-04 09:30:00 UTC`; empty in the records of older programs.
+    pub began: String,
     /// Number of threads of each rank.
     pub threads: usize,
     /// Number of ranks; 0 in the records of older programs, which had one.
@@ -111,6 +113,9 @@ pub struct ManifestGarment {
     pub object_path: String,
     /// Number of points.
     pub points: usize,
+    /// Its material, if the scene names one; of a render mesh none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
     /// The garment that it is the render mesh of, if it is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub render_mesh_of: Option<String>,
