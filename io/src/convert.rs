@@ -18,8 +18,7 @@ use crate::cache::{CacheFrame, CachePlan};
 use crate::cache_frames::{CacheFrames, rates};
 use crate::error::IoError;
 use crate::formats::{self, CreateCache, ResumeCache, ShotFiles, folder_of, remove_folder};
-use crate::garment_mesh::GarmentMesh;
-use crate::mesh_cut::into_triangles;
+use crate::garment_mesh::{GarmentMesh, cut};
 use crate::mesh_data::MeshData;
 use crate::normals;
 use crate::units::{LengthUnit, Units, UpAxis};
@@ -250,7 +249,7 @@ fn described(source: &CacheFrames, mesh: usize, (sample, triangles): (usize, boo
     // As they were simulated: from the shape at rest, which is not in the cache. Where a parent mirrors the mesh, its faces are
     // turned round and they are not.
     data.triangles = (data.mesh.face_indices == cache.faces.face_indices).then(|| cache.triangles.clone());
-    Ok(if triangles { into_triangles(data) } else { data })
+    Ok(if triangles { cut(data) } else { data })
 }
 
 /// A conversion whose inputs are known.

@@ -142,7 +142,7 @@ struct Cut(GarmentMesh);
 
 impl GarmentReader for Cut {
     fn read(&self) -> Result<MeshData, IoError> {
-        Ok(into_triangles(self.0.read()?))
+        Ok(cut(self.0.read()?))
     }
 
     fn points(&self, take: &mut dyn FnMut(&[Vec3])) -> Result<(), IoError> {
@@ -202,6 +202,12 @@ impl Seen {
 /// The triangles that are simulated.
 pub fn triangles_of(data: &MeshData) -> Vec<[u32; 3]> {
     data.triangles.clone().unwrap_or_else(|| simulated_triangles(&data.mesh))
+}
+
+/// The mesh with the triangles that are simulated in the place of its faces.
+pub(crate) fn cut(data: MeshData) -> MeshData {
+    let triangles = triangles_of(&data);
+    into_triangles(data, triangles)
 }
 
 /// The triangles that are simulated, where they are not just the faces.

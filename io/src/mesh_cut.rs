@@ -3,7 +3,6 @@
 use drapery_alembic::{PodType, Scope};
 use drapery_core::mesh::PolygonMesh;
 
-use crate::garment_mesh::triangles_of;
 use crate::mesh_data::{MeshData, MeshParam, Uvs};
 
 /// A triangle: its face, and which corners of that it has, counted within the face.
@@ -12,11 +11,10 @@ struct Piece {
     corners: [usize; 3],
 }
 
-/// The mesh with its faces cut as they are simulated. Points, and values at them, stay; values of corners and faces go to the
+/// The mesh with its faces cut into these triangles, in the order of the faces. Points, and values at them, stay; values of corners and faces go to the
 /// triangles that have them, face sets to the triangles of their faces, and nothing is subdivided. Faces
 /// without area, of which nothing is simulated, are gone.
-pub(crate) fn into_triangles(mut data: MeshData) -> MeshData {
-    let mut triangles = triangles_of(&data);
+pub(crate) fn into_triangles(mut data: MeshData, mut triangles: Vec<[u32; 3]>) -> MeshData {
     let pieces = pieces(&data.mesh, &triangles).unwrap_or_else(|| {
         // Triangles of another order of faces than this program's.
         triangles = data.mesh.triangulate().0;
@@ -147,7 +145,7 @@ mod tests {
             ],
             ..MeshData::new(mesh())
         };
-        let cut = into_triangles(data);
+        let cut = into_triangles(data, mesh().triangulate().0);
         // Along the shorter diagonals: from 1 to 3, and from 3 to 5 in the upper quad.
         assert_eq!(cut.mesh.face_counts, [3; 5]);
         let mut corners: Vec<Vec<u32>> = cut.mesh.faces().map(<[u32]>::to_vec).collect();

@@ -1,7 +1,6 @@
 """No coarse face shows a body through it, whichever diagonal a renderer cuts quads along, as libigl judges it."""
 
 import json
-import os
 import subprocess
 
 import igl
@@ -187,3 +186,69 @@ def test_the_default_thickness_keeps_coarse_faces_from_showing_along_both_diagon
     assert "thin_body" not in said
     found = verify(folder)
     assert "cut along the other diagonal" in found.stdout and "and the body intersect" not in found.stdout + found.stderr
+
+
+def test_triangles_are_written_where_the_scene_asks_for_them_and_a_run_resumes_with_them(run, report_figure):
+    folder, _ = run(THIN)
+    quads = hdf5(folder / "out" / "sheet.h5")
+    drapery = program("DRAPERY", "drapery")
+
+    def done(*command):
+        ended = subprocess.run([drapery, *map(str, command)], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        assert ended.returncode == 0, ended.stderr
+        return ended.stdout + ended.stderr
+
+    out = folder / "resumed"
+    done("run", folder / "scene.toml", "--frames", "1-4", "--out", out)
+    said = done("run", folder / "scene.toml", "--frames", "1-8", "--out", out, "--set", 'output.faces="triangles"')
+    assert "resuming after frame 4" in said, said
+    cut, archive = hdf5(out / "sheet.h5"), official(out / "sheet.abc")
+    np.testing.assert_array_equal(cut["positions"], quads["positions"][:8])
+    for faces in (cut["face_indices"].reshape(-1, 3), archive["face_indices"].reshape(-1, 3)[:, ::-1]):
+        np.testing.assert_array_equal(faces, quads["triangles"])
+    np.testing.assert_array_equal(cut["triangles"], quads["triangles"])
+    assert "garments as the triangles that are simulated" in done(
+        "plan", folder / "scene.toml", "--set", 'output.faces="triangles"'
+    )
+    # And of a cache that is there.
+    done("convert", folder / "out" / "sheet.abc", folder / "converted.abc", "--triangles")
+    converted = official(folder / "converted.abc")
+    np.testing.assert_array_equal(converted["face_indices"].reshape(-1, 3)[:, ::-1], quads["triangles"])
+    np.testing.assert_array_equal(converted["positions"], quads["positions"])
+
+
+def meeting(points, cuts):
+    """Pairs of triangles of any two cuts of a cloth that meet without a common point."""
+    found = 0
+    for one in cuts:
+        for other in cuts:
+            pairs = igl.predicates.find_intersections(points, one, points, other)[1]
+            corners = np.concatenate([one[pairs[:, 0]], other[pairs[:, 1]]], axis=1) if len(pairs) else np.empty((0, 6))
+            found += sum(len(set(row)) == 6 for row in corners.tolist())
+    return found
+
+
+def test_the_faces_of_the_demo_cross_neither_each_other_nor_the_body_along_either_diagonal(
+    run_scene, mannequin, report_figure
+):
+    out = run_scene("sample_assets/scenes/dressed_mannequin.toml", "1001-1005", assets=mannequin)
+    body = official(mannequin / "body.abc")
+    body_cuts = both_cuts(body["face_counts"], body["face_indices"])
+    caches = [hdf5(path) for path in sorted(out.glob("*.h5"))]
+    starts = np.cumsum([0, *(cache["positions"].shape[1] for cache in caches)])
+    cuts = [np.concatenate(parts) for parts in zip(*(
+        [cut + start for cut in both_cuts(cache["face_counts"], cache["face_indices"])]
+        for cache, start in zip(caches, starts)
+    ))]
+    cloth, elsewhere, pinched = 0, 0, 0
+    for index, time in enumerate(caches[0]["times"]):
+        points = np.concatenate([cache["positions"][index] for cache in caches]).astype(float)
+        vertices = np.ascontiguousarray(body["world_positions"][np.argmin(abs(body["times"] - time))], float)
+        cloth += meeting(points, cuts)
+        crossing = np.array(crossing_cloth(points, cuts, vertices, body_cuts), np.int64).reshape(-1, 3)
+        itself = np.unique(crossing_pairs(vertices, body_cuts[0])).astype(np.int64)
+        reach = distance_to_triangles(points[crossing].reshape(-1, 3), vertices, body_cuts[0][itself])
+        near = reach.reshape(-1, 3).min(axis=1, initial=np.inf) < RELEASE_REACH
+        pinched, elsewhere = pinched + np.count_nonzero(near), elsewhere + np.count_nonzero(~near)
+    report_figure(f"{cloth} pairs of cloth, {elsewhere} triangles through the body, {pinched} where it crosses itself")
+    assert (cloth, elsewhere) == (0, 0)
