@@ -280,6 +280,9 @@ pub(crate) struct ConvertArgs {
     /// Frame rate, for example 24 or 24000/1001, where the cache does not tell it
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]
     pub(crate) fps: Option<(u32, u32)>,
+    /// Write the triangles that were simulated in the place of the faces, so that no renderer cuts these otherwise
+    #[arg(long)]
+    pub(crate) triangles: bool,
     /// Replace a file that is there
     #[arg(long)]
     pub(crate) overwrite: bool,

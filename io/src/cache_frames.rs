@@ -19,7 +19,7 @@ use drapery_core::Vec3;
 use drapery_core::mesh::PolygonMesh;
 use globset::escape;
 
-pub use alembic::triangles_of;
+pub use alembic::{faces_of, triangles_of};
 
 use crate::error::IoError;
 use crate::formats::alembic_writer::CROSSINGS;

@@ -19,7 +19,7 @@ use crate::cache::{CacheFrame, CachePlan};
 use crate::cache_frames::{CacheFrames, rates};
 use crate::error::IoError;
 use crate::formats::{self, CreateCache, ResumeCache, ShotFiles, folder_of, remove_folder};
-use crate::garment_mesh::GarmentMesh;
+use crate::garment_mesh::{GarmentMesh, cut};
 use crate::mesh_data::MeshData;
 use crate::normals;
 use crate::units::{LengthUnit, Units, UpAxis};
@@ -47,6 +47,8 @@ pub struct Conversion {
     /// Frame rate as a fraction, where the cache does not tell it; the samples of an Alembic file, which have times, are in frames
     /// of this rate whatever the file says.
     pub fps: Option<(u32, u32)>,
+    /// Whether the new cache has the triangles that were simulated in the place of the faces.
+    pub triangles: bool,
     /// Whether a file that is there is replaced.
     pub overwrite: bool,
 }
@@ -106,7 +108,7 @@ pub fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Result<Co
     let (samples, mut left_out) = samples::chosen(&source, mesh, conversion.frames, &conversion.to)?;
     left_out.extend(source.left_out(mesh)?);
     let garment = conversion.to.file_stem().unwrap_or_default().to_string_lossy();
-    let data = described(&source, mesh, samples.all[0].0)?;
+    let data = described(&source, mesh, (samples.all[0].0, conversion.triangles))?;
     left_out.extend(without_place(&data, &conversion.to));
     let kept = GarmentMesh::kept(data);
     let work = Work { source: &source, mesh, plan: plan(conversion, (&source, mesh), &samples, (&garment, &kept))? };
@@ -239,15 +241,16 @@ fn rate(source: &CacheFrames, said: Option<(u32, u32)>) -> Result<(u32, u32), Io
     rates::fraction(fps).ok_or_else(|| refused(format!("{fps} is no fraction that films use")))
 }
 
-/// The mesh with everything that is handed through; points are those of a sample [m].
-fn described(source: &CacheFrames, mesh: usize, sample: usize) -> Result<MeshData, IoError> {
+/// The mesh with everything that is handed through; points are those of a sample [m]. Its faces, or the triangles that were
+/// simulated.
+fn described(source: &CacheFrames, mesh: usize, (sample, triangles): (usize, bool)) -> Result<MeshData, IoError> {
     let cache = &source.meshes()[mesh];
     let mut data = source.attributes(mesh)?;
     data.mesh.points = source.positions(mesh, sample)?;
     // As they were simulated: from the shape at rest, which is not in the cache. Where a parent mirrors the mesh, its faces are
     // turned round and they are not.
     data.triangles = (data.mesh.face_indices == cache.faces.face_indices).then(|| cache.triangles.clone());
-    Ok(data)
+    Ok(if triangles { cut(data) } else { data })
 }
 
 /// A conversion whose inputs are known.

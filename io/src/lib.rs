@@ -35,6 +35,7 @@ pub mod input_motion;
 pub mod materials;
 pub mod memory;
 pub mod memory_mesh;
+mod mesh_cut;
 pub mod mesh_data;
 pub mod mesh_source;
 pub mod normals;

@@ -17,7 +17,7 @@ pub struct Rule {
 }
 
 /// All rules, in the order of their warnings.
-pub static RULES: [Rule; 12] = [
+pub static RULES: [Rule; 14] = [
     Rule {
         name: "no_gravity",
         finds: "nothing pulls the cloth down",
@@ -54,6 +54,24 @@ pub static RULES: [Rule; 12] = [
         exactly: "Layers keep at most `self_repulsion.thickness_clamp` times the shortest edge around a vertex. Silent where the scene \
                   writes `thickness_clamp`, and where fewer than one vertex in a hundred is concerned; `plan` notes it always.",
         line: "thickness = \"0.8 mm\"",
+    },
+    Rule {
+        name: "thin_body",
+        finds: "a body that is a mesh and thinner than coarse faces need, so that it shows through the cloth",
+        exactly: "Cloth is kept out at its vertices. What its faces and those of the body need over 95 % of the body's area in its \
+                  first frame follows from their sizes and from the angles between the body's faces \
+                  ([bodies](scene.md#thickness-of-bodies)); nine tenths of it are enough. Silent where the scene says no thickness: then it \
+                  is at least that.",
+        line: "thickness = \"4 mm\"",
+    },
+    Rule {
+        name: "other_diagonal",
+        finds: "garments that intersect cloth or a body at the start if their faces are cut along the other diagonal",
+        exactly: "Caches hold the faces, which renderers cut into triangles. Looked at are both diagonals of quads, of garments and \
+                  of bodies, and of larger faces the fans from the first and the last corner. Bodies are looked at in scenes with \
+                  bodies, cloth with cloth in scenes with `[self_collision]`; with `faces = \"triangles\"` garments have no other \
+                  diagonal. What crosses later a run counts as `crossings_other_diagonal`.",
+        line: "faces = \"triangles\"",
     },
     Rule {
         name: "body_friction",

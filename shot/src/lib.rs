@@ -43,6 +43,7 @@ mod shot;
 mod single_layer;
 pub mod steps;
 mod towards_frame;
+mod written_faces;
 
 pub use error::ShotError;
 pub use shot::{RenderMeshSize, Shot};

@@ -9,6 +9,11 @@ pub const LIMITS: &[(&str, &str)] = &[
     ),
     (CROSSINGS_WRITTEN, "intersections of cloth with cloth in the positions stored in the caches"),
     (
+        CROSSINGS_OTHER_DIAGONAL,
+        "intersections of cloth with cloth or bodies in the caches where faces are cut along the other diagonal, as renderers may \
+         cut them",
+    ),
+    (
         "zone_fallbacks",
         "collisions that no impact zone could resolve: that cloth was reset to its last collision-free \
          positions",
@@ -41,6 +46,9 @@ pub fn is_limit(name: &str) -> bool {
 
 /// Name of the count of crossings in the positions that the caches store.
 pub(crate) const CROSSINGS_WRITTEN: &str = "crossings_written";
+
+/// Name of the count of crossings in what is stored that only another cut of the faces has.
+pub(crate) const CROSSINGS_OTHER_DIAGONAL: &str = "crossings_other_diagonal";
 
 /// A count that should have stayed zero.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -11,6 +11,7 @@ use drapery_core::error::Problems;
 use drapery_core::mesh::MeshStream;
 use drapery_core::parallel::ranks::Ranks;
 use drapery_core::scene::Timeline;
+use drapery_core::scene::gather::VertexField;
 use drapery_core::simulation::Simulation;
 use drapery_io::cache::APPLICATION;
 use drapery_io::checkpoint::FORMAT_VERSION;
@@ -18,7 +19,8 @@ use drapery_io::error::IoError;
 use drapery_io::garment_mesh::GarmentMesh;
 use drapery_io::memory_mesh::MemoryMeshes;
 use drapery_io::mesh_data::MeshData;
-use drapery_io::shot_description::{OutputDescription, RenderMeshDescription, ShotDescription};
+use drapery_io::shot_description::{BodyThickness, OutputDescription, RenderMeshDescription, ShotDescription};
+use drapery_io::units::Units;
 
 use crate::error::ShotError;
 use crate::farm::digest::{Fingerprint, Versions};
@@ -28,12 +30,15 @@ use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::{JudgedBinding, RenderMesh};
 use crate::rules::{self, Facts, Warning};
 use crate::single_layer;
+use crate::written_faces::{OtherCut, WrittenFaces};
 
 /// A shot that was checked and can run.
 pub struct Shot {
     pub(crate) remote_simulation: RemoteSimulation,
     pub(crate) inputs: Inputs,
     pub(crate) garments: Vec<GarmentMesh>,
+    /// These as they are written.
+    pub(crate) written: Vec<GarmentMesh>,
     pub(crate) render_meshes: Vec<RenderMesh>,
     pub(crate) about: About,
     pub(crate) warnings: Vec<Warning>,
@@ -59,6 +64,8 @@ pub(crate) struct About {
     /// Whether the scene promises cloth without crossings.
     pub(crate) keeps_free: bool,
     pub(crate) output: OutputDescription,
+    /// For each body that is a mesh what its faces and those of the cloth ask for.
+    pub(crate) body_thickness: Vec<Option<BodyThickness>>,
     pub(crate) resolved: String,
 }
 
@@ -107,8 +114,15 @@ impl Shot {
         let inputs = Inputs { timeline, preroll, bodies, tracks, wind, sub_frames };
         let mut problems = inputs.check(&scene, last_frame, &mut warnings);
         problems.extend(single_layer::problem(&output, [first_frame, last_frame], (&garments, &render_meshes)));
-        let check = description.check;
-        let facts = Facts { scene: &scene, inputs: &inputs, garments: &garments, output: &output, check: &check };
+        let (check, body_thickness) = (description.check, description.body_thickness);
+        let facts = Facts {
+            scene: &scene,
+            inputs: &inputs,
+            garments: &garments,
+            output: &output,
+            check: &check,
+            body_thickness: &body_thickness,
+        };
         let mut of_rules = rules::of_scene(&facts);
         let about = About {
             name: description.name,
@@ -123,6 +137,7 @@ impl Shot {
             materials: check.fabrics.iter().map(|fabric| fabric.as_ref().map(|fabric| fabric.name.clone())).collect(),
             keeps_free: scene.effects.iter().any(|request| request.effect == self_collision::SPEC.name),
             output,
+            body_thickness,
             resolved: description.resolved,
         };
         let remote_simulation = match RemoteSimulation::distribute(ranks, scene) {
@@ -145,6 +160,9 @@ impl Shot {
         };
         warnings.extend_from_slice(remote_simulation.simulation().warnings());
         of_rules.extend(rules::of_simulation(remote_simulation.simulation(), &check.silenced));
+        let written = if about.output.triangles { cut(&garments)? } else { garments.clone() };
+        let cuts = start_cuts(&written, &inputs, &remote_simulation, about.output.units)?;
+        of_rules.extend(rules::of_other_cuts(&cuts, &check.silenced));
         let bind = |mesh: RenderMeshDescription| {
             let garment = (&garments[mesh.garment], about.garments[mesh.garment].as_str());
             RenderMesh::bind(mesh, garment)
@@ -154,7 +172,7 @@ impl Shot {
         warnings.extend(bindings.iter().filter_map(JudgedBinding::loose_in_words));
         of_rules.extend(rules::of_bindings(&bindings, &check.silenced));
         let warnings = warnings.into_iter().map(Warning::from).chain(of_rules).collect();
-        Ok(Self { remote_simulation, inputs, garments, render_meshes, about, warnings })
+        Ok(Self { remote_simulation, inputs, garments, written, render_meshes, about, warnings })
     }
 
     /// What is suspicious but was accepted.
@@ -195,6 +213,12 @@ impl Shot {
     /// What is written.
     pub fn output(&self) -> &OutputDescription {
         &self.about.output
+    }
+
+    /// For each body that is a mesh what keeps coarse faces from showing through, and whether the scene says otherwise; `None` for
+    /// the others.
+    pub fn body_thickness(&self) -> &[Option<BodyThickness>] {
+        &self.about.body_thickness
     }
 
     /// The file of the whole shot in this folder, if the scene asks for one.
@@ -257,6 +281,26 @@ impl Shot {
     pub fn frame_count(&self) -> u64 {
         self.about.last_frame.abs_diff(self.about.timeline.start) + 1
     }
+}
+
+/// Garments with the triangles that are simulated.
+fn cut(garments: &[GarmentMesh]) -> Result<Vec<GarmentMesh>, IoError> {
+    garments.iter().map(GarmentMesh::cut).collect()
+}
+
+/// What crosses at the start along diagonals that the solver does not take.
+fn start_cuts(
+    written: &[GarmentMesh],
+    inputs: &Inputs,
+    remote_simulation: &RemoteSimulation,
+    units: Units,
+) -> Result<Vec<OtherCut>, IoError> {
+    let simulation = remote_simulation.simulation();
+    let Some(mut faces) = WrittenFaces::of(written, inputs, simulation, units)? else { return Ok(Vec::new()) };
+    for garment in 0..written.len() {
+        faces.place(garment, &remote_simulation.stored(garment, VertexField::Positions, units));
+    }
+    Ok(faces.find(simulation))
 }
 
 /// The last frame of a run. A range that starts elsewhere than the scene's own or ends after it is refused: whoever asks for frames

@@ -104,6 +104,60 @@ fn a_scene_without_gravity_is_told_unless_it_decided_so() {
     );
 }
 
+/// A ball of quads in the place of the figure.
+fn round_hero(folder: &Path) {
+    let (around, rows) = (24_u32, 12_u32);
+    let mut text = String::from("v 0 -0.8 0\nv 0 0.8 0\n");
+    for k in 0..(rows - 1) * around {
+        let high = std::f64::consts::PI * f64::from(k / around + 1) / f64::from(rows);
+        let along = std::f64::consts::TAU * f64::from(k % around) / f64::from(around);
+        let [x, y, z] = [high.sin() * along.sin(), -high.cos(), high.sin() * along.cos()].map(|c| 0.8 * c);
+        text += &format!("v {x} {y} {z}\n");
+    }
+    for k in 0..around {
+        let at = |row: u32, k: u32| 3 + row * around + k % around;
+        text += &format!("f 1 {} {}\nf 2 {} {}\n", at(0, k + 1), at(0, k), at(rows - 2, k), at(rows - 2, k + 1));
+        for row in 0..rows - 2 {
+            text += &format!("f {} {} {} {}\n", at(row, k), at(row, k + 1), at(row + 1, k + 1), at(row + 1, k));
+        }
+    }
+    std::fs::write(folder.join("hero.obj"), text).expect("a file");
+}
+
+#[test]
+fn a_body_that_is_too_thin_for_coarse_cloth_is_told_unless_the_scene_leaves_it_out() {
+    let hero = |thickness: &str| with(&HERO.replace("hero.abc\"\n", &format!("hero.obj\"\n{thickness}\n")));
+    let words = ["body \"hero\": it is 2.00 mm thick", "help: write thickness = \"", "or leave it out"];
+    rule(
+        "thin_body",
+        round_hero,
+        &[(&hero("thickness = \"2 mm\""), &words)],
+        &[&hero(""), &hero("thickness = \"40 mm\"")],
+    );
+}
+
+#[test]
+fn faces_that_meet_a_body_along_the_diagonal_that_is_not_simulated_are_told_at_the_start() {
+    // The simulated diagonal is in a valley at 1 m, the other one on a ridge at 1.4 m, and the tip of the body at 1.2 m.
+    let files = |folder: &Path| {
+        let quad = "v -0.9 1 0\nv 0 1.4 -1\nv 0.9 1 0\nv 0 1.4 1\nf 1 2 3 4\n";
+        let body = "v 0.01 1.2 0.02\nv -0.5 3 -0.5\nv 0.5 3 -0.5\nv 0 3 0.5\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n";
+        std::fs::write(folder.join("quad.obj"), quad).expect("a file");
+        std::fs::write(folder.join("hero.obj"), body).expect("a file");
+    };
+    let scene = with(HERO).replace("hero.abc", "hero.obj");
+    let scene = scene.replace("panel = { resolution = 12, center = [5, 1, 0] }", "rest = \"quad.obj\"");
+    let words = [
+        "garment \"sheet\" intersects body \"hero\"",
+        "cut along the other diagonal",
+        "(face 0) of sheet",
+        "at the start",
+        "help: write a larger `thickness` at the body",
+    ];
+    let triangles = format!("{scene}[output]\nfaces = \"triangles\"\n");
+    rule("other_diagonal", files, &[(&scene, &words)], &[&triangles]);
+}
+
 #[test]
 fn a_wind_faster_than_any_storm_is_warned_of() {
     let wind = |velocity: &str| with(&format!("[wind]\ndensity = 1\n{velocity}\n"));

@@ -46,7 +46,7 @@ const ROOMS: [&str; 33] = [
 ];
 
 /// The rooms of files: reading and writing.
-const IO_ROOMS: [&str; 26] = [
+const IO_ROOMS: [&str; 27] = [
     "error",
     "input_file",
     "atomic_file",
@@ -57,6 +57,7 @@ const IO_ROOMS: [&str; 26] = [
     "mesh_data",
     "normals",
     "memory_mesh",
+    "mesh_cut",
     "garment_mesh",
     "cache",
     "file_summary",
@@ -76,7 +77,7 @@ const IO_ROOMS: [&str; 26] = [
 ];
 
 /// The rooms of running a shot.
-const SHOT_ROOMS: [&str; 22] = [
+const SHOT_ROOMS: [&str; 23] = [
     "quality",
     "frame_digest",
     "run_record",
@@ -90,6 +91,7 @@ const SHOT_ROOMS: [&str; 22] = [
     "single_layer",
     "check",
     "inputs",
+    "written_faces",
     "rules",
     "long_frames",
     "towards_frame",

@@ -17,6 +17,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<ExitCode, Failure> {
         length: args.length,
         up: args.up,
         fps: args.fps,
+        triangles: args.triangles,
         overwrite: args.overwrite,
     };
     let mut frames = 0_u64;

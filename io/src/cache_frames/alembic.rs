@@ -269,10 +269,15 @@ pub fn triangles_of(mesh: &PolyMesh, points: &[Vec3]) -> Option<Vec<[u32; 3]>> {
     if stored.is_some() {
         return stored;
     }
-    let faces = mesh.faces(0).ok()?;
-    let mut corners = faces.face_indices;
-    reverse(&faces.face_counts, &mut corners);
-    Some(cut(&faces.face_counts, &corners, points))
+    let faces = faces_of(mesh)?;
+    Some(cut(&faces.face_counts, &faces.face_indices, points))
+}
+
+/// The faces of the first sample, counter-clockwise, if they can be read.
+pub fn faces_of(mesh: &PolyMesh) -> Option<Connectivity> {
+    let mut faces = mesh.faces(0).ok()?;
+    reverse(&faces.face_counts, &mut faces.face_indices);
+    Some(Connectivity { face_counts: faces.face_counts, face_indices: faces.face_indices })
 }
 
 /// All that is stored of a sample; `of_file` are the bounds of everything in it.

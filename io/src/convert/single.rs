@@ -54,7 +54,11 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
         let (samples, lacking) = shown(&source, mesh, conversion)?;
         left_out.extend(lacking);
         left_out.extend(source.left_out(mesh)?);
-        kept.push((mesh, GarmentMesh::kept(described(&source, mesh, samples.all[0].0)?), samples));
+        kept.push((
+            mesh,
+            GarmentMesh::kept(described(&source, mesh, (samples.all[0].0, conversion.triangles))?),
+            samples,
+        ));
     }
     if conversion.object.is_none() {
         left_out.extend(source.hidden());
@@ -89,7 +93,7 @@ pub(super) fn write_shot(to: &Path, shot: &ShotFiles<'_>) -> Result<(), IoError>
     for cache in &shot.caches {
         let source = CacheFrames::open(&to.with_file_name(&cache.file))?;
         let (samples, _) = samples::chosen(&source, 0, Some(shot.frames), to)?;
-        let kept = GarmentMesh::kept(described(&source, 0, samples.all[0].0)?);
+        let kept = GarmentMesh::kept(described(&source, 0, (samples.all[0].0, false))?);
         opened.push((cache, source, samples, kept));
     }
     let root = identifier(shot.name);

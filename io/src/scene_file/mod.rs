@@ -46,6 +46,7 @@ mod search;
 mod shape;
 mod shapes;
 mod start;
+mod thickness;
 mod tree;
 
 use std::path::{Path as FilePath, PathBuf};

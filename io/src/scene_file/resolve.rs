@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use drapery_core::Vec3;
 use drapery_core::effects::{INPUTS, REGISTRY};
+use drapery_core::geometry::coarseness::Ridges;
 use drapery_core::scene::{Described, EffectRequest, PinTarget, SceneDescription, SolverSettings, Timeline};
 use drapery_core::settings::{Dimension, Field, SettingValue, Settings};
 
@@ -22,7 +23,7 @@ use super::diagnostics::{SceneErrorKind, SceneFileError};
 use super::memory::{Memory, NoRoom};
 use super::raw::{self, FileUnits, Quantity};
 use super::tree::{Path, Segment};
-use super::{SceneFile, effects, fields, file_names, ranges, resolved};
+use super::{SceneFile, effects, fields, file_names, ranges, resolved, thickness};
 
 /// What pins have to know of a garment.
 pub(super) struct ReadGarment<'a> {
@@ -48,6 +49,8 @@ pub(super) struct Resolver<'a> {
     pub(super) grids: Vec<Option<[u32; 2]>>,
     /// For each body its file; `None` for ideal shapes and for bodies that could not be read.
     pub(super) bodies: Vec<Option<InputMotion>>,
+    /// The edges of each of these.
+    pub(super) ridges: Vec<Option<Ridges>>,
     pub(super) tracks: Vec<InputMotion>,
     pub(super) wind: Option<WindFile>,
     pub(super) input_files: Vec<PathBuf>,
@@ -71,6 +74,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         render_meshes: Vec::new(),
         grids: Vec::new(),
         bodies: Vec::new(),
+        ridges: Vec::new(),
         tracks: Vec::new(),
         wind: None,
         input_files: scene.material_files.clone(),
@@ -92,6 +96,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     if document.garment.is_empty() {
         resolver.error_with(&Path::default(), "the scene has no garment", "add a [[garment]]".to_owned());
     }
+    let body_thickness = resolver.body_thickness();
     for (index, seam) in document.seam.iter().enumerate() {
         resolver.seam(seam, &Path::default().key("seam").index(index));
     }
@@ -108,6 +113,7 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
     if !scene.path.as_os_str().is_empty() {
         resolver.input_files.insert(0, scene.path.clone());
     }
+    let resolved = resolved::write(scene, &thickness::root(scene, &resolver.description, &body_thickness));
     let unnamed = file_names::not_utf8(&named_files);
     Ok(ShotDescription {
         name: document.shot.name.clone(),
@@ -125,7 +131,8 @@ pub(super) fn resolve(scene: &SceneFile, ranks: usize) -> Result<ShotDescription
         preroll: resolver.preroll,
         output: output(scene),
         check,
-        resolved: resolved::write(scene),
+        resolved,
+        body_thickness,
         warnings: file_names::one_on_some_disks(&document.garment)
             .into_iter()
             .chain(unnamed)
@@ -152,6 +159,7 @@ fn output(scene: &SceneFile) -> OutputDescription {
         sub_frames: output.sub_frames(),
         preroll: output.preroll,
         usd_single: output.usd_single,
+        triangles: output.faces == raw::Faces::Triangles,
     }
 }
 

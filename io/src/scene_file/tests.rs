@@ -354,6 +354,51 @@ fn resolve_in(folder: &TempDir, text: &str) -> Result<ShotDescription, Vec<Scene
 }
 
 #[test]
+fn a_body_from_a_file_without_a_thickness_has_what_coarse_faces_need() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    // A tube of flat strips, so many around, of 0.2 m radius.
+    let mut text = String::new();
+    let (around, rows) = (32, 10);
+    for k in 0..around * rows {
+        let angle = std::f64::consts::TAU * f64::from(k % around) / f64::from(around);
+        text += &format!("v {} {} {}\n", 0.2 * angle.sin(), 0.04 * f64::from(k / around), 0.2 * angle.cos());
+    }
+    for k in 0..around * (rows - 1) {
+        let (row, next) = (k / around * around, (k + 1) % around);
+        let [a, b] = [row + k % around + 1, row + next + 1];
+        text += &format!("f {a} {b} {} {}\n", b + around, a + around);
+    }
+    std::fs::write(folder.path().join("tube.obj"), text).expect("a file");
+    let scene = |thickness: &str, resolution: u32| {
+        format!(
+            "drapery = 1\n[shot]\nframes = \"1-2\"\n[units]\nlength = \"m\"\n[gravity]\n[[body]]\nname = \"tube\"\nfile = \"tube.obj\"\n\
+             {thickness}\n[[garment]]\nname = \"sheet\"\npanel = {{ resolution = {resolution} }}\nmaterial = \"denim_11oz\"\n"
+        )
+    };
+    let shot = |text: &str| resolve_in(&folder, text).unwrap_or_else(|e| panic!("{}", e[0]));
+    let of = |text: &str| (shot(text).scene.bodies[0].thickness, shot(text).body_thickness[0].expect("a mesh"));
+    let (thickness, found) = of(&scene("", 25));
+    assert_eq!((thickness, found.is_written), (found.needed, false));
+    // The panel has right triangles with cells of 4 cm; the strips of the tube are 39 mm wide and 40 mm high.
+    let (cloth, strip) = (2.0 * 0.04_f64.powi(2), 0.039_f64.powi(2) + 0.04_f64.powi(2));
+    let expected = (cloth + strip) / (8.0 * 0.2);
+    assert!((thickness / expected - 1.0).abs() < 0.03, "{thickness}, about {expected} was expected");
+    let resolved = shot(&scene("", 25)).resolved;
+    let line =
+        resolved.lines().find(|line| line.contains("from the faces of the body and the garments")).expect("a line");
+    assert!(line.starts_with(&format!("thickness = {thickness:?}")), "{line}");
+    // What is written out is the same scene.
+    let again = parse(&resolved, "again.toml", folder.path(), &[]).expect("it is read").resolve().expect("it is sound");
+    assert_eq!(again.scene.bodies[0].thickness, thickness);
+    let (written, found) = of(&scene("thickness = \"0.1 mm\"", 25));
+    assert_eq!((written, found.needed, found.is_written), (1e-4, thickness, true));
+    // Never below the fabric's.
+    let (fine, found) = of(&scene("", 250));
+    assert!(fine == 0.66e-3 || fine == found.needed, "{fine}");
+    assert!(fine < thickness);
+}
+
+#[test]
 fn a_body_and_a_garment_from_files_keep_their_units() {
     let folder = wardrobe();
     let shot = resolve_in(&folder, DRESSED).unwrap_or_else(|e| panic!("{}", e[0]));

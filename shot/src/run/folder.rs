@@ -74,9 +74,9 @@ impl Earlier {
         self.manifest["last_complete_frame"].as_i64()
     }
 
-    /// Whether its caches hold velocities where those of a shot would not, or the other way round.
-    pub(super) fn stores_other_velocities(&self, now: &Fingerprint) -> bool {
-        self.fingerprint.as_ref().is_some_and(|then| then.stores_velocities() != now.stores_velocities())
+    /// Whether its caches hold velocities or faces where those of a shot would not, or the other way round.
+    pub(super) fn has_other_form(&self, now: &Fingerprint) -> bool {
+        self.fingerprint.as_ref().is_some_and(|then| then.form_of_caches() != now.form_of_caches())
     }
 
     /// What positions in its caches are counted from [m]; the origin of the world in folders of older programs.

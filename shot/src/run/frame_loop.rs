@@ -3,6 +3,7 @@
 //! Frames come from inputs through the solver into the caches. At states free of collisions the loop looks for requests to
 //! stop and for checkpoints that are due; it resumes from a checkpoint with the same bits as if it had never stopped.
 
+use std::collections::BTreeSet;
 use std::time::{Instant, SystemTime};
 
 use drapery_core::error::StepError;
@@ -39,6 +40,7 @@ use crate::run_record::reader::Record;
 use crate::run_record::writer::{SIMULATE, frame_record, sample_record, start_record};
 use crate::shot::Shot;
 use crate::towards_frame::{Reached, towards_frame};
+use crate::written_faces::OtherCut;
 
 /// A run in progress.
 struct Run<'a> {
@@ -58,6 +60,8 @@ struct Run<'a> {
     is_new: bool,
     /// Where the cloth after lines of the listings is written, if it is.
     dump: Option<Dump>,
+    /// Objects of which it was said that they cross along other diagonals.
+    told: BTreeSet<(String, String, bool)>,
     /// Frame and step of the last checkpoint that tells of the caches as they are.
     saved: Option<(i64, u64)>,
 }
@@ -195,7 +199,7 @@ impl<'a> Run<'a> {
             ));
         }
         let differs = |earlier: &Earlier| {
-            earlier.stores_other_velocities(&fingerprint) || earlier.origin() != <[f64; 3]>::from(shot.origin())
+            earlier.has_other_form(&fingerprint) || earlier.origin() != <[f64; 3]>::from(shot.origin())
         };
         let other_form = earlier.as_ref().is_some_and(differs);
         let mut attempts = earlier.map_or_else(Vec::new, |earlier| earlier.attempts);
@@ -241,6 +245,7 @@ impl<'a> Run<'a> {
             counted,
             is_new,
             dump: None,
+            told: BTreeSet::new(),
             saved,
         })
     }
@@ -346,6 +351,7 @@ impl<'a> Run<'a> {
         if !digests.is_empty() {
             line["digests"] = json!(digests);
         }
+        self.tell_other_cuts(frame, &mut line, observer);
         self.output.record(&line)?;
         self.counted.add_line(line, frame).into_iter().for_each(|text| observer.note(text));
         self.output.frame_done(frame, taken)?;
@@ -362,6 +368,21 @@ impl<'a> Run<'a> {
             summary,
         });
         Ok(())
+    }
+
+    /// Notes in the record what crosses in a frame along diagonals that the solver did not take, and says of which objects once.
+    fn tell_other_cuts(&mut self, frame: i64, line: &mut serde_json::Value, observer: &mut dyn Observer) {
+        let cuts = self.output.take_other_cuts();
+        if cuts.is_empty() {
+            return;
+        }
+        line["other_diagonal"] = cuts.iter().map(OtherCut::to_json).collect();
+        for cut in &cuts {
+            let objects = (cut.garment.clone(), cut.other.clone(), cut.is_body);
+            if self.told.insert(objects) {
+                observer.note(format!("frame {frame}: {}\n  help: write {}", cut.in_words(), cut.line()));
+            }
+        }
     }
 
     /// At a frame: looks for requests, and writes a checkpoint if one is due. Returns why, if the run is to stop.

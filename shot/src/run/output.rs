@@ -22,7 +22,7 @@ use crate::error::ShotError;
 use crate::farm::digest::Fingerprint;
 use crate::farm::stop::Reason;
 use crate::frame_digest::{FrameDigests, GarmentDigests};
-use crate::quality::CROSSINGS_WRITTEN;
+use crate::quality::{CROSSINGS_OTHER_DIAGONAL, CROSSINGS_WRITTEN};
 use crate::remote_simulation::RemoteSimulation;
 use crate::render_mesh::RenderMesh;
 use crate::run::folder::{files_of_run, remove, write_fingerprint};
@@ -33,6 +33,7 @@ use crate::run_record::manifest::{AttemptRecord, Manifest, ManifestCheckpoint, M
 use crate::run_record::writer::{RunRecord, counts, digests_record, failure_record, stages};
 use crate::run_record::{MANIFEST, RESOLVED};
 use crate::shot::Shot;
+use crate::written_faces::{OtherCut, WrittenFaces};
 
 /// What is being written.
 pub(super) struct Output {
@@ -45,6 +46,10 @@ pub(super) struct Output {
     velocities: bool,
     /// Whether crossings of what is written are counted: in scenes that promise cloth without them.
     crossings: bool,
+    /// Faces that others may cut otherwise, if there are any.
+    faces: Option<WrittenFaces>,
+    /// What crosses if they do, in what was written since somebody asked.
+    other_cuts: Vec<OtherCut>,
     /// Number of garments, which come before the render meshes.
     garments: usize,
     /// Files over all caches of a format.
@@ -112,7 +117,7 @@ impl Output {
         record.line(&shot.header(start.options.threads))?;
         let create = |cache: &Planned, plan: CachePlan<'_>| (cache.create)(&cache.path, &plan);
         let writers = of_objects(shot, &planned, create)?;
-        Ok(Self::new(shot, &planned, manifest, record, (folder, writers)))
+        Self::new(shot, &planned, manifest, record, (folder, writers))
     }
 
     /// Goes on in the folder of a run that stopped: cuts caches and record back to a checkpoint.
@@ -169,7 +174,7 @@ impl Output {
         manifest.last_complete_frame = from.head.delivered;
         manifest.checkpoint = Some(from.checkpoint);
         manifest.write(&folder)?;
-        let output = Self::new(shot, &planned, manifest, record, (folder, writers));
+        let output = Self::new(shot, &planned, manifest, record, (folder, writers))?;
         output.write_layers(from.head.delivered)?;
         Ok(output)
     }
@@ -180,13 +185,29 @@ impl Output {
         manifest: Manifest,
         record: RunRecord,
         (folder, writers): (PathBuf, Vec<Vec<Box<dyn CacheWriter>>>),
-    ) -> Self {
+    ) -> Result<Self, IoError> {
         let about = &shot.about;
         let (units, velocities, crossings) = (about.output.units, about.output.velocities, about.keeps_free);
         let (layers, single) = (layers(shot, planned, &folder), shot.single_layer(&folder));
         let fps = f64::from(about.timeline.fps_numerator) / f64::from(about.timeline.fps_denominator);
         let garments = shot.garments.len();
-        Self { folder, manifest, record, writers, units, velocities, crossings, garments, layers, single, fps }
+        let faces = WrittenFaces::of(&shot.written, &shot.inputs, shot.simulation(), units)?;
+        let other_cuts = Vec::new();
+        Ok(Self {
+            folder,
+            manifest,
+            record,
+            writers,
+            units,
+            velocities,
+            crossings,
+            faces,
+            other_cuts,
+            garments,
+            layers,
+            single,
+            fps,
+        })
     }
 
     /// The cache files, and the one of the whole shot where it is there.
@@ -229,12 +250,22 @@ impl Output {
         }
         let written = spent.stage("write caches", |_| self.write_caches(sample, remote_simulation, crossings));
         let mut digests = written?;
+        if let Some(faces) = &mut self.faces {
+            let found = spent.stage("check caches", |_| faces.find(remote_simulation.simulation()));
+            spent.count(CROSSINGS_OTHER_DIAGONAL, found.iter().map(|cut| cut.count as u64).sum());
+            self.other_cuts.extend(found);
+        }
         if !render_meshes.is_empty() {
             let written =
                 spent.stage("render meshes", |_| self.write_render_meshes(sample, remote_simulation, render_meshes));
             digests.extend(written?);
         }
         Ok(digests)
+    }
+
+    /// What crosses along diagonals that the solver did not take, in what was written since this was asked last.
+    pub(super) fn take_other_cuts(&mut self) -> Vec<OtherCut> {
+        std::mem::take(&mut self.other_cuts)
     }
 
     /// Notes in the manifest that this attempt has finished a frame, pre-roll included, which took so long [s].
@@ -292,6 +323,7 @@ impl Output {
                 Vec::new()
             };
             let (positions, velocities) = (positions.as_slice(), velocities.as_slice());
+            self.faces.iter_mut().for_each(|faces| faces.place(garment, positions));
             for writer in writers {
                 writer.write(&CacheFrame { frame, sub_frame, positions, velocities, normals: &[], crossings })?;
             }
@@ -522,7 +554,7 @@ fn cache_plan(shot: &Shot, object: usize) -> CachePlan<'_> {
     let render_mesh = object.checked_sub(shot.garments.len()).map(|index| &shot.render_meshes[index]);
     CachePlan {
         garment: render_mesh.map_or_else(|| &about.garments[object], |mesh| &mesh.name),
-        mesh: render_mesh.map_or_else(|| &shot.garments[object], |mesh| &mesh.mesh),
+        mesh: render_mesh.map_or_else(|| &shot.written[object], |mesh| &mesh.mesh),
         units: about.output.units,
         origin: shot.origin(),
         timeline: about.timeline,

@@ -58,7 +58,7 @@ pub(super) fn is_complete(shot: &Shot, options: &RunOptions, earlier: Option<&Ea
     earlier.has_all(&options.out, shot.about.last_frame)
         && has_form()
         && has_single()
-        && !earlier.stores_other_velocities(now)
+        && !earlier.has_other_form(now)
         && is_whole()
 }
 
