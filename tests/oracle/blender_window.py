@@ -8,6 +8,7 @@ gets done; the window is drawn in between. Writes FOLDER/answer.json and picture
 
 import json
 import math
+import os
 import sys
 import traceback
 from pathlib import Path
@@ -24,8 +25,11 @@ def add_on():
     # With a saved file open, as artists install it.
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "window.blend"))
     bpy.ops.preferences.addon_install(filepath=ZIP)
+    import drapery_cloth
     from drapery_cloth import panels
 
+    # Else Blender takes it for an older version and reads all of it anew.
+    drapery_cloth.__time__ = os.path.getmtime(drapery_cloth.__file__)
     # The tab of a sidebar cannot be chosen by a script in 3.4: the panels go to the one that is open, and are open themselves.
     panels.Panel.bl_category = "Tool"
     for panel in panels.CLASSES:
@@ -191,7 +195,7 @@ def ready(wish):
     if wish == "running":
         return not work.busy and view().status is not None and view().status.done >= 1
     if wish == "ended":
-        return not work.busy and not work.watched
+        return not work.busy and not work.watched and not work.unseen
     return True
 
 
