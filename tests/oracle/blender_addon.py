@@ -35,8 +35,10 @@ def view():
     return work().view(bpy.context.scene)
 
 
-def install(archive, drapery):
+def install(folder, archive, drapery):
+    """As artists do: with a file of theirs open, which an add-on is not shown while it is registered."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "open.blend"))
     bpy.ops.extensions.package_install_files(filepath=str(archive), repo="user_default", enable_on_install=True)
     if drapery:
         preferences().executable = str(drapery)
@@ -150,9 +152,10 @@ def dressed(folder):
 
 
 def press(button, **options):
-    """A button of the panel, and what it begins, to its end."""
-    getattr(bpy.ops.scene, f"drapery_{button}")(**options)
-    work().run_until_idle(120.0)
+    """A button of the panel, and what it begins, to its end; whether it says that it came to a good one is in `view().result`."""
+    (result,) = getattr(bpy.ops.scene, f"drapery_{button}")(wait=True, **options)
+    assert not work().busy and not work().watched
+    view().result = result
     return view()
 
 
@@ -197,7 +200,7 @@ def whole_path(folder):
     answer = {"checked": press("check").lines + said(), "planned": press("plan").lines, "bodies": bodies}
     answer["dirty_after_check"] = outline(skirt) != before
     press("simulate")
-    answer["status"], answer["problems"] = view().status.state, said()
+    answer["status"], answer["problems"], answer["simulated"] = view().status.state, said(), view().result
     skirt.modifiers["Thickness"].show_viewport = False
     frames = [FIRST + 0.5 * index for index in range(2 * (LAST - FIRST) + 1)]
     before = outline(skirt)
@@ -227,30 +230,20 @@ def whole_path(folder):
     answer["progress"] = layouts["progress"].parameters.keys()
     answer["icons"] = layouts["label"].parameters["icon"].enum_items.keys()
     answer["fabrics"] = [entry[0] for entry in part("state").pictures().fabric_entries()]
-    # What is there after the add-on is gone.
-    types = set(dir(bpy.types))
-    repositories = [repository.module for repository in bpy.context.preferences.extensions.repos]
-    bpy.ops.extensions.package_uninstall(repo_index=repositories.index("user_default"), pkg_id="drapery_cloth")
-    answer["left"] = [
-        *(f"type {name}" for name in set(dir(bpy.types)) if "drapery" in name.lower()),
-        *(f"property {kind}" for kind in ("Object", "Scene") if hasattr(getattr(bpy.types, kind), "drapery")),
-        *(f"operator {name}" for group in ("object", "scene") for name in dir(getattr(bpy.ops, group)) if "drapery" in name),
-        *(f"module {name}" for name in sys.modules if "drapery" in name),
-        *(f"handler {handler}" for handlers in (bpy.app.handlers.load_post,) for handler in handlers if "drapery" in handler.__module__),
-        *(str(path) for path in Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("*drapery*")),
-    ]  # fmt: skip
-    answer["types_before"] = sum("drapery" in name.lower() for name in types)
     return answer
 
 
 def problems(folder):
     """What goes wrong before a simulation, one thing after the other; what the panel says."""
-    answer, scene = {}, bpy.context.scene
+    answer = {}
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
     preferences().executable = os.environ["DRAPERY"]
     answer["unsaved"] = said(press("check"))
     preferences().executable = ""
     root, body, skirt = dressed(folder)
     answer["no_solver"] = said(press("check"))
+    results = [f"{button} {press(button).result}" for button in ("check", "plan", "simulate")]
     preferences().executable = str(folder / "shot.blend")
     answer["no_program"] = said(press("check"))
     preferences().executable = os.environ["DRAPERY"]
@@ -281,6 +274,7 @@ def problems(folder):
     skirt.data.vertices[7].co.y = 0.0
     scene.frame_set(LAST)
     answer["inside"] = said(press("check"))
+    results.append(f"inside {view().result}")
     found = view().problems[0]
     bpy.ops.scene.drapery_show(thing=found.object, frame=found.frame or FIRST, has_frame=True, element=found.element, index=found.index)
     bpy.ops.object.mode_set(mode="OBJECT")
@@ -306,6 +300,7 @@ def problems(folder):
     answer["too_old"] = sys.modules[MODULE].too_old((2, 93, 0))
     answer["new_enough"] = sys.modules[MODULE].too_old(bpy.app.version)
     # Names of the solver's messages are those of files; a frame from the middle of the shot brings no window to it.
+    answer["results"] = results
     answer["left_behind"] = sorted(path.name for path in (folder / "drapery").iterdir())
     return answer
 
@@ -353,6 +348,34 @@ def other_settings(folder):
     return answer
 
 
+def effects(folder):
+    """A garment that stiffens up to a limit, in wind, with a mesh that is rendered in its place, whose buttons stay rigid."""
+    root, body, skirt = dressed(folder)
+    rendered = tube("Skirt to render", 30.4, 60.0, 120.0, 32, 24, root)
+    for name in ("wool", "button 1"):
+        rendered.data.materials.append(bpy.data.materials.new(name))
+    for index in (100, 101, 132, 133):
+        rendered.data.polygons[index].material_index = 1
+    rendered.modifiers.new("Thickness", "SOLIDIFY").thickness = 0.1
+    own, shot = skirt.drapery, bpy.context.scene.drapery
+    own.fabric, own.stiffens = "OTHER", True
+    own.other_fabric, own.render_mesh, own.rigid = "wool_suiting", body, "button*"
+    answer = {"unknown": said(press("check"))}
+    own.fabric, own.strain_limit, own.render_mesh = "wool_suiting", True, rendered
+    shot.wind, shot.wind_velocity = True, (1.0, 2.0, 3.0)
+    answer["simulated"] = press("simulate").result
+    answer["problems"] = [line for line in said() if "silence" not in line]
+    answer["loaded"] = sorted(bpy.ops.scene.drapery_load())
+    rendered.modifiers["Thickness"].show_viewport = False
+    answer["positions"] = [shown(rendered, frame)[0] for frame in range(FIRST, LAST + 1)]
+    answer["modifiers"] = [modifier.name for modifier in rendered.modifiers]
+    bpy.ops.scene.drapery_unload()
+    answer["unloaded"] = [modifier.name for modifier in rendered.modifiers] + [found.name for found in rendered.constraints]
+    own.own_strain, own.strain = True, 12.0
+    press("write")
+    return answer
+
+
 def until(found, seconds=60.0):
     """Ticks until something is so; raises `TimeoutError`."""
     end = time.monotonic() + seconds
@@ -387,7 +410,7 @@ def reopened(folder):
     run = folder / "drapery" / "out" / "Scene"
     until(lambda: view().status is not None)
     answer = {"found": view().status.state, "busy_buttons": [bpy.ops.scene.drapery_simulate.poll(), bpy.ops.scene.drapery_cancel.poll()]}
-    bpy.ops.scene.drapery_cancel()
+    answer["results"] = sorted(bpy.ops.scene.drapery_cancel())
     os.kill(pid_of_run(run), signal.SIGCONT)
     until(lambda: state_is("stopped")() and not work().busy)
     answer["cancelled"], answer["frames_then"] = part("answers").headline(view().status), view().status.done
@@ -405,13 +428,13 @@ def reopened(folder):
     until(lambda: not work().watched)
     answer["full"], answer["full_state"] = said(), view().status.state
     preferences().executable = whole
-    bpy.ops.scene.drapery_continue()
-    work().run_until_idle(200.0)
+    answer["results"].append(press("continue").result)
     answer["done"], answer["problems"] = part("answers").headline(view().status), said()
     # Another scene in the same folder is refused, and kept by a wish alone.
     bpy.data.objects["dress"].drapery.fabric = "denim_11oz"
     press("simulate")
     answer["refused"] = [str(view().refused), *said()]
+    answer["results"].append(view().result)
     bpy.ops.scene.drapery_load()
     skirt = bpy.data.objects["dress"]
     bpy.ops.object.select_all(action="DESELECT")
@@ -424,7 +447,7 @@ def reopened(folder):
 
 def main():
     act, folder, archive, drapery = sys.argv[1], Path(sys.argv[2]), sys.argv[3], sys.argv[4]
-    install(archive, "" if drapery == "none" else drapery)
+    install(folder, archive, "" if drapery == "none" else drapery)
     np.savez(folder / f"{act}.npz", **{name: np.array(value) for name, value in globals()[act](folder).items()})
 
 

@@ -30,5 +30,5 @@ def session(folder, drapery):
                drapery, str(exporter)]  # fmt: skip
     environment = os.environ | {"BLENDER_USER_CONFIG": str(folder / "config"), "BLENDER_USER_SCRIPTS": str(folder / "scripts"),
                                 "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}  # fmt: skip
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=400)
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=900)
     return done.stdout + done.stderr

@@ -8,6 +8,7 @@ gets done; the window is drawn in between. Writes FOLDER/answer.json and picture
 
 import json
 import math
+import os
 import sys
 import traceback
 from pathlib import Path
@@ -21,9 +22,14 @@ answer = {"presses": [], "drawn": {}}
 
 
 def add_on():
+    # With a saved file open, as artists install it.
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "window.blend"))
     bpy.ops.preferences.addon_install(filepath=ZIP)
+    import drapery_cloth
     from drapery_cloth import panels
 
+    # Else Blender takes it for an older version and reads all of it anew.
+    drapery_cloth.__time__ = os.path.getmtime(drapery_cloth.__file__)
     # The tab of a sidebar cannot be chosen by a script in 3.4: the panels go to the one that is open, and are open themselves.
     panels.Panel.bl_category = "Tool"
     for panel in panels.CLASSES:
@@ -128,6 +134,9 @@ def steps():
     press("object", "drapery_remove", rows="maps", index=0)
     skirt.drapery.pins[0].hold = "SPRING"
     skirt.drapery.fabric = "denim_11oz"
+    skirt.drapery.stiffens = skirt.drapery.strain_limit = True
+    skirt.drapery.render_mesh = tube("skirt_render", 0.252, 0.5, 1.0, 64, 40)
+    scene.drapery.wind, scene.drapery.wind_velocity = True, (3.0, 0.0, 0.0)
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "window.blend"))
     answer["icons"] = [entry[3] for entry in state().pictures().fabric_entries()[:-1]]
     yield
@@ -163,6 +172,17 @@ def steps():
     yield "ended"
     photograph("done")
     answer["done"] = view().status.state
+    # A run with warnings of its own; the words are those of its log.
+    log = FOLDER / "drapery" / "window" / "Scene" / "out" / "Scene" / "logs" / "099.jsonl"
+    log.write_text(json.dumps({"level": "WARN", "fields": {"message": 'frame 1007, time 0.25 s: garment "skirt", vertex 5: the solve '
+                                                           "diverged"}}))  # fmt: skip
+    state().work().look_later()
+    yield "ended"
+    photograph("warned")
+    answer["warnings"] = [found.message for found in view().warnings]
+    # As a script calls it: nothing else happens until it is done.
+    press("scene", "drapery_check", wait=True)
+    answer["waited"] = [state().work().busy, view().lines]
     press("scene", "drapery_load")
     press("scene", "drapery_unload")
     photograph("end")
@@ -175,7 +195,7 @@ def ready(wish):
     if wish == "running":
         return not work.busy and view().status is not None and view().status.done >= 1
     if wish == "ended":
-        return not work.busy and not work.watched
+        return not work.busy and not work.watched and not work.unseen
     return True
 
 

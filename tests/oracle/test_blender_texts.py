@@ -50,19 +50,19 @@ def scene_in(folder, parts, **changes):
     for name, numbers in (("pins", "1 0 0 0"), ("heavy", "1 2 2 1"), ("springs", "0 1 1 0")):
         (folder / f"{name}.txt").write_text(numbers.replace(" ", "\n") + "\n")
     shot = text.Shot(**{"name": "a shot", "first": 1001, "last": 1003, "rate": Fraction(24000, 1001), "settle": 2, "blend": 1,
-                        "preset": "hero"} | changes)  # fmt: skip
+                        "preset": "hero", "wind": (1.5, 0.0, -2.0)} | changes)  # fmt: skip
     floor = text.Body("floor", "floor.obj", "floor.obj@1", 2.5, 0.4)
     pins = [text.Pin("pins.txt"), text.Pin("springs.txt", "floor", 123.0)]
     maps = [text.Map("density", "heavy.txt"), text.Map("pins", "springs.txt")]
     cape = text.Garment("cape", "cape.obj", "denim_11oz", 0.25, 1, pins, maps)
-    coat = text.Garment("coat", "coat.obj", "canvas", None, 2)
+    coat = text.Garment("coat", "coat.obj", "canvas", None, 2, [], [], 0.061, True, None, text.RenderMesh("coat.obj"))
     written = text.scene_text(shot, [floor], [coat, cape])
     (folder / text.SCENE_FILE).write_text(written)
     return written
 
 
 def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery, tmp_path):
-    scene_in(tmp_path, parts)
+    written = scene_in(tmp_path, parts)
     done = run(drapery, "plan", "scene.toml", "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     plan = json.loads(done.stdout)
@@ -72,17 +72,21 @@ def test_a_scene_with_everything_is_what_the_command_understands(parts, drapery,
     resolved = tomllib.loads(plan["resolved"])
     assert resolved["solver"]["preset"] == "hero" and resolved["shot"]["preroll"] == {"settle": 2, "blend": 1}
     assert resolved["body"][0]["thickness"] == "2.5 mm" and resolved["body"][0]["friction"] == 0.4
-    cape, _ = resolved["garment"]
+    assert resolved["wind"] == {"velocity": [1.5, 0.0, -2.0], "density": "0.77 kg/m³", "tangential": "0.02 N s/m³"}
+    cape, coat = resolved["garment"]
+    # The limit is that of canvas: nothing is written beside the table.
+    assert "[garment.strain_limit]\n\n" in written and coat["strain_limit"]["limit"] == coat["stretch"]["extension"] == 0.061
+    assert coat["render_mesh"]["file"].endswith("coat.obj") and "strain_limit" not in cape
     assert cape["thickness"] == "0.25 mm" and cape["maps"].keys() == {"density", "pins"}
     assert [(pin["to"], pin["mode"]) for pin in cape["pin"]] == [("start", "hard"), ("body:floor", "spring")]
     assert cape["pin"][1]["stiffness"] == "123 N/m"
-    assert {"gravity", "self_repulsion", "self_collision", "pins"} <= {effect["effect"] for effect in plan["effects"]}
+    assert {"gravity", "self_repulsion", "self_collision", "pins", "wind", "strain_limit"} <= {effect["effect"] for effect in plan["effects"]}
 
 
 def test_cleared_boxes_ask_for_no_effect_and_give_no_warning(parts, drapery, tmp_path):
-    scene_in(tmp_path, parts, gravity=False, self_contact=False)
+    scene_in(tmp_path, parts, gravity=False, self_contact=False, wind=None)
     plan = json.loads(run(drapery, "plan", "scene.toml", "--json", folder=tmp_path).stdout)
-    assert not {"gravity", "self_repulsion", "self_collision"} & {effect["effect"] for effect in plan["effects"]}
+    assert not {"gravity", "self_repulsion", "self_collision", "wind"} & {effect["effect"] for effect in plan["effects"]}
     assert not {"no_gravity", "no_self_collision"} & {warning["rule"] for warning in plan["warnings"]}
 
 
@@ -110,6 +114,8 @@ def test_fabrics_are_the_presets_of_the_command(parts, drapery):
     figures = [line.split() for line in listed if line.startswith("  density")]
     for fabric, words in zip(parts.fabrics.FABRICS, figures, strict=True):
         assert abs(float(words[1]) * 1000 - fabric.mass) < 0.5 and abs(float(words[4]) - fabric.thickness) < 1e-6, fabric.name
+    strains = [float(line.split("largest strain ")[1].split()[0]) for line in listed if "largest strain" in line]
+    assert strains == [fabric.strain for fabric in parts.fabrics.FABRICS]
 
 
 def test_every_fabric_has_a_picture_of_its_own(parts):
@@ -163,6 +169,29 @@ def test_what_a_run_says_becomes_a_line(parts, drapery, tmp_path):
     assert parts.answers.headline(status) == "Done: 3 of 3 frames" and status.share == 1.0 and not status.running
     for seconds, words in ((12.4, "12 s"), (150.0, "2 min"), (3600.0 * 3 + 125.0, "3 h 2 min")):
         assert parts.answers.duration(seconds) == words
+
+
+def test_warnings_of_a_run_are_read_from_its_log(parts, drapery, tmp_path):
+    (tmp_path / "sheet.toml").write_text((ROOT / "sample_assets" / "scenes" / "hanging_sheet.toml").read_text().replace(
+        "[gravity]", "[gravity]\n[output]\nformat = [\"h5\"]", 1))  # fmt: skip
+    done = run(drapery, "run", "sheet.toml", "--frames", "1001-1002", "--out", "out", "--set", "resolution=4", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (found,) = parts.answers.warnings_of_log((tmp_path / "out" / "logs" / "001.jsonl").read_text())
+    assert found.warning and found.message.startswith("unopened_format: ") and found.help.startswith("write format = ")
+
+
+def test_warnings_that_differ_by_numbers_are_one(parts):
+    def line(message, level="WARN"):
+        return json.dumps({"timestamp": "2026-11-24T19:11:57Z", "level": level, "fields": {"message": message}})
+
+    log = [line('frame 8, time 0.291667 s: garment "coat", vertex 12: solve diverged; retried_shorter, and 26 more in this frame'),
+           line("frame", "INFO"), line("frame 8: crossings is 12 and should stay zero: intersections"),
+           line('frame 9, time 0.333333 s: garment "coat", vertex 7: solve diverged; retried_shorter, and 7 more in this frame'),
+           line("body: it jumps\n  help: look at it"), line("cut")[:-9]]  # fmt: skip
+    first, second = parts.answers.warnings_of_log("\n".join(log))
+    assert first.message.endswith("in this frame (and 1 more like it)") and first.warning
+    assert (first.object, first.frame, first.element, first.index) == ("coat", 8, "vertex", 12)
+    assert (second.message, second.help, second.object) == ("body: it jumps", "look at it", None)
 
 
 @pytest.mark.parametrize("state, words", [("killed", "without a message (killed, or the disk is full): 7 of 9 frames are kept"),

@@ -42,11 +42,20 @@ def test_every_button_was_pressed(seen):
 
 def test_what_can_be_pressed_does_its_work(seen):
     _, answer = seen
-    assert any("No object is marked as a garment" in message for message in presses(answer, "check")[0][2])
+    # Nothing is marked in the first one.
+    first = answer["presses"].pop(0)
+    assert first[:3] == ["scene.drapery_check", True, ["CANCELLED"]]
+    assert any("No object is marked as a garment" in message for message in first[3])
     for button in ("mark", "pin_add", "map_add", "remove", "check", "plan", "write", "simulate", "show", "cancel", "continue"):
         assert all(allowed and result == ["FINISHED"] for allowed, result, _, _ in presses(answer, button)), button
+    assert answer["waited"][0] is False and answer["waited"][1] != []
     assert answer["shown"] == ["skirt", 1004, [5]]
     assert answer["cancelled"] in ("stopped", "done") and answer["done"] == "done"
+
+
+def test_warnings_of_the_run_are_in_the_panel(seen):
+    _, answer = seen
+    assert answer["warnings"] == ['frame 1007, time 0.25 s: garment "skirt", vertex 5: the solve diverged']
 
 
 def test_every_fabric_has_a_picture(seen):
@@ -72,7 +81,7 @@ def test_every_panel_is_drawn_to_its_end(seen):
 
 
 @pytest.mark.parametrize("before, after", [("empty", "marked"), ("marked", "planned"), ("planned", "problem"), ("problem", "running"),
-                                           ("running", "done")])  # fmt: skip
+                                           ("running", "done"), ("done", "warned")])  # fmt: skip
 def test_the_panel_shows_what_happens(seen, before, after):
     folder, _ = seen
     pictures = [np.asarray(Image.open(folder / f"{name}.png").convert("L"), float) for name in (before, after)]

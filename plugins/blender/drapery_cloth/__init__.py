@@ -12,9 +12,20 @@ bl_info = {
     "category": "Physics",
 }
 
+import contextlib
+import sys
+
 import bpy
 
 OLDEST = (3, 4, 0)
+
+# What `unregister` takes back, the last first.
+_registered = contextlib.ExitStack()
+
+# After an update Blender reads this file anew, and would go on with the modules of the version before.
+for _stale in [name for name in sys.modules if name.startswith(__name__ + ".")]:
+    del sys.modules[_stale]
+    globals().pop(_stale[len(__name__) + 1 :], None)
 
 
 class VIEW3D_PT_drapery_too_old(bpy.types.Panel):
@@ -34,46 +45,64 @@ def too_old(version):
     return f"Drapery needs Blender 4.2 or later; this is {'.'.join(map(str, version))}"
 
 
-def parts():
-    # Imported late: an old Blender has an older Python, which need not understand the rest.
-    from . import operators, panels, settings
-
-    return settings, operators, panels
-
-
 def after_load(*_):
     from . import state
 
     state.work().forget()
-    state.work().look_at_all()
+    state.work().look_later()
 
 
 # Blender takes handlers that are not marked away when a file is opened.
 bpy.app.handlers.persistent(after_load)
 
 
-def register():
-    if too_old(bpy.app.version):
-        bpy.utils.register_class(VIEW3D_PT_drapery_too_old)
-        return
-    from . import pictures, state, work
+def drop_handler():
+    # Scripts that clear the list take it away before.
+    if after_load in bpy.app.handlers.load_post:
+        bpy.app.handlers.load_post.remove(after_load)
 
-    state.start(work.Work(), pictures.Pictures())
-    for part in parts():
-        part.register()
+
+def register_classes(classes, undo):
+    for each in classes:
+        bpy.utils.register_class(each)
+        undo.callback(bpy.utils.unregister_class, each)
+
+
+def register_parts(undo):
+    """Registers one thing after the other; `undo` gets what takes each back. The open file must not be looked at: while an
+    add-on is registered, Blender lends it no data."""
+    if too_old(bpy.app.version):
+        register_classes([VIEW3D_PT_drapery_too_old], undo)
+        return
+    if hasattr(bpy.types.Object, "drapery"):
+        raise RuntimeError("Drapery is enabled already, from another place: disable that one under Preferences > Add-ons first")
+    # Imported late: an old Blender has an older Python, which need not understand the rest.
+    from . import operators, panels, pictures, settings, state, work
+
+    drawn = pictures.Pictures()
+    undo.callback(drawn.remove)
+    going_on = work.Work()
+    undo.callback(going_on.remove)
+    state.start(going_on, drawn)
+    undo.callback(state.clear)
+    register_classes(settings.CLASSES, undo)
+    for kind, group in settings.PROPERTIES:
+        kind.drapery = bpy.props.PointerProperty(type=group)
+        undo.callback(delattr, kind, "drapery")
+    register_classes(operators.CLASSES, undo)
+    register_classes(panels.CLASSES, undo)
     bpy.app.handlers.load_post.append(after_load)
-    # While Blender starts there are no scenes yet; those of the file that it opens come by the handler.
-    if hasattr(bpy.data, "scenes"):
-        state.work().look_at_all()
+    undo.callback(drop_handler)
+    going_on.look_later()
+
+
+def register():
+    global _registered
+    # All or nothing: what fails halfway takes itself back, and can be tried again.
+    with contextlib.ExitStack() as undo:
+        register_parts(undo)
+        _registered = undo.pop_all()
 
 
 def unregister():
-    if too_old(bpy.app.version):
-        bpy.utils.unregister_class(VIEW3D_PT_drapery_too_old)
-        return
-    from . import state
-
-    bpy.app.handlers.load_post.remove(after_load)
-    state.clear()
-    for part in reversed(parts()):
-        part.unregister()
+    _registered.close()

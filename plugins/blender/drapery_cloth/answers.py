@@ -81,6 +81,32 @@ def warnings_of(answer):
     return found
 
 
+def warnings_of_log(log):
+    """What a run warned of, from the lines of its log; those that differ by numbers alone are one, with how many there were.
+
+    Counts that should stay zero are left out: `status` has them with their totals.
+    """
+    found = {}
+    for line in log.splitlines():
+        if '"WARN"' not in line:
+            continue
+        try:
+            message = json.loads(line)["fields"]["message"]
+        except (ValueError, KeyError, TypeError):
+            # The last line of a log that is being written.
+            continue
+        if " and should stay zero: " not in message:
+            found.setdefault(re.sub(r"\d+(\.\d+)?", "0", message), []).append(message)
+    return [warning_of(messages) for messages in found.values()]
+
+
+def warning_of(messages):
+    """One problem of warnings that differ by numbers alone; the first stands for all."""
+    message, _, help = messages[0].partition("\n  help: ")
+    more = f" (and {len(messages) - 1} more like it)" if len(messages) > 1 else ""
+    return Problem(message + more, help, *place_of(message), True)
+
+
 def plan_lines(answer):
     """What `plan --json` says, for the panel: a few short lines."""
     plan = json.loads(answer)

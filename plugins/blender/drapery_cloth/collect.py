@@ -5,8 +5,9 @@ from pathlib import Path
 import bpy
 
 from .answers import Problem
+from .fabrics import FABRICS
 from .pictures import OTHER
-from .scene_text import MAPS, MESHES, Body, Garment, Map, Pin, Shot, frame_rate, names_taken_twice, plain_name, scene_text
+from .scene_text import MAPS, MESHES, Body, Garment, Map, Pin, RenderMesh, Shot, frame_rate, names_taken_twice, plain_name, scene_text
 from .settings import DEFORMING
 
 # What Load adds to an object, by name: it is taken off the copy that is exported, and off the object by Unload.
@@ -53,6 +54,19 @@ def run_folder(scene):
     """Where the command puts the run when it is called in the scene folder, here and on a farm; None as `scene_folder`."""
     folder = scene_folder(scene)
     return folder and folder / "out" / shot_name(scene)
+
+
+def largest_strain(own):
+    """How far a garment stretches, as a share of its length; None where a material of the studio alone knows."""
+    if own.own_strain:
+        return own.strain / 100
+    return next((fabric.strain / 100 for fabric in FABRICS if fabric.name == own.fabric), None)
+
+
+def upright(vector):
+    """Blender's Z up as the solver's Y up."""
+    x, y, z = vector
+    return x, z, -y
 
 
 class Collected:
@@ -102,6 +116,9 @@ class Collected:
         own = thing.drapery
         if own.fabric == OTHER and not own.other_fabric:
             self.say(f'"{thing.name}" has no fabric', "choose one, or write the name of the studio's material", thing)
+        if own.stiffens and largest_strain(own) is None:
+            self.say(f'"{thing.name}" stiffens up to a strain that is not known of its material', "set its Largest Strain", thing)
+        self.look_at_render_mesh(thing)
         for pin in own.pins:
             if not pin.group:
                 self.say(f'"{thing.name}": a pin has no vertex group', "choose one, or remove the pin", thing)
@@ -119,6 +136,17 @@ class Collected:
                 self.say(f'"{thing.name}": the map for {painted.quantity} is empty', "choose a group or an attribute", thing)
         if own.simulated == "ALL":
             self.look_at_levels(thing)
+
+    def look_at_render_mesh(self, thing):
+        mesh = thing.drapery.render_mesh
+        if mesh is None:
+            return
+        others = [other for other in self.garments if other != thing and other.drapery.render_mesh == mesh]
+        if mesh.name not in self.scene.objects or mesh.type != "MESH" or mesh.drapery.role != "NONE":
+            self.say(f'"{thing.name}": its render mesh, "{mesh.name}", is a garment or a body, or is not in this scene',
+                     "choose a mesh of this scene that takes no part in the simulation", thing)
+        elif others:
+            self.say(f'"{thing.name}" and "{others[0].name}" have the same render mesh, "{mesh.name}"', "make a copy for one of them", thing)
 
     def look_at_levels(self, thing):
         for modifier in list(thing.modifiers)[: division(thing)]:
@@ -141,10 +169,11 @@ class Collected:
         own, [first, last] = self.scene.drapery, frames(self.scene)
         rest_frame = own.rest_frame if own.own_rest else first
         rate = frame_rate(self.scene.render.fps, self.scene.render.fps_base)
-        shot = Shot(shot_name(self.scene), first, last, rate, own.settle, own.blend, own.preset, own.gravity, own.self_contact)
+        shot = Shot(shot_name(self.scene), first, last, rate, own.settle, own.blend, own.preset, own.gravity, own.self_contact,
+                    upright(own.wind_velocity) if own.wind else None)
         self.job = {
             "scene": self.scene.name, "folder": str(self.folder), "frames": [first, last], "rest_frame": rest_frame,
-            "scale": self.scene.unit_settings.scale_length, "constraints": CONSTRAINTS, "bodies": [], "garments": [],
+            "scale": self.scene.unit_settings.scale_length, "constraints": CONSTRAINTS, "bodies": [], "garments": [], "render_meshes": [],
         }  # fmt: skip
         bodies = [self.body(thing, rest_frame != first) for thing in self.bodies]
         garments = [self.garment(thing) for thing in self.garments]
@@ -169,6 +198,10 @@ class Collected:
             return file
 
         garment = Garment(name, f"{MESHES}/garment_{name}.abc", own.material, own.thickness if own.own_thickness else None, own.order)
+        garment.extension = largest_strain(own) if own.stiffens else None
+        garment.limited, garment.limit = own.strain_limit, own.strain / 100 if own.own_strain else None
+        if own.render_mesh:
+            garment.render_mesh = self.render_mesh(own.render_mesh, name, own.rigid)
         for pin in own.pins:
             body = self.body_of(pin)
             garment.pins.append(Pin(written("GROUP", pin.group, True), body and plain_name(body.name),
@@ -177,3 +210,9 @@ class Collected:
             garment.maps.append(Map(painted.quantity, written(painted.source, painted.name, False)))
         self.job["garments"].append({"object": thing.name_full, "file": garment.file, "division": division(thing), "weights": weights})
         return garment
+
+    def render_mesh(self, mesh, name, rigid):
+        # As of a garment: deforming modifiers at the top shape it at rest, all others follow.
+        file = f"{MESHES}/render_{name}.abc"
+        self.job["render_meshes"].append({"object": mesh.name_full, "file": file, "division": division(mesh), "weights": []})
+        return RenderMesh(file, [word for word in map(str.strip, rigid.split(",")) if word])

@@ -276,7 +276,7 @@ class Export:
         # Bodies first: frames of garments are looked at where their modifiers are still needed by nothing.
         for body in self.job["bodies"]:
             self.body(body)
-        for garment in self.job["garments"]:
+        for garment in self.job["garments"] + self.job["render_meshes"]:
             self.garment(garment)
         put(self.folder / CONTENT, json.dumps(self.digests, indent=1, sort_keys=True).encode())
 

@@ -1,6 +1,6 @@
 """The presets of `drapery materials`, in the words of an artist, and a picture of each; nothing here knows Blender.
 
-A test compares names and thicknesses with those that the command lists.
+A test compares names and numbers with those that the command lists.
 """
 
 import math
@@ -9,28 +9,30 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Fabric:
-    """A preset: its name in scene files, what it is called, thickness in mm, mass in g/m², colour, and how it is made."""
+    """A preset: its name in scene files, what it is called, thickness in mm, mass in g/m², largest strain in per cent, colour, and
+    how it is made."""
 
     name: str
     label: str
     use: str
     thickness: float
     mass: int
+    strain: float
     colour: tuple
     weave: str
 
 
 FABRICS = (
-    Fabric("silk_light", "Light Silk", "blouses and scarves; falls in many fine folds", 0.18, 83, (0.86, 0.80, 0.88), "satin"),
-    Fabric("polyester_lining", "Lining", "smooth lining of coats and skirts", 0.25, 113, (0.55, 0.60, 0.72), "satin"),
-    Fabric("cotton_shirting", "Shirt Cotton", "woven cotton for shirts and sheets", 0.318, 150, (0.88, 0.90, 0.93), "plain"),
-    Fabric("cotton_jersey", "T-Shirt Jersey", "T-shirt knit; gives to the sides", 0.6, 187, (0.72, 0.75, 0.78), "knit"),
-    Fabric("wool_suiting", "Suit Wool", "woven wool for suits and trousers", 0.568, 235, (0.30, 0.32, 0.38), "twill"),
-    Fabric("ponte_knit", "Ponte", "firm double knit for jackets and dresses", 0.9, 284, (0.66, 0.52, 0.40), "knit"),
-    Fabric("denim_11oz", "Denim, 11 oz", "jeans; stiff to bend", 0.66, 324, (0.20, 0.30, 0.52), "twill"),
-    Fabric("canvas", "Canvas", "bags, tents and workwear", 0.53, 294, (0.72, 0.66, 0.52), "plain"),
-    Fabric("leather_garment", "Leather", "jackets; heavy and slow", 0.8, 560, (0.32, 0.20, 0.14), "grain"),
-    Fabric("paper", "Paper", "office paper; creases, hardly stretches", 0.13, 100, (0.95, 0.94, 0.90), "smooth"),
+    Fabric("silk_light", "Light Silk", "blouses and scarves; falls in many fine folds", 0.18, 83, 6.5, (0.86, 0.80, 0.88), "satin"),
+    Fabric("polyester_lining", "Lining", "smooth lining of coats and skirts", 0.25, 113, 6.5, (0.55, 0.60, 0.72), "satin"),
+    Fabric("cotton_shirting", "Shirt Cotton", "woven cotton for shirts and sheets", 0.318, 150, 6.1, (0.88, 0.90, 0.93), "plain"),
+    Fabric("cotton_jersey", "T-Shirt Jersey", "T-shirt knit; gives to the sides", 0.6, 187, 13.4, (0.72, 0.75, 0.78), "knit"),
+    Fabric("wool_suiting", "Suit Wool", "woven wool for suits and trousers", 0.568, 235, 8.5, (0.30, 0.32, 0.38), "twill"),
+    Fabric("ponte_knit", "Ponte", "firm double knit for jackets and dresses", 0.9, 284, 13.4, (0.66, 0.52, 0.40), "knit"),
+    Fabric("denim_11oz", "Denim, 11 oz", "jeans; stiff to bend", 0.66, 324, 5.2, (0.20, 0.30, 0.52), "twill"),
+    Fabric("canvas", "Canvas", "bags, tents and workwear", 0.53, 294, 6.1, (0.72, 0.66, 0.52), "plain"),
+    Fabric("leather_garment", "Leather", "jackets; heavy and slow", 0.8, 560, 10.0, (0.32, 0.20, 0.14), "grain"),
+    Fabric("paper", "Paper", "office paper; creases, hardly stretches", 0.13, 100, 0.5, (0.95, 0.94, 0.90), "smooth"),
 )
 
 PICTURE_SIZE = 64

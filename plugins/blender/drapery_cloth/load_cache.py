@@ -50,13 +50,18 @@ def load(context):
     folder = cache_folder(scene)
     manifest = manifest_of(folder)
     entries = {entry["name"]: entry for entry in manifest["garments"] if "render_mesh_of" not in entry}
-    things = {plain_name(thing.name): thing for thing in marked(scene, "GARMENT")}
+    rendered = {entry["render_mesh_of"]: entry for entry in manifest["garments"] if "render_mesh_of" in entry}
     remarks, loads = [], []
-    for name, thing in things.items():
-        if name in entries:
-            loads.append((thing, entries[name], cache_file_name(entries[name], folder)))
-        else:
+    for thing in marked(scene, "GARMENT"):
+        name, mesh = plain_name(thing.name), thing.drapery.render_mesh
+        if name not in entries:
             remarks.append(f'"{thing.name}" is not in this run')
+            continue
+        loads.append((thing, entries[name], cache_file_name(entries[name], folder)))
+        if mesh is not None and name in rendered:
+            loads.append((mesh, rendered[name], cache_file_name(rendered[name], folder)))
+        elif mesh is not None:
+            remarks.append(f'"{mesh.name}", the render mesh of "{thing.name}", is not in this run')
     if not loads:
         raise CannotLoad(f"No garment of this scene is in the run of {folder}; it holds {', '.join(entries) or 'none'}")
     # All or none: before anything is changed.

@@ -2,9 +2,9 @@
 
 import bmesh
 import bpy
-from bpy.props import EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from . import load_cache, state, work
+from . import answers, load_cache, state, work
 from .collect import division, run_folder
 from .scene_text import plain_name
 
@@ -82,24 +82,51 @@ class OBJECT_OT_drapery_remove(ActiveGarment, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class Idle:
-    """Poll and start of what begins a task."""
-
-    @classmethod
-    def poll(cls, context):
-        return not state.work().busy
-
-    def begin(self, context, task, *options):
-        state.work().start(context.scene, task(context.scene, state.work().view(context.scene), *options))
-        return {"FINISHED"}
-
-
 def runs(context):
+    if bpy.app.background:
+        state.work().look_now(context.scene)
     status = state.work().view(context.scene).status
     return context.scene.name in state.work().watched or bool(status and status.running)
 
 
-class Free(Idle):
+class Task:
+    """Start and end of what works on while Blender goes on, unless a script waits for it."""
+
+    wait: BoolProperty(name="Wait", options={"HIDDEN", "SKIP_SAVE"},
+                       description="Return when all is done, for scripts: a simulation, too, is at its end then. Without a window "
+                       "all but a simulation is waited for in any case")
+
+    def begin(self, context, task, *options):
+        """Starts a task; CANCELLED, with a report, if it is known to have failed."""
+        live, scene = state.work(), context.scene
+        view = live.view(scene)
+        live.start(scene, task(scene, view, *options))
+        # Without a window nobody would go on with it.
+        if self.wait or bpy.app.background:
+            live.wait(lambda: not live.busy)
+        if self.wait and not view.failed:
+            live.wait(lambda: live.is_over(scene))
+            view.failed = self.ended_badly(view)
+        if not view.failed:
+            return {"FINISHED"}
+        self.report({"WARNING"}, reason(view))
+        return {"CANCELLED"}
+
+    def ended_badly(self, view):
+        """Whether what was waited for is not as it was asked for."""
+        return False
+
+
+def reason(view):
+    """Why a task failed, in a line; the panel has all of it."""
+    errors = [found for found in view.problems if not found.warning]
+    if not errors:
+        return "; ".join(view.lines) or (answers.headline(view.status) if view.status else "It did not come to its end")
+    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    return ". ".join(filter(None, [errors[0].message, errors[0].help])) + more
+
+
+class Free(Task):
     """Poll of what a simulation that runs must not be disturbed by."""
 
     @classmethod
@@ -108,6 +135,14 @@ class Free(Idle):
             cls.poll_message_set("The simulation runs; Cancel stops it at a checkpoint")
             return False
         return not state.work().busy
+
+
+class Simulates(Free):
+    """What ends with a simulation."""
+
+    def ended_badly(self, view):
+        # A run that the solver refuses to go on with is done, too.
+        return view.status is None or view.status.state != "done" or any(not found.warning for found in view.problems)
 
 
 class SCENE_OT_drapery_write(Free, bpy.types.Operator):
@@ -143,7 +178,7 @@ HOW = [("GO_ON", "Resume", "After the frames that are there already"),
 OPTIONS = {"GO_ON": (), "ANEW": ("--overwrite",), "CHANGED": ("--resume-with-changes",)}
 
 
-class SCENE_OT_drapery_simulate(Free, bpy.types.Operator):
+class SCENE_OT_drapery_simulate(Simulates, bpy.types.Operator):
     """Write, check and simulate, in a process of its own, which keeps running when Blender is closed"""
 
     bl_idname, bl_label = "scene.drapery_simulate", "Simulate"
@@ -154,7 +189,7 @@ class SCENE_OT_drapery_simulate(Free, bpy.types.Operator):
         return self.begin(context, work.simulate_task, *OPTIONS[self.how])
 
 
-class SCENE_OT_drapery_continue(Free, bpy.types.Operator):
+class SCENE_OT_drapery_continue(Simulates, bpy.types.Operator):
     """Continue the simulation from its last checkpoint, with the scene folder as it is"""
 
     bl_idname, bl_label = "scene.drapery_continue", "Continue"
@@ -165,18 +200,10 @@ class SCENE_OT_drapery_continue(Free, bpy.types.Operator):
         return super().poll(context) and bool(folder) and (folder / "manifest.json").exists()
 
     def execute(self, context):
-        view = state.work().view(context.scene)
-        view.problems, view.lines = [], []
-        try:
-            work.start_simulation(context.scene)
-        except work.Failed as failed:
-            view.problems, view.doing = failed.problems, ""
-        except OSError as error:
-            view.problems, view.doing = [work.Problem(f"{error.filename}: {error.strerror}", "choose a folder that can be written")], ""
-        return {"FINISHED"}
+        return self.begin(context, work.continue_task)
 
 
-class SCENE_OT_drapery_cancel(bpy.types.Operator):
+class SCENE_OT_drapery_cancel(Task, bpy.types.Operator):
     """Stop: a simulation at a checkpoint, from which Continue resumes; anything else at once"""
 
     bl_idname, bl_label = "scene.drapery_cancel", "Cancel"
@@ -189,11 +216,10 @@ class SCENE_OT_drapery_cancel(bpy.types.Operator):
         if state.work().busy:
             state.work().stop_task()
             return {"FINISHED"}
-        try:
-            work.stop_simulation(context.scene)
-        except work.Failed as failed:
-            state.work().view(context.scene).problems = failed.problems
-        return {"FINISHED"}
+        return self.begin(context, work.cancel_task)
+
+    def ended_badly(self, view):
+        return view.status is not None and view.status.running
 
 
 class SCENE_OT_drapery_load(bpy.types.Operator):
@@ -241,7 +267,7 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
 
     thing: StringProperty()
     frame: IntProperty()
-    has_frame: bpy.props.BoolProperty()
+    has_frame: BoolProperty()
     element: StringProperty()
     index: IntProperty(default=-1)
 
@@ -251,7 +277,10 @@ class SCENE_OT_drapery_show(bpy.types.Operator):
         things = [thing for thing in context.scene.objects if thing.type == "MESH" and thing.drapery.role != "NONE"]
         thing = next((thing for thing in things if plain_name(thing.name) == self.thing), None)
         if thing is None:
-            return {"FINISHED"}
+            if not self.thing:
+                return {"FINISHED"}
+            self.report({"WARNING"}, f'"{self.thing}" is not in this scene, or is not marked any more')
+            return {"CANCELLED"}
         if context.mode != "OBJECT":
             bpy.ops.object.mode_set(mode="OBJECT")
         for other in context.view_layer.objects:
@@ -302,13 +331,3 @@ CLASSES = (
     SCENE_OT_drapery_check, SCENE_OT_drapery_plan, SCENE_OT_drapery_simulate, SCENE_OT_drapery_continue, SCENE_OT_drapery_cancel,
     SCENE_OT_drapery_load, SCENE_OT_drapery_unload, SCENE_OT_drapery_show,
 )  # fmt: skip
-
-
-def register():
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister():
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)

@@ -62,9 +62,16 @@ class VIEW3D_PT_drapery_object(Panel, bpy.types.Panel):
         if own.fabric == OTHER:
             layout.prop(own, "other_fabric")
         self.own(layout, own, "thickness")
+        self.own(layout, own, "strain")
+        row = layout.row()
+        row.prop(own, "stiffens")
+        row.prop(own, "strain_limit")
         layout.prop(own, "order")
         if len(thing.modifiers) > 0:
             layout.prop(own, "simulated")
+        layout.prop(own, "render_mesh")
+        if own.render_mesh:
+            layout.prop(own, "rigid")
 
 
 class VIEW3D_PT_drapery_pins(Panel, bpy.types.Panel):
@@ -137,6 +144,9 @@ class VIEW3D_PT_drapery_shot(Panel, bpy.types.Panel):
         layout.prop(own, "preset")
         layout.prop(own, "gravity")
         layout.prop(own, "self_contact")
+        layout.prop(own, "wind")
+        if own.wind:
+            layout.prop(own, "wind_velocity")
         layout.prop(own, "threads")
 
 
@@ -162,7 +172,10 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
             column.operator("scene.drapery_simulate", text="Continue with Changes", icon="FF").how = "CHANGED"
         for line in view.lines:
             wrapped(layout, line, "INFO")
-        self.problems(layout, view)
+        self.problems(layout, view.problems)
+        if view.status and view.warnings:
+            layout.label(text="Warnings of the Simulation", icon="INFO")
+            self.problems(layout, view.warnings)
         row = layout.row(align=True)
         row.operator("scene.drapery_load", icon="IMPORT")
         row.operator("scene.drapery_unload", icon="LOOP_BACK")
@@ -193,8 +206,8 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
             layout.label(text="█" * round(16 * share) + "░" * round(16 * (1.0 - share)))
             layout.label(text=f"{share:.0%}, {text}", icon="TIME")
 
-    def problems(self, layout, view):
-        for found in view.problems[:SHOWN]:
+    def problems(self, layout, problems):
+        for found in problems[:SHOWN]:
             box = layout.box()
             wrapped(box, found.message, "INFO" if found.warning else "ERROR")
             if found.help:
@@ -204,19 +217,9 @@ class VIEW3D_PT_drapery_simulation(Panel, bpy.types.Panel):
                 button.thing, button.has_frame = found.object or "", found.frame is not None
                 button.frame = found.frame or 0
                 button.element, button.index = found.element or "", -1 if found.index is None else found.index
-        if len(view.problems) > SHOWN:
-            layout.label(text=f"and {len(view.problems) - SHOWN} more")
+        if len(problems) > SHOWN:
+            layout.label(text=f"and {len(problems) - SHOWN} more")
 
 
 CLASSES = (VIEW3D_PT_drapery_object, VIEW3D_PT_drapery_pins, VIEW3D_PT_drapery_maps, VIEW3D_PT_drapery_shot,
            VIEW3D_PT_drapery_simulation)
-
-
-def register():
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister():
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)

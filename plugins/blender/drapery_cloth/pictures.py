@@ -23,7 +23,7 @@ class Pictures:
                 pixels = picture(fabric)
                 preview.icon_size = preview.image_size = (PICTURE_SIZE, PICTURE_SIZE)
                 preview.icon_pixels_float = preview.image_pixels_float = pixels
-                help = f"{fabric.use}; {fabric.thickness:g} mm, {fabric.mass} g/m²"
+                help = f"{fabric.use}; {fabric.thickness:g} mm, {fabric.mass} g/m², stretches up to {fabric.strain:g} %"
                 self.entries.append((fabric.name, fabric.label, help, preview.icon_id, index))
             self.entries.append((OTHER, "Other", "A material of the studio, by its name", "QUESTION", len(FABRICS)))
         return self.entries

@@ -51,7 +51,11 @@ class Body:
 
 @dataclass
 class Garment:
-    """A garment; `thickness` in mm, None for that of the material. `order` 1 is worn closest to the skin."""
+    """A garment; `thickness` in mm, None for that of the material. `order` 1 is worn closest to the skin.
+
+    Strains are shares of a length: at `extension` cloth that stiffens carries the load of its material, None for one that does not
+    stiffen. `limited` says whether edges stop at a strain: at `limit`, None for that of the material.
+    """
 
     name: str
     file: str
@@ -60,11 +64,28 @@ class Garment:
     order: int = 1
     pins: list = field(default_factory=list)
     maps: list = field(default_factory=list)
+    extension: float | None = None
+    limited: bool = False
+    limit: float | None = None
+    render_mesh: "RenderMesh | None" = None
+
+
+@dataclass
+class RenderMesh:
+    """The mesh that is rendered in the place of a garment; face sets with the names or patterns in `rigid` do not bend."""
+
+    file: str
+    rigid: list = field(default_factory=list)
+
+
+# Drag of cloth in air, normal to it [kg/m³] and along it [N s/m³]: docs/howto/flag.md.
+DRAG = 0.77, 0.02
 
 
 @dataclass
 class Shot:
-    """What a scene file says beside bodies and garments. `rate` is in frames per second."""
+    """What a scene file says beside bodies and garments. `rate` is in frames per second; `wind` is the velocity of the air in
+    m/s, Y up, or None."""
 
     name: str
     first: int
@@ -75,6 +96,7 @@ class Shot:
     preset: str = "production"
     gravity: bool = True
     self_contact: bool = True
+    wind: tuple | None = None
 
 
 def plain_name(name):
@@ -129,6 +151,10 @@ def scene_text(shot, bodies, garments):
         lines += ["[gravity]", ""]
     else:
         silenced.append("no_gravity")
+    if shot.wind is not None:
+        normal, along = DRAG
+        lines += ["[wind]", f"velocity = [{', '.join(map(number, shot.wind))}]", f'density = "{normal} kg/m³"']
+        lines += [f'tangential = "{along} N s/m³"', ""]
     if shot.self_contact:
         lines += ["[self_repulsion]", "", "[self_collision]", ""]
     else:
@@ -163,6 +189,15 @@ def garment_lines(garment):
         pairs = [f"{painted.quantity} = {quoted('file:' + painted.file)}" for painted in garment.maps]
         lines.append(f"maps = {{ {', '.join(pairs)} }}")
     lines.append("")
+    if garment.extension is not None:
+        lines += ["[garment.stretch]", f"extension = {number(garment.extension)}", ""]
+    if garment.limited:
+        lines += ["[garment.strain_limit]", *([] if garment.limit is None else [f"limit = {number(garment.limit)}"]), ""]
+    if garment.render_mesh:
+        lines += ["[garment.render_mesh]", f"file = {quoted(garment.render_mesh.file)}"]
+        if garment.render_mesh.rigid:
+            lines.append(f"rigid = [{', '.join(map(quoted, garment.render_mesh.rigid))}]")
+        lines.append("")
     for pin in garment.pins:
         lines += ["[[garment.pin]]", f"map = {quoted('file:' + pin.file)}"]
         lines.append(f"to = {quoted('body:' + pin.body if pin.body else 'start')}")

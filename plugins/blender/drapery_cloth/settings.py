@@ -1,7 +1,16 @@
 """What the artist sets: of the scene, of objects that are marked, and the preferences of the add-on."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from . import state
 from .fabrics import FABRICS
@@ -23,6 +32,8 @@ QUANTITIES = [
     ("stretch", "Stretch", "Resistance to being stretched"),
     ("dihedral_bending", "Bending", "Resistance to being bent"),
     ("pins", "Spring Pins", "Stiffness of pins that are springs"),
+    ("strain_limit", "Strain Limit", "Largest strain where it is limited"),
+    ("wind", "Wind", "Share of the wind that is felt"),
 ]
 
 SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
@@ -31,6 +42,10 @@ SOURCES = [("GROUP", "Vertex Group", "Weights of a vertex group"),
 
 def is_body(pin, thing):
     return thing.type == "MESH" and thing.drapery.role == "BODY"
+
+
+def is_render_mesh(own, thing):
+    return thing.type == "MESH" and thing.drapery.role == "NONE"
 
 
 def fabric_entries(self, context):
@@ -70,6 +85,13 @@ class DraperyObject(bpy.types.PropertyGroup):
     own_thickness: BoolProperty(name="Thickness", description="Instead of that of the fabric")
     thickness: FloatProperty(name="mm", default=0.5, min=0.01, max=100.0, precision=2,
                              description="Distance that layers of cloth keep, or that a body keeps from cloth")
+    own_strain: BoolProperty(name="Largest Strain", description="Instead of that of the fabric")
+    strain: FloatProperty(name="%", default=8.0, min=0.1, max=1000.0, precision=1,
+                          description="How far the cloth stretches, in per cent of its length")
+    stiffens: BoolProperty(name="Stiffens", description="The cloth resists more the farther it is stretched, up to the largest strain "
+                           "and beyond, as laboratories measure it. Off: as much at any stretch, so that a heavy garment may hang "
+                           "longer than its fabric would")
+    strain_limit: BoolProperty(name="Strain Limit", description="Edges stop at the largest strain")
     order: IntProperty(name="Wearing Order", default=1, min=1, max=99,
                        description="1 is worn closest to the skin. Garments are written in this order")
     simulated: EnumProperty(
@@ -77,6 +99,11 @@ class DraperyObject(bpy.types.PropertyGroup):
         items=[("BASE", "Before Subdivision", "Deforming modifiers at the top of the stack, such as Armature, shape the cloth at "
                 "rest; the first one that changes vertices (Subdivision, Solidify) and those below it follow the simulation"),
                ("ALL", "After All Modifiers", "What the modifiers leave is simulated, and the cache comes last")])
+    render_mesh: PointerProperty(name="Render Mesh", type=bpy.types.Object, poll=is_render_mesh,
+                                 description="The mesh that is rendered in the place of the garment: finer, with thickness, hems and "
+                                 "buttons, modelled around it as it is at rest. It follows the cloth")
+    rigid: StringProperty(name="Rigid", description="Materials of the render mesh whose pieces do not bend, with commas between "
+                          "them: button*, buckle")
     pins: CollectionProperty(type=DraperyPin)
     maps: CollectionProperty(type=DraperyMap)
     own_friction: BoolProperty(name="Friction", description="Instead of the largest of the fabrics")
@@ -112,6 +139,11 @@ class DraperyScene(bpy.types.PropertyGroup):
     gravity: BoolProperty(name="Gravity", default=True, description="9.81 m/s² downwards, whatever the unit scale is")
     self_contact: BoolProperty(name="Self Collision", default=True,
                                description="Layers and garments keep apart and never pass through each other")
+    wind: BoolProperty(name="Wind", description="Air that moves or slows cloth; bodies do not keep it off")
+    # Written as one number: keyframes would have no effect.
+    wind_velocity: FloatVectorProperty(name="Velocity (m/s)", size=3, subtype="XYZ", default=(0.0, 0.0, 0.0), min=-1000.0, max=1000.0,
+                                       options=set(), description="Velocity of the air in metres a second, whatever the unit scale is; "
+                                       "0 is still air, which slows the cloth")
     threads: IntProperty(name="Threads", default=0, min=0, max=1024, description="Of the solver; 0 takes all cores. Changes no result")
     cache_folder: StringProperty(name="Load from", subtype="DIR_PATH",
                                  description="Folder of a run that a farm has made; empty for the scene folder's own")
@@ -132,23 +164,11 @@ class DraperyPreferences(bpy.types.AddonPreferences):
 
 
 CLASSES = (DraperyPin, DraperyMap, DraperyObject, DraperyScene, DraperyPreferences)
+# What gets a property `drapery`, and of which kind.
+PROPERTIES = ((bpy.types.Object, DraperyObject), (bpy.types.Scene, DraperyScene))
 
 
 def preferences(context):
     """The add-on's preferences; defaults where the add-on was registered by hand."""
     addon = context.preferences.addons.get(__package__)
     return addon.preferences if addon else None
-
-
-def register():
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-    bpy.types.Object.drapery = PointerProperty(type=DraperyObject)
-    bpy.types.Scene.drapery = PointerProperty(type=DraperyScene)
-
-
-def unregister():
-    del bpy.types.Scene.drapery
-    del bpy.types.Object.drapery
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)

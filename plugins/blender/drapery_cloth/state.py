@@ -16,6 +16,4 @@ def pictures():
 
 
 def clear():
-    for each in _live.values():
-        each.remove()
     _live.clear()

@@ -10,6 +10,7 @@ import shutil
 import sys
 import tempfile
 import time
+import traceback
 from pathlib import Path
 
 import bpy
@@ -20,8 +21,8 @@ from .collect import Collected, run_folder, scene_folder
 from .process import NoSolver, Process, Simulation, find_solver
 from .scene_text import SCENE_FILE, plain_name
 
-# Seconds between two looks, and between two questions about a run.
-LOOK, ASK = 0.2, 1.0
+# Seconds between two looks, between two questions about a run, and between two looks of a script that waits.
+LOOK, ASK, WAIT = 0.2, 1.0, 0.02
 
 
 class Failed(Exception):
@@ -40,9 +41,13 @@ class View:
         self.share = None
         self.problems = []
         self.lines = []
+        # Of the run: what its log warns of.
+        self.warnings = []
         self.status = None
         self.refused = False
         self.stopping = False
+        # Whether the last task did not come to its end.
+        self.failed = False
 
 
 class Work:
@@ -56,7 +61,12 @@ class Work:
         self.folder = None
         self.watched = {}
         self.questions = {}
-        self.asked = {}
+        # When a run is asked about next.
+        self.next_question = {}
+        # Whether runs of the open file have not been looked for yet.
+        self.unseen = False
+        # One object: Blender knows a timer by it, and each `self.on_timer` is another.
+        self.timer = self.on_timer
 
     # What the panel and the operators call.
 
@@ -70,7 +80,7 @@ class Work:
     def start(self, scene, task):
         """Begins a task of a scene: the generator of one of the functions below."""
         view = self.view(scene)
-        view.problems, view.lines, view.refused, view.share = [], [], False, None
+        view.problems, view.lines, view.refused, view.share, view.failed = [], [], False, None, False
         self.task, self.task_scene = task, scene.name
         self.go_on(None)
         self.wake()
@@ -81,29 +91,61 @@ class Work:
             self.process.end()
         if self.task:
             self.task.close()
-            self.finish(["Stopped"])
+            self.finish(["Stopped"], failed=True)
 
     def look_at_folder(self, scene):
         """Asks about the run in the scene's folder, if there is one: it may have run since before Blender was opened."""
         folder = run_folder(scene)
         if folder and (folder / "manifest.json").exists():
             self.watched.setdefault(scene.name, None)
-            self.asked.pop(scene.name, None)
+            self.next_question.pop(scene.name, None)
             self.wake()
 
+    def look_later(self):
+        """Looks for runs of the open file at the next tick."""
+        self.unseen = True
+        self.wake()
+
     def look_at_all(self):
+        self.unseen = False
         for scene in bpy.data.scenes:
             self.look_at_folder(scene)
+
+    def look_now(self, scene):
+        """Asks about the scene's run and waits for the answer: in a Blender without a window no timer does."""
+        if self.unseen:
+            self.look_at_all()
+        self.next_question.pop(scene.name, None)
+        if scene.name in self.watched:
+            self.watch(scene.name)
+        while scene.name in self.questions:
+            time.sleep(WAIT)
+            self.watch(scene.name)
+
+    def wait(self, done):
+        """Works until `done()`, in the place of the timer: for scripts. Interrupted, the task ends; simulations run on."""
+        try:
+            while not done():
+                self.tick()
+                time.sleep(WAIT)
+        except BaseException:
+            self.stop_task()
+            raise
+
+    def is_over(self, scene):
+        """Whether there is nothing left to wait for: the simulation has ended, or nothing is heard of its machine."""
+        status = self.view(scene).status
+        return scene.name not in self.watched or bool(status and status.state == "silent")
 
     def forget(self):
         """Another file was opened: tasks of the old one end, simulations run on unwatched."""
         self.stop_task()
         for process in self.questions.values():
             process.end()
-        self.views, self.watched, self.questions, self.asked = {}, {}, {}, {}
+        self.views, self.watched, self.questions, self.next_question, self.unseen = {}, {}, {}, {}, False
 
     def remove(self):
-        """The add-on is unregistered."""
+        """The add-on is unregistered: processes of its own end, simulations run on."""
         self.forget()
         if bpy.app.timers.is_registered(self.timer):
             bpy.app.timers.unregister(self.timer)
@@ -114,7 +156,7 @@ class Work:
         if not bpy.app.timers.is_registered(self.timer):
             bpy.app.timers.register(self.timer, first_interval=LOOK, persistent=True)
 
-    def timer(self):
+    def on_timer(self):
         alive = self.tick()
         for window in getattr(bpy.context.window_manager, "windows", ()):
             for area in window.screen.areas:
@@ -124,6 +166,8 @@ class Work:
 
     def tick(self):
         """Looks at all processes; whether there is anything left to look at."""
+        if self.unseen:
+            self.look_at_all()
         if self.process and self.process.finished:
             done, self.process = self.process, None
             self.go_on(done)
@@ -141,16 +185,21 @@ class Work:
         except StopIteration as end:
             self.finish(end.value or [])
         except Failed as failed:
-            self.finish([])
+            self.finish([], failed=True)
             view.problems = failed.problems
         except OSError as error:
-            self.finish([])
+            self.finish([], failed=True)
             where = error.filename or "a file"
             view.problems = [Problem(f"{where}: {error.strerror}", "make room on the disk, or choose a folder that can be written")]
+        except Exception as error:
+            # A task that nobody ends would grey out every button until Blender is started anew.
+            traceback.print_exc()
+            self.finish([], failed=True)
+            view.problems = [Problem(f"A fault of the add-on: {error!r}", "please report it, with what the console of Blender says")]
 
-    def finish(self, lines):
+    def finish(self, lines, failed=False):
         view = self.views.setdefault(self.task_scene, View())
-        view.doing, view.share, view.lines = "", None, lines
+        view.doing, view.share, view.lines, view.failed = "", None, lines, failed
         self.task = self.process = None
 
     def follow_export(self):
@@ -168,15 +217,15 @@ class Work:
         folder = scene and run_folder(scene)
         if not folder:
             self.watched.pop(name)
+            if name in self.questions:
+                self.questions.pop(name).end()
             return
         view, simulation = self.view(scene), self.watched[name]
         question = self.questions.get(name)
         if question and question.finished:
             self.answer(name, view, simulation, self.questions.pop(name))
-        elif not question and self.asked.get(name, 0) <= 0:
+        elif not question and time.monotonic() >= self.next_question.get(name, 0.0):
             self.ask(name, scene, view, folder, simulation)
-        elif not question:
-            self.asked[name] -= LOOK
 
     def ask(self, name, scene, view, folder, simulation):
         ended = simulation is not None and simulation.code is not None
@@ -204,10 +253,11 @@ class Work:
         self.questions[name] = Process(solver.line("status", folder, "--json"), environment=solver.environment)
 
     def answer(self, name, view, simulation, question):
-        self.asked[name] = ASK
+        self.next_question[name] = time.monotonic() + ASK
         view.doing = ""
         if question.code == 0:
             view.status = answers.status_of(question.output)
+            view.warnings = answers.warnings_of_log(last_log(run_folder(bpy.data.scenes[name])))
             view.stopping = view.stopping and view.status.running
             going_on = view.status.running or simulation is not None
             if view.status.state == "failed" and not view.problems:
@@ -220,20 +270,18 @@ class Work:
         if not going_on:
             self.watched.pop(name, None)
 
-    def run_until_idle(self, seconds):
-        """Without a window there is no timer: works until nothing is left, for scripts. Raises `TimeoutError`."""
-        until = time.monotonic() + seconds
-        while self.tick():
-            if time.monotonic() > until:
-                raise TimeoutError(f"still at work after {seconds} s")
-            time.sleep(0.02)
-
 
 def text_of(path):
     try:
         return Path(path).read_text("utf-8", "replace")
     except OSError:
         return ""
+
+
+def last_log(folder):
+    """The log of the last attempt of a run; each says again what earlier ones warned of."""
+    logs = [path for path in (folder / "logs").glob("*.jsonl") if path.stem.isdigit()]
+    return text_of(max(logs, key=lambda path: int(path.stem))) if logs else ""
 
 
 def solver_of(context):
@@ -358,20 +406,22 @@ def start_simulation(scene, *options):
     line = solver.line("run", SCENE_FILE, "--progress", "none", *(["--threads", threads] if threads else []), *options)
     view = work.view(scene)
     view.status, view.doing, view.refused, view.stopping = None, "Starting", False, False
+    view.warnings = []
     work.watched[scene.name] = Simulation(line, str(folder), solver.environment, folder / "simulate.log")
-    work.asked.pop(scene.name, None)
+    work.next_question.pop(scene.name, None)
     work.wake()
 
 
-def stop_simulation(scene):
-    """Asks the run of a scene to end at a checkpoint, on whatever machine it runs. Raises `Failed`."""
-    work, folder, solver = state.work(), run_folder(scene), solver_or_failed()
+def continue_task(scene, view):
+    """Resumes the run of the scene folder as it is."""
+    start_simulation(scene)
+    yield from ()
+    return []
 
-    def task():
-        yield from ask_solver(solver, scene_folder(scene), "stop", folder)
-        work.view(scene).stopping = True
-        work.look_at_folder(scene)
-        return []
 
-    work.start(scene, task())
-
+def cancel_task(scene, view):
+    """Asks the run of a scene to end at a checkpoint, on whatever machine it runs."""
+    yield from ask_solver(solver_or_failed(), scene_folder(scene), "stop", run_folder(scene))
+    view.stopping = True
+    state.work().look_at_folder(scene)
+    return []
