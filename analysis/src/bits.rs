@@ -83,7 +83,11 @@ impl fmt::Display for Difference {
         };
         write!(out, "{quantity} differs after {} at {} vertices", self.tracepoint, self.count)?;
         for DifferentVertex { garment, vertex, values: [alone, many] } in &self.vertices {
-            write!(out, "\n  garment {garment}, vertex {vertex}: {:?}, and on one rank {:?}", many.data.0[0], alone.data.0[0])?;
+            write!(
+                out,
+                "\n  garment {garment}, vertex {vertex}: {:?}, and on one rank {:?}",
+                many.data.0[0], alone.data.0[0]
+            )?;
         }
         Ok(())
     }

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use drapery_analysis::bits::Layout;
 use drapery_analysis::study::vary::parse_vary;
 use drapery_core::effects::{self, LISTED};
-use drapery_analysis::bits::Layout;
 use drapery_core::observe::Tracepoint;
 use drapery_io::checkpoint::Every;
 use drapery_io::duration::parse_duration;

@@ -172,7 +172,8 @@ impl Observer {
                 }
             }
             Report::Checksums { sink } => {
-                let own: Vec<u64> = quantities.iter().map(|quantity| checksum(scene.parts(), quantity.values)).collect();
+                let own: Vec<u64> =
+                    quantities.iter().map(|quantity| checksum(scene.parts(), quantity.values)).collect();
                 let of_ranks = scene.parts().ranks().all_gather_v(&own);
                 if let Some(sink) = sink {
                     let sum = |at: usize| of_ranks.iter().fold(0, |sum: u64, of_rank| sum.wrapping_add(of_rank[at]));

@@ -4,9 +4,7 @@
 use drapery_core::Vec3;
 use drapery_core::geometry::random::SplitMix64;
 use drapery_core::geometry::shapes::Shape;
-use drapery_core::scene::{
-    BodyShape, EffectRequest, GarmentDescription, Integrator, RigidMotion, SceneDescription,
-};
+use drapery_core::scene::{BodyShape, EffectRequest, GarmentDescription, Integrator, RigidMotion, SceneDescription};
 use drapery_core::simulation::{Advance, FrameInput, Simulation};
 use drapery_tests::*;
 
@@ -81,7 +79,10 @@ fn is_free_after_every_step(seed: u64, integrator: Integrator) -> usize {
 fn are_free_after_every_step(seeds: std::ops::Range<u64>) {
     for integrator in [Integrator::TrBdf2, Integrator::SemiImplicit] {
         let recoveries: usize = seeds.clone().map(|seed| is_free_after_every_step(seed, integrator)).sum();
-        assert!(recoveries > 0 || integrator == Integrator::SemiImplicit, "no step went wrong: the scenes are too easy");
+        assert!(
+            recoveries > 0 || integrator == Integrator::SemiImplicit,
+            "no step went wrong: the scenes are too easy"
+        );
     }
 }
 

@@ -114,14 +114,8 @@ impl RetryLevel {
 }
 
 /// Counts of the levels, in their order.
-const RECOVERY_COUNTS: [&str; 6] = [
-    "retried_shorter",
-    "retried_tighter",
-    "retried_more_attempts",
-    "retried_zones",
-    "retried_thinner",
-    "retried_held",
-];
+const RECOVERY_COUNTS: [&str; 6] =
+    ["retried_shorter", "retried_tighter", "retried_more_attempts", "retried_zones", "retried_thinner", "retried_held"];
 
 /// A level that was taken, for whoever looks after the run.
 #[derive(Debug, Clone, PartialEq)]

@@ -374,7 +374,9 @@ mod tests {
         let contact = |vertex| ActiveContact::new(vertex, [Vec3::zeros(); 2], 0.3, Vec3::zeros(), 1e-3);
         let free = |vertex| ActiveContact { mode: ContactMode::Free, ..contact(vertex) };
         let vertices = |set: &ActiveSet| set.contacts().iter().map(|contact| contact.vertex).collect::<Vec<_>>();
-        for (met, expected) in [(vec![], vec![2]), (vec![contact(1), contact(2)], vec![1, 2]), (vec![contact(4)], vec![2, 4])] {
+        for (met, expected) in
+            [(vec![], vec![2]), (vec![contact(1), contact(2)], vec![1, 2]), (vec![contact(4)], vec![2, 4])]
+        {
             let mut set = ActiveSet::default();
             set.set(&parts, vec![free(1), contact(2)]);
             set.add(&parts, met);
