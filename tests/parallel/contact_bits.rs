@@ -4,6 +4,11 @@
 use std::path::Path;
 
 use drapery_analysis::bits::{BitsCheck, Layout};
+use drapery_core::parallel::local_ranks::LocalRanks;
+use drapery_core::parallel::ranks::Ranks;
+use drapery_core::scene::{Scene, SceneDescription};
+use drapery_core::simulation::{Advance, FrameInput, Simulation};
+use drapery_core::snapshot::Snapshot;
 use drapery_shot::scene_source::SceneSource;
 
 /// A scene of `tests/scenes/bits` with these settings.
@@ -71,4 +76,55 @@ fn pinched_cloth_has_the_same_bits_with_every_solver() {
 #[ignore = "long: part of make test-full"]
 fn sliding_cloth_has_the_same_bits_with_every_solver() {
     has_the_same_bits_with_every_solver("sliding.toml", &["body_contacts", "repulsions"]);
+}
+
+/// The state of a scene at a frame. A run that `stops` does so at the first state after an attempt with shorter steps, which other
+/// ranks continue from.
+fn run_to_frame(description: &SceneDescription, last: i64, [ranks, others]: [usize; 2], stops: bool) -> Snapshot {
+    let simulate = |ranks: usize, from: Option<&(Snapshot, i64)>, stops: bool| {
+        let work = |communicator| {
+            let ranks = Ranks::new(communicator);
+            let scene = Scene::distribute(&ranks, ranks.is_first().then(|| description.clone())).expect("a valid scene");
+            let start = from.map_or(description.timeline.start, |(_, frame)| *frame);
+            let input = FrameInput::to_frame(start);
+            let mut simulation = match from {
+                None => Simulation::new(scene, &input).expect("a start"),
+                Some((snapshot, _)) => {
+                    let mut snapshot = snapshot.clone();
+                    let source = ranks.is_first().then_some(&mut snapshot as _);
+                    Simulation::restore_from(scene, &input, source).expect("a snapshot")
+                }
+            };
+            while simulation.frame() < last {
+                let input = FrameInput::to_frame(simulation.frame() + 1);
+                let advance = simulation.advance_or_pause(&input, &mut |_| stops);
+                if let Advance::Paused(summary) = advance.expect("a frame")
+                    && summary.metrics.counted("retried_shorter") > 0
+                {
+                    return ((simulation.snapshot(), simulation.frame()), true);
+                }
+            }
+            ((simulation.snapshot(), simulation.frame()), false)
+        };
+        let all = LocalRanks::run(ranks, 1, work).unwrap_or_else(|error| panic!("{ranks} ranks: {error}"));
+        all.into_iter().next().expect("there is a first rank")
+    };
+    let (snapshot, stopped) = simulate(ranks, None, stops);
+    assert_eq!(stopped, stops, "no step was tried again");
+    if stops { simulate(others, Some(&snapshot), false).0.0 } else { snapshot.0 }
+}
+
+#[test]
+#[ignore = "long: part of make test-full"]
+fn a_run_stopped_after_a_retried_step_continues_with_the_same_bits_on_other_ranks() {
+    let source = scene("struck.toml", &[("solver.preset", "preview")]);
+    let file = source.read().unwrap_or_else(|error| panic!("{error}"));
+    let description = file.resolve().unwrap_or_else(|errors| panic!("{errors:?}")).scene;
+    let whole = run_to_frame(&description, 3, [1, 1], false);
+    let parts = run_to_frame(&description, 3, [2, 3], true);
+    for (a, b) in parts.sections.iter().zip(&whole.sections) {
+        for (x, y) in a.datasets.iter().zip(&b.datasets) {
+            assert!(x == y, "{}/{} differs", a.name, x.name);
+        }
+    }
 }

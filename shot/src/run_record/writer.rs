@@ -131,7 +131,7 @@ pub(crate) fn failure_record(error: &str) -> Value {
 pub(crate) fn record_failure(folder: &Path, error: &str) -> Result<(), IoError> {
     let path = folder.join(RECORD);
     let file = OpenOptions::new().read(true).append(true).open(&path).map_err(|e| IoError::creating(&path, e))?;
-    let mut record = RunRecord { path, file };
+    let mut record = RunRecord { path, file, written: 0 };
     record.end_half_line()?;
     record.line(&failure_record(error))
 }

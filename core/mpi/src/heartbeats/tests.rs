@@ -82,7 +82,7 @@ fn silence_is_a_loss_when_it_has_lasted_and_names_all_that_are_as_silent() {
     while watch.peers.iter().filter(|peer| peer.is_known).count() < 3 {
         assert_eq!(watch.listen(Duration::ZERO), []);
     }
-    let wait = |watch: &mut Watch| {
+    let mut wait = |watch: &mut Watch| {
         // Rank 1 goes on, until what it says has arrived.
         streams[0].0.say(Word::Beat);
         watch.peers[1].silence = TIMEOUT;
