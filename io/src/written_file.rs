@@ -96,9 +96,10 @@ mod tests {
     #[test]
     fn a_cache_that_is_removed_or_cut_is_missed_by_the_next_frame_at_a_checkpoint_and_at_the_end() {
         type Step = fn(&mut dyn CacheWriter) -> Result<(), IoError>;
+        type Harm = fn(&Path);
         let steps: [(&str, Step); 3] =
             [("frame", |writer| write(writer, 3)), ("checkpoint", |w| w.sync()), ("end", |w| w.finish())];
-        let harms: [(&str, fn(&Path)); 2] = [
+        let harms: [(&str, Harm); 2] = [
             ("removed this file", |path| fs::remove_file(path).unwrap()),
             ("cut this file", |path| File::options().write(true).open(path).unwrap().set_len(5).unwrap()),
         ];
