@@ -78,6 +78,10 @@ pub const COLLAPSED_AT_START: f64 = -0.999;
 /// `edges_that_start_collapsed_or_far_too_long_are_counted_and_named_by_any_ranks`.
 pub const STRETCHED_AT_START: f64 = 2.0;
 
+/// Strain above which cloth is longer than cloth can be: the most elastic knits give 0.9. Guarded by
+/// `cloth_that_is_pulled_to_more_than_twice_its_length_is_named_and_counted_by_any_ranks`.
+pub const OVERSTRETCHED: f64 = 1.0;
+
 /// Distance from the nearest place of a body, in mean edges at the vertex and in thicknesses of garment and body together, above
 /// both of which a pinned vertex is far from it: neighbours of a vertex so many edges away find places apart from each other, and
 /// clothes are modelled a few thicknesses off the skin. Guarded by `vertices_bound_far_from_a_body_are_named_by_any_ranks`.

@@ -29,6 +29,7 @@ pub mod fault;
 mod frame_digest;
 mod inputs;
 mod long_frames;
+mod overstretched;
 mod pinned;
 pub mod quality;
 pub mod recorded_frames;

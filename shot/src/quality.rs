@@ -24,6 +24,7 @@ pub const LIMITS: &[(&str, &str)] = &[
     ("pins_behind", "pinned vertices that lagged behind their targets"),
     ("pins_stretched", "edges between two pinned vertices that their pins stretch by more than 30 %"),
     ("strain_over_limit", "edges above their strain limit, because bodies or pins pull them"),
+    ("edges_overstretched", "edges at the end of a frame that are more than twice as long as at rest"),
     ("body_pinched", "vertices pinched between bodies from both sides, inside of one of them"),
 ];
 

@@ -246,6 +246,52 @@ fn sheets_that_cross_at_the_start_run_never_cross_more_and_come_apart() {
     assert_eq!(crossings, 0, "after 1.5 s");
 }
 
+/// A band wound twice through itself along a curve that meets itself, with these rows and columns of vertices pinned.
+fn wound_twice(rows: &[u32], columns: &[u32]) -> SceneDescription {
+    const CELLS: [usize; 2] = [24, 3];
+    let (mesh, length) = (sheet(CELLS[0], CELLS[1], 0.03), 0.03 * CELLS[0] as f64);
+    let wound = |p: &Vec3| {
+        let share = p.x / length;
+        let angle = 2.0 * std::f64::consts::TAU * share;
+        let radius = length / (2.0 * std::f64::consts::TAU) + 0.02 * (3.0 * angle).sin() * share;
+        Vec3::new(radius * angle.cos(), radius * angle.sin(), p.z)
+    };
+    let start = Some(mesh.points.iter().map(wound).collect());
+    let garment = GarmentDescription { thickness: THICKNESS, start, ..GarmentDescription::new("band", mesh, 0.2) };
+    let mut description = with_contact(scene_of(garment, 24));
+    description.effects.push(EffectRequest::of_garment("stretch", 0).with("stiffness", 100.0));
+    add_gravity(&mut description, [0.0, -9.81, 0.0]);
+    let across = CELLS[0] as u32 + 1;
+    rows.iter().for_each(|row| add_pins(&mut description, (0..across).map(|i| row * across + i).collect()));
+    let last = CELLS[1] as u32;
+    columns.iter().for_each(|column| add_pins(&mut description, (0..=last).map(|k| k * across + column).collect()));
+    description
+}
+
+#[test]
+fn a_band_that_starts_wound_through_itself_runs_with_any_of_its_edges_pinned() {
+    let pinned: [(&[u32], &[u32]); 3] = [(&[0], &[]), (&[0, 3], &[]), (&[], &[0])];
+    for ((rows, columns), integrator) in
+        pinned.into_iter().flat_map(|pins| [Integrator::SemiImplicit, Integrator::TrBdf2].map(|how| (pins, how)))
+    {
+        let mut description = wound_twice(rows, columns);
+        description.solver.integrator = integrator;
+        let mut simulation = start(description);
+        let mut crossings = simulation.crossings().len();
+        assert!(crossings > 50, "{crossings}");
+        for frame in 0..2 {
+            let summary = run(&mut simulation, 1);
+            let now = simulation.crossings().len();
+            assert!(now <= crossings, "{rows:?} {columns:?}, {integrator:?}, frame {frame}: {now} after {crossings}");
+            assert_eq!(summary.metrics.counted("crossings"), now as u64);
+            // Pinned nodes alone threw others at 1e16 m/s.
+            let fastest = velocities(&simulation).iter().map(Vec3::norm).fold(0.0, f64::max);
+            assert!(fastest < 30.0, "{rows:?} {columns:?}, {integrator:?}, frame {frame}: {fastest} m/s");
+            crossings = now;
+        }
+    }
+}
+
 #[test]
 fn pins_that_pull_cloth_through_what_it_crosses_keep_their_velocity_where_it_cannot_follow() {
     let mut description = with_contact(sheets(2, 8, 0.03, 0.0));

@@ -34,6 +34,7 @@ pub mod frame_io;
 mod frame_summary;
 mod load_balance;
 mod lowered_thickness;
+mod overstretched;
 #[cfg(test)]
 mod planted_errors;
 mod recovery;
@@ -47,6 +48,7 @@ pub use estimate::{FrameEstimate, PARTS_OF_A_FRAME};
 use load_balance::Balance;
 pub use lowered_thickness::LoweredThickness;
 use lowered_thickness::lowered_thickness;
+pub use overstretched::Overstretched;
 pub use recovery::Recovery;
 use recovery::RetryState;
 use start::{first_tracks, start_outside};
@@ -130,6 +132,8 @@ pub struct FrameSummary {
     pub strains: Vec<GarmentStrains>,
     /// The most stretched edge between two vertices that hard pins hold in all directions, likewise.
     pub between_pins: Option<StrainRecord>,
+    /// Cloth that is longer than cloth can be at the end of the frame.
+    pub overstretched: Option<Overstretched>,
     /// Kinetic energy at the end of the frame [J].
     pub kinetic_energy: f64,
     /// Potential energy at the end of the frame [J].
@@ -155,6 +159,7 @@ impl FrameSummary {
             max_strain: None,
             strains: Vec::new(),
             between_pins: None,
+            overstretched: None,
             kinetic_energy: 0.0,
             potential_energy: 0.0,
             body_self_crossings: 0,

@@ -79,6 +79,8 @@ pub struct FrameRow {
     pub strains: Vec<GarmentStrainsRow>,
     /// Most stretched edge between two pinned vertices, if any are neighbours.
     pub strain_between_pins: Option<StrainRow>,
+    /// Cloth that is longer than cloth can be, if there is some.
+    pub overstretched: Option<OverstretchedRow>,
     /// Energy of motion [J].
     pub kinetic_energy: Option<f64>,
     /// Elastic energy and that of gravity [J].
@@ -108,6 +110,21 @@ pub struct StrainRow {
     pub vertices: Vec<u64>,
     /// Extension by rest length.
     pub strain: f64,
+}
+
+/// Cloth of a frame that is more than twice as long as at rest.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct OverstretchedRow {
+    /// The most stretched edge.
+    #[serde(flatten)]
+    pub most: StrainRow,
+    /// Edges that are more than twice as long.
+    pub edges: u64,
+    /// Vertices that bodies pinch.
+    pub pinched: u64,
+    /// Bodies that cross themselves.
+    pub bodies: Vec<String>,
 }
 
 /// How far a garment's edges are stretched at the end of a frame.

@@ -170,6 +170,12 @@ pub(crate) fn frame_record(summary: &FrameSummary, spent: &Metrics, seconds: f64
     if let Some(between_pins) = &summary.between_pins {
         record["strain_between_pins"] = strain(between_pins);
     }
+    if let Some(over) = &summary.overstretched {
+        record["overstretched"] = strain(&over.most);
+        record["overstretched"]["edges"] = over.edges.into();
+        record["overstretched"]["pinched"] = over.pinched.into();
+        record["overstretched"]["bodies"] = json!(over.bodies);
+    }
     if !summary.recoveries.is_empty() {
         record["recoveries"] = summary.recoveries.iter().map(recovery_value).collect();
     }
