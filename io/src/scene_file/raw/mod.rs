@@ -220,9 +220,7 @@ pub(in crate::scene_file) struct Output {
     /// For small shots: all of it is in memory until it is written, and more than 2 GB are refused.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::scene_file) usd_single: bool,
-    /// "original": garments have the faces of their files, which renderers cut into triangles themselves, along either diagonal.
-    /// "triangles": they have the triangles that are simulated, so that what is rendered is what collided. Render meshes keep
-    /// their faces.
+    /// Which faces garments are written with; render meshes keep theirs. "original" by default.
     #[serde(skip_serializing_if = "is_original")]
     pub(in crate::scene_file) faces: Faces,
 }
@@ -231,10 +229,10 @@ pub(in crate::scene_file) struct Output {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(in crate::scene_file) enum Faces {
-    /// Those of their files.
+    /// Those of their files, which renderers cut into triangles themselves, along either diagonal.
     #[default]
     Original,
-    /// The triangles that are simulated.
+    /// The triangles that are simulated, so that what is rendered is what collided.
     Triangles,
 }
 
