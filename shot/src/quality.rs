@@ -37,7 +37,6 @@ pub const RETRIES: &[(&str, &str)] = &[
     ("retried_zones", "tried again with impact zones at once"),
     ("retried_thinner", "tried again without repulsions around the vertices concerned"),
     ("retried_held", "tried again with the vertices concerned held in place"),
-    ("steps_accepted", "accepted as it was"),
 ];
 
 /// Whether a count is one that a result answers for.
@@ -92,7 +91,7 @@ mod tests {
     #[test]
     fn what_is_tried_against_a_failure_ends_with_what_a_result_answers_for() {
         let limits: Vec<&str> = RETRIES.iter().map(|(name, _)| *name).filter(|name| is_limit(name)).collect();
-        assert_eq!(limits, ["retried_held", "steps_accepted"]);
+        assert_eq!(limits, ["retried_held"]);
     }
 
     #[test]

@@ -211,10 +211,10 @@ mod tests {
             "{mended}"
         );
         assert!(mended.contains("<code>retried_shorter</code>") && mended.contains("solve diverged"), "{mended}");
-        // What was accepted in spite of it is a degradation, also where only its event is there.
-        run.record.frames[1].recoveries = vec![event("steps_accepted")];
-        let accepted = page(&run);
-        assert!(accepted.contains("degradations, first in frame 1002"), "{accepted}");
+        // What left a mark is a degradation, also where only its event is there.
+        run.record.frames[1].recoveries = vec![event("retried_held")];
+        let marked = page(&run);
+        assert!(marked.contains("degradations, first in frame 1002"), "{marked}");
     }
 
     #[test]

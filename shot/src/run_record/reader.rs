@@ -14,7 +14,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use crate::frame_digest::FrameDigests;
-use crate::quality::RETRIES;
+use crate::quality::{RETRIES, is_limit};
 
 /// A whole record.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -354,8 +354,8 @@ pub(crate) fn recovery_line(row: &FrameRow) -> Option<String> {
     };
     let rung = word("rung");
     let done = RETRIES.iter().find(|(name, _)| *name == rung).map_or(rung, |(_, words)| *words);
-    let marked = row.amount("retried_held") > 0 || row.amount("steps_accepted") > 0;
-    let end = if marked { "" } else { "; in the end every step succeeded" };
+    let is_marked = RETRIES.iter().any(|(name, _)| is_limit(name) && row.amount(name) > 0);
+    let end = if is_marked { "" } else { "; in the end every step succeeded" };
     let (frame, time) = (first["frame"].as_i64().unwrap_or_default(), first["time"].as_f64().unwrap_or_default());
     let trouble = word("trouble");
     Some(format!("frame {frame}, time {time:.6} s{place}: a step went wrong ({trouble}) and was {done}{more}{end}"))
