@@ -257,6 +257,12 @@ pub(crate) struct ConvertArgs {
     /// Frames to take, for example 1001-1100 [default: all]
     #[arg(long, value_name = "A-B", value_parser = parse_frames, allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameRange>,
+    /// Unit of the old cache: m, cm, mm, in or ft [default: what it says, or m]
+    #[arg(long, value_name = "UNIT", value_parser = parse_length)]
+    pub(crate) from_length: Option<LengthUnit>,
+    /// Up axis of the old cache: Y or Z [default: what it says, or Y]
+    #[arg(long, value_name = "AXIS", value_parser = parse_up)]
+    pub(crate) from_up: Option<UpAxis>,
     /// Unit of the new cache: m, cm, mm, in or ft [default: that of the old one]
     #[arg(long, value_name = "UNIT", value_parser = parse_length)]
     pub(crate) length: Option<LengthUnit>,

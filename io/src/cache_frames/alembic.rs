@@ -13,6 +13,7 @@ use crate::error::IoError;
 use crate::formats::alembic::{SAME_TIME, merge_times, transform_times};
 use crate::formats::alembic_writer::{CROSSINGS, TRIANGLES, bounds_of, reverse, shifted};
 use crate::mesh_data::Connectivity;
+use crate::units::LengthUnit;
 
 /// A frame number that lies this close to a whole number is that number: programs round frame / fps differently.
 const WHOLE_FRAME: f64 = 1e-3;
@@ -65,6 +66,12 @@ impl ArchiveFrames {
         let (meshes, described) = described.collect::<Result<Vec<_>, IoError>>()?.into_iter().unzip();
         let bounds = archive.bounds()?;
         Ok((Self { archive, meshes, bounds, fps }, described))
+    }
+
+    /// Whether the file says its unit of length, in a word that is known.
+    pub(super) fn states_length(&self) -> bool {
+        let word = self.archive.metadata().get("lengthUnit");
+        word.is_some_and(|word| LengthUnit::ALL.iter().any(|unit| unit.word() == word))
     }
 
     /// Whether anything of a mesh changes.

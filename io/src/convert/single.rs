@@ -9,7 +9,7 @@ use drapery_usd::write::{
 };
 
 use super::samples::{self, Chosen};
-use super::{Conversion, Converted, Work, aside, chosen, described, opened, plan, rate};
+use super::{Conversion, Converted, Work, aside, chosen, described, doubts, opened, plan, rate};
 use crate::cache::{APPLICATION, CachePlan};
 use crate::cache_frames::CacheFrames;
 use crate::error::IoError;
@@ -66,6 +66,7 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
         parts.push(Part { work: Work { source: &source, mesh: *mesh, plan }, samples, path });
     }
     refuse_too_much(conversion, &parts)?;
+    let doubts = doubts(conversion, &source, kept.iter().map(|(mesh, _, samples)| (*mesh, samples)))?;
     let units = layer_units(parts[0].work.plan.units, f64::from(numerator) / f64::from(denominator));
     let fps = format!("{numerator}/{denominator}");
     let properties = [("application", APPLICATION.to_owned()), ("fps", fps)];
@@ -75,7 +76,7 @@ pub(super) fn convert(conversion: &Conversion, wrote: &mut dyn FnMut(i64)) -> Re
     layer.set_kinds(root, parts.len() > 1).map_err(|error| write_error(&conversion.to, &error))?;
     place(&layer, &conversion.to)?;
     let points = parts.iter().map(|part| part.work.source.meshes()[part.work.mesh].points).sum();
-    Ok(Converted { frames: frames_of(&parts), points, units: parts[0].work.plan.units, left_out })
+    Ok(Converted { frames: frames_of(&parts), points, units: parts[0].work.plan.units, left_out, doubts })
 }
 
 /// Writes all caches of a shot, which lie beside `to`, as one layer: prims, attributes and values are those of the shot's stage.
